@@ -1,0 +1,50 @@
+"""What is passed and stored: scenes, records, truths, results; reading, writing and checking them."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .checking import check as check
+    from .checksum import content_sha256 as content_sha256
+    from .json_schema import json_schema as json_schema
+    from .layouts import VERSION as VERSION
+    from .reading import read as read
+    from .scene import load_scene as load_scene
+    from .validation import validate as validate
+    from .writing import write as write
+
+_HOME = {
+    "VERSION": "layouts",
+    "check": "checking",
+    "content_sha256": "checksum",
+    "json_schema": "json_schema",
+    "load_scene": "scene",
+    "read": "reading",
+    "validate": "validation",
+    "write": "writing",
+}
+
+__all__ = [
+    "VERSION",
+    "check",
+    "content_sha256",
+    "json_schema",
+    "load_scene",
+    "read",
+    "validate",
+    "write",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,132 @@
+"""What only a record, or only a result, can have wrong: its labels, its combination, what it needs for gravity."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .contents import Contents, Entry, shown, type_name
+
+
+def record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> list[str]:
+    """Faults of a record beyond the table's.
+
+    Parameters
+    ----------
+    contents : Contents
+    sizes : mapping of (group, dimension) to int
+    """
+    if "record" not in contents:
+        return []
+    record = contents["record"].variables
+    found = _label_faults(contents)
+    combination = _numbers(record.get("combination"), ("trace", "pendulum"))
+    if combination is not None:
+        found += _combination_faults(combination, record.get("trace"))
+    elongation = _numbers(record.get("elongation"), ("trace", "time"))
+    if elongation is not None:
+        found += _empty_traces(elongation, record.get("trace"))
+    if sizes.get(("record", "trace"), 1) > 1:
+        found += _needed_for_gravity(contents)
+    restoring = contents["instrument"].attrs.get("restoring", "sine") if "instrument" in contents else "sine"
+    if not isinstance(restoring, str) or restoring not in ("sine", "linear"):
+        found.append(f"instrument, attribute restoring: is {shown(repr(restoring))}; give 'sine' or 'linear'")
+    return found
+
+
+def result_faults(contents: Contents) -> list[str]:
+    """Faults of a result beyond the table's: labels that appear twice."""
+    found = []
+    for path, name in (("phases", "component"), ("correction", "method"), ("gravity", "method"), ("gravity", "entry")):
+        labels = _labels(contents, path, name)
+        if labels is not None and len(set(labels)) < len(labels):
+            found.append(f"{path}/{name}: a label appears twice; give each its own")
+    return found
+
+
+def _numbers(entry: Entry | None, dims: tuple[str, ...]) -> NDArray[Any] | None:
+    """Values of a variable that is what it should be; its faults are told elsewhere otherwise."""
+    if entry is None or entry.dims != dims or type_name(entry.values) != "f8":
+        return None
+    return entry.values
+
+
+def _labels(contents: Contents, path: str, name: str) -> list[str] | None:
+    entry = contents[path].variables.get(name) if path in contents else None
+    if entry is None or entry.dims != (name,) or type_name(entry.values) != "str":
+        return None
+    labels: list[str] = entry.values.tolist()
+    return labels
+
+
+def _label_faults(contents: Contents) -> list[str]:
+    found = []
+    for path, name in (("record", "trace"), ("record", "pendulum"), ("instrument", "pendulum")):
+        labels = _labels(contents, path, name)
+        if labels is None:
+            continue
+        if not labels:
+            found.append(f"{path}/{name}: holds no label; give at least one {name}")
+        if len(set(labels)) < len(labels):
+            found.append(f"{path}/{name}: a label appears twice; give each {name} its own")
+    recorded, described = _labels(contents, "record", "pendulum"), _labels(contents, "instrument", "pendulum")
+    if recorded is not None and described is not None:
+        absent = [shown(label) for label in recorded if label not in described]
+        if absent:
+            found.append(
+                f"instrument/pendulum: lacks {', '.join(absent)} of record/pendulum; use the same labels in both"
+            )
+    return found
+
+
+def _combination_faults(combination: NDArray[Any], trace: Entry | None) -> list[str]:
+    finite = np.isfinite(combination)
+    if not finite.all():
+        return []  # the table's check says so
+    found = [
+        f"record/combination: the row of trace {_label(trace, row)} is all zero; say which pendulums it records"
+        for row in np.flatnonzero(~combination.any(axis=1))
+    ]
+    traces, pendulums = combination.shape
+    if traces > 1 and pendulums > 1 and not found and not _gives_difference(combination):
+        found.append(
+            "record/combination: no pair of pendulums can be told apart from these traces; record one pendulum and "
+            "its difference with another, or both, or give a single trace"
+        )
+    return found
+
+
+def _gives_difference(combination: NDArray[Any]) -> bool:
+    """Whether some pendulum i and some difference i - j are both combinations of the traces.
+
+    Then so are i and j themselves: two pendulums must be recoverable, that is two unit vectors lie in the row space.
+    """
+    # the projector on the row space: pendulum i is recoverable when it leaves the unit vector i as it is
+    projector = np.linalg.pinv(combination) @ combination
+    return bool((np.abs(np.diag(projector) - 1.0) < 1e-9).sum() >= 2)
+
+
+def _empty_traces(elongation: NDArray[Any], trace: Entry | None) -> list[str]:
+    if not elongation.shape[1]:
+        return []
+    # a trace without one number has NaN as its least number
+    empty = np.flatnonzero(np.isnan(np.fmin.reduce(elongation, axis=1)))
+    return [f"record/elongation: trace {_label(trace, row)} is all NaN; leave the trace out" for row in empty]
+
+
+def _label(trace: Entry | None, row: int) -> str:
+    if trace is not None and trace.values.ndim == 1 and row < trace.values.size:
+        return shown(repr(str(trace.values[row])))
+    return f"number {row + 1}"
+
+
+def _needed_for_gravity(contents: Contents) -> list[str]:
+    known = contents["instrument"].variables if "instrument" in contents else {}
+    wanted = {"period": "the full period of each pendulum in s", "reference_gravity": "the gravity at which it holds"}
+    return [
+        f"instrument/{name}: is missing; give {meaning} (only a record of a single trace can do without)"
+        for name, meaning in wanted.items()
+        if name not in known
+    ]

@@ -1,0 +1,194 @@
+"""The plain content of a file: groups, variables, attributes, and nothing of HDF5 or xarray.
+
+Reading, writing, checking and the checksum all meet here, so that what is checked and what is summed is the same
+thing whether it came from memory or from a file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .errors import FileError
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+NUMBERS = frozenset({"i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8"})
+
+_INSTEAD = {
+    "c": "complex numbers do not travel: store amplitude and phase",
+    "b": "truth values have no netCDF type: store 0 and 1 as uint8",
+    "M": "dates have no netCDF type: store seconds since the start",
+    "m": "time spans have no netCDF type: store seconds",
+}
+
+
+@dataclass
+class Entry:
+    """A variable: dimension names, values (numbers in native byte order, or ``str``), attributes."""
+
+    dims: tuple[str, ...]
+    values: NDArray[Any]
+    attrs: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class Group:
+    """A group: its own attributes and variables, by name."""
+
+    attrs: dict[str, Any] = field(default_factory=dict)
+    variables: dict[str, Entry] = field(default_factory=dict)
+
+
+Contents = dict[str, Group]
+"""Groups by path without leading slash; the root is ``""``. ``a/b`` is inside ``a``, which is there too."""
+
+
+def key(path: str, name: str) -> str:
+    """``group/name``; the bare name at the root."""
+    return f"{path}/{name}" if path else name
+
+
+def shown(text: object, most: int = 80) -> str:
+    """Text from a file made fit for one line of a message."""
+    plain = "".join(letter if letter.isprintable() else "?" for letter in str(text))
+    return plain if len(plain) <= most else plain[: most - 3] + "..."
+
+
+def type_name(values: NDArray[Any]) -> str:
+    """``"f8"``, ``"u2"``, ... or ``"str"``: the name of a number type without its byte order."""
+    return "str" if values.dtype.kind in "UT" else values.dtype.str[1:]
+
+
+def storable_text(text: str, where: str) -> str:
+    """The text itself, if a file can hold it: no NUL, no lone surrogate.
+
+    Raises
+    ------
+    FileError
+        It cannot.
+    """
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise FileError(f"{where}: text that is not valid Unicode cannot be stored; replace it") from None
+    if "\0" in text:
+        raise FileError(f"{where}: text with a NUL character cannot be stored; remove it")
+    return text
+
+
+def plain_values(values: NDArray[Any], where: str) -> NDArray[Any]:
+    """Values as a file can hold them: a number type of `NUMBERS` in native byte order, or text.
+
+    Raises
+    ------
+    FileError
+        The type does not travel (complex, bool, dates, objects other than text); `where` is named with a remedy.
+    """
+    kind = values.dtype.kind
+    if kind in "OT":
+        flat = values.ravel().tolist()
+        if not all(isinstance(one, str) for one in flat):
+            raise FileError(f"{where}: holds objects that are neither numbers nor text; store numbers or str")
+        for one in flat:
+            storable_text(one, where)
+        return np.array(flat, dtype=np.str_).reshape(values.shape)
+    if kind == "U":
+        for one in values.ravel().tolist():
+            storable_text(one, where)
+        return values
+    if kind in _INSTEAD or values.dtype.str[1:] not in NUMBERS:
+        remedy = _INSTEAD.get(kind, "store one of " + ", ".join(sorted(NUMBERS)))
+        raise FileError(f"{where}: type {values.dtype} cannot be stored; {remedy}")
+    return values if values.dtype.isnative else values.astype(values.dtype.newbyteorder("="))
+
+
+def plain_attribute(value: object, where: str) -> Any:
+    """An attribute as a file can hold it: str, list of str, number, or one-dimensional array of numbers.
+
+    An array or list of one element is that element: netCDF does not tell them apart.
+
+    Raises
+    ------
+    FileError
+        The value is empty, nested, or of a type that does not travel.
+    """
+    if isinstance(value, str):
+        return storable_text(value, where)
+    try:
+        array = np.asarray(value)
+    except (ValueError, OverflowError):
+        array = np.empty(0)
+    if array.ndim > 1 or array.size == 0:
+        raise FileError(f"{where}: an attribute must be text, a number, or a flat list of either, not empty")
+    array = plain_values(array, where)
+    if array.dtype.kind == "U":
+        texts: list[str] = array.ravel().tolist()
+        return texts[0] if array.size == 1 else texts
+    if array.size > 1:
+        return array
+    # int and float for the two types Python has; other types keep theirs, the checksum covers it
+    number = array.ravel()[0]
+    return number.item() if type_name(array) in ("i8", "f8") else number
+
+
+def from_tree(tree: xr.DataTree) -> Contents:
+    """The content of a tree in memory; arrays are shared, not copied.
+
+    Raises
+    ------
+    FileError
+        A variable or attribute has a type that no file can hold.
+    """
+    contents: Contents = {}
+    for node in tree.subtree:
+        path = "" if node is tree else node.relative_to(tree)
+        own = node.to_dataset(inherit=False)
+        variables = {
+            str(name): Entry(
+                tuple(str(dim) for dim in one.dims),
+                plain_values(one.values, key(path, str(name))),
+                _plain_attrs(one.attrs, key(path, str(name))),
+            )
+            for name, one in own.variables.items()
+        }
+        contents[path] = Group(_plain_attrs(own.attrs, path or "root"), variables)
+    return contents
+
+
+def _plain_attrs(attrs: Mapping[Any, Any], where: str) -> dict[str, Any]:
+    return {str(name): plain_attribute(value, f"{where}, attribute {name}") for name, value in attrs.items()}
+
+
+def to_tree(contents: Contents) -> xr.DataTree:
+    """The tree of a content; a variable named as its only dimension becomes a coordinate.
+
+    Raises
+    ------
+    FileError
+        Dimensions of one name have different lengths within a group, or between a group and the root.
+    """
+    import xarray as xr
+
+    datasets = {}
+    for path, group in contents.items():
+        try:
+            datasets["/" + path] = xr.Dataset(
+                {name: (one.dims, one.values, one.attrs) for name, one in group.variables.items()},
+                attrs=group.attrs,
+            )
+        except ValueError as error:
+            raise FileError(f"{path or 'root'}: {_first_line(error)}; make dimensions of one name equal") from error
+    try:
+        return xr.DataTree.from_dict(datasets)
+    except ValueError as error:
+        raise FileError(f"{_first_line(error)}; make dimensions equal in length to the root's") from error
+
+
+def _first_line(error: Exception) -> str:
+    return shown(" ".join(str(error).split()), 160)

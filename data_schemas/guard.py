@@ -1,0 +1,219 @@
+"""Looks a file over before anything in it is read, and refuses what could deceive, exhaust or hang the reader.
+
+Only an ordinary HDF5 file passes, made of hard-linked groups and arrays of plain numbers or text, stored inside the
+file itself, within a `Budget`. Nothing here follows a link, touches an array's values or an attribute's, so the
+inspection is safe in the caller's own process; a reader in a child process starts with the same `survey`.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import h5py
+from h5py import h5a, h5d, h5g, h5l, h5o, h5s, h5z
+
+from .contents import key, shown
+from .errors import FileError
+from .guard_types import Budget, is_text, plain_type
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+BOOKKEEPING = frozenset(
+    b"DIMENSION_LIST REFERENCE_LIST DIMENSION_LABELS CLASS NAME _Netcdf4Dimid _Netcdf4Coordinates _nc3_strict"
+    b" _NCProperties".split()
+)
+"""Attributes by which HDF5 and netCDF-4 tie arrays to their dimensions; never part of the content."""
+
+_LAYOUTS = frozenset({h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED})
+_FILTERS = frozenset({h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32})
+
+
+@dataclass
+class Found:
+    """A group or an array that passed.
+
+    Attributes
+    ----------
+    path : str
+        Of the group, without leading slash; for an array that of its group.
+    name : str
+        Of the array; empty for a group.
+    id : h5py identifier
+        Open, of the low-level interface.
+    attributes : list of AttrID
+        Those that passed, bookkeeping left out.
+    address : int
+        Where its header lies in the file; references point there.
+    """
+
+    path: str
+    name: str
+    id: h5g.GroupID | h5d.DatasetID
+    attributes: list[h5a.AttrID]
+    address: int
+
+
+@dataclass
+class Survey:
+    """Everything that passed, in the file's order, and what the rest of the file can hold of text at most."""
+
+    groups: list[Found] = field(default_factory=list)
+    arrays: list[Found] = field(default_factory=list)
+    heap: int = 0
+
+
+def ordinary(path: str | os.PathLike[str]) -> int:
+    """Size of a file that is safe to open: an ordinary file that starts like HDF5.
+
+    Raises
+    ------
+    FileError
+        Missing, unreadable, a folder, a FIFO, a device, empty, or something other than HDF5.
+    """
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FileError(f"{shown(path, 400)}: {reason}; give the path of an existing file") from None
+    if not stat.S_ISREG(status.st_mode):
+        kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not an ordinary file"
+        raise FileError(f"{shown(path, 400)}: is {kind}; give a netCDF-4 file")
+    try:
+        with Path(path).open("rb") as file:
+            start = file.read(len(SIGNATURE))
+    except OSError as error:
+        raise FileError(f"{shown(path, 400)}: {error.strerror}; make the file readable") from None
+    if start != SIGNATURE:
+        kind = "is empty" if not start else "is not netCDF-4 (HDF5)"
+        raise FileError(f"{shown(path, 400)}: {kind}; make it with simulate or import, or save it as netCDF-4")
+    return status.st_size
+
+
+def survey(file: h5py.File, size: int, budget: Budget) -> Survey:
+    """Walk over an open file and refuse it as a whole if anything in it is not plain.
+
+    Parameters
+    ----------
+    file : h5py.File
+        Open for reading.
+    size : int
+        Of the file, bytes.
+    budget : Budget
+        What it may declare at most.
+
+    Raises
+    ------
+    FileError
+        Names the group or variable, without the file's name (`reading` puts it in front).
+    """
+    found = Survey()
+    declared = stored = 0
+    root = h5g.open(file.id, b"/")
+    waiting = [("", root, 0)]
+    seen: set[int] = set()
+    while waiting:
+        path, group, depth = waiting.pop(0)
+        info = h5o.get_info(group)
+        _once(seen, info.addr, path)
+        found.groups.append(Found(path, "", group, _attributes(group, path or "root", budget), info.addr))
+        _within(len(found.groups), budget.groups, path, "groups")
+        for name, child in _children(group, path, budget):
+            where = key(path, name)
+            if isinstance(child, h5g.GroupID):
+                _within(depth + 1, budget.depth, where, "levels of groups")
+                waiting.append((where, child, depth + 1))
+                continue
+            if not isinstance(child, h5d.DatasetID):
+                raise FileError(f"{where}: is a user-defined type, which no schema uses; remove it")
+            address = h5o.get_info(child).addr
+            _once(seen, address, where)
+            declared += _array(child, where, budget)
+            stored += child.get_storage_size()
+            _within(declared, budget.bytes, where, "bytes of values")
+            attributes = _attributes(child, where, budget)
+            found.arrays.append(Found(path, name, child, attributes, address))
+            _within(len(found.arrays), budget.arrays, where, "variables")
+    found.heap = max(size - stored, 0)
+    _within(found.heap, budget.heap, "file", "bytes outside its arrays")
+    return found
+
+
+def _within(count: int, most: int, where: str, what: str) -> None:
+    if count > most:
+        raise FileError(f"{where or 'root'}: more than {most} {what}; split the file or remove what no schema uses")
+
+
+def _once(seen: set[int], address: int, where: str) -> None:
+    if address in seen:
+        raise FileError(f"{where or 'root'}: is linked from two places; store each group and variable once")
+    seen.add(address)
+
+
+def _children(
+    group: h5g.GroupID, path: str, budget: Budget
+) -> Iterator[tuple[str, h5g.GroupID | h5d.DatasetID | object]]:
+    _within(group.get_num_objs(), budget.links, path, "members in one group")
+    for raw in list(group):
+        name = raw.decode("utf-8", "replace")
+        where = key(path, shown(name))
+        if group.links.get_info(raw).type != h5l.TYPE_HARD:
+            raise FileError(f"{where}: is a soft or external link; copy what it points to into the file")
+        if not name.isprintable() or "�" in name:
+            raise FileError(f"{where}: name holds characters that do not print; rename it")
+        yield name, h5o.open(group, raw)
+
+
+def _array(array: h5d.DatasetID, where: str, budget: Budget) -> int:
+    """Bytes that the array declares, if it is plain data inside the file."""
+    space, made = array.get_space(), array.get_create_plist()
+    if space.get_simple_extent_type() == h5s.NULL:
+        raise FileError(f"{where}: has no values at all; write it again")
+    layout = made.get_layout()
+    if layout not in _LAYOUTS or made.get_external_count():
+        raise FileError(f"{where}: its values lie outside the file (external or virtual); copy them into it")
+    filters = {made.get_filter(index)[0] for index in range(made.get_nfilters())}
+    if not filters <= _FILTERS:
+        raise FileError(f"{where}: uses an unknown filter; write it with deflate, shuffle or fletcher32 only")
+    kind = plain_type(array.get_type(), where)
+    shape = space.shape
+    _within(len(shape), budget.rank, where, "dimensions")
+    elements = 1
+    for length in shape:
+        elements *= length
+    if is_text(kind):
+        _within(elements, budget.texts, where, "texts")
+    size = elements * kind.get_size()
+    if layout == h5d.CHUNKED:
+        chunk = kind.get_size()
+        chunks = 1
+        for length, step in zip(shape, made.get_chunk(), strict=True):
+            chunk *= step
+            chunks *= -(-length // step)
+        _within(chunk, budget.chunk, where, "bytes in a chunk")
+        _within(chunks, budget.chunks, where, "chunks")
+    if h5z.FILTER_DEFLATE not in filters:
+        # nothing compressed: what is declared must be there, or the reader would be filled with nothing
+        _within(size - array.get_storage_size(), budget.unwritten, where, "bytes declared but never written")
+    return size
+
+
+def _attributes(owner: h5g.GroupID | h5d.DatasetID, where: str, budget: Budget) -> list[h5a.AttrID]:
+    count = h5a.get_num_attrs(owner)
+    _within(count, budget.attributes, where, "attributes")
+    passed = []
+    for index in range(count):
+        attribute = h5a.open(owner, index=index)
+        if attribute.name in BOOKKEEPING:
+            continue
+        name = f"{where}, attribute {shown(attribute.name.decode('utf-8', 'replace'))}"
+        kind = plain_type(attribute.get_type(), name)
+        space = attribute.get_space()
+        _within(len(space.shape or ()), 1, name, "dimensions")
+        elements = space.get_simple_extent_npoints()
+        _within(elements, budget.attribute_elements, name, "elements")
+        _within(elements * kind.get_size(), budget.attribute_bytes, name, "bytes")
+        passed.append(attribute)
+    return passed

@@ -1,0 +1,168 @@
+"""JSON Schema of each kind of file, made from the table of variables; of a scene, from its model.
+
+A netCDF file is no JSON: the schemas of record, truth and result describe its *header*, what ``ncdump -h`` shows, as
+`header` gives it: attributes, variables (dimensions, type, attributes) and groups. What a header cannot show (values,
+lengths, labels) is the business of `check`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from .contents import Group, from_tree, type_name
+from .errors import UsageError
+from .layouts import LAYOUTS, VERSION, Kind
+from .variables import VARIABLES, Variable
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_ATTRIBUTE = {
+    "oneOf": [
+        {"type": ["string", "number", "null"]},
+        {"type": "array", "items": {"type": ["string", "number", "null"]}},
+    ]
+}
+
+
+def json_schema(name: Literal["scene", "record", "truth", "result"]) -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of a scene, or of the header of a record, truth or result.
+
+    Parameters
+    ----------
+    name : {"scene", "record", "truth", "result"}
+
+    Returns
+    -------
+    dict
+        Plain JSON values.
+
+    Raises
+    ------
+    UsageError
+        No schema has that name.
+
+    Examples
+    --------
+    >>> json_schema("record")["properties"]["attributes"]["properties"]["schema"]["const"]
+    'isochrony-record'
+    """
+    if name == "scene":
+        from .scene import Scene
+
+        return {"$schema": DIALECT, **Scene.model_json_schema()}
+    for kind in LAYOUTS:
+        if name == kind:
+            return _file_schema(kind)
+    raise UsageError(f"schema {name!r} is not known; give scene, {', '.join(LAYOUTS)}")
+
+
+def header(tree: xr.DataTree) -> dict[str, Any]:
+    """The header of a file in memory as plain JSON values: what `json_schema` describes.
+
+    Raises
+    ------
+    FileError
+        A variable or attribute has a type that no file can hold.
+    """
+    contents = from_tree(tree)
+    groups = {path: _group_header(group) for path, group in contents.items() if path}
+    return {**_group_header(contents[""]), "groups": groups}
+
+
+def _group_header(group: Group) -> dict[str, Any]:
+    variables = {
+        name: {
+            "dimensions": list(entry.dims),
+            "type": type_name(entry.values),
+            "attributes": {label: _json(value) for label, value in entry.attrs.items()},
+        }
+        for name, entry in group.variables.items()
+    }
+    return {"attributes": {name: _json(value) for name, value in group.attrs.items()}, "variables": variables}
+
+
+def _json(value: Any) -> Any:
+    plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    many = plain if isinstance(plain, list) else [plain]
+    finite = [one if isinstance(one, str) or np.isfinite(one) else None for one in many]
+    return finite if isinstance(plain, list) else finite[0]
+
+
+def _file_schema(kind: Kind) -> dict[str, Any]:
+    layout = LAYOUTS[kind]
+    attributes: dict[str, Any] = {name: {} for name in layout.attrs}
+    attributes |= {name: {"type": "string", "contentMediaType": "application/json"} for name in layout.json_attrs}
+    attributes |= {"schema": {"const": layout.schema}, "schema_version": {"const": VERSION}}
+    groups: dict[str, Any] = {
+        "type": "object",
+        "properties": {path: _group_schema(path) for path in layout.groups},
+        "required": [path for path, required in layout.groups.items() if required],
+    }
+    if layout.one_of:
+        groups["anyOf"] = [{"required": [path]} for path in layout.one_of]
+    return {
+        "$schema": DIALECT,
+        "title": layout.schema,
+        "description": f"Header of a netCDF-4 file of kind {kind}: attributes, variables and groups.",
+        "type": "object",
+        "properties": {
+            "attributes": {
+                "type": "object",
+                "properties": attributes,
+                "required": [name for name, required in layout.attrs.items() if required],
+                "additionalProperties": _ATTRIBUTE,
+            },
+            "variables": _variables_schema(""),
+            "groups": groups,
+        },
+        "required": ["attributes", "variables", "groups"],
+    }
+
+
+def _group_schema(path: str) -> dict[str, Any]:
+    attributes: dict[str, Any] = {"type": "object", "additionalProperties": _ATTRIBUTE}
+    if path == "instrument":
+        attributes["properties"] = {"restoring": {"enum": ["sine", "linear"], "default": "sine"}}
+    return {
+        "type": "object",
+        "properties": {"attributes": attributes, "variables": _variables_schema(path)},
+        "required": ["variables"],
+    }
+
+
+def _variables_schema(path: str) -> dict[str, Any]:
+    rows = {name.rpartition("/")[2]: row for name, row in VARIABLES.items() if name.rpartition("/")[0] == path}
+    return {
+        "type": "object",
+        "properties": {name: _variable_schema(row) for name, row in rows.items()},
+        "required": [name for name, row in rows.items() if row.required],
+    }
+
+
+def _variable_schema(row: Variable) -> dict[str, Any]:
+    # an equivalent spelling of a unit is accepted too, so the unit is described and not demanded
+    units = {"type": ["string", "number"], "default": row.units, "examples": [row.units]}
+    attributes: dict[str, Any] = {"units": units}
+    if row.standard_name is not None:
+        attributes["standard_name"] = {"const": row.standard_name}
+    attributes |= {name: {"const": _json(value)} for name, value in row.attrs.items() if name.startswith("flag_")}
+    limit = f"; {row.limit}" if row.limit else ""
+    return {
+        "type": "object",
+        "description": f"{row.long_name} [{row.units}]{limit}{'; NaN where missing' if row.missing else ''}",
+        "properties": {
+            "dimensions": {"enum": [list(dims) for dims in (row.dims, *row.also)]},
+            "type": {"const": row.dtype},
+            "attributes": {
+                "type": "object",
+                "properties": attributes,
+                "required": [] if row.units == "1" else ["units"],
+                "additionalProperties": _ATTRIBUTE,
+            },
+        },
+        "required": ["dimensions", "type"],
+    }

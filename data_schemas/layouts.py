@@ -1,0 +1,73 @@
+"""The three kinds of file: which groups and which attributes each must and may hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+VERSION = "1"  # of the layouts, as stored in the attribute schema_version
+CONVENTIONS = "CF-1.11"
+
+Kind = Literal["record", "truth", "result"]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """One kind of file.
+
+    Attributes
+    ----------
+    schema : str
+        Value of the root attribute of that name.
+    groups : mapping of str to bool
+        The groups it knows, and whether each must be there.
+    one_of : tuple of str
+        Groups of which at least one must be there.
+    attrs : mapping of str to bool
+        Root attributes it knows, and whether each must be there.
+    json_attrs : tuple of str
+        Root attributes whose text is JSON.
+    """
+
+    schema: str
+    groups: Mapping[str, bool]
+    attrs: Mapping[str, bool]
+    one_of: tuple[str, ...] = ()
+    json_attrs: tuple[str, ...] = ()
+
+
+_COMMON = {
+    "Conventions": False,
+    "schema": True,
+    "schema_version": True,
+    "record_id": True,
+    "title": False,
+    "history": False,
+    "source": False,
+}
+
+LAYOUTS: Mapping[Kind, Layout] = {
+    # the instrument may be absent only from a record with a single trace: checking_record says so
+    "record": Layout("isochrony-record", {"record": True, "instrument": False, "film": False}, _COMMON),
+    "truth": Layout(
+        "isochrony-truth",
+        {"truth": True},
+        {**_COMMON, "scene": True, "seed": True},
+        json_attrs=("scene",),
+    ),
+    "result": Layout(
+        "isochrony-result",
+        {"phases": False, "correction": False, "gravity": False, "period": False},
+        {
+            **_COMMON,
+            "input_sha256": True,
+            "configuration": True,
+            "versions": True,
+            "command": False,
+            "elapsed_s": False,
+        },
+        one_of=("gravity", "period"),
+        json_attrs=("configuration", "versions"),
+    ),
+}

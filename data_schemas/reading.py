@@ -1,0 +1,174 @@
+"""Reads a file into memory: looked over first, read by HDF5 alone, checked against its checksum."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+from h5py import h5a, h5d, h5s
+
+from .checksum import ATTRIBUTE, digest
+from .contents import Contents, Entry, Group, key, shown, to_tree
+from .dimensions import named
+from .errors import FileError
+from .guard import Found, Survey, ordinary, survey
+from .guard_types import Budget, is_text
+from .packing import unpacked
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+# what h5py raises on a damaged file, by the place where it stumbles
+_DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, SystemError, MemoryError)
+
+
+def read(path: str | os.PathLike[str]) -> xr.DataTree:
+    """Read a record, truth or result.
+
+    Parameters
+    ----------
+    path : path
+        A netCDF-4 file, of this or another program.
+
+    Returns
+    -------
+    xarray.DataTree
+        All in memory, the file closed; ``time`` stays float64 seconds. Packed values (``scale_factor``,
+        ``add_offset``, ``_FillValue``) of other programs are unpacked, missing ones NaN. The checksum attribute is
+        verified and left out.
+
+    Raises
+    ------
+    FileError
+        The file is missing, damaged, hostile, or does not match its checksum. What it means is not looked at: that
+        is `validate`.
+    """
+    contents = load(path)
+    try:
+        return to_tree(contents)
+    except FileError as error:
+        raise FileError(f"{shown(path, 400)}: {error}") from error
+
+
+def load(path: str | os.PathLike[str], budget: Budget | None = None) -> Contents:
+    """The plain content of a file, looked over and verified; what `read` and `validate` share.
+
+    Raises
+    ------
+    FileError
+        As `read`.
+    """
+    contents = load_raw(path, budget or Budget())
+    stored = contents[""].attrs.pop(ATTRIBUTE, None)
+    if stored is not None and stored != digest(contents):
+        raise FileError(
+            f"{shown(path, 400)}: {ATTRIBUTE} does not match the content, the file was damaged or edited; "
+            f"restore it, or delete that attribute if the edit was meant"
+        )
+    try:
+        return unpacked(contents)
+    except FileError as error:
+        raise FileError(f"{shown(path, 400)}: {error}") from None
+
+
+def load_raw(path: str | os.PathLike[str], budget: Budget) -> Contents:
+    """The content as stored: checksum not verified, nothing unpacked.
+
+    Raises
+    ------
+    FileError
+        The file is missing, damaged or hostile.
+    """
+    size = ordinary(path)
+    try:
+        with h5py.File(path, "r") as file:
+            return _contents(survey(file, size, budget), budget)
+    except FileError as error:
+        raise FileError(f"{shown(path, 400)}: {error}") from None
+    except _DAMAGE as error:
+        reason = shown(" ".join(str(error).split()), 120)
+        raise FileError(
+            f"{shown(path, 400)}: cannot be read, it is truncated, damaged or being written ({reason}); restore it"
+        ) from error
+
+
+def _contents(found: Survey, budget: Budget) -> Contents:
+    contents = {group.path: Group(_attributes(group, group.path or "root", found)) for group in found.groups}
+    for one in named(found):
+        where = key(one.array.path, one.name)
+        variables = contents[one.array.path].variables
+        if one.name in variables:
+            raise FileError(f"{where}: is there twice; keep one")
+        try:
+            values = _values(one.array.id, where, found, budget)
+        except _DAMAGE as error:
+            reason = shown(" ".join(str(error).split()), 120)
+            raise FileError(f"{where}: its values are damaged ({reason}); restore the file") from error
+        variables[one.name] = Entry(one.dims, values, _attributes(one.array, where, found))
+    return contents
+
+
+def _values(array: h5d.DatasetID, where: str, found: Survey, budget: Budget) -> NDArray[Any]:
+    kind = array.get_type()
+    if not is_text(kind):
+        numbers: NDArray[Any] = np.empty(array.shape, dtype=kind.dtype.newbyteorder("="))
+        if numbers.size:
+            array.read(h5s.ALL, h5s.ALL, numbers)
+        return numbers
+    texts = np.empty(array.shape, dtype=kind.dtype)
+    if texts.size * found.heap <= budget.text_bytes or not kind.is_variable_str():
+        if texts.size:
+            array.read(h5s.ALL, h5s.ALL, texts)
+        decoded = [_decoded(one, where) for one in texts.ravel().tolist()]
+    else:
+        decoded = list(_one_by_one(h5py.Dataset(array), where, budget))
+    return np.array(decoded, dtype=np.str_).reshape(array.shape)
+
+
+def _one_by_one(array: h5py.Dataset, where: str, budget: Budget) -> list[str]:
+    """Texts that might all point at one long text of the file: counted while they are read."""
+    total, texts = 0, []
+    for index in np.ndindex(array.shape):
+        texts.append(_decoded(array[index], where))
+        total += len(texts[-1])
+        if total > budget.text_bytes:
+            raise FileError(f"{where}: more than {budget.text_bytes} bytes of text; shorten it")
+    return texts
+
+
+def _attributes(owner: Found, where: str, found: Survey) -> dict[str, Any]:
+    attrs = {}
+    for attribute in owner.attributes:
+        name = attribute.name.decode("utf-8", "replace")
+        attrs[name] = _attribute(attribute, f"{where}, attribute {shown(name)}", found)
+    return attrs
+
+
+def _attribute(attribute: h5a.AttrID, where: str, found: Survey) -> Any:
+    kind, space = attribute.get_type(), attribute.get_space()
+    if space.get_simple_extent_type() == h5s.NULL:
+        return "" if is_text(kind) else np.empty(0, dtype=kind.dtype.newbyteorder("="))
+    shape = space.shape
+    if is_text(kind):
+        if kind.is_variable_str() and space.get_simple_extent_npoints() * found.heap > 16 * Budget().text_bytes:
+            raise FileError(f"{where}: too many texts; join them into one")
+        texts = np.empty(shape, dtype=kind.dtype)
+        attribute.read(texts)
+        decoded = [_decoded(one, where) for one in texts.ravel().tolist()]
+        return decoded[0] if len(decoded) == 1 else decoded
+    numbers: NDArray[Any] = np.empty(shape, dtype=kind.dtype.newbyteorder("="))
+    attribute.read(numbers)
+    if numbers.size != 1:
+        return numbers
+    number = numbers.ravel()[0]
+    return number.item() if number.dtype.str[1:] in ("i8", "f8") else number
+
+
+def _decoded(raw: bytes | str, where: str) -> str:
+    try:
+        return raw if isinstance(raw, str) else raw.decode("utf-8")
+    except UnicodeDecodeError:
+        raise FileError(f"{where}: its text is not UTF-8; write it again as UTF-8") from None

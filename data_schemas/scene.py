@@ -1,0 +1,159 @@
+"""A scene: everything the simulator needs to know, read from TOML or built from Python."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+from fractions import Fraction
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, ValidationError, field_validator, model_validator
+
+from data_schemas.errors import SceneError
+from data_schemas.scene_faults import one_line
+from data_schemas.scene_fields import Number, Section, quantity
+from data_schemas.scene_motion import Motion
+from data_schemas.scene_pendulum import Pendulum
+from data_schemas.scene_recording import Recording, Seed, Trace
+
+_MOST_SAMPLES = 200_000_000
+
+
+class Scene(Section):
+    """Pendulums, the motion of their support, and the recording.
+
+    Examples
+    --------
+    >>> scene = Scene.model_validate(
+    ...     {
+    ...         "record_id": "two",
+    ...         "duration": 10.0,
+    ...         "gravity": 9.81,
+    ...         "pendulums": [
+    ...             {"label": "1", "period": 1.0, "start": {"kind": "free", "amplitude": 0.01}},
+    ...             {"label": "2", "period": 1.001, "start": {"kind": "free", "amplitude": 0.01}},
+    ...         ],
+    ...     }
+    ... )
+    >>> [trace.name for trace in scene.traces]
+    ['1', '1-2']
+    """
+
+    record_id: Annotated[str, Field(strict=True)] = quantity(
+        ..., "", "identifier of the record", pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$"
+    )
+    title: Annotated[str, Field(strict=True)] = quantity("", "", "what the record shows", max_length=400)
+    seed: Seed = quantity(0, "1", "all chance in the scene comes from this number")
+    start_time: Annotated[str, Field(strict=True)] = quantity(
+        "2000-01-01T00:00:00Z", "", "date and time of t = 0",
+        pattern=r"^[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}Z$",
+    )  # fmt: skip
+    duration: Number = quantity(..., "s", "length of the record, by its chronometer", gt=0, le=2_678_400)
+    gravity: Number = quantity(..., "m s-2", "true gravity", ge=0.1, le=100)
+    reference_gravity: Number = quantity(
+        9.81, "m s-2", "gravity at which the pendulums have their stated periods", ge=0.1, le=100
+    )
+    restoring: Literal["linear"] = quantity("linear", "", "restoring law of the pendulums")
+    pendulums: tuple[Pendulum, ...] = quantity(
+        ..., "", "the pendulums, in order", min_length=1, max_length=100
+    )
+    motion: tuple[Motion, ...] = quantity((), "", "terms of the support's acceleration; they add")
+    recording: Recording = quantity(Recording(), "", "what is written down of the motion")
+
+    @field_validator("restoring", mode="before")
+    @classmethod
+    def _simulated_laws(cls, value: object) -> object:
+        if value == "sine":
+            raise ValueError("the sine law is not simulated yet; use 'linear'")
+        return value
+
+    @field_validator("start_time")
+    @classmethod
+    def _a_date(cls, value: str) -> str:
+        from datetime import datetime
+
+        datetime.fromisoformat(value)  # raises for the 31st of February
+        return value
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        labels = [pendulum.label for pendulum in self.pendulums]
+        if len(set(labels)) < len(labels):
+            raise ValueError("pendulums must have different labels")
+        for term in self.motion:
+            if term.kind == "near-resonant" and term.pendulum is not None and term.pendulum not in labels:
+                raise ValueError(
+                    f"motion names the pendulum {term.pendulum!r}; there are {', '.join(labels)}"
+                )
+        for trace in self.traces:
+            for label in trace.combination:
+                if label not in labels:
+                    raise ValueError(
+                        f"trace {trace.name!r} names the pendulum {label!r}; there are {', '.join(labels)}"
+                    )
+        if self.count > _MOST_SAMPLES:
+            raise ValueError(
+                f"duration and sampling rate ask for {self.count} readings; at most {_MOST_SAMPLES}"
+            )
+        for stretch in self.recording.missing:
+            if stretch.start >= self.duration:
+                raise ValueError(f"recording.missing begins at {stretch.start:g} s, after the record's end")
+        for name in ("missing_samples", "outliers"):
+            if getattr(self.recording, name) > self.count:
+                raise ValueError(f"recording.{name} is more than the {self.count} readings of a trace")
+        return self
+
+    @property
+    def traces(self) -> tuple[Trace, ...]:
+        """The recorded traces: as named, or the first pendulum and the successive differences."""
+        if self.recording.traces is not None:
+            return self.recording.traces
+        labels = [pendulum.label for pendulum in self.pendulums]
+        first = Trace(name=labels[0], combination={labels[0]: 1.0})
+        pairs = itertools.pairwise(labels)
+        return (first, *(Trace(name=f"{a}-{b}", combination={a: 1.0, b: -1.0}) for a, b in pairs))
+
+    @property
+    def count(self) -> int:
+        """Number of readings before any is dropped: at 0, step, 2 step ... below the duration."""
+        return math.ceil(Fraction(str(self.duration)) / self.recording.step)
+
+
+def load_scene(path: str | os.PathLike[str]) -> Scene:
+    """Read a scene from a TOML file.
+
+    Parameters
+    ----------
+    path
+        The file. Paths inside it are relative to its folder.
+
+    Returns
+    -------
+    Scene
+        Checked and frozen.
+
+    Raises
+    ------
+    SceneError
+        With one line that names the file, every faulty key, its value and what is allowed;
+        for an unknown key also the nearest known one.
+    """
+    import tomllib
+
+    path = Path(path)
+    try:
+        content = tomllib.loads(path.read_bytes().decode("utf-8"))
+    except OSError as error:
+        raise SceneError(
+            f"{path}: cannot be read ({error.strerror}); give the path of a scene in TOML"
+        ) from None
+    except UnicodeDecodeError:
+        raise SceneError(f"{path}: is not text in UTF-8; give a scene in TOML") from None
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"{path}: is not TOML: {' '.join(str(error).split())}") from None
+    try:
+        return Scene.model_validate(content, context={"folder": path.parent})
+    except ValidationError as error:
+        raise SceneError(f"{path}: {one_line(error, Scene)}") from None

@@ -1,0 +1,71 @@
+"""What every part of a scene shares: frozen sections, quantities with unit and range, exact rationals."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, PlainValidator, WithJsonSchema
+
+
+class Section(BaseModel):
+    """A part of a scene: immutable, no key beyond the named ones, no infinities."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def quantity(default: Any, unit: str, description: str, **limits: Any) -> Any:
+    """Field of a scene; `default=...` makes it required.
+
+    Parameters
+    ----------
+    default
+        Value when the key is left out.
+    unit
+        Unit of the numbers, "1" for pure numbers, "" for words and lists of sections.
+    description
+        Meaning, one sentence.
+    limits
+        Range, as pydantic knows it: gt, ge, lt, le, min_length, pattern.
+    """
+    return Field(default, description=description, json_schema_extra={"unit": unit}, **limits)
+
+
+Number = Annotated[float, Field(strict=True)]
+Count = Annotated[int, Field(strict=True)]
+Switch = Annotated[bool, Field(strict=True)]
+Label = Annotated[str, Field(strict=True, pattern=r"^[A-Za-z0-9_.+-]{1,16}$")]
+TraceName = Annotated[str, Field(strict=True, pattern=r"^[A-Za-z0-9_.+-]{1,40}$")]
+
+
+def _rational(value: object) -> Fraction:
+    """Read 25, 12.5 or "25/3" as the decimal or ratio that was written, not as its nearest double."""
+    if isinstance(value, Fraction):
+        number = value
+    elif isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError("must be a number or a ratio of integers such as 25, 12.5 or '25/3'")
+    else:
+        try:
+            number = Fraction(str(value))
+        except (ValueError, ZeroDivisionError):
+            raise ValueError("must be a number or a ratio of integers such as 25, 12.5 or '25/3'") from None
+    if not 0 < number <= 100_000:
+        raise ValueError("must be above 0 and at most 100000")
+    if number.denominator > 10**12:
+        raise ValueError("must be a ratio of integers below 1e12")
+    return number
+
+
+Rational = Annotated[
+    Fraction,
+    PlainValidator(_rational),
+    PlainSerializer(str, return_type=str),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "number", "exclusiveMinimum": 0, "maximum": 100_000},
+                {"type": "string", "pattern": r"^[0-9]+(\.[0-9]+)?(/[0-9]+)?$"},
+            ]
+        }
+    ),
+]

@@ -1,0 +1,142 @@
+"""Horizontal motion of the support: a scene names any number of these terms, and they add."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, Self, cast
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from data_schemas.scene_fields import Count, Label, Number, Section, quantity
+
+Numbers = tuple[Number, ...]
+Column = Annotated[int, Field(strict=True, ge=1)] | Annotated[str, Field(strict=True, min_length=1)]
+
+
+class Still(Section):
+    """The support is at rest."""
+
+    kind: Literal["still"] = quantity("still", "", "the support is at rest")
+
+
+class HarmonicMotion(Section):
+    """Acceleration x'' = sum of amplitude * cos(angular_frequency * t + phase)."""
+
+    kind: Literal["harmonics"] = quantity("harmonics", "", "a sum of harmonics of the acceleration")
+    amplitude: Numbers = quantity(..., "m s-2", "amplitude of each harmonic of x''", min_length=1)
+    angular_frequency: Numbers | None = quantity(
+        None, "rad s-1", "angular frequency of each harmonic, 0 to 1e5; this or period"
+    )
+    period: Numbers | None = quantity(
+        None, "s", "period of each harmonic, above 1e-4; this or angular_frequency"
+    )
+    phase: Numbers | None = quantity(None, "rad", "phase of each harmonic at t = 0; left out: all zero")
+
+    @model_validator(mode="after")
+    def _lists_agree(self) -> Self:
+        given = [name for name in ("angular_frequency", "period") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError("give either angular_frequency or period, not both")
+        rates = getattr(self, given[0])
+        if len(rates) != len(self.amplitude):
+            raise ValueError(
+                f"{given[0]} must have one number for each of the {len(self.amplitude)} amplitudes"
+            )
+        if self.phase is not None and len(self.phase) != len(self.amplitude):
+            raise ValueError(f"phase must have one number for each of the {len(self.amplitude)} amplitudes")
+        if given[0] == "period" and min(rates) < 1e-4:
+            raise ValueError("period must be at least 1e-4 s")
+        if given[0] == "angular_frequency" and not (min(rates) >= 0 and max(rates) <= 1e5):
+            raise ValueError("angular_frequency must be between 0 and 1e5 rad/s")
+        return self
+
+
+class NearResonantMotion(Section):
+    """One harmonic of circular frequency m close to a pendulum's n, with n - m = 2 nu (P 29)."""
+
+    kind: Literal["near-resonant"] = quantity(
+        "near-resonant", "", "one harmonic close to a pendulum's frequency"
+    )
+    amplitude: Number = quantity(..., "m s-2", "amplitude of the acceleration", ge=0, le=100)
+    detuning: Number | None = quantity(
+        None,
+        "rad s-1",
+        "nu, half the difference of the pendulum's and the motion's circular frequency",
+        ge=-10,
+        le=10,
+    )
+    beat_period: Number | None = quantity(
+        None,
+        "s",
+        "time from one vanishing of the beat's amplitude to the next, pi/nu; instead of detuning",
+        gt=0,
+    )
+    phase: Number = quantity(0.0, "rad", "phase of the acceleration at t = 0", ge=-100, le=100)
+    pendulum: Label | None = quantity(None, "", "label of the pendulum it is close to; left out: the first")
+
+    @model_validator(mode="after")
+    def _one_detuning(self) -> Self:
+        if (self.detuning is None) == (self.beat_period is None):
+            raise ValueError("give either detuning or beat_period")
+        return self
+
+    @property
+    def nu(self) -> float:
+        """Half the difference of the circular frequencies, rad/s."""
+        return self.detuning if self.detuning is not None else math.pi / cast(float, self.beat_period)
+
+
+class SeaMotion(Section):
+    """Horizontal acceleration of a vessel carried by the orbital motion of a wind sea in deep water."""
+
+    kind: Literal["sea"] = quantity("sea", "", "a sea state")
+    spectrum: Literal["jonswap", "pierson-moskowitz"] = quantity(
+        "jonswap", "", "shape of the wave spectrum: 'jonswap' (peak factor 3.3) or 'pierson-moskowitz' (1)"
+    )
+    significant_height: Number = quantity(..., "m", "four times the rms elevation of the sea", ge=0, le=30)
+    peak_period: Number = quantity(..., "s", "period at the peak of the spectrum", ge=1, le=60)
+    depth: Number = quantity(
+        0.0, "m", "immersion d of the vessel; every wave is reduced by exp(-k d)", ge=0, le=1000
+    )
+    direction: Number = quantity(
+        0.0, "degrees", "direction of the waves relative to the swing plane; 90 moves the support across it",
+        ge=-360, le=360,
+    )  # fmt: skip
+    cutoff: Number = quantity(
+        3.0, "1", "highest frequency as a multiple of the peak's; the rms acceleration depends on it",
+        gt=0.6, le=40,
+    )  # fmt: skip
+    components: Count = quantity(64, "1", "number of harmonics that make up the sea", ge=1, le=100_000)
+    seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] | None = quantity(
+        None, "1", "seed of the phases and frequencies; left out: derived from the scene's seed"
+    )
+
+
+class TabulatedMotion(Section):
+    """An acceleration that was recorded: a column of a CSV or netCDF file."""
+
+    kind: Literal["tabulated"] = quantity("tabulated", "", "a recorded series of accelerations")
+    file: Annotated[str, Field(strict=True, min_length=1)] = quantity(
+        ..., "", "CSV or netCDF file (.nc), relative to the scene's own folder"
+    )
+    time: Column = quantity(1, "", "column of the times in s: a name, or a number counted from 1")
+    value: Column = quantity(2, "", "column of the accelerations: a name, or a number counted from 1")
+    factor: Number = quantity(1.0, "1", "what turns the column into m s-2", ge=-1e6, le=1e6)
+    begin: Number | None = quantity(
+        None, "s", "the table's time at which the record begins; left out: the table's first time"
+    )
+    interpolation: Literal["band-limited", "spline"] = quantity(
+        "band-limited", "", "'band-limited' for even steps, 'spline' also for uneven ones"
+    )
+
+    @field_validator("file")
+    @classmethod
+    def _beside_the_scene(cls, value: str, info: ValidationInfo) -> str:
+        """Make the path stand on its own, so that a loaded scene does not depend on the current folder."""
+        folder = (info.context or {}).get("folder")
+        return value if folder is None else str(folder / value)
+
+
+Motion = Annotated[
+    Still | HarmonicMotion | NearResonantMotion | SeaMotion | TabulatedMotion, Field(discriminator="kind")
+]

@@ -1,0 +1,119 @@
+"""How a scene is recorded: traces, sample times, reading noise and every defect of a real film or logger."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from data_schemas.scene_fields import Count, Number, Rational, Section, Switch, TraceName, quantity
+
+_DEFAULT_RATE = Fraction(25)  # Hz
+_DEFAULT_MARKS = Fraction(1, 2)  # s
+
+
+class Trace(Section):
+    """One line of the record: a combination of the pendulums' angles."""
+
+    name: TraceName = quantity(..., "", "name of the trace; no two alike")
+    combination: dict[str, Number] = quantity(
+        ..., "1", "factor of each pendulum by label, such as {1 = 1, 2 = -1}", min_length=1
+    )
+
+
+class Stretch(Section):
+    """A stretch of time; `[10, 20]` says the same as `{start = 10, stop = 20}`."""
+
+    start: Number = quantity(..., "s", "first moment", ge=0)
+    stop: Number = quantity(..., "s", "end; the reading at this moment stands", gt=0)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_pair(cls, value: object) -> object:
+        if isinstance(value, list | tuple) and len(value) == 2:
+            return {"start": value[0], "stop": value[1]}
+        return value
+
+    @model_validator(mode="after")
+    def _forwards(self) -> Self:
+        if self.stop <= self.start:
+            raise ValueError("stop must be after start")
+        return self
+
+
+class Recording(Section):
+    """What is written down of the motion."""
+
+    traces: tuple[Trace, ...] | None = quantity(
+        None, "", "what is recorded; left out: the first pendulum and the successive differences"
+    )
+    sampling_rate: Rational = quantity(
+        _DEFAULT_RATE, "Hz", "readings a second of the chronometer: a number or an exact ratio such as '25/3'"
+    )
+    marks: Switch = quantity(False, "", "readings at the time marks only, one every mark_interval")
+    mark_interval: Rational = quantity(_DEFAULT_MARKS, "s", "time between marks, if marks = true")
+    jitter: Number = quantity(
+        0.0,
+        "s",
+        "1 sigma by which readings are off their even times; the record carries the true times",
+        ge=0,
+        le=10,
+    )
+    drop_fraction: Number = quantity(
+        0.0, "1", "part of the readings that are absent, time and all", ge=0, le=0.95
+    )
+    noise: Number = quantity(
+        0.0, "rad", "1 sigma of white reading noise, independent in each trace", ge=0, le=1
+    )
+    quantisation: Number = quantity(
+        0.0, "rad", "step to which readings are rounded; 0: not rounded", ge=0, le=1
+    )
+    gap_interval: Number = quantity(60.0, "s", "time between the marks that blot out the trace", gt=0, le=1e6)
+    mark_gap: Number = quantity(0.0, "s", "time lost at every such mark, from the mark on", ge=0, le=1e5)
+    missing: tuple[Stretch, ...] = quantity((), "", "stretches without readings, as {start, stop}")
+    missing_samples: Count = quantity(
+        0, "1", "number of single readings missing at random, in each trace", ge=0, le=100_000_000
+    )
+    outliers: Count = quantity(
+        0, "1", "number of false readings at random, in each trace", ge=0, le=100_000_000
+    )
+    outlier_amplitude: Number = quantity(
+        0.0, "rad", "size of the error of a false reading; its sign is random", ge=0, le=10
+    )
+    chronometer_rate: Number = quantity(
+        0.0, "s day-1", "rate r of the chronometer, losing positive: true time = its time * (1 + r/86400)",
+        ge=-1000, le=1000,
+    )  # fmt: skip
+    record_uncertainty: Switch | None = quantity(
+        None, "", "whether the record states its reading noise; left out: when there is any"
+    )
+    write_damping: Switch = quantity(True, "", "whether the record states the damping rates")
+    write_restoring: Switch = quantity(True, "", "whether the record states the restoring law")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.mark_gap >= self.gap_interval:
+            raise ValueError("mark_gap must be shorter than gap_interval")
+        if self.outliers and not self.outlier_amplitude:
+            raise ValueError("outliers need an outlier_amplitude above 0")
+        if self.outlier_amplitude and not self.outliers:
+            raise ValueError("outlier_amplitude needs a number of outliers")
+        if self.marks and self.sampling_rate != _DEFAULT_RATE:
+            raise ValueError("give either sampling_rate or marks = true; marks are mark_interval apart")
+        if not self.marks and self.mark_interval != _DEFAULT_MARKS:
+            raise ValueError("mark_interval needs marks = true")
+        names = [trace.name for trace in self.traces or ()]
+        if len(set(names)) < len(names):
+            raise ValueError("traces must have different names")
+        if self.traces is not None and not self.traces:
+            raise ValueError("traces must name at least one trace, or be left out")
+        return self
+
+    @property
+    def step(self) -> Fraction:
+        """Time between readings, s, by the chronometer."""
+        return self.mark_interval if self.marks else 1 / self.sampling_rate
+
+
+Seed = Annotated[int, Field(strict=True, ge=0, lt=2**63)]

@@ -1,0 +1,71 @@
+"""The one table of every variable a file may hold: dimensions, number type, unit, meaning and allowed range.
+
+A key is ``group/name`` (``record/elongation``); a variable of the root has its bare name (``time``). The rows
+live in one file a kind (`variables_record`, `variables_truth`, `variables_result`); a new variable is one row there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from .variable import Variable
+from .variables_record import FILM, INSTRUMENT, RECORD
+from .variables_result import CORRECTION, GRAVITY, PERIOD, PHASES
+from .variables_truth import TRUTH
+
+__all__ = ["VARIABLES", "Variable", "attributes"]
+
+TIME = Variable(
+    ("time",),
+    "f8",
+    "seconds since 2000-01-01T00:00:00Z",
+    "time of the sample, from the start of the record",
+    standard_name="time",
+    required=True,
+    attrs={"calendar": "standard", "axis": "T"},
+)
+
+_GROUPS: Mapping[str, Mapping[str, Variable]] = {
+    "record": RECORD,
+    "instrument": INSTRUMENT,
+    "film": FILM,
+    "truth": TRUTH,
+    "phases": PHASES,
+    "correction": CORRECTION,
+    "gravity": GRAVITY,
+    "period": PERIOD,
+}
+
+VARIABLES: Mapping[str, Variable] = MappingProxyType(
+    {"time": TIME} | {f"{group}/{name}": row for group, rows in _GROUPS.items() for name, row in rows.items()}
+)
+
+
+def attributes(key: str) -> dict[str, Any]:
+    """Attributes to attach to a variable in memory: ``units``, ``long_name`` and what CF asks beside them.
+
+    Parameters
+    ----------
+    key : str
+        ``group/name``, or the bare name at the root.
+
+    Returns
+    -------
+    dict
+        A fresh dictionary, yours to change (``time`` carries a default epoch: set ``units`` to the record's own start).
+
+    Raises
+    ------
+    KeyError
+        The table has no such variable.
+
+    Examples
+    --------
+    >>> attributes("record/elongation")["units"]
+    'rad'
+    """
+    row = VARIABLES[key]
+    named = {} if row.standard_name is None else {"standard_name": row.standard_name}
+    return {"units": row.units, "long_name": row.long_name, **named, **row.attrs}

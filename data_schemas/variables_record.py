@@ -1,0 +1,104 @@
+"""Rows of the table for a record: what was read (/record), with what (/instrument), and from which film (/film)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .variable import Variable
+
+ELONGATION_FLAGS: dict[str, int] = {
+    "gap": 1,
+    "saturated": 2,
+    "interpolated": 4,
+    "time_mark": 8,
+    "ambiguous": 16,
+    "lost": 32,
+    "overlap": 64,
+    "single_direction": 128,
+    "outlier": 256,
+}
+
+
+def flag_attributes() -> dict[str, Any]:
+    """``flag_masks`` and ``flag_meanings`` of the quality variables, the masks of the variable's own type (CF 3.5)."""
+    return {
+        "flag_masks": np.array(list(ELONGATION_FLAGS.values()), dtype=np.uint16),
+        "flag_meanings": " ".join(ELONGATION_FLAGS),
+    }
+
+
+_TRACE, _PENDULUM, _TIME, _TRACE_TIME = ("trace",), ("pendulum",), ("time",), ("trace", "time")
+
+RECORD: dict[str, Variable] = {
+    "trace": Variable(_TRACE, "str", "1", "label of the recorded trace", required=True),
+    "pendulum": Variable(_PENDULUM, "str", "1", "label of the pendulum", required=True),
+    "combination": Variable(
+        ("trace", "pendulum"), "f8", "1", "weight of each pendulum's elongation in each trace", required=True
+    ),
+    "elongation": Variable(
+        _TRACE_TIME, "f8", "rad", "elongation from the vertical, combined per trace", required=True, missing=True
+    ),
+    "elongation_uncertainty": Variable(
+        _TRACE, "f8", "rad", "standard deviation of the white reading noise", also=(_TRACE_TIME,),
+        limit="not negative", missing=True,
+    ),
+    "elongation_qc": Variable(_TRACE_TIME, "u2", "1", "quality flags of the elongation", attrs=flag_attributes()),
+    "horizontal_acceleration": Variable(
+        _TIME, "f8", "m s-2", "horizontal acceleration of the support in the plane of swing", missing=True
+    ),
+    "vertical_acceleration": Variable(
+        _TIME, "f8", "m s-2", "vertical acceleration of the support, up positive", missing=True
+    ),
+}  # fmt: skip
+
+INSTRUMENT: dict[str, Variable] = {
+    "pendulum": Variable(_PENDULUM, "str", "1", "label of the pendulum", required=True),
+    "period": Variable(
+        _PENDULUM, "f8", "s", "full period at infinitesimal arc and reference gravity", limit="positive"
+    ),
+    "reference_gravity": Variable((), "f8", "m s-2", "gravity at which the periods hold", limit="positive"),
+    "period_uncertainty": Variable(
+        _PENDULUM, "f8", "s", "standard deviation of the full period", limit="not negative"
+    ),
+    "damping_rate": Variable(
+        _PENDULUM, "f8", "s-1", "rate at which the free amplitude decays", limit="not negative"
+    ),
+    "chronometer_rate": Variable((), "f8", "s day-1", "rate of the chronometer, losing positive"),
+    "temperature": Variable((), "f8", "K", "temperature of the pendulums", limit="positive"),
+    "temperature_reference": Variable((), "f8", "K", "temperature at which the periods hold", limit="positive"),
+    "temperature_coefficient": Variable(_PENDULUM, "f8", "s K-1", "change of the period with temperature"),
+    "air_density": Variable(
+        (), "f8", "kg m-3", "density of the air in the case", standard_name="air_density", limit="not negative"
+    ),
+    "air_density_reference": Variable(
+        (), "f8", "kg m-3", "density of the air at which the periods hold", limit="not negative"
+    ),
+    "density_coefficient": Variable(_PENDULUM, "f8", "s", "change of the period with relative air density"),
+    "tilt_mean_square": Variable((), "f8", "rad2", "mean square tilt of the plane of swing", limit="not negative"),
+    "yaw_rate": Variable((), "f8", "rad s-1", "rate of turn about the vertical"),
+    "support_stiffness": Variable((), "f8", "N m-1", "horizontal stiffness of the support", limit="positive"),
+    "mass": Variable(_PENDULUM, "f8", "kg", "mass of the pendulum", limit="positive"),
+    "length": Variable(_PENDULUM, "f8", "m", "reduced length of the pendulum", limit="positive"),
+    "latitude": Variable((), "f8", "degrees_north", "latitude of the ship", standard_name="latitude"),
+    "longitude": Variable((), "f8", "degrees_east", "longitude of the ship", standard_name="longitude"),
+    "speed": Variable(
+        (), "f8", "m s-1", "speed of the ship over ground", standard_name="platform_speed_wrt_ground",
+        limit="not negative",
+    ),
+    "course": Variable(
+        (), "f8", "degrees", "course of the ship over ground, from north by east", standard_name="platform_course"
+    ),
+}  # fmt: skip
+
+FILM: dict[str, Variable] = {
+    "trace": Variable(_TRACE, "str", "1", "label of the recorded trace"),
+    "optical_lever": Variable(_TRACE, "f8", "mm rad-1", "deflection on the film per elongation", limit="positive"),
+    "speed": Variable((), "f8", "mm s-1", "speed of the film", limit="positive"),
+    "mark_interval": Variable((), "f8", "s", "interval of the time marks", limit="positive"),
+    "gap": Variable((), "f8", "s", "length of the gap that a time mark leaves in the traces", limit="not negative"),
+    "scale": Variable((), "f8", "mm px-1", "size of a pixel of the scan on the film", limit="positive"),
+    "source_file": Variable((), "str", "1", "name of the scanned image"),
+    "source_sha256": Variable((), "str", "1", "SHA-256 of the scanned image"),
+}

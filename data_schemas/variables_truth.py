@@ -1,0 +1,27 @@
+"""Rows of the table for the truth of a simulated record, which no estimator ever reads."""
+
+from __future__ import annotations
+
+from .variable import Variable
+
+_PENDULUM, _TIME, _BOTH = ("pendulum",), ("time",), ("pendulum", "time")
+
+TRUTH: dict[str, Variable] = {
+    "pendulum": Variable(_PENDULUM, "str", "1", "label of the pendulum", required=True),
+    "gravity": Variable((), "f8", "m s-2", "gravity of the scene", required=True, limit="positive"),
+    "frequency": Variable(
+        _PENDULUM, "f8", "rad s-1", "circular frequency at infinitesimal arc", required=True, limit="positive"
+    ),
+    "damping_rate": Variable(
+        _PENDULUM, "f8", "s-1", "rate at which the free amplitude decays", required=True, limit="not negative"
+    ),
+    "theta": Variable(_BOTH, "f8", "rad", "elongation from the vertical without reading errors", required=True),
+    "free_amplitude": Variable(
+        _BOTH, "f8", "rad", "amplitude of the free harmonic", also=(_PENDULUM,), limit="not negative"
+    ),
+    "free_phase": Variable(_BOTH, "f8", "rad", "phase of the free harmonic", also=(_PENDULUM,)),
+    "forced": Variable(_BOTH, "f8", "rad", "elongation forced by the support"),
+    "horizontal_acceleration": Variable(_TIME, "f8", "m s-2", "horizontal acceleration of the support"),
+    "vertical_acceleration": Variable(_TIME, "f8", "m s-2", "vertical acceleration of the support, up positive"),
+    "mark_time": Variable(("mark",), "f8", "s", "true time of the time mark, from the start of the record"),
+}

@@ -1,0 +1,114 @@
+"""Writes a tree to a file that is either whole or not there.
+
+The file is made in memory, written under a temporary name in the same folder, flushed to the disk, read back, compared
+with what was meant, and only then given its name: a full disk, a kill or a fault of the library leaves the folder as
+it was.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .checksum import ATTRIBUTE, digest
+from .contents import Contents, from_tree, shown
+from .encoding import encoded
+from .errors import FileError
+from .reading import load
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write a record, truth or result.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        Variables of plain numbers or text. What they mean is not looked at: that is `check`.
+    path : path
+        Of the file to make; its folder must exist.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    FileError
+        The file exists, the folder does not or cannot be written, the disk is full, or a variable has a type or name
+        that no file can hold. Nothing is left behind, and an older file stays as it was.
+    """
+    target = Path(os.path.realpath(path))
+    _may_write(target, path, overwrite)
+    try:
+        contents = from_tree(tree)
+        contents[""].attrs.pop(ATTRIBUTE, None)
+        contents[""].attrs[ATTRIBUTE] = digest(contents)
+        image = encoded(contents)
+    except FileError as error:
+        raise FileError(f"{shown(path, 400)}: {error}") from None
+    temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(8)}.part")
+    try:
+        _flushed(temporary, image)
+        _verified(temporary, contents, path)
+        _named(temporary, target, path, overwrite)
+    except OSError as error:
+        raise FileError(f"{shown(path, 400)}: cannot be written, {_reason(error)}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _may_write(target: Path, path: str | os.PathLike[str], overwrite: bool) -> None:
+    if not target.parent.is_dir():
+        raise FileError(f"{shown(path, 400)}: its folder does not exist; make the folder first")
+    if target.is_dir() or (target.exists() and not target.is_file()):
+        raise FileError(f"{shown(path, 400)}: is not an ordinary file; give the path of a file")
+    if target.exists() and not overwrite:
+        raise _exists(path)
+
+
+def _exists(path: str | os.PathLike[str]) -> FileError:
+    return FileError(f"{shown(path, 400)}: exists already; give --force (overwrite=True) to replace it")
+
+
+def _flushed(temporary: Path, image: memoryview) -> None:
+    """Write all bytes to a new file and wait until they are on the disk."""
+    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(image)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _verified(temporary: Path, contents: Contents, path: str | os.PathLike[str]) -> None:
+    """Read the file back through the guard: a file that we would refuse to read is not handed out."""
+    try:
+        load(temporary)
+    except FileError as error:
+        told = str(error).removeprefix(f"{shown(temporary, 400)}: ")
+        raise FileError(f"{shown(path, 400)}: was not written, it would not read back: {told}") from error
+
+
+def _named(temporary: Path, target: Path, path: str | os.PathLike[str], overwrite: bool) -> None:
+    """Give the file its name in one step, and make the folder remember it."""
+    if overwrite:
+        os.replace(temporary, target)
+    else:
+        try:
+            os.link(temporary, target)  # unlike a rename, refuses a file that appeared in the meantime
+        except FileExistsError:
+            raise _exists(path) from None
+        except OSError:  # a file system without hard links
+            os.replace(temporary, target)
+    if os.name == "posix":
+        folder = os.open(target.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def _reason(error: OSError) -> str:
+    return f"{error.strerror or shown(error)}; free space, or choose a folder you may write to"

@@ -1,0 +1,25 @@
+"""Records in, gravity out: the difference pendulum, its phase, the corrections, the uncertainty."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+_WHERE = {
+    "METHODS": "pipeline.methods",
+    "process": "pipeline.process",
+    "summaries": "pipeline.summary",
+    "observe": "pipeline.observation",
+    "Observation": "pipeline.observation",
+}
+__all__ = ["METHODS", "Observation", "observe", "process", "summaries"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f"module 'pipeline' has no attribute '{name}'")
+    return getattr(importlib.import_module(_WHERE[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(_WHERE)

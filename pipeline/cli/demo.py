@@ -1,0 +1,146 @@
+"""`isochrony demo`: a ship record made, processed by every method and compared with the truth."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from data_schemas.errors import FileError, UsageError
+from pipeline.cli.parser import whole_number
+from pipeline.cli.tables import Column, print_header, print_row
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+_MILLIGAL = 1e-5  # m s-2
+
+_DESCRIPTION = """\
+Simulate a ship record that ships with the package, process it by every method, and compare with the truth.
+
+Prints one row a method: gravity in m/s2, its error and its sigma in mGal (1e-5 m/s2), the run time in ms.
+Writes demo.record.nc, demo.truth.nc, demo.result.nc and the picture isochrony-demo.png into a folder; run
+again, it overwrites these files."""
+
+_EXAMPLES = """\
+examples:
+  isochrony demo
+  isochrony demo -o /tmp/look --seed 3"""
+
+
+def add_parser(verbs: Any) -> argparse.ArgumentParser:
+    """List the verb and its options."""
+    parser: argparse.ArgumentParser = verbs.add_parser(
+        "demo",
+        help="see it work: simulate, process, compare, draw",
+        description=_DESCRIPTION,
+        epilog=_EXAMPLES,
+    )
+    parser.add_argument(
+        "-o", dest="out", default="isochrony-demo", metavar="FOLDER", help="default isochrony-demo"
+    )
+    parser.add_argument(
+        "--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own"
+    )
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Simulate, process, print and draw."""
+    import data_schemas
+    import synth
+    from pipeline.methods import METHODS
+    from pipeline.process import process
+    from pipeline.summary import summaries
+
+    folder = _folder(options.out)
+    scene = data_schemas.load_scene(synth.scene_path("demo"))
+    if options.seed is not None:
+        scene = scene.model_copy(update={"seed": options.seed})
+    record, truth = synth.simulate(scene)
+    methods = [name for name in METHODS if name != "auto"]
+    result = process(record, method=methods)
+    for kind, tree in (("record", record), ("truth", truth), ("result", result)):
+        data_schemas.write(tree, folder / f"demo.{kind}.nc", overwrite=True)
+    gravity = float(truth["truth"]["gravity"])
+    print(f"true gravity {gravity:.8f} m/s2; {_describe(record)}\n")
+    _print_table(summaries(result), gravity)
+    print(f"\n{_alone(result, gravity)}")
+    print(_EXPLANATION)
+    _draw(record, result, gravity, folder)
+    return 0
+
+
+_EXPLANATION = (
+    "The difference of two pendulums in one frame sheds the ship's motion; what is left of it, as their\n"
+    "periods differ, is the non-isochronism that `panteleev`, `complex` and `projection` remove.\n"
+    "`uncorrected` leaves it in; `vening-meinesz` lets the swell back in with the raw first pendulum."
+)
+
+
+def _folder(name: str) -> Path:
+    folder = Path(name)
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder}: is a file, but the demo needs a folder; name another with -o")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise FileError(f"{folder}: cannot be created ({fault.strerror}); name another with -o") from fault
+    return folder
+
+
+def _describe(record: DataTree) -> str:
+    time = record.dataset["time"].values
+    return f"{(time[-1] - time[0]) / 60.0:.0f} minutes, {time.size} samples"
+
+
+_COLUMNS = (
+    Column("method", 14, right=False),
+    Column("gravity m/s2", 12),
+    Column("error mGal", 12),
+    Column("sigma mGal", 10),
+    Column("time ms", 8),
+)
+
+
+def _print_table(rows: list[dict[str, Any]], gravity: float) -> None:
+    print_header(_COLUMNS)
+    for row in rows:
+        if row["status"] != "ok":
+            print_row(_COLUMNS[:1], [row["method"]])
+            print(f"    {row['status']}: {row['error']}")
+            continue
+        error = (row["gravity_m_s2"] - gravity) / _MILLIGAL
+        cells = (
+            f"{row['gravity_m_s2']:.8f}", f"{error:+.4f}", f"{row['gravity_sigma_mgal']:.4f}",
+            f"{1e3 * row['elapsed_s']:.1f}",
+        )  # fmt: skip
+        print_row(_COLUMNS, [row["method"], *cells])
+
+
+def _alone(result: DataTree, gravity: float) -> str:
+    """Say what one pendulum by itself would have given: the slope of its phase."""
+    import numpy as np
+
+    phases = result["phases"].dataset
+    label = str(phases["component"].values[0])
+    phase = np.asarray(phases["phase"].sel(component=label).values, dtype=np.float64)
+    good = np.isfinite(phase)
+    slope = float(np.polyfit(result.dataset["time"].values[good], phase[good], 1)[0])
+    table = result["gravity"].dataset
+    row = [str(name) for name in table["method"].values].index("projection")
+    column = [str(name) for name in table["pendulum"].values].index(label)
+    known = float(table["frequency"].values[row, column])
+    error = gravity * ((slope / known) ** 2 - 1.0) / _MILLIGAL
+    return f"Pendulum {label} alone would be wrong by {error:+.0f} mGal: the ship moves at nearly its period."
+
+
+def _draw(record: DataTree, result: DataTree, gravity: float, folder: Path) -> None:
+    if importlib.util.find_spec("matplotlib") is None:
+        print(f"no picture: matplotlib is not installed (pip install 'isochrony[plot]'); files in {folder}")
+        return
+    from pipeline.plots import demo_figure, save
+
+    save(demo_figure(record, result, gravity), folder / "isochrony-demo.png")
+    print(f"picture: {folder / 'isochrony-demo.png'}")

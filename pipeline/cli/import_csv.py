@@ -1,0 +1,115 @@
+"""`isochrony import`: columns of time and angle become a record."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from data_schemas.errors import UsageError
+from pipeline.cli.outputs import make_folder, place, refuse_clashes
+from pipeline.cli.parser import number, one_of
+
+_DESCRIPTION = """\
+Turn a text table into a record (netCDF).
+
+With no options the first column is time in s and every other a trace of angles in rad. Comma, semicolon,
+tab or blanks separate; a header is recognised; `#` starts a comment; empty, NaN, NA or - is a missing value;
+a decimal comma is understood unless the comma separates. Times are numbers of seconds or ISO dates; they must
+increase but need not be uniform. A trace labelled 1 is pendulum 1, a trace labelled 1-2 the difference of
+pendulums 1 and 2. Period (full, at infinitesimal arc) and gravity may be left out only for a single trace."""
+
+_EXAMPLES = """\
+examples:
+  isochrony import swing.csv                                  one pendulum, nothing known of it
+  isochrony import ship.csv --column left:1 --column film:1-2 --unit mm --lever 2000
+                            --period 1=1.0099 --period 2=1.0100 --gravity 9.81
+  isochrony import a.csv --time clock --column 3:upper --combination upper=1-2 --column 2:1 ..."""
+
+_REPEATABLE = [
+    ("--column", "NAME[:TRACE]", "column to import, by name or number from 1, and its trace (default all)"),
+    (
+        "--period",
+        "[LABEL=]SECONDS",
+        "full period of a pendulum in s; no label is needed if there is one only",
+    ),
+    ("--combination", "TRACE=A[-B]", "pendulums of a trace whose label does not say them"),
+]
+_NUMBERS = [
+    ("--lever", "MM_PER_RAD", "optical lever, with --unit mm"),
+    ("--gravity", "M_S2", "gravity at which the periods hold, in m/s2"),
+]
+
+
+def add_parser(verbs: Any) -> argparse.ArgumentParser:
+    """List the verb and its options."""
+    parser: argparse.ArgumentParser = verbs.add_parser(
+        "import",
+        help="turn columns of time and angle into a record",
+        description=_DESCRIPTION,
+        epilog=_EXAMPLES,
+    )
+    add = parser.add_argument
+    add("table", metavar="CSV", help="text table")
+    add(
+        "--time", default="", metavar="NAME", help="time column, by name or number from 1 (default the first)"
+    )
+    for option, name, text in _REPEATABLE:
+        add(option, action="append", default=[], metavar=name, help=f"{text}; repeatable")
+    for option, name, text in _NUMBERS:
+        add(option, type=number(option, above=0.0), metavar=name, help=text)
+    units = "rad (default), deg, or mm on the film"
+    add("--unit", type=one_of("unit", ("rad", "deg", "mm")), default="rad", metavar="UNIT", help=units)
+    add(
+        "-o",
+        dest="out",
+        metavar="PATH",
+        help="record file, or folder (ends with /); default beside the table",
+    )
+    add("--force", action="store_true", help="overwrite an existing record")
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Import the table and write the record."""
+    import data_schemas
+    from pipeline.importing import ImportOptions, import_csv
+
+    path = Path(options.table)
+    output = place([path], options.out, ".record.nc")[0]
+    refuse_clashes([path], [output], force=options.force)
+    meaning = ImportOptions(
+        time=options.time,
+        columns=tuple(options.column),
+        unit=options.unit,
+        lever=options.lever,
+        periods=_periods(options.period),
+        gravity=options.gravity,
+        combinations=_pairs("--combination", options.combination),
+    )
+    record = import_csv(path, meaning)
+    make_folder(output)
+    data_schemas.write(record, output, overwrite=options.force)
+    traces = ", ".join(str(label) for label in record["record"].dataset["trace"].values)
+    time = record.dataset["time"].values
+    print(f"{output}: {time.size} samples of {traces} over {time[-1]:.6g} s")
+    return 0
+
+
+def _periods(texts: Iterable[str]) -> dict[str, float]:
+    """Label -> seconds; the label "" where none was written."""
+    labelled = _pairs("--period", (text if "=" in text else f"={text}" for text in texts))
+    return {label: number("--period", above=0.0)(value) for label, value in labelled.items()}
+
+
+def _pairs(option: str, texts: Iterable[str]) -> dict[str, str]:
+    pairs: dict[str, str] = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not equals or not value:
+            raise UsageError(f"import: {option} {text}: write it as {option} NAME=VALUE")
+        if key in pairs:
+            raise UsageError(f"import: {option} names '{key}' twice; give each once")
+        pairs[key] = value
+    return pairs

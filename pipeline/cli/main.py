@@ -1,0 +1,122 @@
+"""Entry of the command line: pick the verb, run it, and turn every fault into one line and an exit status.
+
+0 all good; 1 some inputs failed or were refused, some good; 2 usage, configuration or scene;
+3 no input usable; 70 internal error; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from collections.abc import Sequence
+
+from data_schemas.errors import IsochronyError, UsageError
+from pipeline.cli import benchmark, demo, import_csv, plot, process, schema, simulate, validate
+from pipeline.cli.parser import Parser, did_you_mean
+
+_VERBS = {
+    "demo": demo,
+    "simulate": simulate,
+    "process": process,
+    "benchmark": benchmark,
+    "plot": plot,
+    "import": import_csv,
+    "validate": validate,
+    "schema": schema,
+}
+
+_DESCRIPTION = """\
+Gravity from pendulum records made at sea: simulate them, process them, compare the methods.
+
+SI units and radians throughout; gravity in m/s2, its errors in mGal (1 mGal = 1e-5 m/s2),
+periods are full periods."""
+
+_EXAMPLES = """\
+examples:
+  isochrony demo                                 a ship record made and processed, with a table and a picture
+  isochrony simulate ship.toml                   ship.record.nc and ship.truth.nc
+  isochrony process ship.record.nc               gravity, and ship.result.nc beside the record
+  isochrony import swing.csv --period 1.029 --gravity 9.81
+  isochrony plot ship.result.nc -o ship.png
+
+exit status: 0 all good; 1 some inputs failed or were refused, some good; 2 usage, configuration or scene;
+3 no input usable; 70 internal error; 130 interrupted"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        The words after `isochrony`; those of the process when left out.
+
+    Returns
+    -------
+    int
+        The exit status (see the module's text).
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    _use_utf8()
+    try:
+        status = _dispatch(words)
+        sys.stdout.flush()  # a reader that went away shows here and not at the interpreter's end
+        return status
+    except SystemExit as leaving:  # argparse, after --help or --version
+        return leaving.code if isinstance(leaving.code, int) else 0
+    except IsochronyError as fault:
+        return _say(str(fault), fault.exit_status, fault)
+    except KeyboardInterrupt as fault:
+        return _say("interrupted", 130, fault)
+    except BrokenPipeError:
+        # The reader of our output (head, less) left: what it did not read is lost, so not 0; nothing is said.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except Exception as fault:
+        hint = "please report; run with ISOCHRONY_TRACEBACK=1 for the traceback"
+        return _say(f"internal error: {type(fault).__name__}: {fault} ({hint})", 70, fault)
+
+
+def _dispatch(words: list[str]) -> int:
+    top = Parser(prog="isochrony", description=_DESCRIPTION, epilog=_EXAMPLES)
+    top.add_argument("-V", "--version", action="store_true", help="print the version and leave")
+    verbs = top.add_subparsers(title="verbs", metavar="VERB", dest="verb")
+    parsers = {name: module.add_parser(verbs) for name, module in _VERBS.items()}
+    if words and words[0] in parsers:
+        status: int = _VERBS[words[0]].run(parsers[words[0]].parse_strictly(words[1:]))
+        return status
+    if words and not words[0].startswith("-"):
+        raise UsageError(f"unknown verb '{words[0]}'{did_you_mean(words[0], parsers)}")
+    options, left = top.parse_known_args(words)
+    top.refuse(left)
+    if options.version:
+        print(f"isochrony {_version()}")
+        return 0
+    top.error(f"a verb is missing; known: {', '.join(parsers)}")
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("isochrony")
+    except PackageNotFoundError:
+        return "(not installed: run from its sources)"
+
+
+def _say(message: str, status: int, fault: BaseException) -> int:
+    """Print one line on stderr (and the traceback if it was asked for); return the status."""
+    print(f"isochrony: {' '.join(message.split())}", file=sys.stderr)
+    if os.environ.get("ISOCHRONY_TRACEBACK"):
+        import traceback
+
+        traceback.print_exception(fault)
+    return status
+
+
+def _use_utf8() -> None:
+    """Make both streams UTF-8 whatever the locale; a file name that is no UTF-8 is escaped, not fatal."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(encoding="utf-8", errors="backslashreplace")

@@ -1,0 +1,89 @@
+"""Where results go: `-o` as a file or a folder, and refusing to overwrite, decided before any work starts."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from data_schemas.errors import UsageError
+
+_ENDINGS = (".record.nc", ".result.nc", ".truth.nc", ".nc", ".toml", ".csv", ".tsv", ".txt", ".dat")
+
+
+def stem(path: Path) -> str:
+    """File name without its folder and its kind.
+
+    >>> stem(Path("a/ship.record.nc")), stem(Path("ship.v2.toml")), stem(Path("ship"))
+    ('ship', 'ship.v2', 'ship')
+    """
+    name = path.name
+    for ending in _ENDINGS:
+        if name.endswith(ending) and len(name) > len(ending):
+            return name[: -len(ending)]
+    return name
+
+
+def place(inputs: Sequence[Path], out: str | None, ending: str) -> list[Path]:
+    """Output path of each input.
+
+    Parameters
+    ----------
+    inputs : sequence of Path
+        The files named on the command line.
+    out : str or None
+        `-o`: a file for one input; a folder for several inputs, if it ends with `/`, or if it is one already.
+        None puts each output beside its input.
+    ending : str
+        Ending of the outputs, such as ".result.nc".
+
+    Raises
+    ------
+    UsageError
+        The folder is a file, or the file's folder is not there.
+    """
+    if out is None:
+        return [path.with_name(stem(path) + ending) for path in inputs]
+    if not out:
+        raise UsageError("-o wants a file or a folder, not an empty name")
+    target = Path(out)
+    if out.endswith(("/", os.sep)) or len(inputs) > 1 or target.is_dir():
+        if target.exists() and not target.is_dir():
+            raise UsageError(f"{target}: is a file, but -o must be a folder here; name another")
+        return [target / (stem(path) + ending) for path in inputs]
+    if not target.parent.is_dir():
+        raise UsageError(
+            f"{target}: there is no folder '{target.parent}'; create it, or end -o with / for a folder"
+        )
+    return [target]
+
+
+def refuse_clashes(inputs: Sequence[Path], outputs: Sequence[Path], *, force: bool) -> None:
+    """Raise `UsageError` where an output would destroy an input, another output, or, unforced, any file."""
+    taken: dict[Path, Path] = {}
+    sources = {path.resolve() for path in inputs}
+    for output in outputs:
+        resolved = output.resolve()
+        if resolved in sources:
+            raise UsageError(f"{output}: is an input and would be overwritten; name another output with -o")
+        if resolved in taken:
+            raise UsageError(
+                f"{output}: two inputs would be written to it; name each input once, or rename one"
+            )
+        taken[resolved] = output
+        if output.is_dir():
+            raise UsageError(f"{output}: is a folder; name a file, or another folder, with -o")
+        if output.exists() and not force:
+            raise UsageError(
+                f"{output}: exists already; add --force to overwrite it, or choose another with -o"
+            )
+
+
+def make_folder(output: Path) -> None:
+    """Create the folder of an output just before it is written: a failed input leaves no empty folder."""
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise UsageError(
+            f"{output.parent}: cannot be created ({fault.strerror}); choose another with -o"
+        ) from fault

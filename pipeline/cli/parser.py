@@ -1,0 +1,99 @@
+"""Argument parsing that answers every misuse with one line and the nearest known name."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Iterable
+from typing import Any, NoReturn
+
+from data_schemas.errors import UsageError
+
+
+class Parser(argparse.ArgumentParser):
+    """An `argparse` parser that raises `UsageError` instead of printing its usage block and leaving."""
+
+    def __init__(self, **settings: Any) -> None:
+        settings.setdefault("formatter_class", _HelpFormatter)
+        super().__init__(allow_abbrev=False, **settings)
+
+    def error(self, message: str) -> NoReturn:
+        """Raise `UsageError` with the message and where to read on; never returns."""
+        verb = self.prog.partition(" ")[2]
+        where = f"{verb}: " if verb else ""
+        raise UsageError(f"{where}{message}; see '{self.prog} --help'")
+
+    def parse_strictly(self, arguments: list[str]) -> argparse.Namespace:
+        """Parse options and positionals in any order; what is left over is named with its nearest option."""
+        namespace, left = self.parse_known_intermixed_args(arguments)
+        self.refuse(left)
+        return namespace
+
+    def refuse(self, left: list[str]) -> None:
+        """Raise `UsageError` for words that no option or positional took, if there are any."""
+        for word in left:
+            if not word.startswith("-"):
+                self.error(f"unexpected argument '{word}'")
+            name = word.partition("=")[0]
+            self.error(f"unknown option '{name}'{did_you_mean(name, self._option_string_actions)}")
+
+
+class _HelpFormatter(argparse.RawDescriptionHelpFormatter):
+    """Leaves descriptions and examples as they are written, and gives long options room on their line."""
+
+    def __init__(self, prog: str, **settings: Any) -> None:
+        super().__init__(prog, **{"max_help_position": 30, **settings})
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Tail of a sentence naming the nearest known name, or all of them when none is near.
+
+    >>> did_you_mean("proces", ["process", "plot"])
+    "; did you mean 'process'?"
+    >>> did_you_mean("xyz", ["rad", "deg"])
+    '; known: rad, deg'
+    """
+    import difflib
+
+    names = list(known)
+    near = difflib.get_close_matches(word, names, n=1)
+    return f"; did you mean '{near[0]}'?" if near else f"; known: {', '.join(names)}"
+
+
+def one_of(what: str, known: Iterable[str]) -> Callable[[str], str]:
+    """Converter for `type=` that takes one of the known names and nothing else."""
+    names = tuple(known)
+
+    def convert(word: str) -> str:
+        if word not in names:
+            raise UsageError(f"unknown {what} '{word}'{did_you_mean(word, names)}")
+        return word
+
+    return convert
+
+
+def number(option: str, *, above: float | None = None) -> Callable[[str], float]:
+    """Converter for `type=` that takes a finite number greater than `above`, or of at least 0 without it."""
+    limit = "of at least 0" if above is None else f"greater than {above:g}"
+
+    def convert(word: str) -> float:
+        try:
+            value = float(word)
+        except ValueError:
+            raise UsageError(f"{option} wants a number, not '{word}'") from None
+        if not (math.isfinite(value) and (value >= 0.0 if above is None else value > above)):
+            raise UsageError(f"{option} wants a finite number {limit}, not '{word}'")
+        return value
+
+    return convert
+
+
+def whole_number(option: str) -> Callable[[str], int]:
+    """Converter for `type=` that takes a whole number from 0 to 2^63 - 1 (a seed)."""
+
+    def convert(word: str) -> int:
+        if not (word.isascii() and word.isdigit() and len(word) < 20 and int(word) < 2**63):
+            raise UsageError(f"{option} wants a whole number from 0 to 2^63 - 1, not '{word}'")
+        return int(word)
+
+    return convert

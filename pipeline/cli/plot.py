@@ -1,0 +1,84 @@
+"""`isochrony plot`: a record or a result as a picture."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from data_schemas.errors import UsageError
+from pipeline.cli.outputs import make_folder, place, refuse_clashes
+from pipeline.cli.reading import read_checked, refuse_faults
+
+if TYPE_CHECKING:
+    from data_schemas.layouts import Kind
+
+_DESCRIPTION = """\
+Draw a file as PNG; no window is opened. Needs the extra `plot` (matplotlib).
+
+A record: every trace whole (mrad or rad against time), and 20 s of it.
+A result: amplitude of every component, phase speed before and after the correction (as the mGal of gravity it
+stands for), gravity of every method with its sigma.
+A result of a single pendulum: period (s) against amplitude (rad) with the finite-arc law."""
+
+_EXAMPLES = """\
+examples:
+  isochrony plot ship.record.nc                            ship.record.png
+  isochrony plot ship.result.nc --truth ship.truth.nc -o ship.png"""
+
+
+def add_parser(verbs: Any) -> argparse.ArgumentParser:
+    """List the verb and its options."""
+    parser: argparse.ArgumentParser = verbs.add_parser(
+        "plot", help="draw a record or a result", description=_DESCRIPTION, epilog=_EXAMPLES
+    )
+    parser.add_argument("file", metavar="FILE", help="record or result")
+    parser.add_argument(
+        "-o", dest="out", metavar="PATH", help="PNG, or folder (ends with /); default beside the file"
+    )
+    parser.add_argument(
+        "--truth", metavar="FILE", help="truth of a simulated record: draws its gravity as a line"
+    )
+    parser.add_argument("--force", action="store_true", help="overwrite an existing picture")
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Draw the file and write the picture."""
+    import data_schemas
+    from pipeline.plots import period_figure, record_figure, result_figure, save
+    from pipeline.plots.canvas import require_matplotlib
+
+    require_matplotlib()
+    path = Path(options.file)
+    output = place([path], options.out, f"{_kind_ending(path)}.png")[0]
+    refuse_clashes([path], [output], force=options.force)
+    if output.suffix.lower() != ".png":
+        raise UsageError(f"{output}: pictures are written as PNG; end the name with .png")
+    tree = data_schemas.read(path)
+    kind: Kind = "result" if tree.attrs.get("schema") == "isochrony-result" else "record"
+    refuse_faults(path, data_schemas.check(tree, kind))
+    if options.truth is not None and (kind == "record" or "period" in tree.children):
+        raise UsageError("plot: --truth goes with a result that has a gravity; drop it here")
+    if kind == "record":
+        figure = record_figure(tree)
+    elif "period" in tree.children:
+        figure = period_figure(tree)
+    else:
+        figure = result_figure(
+            tree, true_gravity=None if options.truth is None else true_gravity(options.truth)
+        )
+    make_folder(output)
+    save(figure, output)
+    print(output)
+    return 0
+
+
+def true_gravity(path: str) -> float:
+    """Gravity that a truth file states, m s-2; the figure is given the number and never the truth."""
+    return float(read_checked(Path(path), "truth")["truth"]["gravity"])
+
+
+def _kind_ending(path: Path) -> str:
+    """Keep `.record` or `.result` in the picture's name, so that the two do not fight for one."""
+    return next((f".{kind}" for kind in ("record", "result") if path.name.endswith(f".{kind}.nc")), "")

@@ -1,0 +1,147 @@
+"""`isochrony process`: records become gravity."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from data_schemas.errors import IsochronyError, RefusedError, UsageError
+from pipeline.cli.faults import naming
+from pipeline.cli.outputs import make_folder, place, refuse_clashes
+from pipeline.cli.parser import did_you_mean, number
+from pipeline.cli.reading import read_checked
+from pipeline.cli.summary_rows import SummaryPrinter, failure
+
+_METHOD_TEXTS = {
+    "uncorrected": "slope of the difference pendulum's phase, nothing corrected",
+    "vening-meinesz": "formula (9), the fictitious pendulum with the raw first pendulum",
+    "panteleev": "formula (27), the separated free harmonic",
+    "general": "formulas (36) and (38) with the model's phase speeds, carries the finite arc",
+    "complex": "complex form of (27), works where the amplitude passes through zero",
+    "projection": "exact identity of linear pendulums, by variable projection",
+    "auto": "the cheapest adequate one (default); the result says which and why",
+}
+_METHOD_LIST = "\n".join(f"  {name:<14}  {text}" for name, text in _METHOD_TEXTS.items())
+
+_DESCRIPTION = f"""\
+Gravity from records: the difference of two pendulums, its phase, the corrections, the uncertainty.
+
+Each record gives a table row per method and one result file with all methods: gravity in m/s2, its sigma in
+mGal (1e-5 m/s2), the corrections that were added in mGal, and flags that name what to distrust. A record with
+a single trace gives its full period at infinitesimal arc in s.
+
+methods:
+{_METHOD_LIST}
+  all             every one of the above but auto"""
+
+_EXAMPLES = """\
+examples:
+  isochrony process ship.record.nc
+  isochrony process ship.record.nc --method panteleev,projection --json
+  isochrony process *.record.nc -o results/       one result file a record, in the folder results
+  isochrony process three.record.nc --pair 2-3    which two of three pendulums
+
+exit status: 0 every record gave a value; 1 some did; 3 none did; 2 usage"""
+
+
+def add_parser(verbs: Any) -> argparse.ArgumentParser:
+    """List the verb and its options."""
+    parser: argparse.ArgumentParser = verbs.add_parser(
+        "process", help="gravity from records", description=_DESCRIPTION, epilog=_EXAMPLES
+    )
+    parser.add_argument("records", metavar="RECORD", nargs="+", help="record file (NAME.record.nc)")
+    parser.add_argument(
+        "--method", default="auto", metavar="NAME[,NAME]", help="method or methods (default auto)"
+    )
+    parser.add_argument(
+        "--pair", metavar="A-B", help="labels of the two pendulums to difference, such as 2-3"
+    )
+    parser.add_argument(
+        "--gain-uncertainty",
+        type=number("--gain-uncertainty"),
+        default=0.0,
+        metavar="X",
+        help="relative 1-sigma uncertainty of the elongation scale, 0.01 for one per cent (default 0)",
+    )
+    parser.add_argument("-o", dest="out", metavar="PATH", help="result file, or folder for several records")
+    parser.add_argument("--force", action="store_true", help="overwrite existing results")
+    parser.add_argument("--no-output", action="store_true", help="write no result file, only print")
+    parser.add_argument("--json", action="store_true", help="JSON Lines instead of a table")
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Process every record; a bad one does not stop the others."""
+    requested = _requested(options.method)
+    inputs = [Path(name) for name in options.records]
+    outputs: list[Path | None] = [None] * len(inputs)
+    if options.no_output and options.out is not None:
+        raise UsageError("process: -o and --no-output contradict each other; give one of them")
+    if not options.no_output:
+        placed = place(inputs, options.out, ".result.nc")
+        refuse_clashes(inputs, placed, force=options.force)
+        outputs = list(placed)
+    printer = SummaryPrinter(inputs, as_json=options.json)
+    good = 0
+    for path, output in _with_progress(list(zip(inputs, outputs, strict=True))):
+        try:
+            rows = _one(path, output, requested, options)
+        except UsageError:
+            raise  # an option, not the record: the same for every record
+        except RefusedError as fault:
+            rows = [failure(path, options.method, "refused", naming(path, str(fault)))]
+        except IsochronyError as fault:
+            rows = [failure(path, options.method, "failed", naming(path, str(fault)))]
+        printer.show(rows)
+        good += any(row["status"] == "ok" for row in rows)
+    if good == len(inputs):
+        return 0
+    return 1 if good else 3
+
+
+def _one(
+    path: Path, output: Path | None, requested: str | list[str], options: argparse.Namespace
+) -> list[dict[str, Any]]:
+    import data_schemas
+
+    record = read_checked(path, "record")
+    from pipeline.process import (
+        process,
+    )  # after the check: a bad record is told before the kernels are loaded
+    from pipeline.summary import summaries
+
+    result = process(record, method=requested, pair=options.pair, gain_uncertainty=options.gain_uncertainty)
+    rows = [{**row, "input": str(path), "output": None} for row in summaries(result)]
+    if output is not None and any(row["status"] == "ok" for row in rows):
+        make_folder(output)
+        data_schemas.write(result, output, overwrite=options.force)
+        rows = [{**row, "output": str(output)} for row in rows]
+    return rows
+
+
+def _requested(text: str) -> str | list[str]:
+    """The methods asked for, checked before any record is read."""
+    from pipeline.methods import METHODS
+
+    if text == "all":
+        return [name for name in METHODS if name != "auto"]
+    names = [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in METHODS:
+            raise UsageError(f"process: unknown method '{name}'{did_you_mean(name, (*METHODS, 'all'))}")
+    if len(set(names)) < len(names):
+        raise UsageError(f"process: --method {text} names a method twice; name each once")
+    return names[0] if len(names) == 1 else names
+
+
+def _with_progress(jobs: list[Any]) -> Iterable[Any]:
+    """The jobs, with a progress bar on stderr if a person watches and there is more than one."""
+    if len(jobs) == 1 or not sys.stderr.isatty():
+        return jobs
+    from tqdm import tqdm
+
+    bar: Iterable[Any] = tqdm(jobs, unit="record", file=sys.stderr, leave=False)
+    return bar

@@ -1,0 +1,103 @@
+"""Show the summaries of processed records: a table for a person, JSON Lines for a program."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pipeline.cli.outputs import stem
+from pipeline.cli.tables import Column, print_header, print_json, print_row
+
+_KEYS = (
+    "record_id", "input", "output", "status", "error", "requested_method", "method", "gravity_m_s2",
+    "gravity_sigma_mgal", "frequency_rad_s", "difference_frequency_rad_s", "corrections_mgal",
+    "sensitivity_mgal", "flags", "samples_used", "elapsed_s",
+)  # fmt: skip
+_SHORT = {"non_isochronism": "non-isochronism", "finite_arc": "arc"}
+
+
+def failure(path: Path, requested: str, status: str, error: str) -> dict[str, Any]:
+    """Summary of an input that gave nothing: every key of the contract, null but for the reason."""
+    row: dict[str, Any] = dict.fromkeys(_KEYS)
+    row.update(record_id=stem(path), input=str(path), status=status, error=error, requested_method=requested)
+    row.update(frequency_rad_s={}, corrections_mgal={}, sensitivity_mgal={}, flags=[])
+    return row
+
+
+class SummaryPrinter:
+    """Prints each record's summaries as soon as they are known.
+
+    A row of a single trace (a period, no gravity) has other columns: the headings are printed again when the
+    kind changes.
+    """
+
+    def __init__(self, inputs: Sequence[Path], *, as_json: bool) -> None:
+        self._as_json = as_json
+        self._width = max(len(stem(path)) for path in inputs)
+        self._headed: list[Column] = []
+
+    def show(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Print the summaries of one record; what failed goes to stderr as one line."""
+        for row in rows:
+            if self._as_json:
+                known = {key: row[key] for key in _KEYS if key in row}
+                print_json({**known, **row})
+            if row["method"] is None:  # the input as a whole gave nothing
+                print(f"isochrony: {' '.join(str(row['error']).split())}", file=sys.stderr, flush=True)
+            elif not self._as_json:
+                self._show_line(row)
+
+    def _show_line(self, row: Mapping[str, Any]) -> None:
+        single = "period_s" in row
+        columns = [
+            Column("record", self._width, right=False),
+            Column("method", 14, right=False),
+            *(_PERIOD if single else _GRAVITY),
+        ]
+        if columns != self._headed:
+            print_header(columns)
+            self._headed = columns
+        lead = [stem(Path(str(row["input"]))), str(row["method"])]
+        if row["status"] != "ok":
+            print_row(columns, lead)
+            print(f"    {row['status']}: {row['error']}", flush=True)
+            return
+        value = (
+            [_number(row["period_s"], ".8f"), _number(row["period_sigma_s"], ".2g")]
+            if single
+            else [
+                _number(row["gravity_m_s2"], ".8f"),
+                _small(row["gravity_sigma_mgal"]),
+                _corrections(row["corrections_mgal"]),
+            ]
+        )
+        flags = ", ".join(row["flags"]) or "none"
+        print_row(columns, [*lead, *value, _number(1e3 * row["elapsed_s"], ".1f"), flags])
+        if row["requested_method"] == "auto" and row.get("choice_reason"):
+            print(f"    auto: {row['choice_reason']}", flush=True)
+
+
+_TAIL = (Column("time ms"), Column("flags", right=False))
+_GRAVITY = (
+    Column("gravity m/s2", 12),
+    Column("sigma mGal", 10),
+    Column("corrections mGal", 38, right=False),
+    *_TAIL,
+)
+_PERIOD = (Column("period s", 11), Column("sigma s", 8), *_TAIL)
+
+
+def _number(value: float | None, form: str) -> str:
+    return "-" if value is None or value != value else format(value, form)
+
+
+def _small(value: float | None) -> str:
+    """Four decimals, or two digits where four decimals would show none."""
+    return _number(value, ".4f" if value is None or abs(value) >= 1e-3 else ".1e")
+
+
+def _corrections(entries: Mapping[str, float | None]) -> str:
+    parts = [f"{_SHORT.get(name, name)} {_number(value, '+.4f')}" for name, value in entries.items() if value]
+    return ", ".join(parts) or "none"

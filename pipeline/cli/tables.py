@@ -1,0 +1,92 @@
+"""Rows on stdout: a human table whose lines appear as they are known, or JSON Lines."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: its heading, its least width, and whether its cells stand right (numbers) or left."""
+
+    heading: str
+    width: int = 0
+    right: bool = True
+
+    def cell(self, text: str) -> str:
+        """Pad the text to the column."""
+        width = max(self.width, len(self.heading))
+        return text.rjust(width) if self.right else text.ljust(width)
+
+
+def print_header(columns: Sequence[Column]) -> None:
+    """Print the headings of a table."""
+    print_row(columns, [column.heading for column in columns])
+
+
+def print_row(columns: Sequence[Column], cells: Sequence[str]) -> None:
+    """Print one line of a table at once: a long run shows each row when it is done."""
+    padded = (column.cell(text) for column, text in zip(columns, cells, strict=False))
+    print("  ".join(padded).rstrip(), flush=True)
+
+
+def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print rows that share their keys as a table whose columns are as wide as they need be."""
+    if not rows:
+        return
+    keys = list(dict.fromkeys(key for row in rows for key in row))
+    cells = [[text(row.get(key)) for key in keys] for row in rows]
+    columns = [
+        Column(key, max(len(line[index]) for line in cells), _is_number([row.get(key) for row in rows]))
+        for index, key in enumerate(keys)
+    ]
+    print_header(columns)
+    for line in cells:
+        print_row(columns, line)
+
+
+def print_json(row: Mapping[str, Any]) -> None:
+    """Print one JSON object on one line; not-a-number and infinite become null."""
+    print(json.dumps(plain(row), ensure_ascii=False, allow_nan=False), flush=True)
+
+
+def plain(value: Any) -> Any:
+    """Turn a nest of mappings, sequences and NumPy scalars into what JSON knows.
+
+    >>> plain({"sigma": float("nan"), "flags": ("short_record",)})
+    {'sigma': None, 'flags': ['short_record']}
+    """
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):  # a NumPy scalar or array, without importing NumPy
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def text(value: Any) -> str:
+    """Show one value to a person: four significant digits, a dash where there is none.
+
+    >>> text(0.0012345), text(None), text(True), text(12)
+    ('0.001234', '-', 'yes', '12')
+    """
+    value = plain(value)
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return str(value)
+
+
+def _is_number(values: Sequence[Any]) -> bool:
+    known = [value for value in map(plain, values) if value is not None]
+    return all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in known)

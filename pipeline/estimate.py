@@ -1,0 +1,102 @@
+"""What every method returns, and the error budget that all of them share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.harmonics.envelope import Complexes, Envelope, Floats, fill
+from pipeline.harmonics.narrowband import NarrowbandFit, running_integral
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Sensitivities of the frequency of the difference pendulum, all linear.
+
+    Attributes
+    ----------
+    noise_difference, noise_theta : float
+        1-sigma of the frequency (rad s-1) per radian of white reading noise in each series.
+    by_ratio : float
+        d n2 / d (n1/n2), rad s-1.
+    by_gain : float
+        d n2 / d ln(gain of the first pendulum's trace), rad s-1.
+    """
+
+    noise_difference: float
+    noise_theta: float
+    by_ratio: float
+    by_gain: float
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Frequency of the second pendulum, as one method has it.
+
+    Attributes
+    ----------
+    frequency : float
+        Circular frequency at infinitesimal arc, undamped, rad s-1, in the record's own time.
+    uncorrected : float
+        The same from the plain slope of the difference's phase, rad s-1.
+    sigma : float
+        1-sigma of `frequency` from reading noise, rad s-1.
+    noise : float
+        1-sigma residual of the difference, rad (equivalent white reading noise).
+    damping_rate : float
+        gamma2 used or found, s-1.
+    samples : int
+        Samples of the difference that were used.
+    residual_colour : float
+        Power of the residual near the pendulum's frequency over that of white noise of the same total (1 = white).
+    phase_correction : (k,) array or None
+        Integrated correction subtracted from the phase, rad, at the envelope's instants.
+    speed_correction : (k,) array or None
+        The correction of the phase speed, rad s-1.
+    finite_arc : float
+        Part of the correction that is due to the finite arc, rad s-1.
+    """
+
+    frequency: float
+    uncorrected: float
+    sigma: float
+    noise: float
+    damping_rate: float
+    samples: int
+    residual_colour: float = 1.0
+    phase_correction: Floats | None = None
+    speed_correction: Floats | None = None
+    finite_arc: float = 0.0
+
+
+def budget(envelope: Envelope, fit: NarrowbandFit, ratio: float, damping_difference: float) -> Budget:
+    """Propagate noise, ratio and gain through the least-squares fit of the complex form.
+
+    Noise of the first pendulum enters through the running integral, hence by the adjoint: the influence of one instant
+    of it is the tail sum of the influences of all later instants of the difference.
+    """
+    present = np.isfinite(envelope.difference) & (envelope.coverage > 0.0)
+    weight = np.where(present, envelope.coverage, 0.0)
+    elapsed = envelope.time - envelope.time[0]
+    hop = envelope.hop
+    columns = np.sqrt(weight)[:, None] * fit.jacobian
+    influence = np.linalg.pinv(np.concatenate([columns.real, columns.imag]))[2]
+    count = elapsed.size
+    # complex weight per instant: d n2 = Re sum conj(g_k) dD_k
+    g: Complexes = (influence[:count] + 1j * influence[count:]) * np.sqrt(weight)
+    mu = 1j * (fit.frequency - envelope.carrier) - fit.damping_rate
+    kappa = 1j * fit.frequency * (ratio - 1.0) - damping_difference
+    growth = np.exp(mu * elapsed)
+    tail = np.cumsum((np.conj(g) * growth)[::-1])[::-1] / growth
+    first = fill(envelope.first)
+    unit_response = growth * running_integral(first / growth, hop)
+    samples_theta, samples_difference = envelope.samples
+    with np.errstate(divide="ignore"):
+        spread = np.where(weight > 0.0, 1.0 / np.maximum(weight, 1e-300), 0.0)
+    return Budget(
+        noise_difference=float(np.sqrt(2.0 / samples_difference * np.sum(np.abs(g) ** 2 * spread))) if count else 0.0,
+        noise_theta=float(np.sqrt(2.0 / samples_theta * np.sum(np.abs(kappa * hop * tail) ** 2))),
+        by_ratio=-float(np.sum(np.conj(g) * 1j * fit.frequency * unit_response).real),
+        by_gain=-float(np.sum(np.conj(g) * kappa * unit_response).real),
+    )

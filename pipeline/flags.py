@@ -1,0 +1,75 @@
+"""What the reader of a result must know: each flag has a name, a condition and a reason."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.estimate import Estimate
+from pipeline.gravity import Gravity
+from pipeline.methods.phases import passes_zero
+from pipeline.prepared import Prepared
+
+SHORT_SECONDS = 300.0  # below it the near-resonant beat and the damping are not told from the frequency
+MOST_MISSING = 0.3  # share of the difference's samples
+MOST_BRIDGED = 0.1  # share of the first pendulum's samples
+NOISE_ABOVE, NOISE_BELOW = 1.3, 0.7  # found over stated
+COLOUR = 1.6  # power near the pendulum's frequency over white
+COLOUR_FLOOR = 1e-4  # of the amplitude: a residual below it is the method's, not the readings'
+IMPLAUSIBLE = (9.6, 10.0)  # m s-2
+
+MEANINGS = {
+    "beats-through-zero": "the difference's amplitude passes near zero; phase methods mean nothing there",
+    "short-record": f"shorter than {SHORT_SECONDS:.0f} s",
+    "many-gaps": f"more than {100 * MOST_MISSING:.0f} % of the difference, or {100 * MOST_BRIDGED:.0f} % of the first pendulum, is missing",
+    "frequency-difference-unresolved": "the stated uncertainty of n1-n2 costs more than the reading noise",
+    "noise-above-stated": "residual noise above the stated reading noise",
+    "noise-below-stated": "residual noise below the stated reading noise",
+    "residual-not-white": "the residual has structure near the pendulum's frequency; sigma is widened by it",
+    "gravity-implausible": "gravity outside 9.6 to 10.0 m/s2; check instrument/period and reference_gravity",
+    "damping-difference-assumed": "no damping is stated and the pendulums decay; their difference is taken as zero",
+}
+_DECAY = 3e-6  # s-1: one per cent of it as a difference costs about 0.01 mGal at a relative period difference of 1e-4
+
+
+def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
+    """Flags of one method on one record, in the order of `MEANINGS`."""
+    seen = prepared.observation
+    present = np.isfinite(seen.difference)
+    amplitude = np.abs(prepared.blocks.difference)
+    raised = {
+        "beats-through-zero": passes_zero(amplitude),
+        "short-record": float(seen.time[-1]) < SHORT_SECONDS,
+        "many-gaps": 1.0 - present.mean() > MOST_MISSING or prepared.bridged > MOST_BRIDGED,
+        "frequency-difference-unresolved": _unresolved(prepared, value),
+        "gravity-implausible": not IMPLAUSIBLE[0] < value.gravity < IMPLAUSIBLE[1],
+        "damping-difference-assumed": seen.damping_rate is None and _decays(prepared, estimate),
+        **_noise(prepared, estimate, float(np.nanmedian(amplitude))),
+    }
+    return [name for name in MEANINGS if raised[name]]
+
+
+def _unresolved(prepared: Prepared, value: Gravity) -> bool:
+    uncertainty = float(np.hypot(*prepared.observation.period_relative_uncertainty))
+    cost = abs(value.per_ratio) * uncertainty / 1e-7
+    noise = 2.0 * value.gravity / 1e-5 * value.frequency_sigma / value.frequency[1]
+    return cost > noise
+
+
+def _decays(prepared: Prepared, estimate: Estimate) -> bool:
+    uncertainty = max(estimate.sigma, 1e-12)  # frequency and damping rate have the same standard deviation
+    return estimate.damping_rate > max(_DECAY, 5.0 * uncertainty)
+
+
+def _noise(prepared: Prepared, estimate: Estimate, amplitude: float) -> dict[str, bool]:
+    stated = prepared.observation.sigma_difference
+    allowance = 5.0 / np.sqrt(2.0 * estimate.samples)  # of the estimate itself
+    found = estimate.noise if stated is None else estimate.noise / stated
+    colour = estimate.residual_colour
+    blocks = float(prepared.blocks.time.size)
+    rises = colour > COLOUR + 5.0 / np.sqrt(blocks)
+    visible = estimate.noise * np.sqrt(max(colour, 1.0)) > COLOUR_FLOOR * amplitude
+    return {
+        "noise-above-stated": stated is not None and found > NOISE_ABOVE + allowance,
+        "noise-below-stated": stated is not None and found < NOISE_BELOW - allowance,
+        "residual-not-white": rises and visible,
+    }

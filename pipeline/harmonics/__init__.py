@@ -1,0 +1,1 @@
+"""Amplitude and phase of the harmonic near the pendulum's own frequency, apart from the slow forced motion."""

@@ -1,0 +1,100 @@
+"""A cheap envelope from adjoining blocks: the start of the exact fits, and the weights of their error budget.
+
+Each block is fitted by {cos, sin, 1, t}. On a uniform grid all complete blocks are one small matrix product.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.harmonics.envelope import Complexes, Envelope, Floats, window_length
+
+BLOCK_SECONDS = 4.0
+LEAST_COVERAGE = 0.5
+
+
+def block_envelope(time: Floats, step: float | None, theta: Floats, difference: Floats, frequency: float) -> Envelope:
+    """Envelope of both series at block centres.
+
+    Parameters
+    ----------
+    time, theta, difference : (n,) arrays
+        s, rad, rad; NaN = missing.
+    step : float or None
+        Sampling step when uniform.
+    frequency : float
+        Carrier, rad s-1.
+    """
+    mean_step = step if step is not None else float(time[-1]) / (time.size - 1)
+    duration = float(time[-1]) + mean_step
+    length = window_length(frequency, mean_step, BLOCK_SECONDS, duration)
+    series = np.stack([theta, difference])
+    if step is not None:
+        rows = max(4, round(length / step))
+        centres, coefficients, counts = _uniform(series, step, rows, frequency)
+        length = rows * step
+    else:
+        edges = np.arange(0.0, duration - 0.5 * length, length)
+        centres, coefficients, counts = _uneven(time, series, edges, length, frequency)
+        rows = max(4, round(length / mean_step))
+    carrier = np.exp(-1j * frequency * centres)
+    amplitude = (coefficients[:, :, 0] - 1j * coefficients[:, :, 1]) * carrier
+    coverage = counts / rows
+    amplitude[coverage < LEAST_COVERAGE] = np.nan
+    speed = np.stack([_gradient(row, length) for row in amplitude])
+    return Envelope(
+        time=centres,
+        carrier=frequency,
+        first=amplitude[0],
+        difference=amplitude[1],
+        first_speed=speed[0],
+        difference_speed=speed[1],
+        slow=coefficients[:, :, 2],
+        slow_speed=coefficients[:, :, 3] / (0.5 * length),
+        coverage=np.minimum(coverage[1], 1.0),
+        samples=counts.mean(axis=1),
+        noise_gain=2.0 / rows,
+    )
+
+
+def _basis(tau: Floats, half: float, frequency: float) -> Floats:
+    return np.stack([np.cos(frequency * tau), np.sin(frequency * tau), np.ones_like(tau), tau / half], axis=-1)
+
+
+def _uniform(series: Floats, step: float, rows: int, frequency: float) -> tuple[Floats, Floats, Floats]:
+    count = series.shape[1] // rows
+    tau = (np.arange(rows) - 0.5 * (rows - 1)) * step
+    basis = _basis(tau, 0.5 * rows * step, frequency)
+    blocks = series[:, : count * rows].reshape(2, count, rows)
+    coefficients = blocks @ np.linalg.pinv(basis).T
+    counts = np.full((2, count), float(rows))
+    for which, block in zip(*np.nonzero(np.isnan(coefficients[:, :, 0])), strict=True):
+        coefficients[which, block], counts[which, block] = _fit(basis, blocks[which, block])
+    return (np.arange(count) + 0.5) * rows * step - 0.5 * step, coefficients, counts
+
+
+def _uneven(
+    time: Floats, series: Floats, edges: Floats, length: float, frequency: float
+) -> tuple[Floats, Floats, Floats]:
+    centres = edges + 0.5 * length
+    coefficients = np.full((2, edges.size, 4), np.nan)
+    counts = np.zeros((2, edges.size))
+    bounds = np.searchsorted(time, np.append(edges, edges[-1] + length))
+    for block, centre in enumerate(centres):
+        part = slice(bounds[block], bounds[block + 1])
+        basis = _basis(time[part] - centre, 0.5 * length, frequency)
+        for which in range(2):
+            coefficients[which, block], counts[which, block] = _fit(basis, series[which, part])
+    return centres, coefficients, counts
+
+
+def _fit(basis: Floats, values: Floats) -> tuple[Floats, int]:
+    present = np.isfinite(values)
+    count = int(present.sum())
+    if count < 8:
+        return np.full(4, np.nan), count
+    return np.linalg.lstsq(basis[present], values[present], rcond=None)[0], count
+
+
+def _gradient(values: Complexes, hop: float) -> Complexes:
+    return np.gradient(values, hop) if values.size > 1 else np.zeros_like(values)

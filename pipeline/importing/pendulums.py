@@ -1,0 +1,94 @@
+"""Traces as combinations of pendulums, and the period of each pendulum."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schemas.errors import UsageError
+from pipeline.importing.options import ImportOptions
+
+_LABEL = re.compile(r"[^\s=:-]+")
+
+
+def combine(traces: Sequence[str], given: Mapping[str, str]) -> tuple[list[str], NDArray[np.float64]]:
+    """Labels of the pendulums, and each trace as their combination (trace, pendulum).
+
+    A trace is read from `given`, else from its own label: "1" is a pendulum, "1-2" a difference.
+
+    Raises
+    ------
+    UsageError
+        A combination that names no pendulums, or traces that repeat each other.
+
+    Examples
+    --------
+    >>> combine(["1", "1-2"], {})
+    (['1', '2'], array([[ 1.,  0.],
+           [ 1., -1.]]))
+    """
+    for trace in given:
+        if trace not in traces:
+            raise UsageError(
+                f"--combination {trace}=...: there is no trace '{trace}'; traces: {', '.join(traces)}"
+            )
+    parts = {}
+    for trace in traces:
+        labels = given.get(trace, trace).split("-")
+        if not all(_LABEL.fullmatch(label) for label in labels) or len(set(labels)) < len(labels):
+            raise UsageError(
+                f"trace '{trace}': '{given.get(trace, trace)}' is no combination of different pendulums; "
+                f"write --combination {trace}=1 or {trace}=1-2"
+            )
+        parts[trace] = labels
+    pendulums = sorted({label for labels in parts.values() for label in labels}, key=_natural)
+    matrix = np.zeros((len(traces), len(pendulums)))
+    for row, labels in enumerate(parts.values()):
+        for order, label in enumerate(labels):
+            matrix[row, pendulums.index(label)] = 1.0 if order == 0 else -1.0
+    if len(traces) > 1 and np.linalg.matrix_rank(matrix) < len(traces):
+        raise UsageError(
+            f"traces {', '.join(traces)} repeat each other as combinations of pendulums; "
+            "leave one out with --column, or correct --combination"
+        )
+    return pendulums, matrix
+
+
+def periods(pendulums: Sequence[str], options: ImportOptions, *, needed: bool) -> NDArray[np.float64] | None:
+    """Period of each pendulum in s; None if none was given nor is needed (a single trace does without).
+
+    Raises
+    ------
+    UsageError
+        A period of an unknown pendulum, or several traces without periods or without their gravity.
+    """
+    given = dict(options.periods)
+    known = ", ".join(pendulums)
+    if "" in given:
+        if len(pendulums) > 1:
+            raise UsageError(
+                f"--period {given['']:g}: there are pendulums {known}; write LABEL=SECONDS for each"
+            )
+        given[pendulums[0]] = given.pop("")
+    for label in given:
+        if label not in pendulums:
+            raise UsageError(f"--period {label}=...: there is no pendulum '{label}'; pendulums: {known}")
+    if not given and not needed:
+        return None
+    for label in pendulums:
+        if label not in given:
+            raise UsageError(
+                f"pendulum {label} has no period, which gravity needs; add --period {label}=SECONDS"
+            )
+    if needed and options.gravity is None:
+        raise UsageError("the gravity at which the periods hold is missing; add --gravity, in m/s2")
+    return np.array([given[label] for label in pendulums])
+
+
+def _natural(label: str) -> tuple[bool, int, str]:
+    """Order labels as numbers where they are numbers: 2 before 10."""
+    is_number = label.isascii() and label.isdigit()
+    return not is_number, int(label) if is_number else 0, label

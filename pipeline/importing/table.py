@@ -1,0 +1,166 @@
+"""Text tables of numbers: find delimiter, header and missing values; name the line of every fault."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from data_schemas.errors import FileError, RecordError
+
+_MISSING = frozenset({"", "-", "nan", "na", "n/a", "null", "none"})
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d([T ].*)?")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells of a text table as they were written.
+
+    Attributes
+    ----------
+    source : str
+        The file, for messages.
+    names : tuple of str
+        Name of each column; "" where the table has no header.
+    lines : tuple of int
+        Line number in the file of each row, from 1.
+    rows : tuple of tuple of str
+        Stripped cells; every row has as many as there are names.
+    """
+
+    source: str
+    names: tuple[str, ...]
+    lines: tuple[int, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def title(self, column: int) -> str:
+        """What to call a column in a message: its name, or its number from 1."""
+        return f"'{self.names[column]}'" if self.names[column] else str(column + 1)
+
+    def numbers(self, column: int) -> list[float]:
+        """Values of one column; NaN where missing.
+
+        Raises
+        ------
+        RecordError
+            A cell is no number, or infinite; the message names its line.
+        """
+        values = []
+        for line, row in zip(self.lines, self.rows, strict=True):
+            value = number(row[column])
+            if value is None or value in (float("inf"), float("-inf")):
+                raise RecordError(
+                    f"{self.source}: line {line}, column {self.title(column)}: "
+                    f"'{row[column]}' is not a finite number; correct it, or leave the cell empty if missing"
+                )
+            values.append(value)
+        return values
+
+
+def number(cell: str) -> float | None:
+    """Value of a cell: NaN if it says missing, None if it is no number.
+
+    >>> number("3,5"), number("-"), number("angle")
+    (3.5, nan, None)
+    """
+    if cell.lower() in _MISSING:
+        return float("nan")
+    if _DECIMAL_COMMA.fullmatch(cell):
+        cell = cell.replace(",", ".")
+    try:
+        return float(cell) if "_" not in cell else None  # Python alone reads 1_000
+    except ValueError:
+        return None
+
+
+def is_date(cell: str) -> bool:
+    """Whether a cell looks like an ISO 8601 date or time of a day."""
+    return _DATE.fullmatch(cell) is not None
+
+
+def read_table(path: str | os.PathLike[str]) -> Table:
+    """Read a text table.
+
+    Comma, semicolon, tab or blanks separate the cells; a decimal comma is understood unless the comma
+    separates. Lines that start with `#` are comments; the last of them before the numbers names the columns
+    if the table has no other header.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read or is no text.
+    RecordError
+        It has no rows, or a row has too few or too many cells.
+    """
+    source = os.fspath(path)
+    numbered: list[tuple[int, str]] = []
+    comment = ""
+    for index, line in enumerate(_text(source).splitlines(), start=1):
+        if line.lstrip().startswith("#"):
+            if not numbered:
+                comment = line.lstrip("# \t")
+        elif line.strip():
+            numbered.append((index, line))
+    if not numbered:
+        raise RecordError(f"{source}: holds no rows; a table of times and angles is needed")
+    split = _splitter(numbered[0][1])
+    lines = [index for index, _ in numbered]
+    rows = [split(line) for _, line in numbered]
+    if all(len(row) == len(rows[0]) and not row[-1] for row in rows):
+        rows = [row[:-1] for row in rows]  # every line ends with a delimiter
+    width = len(rows[0])
+    names = [""] * width
+    if _is_header(rows[0]):
+        names = rows.pop(0)
+        lines.pop(0)
+    elif comment and len(split(comment)) == width and _is_header(split(comment)):
+        names = split(comment)
+    for index, row in zip(lines, rows, strict=True):
+        if len(row) != width:
+            raise RecordError(
+                f"{source}: line {index} has {len(row)} cells where the first row has {width}; "
+                "write every row with the same delimiters"
+            )
+    return Table(source, tuple(names), tuple(lines), tuple(tuple(row) for row in rows))
+
+
+def _text(source: str) -> str:
+    try:
+        raw = Path(source).read_bytes()
+    except IsADirectoryError:
+        raise FileError(f"{source}: is a folder; name a file") from None
+    except OSError as fault:
+        raise FileError(
+            f"{source}: cannot be read ({fault.strerror}); check the name and the rights"
+        ) from None
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise FileError(f"{source}: is not UTF-8 text; export it as CSV (UTF-8)")
+    return text
+
+
+def _splitter(line: str) -> Callable[[str], list[str]]:
+    """How to cut lines into stripped cells, told by the first line."""
+    for delimiter in (";", "\t", ","):
+        if delimiter in line and not (delimiter == "," and _all_decimal_commas(line)):
+            return lambda text: [
+                cell.strip() for cell in next(csv.reader([text], delimiter=delimiter, strict=False))
+            ]
+    return str.split
+
+
+def _all_decimal_commas(line: str) -> bool:
+    """Whether blanks separate and each comma is a decimal one: "0,00 0,15" but not "0, 0.15" nor "0,1"."""
+    cells = line.split()
+    return len(cells) > 1 and all(_DECIMAL_COMMA.fullmatch(cell) for cell in cells if "," in cell)
+
+
+def _is_header(cells: list[str]) -> bool:
+    return any(number(cell) is None and not is_date(cell) for cell in cells)

@@ -1,0 +1,45 @@
+"""The methods of `process`, by name. A method is a function `Prepared -> Estimate`, imported when it is asked for."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from data_schemas.errors import UsageError
+
+if TYPE_CHECKING:
+    from pipeline.estimate import Estimate
+    from pipeline.prepared import Prepared
+
+    Method = Callable[[Prepared], Estimate]
+
+_WHERE = {
+    "uncorrected": "pipeline.methods.uncorrected",
+    "vening-meinesz": "pipeline.methods.vening_meinesz",
+    "panteleev": "pipeline.methods.panteleev",
+    "general": "pipeline.methods.general",
+    "complex": "pipeline.methods.complex_form",
+    "projection": "pipeline.methods.projection",
+}
+METHODS: tuple[str, ...] = (*_WHERE, "auto")
+PHASE_METHODS = ("uncorrected", "vening-meinesz", "panteleev", "general", "complex")
+"""Methods that work on the separated harmonics; the others never compute them."""
+
+
+def method(name: str) -> Method:
+    """The function of a method.
+
+    Raises
+    ------
+    UsageError
+        There is no such method.
+    """
+    if name not in _WHERE:
+        import difflib
+
+        near = difflib.get_close_matches(name, METHODS, n=1)
+        hint = f"did you mean '{near[0]}'? " if near else ""
+        raise UsageError(f"method '{name}': {hint}choose from {', '.join(METHODS)}")
+    function: Method = importlib.import_module(_WHERE[name]).estimate
+    return function

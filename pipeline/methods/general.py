@@ -1,0 +1,49 @@
+"""`general`: (36)/(38) fed with the model's phase speeds, which carry the finite arc to the difference pendulum.
+
+`phi_i' = n_i (1 - Theta_i^2/16)` and `a_i' = -gamma_i a_i`, with Theta_i the separated harmonics. (38) is an identity and corrects
+nothing by itself; fed with measured speeds it would only return the measured phase.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.estimate import Estimate
+from pipeline.harmonics.envelope import Complexes, Floats
+from pipeline.methods.phases import corrected, phases
+from pipeline.phase_speed import difference_speed_by_phase
+from pipeline.prepared import Prepared
+
+
+def estimate(prepared: Prepared) -> Estimate:
+    """Correct by (38) with model speeds; arc terms are left out where the record says `restoring = linear`."""
+    found = phases(prepared)
+    envelope, seen = found.envelope, prepared.observation
+    frequency = prepared.rough.frequency
+    arc = seen.restoring != "linear"
+    speed = model_speed(envelope.first, envelope.difference, frequency, prepared, arc=arc)
+    plain = model_speed(envelope.first, envelope.difference, frequency, prepared, arc=False) if arc else speed
+    return corrected(prepared, found, speed, speed - plain if arc else None)
+
+
+def model_speed(
+    first: Complexes, difference: Complexes, frequency: float, prepared: Prepared, *, arc: bool
+) -> Floats:
+    """`phi' - n2` of the difference by (38), rad s-1."""
+    seen = prepared.observation
+    second = first - difference
+    rates = np.zeros(2) if seen.damping_rate is None else seen.damping_rate
+    bend = 1.0 / 16.0 if arc else 0.0
+    speed_1 = seen.frequency_ratio * frequency * (1.0 - bend * np.abs(first) ** 2)
+    speed_2 = frequency * (1.0 - bend * np.abs(second) ** 2)
+    return (
+        difference_speed_by_phase(
+            speed_1,
+            speed_2,
+            np.abs(first) / np.abs(difference),
+            np.angle(first / difference),
+            -rates[0],
+            -rates[1],
+        )
+        - frequency
+    )

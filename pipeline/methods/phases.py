@@ -1,0 +1,136 @@
+"""What the methods that correct a phase have in common: the phase, its weights, the regression, the error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from data_schemas.errors import RefusedError
+from pipeline.estimate import Estimate
+from pipeline.harmonics.envelope import Envelope, Floats
+from pipeline.harmonics.narrowband import regression, running_integral
+from pipeline.prepared import Prepared, require_swing
+
+LEAST_AMPLITUDE = 0.1  # min a / max a below which the phase form of (27) errs by up to 1000 mGal
+
+
+@dataclass(frozen=True)
+class Phases:
+    """Phase of the difference relative to the carrier, and the separated harmonics it came from.
+
+    Attributes
+    ----------
+    envelope : Envelope
+    phase : (k,) array
+        phi less carrier times time, rad; NaN = missing.
+    weight : (k,) array
+        a^2 times coverage: the phase's variance goes as 1/a^2.
+    """
+
+    envelope: Envelope
+    phase: Floats
+    weight: Floats
+
+
+def phases(prepared: Prepared, *, through_zero: bool = False) -> Phases:
+    """Phase of the difference.
+
+    Raises
+    ------
+    RefusedError
+        The amplitude passes so near zero that its phase means nothing (unless `through_zero`).
+    """
+    envelope = prepared.sliding
+    require_swing(envelope)
+    amplitude = np.abs(envelope.difference)
+    present = np.isfinite(amplitude)
+    if not through_zero and passes_zero(amplitude):
+        raise RefusedError(
+            "difference: its amplitude falls below a tenth of its maximum, where a phase means nothing; "
+            "use the method 'complex' or 'projection'"
+        )
+    phase = np.full(amplitude.size, np.nan)
+    phase[present] = np.unwrap(np.angle(envelope.difference[present]))
+    weight = np.where(present, envelope.coverage * np.where(present, amplitude, 0.0) ** 2, 0.0)
+    return Phases(envelope=envelope, phase=phase, weight=weight)
+
+
+def passes_zero(amplitude: Floats) -> bool:
+    """Whether the amplitude comes so near zero that the phase form of (27) means nothing."""
+    present = amplitude[np.isfinite(amplitude)]
+    return bool(present.size and present.min() < LEAST_AMPLITUDE * present.max())
+
+
+def integrate(speed: Floats, hop: float) -> Floats:
+    """Integrated correction; its own missing instants are bridged linearly (it is an input, not the difference)."""
+    present = np.isfinite(speed)
+    where = np.arange(speed.size)
+    whole = np.interp(where, where[present], speed[present])
+    return np.asarray(running_integral(whole.astype(np.complex128), hop).real)
+
+
+def corrected(prepared: Prepared, found: Phases, speed: Floats | None, finite_arc: Floats | None = None) -> Estimate:
+    """Integrate the correction, subtract it from the phase, regress.
+
+    Parameters
+    ----------
+    speed : (k,) array or None
+        Correction of the phase speed, rad s-1 (subtracted).
+    finite_arc : (k,) array or None
+        The part of `speed` that is due to the finite arc.
+    """
+    envelope = found.envelope
+    present = found.weight > 0.0
+    time = envelope.time[present]
+    weight = found.weight[present]
+
+    def slope(correction: Floats | float) -> float:
+        return regression(time, (found.phase - correction)[present], weight)
+
+    shift = None if speed is None else integrate(speed, envelope.hop)
+    oscillation = envelope.carrier + slope(0.0 if shift is None else shift)
+    arc = 0.0 if finite_arc is None else slope(0.0) - slope(integrate(finite_arc, envelope.hop))
+    gamma = prepared.rough.damping_rate
+    residual = (found.phase - (0.0 if shift is None else shift))[present]
+    slant = regression(time, residual, weight)
+    residual = residual - slant * time
+    residual = residual - np.average(residual, weights=weight)
+    quadrature = float(np.average(np.square(residual), weights=weight) * np.mean(np.abs(envelope.difference[present]) ** 2))
+    return with_noise(
+        prepared,
+        envelope,
+        quadrature,
+        frequency=float(np.hypot(oscillation, gamma)),
+        uncorrected=float(np.hypot(envelope.carrier + slope(0.0), gamma)),
+        damping_rate=gamma,
+        phase_correction=shift,
+        speed_correction=speed,
+        finite_arc=-arc,
+    )
+
+
+def with_noise(prepared: Prepared, envelope: Envelope, variance: float, **found: Any) -> Estimate:
+    """Complete an estimate with its error budget.
+
+    Parameters
+    ----------
+    variance : float
+        Mean square of one component of the envelope's residual, rad2.
+    """
+    noise = prepared.noise_difference
+    if not np.isfinite(noise):
+        noise = float(np.sqrt(variance / envelope.noise_gain))
+    colour = variance / (noise**2 * envelope.noise_gain) if noise > 0.0 else 1.0
+    shared = prepared.rough_budget
+    theta_noise = prepared.noise_theta if np.isfinite(prepared.noise_theta) else noise
+    return Estimate(
+        sigma=float(
+            np.hypot(shared.noise_difference * noise * np.sqrt(max(colour, 1.0)), shared.noise_theta * theta_noise)
+        ),
+        noise=noise,
+        samples=int(np.isfinite(prepared.observation.difference).sum()),
+        residual_colour=colour,
+        **found,
+    )

@@ -1,0 +1,52 @@
+"""`vening-meinesz`: formula (9) at the film's minute marks, with amplitude and phase of the raw first pendulum.
+
+It is the method of the 1930s and keeps its fault: the slow motion psi1 leaks into a1 and phi1 as (14) shows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.estimate import Estimate
+from pipeline.harmonics.envelope import Floats
+from pipeline.methods.phases import corrected, phases
+from pipeline.phase_speed import vening_meinesz
+from pipeline.prepared import Prepared
+
+MARK_SECONDS = 60.0
+_NEIGHBOURS = 9
+_DEGREE = 8
+
+
+def estimate(prepared: Prepared) -> Estimate:
+    """Read (9) at minute marks, join the readings by straight lines, integrate and regress."""
+    found = phases(prepared)
+    envelope, seen = found.envelope, prepared.observation
+    frequency = prepared.rough.frequency
+    every = max(1, round(MARK_SECONDS / envelope.hop))
+    marks = np.arange(0, envelope.time.size, every)
+    marks = marks[np.isfinite(envelope.difference[marks])]
+    first_frequency = seen.frequency_ratio * frequency
+    value, slope = value_and_slope(seen.time, seen.theta, envelope.time[marks])
+    raw = value - 1j * slope / first_frequency  # (4)
+    difference = envelope.difference[marks] * np.exp(1j * envelope.carrier * envelope.time[marks])
+    reading = (
+        vening_meinesz(first_frequency, frequency, np.abs(raw), np.abs(difference), np.angle(raw / difference))
+        - frequency
+    )
+    return corrected(prepared, found, np.interp(envelope.time, envelope.time[marks], reading))
+
+
+def value_and_slope(time: Floats, series: Floats, instants: Floats) -> tuple[Floats, Floats]:
+    """Elongation and its derivative at given instants, by the polynomial through the nine nearest samples."""
+    present = np.isfinite(series)
+    time, series = time[present], series[present]
+    start = np.clip(np.searchsorted(time, instants) - _NEIGHBOURS // 2, 0, time.size - _NEIGHBOURS)
+    value, slope = np.empty(instants.size), np.empty(instants.size)
+    for k, instant in enumerate(instants):
+        part = slice(start[k], start[k] + _NEIGHBOURS)
+        tau = time[part] - instant
+        scale = np.abs(tau).max()
+        coefficient = np.linalg.lstsq(np.vander(tau / scale, _DEGREE + 1, increasing=True), series[part], rcond=None)[0]
+        value[k], slope[k] = coefficient[0], coefficient[1] / scale
+    return value, slope

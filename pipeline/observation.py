@@ -1,0 +1,239 @@
+"""What a method is given: the two series of one difference pendulum, and what is known of the instrument."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schemas.errors import RecordError, UsageError
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+Floats = NDArray[np.float64]
+
+GRID_TOLERANCE = 1e-9  # s; times this close to a uniform grid are taken to lie on it
+MOST_GRID_ROWS = 4  # a grid more than this many times longer than the series is no grid
+
+
+@dataclass(frozen=True)
+class Observation:
+    """One difference pendulum of one record, in SI units and radians.
+
+    Attributes
+    ----------
+    first, second : str
+        Labels of the pendulums; the difference is `first - second`.
+    time : (n,) array
+        Seconds from the first sample.
+    step : float or None
+        Sampling step in seconds when `time` is uniform (missing samples are NaN), else None.
+    theta : (n,) array
+        Elongation of the first pendulum, rad, NaN = missing.
+    difference : (n,) array
+        Elongation of the difference pendulum, rad, NaN = missing.
+    sigma_theta, sigma_difference : float or None
+        Stated 1-sigma reading noise, rad.
+    frequency_reference : (2,) array
+        Circular frequencies of the two pendulums at `reference_gravity`, infinitesimal arc, rad s-1.
+    damping_rate : (2,) array or None
+        Stated damping rates, s-1.
+    reference_gravity : float
+        m s-2.
+    period_relative_uncertainty : (2,) array
+        Stated relative 1-sigma uncertainty of the two periods (0 where nothing is stated).
+    chronometer_rate : float
+        Seconds a day that the chronometer loses.
+    restoring : str or None
+        "sine", "linear", or None where the record does not say.
+    """
+
+    first: str
+    second: str
+    time: Floats
+    step: float | None
+    theta: Floats
+    difference: Floats
+    sigma_theta: float | None
+    sigma_difference: float | None
+    frequency_reference: Floats
+    damping_rate: Floats | None
+    reference_gravity: float
+    period_relative_uncertainty: Floats
+    chronometer_rate: float
+    restoring: str | None
+
+    @property
+    def frequency_ratio(self) -> float:
+        """n1/n2, which does not depend on gravity and is therefore held when n2 is fitted."""
+        return float(self.frequency_reference[0] / self.frequency_reference[1])
+
+    @property
+    def damping_difference(self) -> float:
+        """gamma1 - gamma2, s-1; taken as zero where no damping is stated."""
+        return 0.0 if self.damping_rate is None else float(self.damping_rate[0] - self.damping_rate[1])
+
+
+def observe(record: DataTree, pair: str | None = None) -> Observation:
+    """Form the difference pendulum of a record.
+
+    Parameters
+    ----------
+    record : DataTree
+        A valid record (see `data_schemas.check`).
+    pair : str, optional
+        "A-B" with pendulum labels; the first recorded difference, else the first two pendulums, by default.
+
+    Raises
+    ------
+    UsageError
+        `pair` names no two pendulums of the record.
+    RecordError
+        The traces cannot give the difference or its first pendulum, or period or gravity is missing.
+    """
+    traces = record["record"].dataset
+    labels = [str(label) for label in traces["pendulum"].values]
+    combination = np.asarray(traces["combination"].values, dtype=np.float64)
+    first, second = _choose_pair(labels, combination, pair)
+    unit = np.eye(len(labels))
+    one, two = labels.index(first), labels.index(second)
+    weights = {
+        "theta": _solve(combination, unit[one], first),
+        "difference": _solve(combination, unit[one] - unit[two], f"{first}-{second}"),
+    }
+    elongation = np.asarray(traces["elongation"].values, dtype=np.float64)
+    sigma = _uncertainty(traces, elongation.shape[0])
+    time = np.asarray(record.dataset["time"].values, dtype=np.float64)
+    series = np.stack([_combine(weights[name], elongation) for name in ("theta", "difference")])
+    time, step, series = uniform_grid(time - time[0], series)
+    return Observation(
+        first=first,
+        second=second,
+        time=time,
+        step=step,
+        theta=series[0],
+        difference=series[1],
+        sigma_theta=_combined_sigma(weights["theta"], sigma),
+        sigma_difference=_combined_sigma(weights["difference"], sigma),
+        **instrument(record, (first, second)),
+    )
+
+
+def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
+    """The instrument constants of the named pendulums, as the fields of `Observation`."""
+    if "instrument" not in record.children or "period" not in record["instrument"].dataset:
+        raise RecordError(
+            "instrument/period: missing; gravity needs the period of each pendulum at instrument/reference_gravity"
+        )
+    constants = record["instrument"].dataset
+    if "reference_gravity" not in constants:
+        raise RecordError("instrument/reference_gravity: missing; give the gravity at which the periods hold, m s-2")
+    known = [str(label) for label in constants["pendulum"].values]
+    for label in pendulums:
+        if label not in known:
+            raise RecordError(f"instrument/pendulum: no constants for pendulum '{label}'; it knows {', '.join(known)}")
+    rows = [known.index(label) for label in pendulums]
+
+    def column(name: str) -> Floats | None:
+        return np.asarray(constants[name].values, dtype=np.float64)[rows] if name in constants else None
+
+    period = column("period")
+    assert period is not None
+    uncertainty = column("period_uncertainty")
+    rate = constants["chronometer_rate"].values if "chronometer_rate" in constants else 0.0
+    restoring = record["instrument"].attrs.get("restoring")
+    return {
+        "frequency_reference": 2.0 * np.pi / period,
+        "damping_rate": column("damping_rate"),
+        "reference_gravity": float(constants["reference_gravity"].values),
+        "period_relative_uncertainty": np.zeros(len(rows)) if uncertainty is None else uncertainty / period,
+        "chronometer_rate": float(rate),
+        "restoring": None if restoring is None else str(restoring),
+    }
+
+
+def uniform_grid(time: Floats, series: Floats) -> tuple[Floats, float | None, Floats]:
+    """Lay samples on a uniform grid where their times allow it; absent samples become NaN.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Strictly increasing, seconds, starting at 0.
+    series : (k, n) array
+
+    Returns
+    -------
+    time, step, series
+        `step` is None, and the input is returned, when the times lie on no grid.
+    """
+    spacing = np.diff(time)
+    step = float(spacing.min()) if spacing.size else 0.0
+    if not step > 0.0 or time[-1] / step > MOST_GRID_ROWS * time.size:
+        return time, None, series
+    for _ in range(2):  # the first spacing fixes the row numbers, the whole length the step
+        rows = np.rint(time / step).astype(np.int64)
+        step = float(time[-1] / rows[-1])
+    if np.abs(time - rows * step).max() > GRID_TOLERANCE:
+        return time, None, series
+    if rows[-1] + 1 == time.size:
+        return time, step, series
+    full = np.full((series.shape[0], rows[-1] + 1), np.nan)
+    full[:, rows] = series
+    return np.arange(rows[-1] + 1) * step, step, full
+
+
+def _choose_pair(labels: list[str], combination: Floats, pair: str | None) -> tuple[str, str]:
+    if pair is not None:
+        for first in labels:
+            for second in labels:
+                if first != second and pair == f"{first}-{second}":
+                    return first, second
+        raise UsageError(f"pair '{pair}': give two of the record's pendulums as A-B; it has {', '.join(labels)}")
+    for row in combination:
+        used = np.flatnonzero(row)
+        if used.size == 2 and np.isclose(row[used].sum(), 0.0):
+            scaled = row[used[0]] > 0
+            return (labels[used[0]], labels[used[1]]) if scaled else (labels[used[1]], labels[used[0]])
+    if len(labels) < 2:
+        raise RecordError("record/combination: one pendulum gives no difference; gravity at sea needs two in one frame")
+    return labels[0], labels[1]
+
+
+def _solve(combination: Floats, wanted: Floats, name: str) -> Floats:
+    """Weights of the traces whose sum is the wanted combination of pendulums; sparse where a trace is it already."""
+    for row, trace in enumerate(combination):
+        if np.array_equal(trace, wanted):
+            return np.eye(len(combination))[row]
+    weights = np.linalg.lstsq(combination.T, wanted, rcond=None)[0]
+    if np.abs(combination.T @ weights - wanted).max() > 1e-9:
+        raise RecordError(
+            f"record/combination: the traces cannot give '{name}'; record one pendulum and a difference, or two pendulums"
+        )
+    weights[np.abs(weights) < 1e-12] = 0.0
+    return weights
+
+
+def _combine(weights: Floats, elongation: Floats) -> Floats:
+    used = np.flatnonzero(weights)
+    if used.size == 1 and weights[used[0]] == 1.0:
+        return np.ascontiguousarray(elongation[used[0]])
+    return np.ascontiguousarray(np.tensordot(weights[used], elongation[used], axes=1))
+
+
+def _uncertainty(traces: Any, count: int) -> Floats | None:
+    if "elongation_uncertainty" not in traces:
+        return None
+    sigma = np.asarray(traces["elongation_uncertainty"].values, dtype=np.float64)
+    if sigma.ndim == 2:
+        sigma = np.sqrt(np.nanmean(np.square(sigma), axis=1))
+    return sigma.reshape(count)
+
+
+def _combined_sigma(weights: Floats, sigma: Floats | None) -> float | None:
+    if sigma is None:
+        return None
+    value = float(np.sqrt(np.sum(np.square(weights[weights != 0] * sigma[weights != 0]))))
+    return value if np.isfinite(value) and value > 0.0 else None

@@ -1,0 +1,96 @@
+"""Single wild readings, found by what their neighbours say.
+
+Each sample is compared with the fit of {1, t, t^2, t^3, cos, sin, t cos, t sin} through the half second on either side,
+itself left out. The largest disagreement of its neighbourhood is taken out first, because it spoils its neighbours'.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.gaps import fill_gaps
+
+Floats = NDArray[np.float64]
+
+REACH_SECONDS = 0.5
+LEAST_REACH = 6  # samples on each side
+THRESHOLD = 6.0  # robust sigmas; of 45000 Gaussian samples 1e-4 exceed it
+MOST_ANGLE = 0.5 * np.pi  # swing between samples; with fewer than four a swing neighbours do not tell
+_ROUNDS = 20
+_FLOOR = 1e-9  # of the largest elongation: below it lies rounding, not reading error
+
+
+def reject_outliers(series: Floats, step: float, frequency: float) -> tuple[Floats, int, float]:
+    """Replace wild readings by NaN.
+
+    Parameters
+    ----------
+    series : (n,) array
+        Uniform samples, rad, NaN = missing.
+    step, frequency : float
+        s, rad s-1.
+
+    Returns
+    -------
+    (n,) array, int, float
+        The series (itself when nothing was found), how many samples were rejected, and the white noise that
+        the neighbours leave unexplained (1 sigma, rad; NaN where the series is too short to tell).
+    """
+    reach = max(LEAST_REACH, round(REACH_SECONDS / step))
+    if series.size < 6 * reach or step * frequency > MOST_ANGLE:
+        return series, 0, float("nan")
+    filter_taps = _leave_one_out(reach, step, frequency)
+    work = fill_gaps(series, step, frequency)
+    if work is series:
+        work = series.copy()
+    rejected = np.zeros(series.size, dtype=bool)
+    noise = float("nan")
+    gain = float(np.linalg.norm(filter_taps))
+    for _ in range(_ROUNDS):
+        error = np.convolve(work, filter_taps, mode="valid")
+        size = np.abs(error)
+        sample = size[:: max(1, size.size // 5000)]
+        sample = sample[np.isfinite(sample)]
+        if sample.size == 0:
+            break
+        scale = float(np.median(sample)) / 0.6745  # of a Gaussian
+        noise = scale / gain
+        limit = max(THRESHOLD * scale, _FLOOR * float(np.nanmax(np.abs(work))))
+        wild = np.flatnonzero(size > limit)
+        if wild.size == 0:
+            break
+        tops = _local_maxima(size, wild, reach)
+        work[tops + reach] -= error[tops]
+        rejected[tops + reach] = True
+    rejected &= np.isfinite(series)
+    if not rejected.any():
+        return series, 0, noise
+    cleaned = series.copy()
+    cleaned[rejected] = np.nan
+    return cleaned, int(rejected.sum()), noise
+
+
+def _leave_one_out(reach: int, step: float, frequency: float) -> Floats:
+    """Taps that give sample minus the fit through its neighbours (symmetric, the middle tap is 1)."""
+    tau = np.arange(-reach, reach + 1) * step
+    x = tau / tau[-1]
+    cos, sin = np.cos(frequency * tau), np.sin(frequency * tau)
+    basis = np.stack([np.ones_like(x), x, x * x, x**3, cos, sin, x * cos, x * sin], axis=-1)
+    others = np.arange(tau.size) != reach
+    prediction = basis[reach] @ np.linalg.pinv(basis[others])
+    filter_taps = np.ones(tau.size)
+    filter_taps[others] = -prediction
+    return filter_taps[::-1].copy()
+
+
+def _local_maxima(size: Floats, wild: NDArray[np.intp], reach: int) -> NDArray[np.intp]:
+    """Of the wild samples, each that no larger one lies within reach of; greedy from the largest."""
+    order = wild[np.argsort(-size[wild])]
+    free = np.ones(size.size, dtype=bool)
+    tops = []
+    for index in order:
+        if free[index]:
+            tops.append(index)
+            free[max(0, index - reach) : index + reach + 1] = False
+    return np.asarray(tops, dtype=np.intp)

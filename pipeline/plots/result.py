@@ -1,0 +1,193 @@
+"""A result: amplitudes, the phase speed before and after its correction, and gravity by method."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.plots.canvas import BLUE, GREEN, PALETTE, VERMILION, legend, note, panel, sheet
+from pipeline.plots.series import Floats, angle_scale, robust_limits, thin, time_scale
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from xarray import DataTree
+
+_MILLIGAL = 1e-5  # m s-2
+_BEST_FIRST = ("shooting", "projection", "complex", "panteleev", "general", "vening-meinesz", "uncorrected")
+_LINE_FIRST = ("panteleev", "complex", "general", "vening-meinesz")
+
+
+def result_figure(result: DataTree, *, true_gravity: float | None = None) -> Figure:
+    """Draw a result of two pendulums.
+
+    Parameters
+    ----------
+    result : DataTree
+        A valid result with the group `gravity`.
+    true_gravity : float, optional
+        m s-2; the methods' errors are then counted from it.
+    """
+    figure = sheet("Gravity from the difference pendulum", subtitle(result), 11.0, 8.2)
+    grid = figure.add_gridspec(2, 2, height_ratios=(1, 1), width_ratios=(1, 1))
+    draw_amplitudes(panel(figure, grid[0, 0], "Amplitude of each harmonic", "", ""), result)
+    draw_gravity(panel(figure, grid[0, 1], "Gravity by method", "", ""), result, true_gravity)
+    draw_phase_speed(panel(figure, grid[1, :], "Phase speed of the difference pendulum", "", ""), result)
+    return figure
+
+
+def subtitle(result: DataTree) -> str:
+    """Name the record and the gravity of the best method that gave one."""
+    name = str(result.attrs.get("record_id", "without a name"))
+    method = best_method(result)
+    if method is None:
+        return f"record {name} · no method gave a gravity"
+    gravity, sigma = (
+        float(of_method(result, "gravity", key, method)) for key in ("gravity", "gravity_sigma")
+    )
+    return f"record {name} · {gravity:.7f} m/s² ± {sigma:.2g} mGal by {method}"
+
+
+def of_method(result: DataTree, group: str, name: str, method: str) -> Floats:
+    """Values of a variable for one method (`Dataset.sel` has an argument called `method` of its own)."""
+    row = [str(label) for label in result[group].dataset["method"].values].index(method)
+    values: Floats = np.asarray(result[group].dataset[name].values, dtype=np.float64)[row]
+    return values
+
+
+def best_method(result: DataTree) -> str | None:
+    """The most exact method that gave a finite gravity."""
+    table = result["gravity"].dataset
+    labels = [str(label) for label in table["method"].values]
+    given = dict(zip(labels, np.asarray(table["gravity"].values, dtype=np.float64), strict=True))
+    return next((name for name in _BEST_FIRST if np.isfinite(given.get(name, np.nan))), None)
+
+
+def draw_amplitudes(axes: Axes, result: DataTree) -> None:
+    """Draw the amplitude of every component against time."""
+    if "phases" not in result.children:
+        note(axes, "the result holds no phases")
+        return
+    phases = result["phases"].dataset
+    time = _seconds(result)
+    seconds, unit_of_time = time_scale(float(time[-1]))
+    values = np.asarray(phases["amplitude"].values, dtype=np.float64)
+    angle, unit = angle_scale(float(np.nanmax(values, initial=0.0)))
+    for row, label in enumerate(phases["component"].values):
+        across, up = thin(time * seconds, values[row] * angle)
+        kind = "difference" if "-" in str(label) else "pendulum"
+        axes.plot(across, up, color=PALETTE[row % len(PALETTE)], label=f"{kind} {label}")
+    axes.set_ylim(0.0, 1.25 * robust_limits(values * angle)[1])
+    axes.set_xlim(0.0, time[-1] * seconds)
+    axes.set_xlabel(f"time from the start, {unit_of_time}")
+    axes.set_ylabel(f"amplitude, {unit}")
+    legend(axes, loc="upper center", ncols=3)
+
+
+def draw_phase_speed(axes: Axes, result: DataTree) -> None:
+    """Draw the difference's phase speed before and after the correction, as the gravity it stands for."""
+    method = _method_with_line(result)
+    best = best_method(result)
+    if method is None or best is None:
+        note(axes, "no method gave a corrected phase speed")
+        return
+    phases = result["phases"].dataset
+    label = next(str(name) for name in phases["component"].values if "-" in str(name))
+    measured = np.asarray(phases["phase_speed"].sel(component=label).values, dtype=np.float64)
+    corrected = measured + of_method(result, "correction", "phase_speed_correction", method)
+    frequency = float(of_method(result, "gravity", "frequency", best)[-1])
+    gravity = float(of_method(result, "gravity", "gravity", best))
+    time = _seconds(result)
+    seconds, unit_of_time = time_scale(float(time[-1]))
+    lines = {"before the correction": (measured, VERMILION), f"after it ({method})": (corrected, BLUE)}
+    shown = []
+    for name, (speed, color) in lines.items():
+        # dg/g = 2 dn/n
+        offset = 2.0 * gravity * (speed / frequency - 1.0) / _MILLIGAL
+        axes.plot(*thin(time * seconds, offset), color=color, label=name)
+        shown.append(robust_limits(offset))
+    low, high = min(limits[0] for limits in shown), max(limits[1] for limits in shown)
+    axes.set_ylim(low, high + 0.2 * (high - low))
+    axes.set_xlim(0.0, time[-1] * seconds)
+    axes.axhline(0.0, color="black", linewidth=0.7, linestyle=":")
+    axes.set_xlabel(f"time from the start, {unit_of_time}")
+    axes.set_ylabel(f"as gravity, mGal from {best}")
+    legend(axes, loc="upper right", ncols=2)
+
+
+def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> None:
+    """Draw each method's gravity with its sigma, from truth or from the best method, with the numbers."""
+    table = result["gravity"].dataset
+    best = best_method(result)
+    if best is None:
+        note(axes, "no method gave a gravity")
+        return
+    origin = float(of_method(result, "gravity", "gravity", best)) if true_gravity is None else true_gravity
+    methods = [str(name) for name in table["method"].values]
+    offset = (np.asarray(table["gravity"].values, dtype=np.float64) - origin) / _MILLIGAL
+    sigma = np.asarray(table["gravity_sigma"].values, dtype=np.float64)
+    rows = np.arange(len(methods))[::-1]
+    smallest = _linear_part(offset, sigma)
+    axes.set_xscale("symlog", linthresh=smallest, linscale=0.6)
+    axes.axvline(0.0, color=GREEN, linewidth=1.2)
+    good = np.isfinite(offset)
+    bars = np.where(np.isfinite(sigma), sigma, 0.0)
+    axes.errorbar(
+        offset[good], rows[good], xerr=bars[good], fmt="o", color=BLUE, ecolor=BLUE, capsize=3, markersize=5
+    )
+    labels = [
+        f"{name}\n{_signed(offset[row])} ± {sigma[row]:.2g}" if good[row] else f"{name}\nrefused"
+        for row, name in enumerate(methods)
+    ]
+    axes.set_yticks(rows, labels)
+    axes.set_ylim(-0.6, len(methods) - 0.4)
+    largest = float(np.max(np.abs(offset[good]) + bars[good], initial=smallest))
+    axes.set_xlim(-2.0 * largest, 2.0 * largest)
+    _tick_decades(axes, smallest, largest)
+    axes.grid(visible=False, axis="y")
+    axes.set_ylabel("")
+    axes.set_xlabel(
+        "error, mGal (log scale)" if true_gravity is not None else f"mGal from {best} (log scale)"
+    )
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.3g}".replace("-", "−")
+
+
+def _tick_decades(axes: Axes, smallest: float, largest: float) -> None:
+    """Ticks at zero and at few decades either side: the labels of all of them would run into each other."""
+    low, high = int(np.ceil(np.log10(smallest))), int(np.floor(np.log10(largest)))
+    step = max(1, -(-(high - low + 1) // 2))
+    decades = [10.0**power for power in range(high, low - 1, -step)][::-1]
+    ticks = [-tick for tick in decades[::-1]] + [0.0, *decades]
+    axes.set_xticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
+    axes.minorticks_off()
+
+
+def _linear_part(offset: Floats, sigma: Floats) -> float:
+    """Half-width of the linear part of the scale: a power of ten below which no method is told apart."""
+    sizes = np.concatenate([np.abs(offset), sigma])
+    sizes = sizes[np.isfinite(sizes) & (sizes > 0.0)]
+    smallest = max(float(np.percentile(sizes, 20)) if sizes.size else 1e-3, 1e-4)
+    return float(10.0 ** np.floor(np.log10(smallest)))
+
+
+def _method_with_line(result: DataTree) -> str | None:
+    """The method whose correction is drawn: the plainest one that has a correction at each time."""
+    if "correction" not in result.children or "phases" not in result.children:
+        return None
+    given = [str(name) for name in result["correction"].dataset["method"].values]
+    for name in _LINE_FIRST:
+        if (
+            name in given
+            and np.isfinite(of_method(result, "correction", "phase_speed_correction", name)).any()
+        ):
+            return name
+    return None
+
+
+def _seconds(result: DataTree) -> Floats:
+    time: Floats = np.asarray(result.dataset["time"].values, dtype=np.float64)
+    return np.asarray(time - time[0])

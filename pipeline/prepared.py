@@ -1,0 +1,147 @@
+"""One observation made ready: wild readings out, the first pendulum whole, and each intermediate made once, when asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from data_schemas.errors import RefusedError
+from pipeline.estimate import Budget, budget
+from pipeline.gaps import fill_gaps
+from pipeline.harmonics.blocks import block_envelope
+from pipeline.harmonics.envelope import Envelope
+from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband, phase_slope
+from pipeline.observation import Observation
+from pipeline.outliers import reject_outliers
+
+LEAST_SWINGS = 20.0  # a shorter record has no window for the harmonic and no certainty of its phase
+LEAST_EXPLAINED = 0.5  # share of the difference's power that its own swing must explain
+CAPTURE = 0.02  # relative departure from the nominal frequency beyond which the swing was not found
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """An observation with wild readings removed.
+
+    Attributes
+    ----------
+    observation : Observation
+        `theta` is whole on a uniform grid (gaps bridged); `difference` keeps its gaps.
+    rejected : int
+        Samples taken out of both series.
+    noise_theta, noise_difference : float
+        White noise that neighbours leave unexplained, rad (NaN = could not be told).
+    bridged : float
+        Share of the first pendulum's samples that were bridged.
+    """
+
+    observation: Observation
+    rejected: int
+    noise_theta: float
+    noise_difference: float
+    bridged: float
+
+    @property
+    def nominal(self) -> float:
+        """n2 at reference gravity, rad s-1."""
+        return float(self.observation.frequency_reference[1])
+
+    @property
+    def known_damping(self) -> float | None:
+        """gamma2 where the record states it."""
+        rates = self.observation.damping_rate
+        return None if rates is None else float(rates[1])
+
+    @cached_property
+    def blocks(self) -> Envelope:
+        """Cheap envelope, from which the exact fits start."""
+        seen = self.observation
+        return block_envelope(seen.time, seen.step, seen.theta, seen.difference, self.nominal)
+
+    @cached_property
+    def sliding(self) -> Envelope:
+        """Separated harmonics by sliding least squares."""
+        from pipeline.harmonics.sliding import sliding_envelope
+
+        seen = self.observation
+        return sliding_envelope(seen.time, seen.step, seen.theta, seen.difference, self.nominal)
+
+    def narrowband(self, envelope: Envelope, tolerance: float = 1e-13) -> NarrowbandFit:
+        """Complex form of (27) on an envelope."""
+        seen = self.observation
+        return fit_narrowband(
+            envelope.time,
+            envelope.difference,
+            envelope.first,
+            envelope.first_speed,
+            envelope.coverage,
+            carrier=envelope.carrier,
+            ratio=seen.frequency_ratio,
+            damping_rate=self.known_damping,
+            damping_difference=seen.damping_difference,
+            tolerance=tolerance,
+        )
+
+    @cached_property
+    def rough(self) -> NarrowbandFit:
+        """Start of the exact fits, good to about 1e-3 mGal."""
+        require_swing(self.blocks)
+        return self.narrowband(self.blocks, tolerance=1e-7)
+
+    @cached_property
+    def rough_slope(self) -> float:
+        """Slope of the difference's phase less the nominal frequency, uncorrected, rad s-1."""
+        return phase_slope(self.blocks.time, self.blocks.difference, self.blocks.coverage)[0]
+
+    @cached_property
+    def rough_budget(self) -> Budget:
+        """Sensitivities, from the cheap envelope."""
+        return budget(self.blocks, self.rough, self.observation.frequency_ratio, self.observation.damping_difference)
+
+
+def prepare(observation: Observation) -> Prepared:
+    """Remove wild readings and bridge the first pendulum's gaps.
+
+    Raises
+    ------
+    RefusedError
+        A series has too few samples, or the record is too short for any method.
+    """
+    nominal = float(observation.frequency_reference[1])
+    swings = float(observation.time[-1]) * nominal / (2.0 * np.pi)
+    if swings < LEAST_SWINGS:
+        raise RefusedError(
+            f"time: {swings:.1f} swings are too few to separate the pendulum's harmonic; "
+            f"give at least {LEAST_SWINGS:.0f} swings ({LEAST_SWINGS * 2 * np.pi / nominal:.0f} s)"
+        )
+    for name, series in (("first pendulum", observation.theta), ("difference", observation.difference)):
+        if np.isfinite(series).sum() < 2 * LEAST_SWINGS:
+            raise RefusedError(f"record/elongation: the {name} has only {int(np.isfinite(series).sum())} readings")
+    theta, difference = observation.theta, observation.difference
+    removed = 0
+    noise = [float("nan"), float("nan")]
+    bridged = float(np.isnan(theta).mean())
+    if observation.step is not None:
+        theta, first, noise[0] = reject_outliers(theta, observation.step, nominal)
+        difference, second, noise[1] = reject_outliers(difference, observation.step, nominal)
+        removed = first + second
+        bridged = float(np.isnan(theta).mean())
+        if observation.step * nominal < 0.5 * np.pi:
+            theta = fill_gaps(theta, observation.step, nominal)
+    return Prepared(
+        observation=replace(observation, theta=theta, difference=difference),
+        rejected=removed,
+        noise_theta=noise[0],
+        noise_difference=noise[1],
+        bridged=bridged,
+    )
+
+
+def require_swing(envelope: Envelope) -> None:
+    """Refuse a difference that has no usable envelope."""
+    if np.isfinite(envelope.difference).sum() < 4 or np.isfinite(envelope.first).sum() < 4:
+        raise RefusedError(
+            "record/elongation: too few stretches without gaps to follow the swing; give a longer or less broken record"
+        )

@@ -1,0 +1,200 @@
+"""Gauss-Newton on the frequency of the second pendulum by full sweeps over uniform samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.harmonics.envelope import Floats
+from pipeline.projection import kernels
+from pipeline.projection.taps import NODES, stencil, taps
+
+REJECTION = 4.0  # sigmas
+_ITERATIONS = 12
+_FLOOR = 1e-6  # of the amplitude: what departs less is rounding and quadrature, not a wild reading
+_RIDGE = 1e-14  # of the unit diagonal: keeps a column that vanishes from stopping the solution
+_SMALL_ROUNDS = 6
+_CONVERGED = 1e-10  # relative step of the frequency; the next one would be 1e-3 of it or less
+
+
+@dataclass(frozen=True)
+class ProjectionFit:
+    """Least squares for (A, B, offset, n2, gamma2); `noise_gain` is sigma of n2 per radian of white noise in d."""
+
+    frequency: float
+    damping_rate: float
+    coefficient: Floats
+    noise: float
+    noise_gain: float
+    samples: int
+    rejected: int
+    residual: Floats
+
+
+Response = Callable[[float, float], tuple[Floats, Floats, Floats]]
+
+
+def response_constants(frequency: float, gamma: float, ratio: float, damping_difference: float) -> tuple[complex, ...]:
+    """Eigenvalue lam, direct gain, gain and its slopes by n2 and gamma2, of `response = direct theta + Im(gain c)`.
+
+    c is the running integral of exp(lam (t-s)) theta; gain = [(1-r) lam^2 + 2 (gamma2 - r gamma1) lam] / w.
+    """
+    r = ratio**-2
+    oscillation = np.sqrt(frequency**2 - gamma**2)
+    eigenvalue = complex(-gamma, oscillation)
+    drag = 2.0 * (gamma * (1.0 - r) - r * damping_difference)
+    gain = ((1.0 - r) * eigenvalue**2 + drag * eigenvalue) / oscillation
+    # d/dw of gain at fixed gamma: d lam = i dw
+    slope = (2.0j * (1.0 - r) * eigenvalue + 1j * drag) / oscillation - gain / oscillation
+    return eigenvalue, 1.0 - r, gain, slope, -drag / oscillation
+
+
+def uniform_response(theta: Floats, step: float, fitted_at: float, ratio: float, damping_difference: float) -> Response:
+    """Response of the difference pendulum to uniform samples of the first, as a function of (n2, gamma2)."""
+    count = theta.size
+    cardinal = stencil(fitted_at, step)
+    integral = np.empty((2, count - 1))
+    response, slope, slope_damping = np.empty((3, count))
+
+    def evaluate(frequency: float, gamma: float) -> tuple[Floats, Floats, Floats]:
+        eigenvalue, direct, *gains = response_constants(frequency, gamma, ratio, damping_difference)
+        weights = taps(cardinal, eigenvalue, step)
+        kernels.interval_integrals(theta, weights.real.copy(), weights.imag.copy(), integral[0], integral[1])
+        kernels.forced_response(
+            theta,
+            *integral,
+            step,
+            gamma,
+            eigenvalue.imag,
+            direct.real,
+            *(complex(gain) for gain in gains),
+            response,
+            slope,
+            slope_damping,
+        )
+        return response, slope, slope_damping
+
+    return evaluate
+
+
+def least_samples() -> int:
+    """Fewest samples of the first pendulum that the quadrature needs."""
+    return NODES
+
+
+def fit_projection(
+    difference: Floats,
+    step: float,
+    respond: Response,
+    frequency: float,
+    gamma: float,
+    fit_damping: bool,
+) -> ProjectionFit:
+    """Fit the exact linear identity on a uniform grid.
+
+    Parameters
+    ----------
+    difference : (n,) array
+        rad, NaN = missing (no weight, never filled).
+    step : float
+        s.
+    respond : callable
+        (n2, gamma2) -> response and its derivative with respect to n2.
+    frequency, gamma : float
+        Start, within a fraction of a turn over the record; gamma2 is held unless `fit_damping`.
+    """
+    half = 0.5 * (difference.size - 1) * step
+    gram = np.empty((kernels.COLUMNS, kernels.COLUMNS))
+    coefficient = np.zeros(3)
+    limit, rejected = np.inf, 0
+    response, *slopes = respond(frequency, gamma)
+    for _ in range(_ITERATIONS):
+        oscillation = float(np.sqrt(frequency**2 - gamma**2))
+        rejected = kernels.moments(difference, response, *slopes, step, gamma, oscillation, coefficient, limit, gram)
+        small = solve_moments(gram, coefficient, half, fit_damping)
+        # the moments' time runs about the middle of the record, the coefficients' about its start
+        turn = np.exp(complex(small.damping_change, -small.frequency_change) * half)
+        turned = complex(small.coefficient[0], -small.coefficient[1]) * turn
+        coefficient[:] = turned.real, -turned.imag, small.coefficient[2]
+        frequency += small.frequency_change
+        gamma += small.damping_change
+        settled = abs(small.frequency_change) < max(_CONVERGED * frequency, 1e-3 * small.noise * small.noise_gain)
+        new_limit = max(REJECTION * small.noise, _FLOOR * abs(complex(*coefficient[:2])))
+        if settled and new_limit > 0.98 * limit:
+            break
+        limit = new_limit if settled or np.isfinite(limit) else np.inf
+        if not settled:
+            response, *slopes = respond(frequency, gamma)
+    residual = np.empty_like(difference)
+    oscillation = float(np.sqrt(frequency**2 - gamma**2))
+    kernels.residuals(difference, response, step, gamma, oscillation, coefficient, limit, residual)
+    return ProjectionFit(
+        frequency=float(frequency),
+        damping_rate=float(gamma),
+        coefficient=coefficient,
+        noise=small.noise,
+        noise_gain=small.noise_gain,
+        samples=int(gram[2, 2]),
+        rejected=int(rejected),
+        residual=residual,
+    )
+
+
+@dataclass(frozen=True)
+class SmallFit:
+    """Solution of the least squares that the moments stand for, linear in the change of frequency and damping."""
+
+    coefficient: Floats
+    frequency_change: float
+    damping_change: float
+    noise: float
+    noise_gain: float
+
+
+def solve_moments(gram: Floats, coefficient: Floats, half: float, fit_damping: bool) -> SmallFit:
+    """Gauss-Newton for (A, B, offset, dn, dgamma) within the Gram matrix of `kernels.moments`.
+
+    `coefficient` is what the moments' residual was formed with, `half` is half the record's length, s. The column of dn
+    is `t (B cos - A sin) + slope / half`, that of dgamma `-t (A cos + B sin) + slope_damping / half`, both times `half`: bilinear in
+    (A, B), so a few rounds are taken.
+    """
+    full = np.triu(gram) + np.triu(gram, 1).T
+    inner, data, square = full[:7, :7], full[:7, 7], full[7, 7]
+    free = 5 if fit_damping else 4
+    parameters = np.zeros(5)
+    parameters[:3] = coefficient + np.linalg.solve(inner[:3, :3] + _RIDGE * np.diag(np.diag(inner)[:3]), data[:3])
+
+    def change(parameters: Floats) -> Floats:
+        """Amplitudes of the seven columns, less those that the residual already holds."""
+        cos, sin, offset, speed, decay = parameters
+        linear = np.array([cos, sin, offset]) - coefficient
+        return np.array([*linear, speed * sin - decay * cos, -speed * cos - decay * sin, speed / half, decay / half])
+
+    for _ in range(_SMALL_ROUNDS):
+        cos, sin, _, speed, decay = parameters
+        columns = np.zeros((7, 5))
+        columns[0, 0] = columns[1, 1] = columns[2, 2] = 1.0
+        columns[3:5, 0] = -decay, -speed
+        columns[3:5, 1] = speed, -decay
+        columns[3:6, 3] = sin, -cos, 1.0 / half
+        columns[3:5, 4] = -cos, -sin
+        columns[6, 4] = 1.0 / half
+        used = columns[:, :free]
+        normal = used.T @ inner @ used
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        inverse = np.linalg.inv(normal * scale[:, None] * scale + _RIDGE * np.eye(free)) * scale[:, None] * scale
+        update = inverse @ (used.T @ (data - inner @ change(parameters)))
+        parameters[:free] += update
+        if abs(update[3]) <= 1e-6 * abs(parameters[3]) or abs(parameters[3]) < 1e-7:
+            break
+    amplitudes = change(parameters)
+    left = max(square - 2.0 * amplitudes @ data + amplitudes @ inner @ amplitudes, 0.0)
+    return SmallFit(
+        coefficient=parameters[:3].copy(),
+        frequency_change=float(parameters[3] / half),
+        damping_change=float(parameters[4] / half),
+        noise=float(np.sqrt(left / max(inner[2, 2] - free, 1.0))),
+        noise_gain=float(np.sqrt(max(inverse[3, 3], 0.0)) / half),
+    )

@@ -1,0 +1,41 @@
+"""What a result was made from, with what."""
+
+from __future__ import annotations
+
+import functools
+import json
+import platform
+import sys
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+_PACKAGES = ("isochrony", "numpy", "scipy", "numba", "h5py", "h5netcdf", "xarray")
+
+
+@functools.cache
+def versions() -> str:
+    """Versions of the packages that make the numbers, as JSON."""
+    found = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return json.dumps(found, sort_keys=True)
+
+
+def provenance(record: DataTree) -> dict[str, Any]:
+    """`input_sha256`, `versions`, `command` and `history` of a result."""
+    from data_schemas import content_sha256
+
+    command = " ".join(sys.argv) if sys.argv and sys.argv[0] else "python"
+    stored = record.attrs.get("content_sha256")
+    return {
+        "input_sha256": str(stored) if stored else content_sha256(record),
+        "versions": versions(),
+        "command": command,
+        "history": "made by isochrony process",
+    }

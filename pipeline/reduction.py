@@ -1,0 +1,57 @@
+"""One method on one prepared record: its gravity, or why it refused."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from data_schemas.errors import RefusedError
+from pipeline.estimate import Estimate
+from pipeline.flags import flags
+from pipeline.gravity import Gravity, gravity
+from pipeline.methods import method
+from pipeline.prepared import CAPTURE, Prepared
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """Outcome of one method; `estimate` and `gravity` are None when it refused."""
+
+    requested: str
+    method: str
+    reason: str
+    estimate: Estimate | None
+    gravity: Gravity | None
+    flags: tuple[str, ...]
+    error: str
+    elapsed: float
+
+
+def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float) -> Reduction:
+    """Run a method (`auto` chooses one) and complete it with gravity and flags."""
+    started = time.perf_counter()
+    chosen, reason = name, ""
+    try:
+        if name == "auto":
+            from pipeline.choice import choose
+
+            chosen, reason = choose(prepared)
+        estimate = method(chosen)(prepared)
+        _require_capture(estimate, prepared)
+    except RefusedError as refusal:
+        elapsed = time.perf_counter() - started
+        return Reduction(name, chosen, reason, None, None, (), str(refusal), elapsed)
+    value = gravity(estimate, prepared.observation, prepared.rough_budget, gain_uncertainty)
+    raised = tuple(flags(prepared, estimate, value))
+    return Reduction(name, chosen, reason, estimate, value, raised, "", time.perf_counter() - started)
+
+
+def _require_capture(estimate: Estimate, prepared: Prepared) -> None:
+    departure = estimate.frequency / prepared.nominal - 1.0
+    if not np.isfinite(departure) or abs(departure) > CAPTURE:
+        raise RefusedError(
+            f"instrument/period: the swing found departs by {100 * departure:.1f} % from the stated period; "
+            "check the period and the time axis"
+        )

@@ -1,0 +1,184 @@
+"""The result of a record as a DataTree of the layout "isochrony-result"."""
+
+from __future__ import annotations
+
+import json
+import time as clock
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from data_schemas.variables import attributes
+from pipeline.methods import PHASE_METHODS
+from pipeline.prepared import Prepared
+from pipeline.provenance import provenance
+from pipeline.reduction import Reduction
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+_EXTRA = {
+    "requested": ("1", "method that was asked for"),
+    "status": ("1", "ok, or refused"),
+    "error": ("1", "why the method refused"),
+    "choice_reason": ("1", "why auto chose the method"),
+    "method_flags": ("1", "flags of the method, separated by blanks"),
+    "samples_used": ("1", "samples of the difference that were used"),
+    "reading_noise": ("rad", "white reading noise found in the difference, 1 sigma"),
+    "damping_rate": ("s-1", "damping rate of the second pendulum, stated or found"),
+    "difference_frequency": ("rad s-1", "mean phase speed of the difference, uncorrected"),
+    "sensitivity_frequency_difference": ("mGal", "change of gravity if (n1-n2)/n2 were larger by 1e-7"),
+    "sensitivity_gain": ("mGal", "change of gravity if the first trace's gain were larger by 1 %"),
+    "elapsed": ("s", "time the method took"),
+}
+
+
+def build_result(
+    record: DataTree, prepared: Prepared, reductions: Sequence[Reduction], started: float
+) -> DataTree:
+    """Lay out phases, corrections, gravity and provenance.
+
+    The phases are those of the sliding fit where a method used it, else those of the blocks that the exact methods start
+    from: nothing is computed for the file's sake.
+    """
+    from xarray import Dataset, DataTree
+
+    sliding = any(reduction.method in PHASE_METHODS or reduction.requested == "auto" for reduction in reductions)
+    envelope = prepared.sliding if sliding else prepared.blocks
+    seen = prepared.observation
+    components = [seen.first, seen.second, f"{seen.first}-{seen.second}"]
+    harmonics = np.stack([envelope.first, envelope.first - envelope.difference, envelope.difference])
+    speeds = np.stack(
+        [envelope.first_speed, envelope.first_speed - envelope.difference_speed, envelope.difference_speed]
+    )
+    slow = np.stack([envelope.slow[0], envelope.slow[0] - envelope.slow[1], envelope.slow[1]])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        phase_speed = envelope.carrier + (speeds / harmonics).imag
+    phase = unwrapped(harmonics) + envelope.carrier * envelope.time
+    time_attributes = dict(record.dataset["time"].attrs)
+    start = float(record.dataset["time"].values[0])
+    methods = [reduction.method for reduction in reductions]
+    phases = _dataset(
+        "phases",
+        {
+            "amplitude": (("component", "time"), np.abs(harmonics)),
+            "phase": (("component", "time"), phase),
+            "phase_speed": (("component", "time"), phase_speed),
+            "slow": (("component", "time"), slow),
+            "phase_qc": (("component", "time"), np.isnan(phase).astype(np.uint16)),
+        },
+        {"component": components},
+    )
+    correction = _dataset(
+        "correction",
+        {
+            name: (("method", "time"), np.stack([_series(r, field, envelope.time.size) for r in reductions]))
+            for name, field in (
+                ("phase_speed_correction", "speed_correction"),
+                ("phase_correction", "phase_correction"),
+            )
+        },
+        {"method": methods},
+    )
+    gravity = _gravity(reductions, components, methods)
+    tree = DataTree.from_dict(
+        {
+            "/": Dataset(coords={"time": ("time", envelope.time + start, time_attributes)}),
+            "/phases": phases,
+            "/correction": correction,
+            "/gravity": gravity,
+        }
+    )
+    tree.attrs.update(result_attributes(record, {"pair": components[2], "methods": methods}, started))
+    return tree
+
+
+def result_attributes(record: DataTree, configuration: Mapping[str, Any], started: float) -> dict[str, Any]:
+    """Root attributes: identity, provenance, configuration and time taken."""
+    record_id = str(record.attrs.get("record_id", ""))
+    return {
+        "Conventions": "CF-1.11",
+        "schema": "isochrony-result",
+        "schema_version": "1",
+        "record_id": record_id,
+        "title": f"gravity of record {record_id}",
+        "source": "isochrony process",
+        "configuration": json.dumps(dict(configuration), sort_keys=True),
+        **provenance(record),
+        "elapsed_s": clock.perf_counter() - started,
+    }
+
+
+def unwrapped(harmonics: np.ndarray) -> np.ndarray:
+    """Unwrapped phases, row by row, NaN where missing."""
+    phase = np.full(harmonics.shape, np.nan)
+    for row, harmonic in enumerate(harmonics):
+        present = np.isfinite(harmonic)
+        phase[row, present] = np.unwrap(np.angle(harmonic[present]))
+    return phase
+
+
+def _gravity(reductions: Sequence[Reduction], components: list[str], methods: list[str]) -> Any:
+    nan = float("nan")
+    entries = next((list(r.gravity.ledger) for r in reductions if r.gravity), ["non_isochronism", "finite_arc", "chronometer"])
+
+    def column(pick: Any, missing: Any = nan) -> np.ndarray:
+        return np.array([pick(r) if r.gravity else missing for r in reductions])
+
+    def ledger(field: str, missing: Any) -> np.ndarray:
+        return np.array(
+            [[getattr(r.gravity.ledger[e], field) if r.gravity else missing for e in entries] for r in reductions]
+        )
+
+    pendulums = components[:2]
+    raised = sorted({flag for r in reductions for flag in r.flags})
+    variables: dict[str, Any] = {
+        "gravity": ("method", column(lambda r: r.gravity.gravity)),
+        "gravity_sigma": ("method", column(lambda r: r.gravity.sigma)),
+        "frequency": (("method", "pendulum"), column(lambda r: r.gravity.frequency, (nan, nan))),
+        "value": (("method", "entry"), ledger("value", nan)),
+        "sigma": (("method", "entry"), ledger("sigma", nan)),
+        "applied": (("method", "entry"), ledger("applied", False).astype(np.uint8)),
+        "reason": (("method", "entry"), ledger("reason", "the method refused").astype(object)),
+        "requested": ("method", _text(r.requested for r in reductions)),
+        "status": ("method", _text("ok" if r.gravity else "refused" for r in reductions)),
+        "error": ("method", _text(r.error for r in reductions)),
+        "choice_reason": ("method", _text(r.reason for r in reductions)),
+        "method_flags": ("method", _text(" ".join(r.flags) for r in reductions)),
+        "samples_used": ("method", column(lambda r: r.estimate.samples, 0).astype(np.int64)),
+        "reading_noise": ("method", column(lambda r: r.estimate.noise)),
+        "damping_rate": ("method", column(lambda r: r.estimate.damping_rate)),
+        "difference_frequency": ("method", column(lambda r: r.estimate.uncorrected)),
+        "sensitivity_frequency_difference": ("method", column(lambda r: r.gravity.per_ratio)),
+        "sensitivity_gain": ("method", column(lambda r: r.gravity.per_gain)),
+        "elapsed": ("method", np.array([r.elapsed for r in reductions])),
+    }
+    coordinates: dict[str, Any] = {"method": methods, "pendulum": pendulums, "entry": entries}
+    if raised:
+        variables["flag"] = ("flag", _text(raised))
+    return _dataset("gravity", variables, coordinates)
+
+
+def _text(values: Any) -> np.ndarray:
+    return np.array(list(values), dtype=object)
+
+
+def _series(reduction: Reduction, field: str, length: int) -> np.ndarray:
+    values = getattr(reduction.estimate, field) if reduction.estimate else None
+    return np.full(length, np.nan) if values is None else np.asarray(values)
+
+
+def _dataset(group: str, variables: dict[str, Any], coordinates: dict[str, Any]) -> Any:
+    from xarray import Dataset
+
+    def labelled(name: str, dims: Any, values: Any) -> tuple[Any, Any, dict[str, Any]]:
+        if name in _EXTRA:
+            units, long_name = _EXTRA[name]
+            return dims, values, {"units": units, "long_name": long_name}
+        return dims, values, attributes(f"{group}/{name}")
+
+    return Dataset(
+        {name: labelled(name, dims, values) for name, (dims, values) in variables.items()},
+        coords={name: labelled(name, name, _text(values)) for name, values in coordinates.items()},
+    )

@@ -1,0 +1,49 @@
+"""A result as plain dictionaries, one for each method: the JSON objects of the command line."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+
+def summaries(result: DataTree) -> list[dict[str, Any]]:
+    """One dictionary for each method of a result, in the order they were asked for.
+
+    Keys are those of the contract but for `input` and `output`, which only the caller knows.
+    """
+    if "gravity" not in result.children:
+        from pipeline.period.result import period_summaries
+
+        return period_summaries(result)
+    table = result["gravity"].dataset
+    pendulums = [str(label) for label in table["pendulum"].values]
+    entries = [str(entry) for entry in table["entry"].values]
+    rows = []
+    for k, method in enumerate(table["method"].values):
+        row = table.isel(method=k)
+        good = str(row["status"].values) == "ok"
+        rows.append(
+            {
+                "record_id": str(result.attrs["record_id"]),
+                "status": str(row["status"].values),
+                "error": None if good else str(row["error"].values),
+                "requested_method": str(row["requested"].values),
+                "method": str(method),
+                "gravity_m_s2": float(row["gravity"]),
+                "gravity_sigma_mgal": float(row["gravity_sigma"]),
+                "frequency_rad_s": dict(zip(pendulums, map(float, row["frequency"].values), strict=True)),
+                "difference_frequency_rad_s": float(row["difference_frequency"]),
+                "corrections_mgal": dict(zip(entries, map(float, row["value"].values), strict=True)),
+                "sensitivity_mgal": {
+                    "frequency_difference_1e-7": float(row["sensitivity_frequency_difference"]),
+                    "gain_1_percent": float(row["sensitivity_gain"]),
+                },
+                "flags": str(row["method_flags"].values).split(),
+                "choice_reason": str(row["choice_reason"].values) or None,
+                "samples_used": int(row["samples_used"]),
+                "elapsed_s": float(row["elapsed"]),
+            }
+        )
+    return rows

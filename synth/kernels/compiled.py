@@ -1,0 +1,95 @@
+"""Every Numba option of the project, chosen here once.
+
+`cache=True` because a cold compile of seconds at each start is not acceptable to a person at a prompt.
+`fastmath` stays off: callees inherit it, and error-free transforms (two-sum, two-product) then return zero.
+Plain sums of products may be reordered, by name (`summing_kernel`).
+`error_model="numpy"` because a division by zero must give inf and not a branch to an exception in the inner loop.
+`nogil=True` so that threads may run records side by side.
+
+Numba's cache watches only the file of the function that was called: a kernel edited in another file would
+silently run old code. The cache folder is therefore named by a hash of all kernel sources and versions.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+import numpy as np
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_KEPT_GENERATIONS = 4  # older cache folders are removed, so that upgrades do not fill the disk
+_PACKAGES = ("synth", "pipeline")
+
+
+@functools.cache
+def cache_folder() -> Path:
+    """Folder for compiled kernels, unique to the present sources; created on first use."""
+    root = Path(__file__).parents[2]
+    digest = hashlib.sha256(f"{numba.__version__} {np.__version__}".encode())
+    for package in _PACKAGES:
+        for source in sorted((root / package).rglob("*.py")):
+            text = source.read_bytes()
+            if b"kernel\n" in text:
+                digest.update(source.relative_to(root).as_posix().encode() + b"\0" + text)
+    base = _writable_base()
+    folder = base / digest.hexdigest()[:16]
+    if not folder.exists():
+        _prune(base)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _writable_base() -> Path:
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
+    for base in (Path(home) / "isochrony", Path(tempfile.gettempdir()) / f"isochrony-{user}"):
+        try:
+            base.mkdir(parents=True, exist_ok=True, mode=0o700)
+            with tempfile.TemporaryFile(dir=base):
+                return base
+        except OSError:
+            continue
+    return Path(tempfile.mkdtemp(prefix="isochrony-"))
+
+
+def _prune(base: Path) -> None:
+    generations = sorted(
+        (entry for entry in base.iterdir() if entry.is_dir()), key=lambda entry: entry.stat().st_mtime
+    )
+    for stale in generations[: max(0, len(generations) - _KEPT_GENERATIONS + 1)]:
+        shutil.rmtree(stale, ignore_errors=True)
+
+
+def kernel(function: Function) -> Function:
+    """Compile a numeric kernel on its first call; plain Python under `NUMBA_DISABLE_JIT=1`."""
+    return _compile(function, fastmath=False)
+
+
+def summing_kernel(function: Function) -> Function:
+    """As `kernel`, for loops that add up many products.
+
+    Sums may be reordered and fused, which lets LLVM use vector instructions (seven times faster for a
+    Gram matrix); NaN and infinity keep their meaning. Never for error-free transforms.
+    """
+    return _compile(function, fastmath={"reassoc", "contract"})
+
+
+def _compile(function: Function, fastmath: bool | set[str]) -> Function:
+    if numba.config.DISABLE_JIT:
+        return function
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(cache_folder())
+    try:
+        compiled = numba.njit(cache=True, fastmath=fastmath, error_model="numpy", nogil=True)(function)
+    finally:
+        numba.config.CACHE_DIR = before
+    return cast(Function, compiled)

@@ -1,0 +1,89 @@
+"""Reading a recorded acceleration: two columns of a CSV file or two variables of a netCDF file."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from data_schemas.errors import SceneError
+from data_schemas.scene_motion import TabulatedMotion
+from synth.phase import Floats
+
+
+def read_table(term: TabulatedMotion) -> tuple[Floats, Floats]:
+    """Times in s and values times the factor.
+
+    Raises
+    ------
+    SceneError
+        If the file or a column is not there, a value is not a number, or the times do not increase.
+    """
+    path = Path(term.file)
+    try:
+        columns = _netcdf(path, term) if path.suffix == ".nc" else _csv(path, term)
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read ({error.strerror or error}); mend motion.file") from None
+    seconds, values = columns
+    if seconds.shape != values.shape or seconds.ndim != 1 or seconds.size < 2:
+        raise SceneError(
+            f"{path}: time and value must be two columns of equal length with two readings at least"
+        )
+    if not (np.all(np.isfinite(seconds)) and np.all(np.isfinite(values))):
+        raise SceneError(
+            f"{path}: has values missing or infinite; a motion must be known at all times, fill them in"
+        )
+    if np.any(np.diff(seconds) <= 0):
+        raise SceneError(f"{path}: the times of column {term.time!r} do not increase; sort them")
+    return seconds, values * term.factor
+
+
+def _csv(path: Path, term: TabulatedMotion) -> tuple[Floats, Floats]:
+    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    separator = ";" if ";" in text.partition("\n")[0] else ","
+    rows = [row for row in csv.reader(text.splitlines(), delimiter=separator) if row]
+    if not rows:
+        raise SceneError(f"{path}: is empty; give a table with a time and a value column")
+    names = [cell.strip() for cell in rows[0]]
+    has_header = not all(_is_number(cell) for cell in names)
+    first = 1 if has_header else 0
+    places = [
+        _place(path, names if has_header else [], len(names), column) for column in (term.time, term.value)
+    ]
+    try:
+        table = np.array([[float(row[place]) for place in places] for row in rows[first:]]).reshape(-1, 2)
+    except (ValueError, IndexError):
+        raise SceneError(
+            f"{path}: a row lacks a number in column {term.time!r} or {term.value!r}; mend it"
+        ) from None
+    return table[:, 0], table[:, 1]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _place(path: Path, names: list[str], width: int, column: int | str) -> int:
+    if isinstance(column, int):
+        if column > width:
+            raise SceneError(f"{path}: has no column {column}; it has {width}")
+        return column - 1
+    if column not in names:
+        known = f"it has {', '.join(names)}" if names else "it has no header, give the column's number"
+        raise SceneError(f"{path}: has no column {column!r}; {known}")
+    return names.index(column)
+
+
+def _netcdf(path: Path, term: TabulatedMotion) -> tuple[Floats, Floats]:
+    import xarray
+
+    with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as table:
+        names = [str(name) for name in table.variables]
+        found = [names[_place(path, names, len(names), column)] for column in (term.time, term.value)]
+        seconds, values = (np.asarray(table[name].values, dtype=np.float64) for name in found)
+    return seconds, values

@@ -1,0 +1,103 @@
+"""A recorded acceleration, continued between its readings as a finite sum of harmonics.
+
+Band-limited interpolation of readings at even steps: the table is continued beyond both ends by its point
+reflection, which fades into the mean, so that the whole closes on itself without a jump; its discrete Fourier
+transform then is a sum of harmonics that passes through every reading and holds nothing beyond half the
+table's rate. That sum *is* the motion: the pendulums answer it in closed form, and what the record sees is
+exact.
+
+Uneven readings are first continued by a spline of degree 5, whose values at fine even steps take the table's
+place.
+
+Interpolation error against the motion that was read, 10 s swell once a second, as a part of its amplitude:
+1.5e-2 between the last two readings, 1e-3 three readings from the end, 7e-6 fifty readings from it, and
+falling. It is an error of the table, not of the simulation: the truth holds the interpolated motion.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from data_schemas.errors import SceneError
+from data_schemas.scene_motion import TabulatedMotion
+from synth.motion.harmonic_sum import HarmonicSum
+from synth.motion.table_file import read_table
+from synth.phase import Floats
+
+_EVENNESS = 1e-6  # of a step, by which readings may be off and still count as even
+_REFINEMENT = 4  # even steps a typical uneven step
+
+
+def tabulated(term: TabulatedMotion, duration: float) -> HarmonicSum:
+    """Read a table and continue it.
+
+    Parameters
+    ----------
+    term
+        What the scene says.
+    duration
+        True time that the record needs, s.
+
+    Raises
+    ------
+    SceneError
+        If the table does not cover the record, or is uneven and should be band-limited.
+    """
+    seconds, values = read_table(term)
+    begin = term.begin if term.begin is not None else float(seconds[0])
+    if begin < seconds[0] or begin + duration > seconds[-1] + _EVENNESS:
+        raise SceneError(
+            f"{term.file}: covers {seconds[0]:g} to {seconds[-1]:g} s, the record needs {begin:g} to "
+            f"{begin + duration:g} s; shorten the scene's duration or set motion.begin"
+        )
+    if term.interpolation == "spline":
+        seconds, values = _resampled(seconds, values)
+    step = float(seconds[-1] - seconds[0]) / (seconds.size - 1)
+    if np.max(np.abs(seconds - (seconds[0] + step * np.arange(seconds.size)))) > _EVENNESS * step:
+        raise SceneError(f"{term.file}: its steps are uneven; set motion.interpolation = 'spline'")
+    return continued(values, step, begin - float(seconds[0]))
+
+
+def continued(values: Floats, step: float, delay: float) -> HarmonicSum:
+    """Finite sum of harmonics through even readings.
+
+    Parameters
+    ----------
+    values : (readings,)
+        m/s^2
+    step : float
+        s
+    delay : float
+        Time from the first reading to t = 0, s.
+    """
+    count = values.size
+    margin = min(count - 1, max(64, count // 8))
+    mean = float(np.mean(values))
+    fade = _fade(margin)
+    left = 2 * values[0] - values[margin:0:-1]
+    right = 2 * values[-1] - values[-2 : -margin - 2 : -1]
+    closed = np.concatenate([values, mean + (right - mean) * fade, mean + (left - mean) * fade[::-1]])
+    spectrum = np.fft.rfft(closed) / closed.size
+    spectrum[1 : (closed.size + 1) // 2] *= (
+        2  # both signs of frequency; zero and the last of an even count have one
+    )
+    rate = np.arange(spectrum.size, dtype=np.float64) * (2 * math.pi / (closed.size * step))
+    return HarmonicSum(rate, spectrum * np.exp(1j * rate * delay))
+
+
+def _fade(count: int) -> Floats:
+    """From 1 to 0, with all derivatives vanishing at both ends."""
+    x = (np.arange(count) + 1.0) / (count + 1.0)
+    fade: Floats = (1 - np.tanh((1 / (1 - x) - 1 / x) / 2)) / 2
+    return fade
+
+
+def _resampled(seconds: Floats, values: Floats) -> tuple[Floats, Floats]:
+    from scipy.interpolate import make_interp_spline
+
+    count = 1 + _REFINEMENT * math.ceil((seconds[-1] - seconds[0]) / float(np.median(np.diff(seconds))))
+    even = np.linspace(seconds[0], seconds[-1], count)
+    degree = min(5, (seconds.size - 1) // 2 * 2 - 1) if seconds.size > 2 else 1
+    return even, np.asarray(make_interp_spline(seconds, values, k=degree)(even))

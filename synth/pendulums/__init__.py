@@ -1,0 +1,1 @@
+"""Pendulums: how each kind answers a motion of its support."""

@@ -1,0 +1,79 @@
+"""A damaged file gives its content or a clear refusal, never other content."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from data_schemas import read, validate, write
+from data_schemas.errors import FileError
+
+
+def _same_or_refused(path, tree) -> bool:
+    """Whether the file was refused, in one line; otherwise it must give what was written."""
+    try:
+        back = read(path)
+    except FileError as error:
+        assert str(error).startswith(f"{path}: ")
+        assert "\n" not in str(error)
+        assert validate(path) == [str(error)]
+        return True
+    assert back.identical(tree)
+    return False
+
+
+def _flips(path, tree, count, seed):
+    good = path.read_bytes()
+    draw = np.random.default_rng(seed)
+    refused = 0
+    for bit in draw.choice(8 * len(good), size=count, replace=False):
+        bad = bytearray(good)
+        bad[bit // 8] ^= 1 << (bit % 8)
+        path.write_bytes(bad)
+        refused += _same_or_refused(path, tree)
+    return refused
+
+
+def test_no_flipped_bit_passes_silently(tmp_path, record):
+    path = tmp_path / "file.nc"
+    write(record, path)
+    # most bytes of a small file are metadata and values; the rest is padding, whose flips are harmless
+    assert _flips(path, record, 200, seed=1) > 20
+
+
+@pytest.mark.campaign
+def test_no_flipped_bit_of_any_kind_passes_silently(tmp_path, example):
+    for seed, kind in enumerate(("record", "truth", "result")):
+        path = tmp_path / f"{kind}.nc"
+        write(example(kind), path)
+        assert _flips(path, example(kind), 3000, seed) > 300
+
+
+def test_no_flipped_bit_in_values_passes(tmp_path, record):
+    """Each bit of a value is covered twice: by fletcher32 of its chunk and by the checksum of the content."""
+    path = tmp_path / "file.nc"
+    write(record, path)
+    good = path.read_bytes()
+    start = good.find(record["record"]["elongation"].values[0].tobytes())
+    assert start > 0
+    for offset in range(0, 40 * 8, 13):
+        bad = bytearray(good)
+        bad[start + offset] ^= 1 << (offset % 8)
+        path.write_bytes(bad)
+        assert _same_or_refused(path, record)
+
+
+def test_every_truncation_is_refused(tmp_path, record):
+    path = tmp_path / "file.nc"
+    write(record, path)
+    good = path.read_bytes()
+    for length in range(0, len(good), 97):
+        path.write_bytes(good[:length])
+        assert _same_or_refused(path, record), length
+
+
+def test_a_longer_file_is_the_same_or_refused(tmp_path, record):
+    path = tmp_path / "file.nc"
+    write(record, path)
+    path.write_bytes(path.read_bytes() + b"tail")
+    _same_or_refused(path, record)

@@ -1,0 +1,185 @@
+"""Records of other programs: without checksum, chunks, long names, or dimension scales; packed; in other types."""
+
+from __future__ import annotations
+
+import h5netcdf
+import h5py
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+
+from data_schemas import read, validate
+from data_schemas.errors import FileError
+
+TIMES = np.arange(6) * 0.5
+ELONGATION = np.array([[0.01, 0.02, 0.01, -0.01, -0.02, np.nan], [0.03, 0.01, -0.02, 0.01, 0.02, 0.01]])
+
+
+def with_h5netcdf(path):
+    """Contiguous arrays, units only where there is a unit."""
+    with h5netcdf.File(path, "w") as file:
+        file.attrs.update(schema="isochrony-record", schema_version="1", record_id="foreign")
+        file.dimensions["time"] = 6
+        time = file.create_variable("time", ("time",), data=TIMES)
+        time.attrs["units"] = "seconds since 2000-01-01T00:00:00Z"
+        record = file.create_group("record")
+        record.dimensions.update(trace=2, pendulum=2)
+        text = h5py.string_dtype()
+        record.create_variable("trace", ("trace",), text)[...] = np.array(["1", "1-2"], dtype=object)
+        record.create_variable("pendulum", ("pendulum",), text)[...] = np.array(["1", "2"], dtype=object)
+        record.create_variable("combination", ("trace", "pendulum"), data=np.array([[1.0, 0.0], [1.0, -1.0]]))
+        record.create_variable("elongation", ("trace", "time"), data=ELONGATION).attrs["units"] = "rad"
+        instrument = file.create_group("instrument")
+        instrument.dimensions["pendulum"] = 2
+        instrument.create_variable("pendulum", ("pendulum",), text)[...] = np.array(["1", "2"], dtype=object)
+        instrument.create_variable("period", ("pendulum",), data=np.array([1.01, 1.02])).attrs["units"] = "s"
+        instrument.create_variable("reference_gravity", (), data=9.81).attrs["units"] = "m s-2"
+
+
+def with_netcdf4(path):
+    """The C library: an unlimited time, fill values, dimensions without coordinates in the film's group."""
+    with netCDF4.Dataset(path, "w") as file:
+        file.setncatts({"schema": "isochrony-record", "schema_version": "1", "record_id": "foreign"})
+        file.createDimension("time", None)
+        time = file.createVariable("time", "f8", ("time",))
+        time[:] = TIMES
+        time.units = "seconds since 2000-01-01T00:00:00Z"
+        record = file.createGroup("record")
+        for name, labels in (("trace", ["1", "1-2"]), ("pendulum", ["1", "2"])):
+            record.createDimension(name, 2)
+            record.createVariable(name, str, (name,))[:] = np.array(labels, dtype=object)
+        record.createVariable("combination", "f8", ("trace", "pendulum"))[:] = [[1.0, 0.0], [1.0, -1.0]]
+        elongation = record.createVariable("elongation", "f8", ("trace", "time"), fill_value=-99.0, zlib=True)
+        elongation.units = "rad"
+        elongation[:] = np.where(np.isnan(ELONGATION), -99.0, ELONGATION)
+        instrument = file.createGroup("instrument")
+        instrument.createDimension("pendulum", 2)
+        instrument.createVariable("pendulum", str, ("pendulum",))[:] = np.array(["1", "2"], dtype=object)
+        period = instrument.createVariable("period", "f8", ("pendulum",))
+        period[:] = [1.01, 1.02]
+        period.units = "s"
+        gravity = instrument.createVariable("reference_gravity", "f8")
+        gravity[...] = 9.81
+        gravity.units = "m/s2"
+
+
+def with_xarray(path):
+    """xarray's own writer, defaults everywhere."""
+    root = xr.Dataset(
+        coords={"time": ("time", TIMES, {"units": "seconds since 2000-01-01T00:00:00Z"})},
+        attrs={"schema": "isochrony-record", "schema_version": "1", "record_id": "foreign"},
+    )
+    labels = {"trace": ["1", "1-2"], "pendulum": ["1", "2"]}
+    record = xr.Dataset(
+        {
+            "combination": (("trace", "pendulum"), [[1.0, 0.0], [1.0, -1.0]]),
+            "elongation": (("trace", "time"), ELONGATION, {"units": "radians"}),
+        },
+        coords=labels,
+    )
+    instrument = xr.Dataset(
+        {
+            "period": ("pendulum", [1.01, 1.02], {"units": "s"}),
+            "reference_gravity": ((), 9.81, {"units": "m s-2"}),
+        },
+        coords={"pendulum": labels["pendulum"]},
+    )
+    tree = xr.DataTree.from_dict({"/": root, "/record": record, "/instrument": instrument})
+    tree.to_netcdf(path, engine="h5netcdf")
+
+
+def with_h5py(path):
+    """Plain HDF5: no scales, big-endian, text of fixed length; the table gives the dimensions by position."""
+    with h5py.File(path, "w") as file:
+        file.attrs.update(schema="isochrony-record", schema_version="1", record_id="foreign")
+        file["time"] = TIMES.astype(">f8")
+        file["time"].attrs["units"] = "seconds since 2000-01-01"
+        file["record/trace"] = np.array([b"1", b"1-2"])
+        file["record/pendulum"] = np.array([b"1", b"2"])
+        file["record/combination"] = np.array([[1.0, 0.0], [1.0, -1.0]])
+        file["record/elongation"] = ELONGATION.astype(">f8")
+        file["record/elongation"].attrs["units"] = np.bytes_("rad")
+        file["instrument/pendulum"] = np.array([b"1", b"2"])
+        file["instrument/period"] = np.array([1.01, 1.02])
+        file["instrument/period"].attrs["units"] = "s"
+        file["instrument/reference_gravity"] = 9.81
+        file["instrument/reference_gravity"].attrs["units"] = "m s-2"
+
+
+@pytest.mark.parametrize("make", [with_h5netcdf, with_netcdf4, with_xarray, with_h5py])
+def test_a_foreign_record_is_read_and_good(tmp_path, make):
+    path = tmp_path / "foreign.nc"
+    make(path)
+    assert validate(path) == []
+    tree = read(path)
+    assert tree["time"].values.tolist() == TIMES.tolist()
+    assert tree["record/elongation"].dims == ("trace", "time")
+    np.testing.assert_array_equal(tree["record/elongation"].values, ELONGATION)
+    assert tree["record/elongation"].dtype == np.dtype("f8")
+    assert tree["record/elongation"].dtype.isnative
+    assert tree["record"].sel(trace="1-2")["combination"].values.tolist() == [1.0, -1.0]
+    assert tree["instrument/reference_gravity"].item() == 9.81
+
+
+def test_a_dimension_without_coordinate_keeps_its_name(tmp_path):
+    for module, path in ((netCDF4.Dataset, tmp_path / "c.nc"), (h5netcdf.File, tmp_path / "h.nc")):
+        with module(path, "w") as file:
+            if module is netCDF4.Dataset:
+                file.createDimension("mark", 3)
+                file.createVariable("mark_time", "f8", ("mark",))[:] = [1.0, 2.0, 3.0]
+            else:
+                file.dimensions["mark"] = 3
+                file.create_variable("mark_time", ("mark",), data=np.array([1.0, 2.0, 3.0]))
+        tree = read(path)
+        assert list(tree.variables) == ["mark_time"]
+        assert tree["mark_time"].dims == ("mark",)
+
+
+def test_a_variable_named_as_a_dimension_of_others(tmp_path):
+    """netCDF-4 stores such a variable under a mangled name."""
+    with netCDF4.Dataset(tmp_path / "c.nc", "w") as file:
+        file.createDimension("a", 2)
+        file.createDimension("b", 3)
+        file.createVariable("a", "f8", ("b",))[:] = [1.0, 2.0, 3.0]
+    assert validate(tmp_path / "c.nc") != []
+    with pytest.raises(FileError, match="make dimensions of one name equal"):
+        read(tmp_path / "c.nc")
+
+
+def test_unknown_arrays_of_plain_hdf5_get_phony_dimensions(tmp_path):
+    with h5py.File(tmp_path / "p.nc", "w") as file:
+        file["one"], file["two"] = np.zeros((2, 3)), np.zeros(3)
+    tree = read(tmp_path / "p.nc")
+    assert tree["one"].dims == ("phony_dim_0", "phony_dim_1")
+    assert tree["two"].dims == ("phony_dim_1",)
+
+
+def test_packed_values_are_unpacked(tmp_path):
+    path = tmp_path / "packed.nc"
+    with_h5netcdf(path)
+    with h5py.File(path, "r+") as file:
+        file["record"].create_dataset("vertical_acceleration", data=np.array([0, 1, 2, -1, -99, 7], dtype="i2"))
+        packed = file["record/vertical_acceleration"]
+        packed.attrs.update(units="m s-2", scale_factor=0.5, add_offset=1.0, _FillValue=np.int16(-99))
+        flags = file["record"].create_dataset("elongation_qc", data=np.zeros((2, 6), dtype="u2"))
+        flags.attrs["_FillValue"] = np.uint16(0)
+    assert validate(path) == []
+    tree = read(path)
+    np.testing.assert_array_equal(tree["record/vertical_acceleration"].values, [1.0, 1.5, 2.0, 0.5, np.nan, 4.5])
+    assert tree["record/vertical_acceleration"].attrs == {"units": "m s-2"}
+    assert tree["record/elongation_qc"].dtype == np.uint16  # flags stay flags whatever their fill value
+
+
+def test_an_empty_attribute_is_read(tmp_path):
+    path = tmp_path / "empty.nc"
+    with_h5netcdf(path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["comment"] = h5py.Empty("S1")
+        file.attrs["numbers"] = h5py.Empty("f8")
+        file.attrs["kind"] = np.array([1, 2], dtype=">i4")
+    assert validate(path) == []
+    attrs = read(path).attrs
+    assert attrs["comment"] == ""
+    assert attrs["numbers"].size == 0
+    assert attrs["kind"].tolist() == [1, 2]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import h5py
@@ -15,6 +16,7 @@ from .dimensions import named
 from .errors import FileError
 from .guard import Found, Survey, ordinary, survey
 from .guard_types import Budget, is_text
+from .heaps import Heaps, sound_heaps, text_bytes
 from .packing import unpacked
 
 if TYPE_CHECKING:
@@ -84,8 +86,9 @@ def load_raw(path: str | os.PathLike[str], budget: Budget) -> Contents:
     """
     size = ordinary(path)
     try:
+        heaps = sound_heaps(path)
         with h5py.File(path, "r") as file:
-            return _contents(survey(file, size, budget), budget)
+            return _contents(survey(file, size, budget), lambda one, where: _text(path, one, heaps, where, budget))
     except FileError as error:
         raise FileError(f"{shown(path, 400)}: {error}") from None
     except _DAMAGE as error:
@@ -95,7 +98,8 @@ def load_raw(path: str | os.PathLike[str], budget: Budget) -> Contents:
         ) from error
 
 
-def _contents(found: Survey, budget: Budget) -> Contents:
+def _contents(found: Survey, text: Callable[[h5d.DatasetID, str], NDArray[Any]]) -> Contents:
+    """Everything that passed the survey; `text` reads the arrays of text."""
     contents = {group.path: Group(_attributes(group, group.path or "root", found)) for group in found.groups}
     for one in named(found):
         where = key(one.array.path, one.name)
@@ -103,7 +107,7 @@ def _contents(found: Survey, budget: Budget) -> Contents:
         if one.name in variables:
             raise FileError(f"{where}: is there twice; keep one")
         try:
-            values = _values(one.array.id, where, found, budget)
+            values = (text if is_text(one.array.id.get_type()) else _numbers)(one.array.id, where)
         except _DAMAGE as error:
             reason = shown(" ".join(str(error).split()), 120)
             raise FileError(f"{where}: its values are damaged ({reason}); restore the file") from error
@@ -111,32 +115,24 @@ def _contents(found: Survey, budget: Budget) -> Contents:
     return contents
 
 
-def _values(array: h5d.DatasetID, where: str, found: Survey, budget: Budget) -> NDArray[Any]:
+def _numbers(array: h5d.DatasetID, _where: str) -> NDArray[Any]:
+    numbers: NDArray[Any] = np.empty(array.shape, dtype=array.get_type().dtype.newbyteorder("="))
+    if numbers.size:
+        array.read(h5s.ALL, h5s.ALL, numbers)
+    return numbers
+
+
+def _text(
+    path: str | os.PathLike[str], array: h5d.DatasetID, heaps: Heaps, where: str, budget: Budget
+) -> NDArray[Any]:
     kind = array.get_type()
-    if not is_text(kind):
-        numbers: NDArray[Any] = np.empty(array.shape, dtype=kind.dtype.newbyteorder("="))
-        if numbers.size:
-            array.read(h5s.ALL, h5s.ALL, numbers)
-        return numbers
+    if kind.is_variable_str() and text_bytes(path, array, heaps, where) > budget.text_bytes:
+        raise FileError(f"{where}: more than {budget.text_bytes} bytes of text; shorten it")
     texts = np.empty(array.shape, dtype=kind.dtype)
-    if texts.size * found.heap <= budget.text_bytes or not kind.is_variable_str():
-        if texts.size:
-            array.read(h5s.ALL, h5s.ALL, texts)
-        decoded = [_decoded(one, where) for one in texts.ravel().tolist()]
-    else:
-        decoded = list(_one_by_one(h5py.Dataset(array), where, budget))
+    if texts.size:
+        array.read(h5s.ALL, h5s.ALL, texts)
+    decoded = [_decoded(one, where) for one in texts.ravel().tolist()]
     return np.array(decoded, dtype=np.str_).reshape(array.shape)
-
-
-def _one_by_one(array: h5py.Dataset, where: str, budget: Budget) -> list[str]:
-    """Texts that might all point at one long text of the file: counted while they are read."""
-    total, texts = 0, []
-    for index in np.ndindex(array.shape):
-        texts.append(_decoded(array[index], where))
-        total += len(texts[-1])
-        if total > budget.text_bytes:
-            raise FileError(f"{where}: more than {budget.text_bytes} bytes of text; shorten it")
-    return texts
 
 
 def _attributes(owner: Found, where: str, found: Survey) -> dict[str, Any]:

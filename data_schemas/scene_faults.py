@@ -39,9 +39,7 @@ def one_line(error: ValidationError, model: type[Section]) -> str:
 
 def _fault(fault: Mapping[str, Any], model: type[Section]) -> str:
     key, known = _locate(fault["loc"], model)
-    value = " ".join(repr(fault["input"]).split())
-    if len(value) > _LONGEST_VALUE:
-        value = value[: _LONGEST_VALUE - 3] + "..."
+    value = _shortened(repr(fault["input"]))
     match fault["type"]:
         case "extra_forbidden":
             name = str(fault["loc"][-1])
@@ -64,6 +62,10 @@ def _fault(fault: Mapping[str, Any], model: type[Section]) -> str:
     return f"{key} = {value}: {message}"
 
 
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 3] + "..."
+
+
 def _locate(location: tuple[int | str, ...], model: type[Section]) -> tuple[str, list[str]]:
     """Dotted key of a fault, free of pydantic's own words, and the names known at its place."""
     words: list[str] = []
@@ -80,8 +82,8 @@ def _locate(location: tuple[int | str, ...], model: type[Section]) -> tuple[str,
             found = list(_sections(section.model_fields[step].annotation))
             section = found[0] if len(found) == 1 else None
             candidates = {str(each.model_fields["kind"].default): each for each in found[1:] and found}
-        elif _is_key(step):
-            words.append(step)
+        elif _is_key(step):  # anything a file may hold, a line break too
+            words.append(_shortened(step if step.isprintable() else repr(step)))
     return ".".join(words), list(section.model_fields) if section is not None else []
 
 

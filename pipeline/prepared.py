@@ -95,6 +95,11 @@ class Prepared:
         """Slope of the difference's phase less the nominal frequency, uncorrected, rad s-1."""
         return phase_slope(self.blocks.time, self.blocks.difference, self.blocks.coverage)[0]
 
+    @property
+    def rough_first_frequency(self) -> float:
+        """n1, rad s-1."""
+        return self.observation.frequency_ratio * self.rough.frequency
+
     @cached_property
     def rough_budget(self) -> Budget:
         """Sensitivities, from the cheap envelope."""

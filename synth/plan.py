@@ -58,8 +58,8 @@ def plan(scene: Scene, clock: Clock) -> Plan:
     for pendulum, frequency in zip(scene.pendulums, frequencies, strict=True):
         if pendulum.damping_rate >= frequency / 2:
             raise SceneError(
-                f"pendulums: {pendulum.label!r} has damping_rate = {pendulum.damping_rate:g} 1/s and frequency"
-                f" of {frequency:g} rad/s; it hardly swings, make the rate less than half the frequency"
+                f"pendulums: {pendulum.label!r} has damping_rate = {pendulum.damping_rate:g} 1/s, its frequency"
+                f" is {frequency:g} rad/s; it hardly swings, make the rate less than half the frequency"
             )
         responses.append(respond(frequency, pendulum.damping_rate, pendulum.start, motion, scene.gravity))
     return Plan(motion, tuple(responses), clock.times)

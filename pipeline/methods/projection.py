@@ -8,28 +8,15 @@ from data_schemas.errors import RefusedError
 from pipeline.estimate import Estimate
 from pipeline.harmonics.envelope import Floats
 from pipeline.prepared import LEAST_EXPLAINED, Prepared
-from pipeline.projection.solve import ProjectionFit, fit_projection, uniform_response
+from pipeline.projection.sampling import problem
+from pipeline.projection.solve import ProjectionFit, fit_projection
 
 
 def estimate(prepared: Prepared) -> Estimate:
     """Fit n2 with n1/n2 held, the damping held where the record states it."""
     seen = prepared.observation
     rough = prepared.rough
-    if seen.step is None or seen.step * prepared.nominal > 0.5 * np.pi:
-        from pipeline.projection.uneven import fit_uneven
-
-        fit = fit_uneven(prepared, rough.frequency, rough.damping_rate)
-    else:
-        fit = fit_projection(
-            seen.difference,
-            seen.step,
-            uniform_response(
-                seen.theta, seen.step, prepared.nominal, seen.frequency_ratio, seen.damping_difference
-            ),
-            rough.frequency,
-            rough.damping_rate,
-            prepared.known_damping is None,
-        )
+    fit = fit_projection(problem(prepared), rough.frequency, rough.damping_rate, prepared.known_damping is None)
     shared = prepared.rough_budget
     colour = residual_colour(fit, prepared)
     explained = 1.0 - fit.noise**2 / np.nanvar(seen.difference)
@@ -55,9 +42,12 @@ def residual_colour(fit: ProjectionFit, prepared: Prepared) -> float:
     seen = prepared.observation
     if fit.noise == 0.0:
         return 1.0
-    present = np.isfinite(fit.residual)
+    residual = fit.residual
+    if residual.size != seen.time.size:  # marks on a finer grid
+        residual = residual[:: (residual.size - 1) // (seen.time.size - 1)]
+    present = np.isfinite(residual)
     edges = np.append(prepared.blocks.time - 0.5 * prepared.blocks.hop, prepared.blocks.time[-1] + 0.5 * prepared.blocks.hop)
-    turned: Floats = np.where(present, fit.residual, 0.0)
+    turned: Floats = np.where(present, residual, 0.0)
     sums = block_sums(turned * np.exp(-1j * fit.frequency * seen.time), seen.time, edges)
     counts = block_sums(present.astype(np.complex128), seen.time, edges).real
     used = counts > 0.5 * counts.max()

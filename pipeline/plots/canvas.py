@@ -101,6 +101,8 @@ def legend(axes: Axes, **settings: Any) -> None:
 def note(axes: Axes, text: str) -> None:
     """Write a remark in the middle of a panel that has nothing to show."""
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY)
+    axes.set_xticks([])
+    axes.set_yticks([])
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:

@@ -84,6 +84,6 @@ def finite_arc_factor(amplitude: Floats) -> Floats:
     3.34849644557
     """
     one, other = np.ones_like(amplitude), np.cos(0.5 * amplitude)
-    for _ in range(6):  # the digits double at each step: 6 suffice for float64 below 3.14 rad
+    for _ in range(8):  # the digits double at each step: 8 suffice for float64 below 3.1416 rad
         one, other = 0.5 * (one + other), np.sqrt(one * other)
     return 1.0 / one

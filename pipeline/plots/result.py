@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.plots.canvas import BLUE, GREEN, PALETTE, VERMILION, legend, note, panel, sheet
-from pipeline.plots.series import Floats, angle_scale, robust_limits, thin, time_scale
+from pipeline.plots.series import Floats, angle_scale, robust_limits, running_mean, thin, time_scale
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,7 +77,8 @@ def draw_amplitudes(axes: Axes, result: DataTree) -> None:
     for row, label in enumerate(phases["component"].values):
         across, up = thin(time * seconds, values[row] * angle)
         kind = "difference" if "-" in str(label) else "pendulum"
-        axes.plot(across, up, color=PALETTE[row % len(PALETTE)], label=f"{kind} {label}")
+        style = ("-", "--", "-")[row % 3]  # two pendulums swing alike and would hide each other
+        axes.plot(across, up, style, color=PALETTE[row % len(PALETTE)], label=f"{kind} {label}")
     axes.set_ylim(0.0, 1.25 * robust_limits(values * angle)[1])
     axes.set_xlim(0.0, time[-1] * seconds)
     axes.set_xlabel(f"time from the start, {unit_of_time}")
@@ -102,9 +103,10 @@ def draw_phase_speed(axes: Axes, result: DataTree) -> None:
     seconds, unit_of_time = time_scale(float(time[-1]))
     lines = {"before the correction": (measured, VERMILION), f"after it ({method})": (corrected, BLUE)}
     shown = []
+    width = _mean_width(float(time[-1]))
     for name, (speed, color) in lines.items():
         # dg/g = 2 dn/n
-        offset = 2.0 * gravity * (speed / frequency - 1.0) / _MILLIGAL
+        offset = running_mean(time, 2.0 * gravity * (speed / frequency - 1.0) / _MILLIGAL, width)
         axes.plot(*thin(time * seconds, offset), color=color, label=name)
         shown.append(robust_limits(offset))
     low, high = min(limits[0] for limits in shown), max(limits[1] for limits in shown)
@@ -112,8 +114,13 @@ def draw_phase_speed(axes: Axes, result: DataTree) -> None:
     axes.set_xlim(0.0, time[-1] * seconds)
     axes.axhline(0.0, color="black", linewidth=0.7, linestyle=":")
     axes.set_xlabel(f"time from the start, {unit_of_time}")
-    axes.set_ylabel(f"as gravity, mGal from {best}")
+    axes.set_ylabel(f"as gravity, mGal from {best}\n(means of {width:g} s)")
     legend(axes, loc="upper right", ncols=2)
+
+
+def _mean_width(longest: float) -> float:
+    """Width of the running mean: short against the beats of the swing, long against the reading noise."""
+    return float(np.clip(round(longest / 450.0) * 10.0, 5.0, 60.0))
 
 
 def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> None:
@@ -137,7 +144,7 @@ def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> No
         offset[good], rows[good], xerr=bars[good], fmt="o", color=BLUE, ecolor=BLUE, capsize=3, markersize=5
     )
     labels = [
-        f"{name}\n{_signed(offset[row])} ± {sigma[row]:.2g}" if good[row] else f"{name}\nrefused"
+        f"{name}\n{_signed(offset[row])} ± {_minus(f'{sigma[row]:.2g}')}" if good[row] else f"{name}\nrefused"
         for row, name in enumerate(methods)
     ]
     axes.set_yticks(rows, labels)
@@ -153,7 +160,13 @@ def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> No
 
 
 def _signed(value: float) -> str:
-    return f"{value:+.3g}".replace("-", "−")
+    digits = 2 if abs(value) < 100.0 else 4
+    return _minus(f"{value:+.{digits}g}" if value else "0")
+
+
+def _minus(text: str) -> str:
+    """A typographic minus, as the axes have it."""
+    return text.replace("-", "−")
 
 
 def _tick_decades(axes: Axes, smallest: float, largest: float) -> None:
@@ -162,7 +175,7 @@ def _tick_decades(axes: Axes, smallest: float, largest: float) -> None:
     step = max(1, -(-(high - low + 1) // 2))
     decades = [10.0**power for power in range(high, low - 1, -step)][::-1]
     ticks = [-tick for tick in decades[::-1]] + [0.0, *decades]
-    axes.set_xticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
+    axes.set_xticks(ticks, [_minus(f"{tick:g}") for tick in ticks])
     axes.minorticks_off()
 
 

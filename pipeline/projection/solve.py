@@ -1,22 +1,23 @@
-"""Gauss-Newton on the frequency of the second pendulum by full sweeps over uniform samples."""
+"""Gauss-Newton on the frequency of the second pendulum by full sweeps over the samples."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
+from data_schemas.errors import RefusedError
 from pipeline.harmonics.envelope import Floats
 from pipeline.projection import kernels
-from pipeline.projection.taps import NODES, stencil, taps
+from pipeline.projection.taps import stencil, taps
 
 REJECTION = 4.0  # sigmas
 _ITERATIONS = 12
 _FLOOR = 1e-6  # of the amplitude: what departs less is rounding and quadrature, not a wild reading
 _RIDGE = 1e-14  # of the unit diagonal: keeps a column that vanishes from stopping the solution
 _SMALL_ROUNDS = 6
-_CONVERGED = 1e-10  # relative step of the frequency; the next one would be 1e-3 of it or less
+_CONVERGED = 1e-12  # relative step of the frequency
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,6 @@ class ProjectionFit:
     samples: int
     rejected: int
     residual: Floats
-
-
-Response = Callable[[float, float], tuple[Floats, Floats, Floats]]
 
 
 def response_constants(frequency: float, gamma: float, ratio: float, damping_difference: float) -> tuple[complex, ...]:
@@ -51,68 +49,107 @@ def response_constants(frequency: float, gamma: float, ratio: float, damping_dif
     return eigenvalue, 1.0 - r, gain, slope, -drag / oscillation
 
 
-def uniform_response(theta: Floats, step: float, fitted_at: float, ratio: float, damping_difference: float) -> Response:
-    """Response of the difference pendulum to uniform samples of the first, as a function of (n2, gamma2)."""
-    count = theta.size
-    cardinal = stencil(fitted_at, step)
-    integral = np.empty((2, count - 1))
-    response, slope, slope_damping = np.empty((3, count))
+class Problem(Protocol):
+    """What the fit needs of a sampling: the model's response at the samples, moments, residuals."""
 
-    def evaluate(frequency: float, gamma: float) -> tuple[Floats, Floats, Floats]:
-        eigenvalue, direct, *gains = response_constants(frequency, gamma, ratio, damping_difference)
-        weights = taps(cardinal, eigenvalue, step)
-        kernels.interval_integrals(theta, weights.real.copy(), weights.imag.copy(), integral[0], integral[1])
+    half: float
+    """Half the record's length, s."""
+
+    def respond(self, frequency: float, gamma: float) -> None:
+        """Compute the response to the first pendulum, and its slopes, at (n2, gamma2)."""
+
+    def moments(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> tuple[Floats, int]:
+        """Gram matrix as `kernels.moments` has it, and the number of samples beyond the limit."""
+
+    def residual(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> Floats:
+        """Residual at every sample, NaN where missing or beyond the limit."""
+
+
+class UniformProblem:
+    """Uniform samples of both series; the first pendulum whole, the difference NaN where missing."""
+
+    def __init__(
+        self, theta: Floats, difference: Floats, step: float, fitted_at: float, ratio: float, damping_difference: float
+    ) -> None:
+        self._theta, self._difference, self._step = theta, difference, step
+        self._ratio, self._damping_difference = ratio, damping_difference
+        self._cardinal = stencil(fitted_at, step)
+        self._integral = np.empty((2, theta.size - 1))
+        self.response, self.slope, self.slope_damping = np.empty((3, theta.size))
+        self._gram = np.empty((kernels.COLUMNS, kernels.COLUMNS))
+        self.half = 0.5 * (theta.size - 1) * step
+
+    def respond(self, frequency: float, gamma: float) -> None:
+        """See `Problem`."""
+        eigenvalue, direct, *gains = response_constants(frequency, gamma, self._ratio, self._damping_difference)
+        weights = taps(self._cardinal, eigenvalue, self._step)
+        kernels.interval_integrals(self._theta, weights.real.copy(), weights.imag.copy(), *self._integral)
         kernels.forced_response(
-            theta,
-            *integral,
-            step,
+            self._theta,
+            *self._integral,
+            self._step,
             gamma,
             eigenvalue.imag,
             direct.real,
             *(complex(gain) for gain in gains),
-            response,
-            slope,
-            slope_damping,
+            self.response,
+            self.slope,
+            self.slope_damping,
         )
-        return response, slope, slope_damping
 
-    return evaluate
+    def moments(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> tuple[Floats, int]:
+        """See `Problem`."""
+        beyond = kernels.moments(
+            self._difference,
+            self.response,
+            self.slope,
+            self.slope_damping,
+            self._step,
+            gamma,
+            oscillation(frequency, gamma),
+            coefficient,
+            limit,
+            self._gram,
+        )
+        return np.triu(self._gram) + np.triu(self._gram, 1).T, beyond
+
+    def residual(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> Floats:
+        """See `Problem`."""
+        out = np.empty_like(self._difference)
+        kernels.residuals(
+            self._difference,
+            self.response,
+            self._step,
+            gamma,
+            oscillation(frequency, gamma),
+            coefficient,
+            limit,
+            out,
+        )
+        return out
 
 
-def least_samples() -> int:
-    """Fewest samples of the first pendulum that the quadrature needs."""
-    return NODES
+def oscillation(frequency: float, gamma: float) -> float:
+    """w of `w^2 = n^2 - gamma^2`."""
+    return float(np.sqrt(frequency**2 - gamma**2))
 
 
-def fit_projection(
-    difference: Floats,
-    step: float,
-    respond: Response,
-    frequency: float,
-    gamma: float,
-    fit_damping: bool,
-) -> ProjectionFit:
-    """Fit the exact linear identity on a uniform grid.
+def fit_projection(problem: Problem, frequency: float, gamma: float, fit_damping: bool) -> ProjectionFit:
+    """Fit the exact linear identity.
 
     Parameters
     ----------
-    difference : (n,) array
-        rad, NaN = missing (no weight, never filled).
-    step : float
-        s.
-    respond : callable
-        (n2, gamma2) -> response and its derivative with respect to n2.
+    problem : Problem
+        The samples.
     frequency, gamma : float
         Start, within a fraction of a turn over the record; gamma2 is held unless `fit_damping`.
     """
-    half = 0.5 * (difference.size - 1) * step
-    gram = np.empty((kernels.COLUMNS, kernels.COLUMNS))
+    half = problem.half
     coefficient = np.zeros(3)
     limit, rejected = np.inf, 0
-    response, *slopes = respond(frequency, gamma)
+    problem.respond(frequency, gamma)
     for _ in range(_ITERATIONS):
-        oscillation = float(np.sqrt(frequency**2 - gamma**2))
-        rejected = kernels.moments(difference, response, *slopes, step, gamma, oscillation, coefficient, limit, gram)
+        gram, rejected = problem.moments(frequency, gamma, coefficient, limit)
         small = solve_moments(gram, coefficient, half, fit_damping)
         # the moments' time runs about the middle of the record, the coefficients' about its start
         turn = np.exp(complex(small.damping_change, -small.frequency_change) * half)
@@ -120,16 +157,15 @@ def fit_projection(
         coefficient[:] = turned.real, -turned.imag, small.coefficient[2]
         frequency += small.frequency_change
         gamma += small.damping_change
+        if not np.isfinite(frequency) or abs(gamma) > 0.1 * frequency:
+            raise RefusedError("difference: no swing near the nominal period; check instrument/period and the traces")
         settled = abs(small.frequency_change) < max(_CONVERGED * frequency, 1e-3 * small.noise * small.noise_gain)
         new_limit = max(REJECTION * small.noise, _FLOOR * abs(complex(*coefficient[:2])))
         if settled and new_limit > 0.98 * limit:
             break
         limit = new_limit if settled or np.isfinite(limit) else np.inf
         if not settled:
-            response, *slopes = respond(frequency, gamma)
-    residual = np.empty_like(difference)
-    oscillation = float(np.sqrt(frequency**2 - gamma**2))
-    kernels.residuals(difference, response, step, gamma, oscillation, coefficient, limit, residual)
+            problem.respond(frequency, gamma)
     return ProjectionFit(
         frequency=float(frequency),
         damping_rate=float(gamma),
@@ -138,7 +174,7 @@ def fit_projection(
         noise_gain=small.noise_gain,
         samples=int(gram[2, 2]),
         rejected=int(rejected),
-        residual=residual,
+        residual=problem.residual(frequency, gamma, coefficient, limit),
     )
 
 
@@ -160,8 +196,7 @@ def solve_moments(gram: Floats, coefficient: Floats, half: float, fit_damping: b
     is `t (B cos - A sin) + slope / half`, that of dgamma `-t (A cos + B sin) + slope_damping / half`, both times `half`: bilinear in
     (A, B), so a few rounds are taken.
     """
-    full = np.triu(gram) + np.triu(gram, 1).T
-    inner, data, square = full[:7, :7], full[:7, 7], full[7, 7]
+    inner, data, square = gram[:7, :7], gram[:7, 7], gram[7, 7]
     free = 5 if fit_damping else 4
     parameters = np.zeros(5)
     parameters[:3] = coefficient + np.linalg.solve(inner[:3, :3] + _RIDGE * np.diag(np.diag(inner)[:3]), data[:3])

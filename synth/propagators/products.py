@@ -90,7 +90,7 @@ class RunningSum:
             np.concatenate([getattr(each, name) for each in self._pending]) for name in _PARTS
         )
         reaches = even_table.shape[1]
-        rows = _ONE_THREAD // max(even_table.size, odd_table.size)
+        rows = _ONE_THREAD // max(even_table.size, odd_table.size, 1)
         if rows < _FEWEST_ROWS:
             rows = len(self.result)
         for begin in range(0, len(self.result), rows):

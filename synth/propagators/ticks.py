@@ -41,7 +41,8 @@ class Ticks:
         inner = math.isqrt(self.count - 1) + 1
         first = rate.phasors(self.index[:inner])
         jumps = rate.phasors(self.index[::inner] - self.index[0])
-        return (jumps[:, :, None] * first[:, None, :]).reshape(len(first), -1)[:, : self.count]
+        table = jumps[:, :, None] * first[:, None, :]
+        return table.reshape(len(first), jumps.shape[1] * inner)[:, : self.count]
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,10 @@ def root(time: np.ndarray, kind: str, **more: Any) -> xr.Dataset:
 
 def made_record(count: int = 1500, step: float = 0.04) -> xr.DataTree:
     time = np.arange(count) * step
+    # free swings on the forced solution of a swell: an exact solution for two undamped linear pendulums
     swing = 0.01 * np.cos(FREQUENCY[:, None] * time + np.array([[0.0], [2.0]]))
-    elongation = np.stack([swing[0] + 0.05 * np.sin(0.6 * time), swing[0] - swing[1]])
+    swing += (0.05 / (1.0 - (0.6 / FREQUENCY) ** 2))[:, None] * np.sin(0.6 * time)
+    elongation = np.stack([swing[0], swing[0] - swing[1]])
     elongation[:, count // 3 : count // 3 + 10] = np.nan
     traces = dataset(
         "record",

@@ -23,7 +23,11 @@ def make_scene() -> Maker:
             "duration": 40.0,
             "gravity": 9.8123,
             "pendulums": [
-                {"label": "1", "period": 1.00966, "start": {"kind": "free", "amplitude": 0.006, "phase": 0.4}},
+                {
+                    "label": "1",
+                    "period": 1.00966,
+                    "start": {"kind": "free", "amplitude": 0.006, "phase": 0.4},
+                },
                 {
                     "label": "2",
                     "period": 1.00976,
@@ -31,7 +35,9 @@ def make_scene() -> Maker:
                     "start": {"kind": "free", "amplitude": 0.012, "phase": 2.2},
                 },
             ],
-            "motion": [{"kind": "harmonics", "amplitude": [0.1, 0.04], "period": [10.0, 6.3], "phase": [0.2, 1.0]}],
+            "motion": [
+                {"kind": "harmonics", "amplitude": [0.1, 0.04], "period": [10.0, 6.3], "phase": [0.2, 1.0]}
+            ],
         }
         return Scene.model_validate(scene | parts)
 

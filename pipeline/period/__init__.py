@@ -1,0 +1,1 @@
+"""A single pendulum: its period against amplitude, and the period at infinitesimal arc."""

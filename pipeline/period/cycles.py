@@ -1,0 +1,138 @@
+"""Cycle by cycle: crossings of the rest position, turning points, and what they say of amplitude and period."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from data_schemas.errors import RefusedError
+from pipeline.harmonics.envelope import Floats
+
+LEAST_SAMPLES = 6  # a swing
+LEAST_CYCLES = 5
+CROSSING_SHARE = 0.125  # of a period, on each side of a crossing or turning point, that its fit takes in
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """Rising and falling crossings of the rest position and the turning points between them.
+
+    Attributes
+    ----------
+    rising, falling : (k,) arrays
+        Times of the crossings, s.
+    turning_time, turning : (m,) arrays
+        Time (s) and elongation (rad) of each extreme, maxima and minima in turn.
+    rest : float
+        Rest position, rad.
+    rough_period : float
+        Median distance of rising crossings, s.
+    """
+
+    rising: Floats
+    falling: Floats
+    turning_time: Floats
+    turning: Floats
+    rest: float
+    rough_period: float
+
+
+def find_cycles(time: Floats, theta: Floats) -> Cycles:
+    """Find crossings and turning points by local polynomial fits.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Strictly increasing, s.
+    theta : (n,) array
+        rad, NaN = missing; need not be uniform.
+
+    Raises
+    ------
+    RefusedError
+        Fewer than `LEAST_CYCLES` cycles, or fewer than `LEAST_SAMPLES` samples a swing.
+    """
+    present = np.isfinite(theta)
+    time, theta = time[present], theta[present]
+    if theta.size < LEAST_CYCLES * LEAST_SAMPLES:
+        raise RefusedError(f"record/elongation: {theta.size} readings are too few for a period; give more than 30")
+    rest = 0.5 * float(np.quantile(theta, 0.99) + np.quantile(theta, 0.01))
+    signs = _signs(theta - rest)
+    up = np.flatnonzero((signs[1:] > 0) & (signs[:-1] < 0))
+    if up.size < LEAST_CYCLES + 1:
+        raise RefusedError(
+            f"record/elongation: only {max(up.size - 1, 0)} whole swings found; a period needs at least {LEAST_CYCLES}"
+        )
+    period = float(np.median(np.diff(time[up])))
+    if period < LEAST_SAMPLES * float(np.median(np.diff(time))):
+        raise RefusedError(
+            f"time: fewer than {LEAST_SAMPLES} samples a swing; a single pendulum's period needs denser readings"
+        )
+    rest = _rest_position(time, theta, rest, period)
+    signs = _signs(theta - rest)
+    rising = _crossings(time, theta - rest, np.flatnonzero((signs[1:] > 0) & (signs[:-1] < 0)), period)
+    falling = _crossings(time, theta - rest, np.flatnonzero((signs[1:] < 0) & (signs[:-1] > 0)), period)
+    turning_time, turning = _turning_points(time, theta, np.sort(np.concatenate([rising, falling])), period)
+    return Cycles(rising, falling, turning_time, turning - rest, rest, period)
+
+
+def _signs(values: Floats) -> Floats:
+    """Sign with hysteresis of 5 % of the local swing, so that noise about zero makes no crossing."""
+    threshold = 0.05 * float(np.quantile(np.abs(values), 0.5))
+    signs = np.where(values > threshold, 1.0, np.where(values < -threshold, -1.0, 0.0))
+    last = np.maximum.accumulate(np.where(signs != 0.0, np.arange(signs.size), 0))
+    return np.asarray(signs[last])
+
+
+def _rest_position(time: Floats, theta: Floats, rest: float, period: float) -> float:
+    """Mean of successive maxima and minima: a_max - a_min halves cancel under slow decay by (1, 2, 1) weights."""
+    signs = _signs(theta - rest)
+    near = np.sort(np.flatnonzero(signs[1:] * signs[:-1] < 0))
+    _, turning = _turning_points(time, theta, time[near], period)
+    if turning.size < 3:
+        return rest
+    return float(np.median(0.25 * (turning[:-2] + 2.0 * turning[1:-1] + turning[2:])))
+
+
+def _crossings(time: Floats, values: Floats, near: np.ndarray, period: float) -> Floats:
+    """Zero of the cubic fitted about each change of sign."""
+    found = []
+    for index in near:
+        centre = _straight(time, values, index)
+        for _ in range(2):
+            part = slice(*np.searchsorted(time, [centre - CROSSING_SHARE * period, centre + CROSSING_SHARE * period]))
+            tau = time[part] - centre
+            degree = 3 if tau.size >= 8 else 1
+            if tau.size < 3 or tau[0] >= 0.0 or tau[-1] <= 0.0:
+                break
+            fit = np.polynomial.polynomial.polyfit(tau / period, values[part], degree)
+            centre -= period * float(fit[0] / fit[1])
+        found.append(centre)
+    return np.asarray(found)
+
+
+def _straight(time: Floats, values: Floats, index: int) -> float:
+    before, after = values[index], values[index + 1]
+    return float(time[index] - before * (time[index + 1] - time[index]) / (after - before)) if after != before else float(
+        time[index]
+    )
+
+
+def _turning_points(time: Floats, theta: Floats, crossings: Floats, period: float) -> tuple[Floats, Floats]:
+    """Extreme of the quartic fitted about the middle between successive crossings."""
+    times, values = [], []
+    for left, right in zip(crossings[:-1], crossings[1:], strict=True):
+        if right - left > 0.8 * period:
+            continue  # a gap
+        centre = 0.5 * (left + right)
+        part = slice(*np.searchsorted(time, [centre - CROSSING_SHARE * period, centre + CROSSING_SHARE * period]))
+        tau = (time[part] - centre) / period
+        if tau.size < 4:
+            continue
+        fit = np.polynomial.polynomial.polyfit(tau, theta[part], 4 if tau.size >= 10 else 2)
+        top = -0.5 * fit[1] / fit[2] if fit[2] != 0.0 else 0.0
+        top = float(np.clip(top, -CROSSING_SHARE, CROSSING_SHARE))
+        times.append(centre + top * period)
+        values.append(float(np.polynomial.polynomial.polyval(top, fit)))
+    return np.asarray(times), np.asarray(values)

@@ -1,0 +1,143 @@
+"""The result of a record with a single trace: its period."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from data_schemas.variables import attributes
+from pipeline.gravity import DAY
+from pipeline.period.cycles import find_cycles
+from pipeline.period.fit import PeriodFit, fit_period
+from pipeline.result import result_attributes
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+TREND = 1e-3  # relative drift of the reduced period that is flagged
+_EXTRA = {
+    "rest_position": ("rad", "rest position of the recorded angle"),
+    "amplitude_scale": ("1", "relative correction of the recorded amplitude that the period's trend asks for"),
+    "amplitude_scale_sigma": ("1", "standard deviation of the amplitude scale"),
+    "trend": ("1", "relative spread of the smoothed reduced period over the record"),
+    "angle_step": ("rad", "smallest step of the recorded angle"),
+    "time_step_least": ("s", "smallest step of time"),
+    "time_step_most": ("s", "largest step of time, gaps apart"),
+    "elapsed": ("s", "time the analysis took"),
+}
+FLAG_MEANINGS = {
+    "amplitude-scale": "the period's trend with amplitude asks for another scale of the angle; period was taken with it",
+    "period-trend": f"the reduced period drifts by more than {100 * TREND:.1f} % over the record",
+    "single-trace": "one pendulum alone gives no gravity on a moving support",
+}
+
+
+def period_result(record: DataTree, requested: Sequence[str], started: float) -> DataTree:
+    """Analyse the only trace of a record and lay the result out.
+
+    Raises
+    ------
+    RefusedError
+        Too few swings or samples.
+    """
+    from xarray import Dataset, DataTree
+
+    time = np.asarray(record.dataset["time"].values, dtype=np.float64)
+    elongation = np.asarray(record["record"]["elongation"].values[0], dtype=np.float64)
+    instrument = record["instrument"] if "instrument" in record.children else None
+    linear = instrument is not None and instrument.attrs.get("restoring") == "linear"
+    rate = 0.0
+    if instrument is not None and "chronometer_rate" in instrument.dataset:
+        rate = float(instrument["chronometer_rate"].values)
+    fit = fit_period(find_cycles(time - time[0], elongation), linear=linear)
+    true = 1.0 + rate / DAY
+    flags = ["single-trace"]
+    if fit.scaled:
+        flags.append("amplitude-scale")
+    if fit.trend > TREND:
+        flags.append("period-trend")
+    scalars: dict[str, Any] = {
+        "period": fit.period * true,
+        "period_sigma": fit.sigma * true,
+        "rest_position": fit.rest,
+        "amplitude_scale": fit.amplitude_scale,
+        "amplitude_scale_sigma": fit.amplitude_scale_sigma,
+        "trend": fit.trend,
+        **_steps(time, elongation),
+        "elapsed": clock.perf_counter() - started,
+    }
+    variables: dict[str, Any] = {name: ((), value, _attributes(name)) for name, value in scalars.items()}
+    variables.update({name: ("cycle", values, _attributes(name)) for name, values in _cycle_series(fit, time[0]).items()})
+    variables["flag"] = ("flag", np.array(flags, dtype=object), _attributes("flag"))
+    tree = DataTree.from_dict(
+        {
+            "/": Dataset(coords={"time": ("time", time[[0, -1]], dict(record.dataset["time"].attrs))}),
+            "/period": Dataset(variables),
+        }
+    )
+    trace = str(record["record"]["trace"].values[0])
+    tree.attrs.update(result_attributes(record, {"trace": trace, "methods": ["period"]}, started))
+    tree.attrs["requested_method"] = ",".join(requested)
+    tree.attrs["title"] = f"period of record {tree.attrs['record_id']}"
+    return tree
+
+
+def _cycle_series(fit: PeriodFit, start: float) -> dict[str, Any]:
+    return {
+        "cycle_time": fit.time + start,
+        "amplitude": fit.amplitude,
+        "cycle_period": fit.cycle_period,
+        "cycle_period_smoothed": fit.smoothed,
+        "cycle_period_infinitesimal": fit.reduced,
+    }
+
+
+def _steps(time: np.ndarray, elongation: np.ndarray) -> dict[str, float]:
+    """Quantisation of angle and clock, as found: they explain the scatter of single cycles."""
+    changes = np.abs(np.diff(elongation[np.isfinite(elongation)]))
+    changes = changes[changes > 0.0]
+    steps = np.diff(time)
+    usual = steps[steps < 5.0 * np.median(steps)]
+    return {
+        "angle_step": float(changes.min()) if changes.size else 0.0,
+        "time_step_least": float(usual.min()),
+        "time_step_most": float(usual.max()),
+    }
+
+
+def _attributes(name: str) -> dict[str, Any]:
+    if name in _EXTRA:
+        units, long_name = _EXTRA[name]
+        return {"units": units, "long_name": long_name}
+    return attributes(f"period/{name}")
+
+
+def period_summaries(result: DataTree) -> list[dict[str, Any]]:
+    """The one dictionary of a single trace; keys of the contract, gravity null."""
+    table = result["period"].dataset
+    return [
+        {
+            "record_id": str(result.attrs["record_id"]),
+            "status": "ok",
+            "error": None,
+            "requested_method": str(result.attrs.get("requested_method", "auto")),
+            "method": "period",
+            "gravity_m_s2": None,
+            "gravity_sigma_mgal": None,
+            "frequency_rad_s": {},
+            "difference_frequency_rad_s": None,
+            "corrections_mgal": {},
+            "sensitivity_mgal": {},
+            "period_s": float(table["period"]),
+            "period_sigma_s": float(table["period_sigma"]),
+            "amplitude_scale": float(table["amplitude_scale"]),
+            "amplitude_scale_sigma": float(table["amplitude_scale_sigma"]),
+            "rest_position_rad": float(table["rest_position"]),
+            "flags": [str(flag) for flag in table["flag"].values] if "flag" in table else [],
+            "samples_used": int(table.sizes["cycle"]),
+            "elapsed_s": float(table["elapsed"]),
+        }
+    ]

@@ -1,0 +1,30 @@
+"""Which form of the projection a record's sampling calls for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.prepared import Prepared
+from pipeline.projection.solve import Problem, UniformProblem
+
+MOST_ANGLE = 0.5 * np.pi  # swing between samples up to which the eight-point quadrature holds
+FINE_ANGLE = 0.8  # swing between samples of the finer grid that marks are brought to
+
+
+def problem(prepared: Prepared) -> Problem:
+    """Uniform samples as they are, marks on a finer grid of the first pendulum, uneven samples by interpolation."""
+    seen = prepared.observation
+    constants = (prepared.nominal, seen.frequency_ratio, seen.damping_difference)
+    if seen.step is None:
+        from pipeline.projection.uneven import UnevenProblem
+
+        return UnevenProblem(seen.time, seen.theta, seen.difference, *constants)
+    if seen.step * prepared.nominal <= MOST_ANGLE:
+        return UniformProblem(seen.theta, seen.difference, seen.step, *constants)
+    from pipeline.projection.upsample import upsample
+
+    factor = int(np.ceil(seen.step * prepared.nominal / FINE_ANGLE))
+    theta = upsample(seen.theta, seen.step, prepared.rough_first_frequency, factor)
+    difference = np.full(theta.size, np.nan)
+    difference[::factor] = seen.difference
+    return UniformProblem(theta, difference, seen.step / factor, *constants)

@@ -1,0 +1,128 @@
+"""The first pendulum between half-second marks.
+
+Read twice a swing, a pendulum of 1.01 s lies at 0.99 of the Nyquist frequency: neighbouring readings tell nothing of the
+motion between them, and no short interpolation works. The reading is split by a filter into the slow part, which is
+well sampled and interpolated by a windowed sinc, and the harmonic `Re[Z(t) exp(i n t)]`, whose envelope is a cubic
+spline found by least squares over hundreds of seconds. A weak preference for a smooth envelope settles the
+confusion with its image above the Nyquist frequency.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.harmonics.envelope import Complexes, Floats, fill
+
+FILTER_REACH = 24  # marks on each side, of the filter that splits slow part and harmonic
+CUT = 0.62  # of the Nyquist frequency, between swell and pendulum
+KAISER_SHAPE = 9.0
+SINC_REACH = 16
+KNOT_SECONDS = 10.0
+SEGMENT_SECONDS, OVERLAP_SECONDS = 1200.0, 150.0
+STIFFNESS = 1e-3  # weight of the smoothness against the readings for an envelope turning at 0.1 rad/s
+
+
+def upsample(theta: Floats, step: float, frequency: float, factor: int) -> Floats:
+    """Elongation on a grid `factor` times finer.
+
+    Parameters
+    ----------
+    theta : (n,) array
+        Readings, rad, NaN = missing.
+    step : float
+        s; fewer than four readings a swing.
+    frequency : float
+        Circular frequency of the free swing, rad s-1.
+
+    Returns
+    -------
+    ((n - 1) factor + 1,) array
+    """
+    time = np.arange(theta.size) * step
+    whole = np.where(np.isfinite(theta), theta, 0.0)
+    fine = np.arange((theta.size - 1) * factor + 1) * (step / factor)
+    slow = np.zeros(theta.size)
+    for _ in range(2):  # missing readings and the ends need a first envelope
+        envelope, knots = _envelope(time, np.where(np.isfinite(theta), theta - slow, np.nan), frequency)
+        swing = _evaluate(envelope, knots, time, frequency)
+        rest = np.where(np.isfinite(theta), whole - swing, np.nan)
+        slow = _low_pass(fill(rest.astype(np.complex128)).real)
+    return _evaluate(envelope, knots, fine, frequency) + _sinc(slow, factor)
+
+
+def _low_pass(values: Floats) -> Floats:
+    taps = np.arange(-FILTER_REACH, FILTER_REACH + 1)
+    window = np.i0(KAISER_SHAPE * np.sqrt(1.0 - (taps / FILTER_REACH) ** 2)) / np.i0(KAISER_SHAPE)
+    weights = CUT * np.sinc(CUT * taps) * window
+    return np.convolve(_mirrored(values, FILTER_REACH), weights / weights.sum(), mode="valid")
+
+
+def _sinc(values: Floats, factor: int) -> Floats:
+    """Windowed-sinc interpolation of a series that holds little near its Nyquist frequency."""
+    padded = _mirrored(values, SINC_REACH)
+    fine = np.empty((values.size - 1) * factor + 1)
+    fine[::factor] = values
+    for part in range(1, factor):
+        offset = np.arange(-SINC_REACH + 1, SINC_REACH + 1) - part / factor
+        window = np.i0(KAISER_SHAPE * np.sqrt(1.0 - (offset / SINC_REACH) ** 2)) / np.i0(KAISER_SHAPE)
+        weights = np.sinc(offset) * window
+        full = np.convolve(padded, (weights / weights.sum())[::-1], mode="valid")
+        fine[part::factor] = full[1 : values.size]
+    return fine
+
+
+def _mirrored(values: Floats, reach: int) -> Floats:
+    """Continued at both ends by point reflection, which keeps value and slope."""
+    reach_in = min(reach, values.size - 1)
+    left = 2.0 * values[0] - values[reach_in:0:-1]
+    right = 2.0 * values[-1] - values[-2 : -reach_in - 2 : -1]
+    return np.concatenate([left, values, right])
+
+
+def _envelope(time: Floats, swing: Floats, frequency: float) -> tuple[Complexes, Floats]:
+    """Spline coefficients of Z, segment by segment, and the knots they belong to."""
+    knots = np.arange(-1.0, time[-1] / KNOT_SECONDS + 3.0) * KNOT_SECONDS
+    coefficients = np.zeros(knots.size, dtype=np.complex128)
+    start = 0.0
+    while True:
+        stop = start + SEGMENT_SECONDS
+        if stop + OVERLAP_SECONDS > time[-1]:
+            stop = time[-1] + KNOT_SECONDS
+        chosen = (time >= start - OVERLAP_SECONDS) & (time <= stop + OVERLAP_SECONDS) & np.isfinite(swing)
+        inside = np.flatnonzero((knots > start - OVERLAP_SECONDS - 2 * KNOT_SECONDS) & (knots < stop + OVERLAP_SECONDS))
+        solved = _segment(time[chosen], swing[chosen], knots[inside], frequency)
+        keep = (knots[inside] >= start - 2 * KNOT_SECONDS) & (knots[inside] <= stop + 2 * KNOT_SECONDS)
+        coefficients[inside[keep]] = solved[keep]
+        if stop >= time[-1]:
+            return coefficients, knots
+        start = stop
+
+
+def _segment(time: Floats, swing: Floats, knots: Floats, frequency: float) -> Complexes:
+    basis = _cubic((time[:, None] - knots) / KNOT_SECONDS)
+    carrier = np.exp(1j * frequency * time)
+    matrix = np.concatenate([basis * carrier.real[:, None], -basis * carrier.imag[:, None]], axis=1)
+    bend = np.diff(np.eye(knots.size), 2, axis=0)
+    rate = time.size / max(knots.size, 1)
+    penalty = STIFFNESS * rate / (0.1 * KNOT_SECONDS) ** 4 * (bend.T @ bend) + 1e-9 * rate * np.eye(knots.size)
+    normal = matrix.T @ matrix
+    normal[: knots.size, : knots.size] += penalty
+    normal[knots.size :, knots.size :] += penalty
+    solution = np.linalg.solve(normal, matrix.T @ swing)
+    return np.asarray(solution[: knots.size] + 1j * solution[knots.size :])
+
+
+def _evaluate(coefficients: Complexes, knots: Floats, time: Floats, frequency: float) -> Floats:
+    first = np.clip(np.floor((time - knots[0]) / KNOT_SECONDS).astype(np.int64) - 1, 0, knots.size - 4)
+    envelope = np.zeros(time.size, dtype=np.complex128)
+    for offset in range(4):
+        envelope += coefficients[first + offset] * _cubic((time - knots[first + offset]) / KNOT_SECONDS)
+    return np.asarray((envelope * np.exp(1j * frequency * time)).real)
+
+
+def _cubic(x: Floats) -> Floats:
+    """Cubic B-spline of unit knots, centred on zero."""
+    size = np.abs(x)
+    near = 2.0 / 3.0 - size**2 + 0.5 * size**3
+    far = np.clip(2.0 - size, 0.0, None) ** 3 / 6.0
+    return np.where(size < 1.0, near, far)

@@ -87,7 +87,7 @@ def _combination_faults(combination: NDArray[Any], trace: Entry | None) -> list[
         return []  # the table's check says so
     found = [
         f"record/combination: the row of trace {_label(trace, row)} is all zero; say which pendulums it records"
-        for row in np.flatnonzero(~combination.any(axis=1))
+        for row in np.flatnonzero(~combination.any(axis=1)).tolist()
     ]
     traces, pendulums = combination.shape
     if traces > 1 and pendulums > 1 and not found and not _gives_difference(combination):
@@ -101,7 +101,8 @@ def _combination_faults(combination: NDArray[Any], trace: Entry | None) -> list[
 def _gives_difference(combination: NDArray[Any]) -> bool:
     """Whether some pendulum i and some difference i - j are both combinations of the traces.
 
-    Then so are i and j themselves: two pendulums must be recoverable, that is two unit vectors lie in the row space.
+    Then so are i and j themselves: two pendulums must be recoverable, that is two unit vectors lie in the row
+    space.
     """
     # the projector on the row space: pendulum i is recoverable when it leaves the unit vector i as it is
     projector = np.linalg.pinv(combination) @ combination
@@ -112,7 +113,7 @@ def _empty_traces(elongation: NDArray[Any], trace: Entry | None) -> list[str]:
     if not elongation.shape[1]:
         return []
     # a trace without one number has NaN as its least number
-    empty = np.flatnonzero(np.isnan(np.fmin.reduce(elongation, axis=1)))
+    empty = np.flatnonzero(np.isnan(np.fmin.reduce(elongation, axis=1))).tolist()
     return [f"record/elongation: trace {_label(trace, row)} is all NaN; leave the trace out" for row in empty]
 
 

@@ -1,19 +1,23 @@
 """The checksum of a content: one SHA-256 over every name, dimension, type, value and attribute.
 
-Definition (``content_sha256``, version 1). The digest is SHA-256 over a sequence of *items*. An item is its length
-in bytes as an unsigned 64-bit little-endian integer, then the bytes; text is UTF-8. In this order:
+Definition (``content_sha256``, version 1). The digest is SHA-256 over a sequence of *items*. An item is its
+length in bytes as an unsigned 64-bit little-endian integer, then the bytes; text is UTF-8. In this order:
 
-1. the text ``isochrony content 1``;
-2. for each group, sorted by path (the root is the empty path; no leading slash): the text ``group``, the path, the
+1. the text ``isochrony content 1``; 2. for each group, sorted by path (the root is the empty path; no leading
+slash): the text ``group``, the path, the
    group's attributes, then its variables;
-3. for each variable, sorted by name: the text ``variable``, the name, the number of dimensions as text, then for each
-   its name and its length as text; the type (``f8``, ``u2``, ..., ``str``); the values; the variable's attributes;
-4. for each attribute, sorted by name: the text ``attribute``, the name, the type, the number of elements as text, the
+3. for each variable, sorted by name: the text ``variable``, the name, the number of dimensions as text, then
+for each
+   its name and its length as text; the type (``f8``, ``u2``, ..., ``str``); the values; the variable's
+   attributes;
+4. for each attribute, sorted by name: the text ``attribute``, the name, the type, the number of elements as
+text, the
    values. The root's attribute ``content_sha256`` itself is left out.
 
-Values are one item for numbers (all elements, last dimension fastest, little-endian, the bits as they are: -0.0 and
-the payload of a NaN count) and one item an element for text. Sorting is by UTF-8 bytes. Nothing of HDF5 enters: chunks,
-filters, byte order on disk, order of attributes and the netCDF-4 bookkeeping attributes do not change the digest.
+Values are one item for numbers (all elements, last dimension fastest, little-endian, the bits as they are:
+-0.0 and the payload of a NaN count) and one item an element for text. Sorting is by UTF-8 bytes. Nothing of
+HDF5 enters: chunks, filters, byte order on disk, order of attributes and the netCDF-4 bookkeeping attributes
+do not change the digest.
 """
 
 from __future__ import annotations
@@ -55,7 +59,7 @@ class _Sum:
             self.text(*values.ravel().tolist())
         else:
             little = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
-            self.bytes(memoryview(little.reshape(-1).view(np.uint8)))
+            self.bytes(little.reshape(-1).view(np.uint8).data)
 
     def attributes(self, attrs: Mapping[str, Any]) -> None:
         for name in sorted(attrs, key=str.encode):

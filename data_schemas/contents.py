@@ -1,7 +1,7 @@
 """The plain content of a file: groups, variables, attributes, and nothing of HDF5 or xarray.
 
-Reading, writing, checking and the checksum all meet here, so that what is checked and what is summed is the same
-thing whether it came from memory or from a file.
+Reading, writing, checking and the checksum all meet here, so that what is checked and what is summed is the
+same thing whether it came from memory or from a file.
 """
 
 from __future__ import annotations
@@ -88,7 +88,8 @@ def plain_values(values: NDArray[Any], where: str) -> NDArray[Any]:
     Raises
     ------
     FileError
-        The type does not travel (complex, bool, dates, objects other than text); `where` is named with a remedy.
+        The type does not travel (complex, bool, dates, objects other than text); `where` is named with a
+        remedy.
     """
     kind = values.dtype.kind
     if kind in "OT":
@@ -186,7 +187,7 @@ def to_tree(contents: Contents) -> xr.DataTree:
             raise FileError(f"{path or 'root'}: {_first_line(error)}; make dimensions of one name equal") from error
     try:
         return xr.DataTree.from_dict(datasets)
-    except ValueError as error:
+    except (ValueError, KeyError) as error:
         raise FileError(f"{_first_line(error)}; make dimensions equal in length to the root's") from error
 
 

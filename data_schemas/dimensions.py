@@ -1,8 +1,8 @@
 """Finds the dimension names of the arrays in a netCDF-4 file.
 
-netCDF-4 keeps them as references from each array to *dimension scales*: arrays that bear the dimension's name, whether
-they hold coordinates or are mere placeholders. Files of plain HDF5 have none; then the table of variables gives the
-names by position, and failing that ``phony_dim_N`` by length, as netCDF does.
+netCDF-4 keeps them as references from each array to *dimension scales*: arrays that bear the dimension's
+name, whether they hold coordinates or are mere placeholders. Files of plain HDF5 have none; then the table of
+variables gives the names by position, and failing that ``phony_dim_N`` by length, as netCDF does.
 """
 
 from __future__ import annotations
@@ -69,9 +69,7 @@ def _attached(one: Found, rank: int, scales: dict[int, Found]) -> tuple[str, ...
     return tuple(names)
 
 
-def _by_position(
-    one: Found, name: str, rank: int, phony: dict[tuple[str, int], str]
-) -> tuple[str, ...]:
+def _by_position(one: Found, name: str, rank: int, phony: dict[tuple[str, int], str]) -> tuple[str, ...]:
     row = VARIABLES.get(key(one.path, name))
     if row is not None:
         for dims in (row.dims, *row.also):

@@ -93,5 +93,6 @@ def _attributes(target: Any, attrs: dict[str, Any], where: str) -> None:
 
 
 def _usable(name: str, where: str) -> None:
-    if not name or "/" in name or not name.isprintable() or name.startswith("_nc4_") or len(name) > 255:
+    odd = name in ("", ".", "..") or "/" in name or name.startswith("_nc4_")
+    if odd or not name.isprintable() or len(name.encode()) > 255:
         raise FileError(f"{where}: is no name for netCDF; rename it")

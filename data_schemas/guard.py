@@ -1,8 +1,9 @@
 """Looks a file over before anything in it is read, and refuses what could deceive, exhaust or hang the reader.
 
-Only an ordinary HDF5 file passes, made of hard-linked groups and arrays of plain numbers or text, stored inside the
-file itself, within a `Budget`. Nothing here follows a link, touches an array's values or an attribute's, so the
-inspection is safe in the caller's own process; a reader in a child process starts with the same `survey`.
+Only an ordinary HDF5 file passes, made of hard-linked groups and arrays of plain numbers or text, stored
+inside the file itself, within a `Budget`. Nothing here follows a link, touches an array's values or an
+attribute's, so the inspection is safe in the caller's own process; a reader in a child process starts with
+the same `survey`.
 """
 
 from __future__ import annotations
@@ -185,7 +186,7 @@ def _array(array: h5d.DatasetID, where: str, budget: Budget) -> int:
         elements *= length
     if is_text(kind):
         _within(elements, budget.texts, where, "texts")
-    size = elements * kind.get_size()
+    size: int = elements * kind.get_size()
     if layout == h5d.CHUNKED:
         chunk = kind.get_size()
         chunks = 1

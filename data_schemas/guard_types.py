@@ -16,8 +16,8 @@ _MIB = 1 << 20
 class Budget:
     """Limits of one file.
 
-    The largest honest file is the result of a day at 100 Hz by all methods: 2.5 GiB; the others are far smaller.
-    `chunks` allows an unlimited dimension written a sample at a time for half a day at 25 Hz.
+    The largest honest file is the result of a day at 100 Hz by all methods: 2.5 GiB; the others are far
+    smaller. `chunks` allows an unlimited dimension written a sample at a time for half a day at 25 Hz.
     """
 
     bytes: int = 4096 * _MIB
@@ -48,7 +48,8 @@ def plain_type(kind: h5t.TypeID, where: str) -> h5t.TypeID:
     Raises
     ------
     FileError
-        It is compound, enumerated, opaque, a reference, an array, a variable-length list, or an odd number format.
+        It is compound, enumerated, opaque, a reference, an array, a variable-length list, or an odd number
+        format.
     """
     if is_text(kind):
         return kind

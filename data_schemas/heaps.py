@@ -1,11 +1,12 @@
 """Looks over the one part of an HDF5 file that has no checksum and can hang its library: the heaps of long text.
 
-Text of variable length, and the references from arrays to their dimensions, lie in *global heap collections*: a header
-(``GCOL``, version, length), then objects, each with a header of 16 bytes (index, count, length) and padded to 8 bytes;
-index 0 is the free rest, and its length counts the header. The library steps from object to object without asking
-whether it moves: one flipped bit that makes it land on zeros, read as free space of length 0, and it never returns.
-An array of text holds, an element, a length, the address of a collection and an index; the library believes the
-length: one flipped bit makes it ask for gigabytes. So both are verified here from the bytes, before the library looks.
+Text of variable length, and the references from arrays to their dimensions, lie in *global heap collections*:
+a header (``GCOL``, version, length), then objects, each with a header of 16 bytes (index, count, length) and
+padded to 8 bytes; index 0 is the free rest, and its length counts the header. The library steps from object
+to object without asking whether it moves: one flipped bit that makes it land on zeros, read as free space of
+length 0, and it never returns. An array of text holds, an element, a length, the address of a collection and
+an index; the library believes the length: one flipped bit makes it ask for gigabytes. So both are verified
+here from the bytes, before the library looks.
 """
 
 from __future__ import annotations
@@ -73,7 +74,8 @@ def text_bytes(path: str | os.PathLike[str], array: h5d.DatasetID, heaps: Heaps,
     Raises
     ------
     FileError
-        A pointer leads nowhere or claims more than is there, or the pointers are stored so that they cannot be seen.
+        A pointer leads nowhere or claims more than is there, or the pointers are stored so that they cannot
+        be seen.
     """
     made = array.get_create_plist()
     contiguous = made.get_layout() == h5d.CONTIGUOUS

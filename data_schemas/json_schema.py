@@ -1,8 +1,8 @@
 """JSON Schema of each kind of file, made from the table of variables; of a scene, from its model.
 
-A netCDF file is no JSON: the schemas of record, truth and result describe its *header*, what ``ncdump -h`` shows, as
-`header` gives it: attributes, variables (dimensions, type, attributes) and groups. What a header cannot show (values,
-lengths, labels) is the business of `check`.
+A netCDF file is no JSON: the schemas of record, truth and result describe its *header*, what ``ncdump -h``
+shows, as `header` gives it: attributes, variables (dimensions, type, attributes) and groups. What a header
+cannot show (values, lengths, labels) is the business of `check`.
 """
 
 from __future__ import annotations

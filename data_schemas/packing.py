@@ -1,4 +1,4 @@
-"""Undoes the packing of other programs: ``scale_factor``, ``add_offset``, ``_FillValue`` and ``missing_value`` (CF 8.1)."""
+"""Undoes the packing of other programs: scale, offset, fill and missing values (CF 2.5.1 and 8.1)."""
 
 from __future__ import annotations
 

@@ -39,14 +39,14 @@ def read(path: str | os.PathLike[str]) -> xr.DataTree:
     -------
     xarray.DataTree
         All in memory, the file closed; ``time`` stays float64 seconds. Packed values (``scale_factor``,
-        ``add_offset``, ``_FillValue``) of other programs are unpacked, missing ones NaN. The checksum attribute is
-        verified and left out.
+        ``add_offset``, ``_FillValue``) of other programs are unpacked, missing ones NaN. The checksum
+        attribute is verified and left out.
 
     Raises
     ------
     FileError
-        The file is missing, damaged, hostile, or does not match its checksum. What it means is not looked at: that
-        is `validate`.
+        The file is missing, damaged, hostile, or does not match its checksum. What it means is not looked at:
+        that is `validate`.
     """
     contents = load(path)
     try:
@@ -122,9 +122,7 @@ def _numbers(array: h5d.DatasetID, _where: str) -> NDArray[Any]:
     return numbers
 
 
-def _text(
-    path: str | os.PathLike[str], array: h5d.DatasetID, heaps: Heaps, where: str, budget: Budget
-) -> NDArray[Any]:
+def _text(path: str | os.PathLike[str], array: h5d.DatasetID, heaps: Heaps, where: str, budget: Budget) -> NDArray[Any]:
     kind = array.get_type()
     if kind.is_variable_str() and text_bytes(path, array, heaps, where) > budget.text_bytes:
         raise FileError(f"{where}: more than {budget.text_bytes} bytes of text; shorten it")

@@ -39,8 +39,10 @@ def same_unit(given: object, wanted: str) -> bool:
 
     Examples
     --------
-    >>> same_unit("m/s^2", "m s-2"), same_unit("deg", "rad"), same_unit("seconds since 1958-01-01", "seconds since 2000-01-01")
-    (True, False, True)
+    >>> same_unit("m/s^2", "m s-2"), same_unit("deg", "rad")
+    (True, False)
+    >>> same_unit("seconds since 1958-07-01", "seconds since 2000-01-01")
+    True
     """
     if not isinstance(given, str):
         # a dimensionless unit is written by some as the number 1

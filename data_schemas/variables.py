@@ -1,7 +1,8 @@
 """The one table of every variable a file may hold: dimensions, number type, unit, meaning and allowed range.
 
 A key is ``group/name`` (``record/elongation``); a variable of the root has its bare name (``time``). The rows
-live in one file a kind (`variables_record`, `variables_truth`, `variables_result`); a new variable is one row there.
+live in one file a kind (`variables_record`, `variables_truth`, `variables_result`); a new variable is one row
+there.
 """
 
 from __future__ import annotations
@@ -54,7 +55,8 @@ def attributes(key: str) -> dict[str, Any]:
     Returns
     -------
     dict
-        A fresh dictionary, yours to change (``time`` carries a default epoch: set ``units`` to the record's own start).
+        A fresh dictionary, yours to change (``time`` carries a default epoch: set ``units`` to the record's
+        own start).
 
     Raises
     ------

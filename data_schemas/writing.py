@@ -1,12 +1,13 @@
 """Writes a tree to a file that is either whole or not there.
 
-The file is made in memory, written under a temporary name in the same folder, flushed to the disk, read back, compared
-with what was meant, and only then given its name: a full disk, a kill or a fault of the library leaves the folder as
-it was.
+The file is made in memory, written under a temporary name in the same folder, flushed to the disk, read back,
+compared with what was meant, and only then given its name: a full disk, a kill or a fault of the library
+leaves the folder as it was.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import secrets
 from pathlib import Path
@@ -37,11 +38,14 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
     Raises
     ------
     FileError
-        The file exists, the folder does not or cannot be written, the disk is full, or a variable has a type or name
-        that no file can hold. Nothing is left behind, and an older file stays as it was.
+        The file exists, the folder does not or cannot be written, the disk is full, or a variable has a type
+        or name that no file can hold. Nothing is left behind, and an older file stays as it was.
     """
     target = Path(os.path.realpath(path))
-    _may_write(target, path, overwrite)
+    try:
+        _may_write(target, path, overwrite)
+    except OSError as error:
+        raise FileError(f"{shown(path, 400)}: cannot be written, {_reason(error)}") from error
     try:
         contents = from_tree(tree)
         contents[""].attrs.pop(ATTRIBUTE, None)
@@ -49,7 +53,7 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
         image = encoded(contents)
     except FileError as error:
         raise FileError(f"{shown(path, 400)}: {error}") from None
-    temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(8)}.part")
+    temporary = target.with_name(f".isochrony-{secrets.token_hex(8)}.part")
     try:
         _flushed(temporary, image)
         _verified(temporary, contents, path)
@@ -57,7 +61,9 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
     except OSError as error:
         raise FileError(f"{shown(path, 400)}: cannot be written, {_reason(error)}") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        # gone already when it was renamed; a folder that went away took it along
+        with contextlib.suppress(OSError):
+            temporary.unlink()
 
 
 def _may_write(target: Path, path: str | os.PathLike[str], overwrite: bool) -> None:

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.harmonics.envelope import Complexes, Floats, fill
+from pipeline.arrays import Complexes, Floats
+from pipeline.harmonics.envelope import fill
 from pipeline.harmonics.narrowband import running_integral
 from pipeline.methods.phases import passes_zero
 from pipeline.prepared import Prepared
@@ -20,9 +21,9 @@ NEGLIGIBLE_ARC = 0.01  # mGal
 def choose(prepared: Prepared) -> tuple[str, str]:
     """Name of the method, and the reason in words.
 
-    Where the record does not state `restoring`, the exact linear identity is fitted twice: to the difference as it is,
-    and to the difference less its response to the finite arcs. The smaller residual decides; where the record says "sine"
-    it must be smaller decisively to overrule it.
+    Where the record does not state `restoring`, the exact linear identity is fitted twice: to the difference as it
+    is, and to the difference less its response to the finite arcs. The smaller residual decides; where the record
+    says "sine" it must be smaller decisively to overrule it.
     """
     seen = prepared.observation
     if seen.restoring == "linear":
@@ -39,7 +40,10 @@ def choose(prepared: Prepared) -> tuple[str, str]:
     if likelihood > (DECISIVE if seen.restoring == "sine" else 0.0):
         return "projection", f"linear pendulums leave the smaller residual ({told})"
     if passes_zero(np.abs(prepared.blocks.difference)):
-        return "projection", "the amplitude passes near zero, where only exact forms hold; its finite arc is not reduced"
+        return (
+            "projection",
+            "the amplitude passes near zero, where only exact forms hold; its finite arc is not reduced",
+        )
     if likelihood < -DECISIVE:
         return "general", f"finite arcs leave the smaller residual ({told})"
     return "general", f"residuals hardly tell linear pendulums from finite arcs ({told}); real pendulums have the sine"

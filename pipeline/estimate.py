@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.harmonics.envelope import Complexes, Envelope, Floats, fill
+from pipeline.arrays import Complexes, Floats
+from pipeline.harmonics.envelope import Envelope, fill
 from pipeline.harmonics.narrowband import NarrowbandFit, running_integral
 
 

@@ -20,7 +20,8 @@ IMPLAUSIBLE = (9.6, 10.0)  # m s-2
 MEANINGS = {
     "beats-through-zero": "the difference's amplitude passes near zero; phase methods mean nothing there",
     "short-record": f"shorter than {SHORT_SECONDS:.0f} s",
-    "many-gaps": f"more than {100 * MOST_MISSING:.0f} % of the difference, or {100 * MOST_BRIDGED:.0f} % of the first pendulum, is missing",
+    "many-gaps": f"more than {100 * MOST_MISSING:.0f} % of the difference, or {100 * MOST_BRIDGED:.0f} % of the first "
+    "pendulum, is missing",
     "frequency-difference-unresolved": "the stated uncertainty of n1-n2 costs more than the reading noise",
     "noise-above-stated": "residual noise above the stated reading noise",
     "noise-below-stated": "residual noise below the stated reading noise",

@@ -7,9 +7,8 @@ difference, whose frequency is wanted, is never filled.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from pipeline.arrays import Floats
 
 SHORT_GAP = 3.0  # s
 SHORT_REACH, LONG_REACH = 3.0, 12.0  # s of record on each side that the bridge is fitted to

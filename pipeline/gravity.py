@@ -81,13 +81,16 @@ def gravity(estimate: Estimate, seen: Observation, budget: Budget, gain_uncertai
             (unbent - plain) / MGAL,
             float(np.hypot(np.hypot(ratio_share * u1, ratio_share * u2), gain)),
             unbent != plain,
-            "n1/n2 from instrument/period; damping difference " + ("stated" if known else "taken as zero, none is stated"),
+            "n1/n2 from instrument/period; damping difference "
+            + ("stated" if known else "taken as zero, none is stated"),
         ),
         "finite_arc": Entry(
             (corrected - unbent) / MGAL,
             0.0,
             estimate.finite_arc != 0.0,
-            "arc of both pendulums" if estimate.finite_arc != 0.0 else "the method has no arc terms, or restoring = linear",
+            "arc of both pendulums"
+            if estimate.finite_arc != 0.0
+            else "the method has no arc terms, or restoring = linear",
         ),
         "chronometer": Entry(
             (value - corrected) / MGAL,

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from data_schemas.errors import RecordError, UsageError
+from pipeline.arrays import Floats
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
-Floats = NDArray[np.float64]
 
 GRID_TOLERANCE = 1e-9  # s; times this close to a uniform grid are taken to lie on it
 MOST_GRID_ROWS = 4  # a grid more than this many times longer than the series is no grid
@@ -106,8 +105,8 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     }
     elongation = np.asarray(traces["elongation"].values, dtype=np.float64)
     sigma = _uncertainty(traces, elongation.shape[0])
-    time = np.asarray(record.dataset["time"].values, dtype=np.float64)
-    series = np.stack([_combine(weights[name], elongation) for name in ("theta", "difference")])
+    time: Floats = np.asarray(record.dataset["time"].values, dtype=np.float64)
+    series: Floats = np.stack([_combine(weights[name], elongation) for name in ("theta", "difference")])
     time, step, series = uniform_grid(time - time[0], series)
     return Observation(
         first=first,
@@ -206,11 +205,12 @@ def _solve(combination: Floats, wanted: Floats, name: str) -> Floats:
     """Weights of the traces whose sum is the wanted combination of pendulums; sparse where a trace is it already."""
     for row, trace in enumerate(combination):
         if np.array_equal(trace, wanted):
-            return np.eye(len(combination))[row]
-    weights = np.linalg.lstsq(combination.T, wanted, rcond=None)[0]
+            return np.asarray(np.eye(len(combination))[row])
+    weights: Floats = np.linalg.lstsq(combination.T, wanted, rcond=None)[0]
     if np.abs(combination.T @ weights - wanted).max() > 1e-9:
         raise RecordError(
-            f"record/combination: the traces cannot give '{name}'; record one pendulum and a difference, or two pendulums"
+            f"record/combination: the traces cannot give '{name}'; record one pendulum and a difference, "
+            "or two pendulums"
         )
     weights[np.abs(weights) < 1e-12] = 0.0
     return weights

@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Floats
 from pipeline.gaps import fill_gaps
-
-Floats = NDArray[np.float64]
 
 REACH_SECONDS = 0.5
 LEAST_REACH = 6  # samples on each side

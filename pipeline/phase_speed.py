@@ -7,9 +7,9 @@ links the proof. All angles rad, all speeds rad s-1; every argument may be an ar
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from pipeline.arrays import Floats
 
 
 def vening_meinesz(
@@ -17,8 +17,8 @@ def vening_meinesz(
 ) -> Floats:
     """Phase speed of the fictitious pendulum, (9); (25) and (27) have the same form.
 
-    `phi' = n2 + (n1 - n2) (a1/a) cos(phi1 - phi)`. With a1, phi1 of the raw `theta1 - i theta1'/n1` this is (9), and the slow
-    motion leaks in as (14) shows; with the separated harmonic it is (27).
+    `phi' = n2 + (n1 - n2) (a1/a) cos(phi1 - phi)`. With a1, phi1 of the raw `theta1 - i theta1'/n1` this is (9), and
+    the slow motion leaks in as (14) shows; with the separated harmonic it is (27).
 
     Parameters
     ----------
@@ -46,7 +46,8 @@ def leaking(
 ) -> Floats:
     """Phase speed (14): (9) with the slow motion psi1 written out.
 
-    `phi' = n2 + (n1-n2) [(Theta1/a) cos(Phi1-phi) + (psi1/a) cos phi - psi1'/(n1 a) sin phi]`; print has omega' for psi1'.
+    `phi' = n2 + (n1-n2) [(Theta1/a) cos(Phi1-phi) + (psi1/a) cos phi - psi1'/(n1 a) sin phi]`; the paper prints
+    omega' for psi1'.
     """
     a = np.asarray(amplitude)
     inner = (
@@ -112,9 +113,9 @@ def raw_components(
     Left sides have phi1, not the printed Phi1. `relative_amplitude_speed` is Theta1'/Theta1, `free_speed` is Phi1'.
     """
     theta = np.asarray(free_amplitude)
-    extra = (np.asarray(free_speed) - frequency_1) * np.sin(free_phase) - np.asarray(
-        relative_amplitude_speed
-    ) * np.cos(free_phase)
+    extra = (np.asarray(free_speed) - frequency_1) * np.sin(free_phase) - np.asarray(relative_amplitude_speed) * np.cos(
+        free_phase
+    )
     cosine = theta * np.cos(free_lead) + theta / frequency_1 * np.sin(phase) * extra
     sine = theta * np.sin(free_lead) + theta / frequency_1 * np.cos(phase) * extra
     return np.asarray(cosine), np.asarray(sine)
@@ -147,7 +148,8 @@ def near_resonant_motion(
 ) -> Floats:
     """Elongation (30) of one pendulum under `x''/g = alpha cos(m t + delta)`, m = n1 - 2 nu.
 
-    `theta01 cos(n1 t + phi01) + beta sin(nu t) sin[(n1-nu) t + delta]`; at nu = 0 beta sin(nu t) becomes -(n1/2) alpha t.
+    `theta01 cos(n1 t + phi01) + beta sin(nu t) sin[(n1-nu) t + delta]`; at nu = 0 beta sin(nu t) becomes
+    -(n1/2) alpha t.
     """
     t = np.asarray(time, dtype=np.float64)
     nu = half_detuning
@@ -166,7 +168,7 @@ def quadrature_form(envelope: ArrayLike, carrier_phase: ArrayLike) -> Floats:
 def difference_amplitude(amplitude_1: ArrayLike, amplitude_2: ArrayLike, lead: ArrayLike) -> Floats:
     """Amplitude of the difference of two harmonics, (37); `lead` = phi1 - phi2."""
     one, two = np.asarray(amplitude_1), np.asarray(amplitude_2)
-    return np.sqrt(one**2 + two**2 - 2.0 * one * two * np.cos(lead))
+    return np.asarray(np.sqrt(one**2 + two**2 - 2.0 * one * two * np.cos(lead)))
 
 
 def difference_speed(

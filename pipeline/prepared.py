@@ -1,4 +1,4 @@
-"""One observation made ready: wild readings out, the first pendulum whole, and each intermediate made once, when asked for."""
+"""One observation made ready: wild readings out, the first pendulum whole, intermediates made once, when asked for."""
 
 from __future__ import annotations
 

@@ -71,4 +71,3 @@ def process(
     prepared = prepare(observe(record, pair))
     reductions = [reduce_by(name, prepared, gain_uncertainty) for name in requested]
     return build_result(record, prepared, reductions, started)
-

@@ -34,13 +34,11 @@ _EXTRA = {
 }
 
 
-def build_result(
-    record: DataTree, prepared: Prepared, reductions: Sequence[Reduction], started: float
-) -> DataTree:
+def build_result(record: DataTree, prepared: Prepared, reductions: Sequence[Reduction], started: float) -> DataTree:
     """Lay out phases, corrections, gravity and provenance.
 
-    The phases are those of the sliding fit where a method used it, else those of the blocks that the exact methods start
-    from: nothing is computed for the file's sake.
+    The phases are those of the sliding fit where a method used it, else those of the blocks that the exact methods
+    start from: nothing is computed for the file's sake.
     """
     from xarray import Dataset, DataTree
 
@@ -121,7 +119,9 @@ def unwrapped(harmonics: np.ndarray) -> np.ndarray:
 
 def _gravity(reductions: Sequence[Reduction], components: list[str], methods: list[str]) -> Any:
     nan = float("nan")
-    entries = next((list(r.gravity.ledger) for r in reductions if r.gravity), ["non_isochronism", "finite_arc", "chronometer"])
+    entries = next(
+        (list(r.gravity.ledger) for r in reductions if r.gravity), ["non_isochronism", "finite_arc", "chronometer"]
+    )
 
     def column(pick: Any, missing: Any = nan) -> np.ndarray:
         return np.array([pick(r) if r.gravity else missing for r in reductions])

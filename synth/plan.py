@@ -9,7 +9,7 @@ import numpy as np
 
 from data_schemas.errors import SceneError
 from data_schemas.scene import Scene
-from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, TabulatedMotion
+from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
 from synth.motion.harmonic_sum import HarmonicSum, add
 from synth.motion.harmonics import harmonics
 from synth.motion.near_resonant import near_resonant
@@ -58,8 +58,8 @@ def plan(scene: Scene, clock: Clock) -> Plan:
     for pendulum, frequency in zip(scene.pendulums, frequencies, strict=True):
         if pendulum.damping_rate >= frequency / 2:
             raise SceneError(
-                f"pendulums: {pendulum.label!r} has damping_rate = {pendulum.damping_rate:g} 1/s, its frequency"
-                f" is {frequency:g} rad/s; it hardly swings, make the rate less than half the frequency"
+                f"pendulums: {pendulum.label!r} has damping_rate = {pendulum.damping_rate:g} 1/s and hardly"
+                f" swings at {frequency:g} rad/s; make the rate less than half the frequency"
             )
         responses.append(respond(frequency, pendulum.damping_rate, pendulum.start, motion, scene.gravity))
     return Plan(motion, tuple(responses), clock.times)
@@ -72,6 +72,8 @@ def _motion(scene: Scene, frequencies: list[float], clock: Clock) -> HarmonicSum
     seas = 0
     for term in scene.motion:
         match term:
+            case Still():
+                continue
             case HarmonicMotion():
                 terms.append(harmonics(term))
             case NearResonantMotion():
@@ -81,6 +83,6 @@ def _motion(scene: Scene, frequencies: list[float], clock: Clock) -> HarmonicSum
                 seas += 1
                 seed, name = (scene.seed, f"sea {seas}") if term.seed is None else (term.seed, "sea")
                 terms.append(sea(term, scene.gravity, generator(seed, name)))
-            case TabulatedMotion():
+            case _:
                 terms.append(tabulated(term, float(np.max(clock.true_seconds, initial=0.0))))
     return add(terms)

@@ -45,9 +45,7 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
     parser.add_argument("suite", metavar="SUITE", type=one_of("suite", SUITES), help=", ".join(SUITES))
     parser.add_argument("--quick", action="store_true", help="fewer and shorter records")
     parser.add_argument("--json", action="store_true", help="JSON Lines instead of a table")
-    parser.add_argument(
-        "-o", dest="out", metavar="FOLDER", help="keep what the suite writes (created if absent)"
-    )
+    parser.add_argument("-o", dest="out", metavar="FOLDER", help="keep what the suite writes (created if absent)")
     return parser
 
 

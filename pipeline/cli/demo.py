@@ -37,12 +37,8 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
         description=_DESCRIPTION,
         epilog=_EXAMPLES,
     )
-    parser.add_argument(
-        "-o", dest="out", default="isochrony-demo", metavar="FOLDER", help="default isochrony-demo"
-    )
-    parser.add_argument(
-        "--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own"
-    )
+    parser.add_argument("-o", dest="out", default="isochrony-demo", metavar="FOLDER", help="default isochrony-demo")
+    parser.add_argument("--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own")
     return parser
 
 

@@ -52,9 +52,7 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add("table", metavar="CSV", help="text table")
-    add(
-        "--time", default="", metavar="NAME", help="time column, by name or number from 1 (default the first)"
-    )
+    add("--time", default="", metavar="NAME", help="time column, by name or number from 1 (default the first)")
     for option, name, text in _REPEATABLE:
         add(option, action="append", default=[], metavar=name, help=f"{text}; repeatable")
     for option, name, text in _NUMBERS:

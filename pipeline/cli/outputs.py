@@ -52,9 +52,7 @@ def place(inputs: Sequence[Path], out: str | None, ending: str) -> list[Path]:
             raise UsageError(f"{target}: is a file, but -o must be a folder here; name another")
         return [target / (stem(path) + ending) for path in inputs]
     if not target.parent.is_dir():
-        raise UsageError(
-            f"{target}: there is no folder '{target.parent}'; create it, or end -o with / for a folder"
-        )
+        raise UsageError(f"{target}: there is no folder '{target.parent}'; create it, or end -o with / for a folder")
     return [target]
 
 
@@ -67,16 +65,12 @@ def refuse_clashes(inputs: Sequence[Path], outputs: Sequence[Path], *, force: bo
         if resolved in sources:
             raise UsageError(f"{output}: is an input and would be overwritten; name another output with -o")
         if resolved in taken:
-            raise UsageError(
-                f"{output}: two inputs would be written to it; name each input once, or rename one"
-            )
+            raise UsageError(f"{output}: two inputs would be written to it; name each input once, or rename one")
         taken[resolved] = output
         if output.is_dir():
             raise UsageError(f"{output}: is a folder; name a file, or another folder, with -o")
         if output.exists() and not force:
-            raise UsageError(
-                f"{output}: exists already; add --force to overwrite it, or choose another with -o"
-            )
+            raise UsageError(f"{output}: exists already; add --force to overwrite it, or choose another with -o")
 
 
 def make_folder(output: Path) -> None:
@@ -84,6 +78,4 @@ def make_folder(output: Path) -> None:
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
-        raise UsageError(
-            f"{output.parent}: cannot be created ({fault.strerror}); choose another with -o"
-        ) from fault
+        raise UsageError(f"{output.parent}: cannot be created ({fault.strerror}); choose another with -o") from fault

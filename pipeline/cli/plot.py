@@ -33,12 +33,8 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
         "plot", help="draw a record or a result", description=_DESCRIPTION, epilog=_EXAMPLES
     )
     parser.add_argument("file", metavar="FILE", help="record or result")
-    parser.add_argument(
-        "-o", dest="out", metavar="PATH", help="PNG, or folder (ends with /); default beside the file"
-    )
-    parser.add_argument(
-        "--truth", metavar="FILE", help="truth of a simulated record: draws its gravity as a line"
-    )
+    parser.add_argument("-o", dest="out", metavar="PATH", help="PNG, or folder (ends with /); default beside the file")
+    parser.add_argument("--truth", metavar="FILE", help="truth of a simulated record: draws its gravity as a line")
     parser.add_argument("--force", action="store_true", help="overwrite an existing picture")
     return parser
 
@@ -65,9 +61,7 @@ def run(options: argparse.Namespace) -> int:
     elif "period" in tree.children:
         figure = period_figure(tree)
     else:
-        figure = result_figure(
-            tree, true_gravity=None if options.truth is None else true_gravity(options.truth)
-        )
+        figure = result_figure(tree, true_gravity=None if options.truth is None else true_gravity(options.truth))
     make_folder(output)
     save(figure, output)
     print(output)

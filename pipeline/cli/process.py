@@ -53,12 +53,8 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
         "process", help="gravity from records", description=_DESCRIPTION, epilog=_EXAMPLES
     )
     parser.add_argument("records", metavar="RECORD", nargs="+", help="record file (NAME.record.nc)")
-    parser.add_argument(
-        "--method", default="auto", metavar="NAME[,NAME]", help="method or methods (default auto)"
-    )
-    parser.add_argument(
-        "--pair", metavar="A-B", help="labels of the two pendulums to difference, such as 2-3"
-    )
+    parser.add_argument("--method", default="auto", metavar="NAME[,NAME]", help="method or methods (default auto)")
+    parser.add_argument("--pair", metavar="A-B", help="labels of the two pendulums to difference, such as 2-3")
     parser.add_argument(
         "--gain-uncertainty",
         type=number("--gain-uncertainty"),

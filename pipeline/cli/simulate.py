@@ -32,12 +32,8 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
         epilog=_EXAMPLES,
     )
     parser.add_argument("scene", metavar="SCENE", help="scene file (TOML), or the name of a shipped scene")
-    parser.add_argument(
-        "-o", dest="out", metavar="PATH", help="record file, or folder for both files (ends with /)"
-    )
-    parser.add_argument(
-        "--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own"
-    )
+    parser.add_argument("-o", dest="out", metavar="PATH", help="record file, or folder for both files (ends with /)")
+    parser.add_argument("--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own")
     parser.add_argument("--force", action="store_true", help="overwrite existing outputs")
     return parser
 

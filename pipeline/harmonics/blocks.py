@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.harmonics.envelope import Complexes, Envelope, Floats, window_length
+from pipeline.arrays import Complexes, Floats
+from pipeline.harmonics.envelope import Envelope, window_length
 
 BLOCK_SECONDS = 4.0
 LEAST_COVERAGE = 0.5

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+from pipeline.arrays import Complexes, Floats
 
 IMAGE_BEATS = 2.0  # beats with the image at the negative frequency that a window must hold to tell them apart
 

@@ -5,9 +5,9 @@ form; non-singular where the amplitude passes through zero)
 
     D' = [i (n2 - n0) - gamma2] D + [i (n1 - n2) - (gamma1 - gamma2)] X + F
 
-with X = Z1 + 3/(2 i n1) (Z1' - i n1 Z1), and whose solution `D(t) = e^{mu t} [D0 + int_0^t e^{-mu s} (kappa X + F) ds]` is fitted for D0, n2 and, where it is not
-known, gamma2. n1/n2 is held, because the ratio does not depend on gravity: re-inserting the slope as a
-fixed-point iteration diverges at (n1-n2)/n2 = 1e-3, Gauss-Newton does not.
+with X = Z1 + 3/(2 i n1) (Z1' - i n1 Z1). Its solution `D(t) = e^{mu t} [D0 + int_0^t e^{-mu s} (kappa X + F) ds]` is
+fitted for D0, n2 and, where it is not known, gamma2. n1/n2 is held, because the ratio does not depend on gravity:
+re-inserting the slope as a fixed-point iteration diverges at (n1-n2)/n2 = 1e-3, Gauss-Newton does not.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.harmonics.envelope import Complexes, Floats, fill
+from pipeline.arrays import Complexes, Floats
+from pipeline.harmonics.envelope import fill
 
 _ITERATIONS = 12
 _SCAN_STEP = 1.0  # rad over the record between starts that are tried

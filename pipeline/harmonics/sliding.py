@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.harmonics.envelope import Complexes, Envelope, Floats, window_length
+from pipeline.arrays import Complexes, Floats
+from pipeline.harmonics.envelope import Envelope, window_length
 
 WINDOW_SECONDS = 16.0
 HOP_SECONDS = 1.0
@@ -82,9 +83,7 @@ def _noise_gain(half_length: float, step: float, frequency: float) -> float:
     return float(np.sum(np.linalg.solve(basis.T @ weighted, weighted.T)[0] ** 2))
 
 
-def _uniform(
-    series: Floats, step: float, half: int, every: int, frequency: float
-) -> tuple[Floats, Floats, Floats]:
+def _uniform(series: Floats, step: float, half: int, every: int, frequency: float) -> tuple[Floats, Floats, Floats]:
     tau = np.arange(-half, half + 1) * step
     basis = _basis(tau, half * step, frequency)
     weight = _kaiser(tau / (half * step))

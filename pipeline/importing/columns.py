@@ -21,17 +21,13 @@ def find_column(table: Table, name: str) -> int:
     """
     if name in table.names:
         if table.names.count(name) > 1:
-            raise UsageError(
-                f"{table.source}: two columns are named '{name}'; give the number of the one you mean"
-            )
+            raise UsageError(f"{table.source}: two columns are named '{name}'; give the number of the one you mean")
         return table.names.index(name)
     width = len(table.names)
     if name.isascii() and name.isdigit() and 1 <= int(name) <= width:
         return int(name) - 1
     known = ", ".join(filter(None, table.names)) or "none, there is no header"
-    raise UsageError(
-        f"{table.source}: has no column '{name}'; its names: {known}; or a number from 1 to {width}"
-    )
+    raise UsageError(f"{table.source}: has no column '{name}'; its names: {known}; or a number from 1 to {width}")
 
 
 def choose_columns(table: Table, time_column: int, wanted: Sequence[str]) -> dict[str, int]:
@@ -52,21 +48,15 @@ def choose_columns(table: Table, time_column: int, wanted: Sequence[str]) -> dic
     else:
         given = [(column, "") for column in range(len(table.names)) if column != time_column]
     if not given:
-        raise RecordError(
-            f"{table.source}: has a single column; times and at least one column of angles are needed"
-        )
+        raise RecordError(f"{table.source}: has a single column; times and at least one column of angles are needed")
     chosen: dict[str, int] = {}
     for order, (column, requested) in enumerate(given, start=1):
         if column == time_column:
-            raise UsageError(
-                f"{table.source}: column {table.title(column)} is the time; name another with --column"
-            )
+            raise UsageError(f"{table.source}: column {table.title(column)} is the time; name another with --column")
         name = table.names[column]
         label = requested or (name if _NUMBERED_TRACE.fullmatch(name) else str(order))
         if label in chosen:
-            raise UsageError(
-                f"{table.source}: two columns become trace '{label}'; label them with --column NAME:TRACE"
-            )
+            raise UsageError(f"{table.source}: two columns become trace '{label}'; label them with --column NAME:TRACE")
         chosen[label] = column
     return chosen
 

@@ -32,9 +32,7 @@ def combine(traces: Sequence[str], given: Mapping[str, str]) -> tuple[list[str],
     """
     for trace in given:
         if trace not in traces:
-            raise UsageError(
-                f"--combination {trace}=...: there is no trace '{trace}'; traces: {', '.join(traces)}"
-            )
+            raise UsageError(f"--combination {trace}=...: there is no trace '{trace}'; traces: {', '.join(traces)}")
     parts = {}
     for trace in traces:
         labels = given.get(trace, trace).split("-")
@@ -69,9 +67,7 @@ def periods(pendulums: Sequence[str], options: ImportOptions, *, needed: bool) -
     known = ", ".join(pendulums)
     if "" in given:
         if len(pendulums) > 1:
-            raise UsageError(
-                f"--period {given['']:g}: there are pendulums {known}; write LABEL=SECONDS for each"
-            )
+            raise UsageError(f"--period {given['']:g}: there are pendulums {known}; write LABEL=SECONDS for each")
         given[pendulums[0]] = given.pop("")
     for label in given:
         if label not in pendulums:
@@ -80,9 +76,7 @@ def periods(pendulums: Sequence[str], options: ImportOptions, *, needed: bool) -
         return None
     for label in pendulums:
         if label not in given:
-            raise UsageError(
-                f"pendulum {label} has no period, which gravity needs; add --period {label}=SECONDS"
-            )
+            raise UsageError(f"pendulum {label} has no period, which gravity needs; add --period {label}=SECONDS")
     if needed and options.gravity is None:
         raise UsageError("the gravity at which the periods hold is missing; add --gravity, in m/s2")
     return np.array([given[label] for label in pendulums])

@@ -83,9 +83,7 @@ def _root(table: Table, clock: Clock, chosen: Mapping[str, int], options: Import
     import xarray as xr
 
     name = Path(table.source).name
-    columns = ", ".join(
-        f"trace {label} from column {table.title(column)}" for label, column in chosen.items()
-    )
+    columns = ", ".join(f"trace {label} from column {table.title(column)}" for label, column in chosen.items())
     time = {**attributes("time"), "units": f"seconds since {clock.start}"}
     return xr.Dataset(
         coords={"time": ("time", clock.seconds, time)},
@@ -114,9 +112,7 @@ def _traces(
     )
 
 
-def _instrument(
-    pendulums: list[str], period: NDArray[np.float64] | None, gravity: float | None
-) -> xr.Dataset:
+def _instrument(pendulums: list[str], period: NDArray[np.float64] | None, gravity: float | None) -> xr.Dataset:
     given = {"period": period, "reference_gravity": gravity}
     return _dataset(
         "instrument",

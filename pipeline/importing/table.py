@@ -134,9 +134,7 @@ def _text(source: str) -> str:
     except IsADirectoryError:
         raise FileError(f"{source}: is a folder; name a file") from None
     except OSError as fault:
-        raise FileError(
-            f"{source}: cannot be read ({fault.strerror}); check the name and the rights"
-        ) from None
+        raise FileError(f"{source}: cannot be read ({fault.strerror}); check the name and the rights") from None
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -150,9 +148,7 @@ def _splitter(line: str) -> Callable[[str], list[str]]:
     """How to cut lines into stripped cells, told by the first line."""
     for delimiter in (";", "\t", ","):
         if delimiter in line and not (delimiter == "," and _all_decimal_commas(line)):
-            return lambda text: [
-                cell.strip() for cell in next(csv.reader([text], delimiter=delimiter, strict=False))
-            ]
+            return lambda text: [cell.strip() for cell in next(csv.reader([text], delimiter=delimiter, strict=False))]
     return str.split
 
 

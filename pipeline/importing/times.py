@@ -67,9 +67,7 @@ def _from_numbers(table: Table, column: int) -> NDArray[np.float64]:
     values = table.numbers(column)
     for line, value in zip(table.lines, values, strict=True):
         if value != value:
-            raise RecordError(
-                f"{table.source}: line {line}: the time is missing; fill it in or remove the row"
-            )
+            raise RecordError(f"{table.source}: line {line}: the time is missing; fill it in or remove the row")
     if abs(values[0]) < _COARSE:
         return np.array(values) - values[0]
     exact = [Decimal(row[column].replace(",", ".")) for row in table.rows]

@@ -1,15 +1,15 @@
 """`general`: (36)/(38) fed with the model's phase speeds, which carry the finite arc to the difference pendulum.
 
-`phi_i' = n_i (1 - Theta_i^2/16)` and `a_i' = -gamma_i a_i`, with Theta_i the separated harmonics. (38) is an identity and corrects
-nothing by itself; fed with measured speeds it would only return the measured phase.
+`phi_i' = n_i (1 - Theta_i^2/16)` and `a_i' = -gamma_i a_i`, with Theta_i the separated harmonics. (38) is an identity
+and corrects nothing by itself; fed with measured speeds it would only return the measured phase.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from pipeline.arrays import Complexes, Floats
 from pipeline.estimate import Estimate
-from pipeline.harmonics.envelope import Complexes, Floats
 from pipeline.methods.phases import corrected, phases
 from pipeline.phase_speed import difference_speed_by_phase
 from pipeline.prepared import Prepared
@@ -26,9 +26,7 @@ def estimate(prepared: Prepared) -> Estimate:
     return corrected(prepared, found, speed, speed - plain if arc else None)
 
 
-def model_speed(
-    first: Complexes, difference: Complexes, frequency: float, prepared: Prepared, *, arc: bool
-) -> Floats:
+def model_speed(first: Complexes, difference: Complexes, frequency: float, prepared: Prepared, *, arc: bool) -> Floats:
     """`phi' - n2` of the difference by (38), rad s-1."""
     seen = prepared.observation
     second = first - difference

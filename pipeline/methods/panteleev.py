@@ -1,6 +1,7 @@
 """`panteleev`: formula (27) on separated harmonics, integrated and subtracted before the regression.
 
-Averaging the correction and subtracting it from a slope would be wrong by up to 97 mGal: the two weigh time differently.
+Averaging the correction and subtracting it from a slope would be wrong by up to 97 mGal, because the two weigh
+time differently.
 """
 
 from __future__ import annotations

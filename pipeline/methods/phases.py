@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
-from pipeline.harmonics.envelope import Envelope, Floats
+from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import regression, running_integral
 from pipeline.prepared import Prepared, require_swing
 
@@ -97,7 +98,9 @@ def corrected(prepared: Prepared, found: Phases, speed: Floats | None, finite_ar
     slant = regression(time, residual, weight)
     residual = residual - slant * time
     residual = residual - np.average(residual, weights=weight)
-    quadrature = float(np.average(np.square(residual), weights=weight) * np.mean(np.abs(envelope.difference[present]) ** 2))
+    quadrature = float(
+        np.average(np.square(residual), weights=weight) * np.mean(np.abs(envelope.difference[present]) ** 2)
+    )
     return with_noise(
         prepared,
         envelope,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
-from pipeline.harmonics.envelope import Floats
 from pipeline.prepared import LEAST_EXPLAINED, Prepared
 from pipeline.projection.sampling import problem
 from pipeline.projection.solve import ProjectionFit, fit_projection
@@ -19,7 +19,7 @@ def estimate(prepared: Prepared) -> Estimate:
     fit = fit_projection(problem(prepared), rough.frequency, rough.damping_rate, prepared.known_damping is None)
     shared = prepared.rough_budget
     colour = residual_colour(fit, prepared)
-    explained = 1.0 - fit.noise**2 / np.nanvar(seen.difference)
+    explained = 1.0 - fit.noise**2 / float(np.nanvar(seen.difference))
     if explained < LEAST_EXPLAINED:
         raise RefusedError(
             f"difference: a swing at the nominal period explains only {100 * max(explained, 0.0):.0f} % of it; "
@@ -46,7 +46,9 @@ def residual_colour(fit: ProjectionFit, prepared: Prepared) -> float:
     if residual.size != seen.time.size:  # marks on a finer grid
         residual = residual[:: (residual.size - 1) // (seen.time.size - 1)]
     present = np.isfinite(residual)
-    edges = np.append(prepared.blocks.time - 0.5 * prepared.blocks.hop, prepared.blocks.time[-1] + 0.5 * prepared.blocks.hop)
+    edges = np.append(
+        prepared.blocks.time - 0.5 * prepared.blocks.hop, prepared.blocks.time[-1] + 0.5 * prepared.blocks.hop
+    )
     turned: Floats = np.where(present, residual, 0.0)
     sums = block_sums(turned * np.exp(-1j * fit.frequency * seen.time), seen.time, edges)
     counts = block_sums(present.astype(np.complex128), seen.time, edges).real

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
-from pipeline.harmonics.envelope import Floats
 from pipeline.methods.phases import corrected, phases
 from pipeline.phase_speed import vening_meinesz
 from pipeline.prepared import Prepared

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.harmonics.envelope import Floats
+from pipeline.arrays import Floats
 
 LEAST_SAMPLES = 6  # a swing
 LEAST_CYCLES = 5
@@ -114,15 +115,17 @@ def _crossings(time: Floats, values: Floats, near: np.ndarray, period: float) ->
 
 def _straight(time: Floats, values: Floats, index: int) -> float:
     before, after = values[index], values[index + 1]
-    return float(time[index] - before * (time[index + 1] - time[index]) / (after - before)) if after != before else float(
-        time[index]
+    return (
+        float(time[index] - before * (time[index + 1] - time[index]) / (after - before))
+        if after != before
+        else float(time[index])
     )
 
 
 def _turning_points(time: Floats, theta: Floats, crossings: Floats, period: float) -> tuple[Floats, Floats]:
     """Extreme of the quartic fitted about the middle between successive crossings."""
     times, values = [], []
-    for left, right in zip(crossings[:-1], crossings[1:], strict=True):
+    for left, right in itertools.pairwise(crossings):
         if right - left > 0.8 * period:
             continue  # a gap
         centre = 0.5 * (left + right)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.harmonics.envelope import Floats
+from pipeline.arrays import Floats
 from pipeline.period.cycles import Cycles
 from pipeline.period.finite_arc import arc_factor
+
+Factor = Callable[[Floats], Floats]
 
 REJECTION = 4.0  # robust sigmas of a cycle's period
 SIGNIFICANT = 5.0  # sigmas of the amplitude scale before it is taken out
@@ -97,14 +100,13 @@ def fit_period(cycles: Cycles, *, linear: bool = False) -> PeriodFit:
     )
 
 
-def _mean_factor(amplitude: Floats, scale: float, factor: object) -> Floats:
-    assert callable(factor)
+def _mean_factor(amplitude: Floats, scale: float, factor: Factor) -> Floats:
     scaled = amplitude * (1.0 + scale)
     return np.asarray(0.5 * (factor(scaled[1:]) + factor(scaled[:-1])))
 
 
 def _regress(
-    crossings: list[Floats], amplitude: list[Floats], factor: object, rough: float, fit_scale: bool
+    crossings: Sequence[Floats], amplitude: Sequence[Floats], factor: Factor, rough: float, fit_scale: bool
 ) -> tuple[float, float, float, float]:
     """Weighted least squares on the crossing times; each crossing's error goes as 1 / (amplitude x frequency).
 

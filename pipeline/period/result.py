@@ -29,7 +29,7 @@ _EXTRA = {
     "elapsed": ("s", "time the analysis took"),
 }
 FLAG_MEANINGS = {
-    "amplitude-scale": "the period's trend with amplitude asks for another scale of the angle; period was taken with it",
+    "amplitude-scale": "the period's trend with amplitude asks for another scale of the angle, which was applied",
     "period-trend": f"the reduced period drifts by more than {100 * TREND:.1f} % over the record",
     "single-trace": "one pendulum alone gives no gravity on a moving support",
 }
@@ -46,12 +46,12 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
     from xarray import Dataset, DataTree
 
     time = np.asarray(record.dataset["time"].values, dtype=np.float64)
-    elongation = np.asarray(record["record"]["elongation"].values[0], dtype=np.float64)
+    elongation = np.asarray(record["record"].dataset["elongation"].values[0], dtype=np.float64)
     instrument = record["instrument"] if "instrument" in record.children else None
     linear = instrument is not None and instrument.attrs.get("restoring") == "linear"
     rate = 0.0
     if instrument is not None and "chronometer_rate" in instrument.dataset:
-        rate = float(instrument["chronometer_rate"].values)
+        rate = float(instrument.dataset["chronometer_rate"].values)
     fit = fit_period(find_cycles(time - time[0], elongation), linear=linear)
     true = 1.0 + rate / DAY
     flags = ["single-trace"]
@@ -70,7 +70,9 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
         "elapsed": clock.perf_counter() - started,
     }
     variables: dict[str, Any] = {name: ((), value, _attributes(name)) for name, value in scalars.items()}
-    variables.update({name: ("cycle", values, _attributes(name)) for name, values in _cycle_series(fit, time[0]).items()})
+    variables.update(
+        {name: ("cycle", values, _attributes(name)) for name, values in _cycle_series(fit, time[0]).items()}
+    )
     variables["flag"] = ("flag", np.array(flags, dtype=object), _attributes("flag"))
     tree = DataTree.from_dict(
         {
@@ -78,7 +80,7 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
             "/period": Dataset(variables),
         }
     )
-    trace = str(record["record"]["trace"].values[0])
+    trace = str(record["record"].dataset["trace"].values[0])
     tree.attrs.update(result_attributes(record, {"trace": trace, "methods": ["period"]}, started))
     tree.attrs["requested_method"] = ",".join(requested)
     tree.attrs["title"] = f"period of record {tree.attrs['record_id']}"

@@ -33,9 +33,7 @@ def demo_figure(record: DataTree, result: DataTree, true_gravity: float) -> Figu
     for column, label in enumerate(labels):
         kind = "the difference" if "-" in label else "a single pendulum"
         axes = panel(figure, grid[0, column], f"Recorded: {kind}, trace {label}", "", "")
-        draw_whole(
-            axes, time, np.asarray(record["record"].dataset["elongation"].values[column]), PALETTE[2 * column]
-        )
+        draw_whole(axes, time, np.asarray(record["record"].dataset["elongation"].values[column]), PALETTE[2 * column])
     draw_amplitudes(panel(figure, grid[1, 0], "Amplitude of each harmonic", "", ""), result)
     draw_gravity(panel(figure, grid[1, 1], "Error of each method", "", ""), result, true_gravity)
     draw_phase_speed(panel(figure, grid[2, :], "Phase speed of the difference pendulum", "", ""), result)

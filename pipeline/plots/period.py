@@ -6,84 +6,76 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.period.finite_arc import arc_factor
 from pipeline.plots.canvas import BLUE, GREY, ORANGE, VERMILION, legend, panel, sheet
 from pipeline.plots.series import Floats, robust_limits
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from xarray import DataTree
+    from xarray import Dataset, DataTree
 
 
 def period_figure(result: DataTree) -> Figure:
-    """Draw the result of a single pendulum: period against amplitude above, what is left of it below.
+    """Draw the result of a single pendulum: period against amplitude above, what the law leaves of it below.
 
     Parameters
     ----------
     result : DataTree
         A valid result with the group `period`.
     """
-    table = result["period"].dataset
+    table = result["period"].to_dataset(inherit=False)
     period, sigma = float(table["period"]), float(table["period_sigma"])
-    amplitude = np.asarray(table["amplitude"].values, dtype=np.float64)
     name = result.attrs.get("record_id", "without a name")
     figure = sheet(
         "Period of a single pendulum against its arc",
-        f"record {name} · at infinitesimal arc {period:.6f} s ± {sigma:.2g} s · {amplitude.size} cycles",
+        f"record {name} · at infinitesimal arc {period:.6f} s ± {sigma:.2g} s · {table.sizes['cycle']} cycles",
         11.0,
         7.2,
     )
     grid = figure.add_gridspec(2, 1, height_ratios=(1.5, 1))
-    whole = panel(figure, grid[0], "Cycle by cycle", "", "full period, s")
-    cycles = np.asarray(table["cycle_period"].values, dtype=np.float64)
-    whole.plot(amplitude, cycles, "o", markersize=2.2, color=GREY, alpha=0.6, label="one cycle")
-    if "cycle_period_smoothed" in table:
-        whole.plot(amplitude, table["cycle_period_smoothed"].values, color=BLUE, label="smoothed")
-    arc = np.linspace(0.0, 1.03 * float(np.nanmax(amplitude)), 300)
-    whole.plot(
-        arc,
-        period * finite_arc_factor(arc),
-        "--",
-        color=VERMILION,
-        label="finite-arc law (elliptic integral)",
-    )
-    whole.set_ylim(*robust_limits(np.concatenate([cycles, period * finite_arc_factor(arc)])))
-    whole.set_xlim(0.0, arc[-1])
-    legend(whole, loc="upper left")
+    _draw_periods(panel(figure, grid[0], "Cycle by cycle", "", "full period, s"), table, period)
     left = panel(figure, grid[1], "What the law leaves", "amplitude, rad", "period / law − 1, %")
-    ratio = 100.0 * (cycles / finite_arc_factor(amplitude) / period - 1.0)
-    left.plot(amplitude, ratio, "o", markersize=2.2, color=GREY, alpha=0.6)
-    if "cycle_period_smoothed" in table:
-        smoothed = np.asarray(table["cycle_period_smoothed"].values, dtype=np.float64)
-        left.plot(amplitude, 100.0 * (smoothed / finite_arc_factor(amplitude) / period - 1.0), color=BLUE)
-    left.axhline(0.0, color="black", linewidth=0.7)
-    left.axhspan(-0.1, 0.1, color=ORANGE, alpha=0.18, linewidth=0)
-    left.annotate(
-        "±0.1 %", (0.995, 0.1), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8.5
-    )
-    left.set_ylim(*robust_limits(np.append(ratio, [-0.2, 0.2])))
-    left.set_xlim(0.0, arc[-1])
+    _draw_remainder(left, table, period)
     return figure
 
 
-def finite_arc_factor(amplitude: Floats) -> Floats:
-    """Period of a pendulum over its period at infinitesimal arc.
+def _draw_periods(axes: Axes, table: Dataset, period: float) -> None:
+    amplitude, cycles = _values(table, "amplitude"), _values(table, "cycle_period")
+    axes.plot(amplitude, cycles, "o", markersize=2.2, color=GREY, alpha=0.6, label="one cycle")
+    if "cycle_period_smoothed" in table:
+        axes.plot(amplitude, _values(table, "cycle_period_smoothed"), color=BLUE, label="smoothed")
+    arc = np.linspace(0.0, 1.03 * float(np.nanmax(amplitude)), 300)
+    law = period * arc_factor(arc)
+    axes.plot(arc, law, "--", color=VERMILION, label="finite-arc law (elliptic integral)")
+    axes.set_ylim(*robust_limits(np.concatenate([cycles, law])))
+    axes.set_xlim(0.0, arc[-1])
+    legend(axes, loc="upper left")
 
-    Parameters
-    ----------
-    amplitude : array
-        rad, below pi.
 
-    Returns
-    -------
-    array
-        (2/pi) K(sin(amplitude/2)), through the arithmetic-geometric mean: 1 / agm(1, cos(amplitude/2)).
+def _draw_remainder(axes: Axes, table: Dataset, period: float) -> None:
+    amplitude, cycles = _values(table, "amplitude"), _values(table, "cycle_period")
+    scales = {"amplitude as recorded": (1.0, GREY)}
+    if "amplitude_scale" in table and "amplitude-scale" in table["flag"].values:
+        scale = 1.0 + float(table["amplitude_scale"])
+        scales[f"amplitude times {scale:.4f}, as fitted"] = (scale, BLUE)
+    shown = []
+    for label, (scale, color) in scales.items():
+        remainder = 100.0 * (cycles / arc_factor(scale * amplitude) / period - 1.0)
+        axes.plot(amplitude, remainder, "o", markersize=2.2, color=color, label=label)
+        shown.append(remainder)
+    axes.axhline(0.0, color="black", linewidth=0.7)
+    axes.axhspan(-0.1, 0.1, color=ORANGE, alpha=0.18, linewidth=0)
+    axes.annotate("±0.1 %", (1.005, 0.0), xycoords=("axes fraction", "data"), va="center", fontsize=8.5)
+    # Where the swing has nearly died its cycles scatter most: they must not press all others onto one line.
+    low, high = robust_limits(np.concatenate(shown), hidden=4.0)
+    low, high = min(low, -0.25), max(high, 0.25)
+    outside = int(sum(((values < low) | (values > high)).sum() for values in shown))
+    axes.set_ylim(low, high)
+    axes.set_xlim(0.0, 1.03 * float(np.nanmax(amplitude)))
+    axes.set_xlabel("amplitude, rad" + (f" ({outside} points lie beyond the frame)" if outside else ""))
+    legend(axes, loc="lower right", ncols=2)
 
-    Examples
-    --------
-    >>> round(float(finite_arc_factor(np.array([3.1]))[0]), 11)
-    3.34849644557
-    """
-    one, other = np.ones_like(amplitude), np.cos(0.5 * amplitude)
-    for _ in range(8):  # the digits double at each step: 8 suffice for float64 below 3.1416 rad
-        one, other = 0.5 * (one + other), np.sqrt(one * other)
-    return 1.0 / one
+
+def _values(table: Dataset, name: str) -> Floats:
+    return np.asarray(table[name].values, dtype=np.float64)

@@ -31,9 +31,7 @@ def record_figure(record: DataTree) -> Figure:
     traces = record["record"].dataset["elongation"]
     labels = [str(label) for label in record["record"].dataset["trace"].values][:_MOST_TRACES]
     values = np.asarray(traces.values, dtype=np.float64)[: len(labels)]
-    figure = sheet(
-        "Elongations of the record", _subtitle(record, time, traces.values), 11.0, 0.9 + 2.3 * len(labels)
-    )
+    figure = sheet("Elongations of the record", _subtitle(record, time, traces.values), 11.0, 0.9 + 2.3 * len(labels))
     grid = figure.add_gridspec(len(labels), 2, width_ratios=(2.4, 1))
     for row, label in enumerate(labels):
         color = PALETTE[row % len(PALETTE)]

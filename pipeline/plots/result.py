@@ -43,9 +43,7 @@ def subtitle(result: DataTree) -> str:
     method = best_method(result)
     if method is None:
         return f"record {name} · no method gave a gravity"
-    gravity, sigma = (
-        float(of_method(result, "gravity", key, method)) for key in ("gravity", "gravity_sigma")
-    )
+    gravity, sigma = (float(of_method(result, "gravity", key, method)) for key in ("gravity", "gravity_sigma"))
     return f"record {name} · {gravity:.7f} m/s² ± {sigma:.2g} mGal by {method}"
 
 
@@ -140,9 +138,7 @@ def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> No
     axes.axvline(0.0, color=GREEN, linewidth=1.2)
     good = np.isfinite(offset)
     bars = np.where(np.isfinite(sigma), sigma, 0.0)
-    axes.errorbar(
-        offset[good], rows[good], xerr=bars[good], fmt="o", color=BLUE, ecolor=BLUE, capsize=3, markersize=5
-    )
+    axes.errorbar(offset[good], rows[good], xerr=bars[good], fmt="o", color=BLUE, ecolor=BLUE, capsize=3, markersize=5)
     labels = [
         f"{name}\n{_signed(offset[row])} ± {_minus(f'{sigma[row]:.2g}')}" if good[row] else f"{name}\nrefused"
         for row, name in enumerate(methods)
@@ -154,9 +150,7 @@ def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> No
     _tick_decades(axes, smallest, largest)
     axes.grid(visible=False, axis="y")
     axes.set_ylabel("")
-    axes.set_xlabel(
-        "error, mGal (log scale)" if true_gravity is not None else f"mGal from {best} (log scale)"
-    )
+    axes.set_xlabel("error, mGal (log scale)" if true_gravity is not None else f"mGal from {best} (log scale)")
 
 
 def _signed(value: float) -> str:
@@ -193,10 +187,7 @@ def _method_with_line(result: DataTree) -> str | None:
         return None
     given = [str(name) for name in result["correction"].dataset["method"].values]
     for name in _LINE_FIRST:
-        if (
-            name in given
-            and np.isfinite(of_method(result, "correction", "phase_speed_correction", name)).any()
-        ):
+        if name in given and np.isfinite(of_method(result, "correction", "phase_speed_correction", name)).any():
             return name
     return None
 

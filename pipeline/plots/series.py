@@ -52,9 +52,7 @@ def draw_band(axes: Axes, time: Floats, values: Floats, *, color: str, label: st
     np.minimum.at(low, bins[good], values[good])
     np.maximum.at(high, bins[good], values[good])
     middle = 0.5 * (edges[:-1] + edges[1:])
-    axes.fill_between(
-        middle, low, high, where=low <= high, color=color, alpha=0.85, linewidth=0.3, label=label
-    )
+    axes.fill_between(middle, low, high, where=low <= high, color=color, alpha=0.85, linewidth=0.3, label=label)
 
 
 def thin(time: Floats, values: Floats, most: int = 4000) -> tuple[Floats, Floats]:
@@ -77,11 +75,11 @@ def running_mean(time: Floats, values: Floats, width: float) -> Floats:
         return np.where(good, (sums[last] - sums[first]) / (counts[last] - counts[first]), np.nan)
 
 
-def robust_limits(values: Floats, *, margin: float = 0.15) -> tuple[float, float]:
-    """Limits that show all but the wildest hundredth: the edges of a filter do not hide the rest."""
+def robust_limits(values: Floats, *, hidden: float = 0.5, margin: float = 0.15) -> tuple[float, float]:
+    """Limits that show all but the wildest values (`hidden` per cent at each end), which would hide the rest."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return -1.0, 1.0
-    low, high = np.percentile(finite, [0.5, 99.5])
+    low, high = np.percentile(finite, [hidden, 100.0 - hidden])
     spread = max(high - low, 1e-9 * max(abs(low), abs(high), 1e-300))
     return float(low - margin * spread), float(high + margin * spread)

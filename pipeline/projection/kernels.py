@@ -7,11 +7,9 @@ arrays are indexed forward only, because a negative offset keeps LLVM from using
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Floats
 from synth.kernels.compiled import kernel, summing_kernel
-
-Floats = NDArray[np.float64]
 
 BLOCK = 256
 COLUMNS = 8  # cos, sin, 1, t cos, t sin, slope by frequency, slope by damping, residual
@@ -32,10 +30,16 @@ def interval_integrals(theta: Floats, tap_real: Floats, tap_imag: Floats, out_re
     inner_real, inner_imag = out_real[3 : 3 + length], out_imag[3 : 3 + length]
     for k in range(length):
         inner_real[k] = (
-            (a0 * t0[k] + a1 * t1[k]) + (a2 * t2[k] + a3 * t3[k]) + (a4 * t4[k] + a5 * t5[k]) + (a6 * t6[k] + a7 * t7[k])
+            (a0 * t0[k] + a1 * t1[k])
+            + (a2 * t2[k] + a3 * t3[k])
+            + (a4 * t4[k] + a5 * t5[k])
+            + (a6 * t6[k] + a7 * t7[k])
         )
         inner_imag[k] = (
-            (b0 * t0[k] + b1 * t1[k]) + (b2 * t2[k] + b3 * t3[k]) + (b4 * t4[k] + b5 * t5[k]) + (b6 * t6[k] + b7 * t7[k])
+            (b0 * t0[k] + b1 * t1[k])
+            + (b2 * t2[k] + b3 * t3[k])
+            + (b4 * t4[k] + b5 * t5[k])
+            + (b6 * t6[k] + b7 * t7[k])
         )
     for edge in range(3):
         left_real = left_imag = right_real = right_imag = 0.0
@@ -130,9 +134,9 @@ def moments(
 ) -> int:
     """Accumulate the Gram matrix of (cos, sin, 1, t cos, t sin, slope, slope_damping, e).
 
-    cos and sin carry the decay; t runs from -1 to 1 over the record; e is the residual `difference - response - A cos -
-    B sin - offset`, coefficient = (A, B, offset). Samples that are NaN, or where e exceeds `threshold`, have no weight. gram (8, 8) gets its
-    upper triangle only. Returns the number of samples beyond the threshold.
+    cos and sin carry the decay; t runs from -1 to 1 over the record; e is the residual `difference - response - A cos
+    - B sin - offset`, coefficient = (A, B, offset). Samples that are NaN, or where e exceeds `threshold`, have no
+    weight. gram (8, 8) gets its upper triangle only. Returns the number of samples beyond the threshold.
     """
     count = difference.size
     forward_real, forward_imag = np.empty(BLOCK), np.empty(BLOCK)

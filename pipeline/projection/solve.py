@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.harmonics.envelope import Floats
+from pipeline.arrays import Floats
 from pipeline.projection import kernels
 from pipeline.projection.taps import stencil, taps
 
@@ -81,17 +81,21 @@ class UniformProblem:
 
     def respond(self, frequency: float, gamma: float) -> None:
         """See `Problem`."""
-        eigenvalue, direct, *gains = response_constants(frequency, gamma, self._ratio, self._damping_difference)
+        constants = response_constants(frequency, gamma, self._ratio, self._damping_difference)
+        eigenvalue, direct, gain, by_frequency, by_damping = constants
         weights = taps(self._cardinal, eigenvalue, self._step)
         kernels.interval_integrals(self._theta, weights.real.copy(), weights.imag.copy(), *self._integral)
         kernels.forced_response(
             self._theta,
-            *self._integral,
+            self._integral[0],
+            self._integral[1],
             self._step,
             gamma,
             eigenvalue.imag,
             direct.real,
-            *(complex(gain) for gain in gains),
+            complex(gain),
+            complex(by_frequency),
+            complex(by_damping),
             self.response,
             self.slope,
             self.slope_damping,
@@ -192,9 +196,9 @@ class SmallFit:
 def solve_moments(gram: Floats, coefficient: Floats, half: float, fit_damping: bool) -> SmallFit:
     """Gauss-Newton for (A, B, offset, dn, dgamma) within the Gram matrix of `kernels.moments`.
 
-    `coefficient` is what the moments' residual was formed with, `half` is half the record's length, s. The column of dn
-    is `t (B cos - A sin) + slope / half`, that of dgamma `-t (A cos + B sin) + slope_damping / half`, both times `half`: bilinear in
-    (A, B), so a few rounds are taken.
+    `coefficient` is what the moments' residual was formed with, `half` is half the record's length, s. The column of
+    dn is `t (B cos - A sin) + slope / half`, that of dgamma `-t (A cos + B sin) + slope_damping / half`, both times
+    `half`: bilinear in (A, B), so a few rounds are taken.
     """
     inner, data, square = gram[:7, :7], gram[:7, 7], gram[7, 7]
     free = 5 if fit_damping else 4

@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from pipeline.arrays import Floats
 
 NODES = 8
 QUADRATURE = 16  # Gauss-Legendre nodes an interval: exact to rounding below Nyquist

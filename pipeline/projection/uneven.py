@@ -1,6 +1,6 @@
-"""Projection from uneven sample times: the first pendulum is brought to a uniform grid, the response back to the samples.
+"""Projection from uneven sample times: the first pendulum goes to a uniform grid, the response back to the samples.
 
-Both ways go through local fits of the same eight functions as the quadrature; the difference itself is never interpolated.
+Both ways go through local fits of the same eight functions as the quadrature; the difference is never interpolated.
 """
 
 from __future__ import annotations
@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from pipeline.arrays import Floats
 from pipeline.gaps import fill_gaps
-from pipeline.harmonics.envelope import Floats
 from pipeline.projection.kernels import COLUMNS
 from pipeline.projection.solve import UniformProblem, oscillation
 from pipeline.projection.taps import CENTRE, NODES, fitted_basis

@@ -1,7 +1,7 @@
 """The first pendulum between half-second marks.
 
-Read twice a swing, a pendulum of 1.01 s lies at 0.99 of the Nyquist frequency: neighbouring readings tell nothing of the
-motion between them, and no short interpolation works. The reading is split by a filter into the slow part, which is
+Read twice a swing, a pendulum of 1.01 s lies at 0.99 of the Nyquist frequency: neighbouring readings tell nothing of
+the motion between them, and no short interpolation works. The reading is split by a filter into the slow part, which is
 well sampled and interpolated by a windowed sinc, and the harmonic `Re[Z(t) exp(i n t)]`, whose envelope is a cubic
 spline found by least squares over hundreds of seconds. A weak preference for a smooth envelope settles the
 confusion with its image above the Nyquist frequency.
@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.harmonics.envelope import Complexes, Floats, fill
+from pipeline.arrays import Complexes, Floats
+from pipeline.harmonics.envelope import fill
 
 FILTER_REACH = 24  # marks on each side, of the filter that splits slow part and harmonic
 CUT = 0.62  # of the Nyquist frequency, between swell and pendulum
@@ -41,7 +42,7 @@ def upsample(theta: Floats, step: float, frequency: float, factor: int) -> Float
     time = np.arange(theta.size) * step
     whole = np.where(np.isfinite(theta), theta, 0.0)
     fine = np.arange((theta.size - 1) * factor + 1) * (step / factor)
-    slow = np.zeros(theta.size)
+    slow: Floats = np.zeros(theta.size)
     for _ in range(2):  # missing readings and the ends need a first envelope
         envelope, knots = _envelope(time, np.where(np.isfinite(theta), theta - slow, np.nan), frequency)
         swing = _evaluate(envelope, knots, time, frequency)

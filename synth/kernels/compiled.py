@@ -3,7 +3,7 @@
 `cache=True` because a cold compile of seconds at each start is not acceptable to a person at a prompt.
 `fastmath` stays off: callees inherit it, and error-free transforms (two-sum, two-product) then return zero.
 Plain sums of products may be reordered, by name (`summing_kernel`).
-`error_model="numpy"` because a division by zero must give inf and not a branch to an exception in the inner loop.
+`error_model="numpy"` because a division by zero must give inf, not a branch to an exception in the inner loop.
 `nogil=True` so that threads may run records side by side.
 
 Numba's cache watches only the file of the function that was called: a kernel edited in another file would
@@ -62,9 +62,7 @@ def _writable_base() -> Path:
 
 
 def _prune(base: Path) -> None:
-    generations = sorted(
-        (entry for entry in base.iterdir() if entry.is_dir()), key=lambda entry: entry.stat().st_mtime
-    )
+    generations = sorted((entry for entry in base.iterdir() if entry.is_dir()), key=lambda entry: entry.stat().st_mtime)
     for stale in generations[: max(0, len(generations) - _KEPT_GENERATIONS + 1)]:
         shutil.rmtree(stale, ignore_errors=True)
 
@@ -84,12 +82,13 @@ def summing_kernel(function: Function) -> Function:
 
 
 def _compile(function: Function, fastmath: bool | set[str]) -> Function:
-    if numba.config.DISABLE_JIT:
+    config: Any = numba.config
+    if config.DISABLE_JIT:
         return function
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(cache_folder())
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(cache_folder())
     try:
         compiled = numba.njit(cache=True, fastmath=fastmath, error_model="numpy", nogil=True)(function)
     finally:
-        numba.config.CACHE_DIR = before
+        config.CACHE_DIR = before
     return cast(Function, compiled)

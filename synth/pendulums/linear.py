@@ -26,7 +26,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schemas.scene_pendulum import FreeStart, Start, StateStart
+from data_schemas.scene_pendulum import FreeStart, Start
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.phase import Phasors, damped_frequency
 
@@ -93,12 +93,11 @@ def respond(
     m = w[near]
     gain = force[near] / (damping_rate + 1j * (m + float(omega)))
     split = damping_rate + 1j * np.array([float(Fraction(each) - omega) for each in m.tolist()])
-    match start:
-        case FreeStart():
-            free = start.amplitude * complex(np.exp(1j * start.phase))
-        case StateStart():
-            # Beats start from zero with the velocity Re G; psi starts from its own state.
-            angle = start.angle - float(np.sum(forced.real))
-            speed = start.angular_velocity - float(np.sum((1j * w * forced).real)) - float(np.sum(gain.real))
-            free = complex(angle, -(speed + damping_rate * angle) / float(omega))
+    if isinstance(start, FreeStart):
+        free = start.amplitude * complex(np.exp(1j * start.phase))
+    else:
+        # Beats start from zero with the velocity Re G; psi starts from its own state.
+        angle = start.angle - float(np.sum(forced.real))
+        speed = start.angular_velocity - float(np.sum((1j * w * forced).real)) - float(np.sum(gain.real))
+        free = complex(angle, -(speed + damping_rate * angle) / float(omega))
     return Response(frequency, damping_rate, omega, free, forced, near, gain, split)

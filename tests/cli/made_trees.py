@@ -37,13 +37,13 @@ def root(time: np.ndarray, kind: str, **more: Any) -> xr.Dataset:
     return xr.Dataset(coords={"time": ("time", time, attributes("time"))}, attrs=head | more)
 
 
-def made_record(count: int = 1500, step: float = 0.04) -> xr.DataTree:
+def made_record(count: int = 1500, step: float = 0.04, gap: int = 0) -> xr.DataTree:
     time = np.arange(count) * step
     # free swings on the forced solution of a swell: an exact solution for two undamped linear pendulums
     swing = 0.01 * np.cos(FREQUENCY[:, None] * time + np.array([[0.0], [2.0]]))
     swing += (0.05 / (1.0 - (0.6 / FREQUENCY) ** 2))[:, None] * np.sin(0.6 * time)
     elongation = np.stack([swing[0], swing[0] - swing[1]])
-    elongation[:, count // 3 : count // 3 + 10] = np.nan
+    elongation[:, count // 3 : count // 3 + gap] = np.nan
     traces = dataset(
         "record",
         {"combination": np.array([[1.0, 0.0], [1.0, -1.0]]), "elongation": elongation},
@@ -61,13 +61,9 @@ def made_record(count: int = 1500, step: float = 0.04) -> xr.DataTree:
 def made_result(count: int = 1500, step: float = 1.2) -> xr.DataTree:
     time = np.arange(count) * step
     beat = 0.05 * time
-    amplitude = np.stack(
-        [0.01 + 0.002 * np.cos(beat), 0.009 + 0.002 * np.cos(beat), 0.014 * np.exp(-3e-4 * time)]
-    )
+    amplitude = np.stack([0.01 + 0.002 * np.cos(beat), 0.009 + 0.002 * np.cos(beat), 0.014 * np.exp(-3e-4 * time)])
     leak = 3e-4 * np.cos(beat)
-    speed = np.stack(
-        [FREQUENCY[0] + 0.02 * np.sin(beat), FREQUENCY[1] + 0.02 * np.sin(beat), FREQUENCY[1] + leak]
-    )
+    speed = np.stack([FREQUENCY[0] + 0.02 * np.sin(beat), FREQUENCY[1] + 0.02 * np.sin(beat), FREQUENCY[1] + leak])
     phases = dataset(
         "phases",
         {"amplitude": amplitude, "phase": np.cumsum(speed, axis=1) * step, "phase_speed": speed},
@@ -96,11 +92,11 @@ def made_result(count: int = 1500, step: float = 1.2) -> xr.DataTree:
 
 
 def made_period_result() -> xr.DataTree:
-    from pipeline.plots.period import finite_arc_factor
+    from pipeline.period.finite_arc import arc_factor
 
     random = np.random.default_rng(3)
     amplitude = 1.6 * np.exp(-np.linspace(0.0, 3.5, 130))
-    clean = 1.029 * finite_arc_factor(amplitude) * (1.0 + 3e-4 * amplitude)
+    clean = 1.029 * arc_factor(amplitude) * (1.0 + 3e-4 * amplitude)
     table = dataset(
         "period",
         {
@@ -110,10 +106,8 @@ def made_period_result() -> xr.DataTree:
             "amplitude": amplitude,
             "cycle_period": clean + 8e-4 * random.normal(size=amplitude.size),
             "cycle_period_smoothed": clean,
-            "cycle_period_infinitesimal": clean / finite_arc_factor(amplitude),
+            "cycle_period_infinitesimal": clean / arc_factor(amplitude),
         },
     )
-    head = root(
-        np.arange(0.0, 140.0, 0.01), "result", input_sha256="0" * 64, configuration="{}", versions="{}"
-    )
+    head = root(np.arange(0.0, 140.0, 0.01), "result", input_sha256="0" * 64, configuration="{}", versions="{}")
     return xr.DataTree.from_dict({"/": head, "/period": table})

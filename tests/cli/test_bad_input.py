@@ -86,12 +86,8 @@ def two_lengths(path: Path) -> None:
         group = file.create_group("record")
         group.dimensions = {"trace": 1, "pendulum": 1, "time": 60}
         for name in ("trace", "pendulum"):
-            group.create_variable(
-                name, (name,), h5netcdf.core.h5py.string_dtype(), data=np.array(["1"], dtype=object)
-            )
-        group.create_variable("combination", ("trace", "pendulum"), float, data=np.ones((1, 1))).attrs[
-            "units"
-        ] = "1"
+            group.create_variable(name, (name,), h5netcdf.core.h5py.string_dtype(), data=np.array(["1"], dtype=object))
+        group.create_variable("combination", ("trace", "pendulum"), float, data=np.ones((1, 1))).attrs["units"] = "1"
         swing = group.create_variable("elongation", ("trace", "time"), float, data=np.ones((1, 60)))
         swing.attrs["units"] = "rad"
 
@@ -177,12 +173,7 @@ TABLES = {
 
 @pytest.mark.parametrize(
     ("verb", "case"),
-    [
-        (verb, case)
-        for verb in ("process", "plot")
-        for case in RECORDS
-        if (verb, case) != ("plot", "wrong schema")
-    ],
+    [(verb, case) for verb in ("process", "plot") for case in RECORDS if (verb, case) != ("plot", "wrong schema")],
 )  # a result is not what `process` takes, but `plot` draws it
 def test_bad_records(run, tmp_path, unchanged, verb, case):
     make, told = RECORDS[case]

@@ -19,9 +19,7 @@ VERBS = ("demo", "simulate", "process", "benchmark", "plot", "import", "validate
 
 def python(*words: str, **settings) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.run(
-        [sys.executable, *words], capture_output=True, text=True, env=environment, **settings
-    )
+    return subprocess.run([sys.executable, *words], capture_output=True, text=True, env=environment, **settings)
 
 
 def test_help_lists_every_verb_and_the_exit_statuses(run):

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import re
 
-import mpmath
 import numpy as np
 import pytest
+from made_trees import ERRORS, GRAVITY, METHODS, made_period_result, made_record, made_result
 
 from data_schemas.errors import FileError
-from made_trees import ERRORS, GRAVITY, METHODS, made_period_result, made_record, made_result
+from pipeline.period.finite_arc import arc_factor
 from pipeline.plots import demo_figure, period_figure, record_figure, result_figure, save
 from pipeline.plots.canvas import PALETTE
-from pipeline.plots.period import finite_arc_factor
 from pipeline.plots.result import best_method
 from pipeline.plots.series import angle_scale, robust_limits, running_mean, thin, time_scale
 
 FIGURES = {
-    "record": lambda: record_figure(made_record()),
+    "record": lambda: record_figure(made_record(gap=10)),
     "long record": lambda: record_figure(made_record(30000)),
     "record of marks": lambda: record_figure(made_record(200, step=0.5)),
     "result": lambda: result_figure(made_result()),
@@ -96,7 +95,7 @@ def test_the_first_colours_are_told_apart_without_red_and_green():
 
 
 def test_a_gap_in_a_record_stays_open():
-    axes = record_figure(made_record(200, step=0.5)).axes[0]
+    axes = record_figure(made_record(200, step=0.5, gap=10)).axes[0]
     assert np.isnan(axes.lines[0].get_ydata()).sum() == 10
 
 
@@ -151,12 +150,24 @@ def test_a_zoom_without_readings_says_so():
     assert record_figure(record).axes[1].texts[0].get_text() == "no reading here"
 
 
-@pytest.mark.parametrize("amplitude", [0.0, 0.1, 1.6, 3.1, 3.14159])
-def test_the_finite_arc_factor_is_the_elliptic_integral(amplitude):
-    with mpmath.workdps(40):
-        exact = 2 / mpmath.pi * mpmath.ellipk(mpmath.sin(mpmath.mpf(amplitude) / 2) ** 2)
-    # cos(amplitude/2) loses digits towards pi: 1e-16/1.3e-6 relative, of which the logarithm keeps a tenth
-    assert float(finite_arc_factor(np.array([amplitude]))[0]) == pytest.approx(float(exact), rel=1e-10)
+def test_the_fitted_scale_of_the_amplitude_is_said_and_its_cycles_drawn():
+    result = made_period_result()
+    made = {"amplitude_scale": ((), -0.0039), "flag": ("flag", np.array(["amplitude-scale"], dtype=object))}
+    result["period"].dataset = result["period"].to_dataset(inherit=False).assign(made)
+    recorded, fitted = period_figure(result).axes[1].lines[:2]
+    assert recorded.get_label() == "amplitude as recorded"
+    assert fitted.get_label() == "amplitude times 0.9961, as fitted"
+    table = result["period"]
+    reduced = table["cycle_period"].values / arc_factor(0.9961 * table["amplitude"].values)
+    np.testing.assert_allclose(fitted.get_ydata(), 100 * (reduced / 1.029 - 1), atol=1e-12)
+
+
+def test_a_period_without_smoothing_is_drawn_too():
+    result = made_period_result()
+    table = result["period"].to_dataset(inherit=False).drop_vars("cycle_period_smoothed")
+    result["period"].dataset = table
+    figure = period_figure(result)
+    assert [len(axes.lines) for axes in figure.axes] == [2, 2]
 
 
 def test_scales_suit_their_size():

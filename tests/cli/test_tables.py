@@ -10,9 +10,7 @@ from pipeline.cli.tables import plain, print_json, print_table, text
 
 
 def test_json_rows_are_one_line_with_null_for_what_is_not_finite(capsys):
-    print_json(
-        {"a": np.float64("nan"), "b": np.array([1.0, np.inf]), "c": np.int64(3), "d": {1: ("ä", True)}}
-    )
+    print_json({"a": np.float64("nan"), "b": np.array([1.0, np.inf]), "c": np.int64(3), "d": {1: ("ä", True)}})
     out = capsys.readouterr().out
     assert out.count("\n") == 1
     assert "ä" in out

@@ -42,8 +42,6 @@ def test_the_digest_never_changes():
     assert content_sha256(tiny()) == "eee7ec503c5163a9438cd54b9e5ac8ad4ff946e5baf4e7e118101b39b270ff62"
 
 
-
-
 def _child(tree, change):
     tree["child"].dataset = change(tree["child"].to_dataset(inherit=False))
 

@@ -142,9 +142,35 @@ def test_a_variable_named_as_a_dimension_of_others(tmp_path):
         file.createDimension("a", 2)
         file.createDimension("b", 3)
         file.createVariable("a", "f8", ("b",))[:] = [1.0, 2.0, 3.0]
-    assert validate(tmp_path / "c.nc") != []
-    with pytest.raises(FileError, match="make dimensions of one name equal"):
-        read(tmp_path / "c.nc")
+    tree = read(tmp_path / "c.nc")
+    assert tree["a"].dims == ("b",)
+    assert tree["a"].values.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_dimensions_that_disagree_are_told(tmp_path):
+    """Without scales the table gives the names; two lengths of one name make no tree, but all faults are listed."""
+    path = tmp_path / "foreign.nc"
+    with_h5py(path)
+    with h5py.File(path, "r+") as file:
+        del file["record/elongation"], file["record/combination"]
+        file["record/elongation"] = np.zeros((2, 5))
+        file["record/elongation"].attrs["units"] = "rad"
+        file["record/combination"] = np.zeros((3, 2))
+    with pytest.raises(FileError, match=r"foreign.nc: record: .*; make dimensions of one name equal"):
+        read(path)
+    faults = "\n".join(validate(path))
+    assert "record/elongation: has 5 values along time where others have 6; make" in faults
+    assert "along trace where others have" in faults
+
+
+def test_a_group_may_not_disagree_with_the_root(tmp_path):
+    path = tmp_path / "foreign.nc"
+    with netCDF4.Dataset(path, "w") as file:
+        for group in (file, file.createGroup("record")):
+            group.createDimension("time", 6 if group is file else 5)
+            group.createVariable("time" if group is file else "values", "f8", ("time",))[:] = 1.0
+    with pytest.raises(FileError, match=r"foreign.nc: .*; make dimensions equal in length to the root's"):
+        read(path)
 
 
 def test_unknown_arrays_of_plain_hdf5_get_phony_dimensions(tmp_path):

@@ -185,6 +185,17 @@ def not_utf8_attribute(file, _):
     file["record"].attrs["other"] = np.bytes_(b"\xff\xfe")
 
 
+def compressed_text(file, _):
+    file.create_dataset("record/other", data=["a", "b"], dtype=h5py.string_dtype(), chunks=(2,), compression=1)
+
+
+def compact_text(file, _):
+    made = h5p.create(h5p.DATASET_CREATE)
+    made.set_layout(h5d.COMPACT)
+    kind = h5t.py_create(h5py.string_dtype(), logical=True)
+    h5d.create(file["record"].id, b"other", kind, h5s.create_simple((2,)), made)
+
+
 def control_characters(file, _):
     file["record/a\nb\x1b[31m"] = 1.0
 
@@ -226,6 +237,8 @@ MAKERS = {
     table_attribute: "dimensions",
     text_as_scale: "scale_factor: is 'two', not a number",
     several_offsets: "add_offset",
+    compressed_text: "compressed or compact; store it plainly",
+    compact_text: "compressed or compact; store it plainly",
     not_utf8: "UTF-8",
     not_utf8_attribute: "UTF-8",
     control_characters: "do not print",
@@ -292,10 +305,14 @@ def test_a_path_that_no_system_has():
 
 
 def test_one_text_told_many_times_is_counted(tmp_path):
-    """Ten thousand elements that all point at one long text would fill the memory; the heap is read once."""
+    """Ten thousand elements that all point at one long text would fill the memory: what they point at is summed."""
     path = tmp_path / "file.nc"
     with h5py.File(path, "w") as file:
-        file.create_dataset("texts", data=["x" * 1000] * 50, dtype=h5py.string_dtype())
+        texts = file.create_dataset("texts", data=["x" * 1000] * 50, dtype=h5py.string_dtype())
+        start = texts.id.get_offset()
+    bad = bytearray(path.read_bytes())
+    bad[start : start + 50 * 16] = bad[start : start + 16] * 50
+    path.write_bytes(bad)
     assert load(path, Budget(text_bytes=60_000))[""].variables["texts"].values[49] == "x" * 1000
     with pytest.raises(FileError, match="more than 40000 bytes of text"):
         load(path, Budget(text_bytes=40_000))
@@ -327,3 +344,22 @@ def test_an_old_format_is_read(tmp_path, record):
         file["time"] = np.arange(3.0)
     assert path.read_bytes()[8] == 0
     assert read(path)["time"].values.tolist() == [0.0, 1.0, 2.0]
+
+
+def test_chunked_text_is_read(tmp_path):
+    """Text along an unlimited dimension, partly never written."""
+    path = tmp_path / "file.nc"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("written", data=["a", "bc", "d"], dtype=h5py.string_dtype(), chunks=(2,), maxshape=(None,))
+        file.create_dataset("unwritten", (2,), dtype=h5py.string_dtype())
+    tree = read(path)
+    assert tree["written"].values.tolist() == ["a", "bc", "d"]
+    assert tree["unwritten"].values.tolist() == ["", ""]
+
+
+def test_a_heap_cut_short_is_refused(tmp_path, record):
+    path = tmp_path / "file.nc"
+    write(record, path)
+    path.write_bytes(path.read_bytes() + b"GCOL\x01\0\0\0")
+    with pytest.raises(FileError, match="text storage is damaged at byte"):
+        read(path)

@@ -84,7 +84,7 @@ def test_json_round_trip() -> None:
 
 
 def test_count_is_exact() -> None:
-    """0.3 s at 10 Hz are readings at 0, 0.1 and 0.2: in doubles 0.3 * 10 is 3 but 0.7 * 10 is not 7."""
+    """Tenths of a second at 10 Hz; doubles would give one reading too many at 0.7 s."""
     for tenths in range(1, 200):
         parts = MINIMAL | {"duration": tenths / 10, "recording": {"sampling_rate": 10}}
         assert Scene.model_validate(parts).count == tenths
@@ -94,7 +94,8 @@ def test_table_is_looked_for_beside_the_scene(tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text(
         'record_id = "a"\nduration = 1\ngravity = 9.8\n'
         "pendulums = [{label = '1', period = 1, start = {kind = 'free', amplitude = 0.01}}]\n"
-        "motion = [{kind = 'tabulated', file = 'data/ship.csv'}, {kind = 'tabulated', file = '/data/ship.csv'}]\n"
+        "[[motion]]\nkind = 'tabulated'\nfile = 'data/ship.csv'\n"
+        "[[motion]]\nkind = 'tabulated'\nfile = '/data/ship.csv'\n"
     )
     scene = load_scene(tmp_path / "scene.toml")
     files = [term.file for term in scene.motion if isinstance(term, TabulatedMotion)]

@@ -42,9 +42,7 @@ def test_with_no_options_the_first_column_is_time_and_the_other_an_angle_in_rad(
 )
 def test_units_become_radians(write, unit, lever, factor):
     record = import_csv(write("0,3\n1,-4\n"), ImportOptions(unit=unit, lever=lever))
-    np.testing.assert_allclose(
-        record["record"]["elongation"].values[0], [3 * factor, -4 * factor], rtol=1e-15
-    )
+    np.testing.assert_allclose(record["record"]["elongation"].values[0], [3 * factor, -4 * factor], rtol=1e-15)
     assert check(record, "record") == []
     assert ("film" in record.children) == (lever is not None)
     if lever is not None:
@@ -79,9 +77,7 @@ def test_columns_can_be_chosen_named_and_combined(write):
 
 
 def test_three_pendulums_are_ordered_as_numbers(write):
-    options = ImportOptions(
-        columns=("2:10", "3:2-10", "4:1-2"), periods={"1": 1.0, "2": 1.1, "10": 1.2}, gravity=9.81
-    )
+    options = ImportOptions(columns=("2:10", "3:2-10", "4:1-2"), periods={"1": 1.0, "2": 1.1, "10": 1.2}, gravity=9.81)
     record = import_csv(write("0,1,2,3\n1,4,5,6\n"), options)
     assert record["record"]["pendulum"].values.tolist() == ["1", "2", "10"]
     assert record["record"]["combination"].values.tolist() == [[0, 0, 1], [0, 1, -1], [1, -1, 0]]

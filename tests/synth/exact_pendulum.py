@@ -2,8 +2,8 @@
 
     theta'' + 2 gamma theta' + n^2 theta = -n^2 sum a cos(w t + p)/g
 
-The particular solution is a sum of A cos + B sin found from a 2x2 system for each harmonic; the homogeneous one
-takes up the state at t = 0. At exact resonance without damping the system is singular: the frequency is
+The particular solution is a sum of A cos + B sin found from a 2x2 system for each harmonic; the homogeneous
+one takes up the state at t = 0. At exact resonance without damping the system is singular: the frequency is
 then moved by 1e-25, which changes the motion by less than 1e-18 in an hour.
 """
 
@@ -25,8 +25,8 @@ class ExactPendulum:
     frequency: float
     damping_rate: float
     rates: Sequence[float]
-    amplitudes: Sequence[float]
-    phases: Sequence[float]
+    amplitudes: Sequence[Any]
+    phases: Sequence[Any]
     gravity: float
     angle: Any
     angular_velocity: Any
@@ -38,11 +38,11 @@ class ExactPendulum:
             w = mpmath.mpf(float(w))
             if w == n and gamma == 0:
                 w += mpmath.mpf("1e-25")
-            force = -(n**2) * mpmath.mpf(float(a)) / mpmath.mpf(self.gravity)
+            force = -(n**2) * mpmath.mpf(a) / mpmath.mpf(self.gravity)
             stiff, loss = n**2 - w**2, 2 * gamma * w
             size = force / (stiff**2 + loss**2)
             # force cos(w t + p) is answered by size (stiff cos(w t + p) + loss sin(w t + p))
-            self.terms.append((w, mpmath.mpf(float(p)), size * stiff, size * loss))
+            self.terms.append((w, mpmath.mpf(p), size * stiff, size * loss))
         self.omega = mpmath.sqrt(n**2 - gamma**2)
         self.gamma = gamma
         self.cosine = mpmath.mpf(self.angle) - self.particular(0)

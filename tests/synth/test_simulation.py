@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -85,7 +86,7 @@ def test_truth_phase_is_unwrapped_also_at_marks(make_scene: Maker) -> None:
 
 
 def test_forced_part_is_slow(make_scene: Maker) -> None:
-    """psi of a 10 s swell is that swell, not a swing: the free start begins on the forced solution (P 10, 16)."""
+    """psi of a 10 s swell is that swell: a free start begins on the forced solution (P 10, 16)."""
     motion = [{"kind": "harmonics", "amplitude": [0.1], "angular_frequency": [0.6]}]
     scene = make_scene(motion=motion)
     truth = simulate(scene)[1]
@@ -111,9 +112,26 @@ def test_truth_carries_the_scene(make_scene: Maker) -> None:
     assert truth.attrs["seed"] == 11
 
 
+def test_recorded_motion_of_all_frequencies(make_scene: Maker, tmp_path: Path) -> None:
+    """A 10 Hz table of noise pushes at the pendulums' own frequency too: that part counts as free."""
+    noise = np.random.default_rng(6).normal(scale=0.02, size=500)
+    table = tmp_path / "push.csv"
+    table.write_text("\n".join(f"{k / 10},{value!r}" for k, value in enumerate(noise.tolist())))
+    term = {"kind": "tabulated", "file": str(table), "begin": 2.0}
+    scene = make_scene(motion=[term, TERMS["harmonics"]], recording={"sampling_rate": 10})
+    truth = simulate(scene)[1]["truth"]
+    swell = 0.1 * np.cos(0.6 * truth["time"].values)
+    np.testing.assert_allclose(truth["horizontal_acceleration"] - swell, noise[20:420], atol=1e-13)
+    growth = truth["free_amplitude"].values
+    assert growth[0, 0] == pytest.approx(0.006, rel=1e-12)
+    assert np.ptp(growth[0]) > 0.003
+    free = truth["free_amplitude"] * np.cos(truth["free_phase"])
+    np.testing.assert_allclose(free + truth["forced"], truth["theta"], atol=1e-17)
+
+
 def test_pendulum_that_does_not_swing(make_scene: Maker) -> None:
     pendulum = {"label": "1", "period": 90.0, "damping_rate": 0.05, "start": {"kind": "state", "angle": 0.1}}
-    with pytest.raises(SceneError, match="damping_rate = 0.05"):
+    with pytest.raises(SceneError, match=r"damping_rate = 0\.05"):
         simulate(make_scene(pendulums=[pendulum]))
 
 
@@ -133,7 +151,7 @@ def test_demo_is_what_it_promises() -> None:
 
 
 def test_unknown_shipped_scene() -> None:
-    with pytest.raises(SceneError, match="there are: demo"):
+    with pytest.raises(SceneError, match="there are: demo, ship"):
         synth.scene_path("absent")
 
 

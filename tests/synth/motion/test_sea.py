@@ -23,7 +23,7 @@ def _rms(**parts: object) -> float:
 
 @pytest.mark.parametrize("spectrum", SPECTRA)
 def test_significant_height_comes_back(spectrum: str) -> None:
-    """Four times the root of the variance; 1e-4 of it lies beyond 40 peak frequencies or in the integral's steps."""
+    """Four times the root of the variance; 1e-4 for the integral's steps and the tail."""
     variances = bin_variances(np.array([LOWEST, 1.0, 3.0, 40.0]), spectrum, 3.0)
     assert 4 * math.sqrt(np.sum(variances)) == pytest.approx(3.0, rel=1e-4)
 

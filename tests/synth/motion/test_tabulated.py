@@ -66,7 +66,7 @@ def test_pendulum_answers_the_table_as_it_answers_the_swell() -> None:
 
 
 def test_variation_of_constants_by_quadrature() -> None:
-    """Independent check over one interval: theta from a state, by adaptive quadrature of the interpolated motion."""
+    """One interval from a state, by adaptive quadrature of the interpolated motion."""
     motion = continued(np.random.default_rng(8).normal(scale=0.05, size=120), 1.0, 30.0)
     damping_rate, angle, speed, gravity = 0.01, 0.02, -0.03, 9.81
     start = StateStart(angle=angle, angular_velocity=speed)

@@ -1,0 +1,118 @@
+"""The demo: its table, its files, its picture, and doing without matplotlib."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import data_schemas
+from pipeline.cli.main import main
+from pipeline.methods import METHODS
+
+# A quarter of the shipped scene's length at a third of its rate, with its swell and its vibration.
+SMALL = """\
+record_id = "demo"
+seed = 1958
+duration = 240.0
+gravity = 9.81234567
+pendulums = [
+  {label = "1", period = 1.00966, damping_rate = 1e-4, start = {kind = "free", amplitude = 0.006, phase = 0.4}},
+  {label = "2", period = 1.009760966, damping_rate = 1e-4, start = {kind = "free", amplitude = 0.012, phase = 2.2}},
+]
+motion = [
+  {kind = "near-resonant", amplitude = 4e-4, beat_period = 120.0, phase = 1.0},
+]
+[recording]
+sampling_rate = 8
+noise = 2e-5
+"""
+
+
+@pytest.fixture
+def small_scene(tmp_path, monkeypatch):
+    path = tmp_path / "demo.toml"
+    path.write_text(SMALL)
+    monkeypatch.setattr("synth.shipped.scene_path", lambda name: path)
+    monkeypatch.setattr("synth.scene_path", lambda name: path, raising=False)
+    monkeypatch.chdir(tmp_path)
+    return path
+
+
+@pytest.mark.usefixtures("small_scene")
+def test_the_demo_prints_a_row_a_method_and_leaves_good_files(run, tmp_path):
+    outcome = run("demo")
+    assert outcome.status == 0, outcome.err
+    assert outcome.err == ""
+    lines = outcome.out.splitlines()
+    assert lines[0] == "true gravity 9.81234567 m/s2; 4 minutes, 1920 samples"
+    assert lines[2].split() == ["method", "gravity", "m/s2", "error", "mGal", "sigma", "mGal", "time", "ms"]
+    rows = {line.split()[0]: line.split()[1:] for line in lines[3 : 3 + len(METHODS) - 1]}
+    assert tuple(rows) == tuple(name for name in METHODS if name != "auto")
+    gravity, error, sigma, _ = map(float, rows["projection"])
+    # both are rounded to their last digit, 1e-8 m/s2 = 1e-3 mGal
+    assert error == pytest.approx((gravity - 9.81234567) * 1e5, abs=1.1e-3)
+    # five sigma: one seed in two million would fail, and this seed is fixed
+    assert abs(error) < 5 * sigma
+    folder = tmp_path / "isochrony-demo"
+    files = [f"demo.{kind}.nc" for kind in ("record", "result", "truth")]
+    assert sorted(path.name for path in folder.iterdir()) == [*files, "isochrony-demo.png"]
+    for name in files:
+        assert data_schemas.validate(folder / name) == []
+    low, high = map(float, re.search(r"wanders by ([+-]\d+) to ([+-]\d+) mGal", outcome.out).groups())
+    # near-resonant forcing swings the phase speed of one pendulum by thousands of mGal (Panteleev 1958, after (31))
+    assert low < -1000 < 1000 < high
+
+
+@pytest.mark.usefixtures("small_scene")
+def test_the_demo_runs_again_over_its_own_files_and_takes_a_seed(run, tmp_path):
+    readings = []
+    for seed in ("7", "8", "7"):
+        assert run("demo", "-o", "look", "--seed", seed).status == 0
+        readings.append(data_schemas.read(tmp_path / "look" / "demo.record.nc")["record"]["elongation"].values)
+    np.testing.assert_array_equal(readings[0], readings[2])
+    assert np.abs(readings[0] - readings[1]).max() > 1e-6
+
+
+@pytest.mark.usefixtures("small_scene")
+def test_without_matplotlib_the_demo_says_so_and_goes_on(run, tmp_path, monkeypatch):
+    import importlib.util
+
+    found = importlib.util.find_spec
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "matplotlib" else found(name))
+    outcome = run("demo")
+    assert outcome.status == 0
+    assert "no picture: matplotlib is not installed (pip install 'isochrony[plot]')" in outcome.out
+    assert not (tmp_path / "isochrony-demo" / "isochrony-demo.png").exists()
+
+
+@pytest.mark.usefixtures("small_scene")
+def test_a_method_that_refuses_stays_in_the_table(run, monkeypatch):
+    import pipeline.summary
+
+    original = pipeline.summary.summaries
+
+    def refusing(result):
+        first, *others = original(result)
+        return [{**first, "status": "refused", "error": "for this test"}, *others]
+
+    monkeypatch.setattr(pipeline.summary, "summaries", refusing)
+    assert "    refused: for this test" in run("demo").out
+
+
+def test_the_demo_wants_a_folder(run, tmp_path):
+    path = tmp_path / "file"
+    path.write_text("")
+    assert "needs a folder" in run("demo", "-o", path).fault
+    outcome = run("demo", "-o", path / "sub")
+    assert outcome.status == 3
+    assert "cannot be created" in outcome.fault
+
+
+@pytest.mark.compiled
+def test_the_shipped_scene_gives_its_gravity_within_five_sigma(tmp_path, capsys):
+    assert main(["demo", "-o", str(tmp_path / "demo")]) == 0
+    row = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("projection"))
+    _, _, error, sigma, _ = row.split()
+    assert abs(float(error)) < 5 * float(sigma) < 0.1

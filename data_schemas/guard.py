@@ -61,6 +61,7 @@ class Found:
 class Survey:
     """Everything that passed, in the file's order, and what the rest of the file can hold of text at most."""
 
+    budget: Budget
     groups: list[Found] = field(default_factory=list)
     arrays: list[Found] = field(default_factory=list)
     heap: int = 0
@@ -110,7 +111,7 @@ def survey(file: h5py.File, size: int, budget: Budget) -> Survey:
     FileError
         Names the group or variable, without the file's name (`reading` puts it in front).
     """
-    found = Survey()
+    found = Survey(budget)
     declared = stored = 0
     root = h5g.open(file.id, b"/")
     waiting = [("", root, 0)]

@@ -147,7 +147,7 @@ def _attribute(attribute: h5a.AttrID, where: str, found: Survey) -> Any:
         return "" if is_text(kind) else np.empty(0, dtype=kind.dtype.newbyteorder("="))
     shape = space.shape
     if is_text(kind):
-        if kind.is_variable_str() and space.get_simple_extent_npoints() * found.heap > 16 * Budget().text_bytes:
+        if kind.is_variable_str() and space.get_simple_extent_npoints() * found.heap > 16 * found.budget.text_bytes:
             raise FileError(f"{where}: too many texts; join them into one")
         texts = np.empty(shape, dtype=kind.dtype)
         attribute.read(texts)

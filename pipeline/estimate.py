@@ -10,6 +10,8 @@ from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics.envelope import Envelope, fill
 from pipeline.harmonics.narrowband import NarrowbandFit, running_integral
 
+_RIDGE = 1e-13  # of the unit diagonal
+
 
 @dataclass(frozen=True)
 class Budget:
@@ -82,7 +84,10 @@ def budget(envelope: Envelope, fit: NarrowbandFit, ratio: float, damping_differe
     elapsed = envelope.time - envelope.time[0]
     hop = envelope.hop
     columns = np.sqrt(weight)[:, None] * fit.jacobian
-    influence = np.linalg.pinv(np.concatenate([columns.real, columns.imag]))[2]
+    stacked = np.concatenate([columns.real, columns.imag])
+    size = np.linalg.norm(stacked, axis=0)
+    stacked = stacked / size
+    influence = np.linalg.solve(stacked.T @ stacked + _RIDGE * np.eye(size.size), stacked.T)[2] / size[2]
     count = elapsed.size
     # complex weight per instant: d n2 = Re sum conj(g_k) dD_k
     g: Complexes = (influence[:count] + 1j * influence[count:]) * np.sqrt(weight)

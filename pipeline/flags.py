@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.estimate import Estimate
-from pipeline.gravity import Gravity
+from pipeline.gravity import MGAL, Gravity
 from pipeline.methods.phases import passes_zero
 from pipeline.prepared import Prepared
 
@@ -15,6 +15,7 @@ MOST_BRIDGED = 0.1  # share of the first pendulum's samples
 NOISE_ABOVE, NOISE_BELOW = 1.3, 0.7  # found over stated
 COLOUR = 1.6  # power near the pendulum's frequency over white
 COLOUR_FLOOR = 1e-4  # of the amplitude: a residual below it is the method's, not the readings'
+LEAST_BROWNE = 0.05  # mGal of horizontal acceleration
 IMPLAUSIBLE = (9.6, 10.0)  # m s-2
 
 MEANINGS = {
@@ -27,6 +28,7 @@ MEANINGS = {
     "noise-below-stated": "residual noise below the stated reading noise",
     "residual-not-white": "the residual has structure near the pendulum's frequency; sigma is widened by it",
     "gravity-implausible": "gravity outside 9.6 to 10.0 m/s2; check instrument/period and reference_gravity",
+    "acceleration-not-reduced": "the support's acceleration changes the period of real pendulums and is not reduced",
     "damping-difference-assumed": "no damping is stated and the pendulums decay; their difference is taken as zero",
 }
 _DECAY = 3e-6  # s-1: one per cent of it as a difference costs about 0.01 mGal at a relative period difference of 1e-4
@@ -44,6 +46,7 @@ def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
         "frequency-difference-unresolved": _unresolved(prepared, value),
         "gravity-implausible": not IMPLAUSIBLE[0] < value.gravity < IMPLAUSIBLE[1],
         "damping-difference-assumed": seen.damping_rate is None and _decays(prepared, estimate),
+        "acceleration-not-reduced": _accelerated(prepared, estimate, value),
         **_noise(prepared, estimate, float(np.nanmedian(amplitude))),
     }
     return [name for name in MEANINGS if raised[name]]
@@ -54,6 +57,15 @@ def _unresolved(prepared: Prepared, value: Gravity) -> bool:
     cost = abs(value.per_ratio) * uncertainty / 1e-7
     noise = 2.0 * value.gravity / 1e-5 * value.frequency_sigma / value.frequency[1]
     return cost > noise
+
+
+def _accelerated(prepared: Prepared, estimate: Estimate, value: Gravity) -> bool:
+    """Browne's `<x''^2>/(2 g)` with x'' = -g psi, against sigma; only where the pendulums are taken for real ones."""
+    if prepared.observation.restoring != "sine" and estimate.finite_arc == 0.0:
+        return False
+    slow = prepared.blocks.slow[0]
+    size = 0.5 * value.gravity * float(np.nanvar(slow)) / MGAL
+    return size > max(value.sigma, LEAST_BROWNE)
 
 
 def _decays(prepared: Prepared, estimate: Estimate) -> bool:

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
 from pipeline.gaps import fill_gaps
+from synth.kernels.compiled import kernel
 
+BLOCK = 512  # samples that stay in the first cache
 REACH_SECONDS = 0.5
 LEAST_REACH = 6  # samples on each side
 THRESHOLD = 6.0  # robust sigmas; of 45000 Gaussian samples 1e-4 exceed it
@@ -44,10 +46,11 @@ def reject_outliers(series: Floats, step: float, frequency: float) -> tuple[Floa
     if work is series:
         work = series.copy()
     rejected = np.zeros(series.size, dtype=bool)
+    error = np.empty(series.size - 2 * reach)
     noise = float("nan")
     gain = float(np.linalg.norm(filter_taps))
     for _ in range(_ROUNDS):
-        error = np.convolve(work, filter_taps, mode="valid")
+        disagreement(work, filter_taps, error)
         size = np.abs(error)
         sample = size[:: max(1, size.size // 5000)]
         sample = sample[np.isfinite(sample)]
@@ -80,7 +83,21 @@ def _leave_one_out(reach: int, step: float, frequency: float) -> Floats:
     prediction = basis[reach] @ np.linalg.pinv(basis[others])
     filter_taps = np.ones(tau.size)
     filter_taps[others] = -prediction
-    return filter_taps[::-1].copy()
+    return filter_taps
+
+
+@kernel
+def disagreement(series: Floats, filter_taps: Floats, out: Floats) -> None:
+    """`out[k] = sum_j filter_taps[j] series[k + j]`; out is shorter than the series by the taps less one."""
+    for start in range(0, out.size, BLOCK):
+        length = min(BLOCK, out.size - start)
+        part = out[start : start + length]
+        part[:] = 0.0
+        for j in range(filter_taps.size):
+            weight = filter_taps[j]
+            shifted = series[start + j : start + j + length]
+            for k in range(length):
+                part[k] += weight * shifted[k]
 
 
 def _local_maxima(size: Floats, wild: NDArray[np.intp], reach: int) -> NDArray[np.intp]:

@@ -20,6 +20,7 @@ from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics.envelope import fill
 
 _ITERATIONS = 12
+_RIDGE = 1e-13  # of the unit diagonal
 _SCAN_STEP = 1.0  # rad over the record between starts that are tried
 
 
@@ -149,7 +150,10 @@ def fit_narrowband(
         residual = root * (data - swing)
         columns = root[:, None] * jacobian[:, :free]
         normal = (columns.conj().T @ columns).real
-        update = np.linalg.lstsq(normal, (columns.conj().T @ residual).real, rcond=1e-14)[0]
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        ridge = _RIDGE * np.eye(free)
+        right = (columns.conj().T @ residual).real * scale
+        update = scale * np.linalg.solve(normal * scale[:, None] * scale + ridge, right)
         trial_frequency = frequency + update[2]
         trial_gamma = gamma + (update[3] if free == 4 else 0.0)
         start, trial_squares, growth, response = best_start(trial_frequency, trial_gamma)

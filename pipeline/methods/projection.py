@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
 from pipeline.prepared import LEAST_EXPLAINED, Prepared
 from pipeline.projection.sampling import problem
@@ -14,12 +13,12 @@ from pipeline.projection.solve import ProjectionFit, fit_projection
 
 def estimate(prepared: Prepared) -> Estimate:
     """Fit n2 with n1/n2 held, the damping held where the record states it."""
-    seen = prepared.observation
     rough = prepared.rough
     fit = fit_projection(problem(prepared), rough.frequency, rough.damping_rate, prepared.known_damping is None)
     shared = prepared.rough_budget
     colour = residual_colour(fit, prepared)
-    explained = 1.0 - fit.noise**2 / float(np.nanvar(seen.difference))
+    swing = 0.5 * float(np.nanmean(np.abs(prepared.blocks.difference) ** 2))
+    explained = swing / (swing + fit.noise**2)
     if explained < LEAST_EXPLAINED:
         raise RefusedError(
             f"difference: a swing at the nominal period explains only {100 * max(explained, 0.0):.0f} % of it; "
@@ -45,20 +44,23 @@ def residual_colour(fit: ProjectionFit, prepared: Prepared) -> float:
     residual = fit.residual
     if residual.size != seen.time.size:  # marks on a finer grid
         residual = residual[:: (residual.size - 1) // (seen.time.size - 1)]
-    present = np.isfinite(residual)
-    edges = np.append(
-        prepared.blocks.time - 0.5 * prepared.blocks.hop, prepared.blocks.time[-1] + 0.5 * prepared.blocks.hop
-    )
-    turned: Floats = np.where(present, residual, 0.0)
-    sums = block_sums(turned * np.exp(-1j * fit.frequency * seen.time), seen.time, edges)
-    counts = block_sums(present.astype(np.complex128), seen.time, edges).real
+    if seen.step is not None:
+        rows = max(4, round(prepared.blocks.hop / seen.step))
+        count = residual.size // rows
+        blocks = residual[: count * rows].reshape(count, rows)
+        turn = np.exp(-1j * fit.frequency * seen.step * np.arange(rows))
+        counts = np.full(count, float(rows))
+        if fit.samples < seen.time.size:
+            present = np.isfinite(blocks)
+            blocks, counts = np.where(present, blocks, 0.0), present.sum(axis=1).astype(np.float64)
+        power = (blocks @ turn.real) ** 2 + (blocks @ turn.imag) ** 2
+    else:
+        edges = np.arange(0.0, float(seen.time[-1]), prepared.blocks.hop)
+        bounds = np.searchsorted(seen.time, edges)
+        present = np.isfinite(residual)
+        turned = np.where(present, residual, 0.0) * np.exp(-1j * fit.frequency * seen.time)
+        power = np.abs(np.add.reduceat(turned, bounds)) ** 2
+        counts = np.add.reduceat(present.astype(np.float64), bounds)
     used = counts > 0.5 * counts.max()
     # |sum r e^{-int}|^2 has mean sigma^2 N for white noise
-    return float(np.mean(np.abs(sums[used]) ** 2 / counts[used]) / fit.noise**2)
-
-
-def block_sums(values: np.ndarray, time: Floats, edges: Floats) -> np.ndarray:
-    """Sums of values between successive edges."""
-    bounds = np.searchsorted(time, edges)
-    total = np.concatenate([np.zeros(1, dtype=values.dtype), np.cumsum(values)])
-    return np.asarray(total[bounds[1:]] - total[bounds[:-1]])
+    return float(np.mean(power[used] / counts[used]) / fit.noise**2)

@@ -24,7 +24,7 @@ def period_figure(result: DataTree) -> Figure:
     result : DataTree
         A valid result with the group `period`.
     """
-    table = result["period"].to_dataset(inherit=False)
+    table = result.children["period"].to_dataset(inherit=False)
     period, sigma = float(table["period"]), float(table["period_sigma"])
     name = result.attrs.get("record_id", "without a name")
     figure = sheet(

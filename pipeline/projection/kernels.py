@@ -76,7 +76,15 @@ def forced_response(
     All arrays (n,), the integrals (n - 1,).
     """
     count = theta.size
-    forward = np.exp((-decay + 1j * frequency) * step * np.arange(BLOCK + 1))
+    steps = np.arange(1, BLOCK + 1)
+    forward = np.exp((-decay + 1j * frequency) * step * steps)
+    backward = 1.0 / forward
+    fore_real, fore_imag = forward.real.copy(), forward.imag.copy()
+    back_real, back_imag = backward.real.copy(), backward.imag.copy()
+    wr, wi, sr, si, ar, ai = np.empty((6, BLOCK))
+    gain_real, gain_imag = gain.real, gain.imag
+    slope_real, slope_imag = gain_slope.real, gain_slope.imag
+    damping_real, damping_imag = gain_slope_damping.real, gain_slope_damping.imag
     c = 0.0 + 0.0j
     age = 0.0 + 0.0j
     response[0] = direct * theta[0]
@@ -85,35 +93,36 @@ def forced_response(
     start = 0
     while start < count - 1:
         length = min(BLOCK, count - 1 - start)
-        # in the block: c_{m+1} = F_{m+1} (c_0 + S_m),  S_m = sum_{i<=m} v_i / F_{i+1}
-        sum_real, sum_imag = c.real, c.imag
-        old_real, old_imag = age.real, age.imag
+        # in the block: c_{m+1} = F_{m+1} (c_0 + S_m),  S_m = sum_{i<=m} v_i / F_{i+1}; the sums run alone, so that the
+        # rest of the work is free of their chain
         vr = integral_real[start : start + length]
         vi = integral_imag[start : start + length]
-        table = forward[1 : 1 + length]
+        for m in range(length):
+            wr[m] = vr[m] * back_real[m] - vi[m] * back_imag[m]
+            wi[m] = vr[m] * back_imag[m] + vi[m] * back_real[m]
+        sum_real, sum_imag = c.real, c.imag
+        old_real, old_imag = age.real, age.imag
+        for m in range(length):
+            # an interval's content is on average half a step old at its end
+            old_real += step * (sum_real + 0.5 * wr[m])
+            old_imag += step * (sum_imag + 0.5 * wi[m])
+            sum_real += wr[m]
+            sum_imag += wi[m]
+            sr[m], si[m] = sum_real, sum_imag
+            ar[m], ai[m] = old_real, old_imag
         th = theta[start + 1 : start + 1 + length]
         resp = response[start + 1 : start + 1 + length]
         slo = slope[start + 1 : start + 1 + length]
         dam = slope_damping[start + 1 : start + 1 + length]
         for m in range(length):
-            fr, fi = table[m].real, table[m].imag
-            inverse = 1.0 / (fr * fr + fi * fi)
-            wr = (vr[m] * fr + vi[m] * fi) * inverse
-            wi = (vi[m] * fr - vr[m] * fi) * inverse
-            # an interval's content is on average half a step old at its end
-            old_real += step * (sum_real + 0.5 * wr)
-            old_imag += step * (sum_imag + 0.5 * wi)
-            sum_real += wr
-            sum_imag += wi
-            cr = fr * sum_real - fi * sum_imag
-            ci = fr * sum_imag + fi * sum_real
-            ar = fr * old_real - fi * old_imag
-            ai = fr * old_imag + fi * old_real
-            resp[m] = direct * th[m] + gain.real * ci + gain.imag * cr
-            slo[m] = gain_slope.real * ci + gain_slope.imag * cr + gain.real * ar - gain.imag * ai
-            aged = gain.real * ai + gain.imag * ar
-            dam[m] = gain_slope_damping.real * ci + gain_slope_damping.imag * cr - aged
-        last = table[length - 1]
+            cr = fore_real[m] * sr[m] - fore_imag[m] * si[m]
+            ci = fore_real[m] * si[m] + fore_imag[m] * sr[m]
+            gr = fore_real[m] * ar[m] - fore_imag[m] * ai[m]
+            gi = fore_real[m] * ai[m] + fore_imag[m] * ar[m]
+            resp[m] = direct * th[m] + gain_real * ci + gain_imag * cr
+            slo[m] = slope_real * ci + slope_imag * cr + gain_real * gr - gain_imag * gi
+            dam[m] = damping_real * ci + damping_imag * cr - gain_real * gi - gain_imag * gr
+        last = complex(fore_real[length - 1], fore_imag[length - 1])
         c = last * complex(sum_real, sum_imag)
         age = last * complex(old_real, old_imag)
         start += length

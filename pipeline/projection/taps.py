@@ -9,7 +9,6 @@ z^5, z^6 and z^7, so that the system stays well conditioned when the sampling is
 from __future__ import annotations
 
 import functools
-import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,22 +45,27 @@ def fitted_basis(z: Floats, angle: float) -> Floats:
 
 def _tail(z: Floats, a: float, start: int) -> Floats:
     """cos (start 4) or sin (start 5) without its terms below z^start, scaled to begin with z^start."""
-    total = np.zeros_like(z)
-    for k in range(_SERIES_TERMS):
-        total += (-1) ** k * (a * z) ** (2 * k) * (math.factorial(start) / math.factorial(start + 2 * k))
-    return total * z**start
+    ratios = [-1.0 / ((start + 2 * k - 1) * (start + 2 * k)) for k in range(1, _SERIES_TERMS)]
+    return _horner((a * z) ** 2, ratios) * z**start
 
 
 def _tail_of_product(z: Floats, a: float, start: int) -> Floats:
     """z sin (start 6) or z cos (start 7), less the part along cos or sin that begins with z^(start-2)."""
-    total = np.zeros_like(z)
-    for k in range(_SERIES_TERMS):
-        # z^(start+2k) in  a z sin(a z) + 4 cos(a z)  or  a z cos(a z) - 5 sin(a z), scaled by the leading coefficient
-        scale = (k + 1) * math.factorial(start) / math.factorial(start + 2 * k)
-        total += (-1) ** k * (a * z) ** (2 * k) * scale
-    return total * z**start
+    # terms of  a z sin(a z) + 4 cos(a z)  or  a z cos(a z) - 5 sin(a z), scaled by the leading coefficient:
+    # (-1)^k (k + 1) start! / (start + 2 k)!
+    ratios = [-(k + 1) / (k * (start + 2 * k - 1) * (start + 2 * k)) for k in range(1, _SERIES_TERMS)]
+    return _horner((a * z) ** 2, ratios) * z**start
 
 
+def _horner(x: Floats, ratios: list[float]) -> Floats:
+    """`1 + r1 x (1 + r2 x (1 + ...))`: a series given by the ratios of its coefficients."""
+    total = np.ones_like(x)
+    for ratio in reversed(ratios):
+        total = 1.0 + ratio * x * total
+    return total
+
+
+@functools.lru_cache(maxsize=64)
 def stencil(frequency: float, step: float) -> Floats:
     """Cardinal functions of the basis at the quadrature nodes of every interval, (7, 16, 8).
 

@@ -34,8 +34,7 @@ noise = 2e-5
 def small_scene(tmp_path, monkeypatch):
     path = tmp_path / "demo.toml"
     path.write_text(SMALL)
-    monkeypatch.setattr("synth.shipped.scene_path", lambda name: path)
-    monkeypatch.setattr("synth.scene_path", lambda name: path, raising=False)
+    monkeypatch.setattr("synth.scene_path", lambda name: path)
     monkeypatch.chdir(tmp_path)
     return path
 

@@ -62,7 +62,6 @@ PLANTED = {
     "flags of another type": lambda t: t["record/elongation_qc"].attrs.update(
         flag_masks=np.array([1, 2, 4, 8, 16, 32, 64, 128, 256], dtype=np.int64)
     ),
-    "time of another quantity": lambda t: t["time"].attrs.update(units="m"),
 }
 
 

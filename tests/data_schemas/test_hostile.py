@@ -363,3 +363,30 @@ def test_a_heap_cut_short_is_refused(tmp_path, record):
     path.write_bytes(path.read_bytes() + b"GCOL\x01\0\0\0")
     with pytest.raises(FileError, match="text storage is damaged at byte"):
         read(path)
+
+
+def test_scales_that_are_no_text_are_passed_over(tmp_path):
+    """The marks of a dimension scale may be of any type in a hostile file: then it is no scale."""
+    path = tmp_path / "file.nc"
+    with h5py.File(path, "w") as file:
+        for name, mark in (("a", 5), ("b", "DIMENSION_SCALE"), ("c", [b"DIMENSION_SCALE"])):
+            file[name] = [1.0]
+            file[name].attrs["CLASS"] = mark
+    assert read(path)["a"].dims == ("phony_dim_0",)
+
+
+def test_a_list_of_many_texts_in_an_attribute_is_refused(tmp_path):
+    path = tmp_path / "file.nc"
+    with h5py.File(path, "w") as file:
+        file.attrs["texts"] = ["x" * 1000] * 100
+    assert len(read(path).attrs["texts"]) == 100
+    with pytest.raises(FileError, match="too many texts; join them into one"):
+        load(path, Budget(text_bytes=10_000))
+
+
+def test_a_name_that_is_there_twice_is_refused(tmp_path):
+    path = tmp_path / "file.nc"
+    with h5py.File(path, "w") as file:
+        file["a"], file["_nc4_non_coord_a"] = [1.0], [2.0]
+    with pytest.raises(FileError, match="a: is there twice; keep one"):
+        read(path)

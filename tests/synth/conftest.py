@@ -35,9 +35,7 @@ def make_scene() -> Maker:
                     "start": {"kind": "free", "amplitude": 0.012, "phase": 2.2},
                 },
             ],
-            "motion": [
-                {"kind": "harmonics", "amplitude": [0.1, 0.04], "period": [10.0, 6.3], "phase": [0.2, 1.0]}
-            ],
+            "motion": [{"kind": "harmonics", "amplitude": [0.1, 0.04], "period": [10.0, 6.3], "phase": [0.2, 1.0]}],
         }
         return Scene.model_validate(scene | parts)
 

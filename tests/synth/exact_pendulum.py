@@ -53,9 +53,7 @@ class ExactPendulum:
         return mpmath.fsum(c * mpmath.cos(w * t + p) + s * mpmath.sin(w * t + p) for w, p, c, s in self.terms)
 
     def particular_speed(self, t: Any) -> Any:
-        return mpmath.fsum(
-            w * (s * mpmath.cos(w * t + p) - c * mpmath.sin(w * t + p)) for w, p, c, s in self.terms
-        )
+        return mpmath.fsum(w * (s * mpmath.cos(w * t + p) - c * mpmath.sin(w * t + p)) for w, p, c, s in self.terms)
 
     def __call__(self, t: Any) -> Any:
         swing = self.cosine * mpmath.cos(self.omega * t) + self.sine * mpmath.sin(self.omega * t)

@@ -42,7 +42,7 @@ def _run(motion: HarmonicSum, start: FreeStart | StateStart, damping_rate: float
 
 def test_response_to_a_sum_is_the_sum_of_responses() -> None:
     both = _run(add([SWELL, VIBRATION]), AT_REST)
-    np.testing.assert_allclose(both, _run(SWELL, AT_REST) + _run(VIBRATION, AT_REST), atol=1e-16)
+    np.testing.assert_allclose(both, _run(SWELL, AT_REST) + _run(VIBRATION, AT_REST), rtol=0, atol=1e-16)
 
 
 @settings(deadline=None, max_examples=30)
@@ -51,14 +51,15 @@ def test_response_is_proportional_to_motion(factor: float, damping_rate: float) 
     motion = add([SWELL, VIBRATION])
     larger = HarmonicSum(motion.angular_frequency, factor * motion.acceleration)
     once, more = _run(motion, AT_REST, damping_rate), _run(larger, AT_REST, damping_rate)
-    np.testing.assert_allclose(more, factor * once, atol=2e-16 * max(1, abs(factor)))
+    np.testing.assert_allclose(more, factor * once, rtol=0, atol=2e-16 * max(1, abs(factor)))
 
 
 def test_free_decay() -> None:
     start = FreeStart(amplitude=0.02, phase=0.7)
     damped = math.sqrt(N**2 - 1e-6)
     expected = 0.02 * np.exp(-1e-3 * T) * np.cos(damped * T + 0.7)
-    np.testing.assert_allclose(_run(STILL, start), expected, atol=2e-16)
+    # the plain phase on this side, up to 250 rad, is only right to 6e-14
+    np.testing.assert_allclose(_run(STILL, start), expected, rtol=0, atol=2e-15)
 
 
 def test_energy_stays_without_damping_and_motion() -> None:
@@ -94,7 +95,7 @@ def test_a_later_start_is_the_same_motion() -> None:
     own = complex(-1e-3, float(whole.damped_frequency))
     speed = np.sum((1j * w * push).real) + (own * free + np.sum(whole.gain * np.exp(8j * m))).real
     state = StateStart(angle=float(theta[128]), angular_velocity=float(speed))
-    np.testing.assert_allclose(_run(late, state)[:512], theta[128:], atol=1e-15)
+    np.testing.assert_allclose(_run(late, state)[:512], theta[128:], rtol=0, atol=1e-15)
 
 
 def test_difference_of_identical_pendulums_knows_nothing_of_the_motion() -> None:
@@ -103,7 +104,7 @@ def test_difference_of_identical_pendulums_knows_nothing_of_the_motion() -> None
     starts = FreeStart(amplitude=0.006, phase=0.4), FreeStart(amplitude=0.012, phase=2.2)
     moved = [_run(motion, start) for start in starts]
     still = [_run(STILL, start) for start in starts]
-    np.testing.assert_allclose(moved[0] - moved[1], still[0] - still[1], atol=1e-16)
+    np.testing.assert_allclose(moved[0] - moved[1], still[0] - still[1], rtol=0, atol=1e-16)
 
 
 class TestBeat:
@@ -123,7 +124,7 @@ class TestBeat:
         return _run(_motion((N - 2 * self.NU, self.ALPHA, self.DELTA)), start, 0.0) - free
 
     def test_corrected_sign_holds(self) -> None:
-        np.testing.assert_allclose(self._simulated(), self._beat(-1.0), atol=1e-15)
+        np.testing.assert_allclose(self._simulated(), self._beat(-1.0), rtol=0, atol=1e-15)
 
     def test_printed_sign_fails(self) -> None:
         assert np.max(np.abs(self._simulated() - self._beat(+1.0))) > 0.01
@@ -138,11 +139,9 @@ class TestBeat:
         assert envelope[-1] < 0.03 * np.max(envelope)  # a sample before two minutes it has all but vanished
 
     def test_exact_resonance_grows_in_proportion_to_time(self) -> None:
-        response = respond(
-            N, 0.0, FreeStart(amplitude=0.0, phase=0.0), _motion((N, self.ALPHA, 0.0)), GRAVITY
-        )
+        response = respond(N, 0.0, FreeStart(amplitude=0.0, phase=0.0), _motion((N, self.ALPHA, 0.0)), GRAVITY)
         free = TIMES.free_harmonic(response, np.array([N]))
-        np.testing.assert_allclose(np.abs(free), N * self.ALPHA / GRAVITY / 2 * T, atol=1e-16)
+        np.testing.assert_allclose(np.abs(free), N * self.ALPHA / GRAVITY / 2 * T, rtol=0, atol=1e-16)
 
 
 def test_forced_solution_far_from_resonance_follows_the_plumb_line() -> None:

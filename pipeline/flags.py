@@ -14,7 +14,7 @@ MOST_MISSING = 0.3  # share of the difference's samples
 MOST_BRIDGED = 0.1  # share of the first pendulum's samples
 NOISE_ABOVE, NOISE_BELOW = 1.3, 0.7  # found over stated
 COLOUR = 1.6  # power near the pendulum's frequency over white
-COLOUR_FLOOR = 1e-4  # of the amplitude: a residual below it is the method's, not the readings'
+COLOUR_FLOOR = 3e-4  # of the amplitude: a residual below it is the method's, not the readings'
 LEAST_BROWNE = 0.05  # mGal of horizontal acceleration
 IMPLAUSIBLE = (9.6, 10.0)  # m s-2
 

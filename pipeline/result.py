@@ -166,7 +166,8 @@ def _text(values: Any) -> np.ndarray:
 
 def _series(reduction: Reduction, field: str, length: int) -> np.ndarray:
     values = getattr(reduction.estimate, field) if reduction.estimate else None
-    return np.full(length, np.nan) if values is None else np.asarray(values)
+    # stored as what is added, like every correction of a result
+    return np.full(length, np.nan) if values is None else -np.asarray(values)
 
 
 def _dataset(group: str, variables: dict[str, Any], coordinates: dict[str, Any]) -> Any:

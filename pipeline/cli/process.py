@@ -85,12 +85,12 @@ def run(options: argparse.Namespace) -> int:
     for path, output in _with_progress(list(zip(inputs, outputs, strict=True))):
         try:
             rows = _one(path, output, requested, options)
-        except UsageError:
-            raise  # an option, not the record: the same for every record
-        except RefusedError as fault:
-            rows = [failure(path, options.method, "refused", naming(path, str(fault)))]
         except IsochronyError as fault:
-            rows = [failure(path, options.method, "failed", naming(path, str(fault)))]
+            told = naming(path, str(fault))
+            if isinstance(fault, UsageError) and len(inputs) == 1:
+                raise UsageError(told) from fault  # such as a pair that the only record does not have
+            status = "refused" if isinstance(fault, RefusedError) else "failed"
+            rows = [failure(path, options.method, status, told)]
         printer.show(rows)
         good += any(row["status"] == "ok" for row in rows)
     if good == len(inputs):

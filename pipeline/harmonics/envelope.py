@@ -34,7 +34,7 @@ class Envelope:
     samples : (2,) array
         Number of samples of first pendulum and difference that each instant stands for (hop x rate x coverage).
     noise_gain : float
-        Variance of the real part of an envelope per variance of white reading noise, complete window.
+        Variance of one component of an envelope (mean of the two) per variance of white reading noise, complete window.
     """
 
     time: Floats

@@ -80,7 +80,7 @@ def _noise_gain(half_length: float, step: float, frequency: float) -> float:
     tau = np.arange(-half, half + 1) * step
     basis = _basis(tau, half * step, frequency)
     weighted = _kaiser(tau / (half * step))[:, None] * basis
-    return float(np.sum(np.linalg.solve(basis.T @ weighted, weighted.T)[0] ** 2))
+    return float(0.5 * np.sum(np.linalg.solve(basis.T @ weighted, weighted.T)[:2] ** 2))
 
 
 def _uniform(series: Floats, step: float, half: int, every: int, frequency: float) -> tuple[Floats, Floats, Floats]:

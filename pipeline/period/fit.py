@@ -32,7 +32,8 @@ class PeriodFit:
     scaled : bool
         Whether `period` was taken with that scale (it is significant and the arcs differ enough).
     time, amplitude, cycle_period, smoothed, reduced : (k,) arrays
-        Middle of each cycle (s), amplitude (rad), full period, its running mean, and period over elliptic factor (s).
+        Middle of each cycle (s), amplitude (rad), full period, the same smoothed (the running mean of the
+        reduced period times the arc factor), and period over elliptic factor (s).
     rest : float
         Rest position, rad.
     trend : float
@@ -93,7 +94,7 @@ def fit_period(cycles: Cycles, *, linear: bool = False) -> PeriodFit:
         time=middle[order],
         amplitude=size,
         cycle_period=np.where(whole, length, np.nan),
-        smoothed=_running_mean(np.where(whole, length, np.nan), window),
+        smoothed=smooth_reduced * mean_factor,
         reduced=np.where(whole, reduced, np.nan),
         rest=cycles.rest,
         trend=float((np.nanmax(smooth_reduced) - np.nanmin(smooth_reduced)) / period),

@@ -7,9 +7,17 @@ from pathlib import Path
 import pytest
 
 from data_schemas.errors import UsageError
-from pipeline.cli.outputs import make_folder, place, refuse_clashes
+from pipeline.cli.outputs import make_folder, place, refuse_clashes, stem
 
 ONE, TWO = Path("a/ship.record.nc"), Path("b/boat.nc")
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("a/ship.record.nc", "ship"), ("ship.v2.toml", "ship.v2"), ("ship.nc", "ship"), ("ship", "ship"), (".nc", ".nc")],
+)
+def test_the_stem_is_the_name_without_its_kind(name, expected):
+    assert stem(Path(name)) == expected
 
 
 def test_without_o_the_output_is_beside_its_input():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 
 import numpy as np
@@ -142,6 +143,21 @@ def test_a_result_without_any_gravity_or_phase_is_drawn_with_a_remark():
     assert "no method gave a gravity" in figure.texts[1].get_text()
     del result["phases"]
     assert result_figure(result).axes[0].texts[0].get_text() == "the result holds no phases"
+
+
+def test_a_result_without_a_corrected_phase_speed_says_so():
+    result = made_result()
+    result["correction"]["phase_speed_correction"].values[:] = np.nan
+    assert "no method gave a corrected" in result_figure(result).axes[2].texts[0].get_text()
+
+
+@pytest.mark.parametrize("name", ["pipeline.plots", "pipeline.importing"])
+def test_the_package_is_lazy_and_lists_what_it_has(name):
+    package = importlib.import_module(name)
+    assert set(package.__all__) == set(dir(package))
+    assert all(callable(getattr(package, member)) for member in package.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        package.nothing  # noqa: B018
 
 
 def test_a_zoom_without_readings_says_so():

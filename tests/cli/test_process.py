@@ -173,6 +173,32 @@ def test_a_pair_that_is_not_there_is_a_usage_error(run, record_path):
     outcome = run("process", record_path, "--pair", "1-3")
     assert outcome.status == 2
     assert "1-3" in outcome.fault
+    assert "ship.record.nc" in outcome.fault
+
+
+def test_a_pair_that_one_record_lacks_does_not_stop_the_others(run, three):
+    other = made_record()
+    for group in ("record", "instrument"):
+        other[group] = (
+            other[group]
+            .to_dataset(inherit=False)
+            .assign_coords(pendulum=("pendulum", np.array(["7", "8"]), {"units": "1", "long_name": "label"}))
+        )
+    data_schemas.write(other, three[1], overwrite=True)
+    outcome = run("process", *three, "--pair", "1-2", "--method", "projection", "--json", "--no-output")
+    assert outcome.status == 1
+    assert [row["status"] for row in rows(outcome.out)] == ["ok", "failed", "ok"]
+    assert "b.record.nc" in outcome.fault
+
+
+def test_a_record_that_no_method_can_use_is_refused(run, tmp_path):
+    record = made_record(20)
+    path = tmp_path / "short.record.nc"
+    data_schemas.write(record, path)
+    outcome = run("process", path, "--json")
+    assert outcome.status == 3
+    assert [row["status"] for row in rows(outcome.out)] == ["refused"]
+    assert not (tmp_path / "short.result.nc").exists()
 
 
 def test_the_gain_uncertainty_widens_sigma(run, record_path):

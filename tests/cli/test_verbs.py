@@ -91,6 +91,18 @@ def test_simulate_writes_record_and_truth_with_one_line_each(run, tmp_path):
     assert data_schemas.validate(tmp_path / "small.truth.nc") == []
 
 
+def test_simulate_knows_the_shipped_scenes_by_name(run, tmp_path, monkeypatch):
+    scene = tmp_path / "package" / "demo.toml"
+    scene.parent.mkdir()
+    scene.write_text(GOOD_SCENE)
+    monkeypatch.setattr("synth.scene_path", lambda name: scene)
+    monkeypatch.chdir(tmp_path)
+    assert run("simulate", "demo").status == 0
+    # beside the user, not inside the package
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["demo.record.nc", "demo.truth.nc", "package"]
+    assert [path.name for path in scene.parent.iterdir()] == ["demo.toml"]
+
+
 def test_simulate_refuses_to_overwrite_either_file_before_it_works(run, tmp_path):
     scene = tmp_path / "small.toml"
     scene.write_text(GOOD_SCENE)

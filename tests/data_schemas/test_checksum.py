@@ -12,6 +12,7 @@ import pytest
 import xarray as xr
 
 from data_schemas import content_sha256, read, write
+from data_schemas.contents import from_tree
 from data_schemas.errors import FileError
 
 
@@ -77,6 +78,7 @@ def test_order_and_storage_do_not_change_it():
     big = tiny()
     big.dataset = xr.Dataset({"time": ("time", np.array([0.0, 0.5], dtype=">f8"))}, attrs=big.attrs)
     assert content_sha256(big) == wanted
+    assert from_tree(big)[""].variables["time"].values.dtype.isnative
 
 
 def test_a_rewritten_file_keeps_it(tmp_path, record):

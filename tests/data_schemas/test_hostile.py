@@ -202,9 +202,9 @@ def control_characters(file, _):
 
 MAKERS = {
     external_values: "outside the file",
-    external_link: "link",
-    link_to_fifo: "link",
-    soft_link: "link",
+    external_link: "soft or external link",
+    link_to_fifo: "soft or external link",
+    soft_link: "soft or external link",
     virtual: "outside the file",
     second_name: "linked from two places",
     circle: "linked from two places",

@@ -137,7 +137,9 @@ def test_a_type_that_does_not_travel_is_named(tmp_path, record, values, told):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("value", [[], {}, [[1, 2], [3, 4]], [[1], [1, 2]], None, 1j, True, 2**70, b"bytes", [1, "a", None]])
+@pytest.mark.parametrize(
+    "value", [[], {}, [[1, 2], [3, 4]], [[1], [1, 2]], None, 1j, True, 2**70, b"bytes", [1, "a", None]]
+)
 def test_an_attribute_that_does_not_travel_is_named(tmp_path, record, value):
     record["record"]["elongation"].attrs["strange"] = value
     with pytest.raises(FileError, match="record/elongation, attribute strange: "):

@@ -56,9 +56,7 @@ class Scene(Section):
         9.81, "m s-2", "gravity at which the pendulums have their stated periods", ge=0.1, le=100
     )
     restoring: Literal["linear"] = quantity("linear", "", "restoring law of the pendulums")
-    pendulums: tuple[Pendulum, ...] = quantity(
-        ..., "", "the pendulums, in order", min_length=1, max_length=100
-    )
+    pendulums: tuple[Pendulum, ...] = quantity(..., "", "the pendulums, in order", min_length=1, max_length=100)
     motion: tuple[Motion, ...] = quantity((), "", "terms of the support's acceleration; they add")
     recording: Recording = quantity(Recording(), "", "what is written down of the motion")
 
@@ -84,9 +82,7 @@ class Scene(Section):
             raise ValueError("pendulums must have different labels")
         for term in self.motion:
             if term.kind == "near-resonant" and term.pendulum is not None and term.pendulum not in labels:
-                raise ValueError(
-                    f"motion names the pendulum {term.pendulum!r}; there are {', '.join(labels)}"
-                )
+                raise ValueError(f"motion names the pendulum {term.pendulum!r}; there are {', '.join(labels)}")
         for trace in self.traces:
             for label in trace.combination:
                 if label not in labels:
@@ -94,9 +90,7 @@ class Scene(Section):
                         f"trace {trace.name!r} names the pendulum {label!r}; there are {', '.join(labels)}"
                     )
         if self.count > _MOST_SAMPLES:
-            raise ValueError(
-                f"duration and sampling rate ask for {self.count} readings; at most {_MOST_SAMPLES}"
-            )
+            raise ValueError(f"duration and sampling rate ask for {self.count} readings; at most {_MOST_SAMPLES}")
         for stretch in self.recording.missing:
             if stretch.start >= self.duration:
                 raise ValueError(f"recording.missing begins at {stretch.start:g} s, after the record's end")
@@ -146,9 +140,7 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
     try:
         content = tomllib.loads(path.read_bytes().decode("utf-8"))
     except OSError as error:
-        raise SceneError(
-            f"{path}: cannot be read ({error.strerror}); give the path of a scene in TOML"
-        ) from None
+        raise SceneError(f"{path}: cannot be read ({error.strerror}); give the path of a scene in TOML") from None
     except UnicodeDecodeError:
         raise SceneError(f"{path}: is not text in UTF-8; give a scene in TOML") from None
     except tomllib.TOMLDecodeError as error:

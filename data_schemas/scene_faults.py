@@ -51,9 +51,7 @@ def _fault(fault: Mapping[str, Any], model: type[Section]) -> str:
             return f"{key}.kind is missing; give it"
         case "union_tag_invalid":
             context = fault["ctx"]
-            near = difflib.get_close_matches(
-                context["tag"], re.findall("'(.*?)'", context["expected_tags"]), 1, 0.0
-            )
+            near = difflib.get_close_matches(context["tag"], re.findall("'(.*?)'", context["expected_tags"]), 1, 0.0)
             known = context["expected_tags"]
             return f"{key}.kind = {context['tag']!r} is none of {known}; did you mean {near[0]!r}?"
     message = str(fault["msg"]).removeprefix("Value error, ").removeprefix("Input ")

@@ -27,9 +27,7 @@ class HarmonicMotion(Section):
     angular_frequency: Numbers | None = quantity(
         None, "rad s-1", "angular frequency of each harmonic, 0 to 1e5; this or period"
     )
-    period: Numbers | None = quantity(
-        None, "s", "period of each harmonic, above 1e-4; this or angular_frequency"
-    )
+    period: Numbers | None = quantity(None, "s", "period of each harmonic, above 1e-4; this or angular_frequency")
     phase: Numbers | None = quantity(None, "rad", "phase of each harmonic at t = 0; left out: all zero")
 
     @model_validator(mode="after")
@@ -39,9 +37,7 @@ class HarmonicMotion(Section):
             raise ValueError("give either angular_frequency or period, not both")
         rates = getattr(self, given[0])
         if len(rates) != len(self.amplitude):
-            raise ValueError(
-                f"{given[0]} must have one number for each of the {len(self.amplitude)} amplitudes"
-            )
+            raise ValueError(f"{given[0]} must have one number for each of the {len(self.amplitude)} amplitudes")
         if self.phase is not None and len(self.phase) != len(self.amplitude):
             raise ValueError(f"phase must have one number for each of the {len(self.amplitude)} amplitudes")
         if given[0] == "period" and min(rates) < 1e-4:
@@ -54,9 +50,7 @@ class HarmonicMotion(Section):
 class NearResonantMotion(Section):
     """One harmonic of circular frequency m close to a pendulum's n, with n - m = 2 nu (P 29)."""
 
-    kind: Literal["near-resonant"] = quantity(
-        "near-resonant", "", "one harmonic close to a pendulum's frequency"
-    )
+    kind: Literal["near-resonant"] = quantity("near-resonant", "", "one harmonic close to a pendulum's frequency")
     amplitude: Number = quantity(..., "m s-2", "amplitude of the acceleration", ge=0, le=100)
     detuning: Number | None = quantity(
         None,
@@ -95,9 +89,7 @@ class SeaMotion(Section):
     )
     significant_height: Number = quantity(..., "m", "four times the rms elevation of the sea", ge=0, le=30)
     peak_period: Number = quantity(..., "s", "period at the peak of the spectrum", ge=1, le=60)
-    depth: Number = quantity(
-        0.0, "m", "immersion d of the vessel; every wave is reduced by exp(-k d)", ge=0, le=1000
-    )
+    depth: Number = quantity(0.0, "m", "immersion d of the vessel; every wave is reduced by exp(-k d)", ge=0, le=1000)
     direction: Number = quantity(
         0.0, "degrees", "direction of the waves relative to the swing plane; 90 moves the support across it",
         ge=-360, le=360,

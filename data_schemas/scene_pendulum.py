@@ -32,9 +32,7 @@ class Pendulum(Section):
     """One pendulum of the apparatus."""
 
     label: Label = quantity(..., "", "name of the pendulum, as in the record; no two alike")
-    period: Number = quantity(
-        ..., "s", "full period at infinitesimal arc and at reference_gravity", ge=0.01, le=100
-    )
+    period: Number = quantity(..., "s", "full period at infinitesimal arc and at reference_gravity", ge=0.01, le=100)
     damping_rate: Number = quantity(
         0.0, "s-1", "rate gamma at which the free amplitude decays, exp(-gamma t)", ge=0, le=0.05
     )

@@ -60,24 +60,16 @@ class Recording(Section):
         ge=0,
         le=10,
     )
-    drop_fraction: Number = quantity(
-        0.0, "1", "part of the readings that are absent, time and all", ge=0, le=0.95
-    )
-    noise: Number = quantity(
-        0.0, "rad", "1 sigma of white reading noise, independent in each trace", ge=0, le=1
-    )
-    quantisation: Number = quantity(
-        0.0, "rad", "step to which readings are rounded; 0: not rounded", ge=0, le=1
-    )
+    drop_fraction: Number = quantity(0.0, "1", "part of the readings that are absent, time and all", ge=0, le=0.95)
+    noise: Number = quantity(0.0, "rad", "1 sigma of white reading noise, independent in each trace", ge=0, le=1)
+    quantisation: Number = quantity(0.0, "rad", "step to which readings are rounded; 0: not rounded", ge=0, le=1)
     gap_interval: Number = quantity(60.0, "s", "time between the marks that blot out the trace", gt=0, le=1e6)
     mark_gap: Number = quantity(0.0, "s", "time lost at every such mark, from the mark on", ge=0, le=1e5)
     missing: tuple[Stretch, ...] = quantity((), "", "stretches without readings, as {start, stop}")
     missing_samples: Count = quantity(
         0, "1", "number of single readings missing at random, in each trace", ge=0, le=100_000_000
     )
-    outliers: Count = quantity(
-        0, "1", "number of false readings at random, in each trace", ge=0, le=100_000_000
-    )
+    outliers: Count = quantity(0, "1", "number of false readings at random, in each trace", ge=0, le=100_000_000)
     outlier_amplitude: Number = quantity(
         0.0, "rad", "size of the error of a false reading; its sign is random", ge=0, le=10
     )

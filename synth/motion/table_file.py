@@ -27,13 +27,9 @@ def read_table(term: TabulatedMotion) -> tuple[Floats, Floats]:
         raise SceneError(f"{path}: cannot be read ({error.strerror or error}); mend motion.file") from None
     seconds, values = columns
     if seconds.shape != values.shape or seconds.ndim != 1 or seconds.size < 2:
-        raise SceneError(
-            f"{path}: time and value must be two columns of equal length with two readings at least"
-        )
+        raise SceneError(f"{path}: time and value must be two columns of equal length with two readings at least")
     if not (np.all(np.isfinite(seconds)) and np.all(np.isfinite(values))):
-        raise SceneError(
-            f"{path}: has values missing or infinite; a motion must be known at all times, fill them in"
-        )
+        raise SceneError(f"{path}: has values missing or infinite; a motion must be known at all times, fill them in")
     if np.any(np.diff(seconds) <= 0):
         raise SceneError(f"{path}: the times of column {term.time!r} do not increase; sort them")
     return seconds, values * term.factor
@@ -48,15 +44,11 @@ def _csv(path: Path, term: TabulatedMotion) -> tuple[Floats, Floats]:
     names = [cell.strip() for cell in rows[0]]
     has_header = not all(_is_number(cell) for cell in names)
     first = 1 if has_header else 0
-    places = [
-        _place(path, names if has_header else [], len(names), column) for column in (term.time, term.value)
-    ]
+    places = [_place(path, names if has_header else [], len(names), column) for column in (term.time, term.value)]
     try:
         table = np.array([[float(row[place]) for place in places] for row in rows[first:]]).reshape(-1, 2)
     except (ValueError, IndexError):
-        raise SceneError(
-            f"{path}: a row lacks a number in column {term.time!r} or {term.value!r}; mend it"
-        ) from None
+        raise SceneError(f"{path}: a row lacks a number in column {term.time!r} or {term.value!r}; mend it") from None
     return table[:, 0], table[:, 1]
 
 

@@ -80,9 +80,7 @@ def continued(values: Floats, step: float, delay: float) -> HarmonicSum:
     right = 2 * values[-1] - values[-2 : -margin - 2 : -1]
     closed = np.concatenate([values, mean + (right - mean) * fade, mean + (left - mean) * fade[::-1]])
     spectrum = np.fft.rfft(closed) / closed.size
-    spectrum[1 : (closed.size + 1) // 2] *= (
-        2  # both signs of frequency; zero and the last of an even count have one
-    )
+    spectrum[1 : (closed.size + 1) // 2] *= 2  # both signs of frequency; zero and the last of an even count have one
     rate = np.arange(spectrum.size, dtype=np.float64) * (2 * math.pi / (closed.size * step))
     return HarmonicSum(rate, spectrum * np.exp(1j * rate * delay))
 

@@ -66,9 +66,7 @@ class Response:
     split: Phasors
 
 
-def respond(
-    frequency: float, damping_rate: float, start: Start, motion: HarmonicSum, gravity: float
-) -> Response:
+def respond(frequency: float, damping_rate: float, start: Start, motion: HarmonicSum, gravity: float) -> Response:
     """Answer of a linear pendulum to a sum of harmonics.
 
     Parameters

@@ -80,9 +80,7 @@ def free_harmonic(response: Response, angular_frequency: Floats, blocks: Blocks)
     return result
 
 
-def _add_series(
-    sums: Sequence[RunningSum], angular_frequency: Floats, coefficients: Phasors, blocks: Blocks
-) -> None:
+def _add_series(sums: Sequence[RunningSum], angular_frequency: Floats, coefficients: Phasors, blocks: Blocks) -> None:
     for portion in _portions(angular_frequency.size):
         head, table = blocks.phasors(angular_frequency[portion].tolist())
         for total, each in zip(sums, coefficients[:, portion, None], strict=True):

@@ -52,6 +52,4 @@ class EvenTimes:
 
     def free_harmonic(self, response: Response, angular_frequency: Floats) -> Phasors:
         """Complex free harmonic of one pendulum, (count,), rad."""
-        return closed_form.free_harmonic(response, angular_frequency, self._blocks()).reshape(-1)[
-            : self.count
-        ]
+        return closed_form.free_harmonic(response, angular_frequency, self._blocks()).reshape(-1)[: self.count]

@@ -152,9 +152,7 @@ def test_the_scene_that_the_faults_are_planted_in_is_good(tmp_path: Path) -> Non
 
 
 def test_several_faults_at_once(tmp_path: Path) -> None:
-    message = _fault(
-        tmp_path, GOOD.replace("depth = 30", "depth = -1").replace("period = 1.00966", "period = 0")
-    )
+    message = _fault(tmp_path, GOOD.replace("depth = 30", "depth = -1").replace("period = 1.00966", "period = 0"))
     assert "motion[2].depth = -1" in message
     assert "pendulums[0].period = 0" in message
 

@@ -47,9 +47,7 @@ def test_every_number_with_a_unit_has_a_range() -> None:
         if name in free or entry["unit"] in {"", "1"} or "items" in entry:
             continue
         options = entry.get("anyOf", [entry])
-        ranged = any(
-            limit in option for option in options for limit in ("minimum", "exclusiveMinimum", "items")
-        )
+        ranged = any(limit in option for option in options for limit in ("minimum", "exclusiveMinimum", "items"))
         assert ranged or any(limit in entry for limit in ("minimum", "exclusiveMinimum", "pattern")), name
 
 

@@ -100,6 +100,18 @@ def test_frequency_follows_true_gravity(make_scene: Maker) -> None:
     assert truth["gravity"].item() == 9.9
 
 
+def test_vibration_is_placed_beside_the_pendulum_it_names(make_scene: Maker) -> None:
+    """In exact resonance with the second, undamped, pendulum: its amplitude grows as n alpha t/(2 g)."""
+    start = {"kind": "free", "amplitude": 0.0}
+    pendulums = [{"label": each, "period": period, "start": start} for each, period in (("1", 1.0), ("2", 1.1))]
+    motion = [{"kind": "near-resonant", "amplitude": 8e-4, "detuning": 0.0, "pendulum": "2"}]
+    scene = make_scene(pendulums=pendulums, motion=motion)
+    truth = simulate(scene)[1]["truth"]
+    growth = truth["frequency"].values[1] * 8e-4 / scene.gravity / 2 * truth["time"].values
+    np.testing.assert_allclose(truth["free_amplitude"].values[1], growth, rtol=0, atol=1e-16)
+    assert np.max(truth["free_amplitude"].values[0]) < 0.1 * growth[-1]
+
+
 def test_truth_carries_the_scene(make_scene: Maker) -> None:
     scene = make_scene(motion=list(TERMS.values()), recording={"sampling_rate": "25/3", "missing": [[1, 2]]})
     truth = simulate(scene)[1]

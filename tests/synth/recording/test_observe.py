@@ -99,6 +99,12 @@ def test_gaps_at_marks(make_scene: Maker, error: Callable[..., np.ndarray]) -> N
     assert np.all(flags[~lost] == 0)
 
 
+def test_the_reading_at_the_end_of_a_gap_stands(make_scene: Maker) -> None:
+    recording = {"mark_gap": 2.0, "gap_interval": 8.0, "sampling_rate": 4}  # all exact in binary
+    lost = np.isnan(_elongation(make_scene(recording=recording)))
+    assert np.flatnonzero(lost[0]).tolist() == [k for k in range(160) if k % 32 < 8]
+
+
 def test_missing_stretches(error: Callable[..., np.ndarray]) -> None:
     lost = np.isnan(error(missing=[[4.0, 6.0], {"start": 30.0, "stop": 99.0}]))
     seconds = np.arange(1000) * 0.04

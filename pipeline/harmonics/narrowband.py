@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arrays import Complexes, Floats
+from pipeline.harmonics import narrowband_kernels as kernels
 from pipeline.harmonics.envelope import fill
 
 _ITERATIONS = 12
@@ -38,17 +39,10 @@ class NarrowbandFit:
 
 
 def running_integral(values: Complexes, hop: float) -> Complexes:
-    """`int_0^{t_k} f dt` from uniform values by the fourth-order rule h/24 (-1, 13, 13, -1)."""
-    if values.size < 4:
-        inner = 0.5 * (values[1:] + values[:-1])
-    else:
-        inner = np.empty(values.size - 1, dtype=values.dtype)
-        inner[1:-1] = (13.0 * (values[1:-2] + values[2:-1]) - values[:-3] - values[3:]) / 24.0
-        inner[0] = (9.0 * values[0] + 19.0 * values[1] - 5.0 * values[2] + values[3]) / 24.0
-        inner[-1] = (9.0 * values[-1] + 19.0 * values[-2] - 5.0 * values[-3] + values[-4]) / 24.0
-    total = np.zeros(values.size, dtype=values.dtype)
-    np.cumsum(inner, out=total[1:])
-    return hop * total
+    """`int_0^{t_k} f dt` from uniform values by the fourth-order rule hop/24 (-1, 13, 13, -1)."""
+    out = np.empty(values.size, dtype=np.complex128)
+    kernels.running_integral(np.asarray(values, dtype=np.complex128), hop, out)
+    return out
 
 
 def phase_slope(time: Floats, envelope: Complexes, weight: Floats) -> tuple[float, Floats]:
@@ -107,67 +101,49 @@ def fit_narrowband(
     root = np.sqrt(np.where(present, weight, 0.0))
     data = np.where(present, difference, 0.0)
     first, first_speed = fill(first), fill(first_speed)
-    elapsed = time - time[0]
-    hop = float(elapsed[1])
-    known = 0.0 if forcing is None else fill(forcing)
-    gamma = 0.0 if damping_rate is None else damping_rate
+    known = np.zeros(time.size, dtype=np.complex128) if forcing is None else fill(forcing)
+    hop, length = float(time[1] - time[0]), float(time[-1] - time[0])
+    model = np.empty(time.size, dtype=np.complex128)
+    jacobian = np.empty((time.size, 4), dtype=np.complex128)
+    normal, right = np.empty((4, 4)), np.empty(4)
+    drive_slope = 1j * (ratio - 1.0) * first
     free = 4 if damping_rate is None else 3
 
-    def drive(frequency: float) -> Complexes:
-        """Z1 + Xi, where Xi = 3/(2 i n1) (Z1' - i n1 Z1): both sides are analytic signals."""
+    def sweep(frequency: float, gamma: float) -> tuple[complex, float]:
         own = ratio * frequency
-        return first * (1.0 + 1.5 * (carrier - own) / own) - 1.5j / own * first_speed
+        # Z1 + Xi, where Xi = 3/(2 i n1) (Z1' - i n1 Z1): both sides are analytic signals
+        drive = first * (1.0 + 1.5 * (carrier - own) / own) - 1.5j / own * first_speed
+        mu = complex(-gamma, frequency - carrier)
+        kappa = complex(-damping_difference, own - frequency)
+        found: tuple[complex, float] = kernels.sweep(
+            data, root, drive, drive_slope, known, hop, mu, kappa, model, jacobian, normal, right
+        )
+        return found
 
-    def model(frequency: float, gamma: float) -> tuple[Complexes, Complexes]:
-        """Decaying carrier, and the response to the drive that starts at zero."""
-        mu = 1j * (frequency - carrier) - gamma
-        kappa = 1j * frequency * (ratio - 1.0) - damping_difference
-        growth = np.exp(mu * elapsed)
-        return growth, growth * running_integral((kappa * drive(frequency) + known) / growth, hop)
-
-    def best_start(frequency: float, gamma: float) -> tuple[complex, float, Complexes, Complexes]:
-        growth, response = model(frequency, gamma)
-        wanted = root * (data - response)
-        column = root * growth
-        start = complex(np.vdot(column, wanted) / np.vdot(column, column).real)
-        misfit = wanted - start * column
-        return start, float(np.vdot(misfit, misfit).real), growth, response
-
+    gamma = 0.0 if damping_rate is None else damping_rate
     slope, _ = phase_slope(time, np.where(present, difference, np.nan), weight)
     frequency = carrier + slope
-    span = 2.0 * abs(frequency * (ratio - 1.0)) * float(elapsed[-1])
+    span = 2.0 * abs(frequency * (ratio - 1.0)) * length
     if span > _SCAN_STEP:  # the correction may hide whole turns of phase: try every start
         steps = int(np.ceil(span / _SCAN_STEP))
-        trials = frequency + np.arange(-steps, steps + 1) * (_SCAN_STEP / float(elapsed[-1]))
-        frequency = float(trials[np.argmin([best_start(trial, gamma)[1] for trial in trials])])
+        trials = frequency + np.arange(-steps, steps + 1) * (_SCAN_STEP / length)
+        frequency = float(trials[np.argmin([sweep(trial, gamma)[1] for trial in trials])])
 
-    start, squares, growth, response = best_start(frequency, gamma)
     for _ in range(_ITERATIONS):
-        swing = start * growth + response
-        by_frequency = growth * running_integral((1j * swing + 1j * (ratio - 1.0) * first) / growth, hop)
-        by_damping = -growth * running_integral(swing / growth, hop)
-        jacobian = np.stack([growth, 1j * growth, by_frequency, by_damping], axis=1)
-        residual = root * (data - swing)
-        columns = root[:, None] * jacobian[:, :free]
-        normal = (columns.conj().T @ columns).real
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-        ridge = _RIDGE * np.eye(free)
-        right = (columns.conj().T @ residual).real * scale
-        update = scale * np.linalg.solve(normal * scale[:, None] * scale + ridge, right)
-        trial_frequency = frequency + update[2]
-        trial_gamma = gamma + (update[3] if free == 4 else 0.0)
-        start, trial_squares, growth, response = best_start(trial_frequency, trial_gamma)
-        done = abs(update[2]) < tolerance * carrier
-        frequency, gamma, squares = trial_frequency, trial_gamma, trial_squares
-        if done:
+        start, squares = sweep(frequency, gamma)
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(normal)[:free], 1e-300))
+        scaled = normal[:free, :free] * scale[:, None] * scale + _RIDGE * np.eye(free)
+        update = scale * np.linalg.solve(scaled, right[:free] * scale)
+        if abs(update[2]) < tolerance * carrier:
             break
-    swing = start * growth + response
+        frequency += float(update[2])
+        gamma += float(update[3]) if free == 4 else 0.0
     return NarrowbandFit(
         frequency=frequency,
         damping_rate=gamma,
         start=start,
-        model=swing,
+        model=model,
         jacobian=jacobian[:, :free],
-        residual=np.where(present, difference - swing, np.nan),
+        residual=np.where(present, difference - model, np.nan),
         squares=squares,
     )

@@ -70,7 +70,13 @@ def test_section_classes_forbid_what_they_do_not_know() -> None:
 
 @pytest.mark.parametrize(
     ("written", "step"),
-    [(25, Fraction(1, 25)), (0.1, Fraction(10)), ("25/3", Fraction(3, 25)), ("12.5", Fraction(2, 25))],
+    [
+        (25, Fraction(1, 25)),
+        (0.1, Fraction(10)),
+        ("25/3", Fraction(3, 25)),
+        (Fraction(25, 3), Fraction(3, 25)),
+        ("12.5", Fraction(2, 25)),
+    ],
 )
 def test_sampling_rate_is_what_was_written(written: object, step: Fraction) -> None:
     assert Recording.model_validate({"sampling_rate": written}).step == step

@@ -109,7 +109,8 @@ def test_vibration_is_placed_beside_the_pendulum_it_names(make_scene: Maker) -> 
     truth = simulate(scene)[1]["truth"]
     growth = truth["frequency"].values[1] * 8e-4 / scene.gravity / 2 * truth["time"].values
     np.testing.assert_allclose(truth["free_amplitude"].values[1], growth, rtol=0, atol=1e-16)
-    assert np.max(truth["free_amplitude"].values[0]) < 0.1 * growth[-1]
+    # the first pendulum is 0.6 rad/s away and only beats: n alpha/g over that difference
+    assert np.max(truth["free_amplitude"].values[0]) < 0.15 * growth[-1]
 
 
 def test_truth_carries_the_scene(make_scene: Maker) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 _WHERE = {
     "METHODS": "pipeline.methods",
-    "process": "pipeline.process",
+    "process": "pipeline.processing",
     "summaries": "pipeline.summary",
     "observe": "pipeline.observation",
     "Observation": "pipeline.observation",

@@ -26,8 +26,10 @@ class Observation:
     ----------
     first, second : str
         Labels of the pendulums; the difference is `first - second`.
+    start : float
+        Time of the first sample that is used, in the record's own time, s.
     time : (n,) array
-        Seconds from the first sample.
+        Seconds from that sample.
     step : float or None
         Sampling step in seconds when `time` is uniform (missing samples are NaN), else None.
     theta : (n,) array
@@ -52,6 +54,7 @@ class Observation:
 
     first: str
     second: str
+    start: float
     time: Floats
     step: float | None
     theta: Floats
@@ -107,8 +110,15 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     sigma = _uncertainty(traces, elongation.shape[0])
     time: Floats = np.asarray(record.dataset["time"].values, dtype=np.float64)
     series: Floats = np.stack([_combine(weights[name], elongation) for name in ("theta", "difference")])
-    time, step, series = uniform_grid(time - time[0], series)
+    known = np.flatnonzero(np.isfinite(series[0]))
+    if known.size == 0:
+        raise RecordError(f"record/elongation: pendulum '{first}' has no reading at all; give its trace")
+    # before its first reading and after its last the first pendulum could only be extrapolated
+    within = slice(known[0], known[-1] + 1)
+    start = float(time[within][0])
+    time, step, series = uniform_grid(time[within] - start, series[:, within])
     return Observation(
+        start=start,
         first=first,
         second=second,
         time=time,

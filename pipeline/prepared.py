@@ -9,7 +9,7 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.estimate import Budget, budget
-from pipeline.gaps import fill_gaps
+from pipeline.gaps import bridge
 from pipeline.harmonics.blocks import block_envelope
 from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband, phase_slope
@@ -35,6 +35,8 @@ class Prepared:
         White noise that neighbours leave unexplained, rad (NaN = could not be told).
     bridged : float
         Share of the first pendulum's samples that were bridged.
+    bridges : float
+        Root sum of squares over the bridges of length in samples times misfit beyond the noise, rad.
     """
 
     observation: Observation
@@ -42,6 +44,7 @@ class Prepared:
     noise_theta: float
     noise_difference: float
     bridged: float
+    bridges: float
 
     @property
     def nominal(self) -> float:
@@ -100,6 +103,17 @@ class Prepared:
         """n1, rad s-1."""
         return self.observation.frequency_ratio * self.rough.frequency
 
+    def theta_error(self, fallback: float) -> float:
+        """1-sigma of n2 from the first pendulum, rad s-1: its reading noise and what its bridged gaps may hide.
+
+        `fallback` is the noise taken where neither neighbours nor the record tell it, rad.
+        """
+        stated = self.observation.sigma_theta
+        noise = self.noise_theta if np.isfinite(self.noise_theta) else fallback if stated is None else stated
+        samples = float(np.isfinite(self.observation.theta).sum())
+        # noise adds up as the root of the number of samples, the error of a bridge as the number
+        return self.rough_budget.noise_theta * float(np.hypot(noise, self.bridges / np.sqrt(samples)))
+
     @cached_property
     def rough_budget(self) -> Budget:
         """Sensitivities, from the cheap envelope."""
@@ -127,20 +141,27 @@ def prepare(observation: Observation) -> Prepared:
     theta, difference = observation.theta, observation.difference
     removed = 0
     noise = [float("nan"), float("nan")]
-    bridged = float(np.isnan(theta).mean())
+    bridged, bridges = float(np.isnan(theta).mean()), 0.0
     if observation.step is not None:
         theta, first, noise[0] = reject_outliers(theta, observation.step, nominal)
         difference, second, noise[1] = reject_outliers(difference, observation.step, nominal)
         removed = first + second
         bridged = float(np.isnan(theta).mean())
         if observation.step * nominal < 0.5 * np.pi:
-            theta = fill_gaps(theta, observation.step, nominal)
+            theta, spans = bridge(theta, observation.step, nominal)
+            if not np.isfinite(theta).all():
+                raise RefusedError(
+                    "record/elongation: the first pendulum has a gap too long to bridge; split the record there"
+                )
+            white = float(np.nan_to_num(noise[0]))
+            bridges = float(np.sqrt(sum(length**2 * max(misfit**2 - white**2, 0.0) for length, misfit in spans)))
     return Prepared(
         observation=replace(observation, theta=theta, difference=difference),
         rejected=removed,
         noise_theta=noise[0],
         noise_difference=noise[1],
         bridged=bridged,
+        bridges=bridges,
     )
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _EXTRA = {
     "requested": ("1", "method that was asked for"),
+    "resolved": ("1", "method that was used"),
     "status": ("1", "ok, or refused"),
     "error": ("1", "why the method refused"),
     "choice_reason": ("1", "why auto chose the method"),
@@ -55,8 +56,7 @@ def build_result(record: DataTree, prepared: Prepared, reductions: Sequence[Redu
         phase_speed = envelope.carrier + (speeds / harmonics).imag
     phase = unwrapped(harmonics) + envelope.carrier * envelope.time
     time_attributes = dict(record.dataset["time"].attrs)
-    start = float(record.dataset["time"].values[0])
-    methods = [reduction.method for reduction in reductions]
+    methods = _labels(reductions)
     phases = _dataset(
         "phases",
         {
@@ -82,7 +82,7 @@ def build_result(record: DataTree, prepared: Prepared, reductions: Sequence[Redu
     gravity = _gravity(reductions, components, methods)
     tree = DataTree.from_dict(
         {
-            "/": Dataset(coords={"time": ("time", envelope.time + start, time_attributes)}),
+            "/": Dataset(coords={"time": ("time", envelope.time + seen.start, time_attributes)}),
             "/phases": phases,
             "/correction": correction,
             "/gravity": gravity,
@@ -142,6 +142,7 @@ def _gravity(reductions: Sequence[Reduction], components: list[str], methods: li
         "applied": (("method", "entry"), ledger("applied", False).astype(np.uint8)),
         "reason": (("method", "entry"), ledger("reason", "the method refused").astype(object)),
         "requested": ("method", _text(r.requested for r in reductions)),
+        "resolved": ("method", _text(r.method for r in reductions)),
         "status": ("method", _text("ok" if r.gravity else "refused" for r in reductions)),
         "error": ("method", _text(r.error for r in reductions)),
         "choice_reason": ("method", _text(r.reason for r in reductions)),
@@ -158,6 +159,12 @@ def _gravity(reductions: Sequence[Reduction], components: list[str], methods: li
     if raised:
         variables["flag"] = ("flag", _text(raised))
     return _dataset("gravity", variables, coordinates)
+
+
+def _labels(reductions: Sequence[Reduction]) -> list[str]:
+    """Name of each row: the method, or `auto` where it chose one that was asked for by name as well."""
+    named = {reduction.method for reduction in reductions if reduction.requested != "auto"}
+    return [r.requested if r.requested == "auto" and r.method in named else r.method for r in reductions]
 
 
 def _text(values: Any) -> np.ndarray:

@@ -21,7 +21,7 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
     pendulums = [str(label) for label in table["pendulum"].values]
     entries = [str(entry) for entry in table["entry"].values]
     rows = []
-    for k, method in enumerate(table["method"].values):
+    for k in range(table.sizes["method"]):
         row = table.isel(method=k)
         good = str(row["status"].values) == "ok"
         rows.append(
@@ -30,7 +30,7 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
                 "status": str(row["status"].values),
                 "error": None if good else str(row["error"].values),
                 "requested_method": str(row["requested"].values),
-                "method": str(method),
+                "method": str(row["resolved"].values),
                 "gravity_m_s2": float(row["gravity"]),
                 "gravity_sigma_mgal": float(row["gravity_sigma"]),
                 "frequency_rad_s": dict(zip(pendulums, map(float, row["frequency"].values), strict=True)),

@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     import data_schemas
     import synth
     from pipeline.methods import METHODS
-    from pipeline.process import process
+    from pipeline.processing import process
     from pipeline.summary import summaries
 
     folder = _folder(options.out)

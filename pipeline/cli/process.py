@@ -104,7 +104,7 @@ def _one(
     import data_schemas
 
     record = read_checked(path, "record")
-    from pipeline.process import (
+    from pipeline.processing import (
         process,
     )  # after the check: a bad record is told before the kernels are loaded
     from pipeline.summary import summaries

@@ -50,6 +50,14 @@ class Envelope:
     noise_gain: float
 
     @property
+    def share(self) -> Complexes:
+        """Z1/D, NaN where either is missing."""
+        out = np.full(self.first.size, np.nan, dtype=np.complex128)
+        present = np.isfinite(self.first) & np.isfinite(self.difference) & (self.difference != 0.0)
+        np.divide(self.first, self.difference, out=out, where=present)
+        return out
+
+    @property
     def hop(self) -> float:
         """Distance of the instants, s."""
         return float(self.time[1] - self.time[0])

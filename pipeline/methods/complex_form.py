@@ -21,7 +21,7 @@ def estimate(prepared: Prepared) -> Estimate:
     speed = None
     if not passes_zero(np.abs(envelope.difference)):
         kappa = 1j * fit.frequency * (seen.frequency_ratio - 1.0) - seen.damping_difference
-        speed = (kappa * envelope.first / envelope.difference).imag
+        speed = (kappa * envelope.share).imag
     return with_noise(
         prepared,
         envelope,

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arrays import Complexes, Floats
+from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
+from pipeline.harmonics.envelope import Envelope
 from pipeline.methods.phases import corrected, phases
 from pipeline.phase_speed import difference_speed_by_phase
 from pipeline.prepared import Prepared
@@ -21,15 +22,16 @@ def estimate(prepared: Prepared) -> Estimate:
     envelope, seen = found.envelope, prepared.observation
     frequency = prepared.rough.frequency
     arc = seen.restoring != "linear"
-    speed = model_speed(envelope.first, envelope.difference, frequency, prepared, arc=arc)
-    plain = model_speed(envelope.first, envelope.difference, frequency, prepared, arc=False) if arc else speed
+    speed = model_speed(envelope, frequency, prepared, arc=arc)
+    plain = model_speed(envelope, frequency, prepared, arc=False) if arc else speed
     return corrected(prepared, found, speed, speed - plain if arc else None)
 
 
-def model_speed(first: Complexes, difference: Complexes, frequency: float, prepared: Prepared, *, arc: bool) -> Floats:
+def model_speed(envelope: Envelope, frequency: float, prepared: Prepared, *, arc: bool) -> Floats:
     """`phi' - n2` of the difference by (38), rad s-1."""
     seen = prepared.observation
-    second = first - difference
+    first, share = envelope.first, envelope.share
+    second = first - envelope.difference
     rates = np.zeros(2) if seen.damping_rate is None else seen.damping_rate
     bend = 1.0 / 16.0 if arc else 0.0
     speed_1 = seen.frequency_ratio * frequency * (1.0 - bend * np.abs(first) ** 2)
@@ -38,8 +40,8 @@ def model_speed(first: Complexes, difference: Complexes, frequency: float, prepa
         difference_speed_by_phase(
             speed_1,
             speed_2,
-            np.abs(first) / np.abs(difference),
-            np.angle(first / difference),
+            np.abs(share),
+            np.angle(share),
             -rates[0],
             -rates[1],
         )

@@ -22,9 +22,9 @@ def estimate(prepared: Prepared) -> Estimate:
     speed = panteleev(
         seen.frequency_ratio * frequency,
         frequency,
-        np.abs(envelope.first),
-        np.abs(envelope.difference),
-        np.angle(envelope.first / envelope.difference),
+        np.abs(envelope.share),
+        1.0,
+        np.angle(envelope.share),
         seen.damping_difference,
     )
     return corrected(prepared, found, speed - frequency)

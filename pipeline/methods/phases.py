@@ -127,11 +127,8 @@ def with_noise(prepared: Prepared, envelope: Envelope, variance: float, **found:
         noise = float(np.sqrt(variance / envelope.noise_gain))
     colour = variance / (noise**2 * envelope.noise_gain) if noise > 0.0 else 1.0
     shared = prepared.rough_budget
-    theta_noise = prepared.noise_theta if np.isfinite(prepared.noise_theta) else noise
     return Estimate(
-        sigma=float(
-            np.hypot(shared.noise_difference * noise * np.sqrt(max(colour, 1.0)), shared.noise_theta * theta_noise)
-        ),
+        sigma=float(np.hypot(shared.noise_difference * noise * np.sqrt(max(colour, 1.0)), prepared.theta_error(noise))),
         noise=noise,
         samples=int(np.isfinite(prepared.observation.difference).sum()),
         residual_colour=colour,

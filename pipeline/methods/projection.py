@@ -15,7 +15,6 @@ def estimate(prepared: Prepared) -> Estimate:
     """Fit n2 with n1/n2 held, the damping held where the record states it."""
     rough = prepared.rough
     fit = fit_projection(problem(prepared), rough.frequency, rough.damping_rate, prepared.known_damping is None)
-    shared = prepared.rough_budget
     colour = residual_colour(fit, prepared)
     swing = 0.5 * float(np.nanmean(np.abs(prepared.blocks.difference) ** 2))
     explained = swing / (swing + fit.noise**2)
@@ -24,11 +23,10 @@ def estimate(prepared: Prepared) -> Estimate:
             f"difference: a swing at the nominal period explains only {100 * max(explained, 0.0):.0f} % of it; "
             "check instrument/period and that the trace is a difference of two pendulums"
         )
-    theta_noise = prepared.noise_theta if np.isfinite(prepared.noise_theta) else fit.noise
     return Estimate(
         frequency=fit.frequency,
         uncorrected=float(np.hypot(prepared.nominal + prepared.rough_slope, fit.damping_rate)),
-        sigma=float(np.hypot(fit.noise_gain * fit.noise * np.sqrt(max(colour, 1.0)), shared.noise_theta * theta_noise)),
+        sigma=float(np.hypot(fit.noise_gain * fit.noise * np.sqrt(max(colour, 1.0)), prepared.theta_error(fit.noise))),
         noise=fit.noise,
         damping_rate=fit.damping_rate,
         samples=fit.samples,

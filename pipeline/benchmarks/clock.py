@@ -1,0 +1,80 @@
+"""Time, measured so that it can be compared: warm, medians of several, rivals taking turns in one run."""
+
+from __future__ import annotations
+
+import os
+import statistics
+import subprocess
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+Call = Callable[[], Any]
+
+
+def seconds(call: Call) -> float:
+    """Time one call, s."""
+    started = time.perf_counter()
+    call()
+    return time.perf_counter() - started
+
+
+def first_call(call: Call) -> float:
+    """Time of the first call, s, in which kernels are compiled or loaded: it is told apart from the warm ones."""
+    return seconds(call)
+
+
+def median_seconds(call: Call, repeats: int = 5) -> float:
+    """Median time of several warm calls, s; one call goes before and is not counted."""
+    call()
+    return statistics.median(seconds(call) for _ in range(repeats))
+
+
+def rounds(calls: Mapping[str, Call], repeats: int = 5, batch: int = 1) -> dict[str, list[float]]:
+    """Times of rivals that take turns, s a call: a busy machine slows all of them alike.
+
+    Parameters
+    ----------
+    calls : mapping of str to callable
+        The rivals; one call of each goes before and is not counted.
+    repeats : int
+        Rounds.
+    batch : int
+        Calls in a row of one rival within a round, for calls of a few ms.
+    """
+    for call in calls.values():
+        call()
+    taken: dict[str, list[float]] = {name: [] for name in calls}
+    for _ in range(repeats):
+        for name, call in calls.items():
+            taken[name].append(statistics.median(seconds(call) for _ in range(batch)))
+    return taken
+
+
+def median_ratio(slow: Sequence[float], fast: Sequence[float]) -> float:
+    """Median of the ratios of times that were taken in the same rounds."""
+    return statistics.median(one / other for one, other in zip(slow, fast, strict=True))
+
+
+def command(*words: str) -> Call:
+    """A call that runs a program from start to exit in the folder-independent environment of this tree.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        The program fails: its time would mean nothing.
+    """
+    environment = tree_environment()
+
+    def call() -> None:
+        subprocess.run(words, env=environment, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+
+    return call
+
+
+def tree_environment() -> dict[str, str]:
+    """Environment in which a child process finds the same packages, installed or not."""
+    root = str(Path(__file__).parents[2])
+    before = os.environ.get("PYTHONPATH")
+    return os.environ | {"PYTHONPATH": root if before is None else f"{root}{os.pathsep}{before}"}

@@ -1,0 +1,137 @@
+"""The benchmarks' own scenes: two linear pendulums under swell, one function a kind.
+
+None of them is a record that the project was handed: bars are measured on what is made here.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from data_schemas.scene import Scene
+
+REFERENCE = 9.81  # m s-2, where the periods hold
+GRAVITY = 9.8123456  # m s-2, what processing must find
+PERIOD = 1.01  # s, of the second pendulum at REFERENCE
+DURATION = 1800.0  # s
+SWELL = 0.075  # rad, largest slow elongation
+HARMONICS = 24
+SWELL_PERIODS = (4.0, 20.0)  # s
+
+Motion = list[dict[str, Any]]
+
+
+def own_frequency(gravity: float = GRAVITY) -> float:
+    """n2 at a gravity, rad s-1."""
+    return float(2.0 * np.pi / PERIOD * np.sqrt(gravity / REFERENCE))
+
+
+def swell(
+    peak: float = SWELL, seed: int = 24, gravity: float = GRAVITY, periods: tuple[float, float] = SWELL_PERIODS
+) -> dict[str, Any]:
+    """Harmonics of random period and phase that a pendulum answers with slow elongations up to `peak` rad."""
+    chance = np.random.default_rng(seed)
+    period = chance.uniform(*periods, HARMONICS)
+    phase = chance.uniform(0.0, 2.0 * np.pi, HARMONICS)
+    rate = 2.0 * np.pi / period
+    time = np.arange(0.0, DURATION, 0.25)
+    unit = np.cos(rate[:, None] * time + phase[:, None]).sum(axis=0)
+    elongation = peak / np.abs(unit).max()  # of each harmonic, rad
+    # psi = -u / (1 - m^2/n^2): what acceleration makes this elongation
+    acceleration = gravity * elongation * (1.0 - (rate / own_frequency(gravity)) ** 2)
+    return {
+        "kind": "harmonics",
+        "amplitude": acceleration.tolist(),
+        "period": period.tolist(),
+        "phase": phase.tolist(),
+    }
+
+
+def resonant(share_of_gravity: float = 4e-5, detuning: float = 0.026, phase: float = 1.0) -> dict[str, Any]:
+    """Vibration close to the first pendulum's own frequency."""
+    return {
+        "kind": "near-resonant",
+        "amplitude": share_of_gravity * GRAVITY,
+        "detuning": detuning,
+        "phase": phase,
+    }
+
+
+def two_pendulums(
+    record_id: str,
+    relative_difference: float,
+    *,
+    motion: Motion | None = None,
+    amplitudes: tuple[float, float] = (0.006, 0.012),
+    phases: tuple[float, float] = (0.4, 2.2),
+    damping_rates: tuple[float, float] = (0.0, 0.0),
+    gravity: float = GRAVITY,
+    duration: float = DURATION,
+    **recording: Any,
+) -> Scene:
+    """Two linear pendulums on a moving support.
+
+    Parameters
+    ----------
+    relative_difference : float
+        eps = (n1 - n2)/n2.
+    motion : list of dict, optional
+        Terms of the support's motion; swell by default.
+    amplitudes, phases : (2,) tuples
+        Free harmonics at the start, rad.
+    recording
+        Fields of the scene's recording.
+    """
+    periods = (PERIOD / (1.0 + relative_difference), PERIOD)
+    rows = zip(("1", "2"), periods, amplitudes, phases, damping_rates, strict=True)
+    return Scene.model_validate(
+        {
+            "record_id": record_id,
+            "duration": duration,
+            "gravity": gravity,
+            "reference_gravity": REFERENCE,
+            "pendulums": [
+                {
+                    "label": label,
+                    "period": period,
+                    "damping_rate": rate,
+                    "start": {"kind": "free", "amplitude": amplitude, "phase": phase},
+                }
+                for label, period, amplitude, phase, rate in rows
+            ],
+            "motion": [swell()] if motion is None else motion,
+            "recording": recording,
+        }
+    )
+
+
+def linear(relative_difference: float = 1e-4, **changes: Any) -> Scene:
+    """Swell and near-resonant vibration, damped pendulums, no noise."""
+    changes.setdefault("motion", [swell(), resonant()])
+    changes.setdefault("damping_rates", (1e-4, 1.2e-4))
+    return two_pendulums("linear", relative_difference, **changes)
+
+
+def beats_through_zero(**changes: Any) -> Scene:
+    """Equal arcs at a period difference of 1e-3: the difference's amplitude passes through zero."""
+    return two_pendulums("beats-through-zero", 1e-3, amplitudes=(0.01, 0.01), **changes)
+
+
+def noisy_gaps(**changes: Any) -> Scene:
+    """Noise, 0.6 s lost at every minute mark, single readings lost, wild readings."""
+    changes = {
+        "noise": 1e-4,
+        "mark_gap": 0.6,
+        "missing_samples": 200,
+        "outliers": 60,
+        "outlier_amplitude": 0.01,
+        **changes,
+    }
+    return linear(1e-4, **changes)
+
+
+def marks_only(**changes: Any) -> Scene:
+    """One reading each half second: the first pendulum lies at 0.99 of the Nyquist frequency."""
+    changes.setdefault("noise", 1e-4)
+    return linear(1e-5, marks=True, **changes)

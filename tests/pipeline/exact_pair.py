@@ -60,6 +60,7 @@ class Pair:
         seen = Observation(
             first="1",
             second="2",
+            start=0.0,
             time=time,
             step=step,
             theta=self.elongation(0, time),

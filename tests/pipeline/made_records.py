@@ -9,7 +9,6 @@ import xarray as xr
 import synth
 from data_schemas.scene import Scene
 from pipeline.processing import process
-from pipeline.summary import summaries
 
 GRAVITY = 9.8054321
 PERIOD = 1.0097648

@@ -1,0 +1,160 @@
+"""Cramer-Rao bound of the frequency of the second pendulum from the full Fisher matrix.
+
+No kernel is shared with the estimators. Both recorded series are noisy: with theta1 an unknown function of its own,
+read with white noise sigma1, and the difference `d = L theta1 + free swing + offset` read with sigma2, the parameters
+(A, B, offset, n2 and, where it is not stated, gamma2) have, after theta1 is eliminated,
+
+    F = J^T C^-1 J,    C = sigma2^2 I + sigma1^2 L L^T,    J = d(L theta1 + free swing + offset)/d(parameters)
+
+at the true theta1. L is the exact linear identity's response (n1/n2 and gamma1 - gamma2 held),
+`L f = (1-r) f + Im[chi int exp(lam (t-s)) f ds]`; here a trapezoidal sum done by Fourier transforms, J by central
+differences, C^-1 J by conjugate gradients. In the limit n1 = n2 the bound is `sqrt(24/(N (N^2-1))) sigma fs/a`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.arrays import Floats
+
+_STEP = 1e-7  # of the frequency, for central differences
+_TOLERANCE = 1e-8  # of the residual of conjugate gradients
+_MOST_ROUNDS = 2000
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two linear pendulums as the difference sees them.
+
+    Attributes
+    ----------
+    frequency : float
+        n2, rad s-1.
+    ratio : float
+        n1/n2.
+    damping_rate : float
+        gamma2, s-1.
+    damping_difference : float
+        gamma1 - gamma2, s-1.
+    swing : complex
+        A - iB of the free swing `Re[(A - iB) exp(lam t)]` of the difference, rad.
+    """
+
+    frequency: float
+    ratio: float
+    damping_rate: float
+    damping_difference: float
+    swing: complex
+
+    @property
+    def eigenvalue(self) -> complex:
+        """lam = -gamma2 + i w."""
+        return complex(-self.damping_rate, np.sqrt(self.frequency**2 - self.damping_rate**2))
+
+
+def respond(pair: Pair, theta: Floats, step: float) -> Floats:
+    """`L theta`, causal, starting at rest; (n,) array, rad."""
+    return _apply(pair, theta, step, adjoint=False)
+
+
+def _apply(pair: Pair, values: Floats, step: float, *, adjoint: bool) -> Floats:
+    r = pair.ratio**-2
+    lam = pair.eigenvalue
+    drag = 2.0 * (pair.damping_rate - r * (pair.damping_rate + pair.damping_difference))
+    chi = ((1.0 - r) * lam**2 + drag * lam) / lam.imag
+    count = values.size
+    size = 2 * count
+    answer = (chi * np.exp(lam * step * np.arange(count))).imag * step
+    answer[0] *= 0.5  # trapezoid: the present moment counts half, and so does the first, below
+    spectrum = np.fft.rfft(answer, size)
+    if adjoint:
+        whole = np.fft.irfft(np.fft.rfft(values, size) * np.conj(spectrum), size)[:count]
+        whole[0] -= 0.5 * float(answer @ values)
+    else:
+        whole = np.fft.irfft(np.fft.rfft(values, size) * spectrum, size)[:count] - 0.5 * values[0] * answer
+    return np.asarray((1.0 - r) * values + whole)
+
+
+def _model(pair: Pair, theta: Floats, step: float, every: int) -> Floats:
+    time = np.arange(theta.size) * step
+    return np.asarray((respond(pair, theta, step) + (pair.swing * np.exp(pair.eigenvalue * time)).real)[::every])
+
+
+def jacobian(pair: Pair, theta: Floats, step: float, every: int = 1, *, damping_known: bool = True) -> Floats:
+    """Derivatives of the noise-free difference by (n2, Re swing, Im swing, offset[, gamma2]) at the readings, (n, 4 or 5)."""
+
+    def slope(name: str, size: float) -> Floats:
+        up = replace(pair, **{name: getattr(pair, name) + size})
+        down = replace(pair, **{name: getattr(pair, name) - size})
+        return (_model(up, theta, step, every) - _model(down, theta, step, every)) / (2.0 * size)
+
+    time = np.arange(theta.size)[::every] * step
+    growth = np.exp(pair.eigenvalue * time)
+    columns = [slope("frequency", _STEP * pair.frequency), growth.real, -growth.imag, np.ones(time.size)]
+    if not damping_known:
+        columns.append(slope("damping_rate", _STEP * pair.frequency))
+    return np.stack(columns, axis=-1)
+
+
+def bound(
+    pair: Pair,
+    theta: Floats,
+    step: float,
+    sigma_theta: float,
+    sigma_difference: float,
+    *,
+    every: int = 1,
+    damping_known: bool = True,
+) -> float:
+    """Least standard deviation of n2 that an unbiased estimator can have, rad s-1.
+
+    Parameters
+    ----------
+    theta : (n,) array
+        True elongation of the first pendulum, rad, with at least twenty samples a swing (the trapezoid).
+    step : float
+        Its step, s.
+    sigma_theta, sigma_difference : float
+        White reading noise of the two series, rad.
+    every : int
+        Readings are every so many samples of `theta`.
+    """
+    columns = jacobian(pair, theta, step, every, damping_known=damping_known)
+    reading = step * every
+
+    def covariance(values: Floats) -> Floats:
+        back = _apply(pair, values, reading, adjoint=True)
+        return sigma_difference**2 * values + sigma_theta**2 * respond(pair, back, reading)
+
+    size = np.linalg.norm(columns, axis=0)
+    scaled = columns / size
+    solved = np.stack([_conjugate_gradients(covariance, column) for column in scaled.T], axis=-1)
+    information = scaled.T @ solved
+    return float(np.sqrt(np.linalg.inv(0.5 * (information + information.T))[0, 0]) / size[0])
+
+
+def _conjugate_gradients(matrix: Callable[[Floats], Floats], right: Floats) -> Floats:
+    solution: Floats = np.zeros_like(right)
+    residual = right.copy()
+    direction = residual.copy()
+    square = float(residual @ residual)
+    least = _TOLERANCE**2 * square
+    for _ in range(_MOST_ROUNDS):
+        image = matrix(direction)
+        length = square / float(direction @ image)
+        solution += length * direction
+        residual -= length * image
+        before, square = square, float(residual @ residual)
+        if square < least:
+            break
+        direction = residual + square / before * direction
+    return solution
+
+
+def printed_bound(samples: int, noise: float, rate: float, amplitude: float) -> float:
+    """`sqrt(24/(N (N^2-1))) sigma fs/a`: frequency of one sinusoid in white noise, rad s-1."""
+    n = float(samples)
+    return float(np.sqrt(24.0 / (n * (n * n - 1.0))) * noise * rate / amplitude)

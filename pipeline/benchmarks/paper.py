@@ -1,0 +1,190 @@
+"""Suite `paper`: the figures and claims of Panteleev (1958), each beside what is computed here.
+
+The paper argues that gravity at sea cannot be had from one pendulum, because a forcing close to its own frequency
+disturbs its period by 2e-3 s, and can be had from the difference of two; and that what it neglects is small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from data_schemas.scene import Scene
+from pipeline.arrays import Floats
+from pipeline.benchmarks.scenes import DURATION, PERIOD, REFERENCE, SWELL, swell, two_pendulums
+from pipeline.benchmarks.trials import outcome, reduce_all
+from pipeline.gravity import MGAL
+from pipeline.harmonics.narrowband import regression
+from pipeline.methods.phases import integrate
+from pipeline.methods.vening_meinesz import MARK_SECONDS, value_and_slope
+from pipeline.observation import observe
+from pipeline.phase_speed import disturbed_speed, leaking, near_resonant_amplitude, vening_meinesz
+from pipeline.prepared import prepare
+from pipeline.reduction import reduce_by
+from pipeline.validity import neglected_terms
+from synth import simulate
+
+BEAT = 120.0  # s, "the disturbed amplitude changes with a period of two minutes"
+_FREQUENCY = 2.0 * np.pi / PERIOD
+_DETUNING = np.pi / BEAT
+_FILM = 100.0  # mm, largest slow elongation on the photograph
+_DIFFERENCE = 1e-5  # s, T1 - T2
+
+
+def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
+    """Yield one row a claim: the paper's value, the computed one, whether they agree. Quick and full are the same."""
+    yield from _one_pendulum()
+    yield from _leak()
+    yield from _film()
+    yield from _neglected()
+
+
+def _row(claim: str, paper: str, computed: float, unit: str, agree: bool) -> dict[str, Any]:
+    return {"claim": claim, "paper": paper, "computed": float(computed), "unit": unit, "pass": bool(agree)}
+
+
+def _resonant_scene() -> Scene:
+    """Two minutes' beat of 10 mrad on pendulums of 1e-5 s period difference."""
+    alpha = 0.01 / abs(near_resonant_amplitude(_FREQUENCY, _DETUNING, 1.0))
+    near = {"kind": "near-resonant", "amplitude": alpha * REFERENCE, "beat_period": BEAT, "phase": 0.3}
+    return two_pendulums("two-minute-beat", 1e-5, motion=[near], gravity=REFERENCE, amplitudes=(0.012, 0.006))
+
+
+def _one_pendulum() -> Iterator[dict[str, Any]]:
+    yield _row("nu for a beat of two minutes", "about 0.03", _DETUNING, "rad/s", 0.025 < _DETUNING < 0.035)
+    shift = 0.5 * PERIOD * _DETUNING / _FREQUENCY / 1e-7
+    yield _row("half-period disturbance nu T^2/(4 pi)", "more than 20 000", shift, "1e-7 s", 21_200 < shift < 21_300)
+    time = np.arange(0.0, 10.0 * BEAT, 0.1)
+    beta = near_resonant_amplitude(_FREQUENCY, _DETUNING, 0.01 / near_resonant_amplitude(_FREQUENCY, _DETUNING, 1.0))
+    speed = disturbed_speed(time, _FREQUENCY, _DETUNING, beta, 0.3, 0.012, 0.4)
+    extreme = 0.5 * PERIOD * np.abs(speed - _FREQUENCY).max() / _FREQUENCY / 1e-7
+    yield _row("the same, largest of (39) at 12 and 10 mrad", "order of nu", extreme, "1e-7 s", extreme > 20_000)
+    scene = _resonant_scene()
+    record, truth = simulate(scene)
+    phase = np.asarray(truth["truth/free_phase"].values)[0]
+    seconds = np.asarray(record["time"].values)
+    worst = max(abs(_single_error(seconds, phase, minutes)) for minutes in range(5, 31))
+    yield _row("gravity from pendulum 1 alone", "impossible", worst, "mGal, worst of 5 to 30 min", worst > 100.0)
+    found = reduce_all(scene, ("panteleev", "projection"))
+    for name, limit in (("panteleev", 0.01), ("projection", 0.001)):
+        error = abs(found[name].error)
+        yield _row(f"gravity from the difference, {name}", "possible", error, "mGal", error < limit)
+
+
+def _single_error(time: Floats, phase: Floats, minutes: float) -> float:
+    """Error of gravity from the slope of one pendulum's own phase over the first minutes, mGal."""
+    part = time <= 60.0 * minutes
+    slope = regression(time[part], phase[part], np.ones(int(part.sum())))
+    return REFERENCE * ((slope / (_FREQUENCY * (1.0 + 1e-5))) ** 2 - 1.0) / MGAL
+
+
+def _leak() -> Iterator[dict[str, Any]]:
+    """What psi does to formula (9), as (14) says, both at the minute marks; and what it does to gravity."""
+    scene = two_pendulums("leak", 1e-4, gravity=REFERENCE)
+    from_formula, from_truth, leaked = leaks(scene)
+    size = float(np.sqrt(np.mean(leaked**2)))
+    misfit = float(np.abs(from_formula - from_truth).max() / np.abs(leaked).max())
+    yield _row("leak of psi into (9), r.m.s. over the marks", "limits the method", size, "mGal", size > 10.0)
+    yield _row("leak of (9) against (14) on truth", "equal", 100.0 * misfit, "% of the largest", misfit < 0.01)
+    expected = marks_error(scene)
+    found = reduce_all(scene, ("vening-meinesz",))["vening-meinesz"].error
+    off = abs(found / expected - 1.0)
+    yield _row("error of gravity by (9), as (14) on truth gives", f"{expected:.4g}", found, "mGal", off < 0.01)
+
+
+def leaks(scene: Scene) -> tuple[Floats, Floats, Floats]:
+    """Correction of gravity at the minute marks by (9) from the record, by (14) from truth, and psi's part of it; mGal."""
+    record, truth = simulate(scene)
+    known = truth["truth"].dataset
+    time = np.asarray(record["time"].values)
+    n1, n2 = np.asarray(known["frequency"].values)
+    rows = np.arange(0, time.size, round(MARK_SECONDS / (time[1] - time[0])))[1:]
+    seen = observe(record)
+    first = np.asarray(known["free_amplitude"].values) * np.exp(1j * np.asarray(known["free_phase"].values))
+    difference = first[0] - first[1]
+    value, slope = value_and_slope(seen.time, seen.theta, time[rows])
+    raw = value - 1j * slope / n1
+    nine = vening_meinesz(n1, n2, np.abs(raw), np.abs(difference[rows]), np.angle(raw / difference[rows])) - n2
+    fourteen, clean = _by_truth(known, first[0], difference, n1, n2, float(time[1]), rows)
+    scale = 2.0 * scene.gravity / n2 / MGAL
+    return scale * nine, scale * fourteen, scale * (fourteen - clean)
+
+
+def marks_error(scene: Scene) -> float:
+    """Error that the method's own reading at marks makes of (14) on truth, mGal: integrated and regressed."""
+    record, truth = simulate(scene)
+    known = truth["truth"].dataset
+    time = np.asarray(record["time"].values)
+    n1, n2 = np.asarray(known["frequency"].values)
+    first = np.asarray(known["free_amplitude"].values) * np.exp(1j * np.asarray(known["free_phase"].values))
+    difference = first[0] - first[1]
+    step = float(time[1])
+    envelope = prepare(observe(record)).sliding
+    rows = np.rint(envelope.time / step).astype(np.int64)
+    every = max(1, round(MARK_SECONDS / envelope.hop))
+    fourteen, _ = _by_truth(known, first[0], difference, n1, n2, step, rows[::every])
+    correction = integrate(np.interp(envelope.time, envelope.time[::every], fourteen), envelope.hop)
+    phase = np.unwrap(np.angle(difference * np.exp(-1j * n2 * time)))[rows]
+    slope = regression(envelope.time, phase - correction, np.abs(difference[rows]) ** 2)
+    return scene.gravity * ((1.0 + slope / n2) ** 2 - 1.0) / MGAL
+
+
+def _by_truth(
+    known: Any, first: Any, difference: Any, n1: float, n2: float, step: float, rows: Any
+) -> tuple[Floats, Floats]:
+    """Phase speed less n2 by (14) from the true harmonics and slow motion, and without the slow motion; rad s-1."""
+    slow = np.asarray(known["forced"].values)[0]
+    one, whole = first[rows], difference[rows]
+    lead = np.angle(one / whole)
+    speed = np.gradient(slow, step, edge_order=2)[rows]
+    with_slow = leaking(n1, n2, np.abs(one), np.abs(whole), lead, np.angle(whole), slow[rows], speed) - n2
+    clean = vening_meinesz(n1, n2, np.abs(one), np.abs(whole), lead) - n2
+    return with_slow, clean
+
+
+def _film() -> Iterator[dict[str, Any]]:
+    """psi1 - psi2 on the photograph, from a simulated record of one harmonic of swell."""
+    for period, expected, told in ((10.0, 2e-5, "2e-5"), (2.0, 7e-4, "7e-4")):
+        motion = {"kind": "harmonics", "amplitude": [0.1], "period": [period]}
+        scene = two_pendulums(
+            "film", _DIFFERENCE / PERIOD, motion=[motion], amplitudes=(0.0, 0.0), gravity=REFERENCE, duration=120.0
+        )
+        slow = np.asarray(simulate(scene)[1]["truth/forced"].values)
+        size = _FILM * np.abs(slow[0] - slow[1]).max() / np.abs(slow[0]).max()
+        claim = f"largest psi1-psi2 on film, psi 10 cm, T1-T2 = 1e-5 s, {period:g} s swell"
+        yield _row(claim, f"below a few 1e-3 (checked form: {told})", size, "mm", abs(size / expected - 1.0) < 0.05)
+
+
+_TERMS = {
+    "first_speed": ("(n1-n2)(Phi1'-n1)", 0.5),
+    "first_growth": ("(n1-n2) Theta1'/Theta1", 0.5),
+    "forcing": ("(n1-n2) xi/g", 0.5),
+    "slow_difference": ("psi1-psi2", 0.01),
+}
+_LATER = {"damping_difference": "gamma1-gamma2", "finite_arc": "finite arc"}
+
+
+def _neglected() -> Iterator[dict[str, Any]]:
+    """Validity figures from a record's separated harmonics: 12/6 mrad, swell of 75 mrad, a two-minute beat."""
+    near = _resonant_scene().motion[0].model_dump(exclude_none=True)
+    for eps, limit in ((1e-5, 0.01), (1e-4, 0.1)):
+        scene = two_pendulums(
+            "neglected",
+            eps,
+            motion=[swell(SWELL, gravity=REFERENCE), near],
+            amplitudes=(0.012, 0.006),
+            damping_rates=(1e-4, 1.2e-4),
+            gravity=REFERENCE,
+            duration=DURATION,
+        )
+        ready = prepare(observe(simulate(scene)[0]))
+        worth = neglected_terms(ready)
+        for name, (term, _) in _TERMS.items():
+            yield _row(f"neglected {term}, eps {eps:g}", "negligible", worth[name], "mGal", abs(worth[name]) < limit)
+        for name, term in _LATER.items():
+            yield _row(f"left out: {term}, eps {eps:g}", "not treated", worth[name], "mGal", abs(worth[name]) > 0.01)
+        error = outcome(reduce_by("projection", ready, 0.0), scene.gravity).error
+        yield _row(f"projection, which neglects none, eps {eps:g}", "-", error, "mGal", abs(error) < 0.001)

@@ -1,0 +1,85 @@
+"""One name for the equations of every system; the TYPE of the parameters decides what is compiled.
+
+A system is a NamedTuple of numbers (or of arrays, or of other NamedTuples: its terms). An integrator calls
+`derivative(time, state, system, out)`; Numba picks the kernel that the type was registered with and compiles it
+in, so that new numbers never recompile, a term left out costs nothing, and the result is cached on disk. Under
+`NUMBA_DISABLE_JIT=1` the same call goes through a table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from numba.core import types
+from numba.extending import overload
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_TABLE: dict[str, dict[type, Callable[..., Any]]] = {"derivative": {}, "jacobian": {}, "energy": {}}
+
+
+def registered(role: str, system: type) -> Callable[[Function], Function]:
+    """Decorator: the kernel below plays `role` ("derivative", "jacobian", "energy") for a system type."""
+
+    def note(function: Function) -> Function:
+        _TABLE[role][system] = function
+        return function
+
+    return note
+
+
+def _find(role: str, system: Any) -> Callable[..., Any]:
+    table = _TABLE[role]
+    if system not in table:
+        raise TypeError(f"{getattr(system, '__name__', system)} has no {role}")
+    return table[system]
+
+
+def derivative(time: float, state: Any, system: Any, out: Any) -> None:
+    """`out = d state / dt`."""
+    _find("derivative", type(system))(time, state, system, out)
+
+
+def jacobian(time: float, state: Any, system: Any, out: Any) -> None:
+    """`out[i, j] = d(d state_i / dt) / d state_j`."""
+    _find("jacobian", type(system))(time, state, system, out)
+
+
+def energy(state: Any, system: Any) -> float:
+    """Energy of a conservative system (without drive and damping)."""
+    return float(_find("energy", type(system))(state, system))
+
+
+def _class(system: Any) -> Any:
+    return system.instance_class if isinstance(system, types.NamedTuple | types.NamedUniTuple) else None
+
+
+@overload(derivative)
+def _derivative(time: Any, state: Any, system: Any, out: Any) -> Any:
+    chosen = _find("derivative", _class(system))
+
+    def compiled(time: Any, state: Any, system: Any, out: Any) -> Any:
+        chosen(time, state, system, out)
+
+    return compiled
+
+
+@overload(jacobian)
+def _jacobian(time: Any, state: Any, system: Any, out: Any) -> Any:
+    chosen = _find("jacobian", _class(system))
+
+    def compiled(time: Any, state: Any, system: Any, out: Any) -> Any:
+        chosen(time, state, system, out)
+
+    return compiled
+
+
+@overload(energy)
+def _energy(state: Any, system: Any) -> Any:
+    chosen = _find("energy", _class(system))
+
+    def compiled(state: Any, system: Any) -> Any:
+        return chosen(state, system)
+
+    return compiled

@@ -10,19 +10,22 @@ import numpy as np
 
 from pipeline.arrays import Floats
 
-SHORT_GAP = 3.0  # s
-SHORT_REACH, LONG_REACH = 1.2, 12.0  # s of record on each side that the bridge is fitted to; wider, swell misfits
-LEAST_REACH = 15  # samples on each side
-SHORT_DEGREE, LONG_DEGREE = 5, 1  # of the slow part: a high polynomial would swing across a long gap or beyond an end
+CANDIDATES = ((11, 3.0), (11, 1.0), (5, 3.0), (1, 12.0))
+"""Degree of the slow part and seconds of record on each side: the first averages noise, the second follows swell where
+readings are clean, the last does not swing across a long gap."""
+GOOD = 2.0  # times the noise: a first fit that errs no more is taken without trying the others
 
 
-def fill_gaps(series: Floats, step: float, frequency: float) -> Floats:
+def fill_gaps(series: Floats, step: float, frequency: float, noise: float = 0.0) -> Floats:
     """The series with its gaps bridged; see `bridge`."""
-    return bridge(series, step, frequency)[0]
+    return bridge(series, step, frequency, noise)[0]
 
 
-def bridge(series: Floats, step: float, frequency: float) -> tuple[Floats, list[tuple[int, float]]]:
+def bridge(series: Floats, step: float, frequency: float, noise: float = 0.0) -> tuple[Floats, list[tuple[int, float]]]:
     """Bridge missing samples by a local fit of {polynomial, cos, sin, t cos, t sin}.
+
+    Of several fits the one with the least predicted error is taken: its noise times its leverage in the gap, and
+    what it misfits beyond the noise.
 
     Parameters
     ----------
@@ -32,42 +35,54 @@ def bridge(series: Floats, step: float, frequency: float) -> tuple[Floats, list[
         s.
     frequency : float
         Circular frequency of the free swing, rad s-1.
+    noise : float
+        White reading noise, 1 sigma, rad; infinite: the first fit will do.
 
     Returns
     -------
     (n,) array
         The series itself when nothing is missing. Stretches too poor to be bridged stay NaN.
     list of (int, float)
-        For each bridge its length in samples and the rms misfit of its fit, rad.
+        For each bridge its length in samples and its predicted rms error, rad.
     """
     missing = np.isnan(series)
     bridges: list[tuple[int, float]] = []
     if not missing.any():
         return series, bridges
     filled = series.copy()
-    present = np.flatnonzero(~missing)
-    if present.size == 0:
-        return filled, bridges
     edges = np.flatnonzero(np.diff(np.concatenate(([0], missing.astype(np.int8), [0]))))
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        long = (stop - start) * step > SHORT_GAP
-        reach = max(LEAST_REACH, int(stop - start), int(np.ceil((LONG_REACH if long else SHORT_REACH) / step)))
-        at_end = start == 0 or stop == series.size
-        degree = LONG_DEGREE if long or at_end else SHORT_DEGREE
-        around = np.arange(max(0, start - reach), min(series.size, stop + reach))
-        known = around[~missing[around]]
-        if known.size < 2 * (degree + 5):
-            continue
-        middle, scale = 0.5 * (start + stop - 1) * step, 0.5 * around.size * step
-        basis = _basis(known * step - middle, scale, frequency, degree)
-        fit = np.linalg.lstsq(basis, series[known], rcond=None)[0]
-        bridges.append((int(stop - start), float(np.sqrt(np.mean((series[known] - basis @ fit) ** 2)))))
-        gap = np.arange(start, stop)
-        filled[gap] = _basis(gap * step - middle, scale, frequency, degree) @ fit
+        best = np.inf
+        for degree, seconds in CANDIDATES:
+            reach = max(degree + 5, int(np.ceil(seconds / step)))
+            around = np.arange(max(0, start - reach), min(series.size, stop + reach))
+            known = around[~missing[around]]
+            parameters = degree + 5
+            if known.size < parameters + 6:
+                continue
+            middle, scale = 0.5 * (start + stop - 1) * step, 0.5 * around.size * step
+            left, size, right = np.linalg.svd(
+                _basis(known * step - middle, scale, frequency, degree), full_matrices=False
+            )
+            used = size > 1e-12 * size[0]
+            solve = right[used].T / size[used]
+            inside = _basis(np.arange(start, stop) * step - middle, scale, frequency, degree) @ solve
+            fit = left[:, used].T @ series[known]
+            misfit = series[known] - left[:, used] @ fit
+            variance = float(misfit @ misfit) / (known.size - int(used.sum()))
+            error = float(np.sqrt(variance * np.mean(np.sum(inside**2, axis=1)) + max(variance - noise**2, 0.0)))
+            if error < best:
+                best = error
+                filled[start:stop] = inside @ fit
+            if error <= GOOD * noise:
+                break
+        if np.isfinite(best):
+            bridges.append((int(stop - start), best))
     return filled, bridges
 
 
 def _basis(tau: Floats, scale: float, frequency: float, degree: int) -> Floats:
     x = tau / scale
     cos, sin = np.cos(frequency * tau), np.sin(frequency * tau)
-    return np.stack([*(x**power for power in range(degree + 1)), cos, sin, x * cos, x * sin], axis=-1)
+    polynomials = np.polynomial.legendre.legvander(x, degree)
+    return np.concatenate([polynomials, np.stack([cos, sin, x * cos, x * sin], axis=-1)], axis=1)

@@ -42,7 +42,7 @@ def reject_outliers(series: Floats, step: float, frequency: float) -> tuple[Floa
     if series.size < 6 * reach or step * frequency > MOST_ANGLE:
         return series, 0, float("nan")
     filter_taps = _leave_one_out(reach, step, frequency)
-    work = fill_gaps(series, step, frequency)
+    work = fill_gaps(series, step, frequency, noise=np.inf)  # any bridge will do to look across
     if work is series:
         work = series.copy()
     rejected = np.zeros(series.size, dtype=bool)

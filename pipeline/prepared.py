@@ -36,7 +36,7 @@ class Prepared:
     bridged : float
         Share of the first pendulum's samples that were bridged.
     bridges : float
-        Root sum of squares over the bridges of length in samples times misfit beyond the noise, rad.
+        Root sum of squares over the bridges of predicted error times the samples it acts on, rad.
     """
 
     observation: Observation
@@ -148,13 +148,15 @@ def prepare(observation: Observation) -> Prepared:
         removed = first + second
         bridged = float(np.isnan(theta).mean())
         if observation.step * nominal < 0.5 * np.pi:
-            theta, spans = bridge(theta, observation.step, nominal)
+            white = float(np.nan_to_num(noise[0]))
+            theta, spans = bridge(theta, observation.step, nominal, white)
             if not np.isfinite(theta).all():
                 raise RefusedError(
                     "record/elongation: the first pendulum has a gap too long to bridge; split the record there"
                 )
-            white = float(np.nan_to_num(noise[0]))
-            bridges = float(np.sqrt(sum(length**2 * max(misfit**2 - white**2, 0.0) for length, misfit in spans)))
+            # a slow error in a bridge acts on the swing for about a radian, however long the bridge is
+            swing = 1.0 / (nominal * observation.step)
+            bridges = float(np.sqrt(sum((min(length, swing) * error) ** 2 for length, error in spans)))
     return Prepared(
         observation=replace(observation, theta=theta, difference=difference),
         rejected=removed,

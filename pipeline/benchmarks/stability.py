@@ -29,6 +29,9 @@ INEXACT = {
 }
 """Methods whose value is off by more than sigma by their nature; judged only where nothing can be right."""
 
+NOTHING_THERE = {"noise-above-stated", "residual-not-white"}
+"""Flags one of which a value must carry where there is no gravity to be had."""
+
 _PHASE = ("uncorrected", "vening-meinesz", "panteleev", "general")
 _ALL = METHODS
 MAY_REFUSE: Mapping[str, tuple[tuple[str, ...], str]] = {
@@ -86,10 +89,10 @@ def error(row: Mapping[str, Any], extreme: Extreme) -> float:
 
 
 def _right(name: str, row: Mapping[str, Any], extreme: Extreme) -> bool:
+    if extreme.gravity is None:
+        return not NOTHING_THERE.isdisjoint(row["flags"])
     if row["flags"]:
         return True
-    if extreme.gravity is None:
-        return False
     return name in INEXACT or abs(error(row, extreme)) <= SIGMAS * float(row["gravity_sigma_mgal"]) + FLOOR
 
 

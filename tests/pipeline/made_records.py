@@ -8,7 +8,7 @@ import xarray as xr
 
 import synth
 from data_schemas.scene import Scene
-from pipeline.processing import process
+from pipeline import process, summaries
 
 GRAVITY = 9.8054321
 PERIOD = 1.0097648

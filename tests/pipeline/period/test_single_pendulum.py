@@ -1,0 +1,168 @@
+"""A single pendulum: finite arc, cycles, and the infinitesimal period with its own uncertainty."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from made_records import simulate
+from scipy.integrate import solve_ivp
+from scipy.special import ellipk
+
+from data_schemas.errors import RefusedError
+from pipeline import process, summaries
+from pipeline.period.cycles import find_cycles
+from pipeline.period.finite_arc import arc_factor
+from pipeline.period.fit import fit_period
+
+T0 = 1.029
+REST = -0.0044
+
+
+def test_arc_factor_against_the_elliptic_integral() -> None:
+    amplitude = np.linspace(0.0, 3.1415, 400)
+    assert arc_factor(amplitude) == pytest.approx(2 / np.pi * ellipk(np.sin(amplitude / 2) ** 2), rel=1e-9)
+
+
+@pytest.mark.parametrize(("amplitude", "ratio"), [(3.1, 3.34849644557), (3.14159, 9.49775504494)])
+def test_arc_factor_at_published_points(amplitude: float, ratio: float) -> None:
+    assert float(arc_factor(amplitude)) == pytest.approx(ratio, rel=2e-11)
+
+
+def test_arc_factor_at_small_arcs_is_the_series() -> None:
+    a = np.array([0.0, 1e-3, 0.05])
+    assert arc_factor(a) == pytest.approx(1 + a**2 / 16 + 11 * a**4 / 3072, abs=1e-9)
+
+
+def decaying(amplitude: float = 1.5, duration: float = 240.0, gamma: float = 0.008) -> tuple[np.ndarray, np.ndarray]:
+    """A free pendulum with viscous damping at clock steps of 10 and 11 ms, from scipy."""
+    random = np.random.default_rng(2)
+    time = np.cumsum(np.where(random.random(int(duration / 0.0102)) < 0.2, 0.011, 0.010))
+    n = 2 * np.pi / T0
+    found = solve_ivp(
+        lambda t, y: [y[1], -2 * gamma * y[1] - n * n * np.sin(y[0])],
+        (0.0, time[-1]),
+        [amplitude, 0.0],
+        "DOP853",
+        time,
+        rtol=1e-10,
+        atol=1e-12,
+    )
+    return time, found.y[0]
+
+
+@pytest.fixture(scope="module")
+def swing() -> tuple[np.ndarray, np.ndarray]:
+    return decaying()
+
+
+def quantised(theta: np.ndarray, step: float = 5.24e-3) -> np.ndarray:
+    return np.round((theta + REST) / step) * step
+
+
+def test_infinitesimal_period_of_an_ideal_record(swing: tuple[np.ndarray, np.ndarray]) -> None:
+    fit = fit_period(find_cycles(*swing))
+    # damping of 0.008 /s lengthens the period by gamma^2/(2 n^2) = 9e-7, and the amplitude moves within a cycle
+    assert fit.period == pytest.approx(T0, rel=1e-5)
+    assert fit.rest == pytest.approx(0.0, abs=1e-4)
+    assert np.abs(fit.reduced / T0 - 1.0).max() < 3e-4
+
+
+def test_encoder_record_within_its_own_three_sigma(swing: tuple[np.ndarray, np.ndarray]) -> None:
+    """Steps of 5.24 mrad, a clock of 10 or 11 ms, rest at -4.4 mrad: what the real pendulum's recorder does."""
+    time, theta = swing
+    fit = fit_period(find_cycles(time, quantised(theta)))
+    assert abs(fit.period - T0) < 3.0 * fit.sigma
+    assert fit.sigma < 2e-4
+    assert fit.rest == pytest.approx(REST, abs=2.5e-3)
+    assert fit.trend < 3e-3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_within_three_sigma(swing: tuple[np.ndarray, np.ndarray], seed: int) -> None:
+    time, theta = swing
+    noise = np.random.default_rng(seed).normal(0.0, 2e-3, theta.size)
+    fit = fit_period(find_cycles(time, theta + noise + 0.02))
+    assert abs(fit.period - T0) < 3.5 * fit.sigma
+    assert fit.rest == pytest.approx(0.02, abs=1e-3)
+
+
+def test_gaps_make_no_double_periods(swing: tuple[np.ndarray, np.ndarray]) -> None:
+    time, theta = swing
+    theta = theta.copy()
+    for start, stop in ((30.0, 33.3), (80.0, 80.7), (150.0, 171.0)):
+        theta[(time > start) & (time < stop)] = np.nan
+    fit = fit_period(find_cycles(time, theta))
+    assert fit.period == pytest.approx(T0, rel=5e-5)
+    reduced = fit.reduced[np.isfinite(fit.reduced)]
+    assert np.abs(reduced / T0 - 1.0).max() < 0.02
+
+
+def test_a_wrong_scale_of_the_angle_is_found(swing: tuple[np.ndarray, np.ndarray]) -> None:
+    time, theta = swing
+    fit = fit_period(find_cycles(time, theta / 1.03))
+    assert fit.scaled
+    assert fit.amplitude_scale == pytest.approx(0.03, abs=2e-3)
+    assert fit.period == pytest.approx(T0, rel=3e-5)
+
+
+def test_linear_pendulums_need_no_arc() -> None:
+    time = np.arange(4000) * 0.01
+    fit = fit_period(find_cycles(time, 0.5 * np.cos(2 * np.pi * time / 1.1)), linear=True)
+    assert fit.period == pytest.approx(1.1, rel=1e-6)
+    assert not fit.scaled
+
+
+@pytest.mark.parametrize(
+    ("theta", "step", "named"),
+    [
+        (np.cos(np.arange(20) * 0.3), 0.05, "too few"),
+        (np.cos(2 * np.pi * np.arange(300) * 0.01), 0.01, "swings"),
+        (np.cos(2 * np.pi * np.arange(600) * 0.3), 0.3, "samples a swing"),
+        (np.full(500, np.nan), 0.01, "too few"),
+        (np.full(500, 0.3), 0.01, "swings"),
+    ],
+    ids=["twenty readings", "three swings", "three a swing", "nothing", "at rest"],
+)
+def test_what_gives_no_period_is_refused(theta: np.ndarray, step: float, named: str) -> None:
+    with pytest.raises(RefusedError, match=named):
+        fit_period(find_cycles(np.arange(theta.size) * step, theta))
+
+
+def single(**recording: object) -> xr.DataTree:
+    return simulate(
+        duration=60.0, motion=[], sampling_rate=50, traces=[{"name": "1", "combination": {"1": 1.0}}], **recording
+    )[0]
+
+
+def test_a_record_with_one_trace_gives_its_period_and_no_gravity() -> None:
+    found = summaries(process(single()))[0]
+    exact = 1.0097648 / 1.0001 * np.sqrt(9.81 / 9.8054321)
+    assert found["gravity_m_s2"] is None
+    assert found["period_s"] == pytest.approx(exact, rel=1e-7)
+    assert "single-trace" in found["flags"]
+
+
+def test_the_chronometer_of_a_single_trace() -> None:
+    slow = summaries(process(single(chronometer_rate=8.64)))[0]["period_s"]
+    assert slow == pytest.approx(summaries(process(single()))[0]["period_s"], rel=1e-7)
+
+
+def test_trend_and_scale_are_flagged(swing: tuple[np.ndarray, np.ndarray]) -> None:
+    time, theta = swing
+    base = single()
+    instrument = base["instrument"].to_dataset(inherit=False)
+    for values, flag in ((theta, None), (theta / 1.03, "amplitude-scale"), (np.arcsin(theta / 2), "period-trend")):
+        tree = xr.DataTree.from_dict(
+            {
+                "/": xr.Dataset(coords={"time": ("time", time, base.dataset["time"].attrs)}, attrs=base.attrs),
+                "/record": base["record"]
+                .to_dataset(inherit=False)
+                .drop_vars("elongation")
+                .assign(elongation=(("trace", "time"), values[None], base["record"]["elongation"].attrs)),
+                "/instrument": instrument,
+            }
+        )
+        tree["instrument"].attrs.pop("restoring", None)
+        flags = summaries(process(tree))[0]["flags"]
+        assert (flags == ["single-trace"]) if flag is None else (flag in flags)

@@ -53,9 +53,7 @@ def neglected_terms(prepared: Prepared) -> dict[str, float]:
     relative = (envelope.first_speed / envelope.first + own) / first_frequency  # Theta1'/Theta1 + i (Phi1'-n1), over n1
     share = envelope.share
     half = 0.5 * (first_frequency - frequency)
-    arc = model_speed(envelope, frequency, prepared, arc=True) - model_speed(
-        envelope, frequency, prepared, arc=False
-    )
+    arc = model_speed(envelope, frequency, prepared, arc=True) - model_speed(envelope, frequency, prepared, arc=False)
     speeds = {
         "first_speed": half * relative.imag * share.real,
         "first_growth": half * relative.real * share.imag,
@@ -72,7 +70,9 @@ def neglected_terms(prepared: Prepared) -> dict[str, float]:
 def _slope(found: Phases, speed: Floats) -> float:
     """What a term of the phase speed adds to the slope of the regression, rad s-1."""
     present = found.weight > 0.0
-    return regression(found.envelope.time[present], integrate(speed, found.envelope.hop)[present], found.weight[present])
+    return regression(
+        found.envelope.time[present], integrate(speed, found.envelope.hop)[present], found.weight[present]
+    )
 
 
 def _slow_slope(prepared: Prepared, envelope: Envelope, first_frequency: float, frequency: float) -> float:
@@ -87,7 +87,9 @@ def _slow_slope(prepared: Prepared, envelope: Envelope, first_frequency: float, 
     inside = rate < SLOW_BAND * frequency
     # the exact identity for one harmonic: d'' + n2^2 d = (1 - r) psi1''
     answer = np.zeros(rate.size)
-    answer[inside] = -(1.0 - (frequency / first_frequency) ** 2) * rate[inside] ** 2 / (frequency**2 - rate[inside] ** 2)
+    answer[inside] = (
+        -(1.0 - (frequency / first_frequency) ** 2) * rate[inside] ** 2 / (frequency**2 - rate[inside] ** 2)
+    )
     spectrum = np.fft.rfft(slow) * answer
     value, speed = np.fft.irfft(spectrum, count), np.fft.irfft(1j * rate * spectrum, count)
     difference = _at(envelope, fill(envelope.difference), time)

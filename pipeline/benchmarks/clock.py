@@ -20,17 +20,6 @@ def seconds(call: Call) -> float:
     return time.perf_counter() - started
 
 
-def first_call(call: Call) -> float:
-    """Time of the first call, s, in which kernels are compiled or loaded: it is told apart from the warm ones."""
-    return seconds(call)
-
-
-def median_seconds(call: Call, repeats: int = 5) -> float:
-    """Median time of several warm calls, s; one call goes before and is not counted."""
-    call()
-    return statistics.median(seconds(call) for _ in range(repeats))
-
-
 def rounds(calls: Mapping[str, Call], repeats: int = 5, batch: int = 1) -> dict[str, list[float]]:
     """Times of rivals that take turns, s a call: a busy machine slows all of them alike.
 

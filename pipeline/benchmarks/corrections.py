@@ -121,9 +121,7 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
 def residuals(scene: Scene) -> dict[str, float]:
     """Error of every column on a scene's record, mGal; NaN where the method refuses."""
     ready = prepared(scene)
-    found = {
-        name: outcome(reduce_by(name, ready, 0.0), scene.gravity).error for name in COLUMNS if name != AVERAGED
-    }
+    found = {name: outcome(reduce_by(name, ready, 0.0), scene.gravity).error for name in COLUMNS if name != AVERAGED}
     found[AVERAGED] = averaged(ready, scene.gravity) if np.isfinite(found["panteleev"]) else float("nan")
     return {name: found[name] for name in COLUMNS}
 

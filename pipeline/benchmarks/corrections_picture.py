@@ -78,7 +78,13 @@ def _points(axes: Axes, found: Mapping[str, float], times: Mapping[str, float]) 
         )
     if refused:
         axes.text(
-            0.03, 0.97, "refused by name:\n" + "\n".join(refused), transform=axes.transAxes, fontsize=8, color=GREY, va="top"
+            0.03,
+            0.97,
+            "refused by name:\n" + "\n".join(refused),
+            transform=axes.transAxes,
+            fontsize=8,
+            color=GREY,
+            va="top",
         )
 
 
@@ -92,7 +98,15 @@ def _apart(heights: Mapping[str, float], least: float = 0.62) -> dict[str, float
 
 
 def _number(error: float) -> str:
-    return "< 1e-9" if error <= FLOOR else f"{error:.0e}" if error < 1e-3 else f"{error:.2g}" if error < 10 else f"{error:.0f}"
+    return (
+        "< 1e-9"
+        if error <= FLOOR
+        else f"{error:.0e}"
+        if error < 1e-3
+        else f"{error:.2g}"
+        if error < 10
+        else f"{error:.0f}"
+    )
 
 
 def _explain(axes: Axes) -> None:

@@ -25,8 +25,7 @@ def gravity_bound(scene: Scene) -> float:
     step = float(scene.recording.step)
     every = max(1, round(FINEST * step))
     fine = scene.model_copy(update={"recording": Recording.model_validate({"sampling_rate": every / step})})
-    record, truth = simulate(fine)
-    known = truth["truth"].dataset
+    known = simulate(fine)[1]["truth"].dataset
     theta = np.asarray(known["theta"].values)
     n1, n2 = (float(each) for each in known["frequency"].values)
     gamma1, gamma2 = (float(each) for each in known["damping_rate"].values)
@@ -44,7 +43,7 @@ def gravity_bound(scene: Scene) -> float:
 
 
 def _swing(difference: np.ndarray, frequency: float, step: float) -> complex:
-    """A - iB of the difference at t = 0 by least squares over the first two swings: the bound needs it to a per cent."""
+    """A - iB of the difference at t = 0, by least squares over two swings: the bound needs it to a per cent."""
     time = np.arange(int(4.0 * np.pi / frequency / step)) * step
     basis = np.stack([np.cos(frequency * time), np.sin(frequency * time)], axis=-1)
     a, b = np.linalg.lstsq(basis, difference[: time.size], rcond=None)[0]

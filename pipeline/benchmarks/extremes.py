@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from xarray import DataTree
@@ -16,6 +17,7 @@ from pipeline.benchmarks.scenes import (
     own_frequency,
     swell,
     two_pendulums,
+    uneven,
 )
 from synth import simulate
 
@@ -57,11 +59,12 @@ def extremes() -> list[Extreme]:
         Extreme("all NaN, first pendulum", lambda: _blank("first", 0.0, 1e9), None),
         Extreme("10 s long", lambda: _record(linear(noise=NOISE, duration=10.0))),
         Extreme("60 s long", lambda: _record(linear(noise=NOISE, duration=60.0))),
+        Extreme("10 ms jitter, 20 % dropped", lambda: _record(uneven(noise=NOISE))),
         Extreme("two samples a swing", lambda: _record(linear(1e-4, noise=NOISE, marks=True))),
         Extreme("less than two a swing", lambda: _record(linear(1e-4, noise=NOISE, sampling_rate=0.8))),
         Extreme("pure noise", _pure_noise, None),
         *(
-            Extreme(f"nominal period {100 * wrong:g} % long", lambda wrong=wrong: _misnamed(wrong), _as_said(wrong))
+            Extreme(f"nominal period {100 * wrong:g} % long", partial(_misnamed, wrong), _as_said(wrong))
             for wrong in (0.005, 0.05, 0.2)
         ),
     ]
@@ -115,7 +118,8 @@ def _blank(which: str, start: float = 700.0, stop: float = 1000.0) -> DataTree:
     time = np.asarray(record["time"].values)
     values = np.array(record["record/elongation"].values)
     rows = {"both": [0, 1], "first": [0], "difference": [1]}[which]
-    values[np.ix_(rows, np.flatnonzero((time >= start) & (time < stop)))] = np.nan
+    for row in rows:
+        values[row, (time >= start) & (time < stop)] = np.nan
     return _with(record, values)
 
 
@@ -133,5 +137,6 @@ def _misnamed(wrong: float) -> DataTree:
 
 def _with(record: DataTree, values: np.ndarray) -> DataTree:
     record = record.copy(deep=True)
-    record["record/elongation"].values[...] = values
+    traces = record["record"].to_dataset()
+    record["record"] = DataTree(traces.assign(elongation=traces["elongation"].copy(data=values)))
     return record

@@ -84,7 +84,7 @@ def _model(pair: Pair, theta: Floats, step: float, every: int) -> Floats:
 
 
 def jacobian(pair: Pair, theta: Floats, step: float, every: int = 1, *, damping_known: bool = True) -> Floats:
-    """Derivatives of the noise-free difference by (n2, Re swing, Im swing, offset[, gamma2]) at the readings, (n, 4 or 5)."""
+    """Slopes of the noise-free difference by (n2, Re swing, Im swing, offset[, gamma2]) at readings, (n, 4 or 5)."""
 
     def slope(name: str, size: float) -> Floats:
         up = replace(pair, **{name: getattr(pair, name) + size})

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
+from importlib import import_module
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_schemas.scene_motion import HarmonicMotion
 from data_schemas.scene_pendulum import StateStart
 from pipeline.arrays import Floats
+from synth.motion.harmonic_sum import HarmonicSum
 from synth.motion.harmonics import harmonics
 from synth.pendulums.linear import respond
 from synth.propagators.even import EvenTimes
@@ -68,29 +73,32 @@ def task(seconds: int = HOUR) -> Task:
     )
 
 
-def closed_form(given: Task) -> Floats:
-    """The simulator's own propagator, from numbers to angles, (2, n)."""
-    from fractions import Fraction
-
-    motion = harmonics(
+def motion(given: Task) -> HarmonicSum:
+    """The support's motion as the simulator holds it."""
+    return harmonics(
         HarmonicMotion(
             amplitude=tuple(given.amplitude.tolist()),
             angular_frequency=tuple(given.rate.tolist()),
             phase=tuple(given.phase.tolist()),
         )
     )
+
+
+def closed_form(given: Task, moved: HarmonicSum | None = None) -> Floats:
+    """The simulator's own propagator, from numbers to angles, (2, n); `moved` saves checking the numbers anew."""
+    moved = motion(given) if moved is None else moved
     pendulums = zip(given.frequency, given.damping_rate, given.angle, given.speed, strict=True)
     responses = [
-        respond(float(n), float(gamma), StateStart(angle=float(angle), angular_velocity=float(speed)), motion, GRAVITY)
+        respond(float(n), float(gamma), StateStart(angle=float(angle), angular_velocity=float(speed)), moved, GRAVITY)
         for n, gamma, angle, speed in pendulums
     ]
-    return EvenTimes(Fraction(1, RATE), given.seconds * RATE).elongation(responses, motion.angular_frequency)
+    return EvenTimes(Fraction(1, RATE), given.seconds * RATE).elongation(responses, moved.angular_frequency)
 
 
-def reference(given: Task, rows: Floats) -> Floats:
+def reference(given: Task, rows: NDArray[np.int64]) -> Floats:
     """Angles at some readings in 40 digits: steady answer of every harmonic, the rest by the start; (2, rows)."""
-    from mpmath import mp, mpc, mpf
-
+    mpmath: Any = import_module("mpmath")
+    mp, mpc, mpf = mpmath.mp, mpmath.mpc, mpmath.mpf
     out = np.empty((2, rows.size))
     with mp.workdps(40):
         pendulums = zip(given.frequency, given.damping_rate, given.angle, given.speed, strict=True)

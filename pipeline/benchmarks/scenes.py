@@ -67,7 +67,7 @@ def two_pendulums(
     phases: tuple[float, float] = (0.4, 2.2),
     damping_rates: tuple[float, float] = (0.0, 0.0),
     gravity: float = GRAVITY,
-    duration: float = DURATION,
+    duration: float | None = None,
     **recording: Any,
 ) -> Scene:
     """Two linear pendulums on a moving support.
@@ -80,6 +80,8 @@ def two_pendulums(
         Terms of the support's motion; swell by default.
     amplitudes, phases : (2,) tuples
         Free harmonics at the start, rad.
+    duration : float, optional
+        s; half an hour by default.
     recording
         Fields of the scene's recording.
     """
@@ -88,7 +90,7 @@ def two_pendulums(
     return Scene.model_validate(
         {
             "record_id": record_id,
-            "duration": duration,
+            "duration": DURATION if duration is None else duration,
             "gravity": gravity,
             "reference_gravity": REFERENCE,
             "pendulums": [
@@ -135,3 +137,8 @@ def marks_only(**changes: Any) -> Scene:
     """One reading each half second: the first pendulum lies at 0.99 of the Nyquist frequency."""
     changes.setdefault("noise", 1e-4)
     return linear(1e-5, marks=True, **changes)
+
+
+def uneven(**changes: Any) -> Scene:
+    """Readings 10 ms off their even times, a fifth of them absent."""
+    return linear(1e-4, jitter=0.01, drop_fraction=0.2, **changes)

@@ -19,6 +19,9 @@ SUITES = {
     ),
     "paper": ("pipeline.benchmarks.paper", "the source paper's own figures, reproduced"),
     "stability": ("pipeline.benchmarks.stability", "methods on extreme records: a value, or refused by name"),
+    "integrators": ("pipeline.benchmarks.propagators", "propagators against general integrators: time and error"),
+    "speed": ("pipeline.benchmarks.speed", "estimation and the command line against what they replace or import"),
+    "leave-out": ("pipeline.benchmarks.leave_out", "what `process` imports and spends, method by method"),
     "bars": ("pipeline.benchmarks.bars", "every promised accuracy and speed: bar, value, limit, pass"),
 }
 _LISTED = "\n".join(f"  {name:<12} {text}" for name, (_, text) in SUITES.items())

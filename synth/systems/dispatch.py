@@ -16,11 +16,11 @@ from numba.extending import overload
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-_TABLE: dict[str, dict[type, Callable[..., Any]]] = {"derivative": {}, "jacobian": {}, "energy": {}}
+_TABLE: dict[str, dict[type, Callable[..., Any]]] = {"derivative": {}, "jacobian": {}, "energy": {}, "response": {}}
 
 
 def registered(role: str, system: type) -> Callable[[Function], Function]:
-    """Decorator: the kernel below plays `role` ("derivative", "jacobian", "energy") for a system type."""
+    """Decorator: the kernel below plays `role` (a key of the table above) for a system type."""
 
     def note(function: Function) -> Function:
         _TABLE[role][system] = function
@@ -49,6 +49,11 @@ def jacobian(time: float, state: Any, system: Any, out: Any) -> None:
 def energy(state: Any, system: Any) -> float:
     """Energy of a conservative system (without drive and damping)."""
     return float(_find("energy", type(system))(state, system))
+
+
+def response(state: Any, index: int, system: Any, out: Any) -> None:
+    """`out` = change of the state by a unit impulse (torque x time) on pendulum `index`."""
+    _find("response", type(system))(state, index, system, out)
 
 
 def _class(system: Any) -> Any:
@@ -81,5 +86,15 @@ def _energy(state: Any, system: Any) -> Any:
 
     def compiled(state: Any, system: Any) -> Any:
         return chosen(state, system)
+
+    return compiled
+
+
+@overload(response)
+def _response(state: Any, index: Any, system: Any, out: Any) -> Any:
+    chosen = _find("response", _class(system))
+
+    def compiled(state: Any, index: Any, system: Any, out: Any) -> Any:
+        chosen(state, index, system, out)
 
     return compiled

@@ -59,9 +59,7 @@ def test_the_simulated_clock_is_undone(rate: float) -> None:
 def test_a_half_period_longer_by_1e_7_seconds_is_0_388_milligal() -> None:
     """The old tables' unit at T/2 = 0.505 s."""
     tree, _ = simulate(duration=120.0, motion=[])
-    low, high = (
-        row(scaled(tree, (change, change)), "uncorrected")["gravity_m_s2"] for change in (0.0, 1e-7 / 0.505)
-    )
+    low, high = (row(scaled(tree, (change, change)), "uncorrected")["gravity_m_s2"] for change in (0.0, 1e-7 / 0.505))
     assert (high - low) * 1e5 == pytest.approx(0.388, abs=0.001)
 
 

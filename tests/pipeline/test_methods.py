@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from pipeline import METHODS, process, summaries
 
-EXACT = {"projection": 1e-5, "complex": 2e-3, "panteleev": 2e-3}  # mGal at 240 s and eps <= 1e-4
+EXACT = {"projection": 1e-5, "complex": 4e-3, "panteleev": 4e-3}  # mGal at 240 s: the windows pass -95 dB of swell
 SCALE = 2.0 / 1e-5  # mGal per relative error of the frequency and m s-2
 
 
@@ -170,8 +170,10 @@ def test_auto_on_linear_pendulums_is_within_a_hundredth_milligal(write: bool, am
 def test_auto_says_when_arcs_are_negligible_and_when_they_cannot_be_told() -> None:
     tiny, _ = simulate(eps=1e-4, free=((1e-4, 0.4), (1e-4, 2.2)), write_restoring=False, motion=[])
     assert "finite arc amounts to" in row(tiny, "auto")["choice_reason"]
-    noisy, _ = simulate(eps=1e-4, write_restoring=False, noise=3e-4, motion=[])
-    assert "hardly tell" in row(noisy, "auto")["choice_reason"]
+    noisy, _ = simulate(eps=1e-4, write_restoring=False, noise=3e-4, motion=[], free=((0.02, 0.4), (0.02, 2.2)))
+    undecided = row(noisy, "auto")
+    assert undecided["method"] == "general"  # what the record does not say is the sine
+    assert "hardly tell" in undecided["choice_reason"]
 
 
 ZERO = ((0.01, 0.0), (0.01, 0.7))
@@ -218,9 +220,9 @@ def test_the_record_is_not_modified(method: str) -> None:
 def test_results_do_not_depend_on_when_the_record_begins(method: str) -> None:
     """Time stamps of a later day: phases are counted from the record's own start."""
     record, _ = simulate()
-    later = record.copy(deep=True)
-    later = xr.DataTree.from_dict(
-        {"/" + k if k else "/": node.to_dataset(inherit=False) for k, node in [("", later)]}
-        | {f"/{name}": child.to_dataset(inherit=False) for name, child in later.children.items()}
-    ).assign_coords(time=("time", record.dataset["time"].values + 1000.0, record.dataset["time"].attrs))
+    nodes = {f"/{name}": node.to_dataset(inherit=False) for name, node in record.children.items()}
+    time = record.dataset["time"]
+    root = xr.Dataset(coords={"time": ("time", time.values + 1000.0, time.attrs)}, attrs=record.attrs)
+    nodes = {name: node.drop_vars("time", errors="ignore") for name, node in nodes.items()}
+    later = xr.DataTree.from_dict({"/": root, **nodes})
     assert row(later, method)["gravity_m_s2"] == pytest.approx(row(record, method)["gravity_m_s2"], abs=1e-11)

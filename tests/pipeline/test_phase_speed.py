@@ -196,7 +196,9 @@ def test_36_laws(sizes: tuple[float, float], rates: tuple[float, ...], lead: flo
     (a1, a2), (p1, p2, g1, g2) = sizes, rates
     value = difference_speed(p1, p2, a1, a2, g1, g2, lead)
     swapped = difference_speed(p2, p1, a2, a1, g2, g1, -lead)
-    scale = 1e-9 * (1.0 + max(a1, a2) / difference_amplitude(a1, a2, lead)) ** 2 * (1.0 + max(map(abs, rates)) / min(sizes))
+    scale = (
+        1e-9 * (1.0 + max(a1, a2) / difference_amplitude(a1, a2, lead)) ** 2 * (1.0 + max(map(abs, rates)) / min(sizes))
+    )
     assert abs(value - swapped) < scale
     assert abs(difference_speed(p1 + 3.0, p2 + 3.0, a1, a2, g1, g2, lead) - value - 3.0) < scale
 

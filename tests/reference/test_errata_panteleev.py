@@ -1,7 +1,7 @@
 """Every misprint of Panteleev (1958): the printed form fails where the corrected one holds.
 
-The motion is that of two linear pendulums under a slow harmonic and one close to resonance, in closed form; a test of its
-own checks it against a Runge-Kutta integration of equations (1).
+The motion is that of two linear pendulums under a slow harmonic and one close to resonance, in closed form; a test of
+its own checks it against a Runge-Kutta integration of equations (1).
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def test_14_the_leak_is_of_the_slow_speed() -> None:
 
 
 def test_14_the_second_line_divides_by_n1_not_by_its_derivative() -> None:
-    a, phi, growth, _ = without_resonance()
+    _, phi, growth, _ = without_resonance()
     free = 0.012 * np.sin(N1 * TIME + 0.4 - phi) - PSI[0].value * np.sin(phi)
     assert worst(-(N1 - N2) * (free - PSI[0].speed / N1 * np.cos(phi)) - growth) < ROUNDING
     n_speed = 0.0

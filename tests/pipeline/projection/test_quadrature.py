@@ -14,7 +14,7 @@ N = 2.0 * np.pi / 1.01
 
 
 def exact_integral(name: str, power: int, left: float, step: float, lam: complex) -> complex:
-    """`int_0^h exp(lam (h - x)) z^p {1, cos, sin}(n x) dx`, z in steps from the stencil's centre, x from the interval."""
+    """`int_0^h exp(lam (h - x)) z^p {1, cos, sin}(n z h) dx`, z in steps from the stencil's centre."""
     mpmath.mp.dps = 30
 
     def inner(x: mpmath.mpf) -> mpmath.mpc:
@@ -48,7 +48,9 @@ def test_taps_away_from_the_fitted_frequency_keep_the_order() -> None:
     weights = taps(stencil(N, step), lam, step)[3]
     z = np.arange(NODES) - CENTRE
     for m, limit in ((2 * np.pi / 10.0, 3e-9), (2 * np.pi / 4.0, 1e-6), (N * 1.001, 1e-9)):
-        exact = complex(mpmath.quad(lambda x, m=m: mpmath.exp(lam * (step - x)) * mpmath.cos(m * (x - 0.05)), [0, step]))
+        exact = complex(
+            mpmath.quad(lambda x, m=m: mpmath.exp(lam * (step - x)) * mpmath.cos(m * (x - 0.05)), [0, step])
+        )
         assert abs(weights @ np.cos(m * step * z) - exact) < limit * step
 
 
@@ -92,7 +94,9 @@ def test_interval_integrals_are_the_taps_on_each_stencil() -> None:
     for k in range(39):
         row = k if k < 3 else (3 if k < 36 else k - 32)
         start = 0 if k < 3 else (k - 3 if k < 36 else 32)
-        assert complex(out[0, k], out[1, k]) == pytest.approx(complex(weights[row] @ theta[start : start + 8]), abs=1e-14)
+        assert complex(out[0, k], out[1, k]) == pytest.approx(
+            complex(weights[row] @ theta[start : start + 8]), abs=1e-14
+        )
 
 
 @pytest.mark.parametrize("count", [8, 9, 255, 257, 600])
@@ -160,9 +164,7 @@ def test_moments_are_the_plain_gram_matrix(count: int, limit: float) -> None:
     step, decay, frequency = 0.1, 3e-3, N
     coefficient = np.array([0.1, -0.2, 0.05])
     gram = np.empty((kernels.COLUMNS, kernels.COLUMNS))
-    beyond = kernels.moments(
-        difference, response, slope, by_damping, step, decay, frequency, coefficient, limit, gram
-    )
+    beyond = kernels.moments(difference, response, slope, by_damping, step, decay, frequency, coefficient, limit, gram)
     t = np.arange(count) * step
     wave = np.exp((-decay + 1j * frequency) * t)
     x = np.linspace(-1.0, 1.0, count)

@@ -1,0 +1,173 @@
+"""One step of the explicit Runge-Kutta pair of order 8, and its dense output.
+
+Slopes are kept in the rows of one array, so that no view is made in the loop. The increment of the step is formed apart
+from the state, for the march to add it with compensation.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from synth.integrators.explicit_tableau import CORRECTION, DENSE, ERRORS, NODES, WEIGHTS
+from synth.kernels.compiled import kernel
+from synth.phase import Floats
+from synth.systems.dispatch import derivative
+
+_A, _B, _L, _C, _E, _D = WEIGHTS, WEIGHTS[12], CORRECTION, NODES, ERRORS, DENSE
+
+
+@kernel
+def attempt(
+    time: float, step: float, state: Floats, k: Floats, point: Floats, slope: Floats, increment: Floats, system: Any
+) -> None:
+    """Fill slopes k[1..11] from k[0], and the increment of the state over the step.
+
+    Parameters
+    ----------
+    time, step : float
+    state : (n,) array
+    k : (16, n) array
+        Row 0 holds the slope at `state`.
+    point, slope : (n,) arrays
+        Working space.
+    increment : (n,) array
+        Result.
+    system : NamedTuple
+    """
+    n = state.size
+    h = step
+    for i in range(n):
+        point[i] = state[i] + h * (_A[1][0] * k[0, i])
+    derivative(time + _C[1] * h, point, system, slope)
+    for i in range(n):
+        k[1, i] = slope[i]
+        point[i] = state[i] + h * (_A[2][0] * k[0, i] + _A[2][1] * slope[i])
+    derivative(time + _C[2] * h, point, system, slope)
+    for i in range(n):
+        k[2, i] = slope[i]
+        point[i] = state[i] + h * (_A[3][0] * k[0, i] + _A[3][2] * slope[i])
+    derivative(time + _C[3] * h, point, system, slope)
+    for i in range(n):
+        k[3, i] = slope[i]
+        point[i] = state[i] + h * (_A[4][0] * k[0, i] + _A[4][2] * k[2, i] + _A[4][3] * slope[i])
+    derivative(time + _C[4] * h, point, system, slope)
+    for i in range(n):
+        k[4, i] = slope[i]
+        point[i] = state[i] + h * (_A[5][0] * k[0, i] + _A[5][3] * k[3, i] + _A[5][4] * slope[i])
+    derivative(time + _C[5] * h, point, system, slope)
+    for i in range(n):
+        k[5, i] = slope[i]
+        total = _A[6][0] * k[0, i] + _A[6][3] * k[3, i] + _A[6][4] * k[4, i] + _A[6][5] * slope[i]
+        point[i] = state[i] + h * total
+    derivative(time + _C[6] * h, point, system, slope)
+    for i in range(n):
+        k[6, i] = slope[i]
+        total = _A[7][0] * k[0, i] + _A[7][3] * k[3, i] + _A[7][4] * k[4, i] + _A[7][5] * k[5, i]
+        point[i] = state[i] + h * (total + _A[7][6] * slope[i])
+    derivative(time + _C[7] * h, point, system, slope)
+    for i in range(n):
+        k[7, i] = slope[i]
+        total = _A[8][0] * k[0, i] + _A[8][3] * k[3, i] + _A[8][4] * k[4, i] + _A[8][5] * k[5, i]
+        point[i] = state[i] + h * (total + _A[8][6] * k[6, i] + _A[8][7] * slope[i])
+    derivative(time + _C[8] * h, point, system, slope)
+    for i in range(n):
+        k[8, i] = slope[i]
+        total = _A[9][0] * k[0, i] + _A[9][3] * k[3, i] + _A[9][4] * k[4, i] + _A[9][5] * k[5, i]
+        point[i] = state[i] + h * (total + _A[9][6] * k[6, i] + _A[9][7] * k[7, i] + _A[9][8] * slope[i])
+    derivative(time + _C[9] * h, point, system, slope)
+    for i in range(n):
+        k[9, i] = slope[i]
+        total = _A[10][0] * k[0, i] + _A[10][3] * k[3, i] + _A[10][4] * k[4, i] + _A[10][5] * k[5, i]
+        total += _A[10][6] * k[6, i] + _A[10][7] * k[7, i] + _A[10][8] * k[8, i] + _A[10][9] * slope[i]
+        point[i] = state[i] + h * total
+    derivative(time + _C[10] * h, point, system, slope)
+    for i in range(n):
+        k[10, i] = slope[i]
+        total = _A[11][0] * k[0, i] + _A[11][3] * k[3, i] + _A[11][4] * k[4, i] + _A[11][5] * k[5, i]
+        total += _A[11][6] * k[6, i] + _A[11][7] * k[7, i] + _A[11][8] * k[8, i] + _A[11][9] * k[9, i]
+        point[i] = state[i] + h * (total + _A[11][10] * slope[i])
+    derivative(time + h, point, system, slope)
+    for i in range(n):
+        k[11, i] = slope[i]
+        small = _L[0] * k[0, i] + _L[1] * k[1, i] + _L[2] * k[2, i] + _L[3] * k[3, i] + _L[4] * k[4, i]
+        small += _L[5] * k[5, i] + _L[6] * k[6, i] + _L[7] * k[7, i] + _L[8] * k[8, i] + _L[9] * k[9, i]
+        small += _L[10] * k[10, i] + _L[11] * k[11, i]
+        total = _B[0] * k[0, i] + _B[5] * k[5, i] + _B[6] * k[6, i] + _B[7] * k[7, i] + _B[8] * k[8, i]
+        total += _B[9] * k[9, i] + _B[10] * k[10, i] + _B[11] * slope[i]
+        increment[i] = h * (total + small)
+
+
+@kernel
+def local_error(step: float, k: Floats, scale: Floats) -> float:
+    """Size of the local error against `scale` (n,): Hairer's blend of the estimates of order 5 and 3, of order 8."""
+    n = scale.size
+    third = 0.0
+    fifth = 0.0
+    for i in range(n):
+        low = _E[0][0] * k[0, i] + _E[0][5] * k[5, i] + _E[0][6] * k[6, i] + _E[0][7] * k[7, i]
+        low += _E[0][8] * k[8, i] + _E[0][9] * k[9, i] + _E[0][10] * k[10, i] + _E[0][11] * k[11, i]
+        high = _E[1][0] * k[0, i] + _E[1][5] * k[5, i] + _E[1][6] * k[6, i] + _E[1][7] * k[7, i]
+        high += _E[1][8] * k[8, i] + _E[1][9] * k[9, i] + _E[1][10] * k[10, i] + _E[1][11] * k[11, i]
+        third += (low / scale[i]) ** 2
+        fifth += (high / scale[i]) ** 2
+    if fifth == 0.0:
+        return 0.0
+    return abs(step) * fifth / math.sqrt((fifth + 0.01 * third) * n)
+
+
+@kernel
+def dense(
+    time: float, step: float, state: Floats, increment: Floats, after: Floats, k: Floats, point: Floats, slope: Floats,
+    polynomial: Floats, system: Any,
+) -> None:
+    """Coefficients (7, n) of the dense output of order 7 of a step that was accepted; three more evaluations.
+
+    Parameters
+    ----------
+    after : (n,) array
+        Slope at the end of the step.
+    """  # fmt: skip
+    n = state.size
+    h = step
+    for i in range(n):
+        k[12, i] = after[i]
+    for stage in range(13, 16):
+        for i in range(n):
+            total = 0.0
+            for j in range(stage):
+                total += _DENSE_STAGES[stage - 13, j] * k[j, i]
+            point[i] = state[i] + h * total
+        derivative(time + _C[stage] * h, point, system, slope)
+        for i in range(n):
+            k[stage, i] = slope[i]
+    for i in range(n):
+        rise = increment[i]
+        polynomial[0, i] = rise
+        polynomial[1, i] = h * k[0, i] - rise
+        polynomial[2, i] = 2.0 * rise - h * (after[i] + k[0, i])
+        for row in range(4):
+            total = 0.0
+            for j in range(16):
+                total += _DENSE_ROWS[row, j] * k[j, i]
+            polynomial[row + 3, i] = h * total
+
+
+_DENSE_STAGES = np.array([row + (0.0,) * (15 - len(row)) for row in WEIGHTS[13:]])
+_DENSE_ROWS = np.array(DENSE)
+
+
+@kernel
+def between(share: float, state: float, low: float, polynomial: Floats, i: int) -> float:
+    """Component i at `share` of the step, 0 to 1; `low` is what the rounding of `state` left over."""
+    rest = 1.0 - share
+    value = polynomial[5, i] + share * polynomial[6, i]
+    value = polynomial[4, i] + rest * value
+    value = polynomial[3, i] + share * value
+    value = polynomial[2, i] + rest * value
+    value = polynomial[1, i] + share * value
+    # order of the factors: x [F0 + (1-x) (F1 + x (F2 + (1-x) (F3 + x (F4 + (1-x) (F5 + x F6)))))]
+    value = polynomial[0, i] + rest * value
+    return state + (low + share * value)

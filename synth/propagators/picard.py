@@ -1,0 +1,207 @@
+r"""Pendulums with the full sine and cosine on a support that moves as sums of harmonics.
+
+    theta'' + 2 gamma theta' = -n^2 [(1 + zeta) sin theta + u cos theta],   u = x''/g, zeta = z''/g
+
+Exponential Picard collocation: theta = psi + y, where psi is the steady linear answer to the harmonics of u that lie
+away from n, in closed form, and u_near stands for the others. What is left is small,
+
+    y'' + 2 gamma y' + n^2 y = n^2 r,   r = (theta - sin theta) - zeta sin theta + u (1 - cos theta) - u_near
+
+and is solved interval by interval: r is the polynomial through its values at Gauss nodes, its answer under the exact
+linear flow is a product with fixed weights, and nodes and answer are iterated until they agree. A term that depends
+on theta' (a further damping) would be one more summand of r, with the angular velocity at the nodes from weights
+made of the moments D_m of `picard_weights`.
+
+Nothing but the state (y, y'/n) passes from interval to interval, with a propagator and a state of two doubles each;
+phases come from whole numbers. Hence 1e-15 to 1e-14 of the largest angle in an hour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+
+from synth.motion.harmonic_sum import HarmonicSum
+from synth.pendulums.linear import NEAR_RESONANT_BAND, Response
+from synth.phase import Floats, Integers
+from synth.propagators.even import EvenTimes
+from synth.propagators.picard_forcing import Sums
+from synth.propagators.picard_march import Equations, march
+from synth.propagators.picard_readings import EvenReadings, UnevenReadings
+from synth.propagators.uneven import UnevenTimes
+
+_REACH = 4.0  # longest interval times the fastest of n + w, rad: 16 nodes then resolve r to 1e-15 of theta
+
+
+@dataclass(frozen=True)
+class Swing:
+    """Angles at some readings.
+
+    Attributes
+    ----------
+    index : (readings,) int64
+        Which readings of the clock.
+    theta : (pendulums, readings) float64
+        rad
+    estimated_error : float
+        Estimate of the largest error up to here, relative to the largest angle of the pendulum up to here.
+    """
+
+    index: Integers
+    theta: Floats
+    estimated_error: float
+
+
+@dataclass(frozen=True)
+class PicardPlan:
+    """Independent pendulums on one support, and when to read them.
+
+    Attributes
+    ----------
+    frequencies, damping_rates : (pendulums,) float64
+        n > 0 in rad/s at infinitesimal arc, gamma in 1/s; taken as the doubles they are.
+    starts : (pendulums, 2) float64
+        Angle in rad and angular velocity in rad/s at t = 0.
+    horizontal, vertical : HarmonicSum
+        x'' and z'' (up), m/s^2.
+    gravity : float
+        m/s^2
+    times : EvenTimes or UnevenTimes
+        Readings. Uneven ones may come in any order and may be negative.
+
+    Examples
+    --------
+    A free pendulum of 0.1 rad is late by theta^2/16 of a turn each turn:
+
+    >>> still = HarmonicSum(np.empty(0), np.empty(0, dtype=complex))
+    >>> plan = PicardPlan(np.array([6.0]), np.zeros(1), np.array([[0.1, 0.0]]), still, still, 9.81,
+    ...                   EvenTimes(Fraction(1, 4), 9))
+    >>> theta, error = plan.elongation()
+    >>> bool(abs(theta[0, 8] - 0.1 * np.cos(12 * (1 - 0.1**2 / 16))) < 1e-5), error < 1e-14
+    (True, True)
+    """
+
+    frequencies: Floats
+    damping_rates: Floats
+    starts: Floats
+    horizontal: HarmonicSum
+    vertical: HarmonicSum
+    gravity: float
+    times: EvenTimes | UnevenTimes
+
+    def elongation(self) -> tuple[Floats, float]:
+        """Angles at all readings.
+
+        Returns
+        -------
+        theta : (pendulums, readings) float64
+            rad
+        estimated_error : float
+            Largest error, relative to the largest angle of the pendulum.
+
+        Raises
+        ------
+        RefusedError
+            If the motion is too violent for intervals of any sensible length.
+        """
+        count = self.times.count if isinstance(self.times, EvenTimes) else self.times.seconds.size
+        theta = np.empty((len(self.frequencies), count))
+        error = 0.0
+        for swing in self.stream():
+            theta[:, swing.index] = swing.theta
+            error = max(error, swing.estimated_error)
+        return theta, error
+
+    def stream(self) -> Iterator[Swing]:
+        """Angles portion by portion, in bounded memory; by time, those before t = 0 first and backwards.
+
+        Raises
+        ------
+        RefusedError
+            As `elongation`.
+        """
+        if isinstance(self.times, EvenTimes):
+            even = EvenReadings.among(self.times.step, self.times.count, self._longest())
+            for swing in march(self._equations(), even):
+                yield Swing(*swing)
+            return
+        seconds = self.times.seconds
+        order = np.argsort(seconds, kind="stable")
+        before = int(np.searchsorted(seconds[order], 0.0))
+        for plan, picked in ((self._reversed(), order[:before][::-1]), (self, order[before:])):
+            uneven = UnevenReadings.among(np.abs(seconds[picked]), self.times.scale, self._longest())
+            for index, theta, error in march(plan._equations(), uneven):
+                yield Swing(picked[index], theta, error)
+
+    def _longest(self) -> float:
+        fastest = max(
+            float(np.max(motion.angular_frequency, initial=0.0)) for motion in (self.horizontal, self.vertical)
+        )
+        return _REACH / (float(np.max(self.frequencies)) + fastest)
+
+    def _reversed(self) -> PicardPlan:
+        """The same motion with time running backwards."""
+        return replace(
+            self,
+            damping_rates=-self.damping_rates,
+            starts=self.starts * [1.0, -1.0],
+            horizontal=HarmonicSum(self.horizontal.angular_frequency, self.horizontal.acceleration.conj()),
+            vertical=HarmonicSum(self.vertical.angular_frequency, self.vertical.acceleration.conj()),
+        )
+
+    def _equations(self) -> Equations:
+        horizontal, vertical = _at_least_one(self.horizontal), _at_least_one(self.vertical)
+        w = horizontal.angular_frequency
+        u = horizontal.acceleration / self.gravity
+        low, high = NEAR_RESONANT_BAND
+        near = np.zeros(w.size, dtype=bool)
+        for n in self.frequencies.tolist():
+            near |= (w > low * n) & (w < high * n)
+        steady = np.array(
+            [
+                np.where(near, 0.0, -(n**2) * u / np.where(near, 1.0, (n - w) * (n + w) + 2j * gamma * w))
+                for n, gamma in zip(self.frequencies.tolist(), self.damping_rates.tolist(), strict=True)
+            ]
+        )
+        angle = self.starts[:, 0] - steady.real.sum(axis=1)
+        speed = self.starts[:, 1] - (1j * w * steady).real.sum(axis=1)
+        return Equations(
+            self.frequencies,
+            self.damping_rates,
+            np.array([angle, speed / self.frequencies]),
+            Sums(w, np.vstack([steady, u, np.where(near, u, 0.0)] if near.any() else [steady, u])),
+            Sums(vertical.angular_frequency, vertical.acceleration[None, :] / self.gravity),
+        )
+
+
+def _at_least_one(motion: HarmonicSum) -> HarmonicSum:
+    """The motion; a constant zero for none, so that no sum is empty."""
+    return motion if motion.angular_frequency.size else HarmonicSum(np.zeros(1), np.zeros(1, dtype=np.complex128))
+
+
+def start_state(response: Response, angular_frequency: Floats) -> Floats:
+    """Angle and angular velocity at t = 0 of a linear pendulum: its free harmonic on top of the steady motion psi.
+
+    A pendulum released at rest would carry a mean mode of its own (physics sheet, 1.2); a nonlinear pendulum that is to
+    start on the forced solution starts from here.
+
+    Parameters
+    ----------
+    response
+        As `pendulums.linear.respond` gives it.
+    angular_frequency : (harmonics,)
+        Of the motion that it answers, rad/s.
+
+    Returns
+    -------
+    (2,) float64
+        rad, rad/s
+    """
+    own = complex(-response.damping_rate, float(response.damped_frequency))
+    slow = np.array([np.sum(response.forced), np.sum(1j * angular_frequency * response.forced)])
+    free = np.array([response.start, own * response.start + np.sum(response.gain)])
+    state: Floats = (slow + free).real
+    return state

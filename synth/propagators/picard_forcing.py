@@ -1,0 +1,97 @@
+"""Sums of harmonics where collocation wants them: at the nodes of intervals and at even readings.
+
+Many intervals make one block of moments that lie evenly about its centre, so that the even and the odd part of
+all sums are two matrix products (see `products`): sines only for the edges of the table, and exact phases however
+late the block.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from synth.phase import Floats, Integers, Phasors, turns
+from synth.propagators.picard_weights import FINE, gauss_nodes
+from synth.propagators.ticks import Ticks
+
+_ONE_THREAD = 1 << 18  # multiplications up to which OpenBLAS keeps to one thread
+_FEWEST_ROWS = 8
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Several sums over the same harmonics.
+
+    Attributes
+    ----------
+    angular_frequency : (harmonics,) float64
+        rad/s
+    coefficients : (sums, harmonics) complex128
+    """
+
+    angular_frequency: Floats
+    coefficients: Phasors
+
+    def some(self, which: slice) -> Sums:
+        """Some of the sums."""
+        return Sums(self.angular_frequency, self.coefficients[which])
+
+
+class Grid:
+    """Evaluates sums in blocks of the same moments about centres that are whole multiples of a step.
+
+    Parameters
+    ----------
+    sums
+        What to evaluate.
+    step, fine_step
+        Units of centres and of reaches, s; exact.
+    reaches : (half,) int64
+        Moments of a block after its centre, increasing, in fine steps.
+    most : int
+        Most centres asked for at once: the work space for them is kept, for fresh memory costs as much as the sums.
+    """
+
+    def __init__(self, sums: Sums, step: Fraction, fine_step: Fraction, reaches: Integers, most: int) -> None:
+        frequencies = sums.angular_frequency.tolist()
+        self._coefficients = sums.coefficients
+        self._rate = turns(frequencies, step)
+        table = Ticks(reaches).phasors(turns(frequencies, fine_step))
+        self._even, self._odd = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
+        self._rows = max(_FEWEST_ROWS, _ONE_THREAD // max(table.size, 1))
+        self._result = np.empty((len(sums.coefficients) * most, 2 * reaches.size))
+        self._parts = np.empty((2, min(self._rows, len(self._result)), reaches.size))
+
+    def evaluate(self, centres: Integers) -> Floats:
+        """Real parts of the sums, (sums, centres * moments), in order of time; valid until the next call.
+
+        A harmonic Re(U exp(i w (t_b + tau))) has an even part in tau, Re(U_b) cos(w tau), and an odd part,
+        -Im(U_b) sin(w tau).
+        """
+        head = Ticks(centres).phasors(self._rate)
+        weights = (self._coefficients[:, None, :] * head.T).reshape(-1, len(head))
+        real, imaginary = np.ascontiguousarray(weights.real), np.ascontiguousarray(weights.imag)
+        half = self._even.shape[1]
+        result = self._result[: len(weights)]
+        for begin in range(0, len(weights), self._rows):
+            strip = slice(begin, begin + self._rows)
+            after, before = result[strip, half:], result[strip, half - 1 :: -1]
+            even, odd = self._parts[:, : len(after)]
+            np.matmul(real[strip], self._even, out=even)
+            np.matmul(imaginary[strip], self._odd, out=odd)
+            np.subtract(even, odd, out=after)
+            np.add(even, odd, out=before)
+        return result.reshape(len(self._coefficients), -1)
+
+
+def node_grid(sums: Sums, interval: Fraction, group: int, most: int) -> Grid:
+    """Nodes of `group` intervals a block, an even number; centres count in intervals."""
+    starts = (2 * np.arange(group // 2, dtype=np.int64)[:, None] + 1) * FINE
+    return Grid(sums, interval, interval / (2 * FINE), (starts + gauss_nodes()).ravel(), most)
+
+
+def reading_grid(sums: Sums, step: Fraction, half: int, most: int) -> Grid:
+    """Even readings, 2 * half a block; centres lie between two readings and count in half steps."""
+    return Grid(sums, step / 2, step / 2, 2 * np.arange(half, dtype=np.int64) + 1, most)

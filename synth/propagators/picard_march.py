@@ -1,0 +1,172 @@
+"""Marching collocation through a record, with intervals as short as the motion asks for.
+
+Intervals are handled in strides: forcing for all nodes of a stride by matrix products, then the compiled march. A
+stride that iteration or the nodes cannot manage is taken again from its start in intervals half as long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from data_schemas.errors import RefusedError
+from synth.kernels.collocation import NODES, POINTS
+from synth.kernels.collocation import march as march_intervals
+from synth.phase import Floats, Integers
+from synth.propagators.picard_error import Estimate
+from synth.propagators.picard_forcing import Sums, node_grid
+from synth.propagators.picard_readings import EvenReadings, Portion, UnevenReadings
+from synth.propagators.picard_weights import legendre_tail, weights
+
+GROUP = 32
+"""Intervals in a block of the forcing."""
+
+_BLOCKS = 24  # blocks in a stride at most; forcing and readings of a stride then stay in the processor's cache
+_MOST_HALVINGS = 10
+_PATIENCE = 8  # strides after which longer intervals are tried again
+_SMALL = 0.5  # rad, up to which the short polynomials of the kernel hold
+_STOP = 1e-15
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Pendulums and forcing, as collocation wants them.
+
+    Attributes
+    ----------
+    frequencies, damping_rates : (pendulums,)
+        n in rad/s, gamma in 1/s.
+    start : (2, pendulums)
+        y and y'/n at t = 0, rad.
+    horizontal : Sums
+        Steady answers of all pendulums, u, and that part of u which they leave out, if any.
+    vertical : Sums
+        zeta.
+    """
+
+    frequencies: Floats
+    damping_rates: Floats
+    start: Floats
+    horizontal: Sums
+    vertical: Sums
+
+
+class _Level:
+    """One length of intervals: forcing, weights and readings."""
+
+    def __init__(self, equations: Equations, readings: EvenReadings | UnevenReadings) -> None:
+        blocks = min(_BLOCKS, -(-readings.intervals // GROUP))
+        self.readings = readings
+        self.most = blocks * GROUP
+        self.turn = equations.frequencies * float(readings.interval)
+        self._pendulums = len(equations.frequencies)
+        horizontal, vertical = equations.horizontal, equations.vertical
+        if np.array_equal(horizontal.angular_frequency, vertical.angular_frequency):
+            merged = Sums(horizontal.angular_frequency, np.vstack([vertical.coefficients, horizontal.coefficients]))
+            self._grids = [node_grid(merged, readings.interval, GROUP, blocks)]
+        else:
+            self._grids = [node_grid(each, readings.interval, GROUP, blocks) for each in (vertical, horizontal)]
+        self.points = np.empty((self._pendulums, self.most, POINTS))
+        self._still = np.zeros((self.most, NODES))
+        self.steady = readings.steady(horizontal.some(slice(self._pendulums)), self.most)
+        each_pendulum = zip(equations.frequencies.tolist(), equations.damping_rates.tolist(), strict=True)
+        sets = [weights(n, gamma, readings.interval) for n, gamma in each_pendulum]
+        self.weights = (
+            np.array([each.flow for each in sets]),
+            np.array([each.inner for each in sets]),
+            np.array([each.guess for each in sets]),
+            np.array([each.end for each in sets]),
+            np.array([each.propagator for each in sets]),
+            legendre_tail(),
+        )
+
+    def forcing(self, first: int, count: int) -> tuple[Floats, Floats, Floats, Floats]:
+        """Steady answers (pendulums, count, NODES), and zeta, u and drive (count, NODES)."""
+        centres = np.arange(first + GROUP // 2, first + count, GROUP, dtype=np.int64)
+        sums = [values.reshape(len(values), count, NODES) for values in (grid.evaluate(centres) for grid in self._grids)]
+        vertical, horizontal = (sums[0][0], sums[0][1:]) if len(sums) == 1 else (sums[0][0], sums[1])
+        rest = horizontal[self._pendulums :]
+        drive = rest[1] if len(rest) > 1 else self._still[:count]
+        return horizontal[: self._pendulums], vertical, rest[0], drive
+
+
+def march(equations: Equations, readings: EvenReadings | UnevenReadings) -> Iterator[tuple[Integers, Floats, float]]:
+    """Yield index, angles (pendulums, readings) and estimated error of stride after stride.
+
+    Raises
+    ------
+    RefusedError
+        If intervals of a thousandth of the planned length are still too long.
+    """
+    levels = [_Level(equations, readings)] if readings.intervals else []
+    pendulums = len(equations.frequencies)
+    state = np.zeros((pendulums, 4))
+    state[:, 0], state[:, 2] = equations.start
+    remainder = np.zeros((pendulums, NODES))
+    estimate = Estimate(equations.frequencies)
+    depth, calm, patience, done = 0, 0, _PATIENCE, 0
+    while levels and done < levels[depth].readings.intervals:
+        level = levels[depth]
+        count = min(level.most, -(-(level.readings.intervals - done) // GROUP) * GROUP)
+        carried, known, tried = state.copy(), remainder.copy(), estimate.copy()
+        portion, theta, good = _stride(level, done, count, carried, known, tried)
+        if good:
+            state, remainder, estimate = carried, known, tried
+            done += count
+            yield portion.index, theta, estimate.relative
+            calm += 1
+            if depth and calm >= patience:
+                depth, done, calm = depth - 1, done // 2, 0
+                remainder = np.zeros_like(remainder)
+            continue
+        if depth == _MOST_HALVINGS:
+            raise _refused(done * float(level.readings.interval), float(level.readings.interval))
+        patience = 2 * patience if calm == 0 and depth + 1 < len(levels) else _PATIENCE
+        depth, done, calm = depth + 1, 2 * done, 0
+        remainder = np.zeros_like(remainder)
+        if depth == len(levels):
+            levels.append(_Level(equations, level.readings.halved()))
+
+
+def _stride(
+    level: _Level, first: int, count: int, state: Floats, remainder: Floats, estimate: Estimate
+) -> tuple[Portion, Floats, bool]:
+    """March `count` intervals; state, remainder and estimate move on. Return readings and whether all went well."""
+    steady, vertical, horizontal, drive = level.forcing(first, count)
+    portion = level.readings.portion(first, count)
+    theta = level.steady(portion)
+    peak = np.abs(steady).max(axis=(1, 2))
+    zeta, u, rest = (float(np.abs(each).max()) for each in (vertical, horizontal, drive))
+    turn = level.turn
+    most = turn * (_SMALL * zeta + _SMALL**3 / 6 + _SMALL**2 / 2 * u + rest)  # y can change by this in an interval
+    report = estimate.report()
+    angle = np.minimum(peak + np.sqrt(report[:, 3]), np.pi)
+    contraction = float(np.max(turn**2 / 4 * (zeta + angle**2 / 2 + u * angle)))
+    points = level.points[:, :count]
+    march_done = march_intervals(
+        state,
+        remainder,
+        steady,
+        vertical,
+        horizontal,
+        drive,
+        np.maximum(_SMALL - peak - most, 0.0),
+        (peak + np.minimum(turn, turn**2) * rest) ** 2,
+        level.weights,
+        min(max(_STOP / max(contraction, 1e-3), 10 * _STOP), 100 * _STOP),
+        points,
+        report,
+    )
+    estimate.add(report, peak, turn, march_done)
+    level.readings.read(points, portion, theta)
+    good = march_done == count and bool(np.isfinite(state).all()) and estimate.is_resolved
+    return portion, theta, good
+
+
+def _refused(time: float, interval: float) -> RefusedError:
+    return RefusedError(
+        f"motion: too violent for Picard collocation at t = {time:.6g} s, even in intervals of {interval:.3g} s;"
+        " choose the explicit method"
+    )

@@ -1,0 +1,221 @@
+r"""Weights of exponential collocation, in whole-number arithmetic of 320 bits.
+
+Over one interval of length h (time in units of h, dots likewise, n and gamma as n h and gamma h)
+
+    y'' + 2 gamma y' + n^2 y = n^2 r(x),   r known at nodes x_k,   r(x) = sum r_k l_k(x)   (Lagrange)
+    y(x) = (K' + 2 gamma K)(x) y(0) + K(x) y'(0) + n^2 sum_k r_k  integral_0^x K(x - s) l_k(s) ds
+
+with K'' + 2 gamma K' + n^2 K = 0, K(0) = 0, K'(0) = 1. The moments M_m = integral K(x - s) s^m ds and
+D_m = integral K'(x - s) s^m ds follow from integration by parts,
+
+    D_0 = K(x),  D_m = m M_(m-1),     n^2 M_m = x^m - [m = 0] K'(x) - m D_(m-1) - 2 gamma D_m
+
+which loses m!/(n h)^m: hence the many bits. Doubles would do for neither the moments nor the propagator, whose
+rounded entries alone cost 1e-12 in an hour; its entries are kept as a sum of two doubles.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from synth.kernels.collocation import NODES, POINTS
+from synth.phase import Floats, Integers
+
+_BITS = 320
+_ONE = 1 << _BITS
+_NOTHING = 1 << 8  # rounding of what follows
+FINE = 1 << 40
+"""Nodes are multiples of 1/FINE of half an interval: their phases are exact in fixed point."""
+
+_EXTRAPOLATED = 15  # Legendre terms of r that are carried into the next interval as a first guess
+
+
+@dataclass(frozen=True)
+class Weights:
+    """What an interval needs, for one pendulum; time in intervals, speed as theta'/n.
+
+    Attributes
+    ----------
+    flow : (2 * NODES,) float64
+        Free motion at the nodes: that of the start angle, then that of the start speed.
+    inner : (NODES * NODES,) float64
+        Angle at the nodes (fast index) for the remainder at the nodes (slow index).
+    guess : (NODES * NODES,) float64
+        The same for the remainder of the interval before, continued.
+    end : (2 * NODES,) float64
+        Angle, then speed, at the end for the remainder at the nodes.
+    propagator : (16,) float64
+        Entries (angle, angle), (angle, speed), (speed, angle), (speed, speed), each as head and tail of its
+        leading double, for exact products, the leading double itself, and what is left.
+    """
+
+    flow: Floats
+    inner: Floats
+    guess: Floats
+    end: Floats
+    propagator: Floats
+
+
+@functools.cache
+def gauss_nodes() -> Integers:
+    """Gauss-Legendre nodes in units of 1/FINE, on (-FINE, FINE), increasing and even about zero."""
+    after = np.rint(np.polynomial.legendre.leggauss(NODES)[0][(NODES + 1) // 2 :] * FINE).astype(np.int64)
+    middle = np.zeros(NODES % 2, dtype=np.int64)
+    return np.concatenate([-after[::-1], middle, after])
+
+
+@functools.lru_cache(maxsize=64)
+def weights(frequency: float, damping_rate: float, interval: Fraction) -> Weights:
+    """Weights for one pendulum and one length of interval.
+
+    Parameters
+    ----------
+    frequency, damping_rate
+        n > 0 in rad/s and gamma in 1/s, of either sign; taken as the doubles they are.
+    interval
+        h in s, exact.
+    """
+    turn = _fixed(Fraction(frequency) * interval)
+    loss = _fixed(2 * Fraction(damping_rate) * interval)
+    places = [(FINE + int(node)) * (_ONE // (2 * FINE)) for node in gauss_nodes()] + [_ONE]
+    kernel, slope = zip(*(_kernel(place, turn, loss) for place in places), strict=True)
+    moments, rates = zip(*(_moments(*each, turn, loss) for each in zip(places, kernel, slope, strict=True)), strict=True)
+    lagrange = np.array(_lagrange(), dtype=object)  # (power, node)
+    square = turn * turn >> _BITS
+    angle = np.array(moments, dtype=object) @ lagrange  # twice the bits, as every product below
+    speed = np.array(rates[-1], dtype=object) @ lagrange
+    inner = np.array([[_float(value >> _BITS, square) for value in row] for row in angle])
+    last = np.array([_float(value >> _BITS, turn) for value in speed])
+    flow = [[_float(rise + (loss * each >> _BITS)) for each, rise in zip(kernel, slope, strict=True)]]
+    flow.append([_float(turn * each >> _BITS) for each in kernel])
+    cross = turn * kernel[-1] >> _BITS
+    entries = (slope[-1] + (loss * kernel[-1] >> _BITS), cross, -cross, slope[-1])
+    return Weights(
+        np.array([each[:NODES] for each in flow]).ravel(),
+        np.ascontiguousarray(inner[:NODES].T).ravel(),
+        np.ascontiguousarray((inner[:NODES] @ _continuation()).T).ravel(),
+        np.concatenate([inner[NODES], last]),
+        np.concatenate([_parts(entry) for entry in entries]),
+    )
+
+
+def interpolation(place: Floats) -> Floats:
+    """Rows that give y anywhere in an interval from its start, its nodes and its end.
+
+    Parameters
+    ----------
+    place : (moments,)
+        In [0, 1], in intervals.
+
+    Returns
+    -------
+    (moments, POINTS) float64
+        Barycentric weights of the polynomial through all of them.
+    """
+    points = np.concatenate([[-1.0], gauss_nodes() / FINE, [1.0]])
+    apart = points[:, None] - points
+    np.fill_diagonal(apart, 1.0)
+    share = 1.0 / np.prod(2.0 * apart, axis=1)
+    distance = (2.0 * np.asarray(place) - 1.0)[:, None] - points
+    exact = distance == 0.0
+    distance[exact] = 1.0
+    result = share / distance
+    hit = exact.any(axis=1)
+    result[hit] = exact[hit]
+    result /= result.sum(axis=1, keepdims=True)
+    return np.ascontiguousarray(result)
+
+
+@functools.cache
+def legendre_tail() -> Floats:
+    """Rows that give the last four Legendre coefficients of r from its nodes, flat (4 * NODES,)."""
+    return np.ascontiguousarray(_projection()[-4:]).ravel()
+
+
+def _projection() -> Floats:
+    """(degree, node): Legendre coefficients of a polynomial from its values."""
+    node, share = np.polynomial.legendre.leggauss(NODES)
+    degree = np.arange(NODES)[:, None]
+    result: Floats = (degree + 0.5) * share * np.polynomial.legendre.legvander(node, NODES - 1).T
+    return result
+
+
+@functools.cache
+def _continuation() -> Floats:
+    """(node, node): r at the nodes of the next interval, from its leading Legendre terms in this one.
+
+    All terms would amplify the rounding of r by T_15(3) = 1e11, and then some; fewer terms know less of r.
+    """
+    beyond = np.polynomial.legendre.legvander(gauss_nodes() / FINE + 2.0, _EXTRAPOLATED - 1)
+    result: Floats = beyond @ _projection()[:_EXTRAPOLATED]
+    return result
+
+
+@functools.cache
+def _lagrange() -> list[list[int]]:
+    """(power, node): coefficients of the Lagrange polynomials on [0, 1], fixed point."""
+    unit = 2 * FINE  # nodes are whole numbers of 1/unit: exact until the one division
+    nodes = [FINE + int(node) for node in gauss_nodes()]
+    columns = []
+    for node in nodes:
+        polynomial = [1]
+        for other in nodes:
+            if other != node:
+                pairs = zip([0, *polynomial], [*polynomial, 0], strict=True)
+                polynomial = [low - other * high for low, high in pairs]
+        scale = math.prod(node - other for other in nodes if other != node)
+        columns.append([(each * unit**power << _BITS) // scale for power, each in enumerate(polynomial)])
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def _kernel(place: int, turn: int, loss: int) -> tuple[int, int]:
+    """K(x) and K'(x) by their power series: the coefficients follow from the equation of motion."""
+    square = turn * turn >> _BITS
+    before, term = 0, place  # x^i/i! times the i-th derivative of K at zero, i = 0 and 1
+    total, slope, order = term, _ONE, 1
+    while abs(term) + abs(before) > _NOTHING:
+        # K^(i+2) = -2 gamma K^(i+1) - n^2 K^(i)
+        steeper = -(loss * term >> _BITS) - ((square * before >> _BITS) * place // order >> _BITS)
+        slope += steeper
+        order += 1
+        before, term = term, (steeper * place >> _BITS) // order
+        total += term
+    return total, slope
+
+
+def _moments(place: int, kernel: int, slope: int, turn: int, loss: int) -> tuple[list[int], list[int]]:
+    square = turn * turn >> _BITS
+    moments: list[int] = []
+    rates: list[int] = []
+    power = _ONE
+    for m in range(NODES):
+        rates.append(m * moments[-1] if m else kernel)
+        rest = power - (m * rates[-2] if m else slope) - (loss * rates[-1] >> _BITS)
+        moments.append((rest << _BITS) // square)
+        power = power * place >> _BITS
+    return moments, rates
+
+
+def _parts(entry: int) -> list[float]:
+    """Head and tail (26 bits each) of the leading double, itself, and what is left."""
+    leading = _float(entry)
+    mantissa, exponent = math.frexp(leading)
+    head = math.ldexp(math.floor(math.ldexp(mantissa, 26) + 0.5), exponent - 26)
+    return [head, leading - head, leading, _float(entry - _fixed(Fraction(leading)))]
+
+
+def _fixed(value: Fraction) -> int:
+    return (value.numerator << _BITS) // value.denominator
+
+
+def _float(value: int, factor: int = _ONE) -> float:
+    """A fixed-point number, times a factor, rounded once."""
+    return (value * factor >> _BITS) / _ONE
+
+
+assert POINTS == NODES + 2

@@ -1,0 +1,106 @@
+"""Any number of pendulums on a support that moves as prescribed.
+
+    theta_i'' = -n_i^2 [(1 + zeta) sin theta_i + u cos theta_i] + terms,      u = x''/g, zeta = z''/g
+
+(section 1 of the formula sheet). Horizontal and vertical motion, the sine and every resistance are terms; what is
+`None` is not compiled.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.core import types
+from numba.extending import overload
+
+from synth.kernels.compiled import kernel
+from synth.phase import Floats
+from synth.systems.dispatch import registered
+from synth.systems.restoring import Sine, height, pull, pull_slope
+from synth.systems.terms import driven, driven_slope, motion
+
+
+class DrivenPendulums(NamedTuple):
+    """Parameters; state (theta_1, theta_1', theta_2, theta_2', ...).
+
+    Mirror: theta -> -theta with the horizontal motion reversed.
+    """
+
+    natural_frequency: Floats
+    """(pendulums,) n_i at infinitesimal arc, rad/s."""
+    gravity: float = 9.80665
+    """m/s^2; only the ratio of the support's acceleration to it matters."""
+    restoring: Any = Sine()  # noqa: RUF012
+    """`Sine()` or `Linear()`."""
+    horizontal: Any = None
+    """x'': `Harmonics` or None."""
+    vertical: Any = None
+    """z'', up positive: `Harmonics` or None."""
+    terms: Any = None
+    """Resistances and drives, `terms.together(...)`, or None."""
+
+
+def relative(acceleration: float | None, gravity: float) -> float | None:
+    """Acceleration over gravity; None stays None."""
+    return None if acceleration is None else acceleration / gravity
+
+
+@overload(relative)
+def _relative(acceleration: Any, gravity: Any) -> Any:
+    if isinstance(acceleration, types.NoneType):
+        return lambda acceleration, gravity: None
+    return lambda acceleration, gravity: acceleration / gravity
+
+
+@registered("derivative", DrivenPendulums)
+@kernel
+def _derivative(time: float, state: Floats, system: DrivenPendulums, out: Floats) -> None:
+    horizontal = relative(motion(time, system.horizontal), system.gravity)
+    vertical = relative(motion(time, system.vertical), system.gravity)
+    for i in range(system.natural_frequency.size):
+        angle, rate = state[2 * i], state[2 * i + 1]
+        square = system.natural_frequency[i] * system.natural_frequency[i]
+        back = -square * pull(angle, horizontal, vertical, system.restoring)
+        out[2 * i] = rate
+        out[2 * i + 1] = driven(back, i, angle, rate, system.terms)
+
+
+@registered("jacobian", DrivenPendulums)
+@kernel
+def _jacobian(time: float, state: Floats, system: DrivenPendulums, out: Floats) -> None:
+    out[:] = 0.0
+    horizontal = relative(motion(time, system.horizontal), system.gravity)
+    vertical = relative(motion(time, system.vertical), system.gravity)
+    for i in range(system.natural_frequency.size):
+        angle, rate = state[2 * i], state[2 * i + 1]
+        square = system.natural_frequency[i] * system.natural_frequency[i]
+        slope = -square * pull_slope(angle, horizontal, vertical, system.restoring)
+        by_angle, by_rate = driven_slope((slope, 0.0), i, angle, rate, system.terms)
+        out[2 * i, 2 * i + 1] = 1.0
+        out[2 * i + 1, 2 * i] = by_angle
+        out[2 * i + 1, 2 * i + 1] = by_rate
+
+
+@registered("energy", DrivenPendulums)
+@kernel
+def _energy(state: Floats, system: DrivenPendulums) -> float:
+    """Sum over pendulums of energy per m l^2, rad^2/s^2, zero at rest."""
+    total = 0.0
+    for i in range(system.natural_frequency.size):
+        square = system.natural_frequency[i] * system.natural_frequency[i]
+        total += 0.5 * state[2 * i + 1] * state[2 * i + 1] + square * height(state[2 * i], system.restoring)
+    return total
+
+
+@registered("response", DrivenPendulums)
+@kernel
+def _response(state: Floats, index: int, system: DrivenPendulums, out: Floats) -> None:
+    """Unit impulse on one pendulum, per m l^2: its rate alone changes."""
+    out[:] = 0.0
+    out[2 * index + 1] = 1.0
+
+
+def plain(natural_frequency: float) -> DrivenPendulums:
+    """One free pendulum on a fixed support."""
+    return DrivenPendulums(np.array([natural_frequency]))

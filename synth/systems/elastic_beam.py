@@ -1,0 +1,136 @@
+"""Clocks on an elastic beam that moves up and down: the full system (1) of Kanunnikov and Lamper.
+
+    (M + sum m_i) x'' - sum m_i l_i (sin phi_i phi_i')' = -K x - (M + sum m_i) eps0 x'
+    l_i phi_i'' - sin phi_i x'' = -g sin phi_i + l_i terms_i,                              K = M w_b^2
+
+x is counted down from the static sag. Put into the first, the second gives x'' over `M + sum m_i cos^2 phi_i`,
+which is never zero.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from synth.kernels.compiled import kernel
+from synth.phase import Floats
+from synth.systems.dispatch import registered
+from synth.systems.terms import driven, driven_slope
+
+
+class ElasticBeam(NamedTuple):
+    """Parameters; state (x, x', phi_1, phi_1', phi_2, phi_2', ...). Mirror: phi_i -> -phi_i, of each alone."""
+
+    beam_mass: float
+    """M, effective, kg."""
+    mass: Floats
+    """(pendulums,) m_i, kg."""
+    length: Floats
+    """(pendulums,) l_i, m."""
+    stiffness: float
+    """K, N/m."""
+    damping_rate: float = 0.0
+    """eps0, 1/s."""
+    gravity: float = 9.80665
+    """m/s^2."""
+    terms: Any = None
+    """What drives or resists the swing, `terms.together(...)`, or None."""
+
+
+@kernel
+def _beam_acceleration(state: Floats, system: ElasticBeam, out: Floats) -> float:
+    """x''; leaves sin phi_i and phi_i'' at x'' = 0 in the places of pendulum i in `out`."""
+    whole = system.beam_mass
+    inertia = system.beam_mass
+    force = 0.0
+    for i in range(system.length.size):
+        angle, rate = state[2 * i + 2], state[2 * i + 3]
+        sine, cosine = math.sin(angle), math.cos(angle)
+        free = driven(-system.gravity / system.length[i] * sine, i, angle, rate, system.terms)
+        whole += system.mass[i]
+        inertia += system.mass[i] * cosine * cosine
+        force += system.mass[i] * system.length[i] * (cosine * rate * rate + sine * free)
+        out[2 * i + 2] = sine
+        out[2 * i + 3] = free
+    return (force - system.stiffness * state[0] - whole * system.damping_rate * state[1]) / inertia
+
+
+@registered("derivative", ElasticBeam)
+@kernel
+def _derivative(time: float, state: Floats, system: ElasticBeam, out: Floats) -> None:
+    beam = _beam_acceleration(state, system, out)
+    out[0] = state[1]
+    out[1] = beam
+    for i in range(system.length.size):
+        out[2 * i + 3] = out[2 * i + 3] + out[2 * i + 2] * beam / system.length[i]
+        out[2 * i + 2] = state[2 * i + 3]
+
+
+@registered("jacobian", ElasticBeam)
+@kernel
+def _jacobian(time: float, state: Floats, system: ElasticBeam, out: Floats) -> None:
+    out[:] = 0.0
+    beam = _beam_acceleration(state, system, out[0])
+    out[0] = 0.0
+    whole = system.beam_mass
+    inertia = system.beam_mass
+    for i in range(system.length.size):
+        cosine = math.cos(state[2 * i + 2])
+        whole += system.mass[i]
+        inertia += system.mass[i] * cosine * cosine
+    out[0, 1] = 1.0
+    out[1, 0] = -system.stiffness / inertia
+    out[1, 1] = -whole * system.damping_rate / inertia
+    for i in range(system.length.size):
+        angle, rate, mass, length = state[2 * i + 2], state[2 * i + 3], system.mass[i], system.length[i]
+        sine, cosine = math.sin(angle), math.cos(angle)
+        pull = system.gravity / length
+        by_angle, by_rate = driven_slope((-pull * cosine, 0.0), i, angle, rate, system.terms)
+        free = driven(-pull * sine, i, angle, rate, system.terms)
+        force = mass * length * (cosine * free + sine * by_angle - sine * rate * rate)
+        out[1, 2 * i + 2] = (force + 2.0 * mass * sine * cosine * beam) / inertia
+        out[1, 2 * i + 3] = mass * length * (2.0 * cosine * rate + sine * by_rate) / inertia
+        out[2 * i + 2, 2 * i + 3] = 1.0
+        out[2 * i + 3, 2 * i + 2] = by_angle + cosine * beam / length
+        out[2 * i + 3, 2 * i + 3] = by_rate
+    for i in range(system.length.size):
+        lever = math.sin(state[2 * i + 2]) / system.length[i]
+        for column in range(state.size):
+            out[2 * i + 3, column] += lever * out[1, column]
+
+
+@registered("energy", ElasticBeam)
+@kernel
+def _energy(state: Floats, system: ElasticBeam) -> float:
+    """J; pendulums at rest count -m g l."""
+    total = 0.5 * (system.beam_mass * state[1] * state[1] + system.stiffness * state[0] * state[0])
+    for i in range(system.length.size):
+        swing = system.length[i] * state[2 * i + 3]
+        sine, cosine = math.sin(state[2 * i + 2]), math.cos(state[2 * i + 2])
+        speed = state[1] * state[1] - 2.0 * sine * state[1] * swing + swing * swing
+        total += system.mass[i] * (0.5 * speed - system.gravity * system.length[i] * cosine)
+    return total
+
+
+@registered("response", ElasticBeam)
+@kernel
+def _response(state: Floats, index: int, system: ElasticBeam, out: Floats) -> None:
+    """Unit impulse (N m s) on one pendulum; the beam recoils, and through it the others."""
+    inertia = system.beam_mass
+    for i in range(system.length.size):
+        cosine = math.cos(state[2 * i + 2])
+        inertia += system.mass[i] * cosine * cosine
+    out[:] = 0.0
+    recoil = math.sin(state[2 * index + 2]) / (system.length[index] * inertia)
+    out[1] = recoil
+    for i in range(system.length.size):
+        out[2 * i + 3] = math.sin(state[2 * i + 2]) * recoil / system.length[i]
+    out[2 * index + 3] += 1.0 / (system.mass[index] * system.length[index] * system.length[index])
+
+
+def stiffness_of_ratio(ratio: float, system: ElasticBeam) -> float:
+    """Stiffness that makes the loaded beam `ratio` times faster than a pendulum of the first length."""
+    total = system.beam_mass + float(np.sum(system.mass))
+    return total * ratio * ratio * system.gravity / float(system.length[0])

@@ -1,0 +1,104 @@
+"""The judgement of cells: right, flagged, refused where listed, or found out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.benchmarks import stability
+from pipeline.benchmarks.extremes import NOISE, Extreme, extremes
+from pipeline.benchmarks.scenes import GRAVITY
+from pipeline.benchmarks.stability import FLOOR, INEXACT, MAY_REFUSE, judge, reduce
+from pipeline.methods import METHODS
+
+EXTREME = Extreme("10 s long", lambda: pytest.fail("not made"))
+
+
+def row(error: float, sigma: float = 0.1, flags: tuple[str, ...] = (), status: str = "ok") -> dict[str, Any]:
+    return {
+        "status": status,
+        "gravity_m_s2": GRAVITY + 1e-5 * error,
+        "gravity_sigma_mgal": sigma,
+        "flags": list(flags),
+        "error": "why",
+    }
+
+
+def test_value_within_five_sigmas_is_right() -> None:
+    assert judge(EXTREME, {"projection": row(0.49)})["pass"]
+    assert judge(EXTREME, {"projection": row(0.5 + 2 * FLOOR)})["silently_wrong"] == "projection"
+
+
+def test_flag_saves_a_wrong_value_from_silence() -> None:
+    assert judge(EXTREME, {"projection": row(1000.0, flags=("residual-not-white",))})["pass"]
+
+
+def test_methods_that_are_wrong_by_nature_are_not_silent() -> None:
+    assert judge(EXTREME, {name: row(1000.0) for name in INEXACT})["pass"]
+
+
+def test_gravity_from_nothing_is_wrong_whatever_the_flag() -> None:
+    nothing = Extreme("pure noise", EXTREME.make, None)
+    assert not judge(nothing, {"uncorrected": row(0.0)})["pass"]
+    assert not judge(nothing, {"complex": row(0.0, flags=("short-record",))})["pass"]
+    found = judge(nothing, {"complex": row(0.0, flags=("noise-above-stated",))})
+    assert found["pass"]
+    assert "m/s2" in found["complex"]
+
+
+def test_refusal_must_be_listed() -> None:
+    refused = {"projection": row(0.0, status="refused")}
+    assert judge(EXTREME, refused)["pass"]
+    found = judge(Extreme("equal frequencies", EXTREME.make), refused)
+    assert not found["pass"]
+    assert found["refused_unlisted"] == "projection"
+    assert found["projection"] == "refused: why"
+
+
+def test_what_may_refuse_is_a_record_of_the_suite_and_has_a_reason() -> None:
+    names = {extreme.name for extreme in extremes()}
+    assert set(MAY_REFUSE) <= names
+    assert all(reason and set(methods) <= set(METHODS) for methods, reason in MAY_REFUSE.values())
+
+
+def test_records_are_what_their_names_say(short: float) -> None:
+    made = {extreme.name: extreme for extreme in extremes()}
+    blank = np.asarray(made["all NaN, first pendulum"].make()["record/elongation"].values)
+    assert np.isnan(blank[0]).all()
+    assert np.isfinite(blank[1]).all()
+    assert made["10 s long"].make()["time"].size == 250
+    wrong = made["nominal period 5 % long"]
+    periods = np.asarray(wrong.make()["instrument/period"].values)
+    assert periods == pytest.approx(1.05 * np.array([1.01 / (1 + 1e-4), 1.01]))
+    assert wrong.gravity == pytest.approx(1.05**2 * GRAVITY)
+    assert "restoring" not in made["huge arc, sine, unsaid"].make()["instrument"].attrs
+    assert made["huge arc, sine, stated"].make()["instrument"].attrs["restoring"] == "sine"
+
+
+def test_real_pendulums_obey_the_sine_law(short: float) -> None:
+    record = next(extreme for extreme in extremes() if extreme.name == "huge arc, sine, stated").make()
+    theta = np.asarray(record["record/elongation"].values)[0]
+    n = 2 * np.pi / 1.01 * (1 + 1e-4) * np.sqrt(GRAVITY / 9.81)
+    curvature = (theta[2:] - 2 * theta[1:-1] + theta[:-2]) / 0.04**2
+    # second differences: (n step)^2/12 = 0.5 % of n^2 theta, noise 2.4 sigma/step^2 = 0.015
+    assert np.abs(curvature + n**2 * np.sin(theta[1:-1])).max() < 0.02 * n**2 * 0.8
+    assert NOISE < 1e-4
+
+
+def test_a_record_declined_as_a_whole_is_declined_by_each_method() -> None:
+    extreme = next(each for each in extremes() if each.name == "10 s long")
+    found = reduce(extreme)
+    assert set(found) == set(METHODS)
+    assert judge(extreme, found)["pass"]
+
+
+@pytest.mark.compiled
+def test_extreme_records_that_are_right(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = ("a through zero", "equal frequencies", "pure noise", "nominal period 0.5 % long", "60 s long")
+    chosen = [extreme for extreme in extremes() if extreme.name in names]
+    monkeypatch.setattr(stability, "extremes", lambda: chosen)
+    rows = list(stability.run(quick=True, folder=None))
+    assert len(rows) == len(names)
+    assert all(row["pass"] for row in rows), [row for row in rows if not row["pass"]]

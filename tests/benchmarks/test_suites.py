@@ -1,0 +1,150 @@
+"""Each suite runs: small and uncompiled for its machinery, whole and compiled for its claims."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.benchmarks import (
+    bars,
+    bars_accuracy,
+    bars_speed,
+    bars_statistics,
+    bars_suites,
+    corrections,
+    leave_out,
+    paper,
+    probe,
+    speed,
+)
+from pipeline.cli.benchmark import SUITES
+
+
+@pytest.mark.parametrize("suite", SUITES)
+def test_registered_suite_can_be_run(suite: str) -> None:
+    assert callable(importlib.import_module(SUITES[suite][0]).run)
+
+
+@pytest.fixture
+def few(short: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One swell, one seed where many are meant."""
+    monkeypatch.setattr(corrections, "SWELLS", (24,))
+    monkeypatch.setattr(bars_accuracy, "GAP_SEEDS", 1)
+    monkeypatch.setattr(bars_statistics, "QUICK_EFFICIENCY", 1)
+    monkeypatch.setattr(bars_statistics, "QUICK_COVERAGE", 4)
+    monkeypatch.setattr(bars_statistics, "CLEAN", 4)
+
+
+@pytest.mark.usefixtures("few")
+def test_corrections_yields_cases_and_times(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("matplotlib")
+    chosen = corrections.cases()[1::3]
+    monkeypatch.setattr(corrections, "cases", lambda: chosen)
+    monkeypatch.setattr(corrections, "COLUMNS", ("uncorrected", "projection", corrections.AVERAGED, "panteleev"))
+    for case in chosen:
+        case.right.clear()
+        case.wrong.clear()
+    chosen[1].right["projection"] = 0.0  # nothing is that right
+    rows = list(corrections.run(quick=True, folder=tmp_path))
+    assert [row["unit"] for row in rows] == ["mGal", "mGal", "ms"]
+    assert [row["pass"] for row in rows] == [True, False, None]
+    assert (tmp_path / "corrections.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_pattern_is_refused_where_a_wrong_method_is_right_or_a_right_one_declines() -> None:
+    case = corrections.Case("x", lambda seed: pytest.fail("not made"), {"projection": 1e-3}, {"uncorrected": 5.0})
+    found = {"projection": 1e-4, "uncorrected": 9.0}
+    assert corrections.agrees(case, found, found)
+    assert not corrections.agrees(case, found, found | {"uncorrected": 1.0})
+    assert not corrections.agrees(case, found | {"projection": 1e-2}, found)
+    assert not corrections.agrees(case, found | {"general": np.nan}, found)
+
+
+@pytest.mark.usefixtures("few")
+def test_bars_of_accuracy_and_statistics_are_yielded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bars_suites, "rows", lambda: iter(()))
+    monkeypatch.setattr(bars_speed, "rows", lambda *, quick: iter(()))
+    rows = list(bars.run(quick=True, folder=None))
+    assert len({row["bar"] for row in rows}) == len(rows) > 40
+    assert {tuple(row) for row in rows} == {("bar", "value", "limit", "unit", "pass")}
+
+
+def test_bars_name_the_rows_of_a_suite_that_fail(monkeypatch: pytest.MonkeyPatch) -> None:
+    for suite, key in (
+        (corrections, "case"),
+        (paper, "claim"),
+        (bars_suites.stability, "record"),
+        (leave_out, "method"),
+    ):
+        made: list[dict[str, Any]] = [
+            {key: "bad", "pass": False},
+            {key: "good", "pass": True},
+            {key: "-", "pass": None},
+        ]
+        monkeypatch.setattr(suite, "run", lambda *, quick, folder, made=made: iter(made))
+    rows = list(bars_suites.rows())
+    assert [(row["value"], row["unit"], row["pass"]) for row in rows] == [(1.0, "bad", False)] * 4
+
+
+def test_speed_compares_with_its_rivals(short: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(speed, "SIZES", (600,))
+    rows = list(speed.estimation(quick=True))
+    assert [row["what"].split(",")[0] for row in rows] == ["projection"] * 3
+    assert rows[0]["error_mgal"] is not None
+    assert all(row["ms"] > 0.0 for row in rows)
+
+
+def test_bars_of_speed_take_the_rows_that_promise(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = {"what": "projection, 45000 samples", "rival": "hilbert", "share_of_rival": 0.3, "error_mgal": 1e-9}
+    other = row | {"what": "prepare alone", "share_of_rival": 9.0, "error_mgal": None}
+    started = [row | {"what": what, "share_of_rival": 2.7} for what in ("isochrony --help", "isochrony process")]
+    monkeypatch.setattr(speed, "estimation", lambda *, quick: iter([row, other]))
+    monkeypatch.setattr(speed, "start_up", lambda *, quick: iter(started))
+    monkeypatch.setattr(bars_speed, "_race", lambda *, quick: iter(()))
+    assert [each["pass"] for each in bars_speed.rows(quick=True)] == [True, True, True, False]
+
+
+@pytest.mark.compiled
+def test_commands_are_timed_from_start_to_exit(short: float) -> None:
+    rows = list(speed.start_up(quick=True))
+    assert [row["what"].split(",")[0] for row in rows] == ["isochrony --help", "isochrony process"]
+
+
+@pytest.mark.compiled
+def test_process_leaves_out_what_it_does_not_use() -> None:
+    rows = list(leave_out.run(quick=True, folder=None))
+    assert all(row["pass"] for row in rows), rows
+    loaded = {row["method"]: set(row["methods_loaded"].split()) for row in rows}
+    assert loaded["projection"].isdisjoint({"panteleev", "general", "vening_meinesz", "complex_form"})
+
+
+def test_probe_tells_stages_and_modules(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import json
+
+    import data_schemas
+    from pipeline.benchmarks.scenes import linear
+    from synth import simulate
+
+    path = tmp_path / "x.record.nc"
+    data_schemas.write(simulate(linear(duration=30.0, sampling_rate=10))[0], path)
+    probe.main(str(path), "uncorrected")
+    said = json.loads(capsys.readouterr().out)
+    assert list(said["seconds"]) == ["import", "read", "process", "write"]
+
+
+@pytest.mark.compiled
+def test_every_claim_of_the_paper_is_reproduced() -> None:
+    rows = list(paper.run(quick=True, folder=None))
+    assert [row["claim"] for row in rows if not row["pass"]] == []
+
+
+@pytest.mark.compiled
+def test_table_of_residuals_has_its_pattern() -> None:
+    rows = list(corrections.run(quick=True, folder=None))
+    assert [row["case"] for row in rows if row["pass"] is False] == []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,39 +14,68 @@ from pipeline.prepared import Prepared
 from pipeline.projection.sampling import problem
 from pipeline.projection.solve import ProjectionFit, fit_projection
 
-DECISIVE = 10.0  # difference of log likelihood
+DECISIVE = 5.0  # difference of log likelihood: odds of 150 to 1
 NEGLIGIBLE_ARC = 0.01  # mGal
+ABSENT = 0.3  # of the third harmonic A^3/192 that a sine law makes
+FLOOR = 1e-5  # of the difference's amplitude: what the separated harmonics leave of the arcs is not told below it
 
 
-def choose(prepared: Prepared) -> tuple[str, str]:
-    """Name of the method, and the reason in words.
+@dataclass(frozen=True)
+class Choice:
+    """The method, the reason in words, and what the choice may be wrong by (1 sigma, rad s-1 of n2)."""
 
-    Where the record does not state `restoring`, the exact linear identity is fitted twice: to the difference as it
-    is, and to the difference less its response to the finite arcs. The smaller residual decides; where the record
-    says "sine" it must be smaller decisively to overrule it.
+    method: str
+    reason: str
+    doubt: float = 0.0
+
+
+def choose(prepared: Prepared) -> Choice:
+    """Choose for a record.
+
+    What the record states of `restoring` is obeyed. Where it states nothing, the exact linear identity is fitted
+    twice: to the difference as it is, and to the difference less its response to the finite arcs. The smaller residual
+    decides if it is decisively smaller; else real pendulums are assumed, and the arcs' share goes into sigma.
     """
     seen = prepared.observation
     if seen.restoring == "linear":
-        return "projection", "the record says restoring = linear: the linear identity is exact"
-    linear = _fit(prepared)
-    bent = replace(prepared, observation=replace(seen, difference=seen.difference - arc_response(prepared)))
-    arc = _fit(bent)
-    shift = 2e5 * seen.reference_gravity * abs(arc.frequency - linear.frequency) / prepared.nominal
+        return Choice("projection", "the record says restoring = linear: the linear identity is exact")
+    envelope = prepared.sliding
+    inside = (seen.time >= envelope.time[0]) & (seen.time <= envelope.time[-1])
+    shown = np.where(inside, seen.difference, np.nan)
+    linear = _fit(replace(prepared, observation=replace(seen, difference=shown)))
+    arc = linear
+    for _ in range(3):  # the arcs' response turns with the frequency that it helps to find
+        bent = shown - arc_response(prepared, arc.frequency, arc.damping_rate)
+        arc = _fit(replace(prepared, observation=replace(seen, difference=bent)))
+    change = abs(arc.frequency - linear.frequency)
+    shift = 2e5 * seen.reference_gravity * change / prepared.nominal
     if shift < NEGLIGIBLE_ARC:
-        return "projection", f"the finite arc amounts to {shift:.4f} mGal only: the linear identity is adequate"
-    likelihood = 0.5 * (arc.samples * np.log(arc.noise**2) - linear.samples * np.log(linear.noise**2))
-    likelihood -= 0.5 * (arc.samples - linear.samples) * np.log(linear.noise**2)
+        return Choice("projection", f"the finite arc amounts to {shift:.4f} mGal only: the linear identity is adequate")
+    real = "projection" if passes_zero(np.abs(prepared.blocks.difference)) else "general"
+    if seen.restoring == "sine":
+        return Choice(real, "the record says restoring = sine" + _beats(real))
+    second = envelope.first - envelope.difference
+    overtone = float(np.sqrt(0.5 * np.nanmean(np.abs(envelope.first**3 - second**3) ** 2))) / 192.0
+    if linear.noise < ABSENT * overtone:
+        return Choice("projection", f"the third harmonic of real pendulums ({overtone:.1g} rad) is absent")
+    floor = FLOOR * float(np.nanmax(np.abs(prepared.blocks.difference)))
+    likelihood = linear.samples * float(np.log(np.hypot(arc.noise, floor) / np.hypot(linear.noise, floor)))
     told = f"log likelihood ratio {abs(likelihood):.3g}"
-    if likelihood > (DECISIVE if seen.restoring == "sine" else 0.0):
-        return "projection", f"linear pendulums leave the smaller residual ({told})"
-    if passes_zero(np.abs(prepared.blocks.difference)):
-        return (
-            "projection",
-            "the amplitude passes near zero, where only exact forms hold; its finite arc is not reduced",
-        )
+    if likelihood > DECISIVE:
+        return Choice("projection", f"linear pendulums leave the smaller residual ({told})")
     if likelihood < -DECISIVE:
-        return "general", f"finite arcs leave the smaller residual ({told})"
-    return "general", f"residuals hardly tell linear pendulums from finite arcs ({told}); real pendulums have the sine"
+        return Choice(real, f"finite arcs leave the smaller residual ({told})" + _beats(real))
+    return Choice(
+        real,
+        f"residuals do not tell linear pendulums from finite arcs ({told}); real pendulums are assumed" + _beats(real),
+        doubt=change,
+    )
+
+
+def _beats(method: str) -> str:
+    if method == "general":
+        return ""
+    return "; the amplitude passes near zero, where only exact forms hold: the finite arc is not reduced"
 
 
 def _fit(prepared: Prepared) -> ProjectionFit:
@@ -54,16 +83,15 @@ def _fit(prepared: Prepared) -> ProjectionFit:
     return fit_projection(problem(prepared), rough.frequency, rough.damping_rate, prepared.known_damping is None)
 
 
-def arc_response(prepared: Prepared) -> Floats:
-    """What the finite arcs add to the difference, rad, at the samples; zero at the first instant of the envelope."""
-    seen, envelope, rough = prepared.observation, prepared.sliding, prepared.rough
-    forcing = arc_forcing(envelope.first, envelope.difference, rough.frequency)
-    mu = 1j * (rough.frequency - envelope.carrier) - rough.damping_rate
+def arc_response(prepared: Prepared, frequency: float, gamma: float) -> Floats:
+    """What the finite arcs add to the difference, rad, at the samples within the envelope's span; zero at its start."""
+    seen, envelope = prepared.observation, prepared.sliding
+    forcing = arc_forcing(envelope.first, envelope.difference, frequency)
+    mu = complex(-gamma, frequency - envelope.carrier)
     growth = np.exp(mu * (envelope.time - envelope.time[0]))
     response = growth * running_integral(forcing / growth, envelope.hop)
     at = np.clip(seen.time, envelope.time[0], envelope.time[-1])
     smooth = np.interp(at, envelope.time, response.real) + 1j * np.interp(at, envelope.time, response.imag)
-    smooth += (seen.time - at) * (np.where(seen.time > at, forcing[-1], forcing[0]))
     return np.asarray((smooth * np.exp(1j * envelope.carrier * seen.time)).real)
 
 

@@ -16,7 +16,7 @@ NOISE_ABOVE, NOISE_BELOW = 1.3, 0.7  # found over stated
 COLOUR = 1.6  # power near the pendulum's frequency over white
 COLOUR_FLOOR = 3e-4  # of the amplitude: a residual below it is the method's, not the readings'
 LEAST_BROWNE = 0.05  # mGal of horizontal acceleration
-IMPLAUSIBLE = (9.6, 10.0)  # m s-2
+IMPLAUSIBLE = (9.75, 9.85)  # m s-2; at sea gravity lies between 9.77 and 9.84
 
 MEANINGS = {
     "beats-through-zero": "the difference's amplitude passes near zero; phase methods mean nothing there",
@@ -27,10 +27,13 @@ MEANINGS = {
     "noise-above-stated": "residual noise above the stated reading noise",
     "noise-below-stated": "residual noise below the stated reading noise",
     "residual-not-white": "the residual has structure near the pendulum's frequency; sigma is widened by it",
-    "gravity-implausible": "gravity outside 9.6 to 10.0 m/s2; check instrument/period and reference_gravity",
+    "gravity-implausible": "gravity outside 9.75 to 9.85 m/s2; check instrument/period and reference_gravity",
     "acceleration-not-reduced": "the support's acceleration changes the period of real pendulums and is not reduced",
     "damping-difference-assumed": "no damping is stated and the pendulums decay; their difference is taken as zero",
 }
+UNDECIDED = "restoring-undecided"
+"""Raised by `auto` alone: neither the record nor its residual tells linear pendulums from real ones."""
+MEANINGS[UNDECIDED] = "linear or real pendulums? the arcs' share is in sigma; state instrument attribute restoring"
 _DECAY = 3e-6  # s-1: one per cent of it as a difference costs about 0.01 mGal at a relative period difference of 1e-4
 
 
@@ -49,7 +52,7 @@ def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
         "acceleration-not-reduced": _accelerated(prepared, estimate, value),
         **_noise(prepared, estimate, float(np.nanmedian(amplitude))),
     }
-    return [name for name in MEANINGS if raised[name]]
+    return [name for name in MEANINGS if raised.get(name)]
 
 
 def _unresolved(prepared: Prepared, value: Gravity) -> bool:

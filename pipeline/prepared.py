@@ -18,6 +18,7 @@ from pipeline.outliers import reject_outliers
 
 LEAST_SWINGS = 20.0  # a shorter record has no window for the harmonic and no certainty of its phase
 LEAST_EXPLAINED = 0.5  # share of the difference's power that its own swing must explain
+LEAST_SWING, MOST_SWING = 1e-9, 10.0  # rad of the difference
 CAPTURE = 0.02  # relative departure from the nominal frequency beyond which the swing was not found
 
 
@@ -88,6 +89,17 @@ class Prepared:
         )
 
     @cached_property
+    def fine(self) -> NarrowbandFit:
+        """Complex form of (27) on the separated harmonics."""
+        require_swing(self.sliding)
+        return self.narrowband(self.sliding)
+
+    @cached_property
+    def fine_budget(self) -> Budget:
+        """Sensitivities, from the separated harmonics."""
+        return budget(self.sliding, self.fine, self.observation.frequency_ratio, self.observation.damping_difference)
+
+    @cached_property
     def rough(self) -> NarrowbandFit:
         """Start of the exact fits, good to about 1e-3 mGal."""
         require_swing(self.blocks)
@@ -103,16 +115,16 @@ class Prepared:
         """n1, rad s-1."""
         return self.observation.frequency_ratio * self.rough.frequency
 
-    def theta_error(self, fallback: float) -> float:
+    def theta_error(self, shared: Budget, fallback: float) -> float:
         """1-sigma of n2 from the first pendulum, rad s-1: its reading noise and what its bridged gaps may hide.
 
-        `fallback` is the noise taken where neither neighbours nor the record tell it, rad.
+        `shared` has the sensitivities, `fallback` is the noise taken where neither neighbours nor the record tell, rad.
         """
         stated = self.observation.sigma_theta
         noise = self.noise_theta if np.isfinite(self.noise_theta) else fallback if stated is None else stated
         samples = float(np.isfinite(self.observation.theta).sum())
         # noise adds up as the root of the number of samples, the error of a bridge as the number
-        return self.rough_budget.noise_theta * float(np.hypot(noise, self.bridges / np.sqrt(samples)))
+        return shared.noise_theta * float(np.hypot(noise, self.bridges / np.sqrt(samples)))
 
     @cached_property
     def rough_budget(self) -> Budget:
@@ -169,6 +181,11 @@ def prepare(observation: Observation) -> Prepared:
 
 def require_swing(envelope: Envelope) -> None:
     """Refuse a difference that has no usable envelope."""
+    size = np.abs(envelope.difference[np.isfinite(envelope.difference)])
+    if size.size and not LEAST_SWING < size.max() < MOST_SWING:
+        raise RefusedError(
+            f"record/elongation: the difference swings by {size.max():.3g} rad; check the unit and the traces"
+        )
     if np.isfinite(envelope.difference).sum() < 4 or np.isfinite(envelope.first).sum() < 4:
         raise RefusedError(
             "record/elongation: too few stretches without gaps to follow the swing; give a longer or less broken record"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.estimate import Estimate
-from pipeline.flags import flags
+from pipeline.flags import UNDECIDED, flags
 from pipeline.gravity import Gravity, gravity
 from pipeline.methods import method
 from pipeline.prepared import CAPTURE, Prepared
@@ -32,19 +32,22 @@ class Reduction:
 def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float) -> Reduction:
     """Run a method (`auto` chooses one) and complete it with gravity and flags."""
     started = time.perf_counter()
-    chosen, reason = name, ""
+    chosen, reason, doubt = name, "", 0.0
     try:
         if name == "auto":
             from pipeline.choice import choose
 
-            chosen, reason = choose(prepared)
+            choice = choose(prepared)
+            chosen, reason, doubt = choice.method, choice.reason, choice.doubt
         estimate = method(chosen)(prepared)
+        if doubt:
+            estimate = replace(estimate, sigma=float(np.hypot(estimate.sigma, doubt)))
         _require_capture(estimate, prepared)
     except RefusedError as refusal:
         elapsed = time.perf_counter() - started
         return Reduction(name, chosen, reason, None, None, (), str(refusal), elapsed)
     value = gravity(estimate, prepared.observation, prepared.rough_budget, gain_uncertainty)
-    raised = tuple(flags(prepared, estimate, value))
+    raised = (*flags(prepared, estimate, value), *((UNDECIDED,) if doubt else ()))
     return Reduction(name, chosen, reason, estimate, value, raised, "", time.perf_counter() - started)
 
 

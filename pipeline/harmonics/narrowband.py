@@ -5,9 +5,10 @@ form; non-singular where the amplitude passes through zero)
 
     D' = [i (n2 - n0) - gamma2] D + [i (n1 - n2) - (gamma1 - gamma2)] X + F
 
-with X = Z1 + 3/(2 i n1) (Z1' - i n1 Z1). Its solution `D(t) = e^{mu t} [D0 + int_0^t e^{-mu s} (kappa X + F) ds]` is
-fitted for D0, n2 and, where it is not known, gamma2. n1/n2 is held, because the ratio does not depend on gravity:
-re-inserting the slope as a fixed-point iteration diverges at (n1-n2)/n2 = 1e-3, Gauss-Newton does not.
+with X = Z1 + 3/(2 i n1) (Z1' - (i n1 - gamma1) Z1). Its solution
+`D(t) = e^{mu t} [D0 + int_0^t e^{-mu s} (kappa X + F) ds]` is fitted for D0, n2 and, where it is not known, gamma2.
+n1/n2 is held, because the ratio does not depend on gravity: re-inserting the slope as a fixed-point iteration
+diverges at (n1-n2)/n2 = 1e-3, Gauss-Newton does not.
 """
 
 from __future__ import annotations
@@ -110,9 +111,10 @@ def fit_narrowband(
     free = 4 if damping_rate is None else 3
 
     def sweep(frequency: float, gamma: float) -> tuple[complex, float]:
-        own = ratio * frequency
-        # Z1 + Xi, where Xi = 3/(2 i n1) (Z1' - i n1 Z1): both sides are analytic signals
-        drive = first * (1.0 + 1.5 * (carrier - own) / own) - 1.5j / own * first_speed
+        decay = gamma + damping_difference
+        own = float(np.sqrt(ratio**2 * (frequency**2 + gamma**2) - decay**2))  # damped frequency of the first
+        # Z1 + Xi, where Xi = 3/(2 i w1) (Z1' - (i w1 - gamma1) Z1) vanishes for a free swing; both are analytic signals
+        drive = first * (1.0 + 1.5 * complex(carrier - own, -decay) / own) - 1.5j / own * first_speed
         mu = complex(-gamma, frequency - carrier)
         kappa = complex(-damping_difference, own - frequency)
         found: tuple[complex, float] = kernels.sweep(

@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.estimate import Estimate
 from pipeline.harmonics.envelope import fill
 from pipeline.harmonics.narrowband import regression, running_integral
-from pipeline.methods.phases import passes_zero, phases, with_noise
+from pipeline.methods.phases import component_variance, passes_zero, phases, with_noise
 from pipeline.prepared import Prepared
 
 
@@ -15,7 +15,7 @@ def estimate(prepared: Prepared) -> Estimate:
     """Least squares for n2 with n1/n2 held."""
     found = phases(prepared, through_zero=True)
     envelope, seen = found.envelope, prepared.observation
-    fit = prepared.narrowband(envelope)
+    fit = prepared.fine
     present = found.weight > 0.0
     slope = regression(envelope.time[present], found.phase[present], found.weight[present])
     speed = None
@@ -25,7 +25,7 @@ def estimate(prepared: Prepared) -> Estimate:
     return with_noise(
         prepared,
         envelope,
-        float(np.nanmean(np.abs(fit.residual) ** 2)) / 2.0,
+        component_variance(np.abs(fit.residual) ** 2, envelope),
         frequency=float(np.hypot(fit.frequency, fit.damping_rate)),
         uncorrected=float(np.hypot(envelope.carrier + slope, fit.damping_rate)),
         damping_rate=fit.damping_rate,

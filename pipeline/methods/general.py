@@ -20,7 +20,7 @@ def estimate(prepared: Prepared) -> Estimate:
     """Correct by (38) with model speeds; arc terms are left out where the record says `restoring = linear`."""
     found = phases(prepared)
     envelope, seen = found.envelope, prepared.observation
-    frequency = prepared.rough.frequency
+    frequency = prepared.fine.frequency
     arc = seen.restoring != "linear"
     speed = model_speed(envelope, frequency, prepared, arc=arc)
     plain = model_speed(envelope, frequency, prepared, arc=False) if arc else speed

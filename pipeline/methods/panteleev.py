@@ -18,7 +18,7 @@ def estimate(prepared: Prepared) -> Estimate:
     """Correct by (27) with the damping difference."""
     found = phases(prepared)
     envelope, seen = found.envelope, prepared.observation
-    frequency = prepared.rough.frequency  # the correction needs n2 to the relative size of n1-n2 only
+    frequency = prepared.fine.frequency  # the correction needs n2 to the relative size of n1-n2 only
     speed = panteleev(
         seen.frequency_ratio * frequency,
         frequency,

@@ -12,7 +12,7 @@ from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
 from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import regression, running_integral
-from pipeline.prepared import Prepared, require_swing
+from pipeline.prepared import LEAST_EXPLAINED, Prepared, require_swing
 
 LEAST_AMPLITUDE = 0.1  # min a / max a below which the phase form of (27) errs by up to 1000 mGal
 
@@ -93,14 +93,14 @@ def corrected(prepared: Prepared, found: Phases, speed: Floats | None, finite_ar
     shift = None if speed is None else integrate(speed, envelope.hop)
     oscillation = envelope.carrier + slope(0.0 if shift is None else shift)
     arc = 0.0 if finite_arc is None else slope(0.0) - slope(integrate(finite_arc, envelope.hop))
-    gamma = prepared.rough.damping_rate
+    gamma = prepared.fine.damping_rate
     residual = (found.phase - (0.0 if shift is None else shift))[present]
     slant = regression(time, residual, weight)
     residual = residual - slant * time
     residual = residual - np.average(residual, weights=weight)
-    quadrature = float(
-        np.average(np.square(residual), weights=weight) * np.mean(np.abs(envelope.difference[present]) ** 2)
-    )
+    scatter = np.full(envelope.time.size, np.nan)
+    scatter[present] = 2.0 * np.square(residual) * np.abs(envelope.difference[present]) ** 2  # quadrature alone: twice
+    quadrature = component_variance(scatter, envelope)
     return with_noise(
         prepared,
         envelope,
@@ -114,6 +114,17 @@ def corrected(prepared: Prepared, found: Phases, speed: Floats | None, finite_ar
     )
 
 
+WHOLE = 0.97  # coverage from which a window's noise is that of a complete one
+LEAST_WHOLE = 30
+
+
+def component_variance(squares: Floats, envelope: Envelope) -> float:
+    """Mean square of one component from |residual|^2, over complete windows where there are enough of them."""
+    whole = np.isfinite(squares) & (envelope.coverage >= WHOLE)
+    chosen = whole if whole.sum() >= LEAST_WHOLE else np.isfinite(squares)
+    return 0.5 * float(np.mean(squares[chosen]))
+
+
 def with_noise(prepared: Prepared, envelope: Envelope, variance: float, **found: Any) -> Estimate:
     """Complete an estimate with its error budget.
 
@@ -122,13 +133,20 @@ def with_noise(prepared: Prepared, envelope: Envelope, variance: float, **found:
     variance : float
         Mean square of one component of the envelope's residual, rad2.
     """
+    if 2.0 * variance > (1.0 - LEAST_EXPLAINED) * float(np.nanmean(np.abs(envelope.difference) ** 2)):
+        raise RefusedError(
+            "difference: a swing at the nominal period does not explain it; check instrument/period and that the trace "
+            "is a difference of two pendulums"
+        )
     noise = prepared.noise_difference
     if not np.isfinite(noise):
         noise = float(np.sqrt(variance / envelope.noise_gain))
     colour = variance / (noise**2 * envelope.noise_gain) if noise > 0.0 else 1.0
-    shared = prepared.rough_budget
+    shared = prepared.fine_budget
     return Estimate(
-        sigma=float(np.hypot(shared.noise_difference * noise * np.sqrt(max(colour, 1.0)), prepared.theta_error(noise))),
+        sigma=float(
+            np.hypot(shared.noise_difference * noise * np.sqrt(max(colour, 1.0)), prepared.theta_error(shared, noise))
+        ),
         noise=noise,
         samples=int(np.isfinite(prepared.observation.difference).sum()),
         residual_colour=colour,

@@ -26,7 +26,12 @@ def estimate(prepared: Prepared) -> Estimate:
     return Estimate(
         frequency=fit.frequency,
         uncorrected=float(np.hypot(prepared.nominal + prepared.rough_slope, fit.damping_rate)),
-        sigma=float(np.hypot(fit.noise_gain * fit.noise * np.sqrt(max(colour, 1.0)), prepared.theta_error(fit.noise))),
+        sigma=float(
+            np.hypot(
+                fit.noise_gain * fit.noise * np.sqrt(max(colour, 1.0)),
+                prepared.theta_error(prepared.rough_budget, fit.noise),
+            )
+        ),
         noise=fit.noise,
         damping_rate=fit.damping_rate,
         samples=fit.samples,

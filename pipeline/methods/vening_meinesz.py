@@ -22,7 +22,7 @@ def estimate(prepared: Prepared) -> Estimate:
     """Read (9) at minute marks, join the readings by straight lines, integrate and regress."""
     found = phases(prepared)
     envelope, seen = found.envelope, prepared.observation
-    frequency = prepared.rough.frequency
+    frequency = prepared.fine.frequency
     every = max(1, round(MARK_SECONDS / envelope.hop))
     marks = np.arange(0, envelope.time.size, every)
     marks = marks[np.isfinite(envelope.difference[marks])]

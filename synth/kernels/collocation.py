@@ -213,7 +213,7 @@ def _note(tail: Any, remainder: Any, p: int, report: Any) -> None:
 
 
 @summing_kernel
-def _kick(end: Any, remainder: Any, p: int, first: int) -> float:
+def _kick(end: Any, first: int, remainder: Any, p: int) -> float:
     total = 0.0
     for j in range(NODES):
         total += end[p, first + j] * remainder[p, j]
@@ -242,13 +242,21 @@ def _advance(state: Any, propagator: Any, end: Any, remainder: Any, p: int) -> N
         more = (more + propagator[p, second] * speed_tail + propagator[p, second + 1] * speed_head)
         more += propagator[p, second + 1] * speed_tail
         more += propagator[p, second + 3] * speed + propagator[p, second + 2] * speed_rest
-        total = a + b
-        turned = total - a
-        rest += more + ((a - (total - turned)) + (b - turned))
-        rest += _kick(end, remainder, p, k * NODES)
+        total, lost = _two_sum(a, b)
+        rest += more + lost
+        total, lost = _two_sum(total, _kick(end, k * NODES, remainder, p))
+        rest += lost + _kick(end, (k + 2) * NODES, remainder, p)
         leading = total + rest
         state[p, 2 * k] = leading
         state[p, 2 * k + 1] = rest - (leading - total)
+
+
+@kernel
+def _two_sum(a: float, b: float) -> tuple[float, float]:
+    """Sum, and what its rounding lost; exact."""
+    total = a + b
+    turned = total - a
+    return total, (a - (total - turned)) + (b - turned)
 
 
 @summing_kernel

@@ -3,12 +3,11 @@
 Three parts, in rad:
 
 - readings are rounded, and so are phases: a few units of the last place of the largest angle;
-- r beyond its last Legendre term, extrapolated from the decay of the last two pairs, integrated twice over an
-  interval. It does not add up: at Gauss nodes the ends of intervals are right to the square of it;
-- the rounding of r, which adds up like a random walk, and whose amplitude shifts the phase by dn/dTheta = -n Theta/8.
-
-A pendulum in parametric resonance or near its separatrix amplifies every error, also the last bit of its start, and no
-local estimate sees it.
+- r beyond its last Legendre term, extrapolated from the decay of the last two pairs and integrated twice over an
+  interval. It does not add up: at Gauss nodes the ends of intervals are right to its square;
+- the rounding of r, which adds up like a random walk in the state and then grows. A small arc turns a change of
+  amplitude into one of phase by dn/dTheta = -n Theta/8. For a large one growth is measured: a shadow of each pendulum
+  starts next to it, and the distance of the two tells.
 """
 
 from __future__ import annotations
@@ -20,58 +19,89 @@ import numpy as np
 from synth.kernels.collocation import NODES
 from synth.phase import Floats
 
+LARGE = 0.3
+"""Angle from which growth is measured, rad."""
+
+NUDGE = 1e-13
+"""Distance at which a shadow starts, in largest angles: far above rounding, far below any arc."""
+
 _EPSILON = 2.0**-53
 _LAST_PLACES = 8.0
 _RESOLVED = 2e-14  # of the largest angle: what r beyond its last term may cost
 
 
 class Estimate:
-    """Running estimate for several pendulums.
+    """Running estimate for several pendulums, then their shadows if there are any.
 
     Parameters
     ----------
-    frequencies : (pendulums,)
-        n, rad/s
+    pendulums : int
+        How many, without shadows.
     """
 
-    def __init__(self, frequencies: Floats) -> None:
-        self._amplitude = np.zeros(len(frequencies))  # of y, squared
-        self._peak = np.zeros(len(frequencies))
-        self._beyond = np.zeros(len(frequencies))
-        self._walk = np.zeros(len(frequencies))
-        self._turned = np.zeros(len(frequencies))  # n t
+    def __init__(self, pendulums: int) -> None:
+        self.shown = pendulums
+        self._amplitude = np.zeros(pendulums)  # of y, squared
+        self._peak = np.zeros(pendulums)
+        self._beyond = np.zeros(pendulums)
+        self._walk = np.zeros(pendulums)  # squared
+        self._turned = np.zeros(pendulums)  # n t
+        self._nudge = np.zeros(pendulums)
+        self._growth = np.ones(pendulums)
 
     def copy(self) -> Estimate:
-        """An independent copy: its arrays are replaced, never written to."""
+        """An independent copy: arrays are replaced, never written to."""
         return copy(self)
+
+    def shadowed(self, other: Estimate) -> Estimate:
+        """From here on with shadows, which start a nudge of the largest angle that `other` saw away."""
+        result = self.copy()
+        result._amplitude = np.tile(self._amplitude, 2)
+        result._nudge = NUDGE * other._peak
+        return result
+
+    @property
+    def nudge(self) -> Floats:
+        """Distance at which each shadow starts, rad; zero without shadows."""
+        return self._nudge
+
+    @property
+    def is_large(self) -> bool:
+        """Whether growth must be measured."""
+        return bool(np.any(self._peak > LARGE))
 
     def report(self) -> Floats:
         """Fresh report for `kernels.collocation.march`."""
-        report = np.zeros((len(self._peak), 5))
+        report = np.zeros((len(self._amplitude), 5))
         report[:, 3] = self._amplitude
         return report
 
-    def add(self, report: Floats, steady: Floats, turn: Floats, intervals: int) -> None:
+    def add(self, report: Floats, steady: Floats, turn: Floats, points: Floats) -> None:
         """Take up what the march noted.
 
         Parameters
         ----------
         report : (pendulums, 5)
-            As `march` leaves it.
+            As `march` leaves it; shadows included, as below.
         steady : (pendulums,)
             Largest steady angle, rad.
         turn : (pendulums,)
             n h
-        intervals : int
-            How many were done.
+        points : (pendulums, intervals, POINTS)
+            y
         """
-        last, before = np.sqrt(report[:, 0]), np.sqrt(report[:, 1])
-        decay = np.divide(last, before, out=np.ones_like(last), where=before > last)
-        self._beyond = np.maximum(self._beyond, last * decay * (turn / (4 * NODES)) ** 2)
-        self._walk = self._walk + (_EPSILON * turn) ** 2 * report[:, 2] / NODES
-        self._turned = self._turned + turn * intervals
         self._amplitude = report[:, 3]
-        self._peak = np.maximum(self._peak, np.sqrt(self._amplitude) + steady)
+        shown = slice(self.shown)
+        last, before = np.sqrt(report[shown, 0]), np.sqrt(report[shown, 1])
+        decay = np.divide(last, before, out=np.ones_like(last), where=before > last)
+        self._beyond = np.maximum(self._beyond, last * decay * (turn[shown] / (4 * NODES)) ** 2)
+        self._walk = self._walk + (_EPSILON * turn[shown]) ** 2 * report[shown, 2] / NODES
+        self._turned = self._turned + turn[shown] * points.shape[1]
+        self._peak = np.maximum(self._peak, np.sqrt(self._amplitude[shown]) + steady[shown])
+        if len(points) > self.shown:
+            apart = np.abs(points[self.shown :] - points[shown]).max(axis=(1, 2))
+            grown = np.divide(apart, self._nudge, out=np.ones_like(apart), where=self._nudge > 0)
+            self._growth = np.maximum(self._growth, grown)
 
     @property
     def is_resolved(self) -> bool:
@@ -80,8 +110,9 @@ class Estimate:
 
     @property
     def relative(self) -> float:
-        """Largest error relative to the largest angle."""
-        arc = np.minimum(np.sqrt(self._amplitude), 3.1)
-        growth = 1.0 + self._turned * arc**2 / 8 / np.cos(arc / 2) ** 2
-        error = _LAST_PLACES * _EPSILON * self._peak + self._beyond + np.sqrt(self._walk) * growth
-        return float(np.max(np.divide(error, self._peak, out=np.zeros_like(error), where=self._peak > 0), initial=0.0))
+        """Largest error relative to the largest angle; 2 says that nothing is known."""
+        arc = 1.0 + self._turned * np.minimum(self._amplitude[: self.shown], LARGE**2) / 8
+        walk = np.sqrt(self._walk) * np.maximum(self._growth, arc)
+        error = _LAST_PLACES * _EPSILON * self._peak + self._beyond + walk
+        share = np.divide(error, self._peak, out=np.zeros_like(error), where=self._peak > 0)
+        return min(float(np.max(share, initial=0.0)), 2.0)

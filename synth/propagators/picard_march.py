@@ -7,7 +7,7 @@ stride that iteration or the nodes cannot manage is taken again from its start i
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from synth.kernels.collocation import march as march_intervals
 from synth.phase import Floats, Integers
 from synth.propagators.picard_error import Estimate
 from synth.propagators.picard_forcing import Sums, node_grid
-from synth.propagators.picard_readings import EvenReadings, Portion, UnevenReadings
+from synth.propagators.picard_readings import EvenReadings, UnevenReadings
 from synth.propagators.picard_weights import legendre_tail, weights
 
 GROUP = 32
@@ -52,11 +52,22 @@ class Equations:
     horizontal: Sums
     vertical: Sums
 
+    def shadowed(self) -> Equations:
+        """Every pendulum twice."""
+        answers = self.horizontal.coefficients
+        count = len(self.frequencies)
+        return replace(
+            self,
+            frequencies=np.tile(self.frequencies, 2),
+            damping_rates=np.tile(self.damping_rates, 2),
+            horizontal=replace(self.horizontal, coefficients=np.vstack([answers[:count], answers])),
+        )
+
 
 class _Level:
     """One length of intervals: forcing, weights and readings."""
 
-    def __init__(self, equations: Equations, readings: EvenReadings | UnevenReadings) -> None:
+    def __init__(self, equations: Equations, readings: EvenReadings | UnevenReadings, shown: int) -> None:
         blocks = min(_BLOCKS, -(-readings.intervals // GROUP))
         self.readings = readings
         self.most = blocks * GROUP
@@ -70,7 +81,7 @@ class _Level:
             self._grids = [node_grid(each, readings.interval, GROUP, blocks) for each in (vertical, horizontal)]
         self.points = np.empty((self._pendulums, self.most, POINTS))
         self._still = np.zeros((self.most, NODES))
-        self.steady = readings.steady(horizontal.some(slice(self._pendulums)), self.most)
+        self.steady = readings.steady(horizontal.some(slice(shown)), self.most)
         each_pendulum = zip(equations.frequencies.tolist(), equations.damping_rates.tolist(), strict=True)
         sets = [weights(n, gamma, readings.interval) for n, gamma in each_pendulum]
         self.weights = (
@@ -100,43 +111,48 @@ def march(equations: Equations, readings: EvenReadings | UnevenReadings) -> Iter
     RefusedError
         If intervals of a thousandth of the planned length are still too long.
     """
-    levels = [_Level(equations, readings)] if readings.intervals else []
-    pendulums = len(equations.frequencies)
-    state = np.zeros((pendulums, 4))
+    shown = len(equations.frequencies)
+    levels = [_Level(equations, readings, shown)] if readings.intervals else []
+    state = np.zeros((shown, 4))
     state[:, 0], state[:, 2] = equations.start
-    remainder = np.zeros((pendulums, NODES))
-    estimate = Estimate(equations.frequencies)
+    remainder = np.zeros((shown, NODES))
+    estimate = Estimate(shown)
     depth, calm, patience, done = 0, 0, _PATIENCE, 0
     while levels and done < levels[depth].readings.intervals:
         level = levels[depth]
         count = min(level.most, -(-(level.readings.intervals - done) // GROUP) * GROUP)
         carried, known, tried = state.copy(), remainder.copy(), estimate.copy()
-        portion, theta, good = _stride(level, done, count, carried, known, tried)
-        if good:
+        result = _stride(level, done, count, carried, known, tried)
+        if result is not None and tried.is_large and len(state) == shown:
+            # The growth of errors must be measured, from the start of this stride on.
+            estimate = estimate.shadowed(tried)
+            equations = equations.shadowed()
+            levels = [_Level(equations, each.readings, shown) for each in levels]
+            state, remainder = np.tile(state, (2, 1)), np.tile(remainder, (2, 1))
+            state[shown:, 0] += estimate.nudge
+        elif result is not None:
             state, remainder, estimate = carried, known, tried
             done += count
-            yield portion.index, theta, estimate.relative
+            yield *result, estimate.relative
             calm += 1
             if depth and calm >= patience:
                 depth, done, calm = depth - 1, done // 2, 0
                 remainder = np.zeros_like(remainder)
-            continue
-        if depth == _MOST_HALVINGS:
-            raise _refused(done * float(level.readings.interval), float(level.readings.interval))
-        patience = 2 * patience if calm == 0 and depth + 1 < len(levels) else _PATIENCE
-        depth, done, calm = depth + 1, 2 * done, 0
-        remainder = np.zeros_like(remainder)
-        if depth == len(levels):
-            levels.append(_Level(equations, level.readings.halved()))
+        else:
+            if depth == _MOST_HALVINGS:
+                raise _refused(done * float(level.readings.interval), float(level.readings.interval))
+            patience = 2 * patience if calm == 0 and depth + 1 < len(levels) else patience
+            depth, done, calm = depth + 1, 2 * done, 0
+            remainder = np.zeros_like(remainder)
+            if depth == len(levels):
+                levels.append(_Level(equations, level.readings.halved(), shown))
 
 
 def _stride(
     level: _Level, first: int, count: int, state: Floats, remainder: Floats, estimate: Estimate
-) -> tuple[Portion, Floats, bool]:
-    """March `count` intervals; state, remainder and estimate move on. Return readings and whether all went well."""
+) -> tuple[Integers, Floats] | None:
+    """March `count` intervals; state, remainder and estimate move on. Return readings, or none if it went wrong."""
     steady, vertical, horizontal, drive = level.forcing(first, count)
-    portion = level.readings.portion(first, count)
-    theta = level.steady(portion)
     peak = np.abs(steady).max(axis=(1, 2))
     zeta, u, rest = (float(np.abs(each).max()) for each in (vertical, horizontal, drive))
     turn = level.turn
@@ -145,7 +161,7 @@ def _stride(
     angle = np.minimum(peak + np.sqrt(report[:, 3]), np.pi)
     contraction = float(np.max(turn**2 / 4 * (zeta + angle**2 / 2 + u * angle)))
     points = level.points[:, :count]
-    march_done = march_intervals(
+    marched = march_intervals(
         state,
         remainder,
         steady,
@@ -159,10 +175,15 @@ def _stride(
         points,
         report,
     )
-    estimate.add(report, peak, turn, march_done)
-    level.readings.read(points, portion, theta)
-    good = march_done == count and bool(np.isfinite(state).all()) and estimate.is_resolved
-    return portion, theta, good
+    if marched < count or not np.isfinite(state).all():
+        return None
+    estimate.add(report, peak, turn, points)
+    if not estimate.is_resolved:
+        return None
+    portion = level.readings.portion(first, count)
+    theta = level.steady(portion)
+    level.readings.read(points[: len(theta)], portion, theta)
+    return portion.index, theta
 
 
 def _refused(time: float, interval: float) -> RefusedError:

@@ -47,8 +47,9 @@ class Weights:
         Angle at the nodes (fast index) for the remainder at the nodes (slow index).
     guess : (NODES * NODES,) float64
         The same for the remainder of the interval before, continued.
-    end : (2 * NODES,) float64
-        Angle, then speed, at the end for the remainder at the nodes.
+    end : (4 * NODES,) float64
+        Angle, then speed, at the end for the remainder at the nodes; then what rounding left of them, for the same
+        error in every interval would add up to a drift of the energy.
     propagator : (16,) float64
         Entries (angle, angle), (angle, speed), (speed, angle), (speed, speed), each as head and tail of its
         leading double, for exact products, the leading double itself, and what is left.
@@ -87,10 +88,10 @@ def weights(frequency: float, damping_rate: float, interval: Fraction) -> Weight
     moments, rates = zip(*(_moments(*each, turn, loss) for each in zip(places, kernel, slope, strict=True)), strict=True)
     lagrange = np.array(_lagrange(), dtype=object)  # (power, node)
     square = turn * turn >> _BITS
-    angle = np.array(moments, dtype=object) @ lagrange  # twice the bits, as every product below
-    speed = np.array(rates[-1], dtype=object) @ lagrange
-    inner = np.array([[_float(value >> _BITS, square) for value in row] for row in angle])
-    last = np.array([_float(value >> _BITS, turn) for value in speed])
+    angle = (np.array(moments, dtype=object) @ lagrange >> _BITS) * square >> _BITS
+    speed = (np.array(rates[-1], dtype=object) @ lagrange >> _BITS) * turn >> _BITS
+    inner = np.array([[_float(value) for value in row] for row in angle])
+    last = [_pair(value) for value in (*angle[-1], *speed)]
     flow = [[_float(rise + (loss * each >> _BITS)) for each, rise in zip(kernel, slope, strict=True)]]
     flow.append([_float(turn * each >> _BITS) for each in kernel])
     cross = turn * kernel[-1] >> _BITS
@@ -99,7 +100,7 @@ def weights(frequency: float, damping_rate: float, interval: Fraction) -> Weight
         np.array([each[:NODES] for each in flow]).ravel(),
         np.ascontiguousarray(inner[:NODES].T).ravel(),
         np.ascontiguousarray((inner[:NODES] @ _continuation()).T).ravel(),
-        np.concatenate([inner[NODES], last]),
+        np.array(last).T.ravel(),
         np.concatenate([_parts(entry) for entry in entries]),
     )
 
@@ -203,19 +204,24 @@ def _moments(place: int, kernel: int, slope: int, turn: int, loss: int) -> tuple
 
 def _parts(entry: int) -> list[float]:
     """Head and tail (26 bits each) of the leading double, itself, and what is left."""
-    leading = _float(entry)
+    leading, rest = _pair(entry)
     mantissa, exponent = math.frexp(leading)
     head = math.ldexp(math.floor(math.ldexp(mantissa, 26) + 0.5), exponent - 26)
-    return [head, leading - head, leading, _float(entry - _fixed(Fraction(leading)))]
+    return [head, leading - head, leading, rest]
+
+
+def _pair(value: int) -> tuple[float, float]:
+    """A fixed-point number as leading double and rest."""
+    leading = _float(value)
+    return leading, _float(value - _fixed(Fraction(leading)))
 
 
 def _fixed(value: Fraction) -> int:
     return (value.numerator << _BITS) // value.denominator
 
 
-def _float(value: int, factor: int = _ONE) -> float:
-    """A fixed-point number, times a factor, rounded once."""
-    return (value * factor >> _BITS) / _ONE
+def _float(value: int) -> float:
+    return value / _ONE
 
 
 assert POINTS == NODES + 2

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba.core import types
-from numba.extending import overload
 
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
+from synth.systems.choice import chosen_for
 from synth.systems.dispatch import registered
 from synth.systems.restoring import Sine, height, pull, pull_slope
 from synth.systems.terms import driven, driven_slope, motion
@@ -46,7 +46,7 @@ def relative(acceleration: float | None, gravity: float) -> float | None:
     return None if acceleration is None else acceleration / gravity
 
 
-@overload(relative)
+@chosen_for(relative)
 def _relative(acceleration: Any, gravity: Any) -> Any:
     if isinstance(acceleration, types.NoneType):
         return lambda acceleration, gravity: None

@@ -11,7 +11,8 @@ import math
 from typing import Any, NamedTuple
 
 from numba.core import types
-from numba.extending import overload
+
+from synth.systems.choice import chosen_for
 
 
 class Sine(NamedTuple):
@@ -69,7 +70,7 @@ def _absent(kind: Any) -> bool:
     return isinstance(kind, types.NoneType)
 
 
-@overload(pull)
+@chosen_for(pull)
 def _pull(angle: Any, horizontal: Any, vertical: Any, restoring: Any) -> Any:
     if restoring.instance_class is Sine:
         if _absent(horizontal) and _absent(vertical):
@@ -90,7 +91,7 @@ def _pull(angle: Any, horizontal: Any, vertical: Any, restoring: Any) -> Any:
     return lambda angle, horizontal, vertical, restoring: (1.0 + vertical) * angle + horizontal
 
 
-@overload(pull_slope)
+@chosen_for(pull_slope)
 def _pull_slope(angle: Any, horizontal: Any, vertical: Any, restoring: Any) -> Any:
     if restoring.instance_class is Sine:
         if _absent(horizontal) and _absent(vertical):
@@ -107,13 +108,8 @@ def _pull_slope(angle: Any, horizontal: Any, vertical: Any, restoring: Any) -> A
     return lambda angle, horizontal, vertical, restoring: 1.0 + vertical
 
 
-@overload(height)
+@chosen_for(height)
 def _height(angle: Any, restoring: Any) -> Any:
     if restoring.instance_class is Sine:
-
-        def rise(angle: Any, restoring: Any) -> Any:
-            half = math.sin(0.5 * angle)
-            return 2.0 * half * half
-
-        return rise
+        return lambda angle, restoring: 2.0 * math.sin(0.5 * angle) * math.sin(0.5 * angle)
     return lambda angle, restoring: 0.5 * angle * angle

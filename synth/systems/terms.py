@@ -15,7 +15,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
 from numba.core import types
-from numba.extending import overload
+
+from synth.systems.choice import chosen_for
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -95,7 +96,7 @@ def _is_both(kind: Any) -> bool:
     return getattr(kind, "instance_class", None) is Both
 
 
-@overload(motion)
+@chosen_for(motion)
 def _motion(time: Any, term: Any) -> Any:
     if isinstance(term, types.NoneType):
         return lambda time, term: None
@@ -103,7 +104,7 @@ def _motion(time: Any, term: Any) -> Any:
     return lambda time, term: chosen(time, term)
 
 
-@overload(driven)
+@chosen_for(driven)
 def _driven(acceleration: Any, index: Any, angle: Any, rate: Any, term: Any) -> Any:
     if isinstance(term, types.NoneType):
         return lambda acceleration, index, angle, rate, term: acceleration
@@ -115,7 +116,7 @@ def _driven(acceleration: Any, index: Any, angle: Any, rate: Any, term: Any) -> 
     return lambda acceleration, index, angle, rate, term: acceleration + chosen(index, angle, rate, term)
 
 
-@overload(driven_slope)
+@chosen_for(driven_slope)
 def _driven_slope(slopes: Any, index: Any, angle: Any, rate: Any, term: Any) -> Any:
     if isinstance(term, types.NoneType):
         return lambda slopes, index, angle, rate, term: slopes
@@ -125,7 +126,7 @@ def _driven_slope(slopes: Any, index: Any, angle: Any, rate: Any, term: Any) -> 
         )
     chosen = _kernel("driven_slope", term)
 
-    def compiled(slopes: Any, index: Any, angle: Any, rate: Any, term: Any) -> Any:
+    def compiled(slopes, index, angle, rate, term):  # type: ignore[no-untyped-def]  # see chosen_for
         by_angle, by_rate = chosen(index, angle, rate, term)
         return slopes[0] + by_angle, slopes[1] + by_rate
 

@@ -77,6 +77,19 @@ def test_records_are_what_their_names_say(short: float) -> None:
     assert made["huge arc, sine, stated"].make()["instrument"].attrs["restoring"] == "sine"
 
 
+def test_every_record_can_be_made(short: float) -> None:
+    for extreme in extremes():
+        values = np.asarray(extreme.make()["record/elongation"].values)
+        assert np.isfinite(values).any()
+        assert np.nanmax(np.abs(values)) < 4.0
+
+
+def test_readings_between_the_blanks_stand() -> None:
+    whole = {extreme.name: np.asarray(extreme.make()["record/elongation"].values) for extreme in extremes()[8:11]}
+    lost = {name: np.isnan(values).sum(axis=1).tolist() for name, values in whole.items()}
+    assert list(lost.values()) == [[7500, 7500], [0, 7500], [7500, 0]]  # 300 s at 25 Hz
+
+
 def test_real_pendulums_obey_the_sine_law(short: float) -> None:
     record = next(extreme for extreme in extremes() if extreme.name == "huge arc, sine, stated").make()
     theta = np.asarray(record["record/elongation"].values)[0]
@@ -92,6 +105,12 @@ def test_a_record_declined_as_a_whole_is_declined_by_each_method() -> None:
     found = reduce(extreme)
     assert set(found) == set(METHODS)
     assert judge(extreme, found)["pass"]
+
+
+def test_nothing_but_noise_gives_no_gravity(short: float) -> None:
+    extreme = next(each for each in extremes() if each.name == "pure noise")
+    found = reduce(extreme)
+    assert judge(extreme, found)["silently_wrong"] == ""
 
 
 @pytest.mark.compiled

@@ -19,6 +19,7 @@ from pipeline.benchmarks import (
     leave_out,
     paper,
     probe,
+    scenes,
     speed,
 )
 from pipeline.cli.benchmark import SUITES
@@ -108,14 +109,19 @@ def test_bars_of_speed_take_the_rows_that_promise(monkeypatch: pytest.MonkeyPatc
     assert [each["pass"] for each in bars_speed.rows(quick=True)] == [True, True, True, False]
 
 
-@pytest.mark.compiled
-def test_commands_are_timed_from_start_to_exit(short: float) -> None:
-    rows = list(speed.start_up(quick=True))
-    assert [row["what"].split(",")[0] for row in rows] == ["isochrony --help", "isochrony process"]
+def test_commands_are_timed_from_start_to_exit(short: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[tuple[str, ...]] = []
+    monkeypatch.setattr(speed, "command", lambda *words: lambda: started.append(words))
+    rows = list(speed.run(quick=True, folder=None))
+    assert [row["what"].split(",")[0] for row in rows[-2:]] == ["isochrony --help", "isochrony process"]
+    assert {words[1] for words in started} == {"-m", "-c"}
 
 
-@pytest.mark.compiled
-def test_process_leaves_out_what_it_does_not_use() -> None:
+@pytest.mark.parametrize(
+    "methods", [("projection",), pytest.param(tuple(name for name in leave_out.METHODS), marks=pytest.mark.campaign)]
+)
+def test_process_leaves_out_what_it_does_not_use(methods: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(leave_out, "METHODS", methods)
     rows = list(leave_out.run(quick=True, folder=None))
     assert all(row["pass"] for row in rows), rows
     loaded = {row["method"]: set(row["methods_loaded"].split()) for row in rows}
@@ -136,6 +142,13 @@ def test_probe_tells_stages_and_modules(
     probe.main(str(path), "uncorrected")
     said = json.loads(capsys.readouterr().out)
     assert list(said["seconds"]) == ["import", "read", "process", "write"]
+
+
+def test_paper_yields_every_claim_on_short_records_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scenes, "DURATION", 300.0)  # five marks
+    rows = list(paper.run(quick=True, folder=None))
+    assert len({row["claim"] for row in rows}) == len(rows) == 25
+    assert all(row["pass"] for row in rows if "psi1-psi2 on film" in row["claim"])
 
 
 @pytest.mark.compiled

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 from made_records import RESONANT, SWELL, changed, row, simulate
 
-from pipeline.flags import MEANINGS, MOST_BRIDGED, MOST_MISSING, SHORT_SECONDS
+from pipeline.flags import MEANINGS, MOST_BRIDGED, MOST_MISSING, SHORT_SECONDS, UNDECIDED
 
 LONG = SHORT_SECONDS + 20.0
 QUIET = {"duration": LONG, "noise": 2e-5, "motion": [SWELL | {"amplitude": [0.02, 0.02, 0.02]}]}
@@ -90,7 +90,7 @@ CASES: dict[str, tuple[Callable[[], xr.DataTree], Callable[[], xr.DataTree]]] = 
 
 
 def test_every_flag_has_its_records() -> None:
-    assert CASES.keys() == MEANINGS.keys()
+    assert CASES.keys() | {UNDECIDED} == MEANINGS.keys()  # only auto can be undecided
 
 
 @pytest.mark.parametrize("flag", CASES)
@@ -98,6 +98,12 @@ def test_raised_and_nearly_raised(flag: str) -> None:
     raising, nearly = CASES[flag]
     assert flag in row(raising(), "projection")["flags"]
     assert row(nearly(), "projection")["flags"] == []
+
+
+def test_auto_says_when_it_cannot_tell_the_restoring_law() -> None:
+    arcs = {"free": ((0.02, 0.4), (0.02, 2.2)), "motion": [], "noise": 3e-4, "write_restoring": False}
+    assert UNDECIDED in row(plain(**arcs), "auto")["flags"]
+    assert UNDECIDED not in row(plain(**(arcs | {"write_restoring": True})), "auto")["flags"]
 
 
 def test_gaps_of_the_first_pendulum_count_too() -> None:

@@ -173,7 +173,7 @@ def test_auto_says_when_arcs_are_negligible_and_when_they_cannot_be_told() -> No
     noisy, _ = simulate(eps=1e-4, write_restoring=False, noise=3e-4, motion=[], free=((0.02, 0.4), (0.02, 2.2)))
     undecided = row(noisy, "auto")
     assert undecided["method"] == "general"  # what the record does not say is the sine
-    assert "hardly tell" in undecided["choice_reason"]
+    assert "do not tell" in undecided["choice_reason"]
 
 
 ZERO = ((0.01, 0.0), (0.01, 0.7))

@@ -100,6 +100,8 @@ def _crossings(time: Floats, values: Floats, near: np.ndarray, period: float) ->
     """Zero of the cubic fitted about each change of sign."""
     found = []
     for index in near:
+        if time[index + 1] - time[index] > CROSSING_SHARE * period:
+            continue  # a gap: where it crossed is not known
         centre = _straight(time, values, index)
         for _ in range(2):
             part = slice(*np.searchsorted(time, [centre - CROSSING_SHARE * period, centre + CROSSING_SHARE * period]))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
 from pipeline.period.cycles import Cycles
@@ -15,6 +16,9 @@ Factor = Callable[[Floats], Floats]
 
 REJECTION = 4.0  # robust sigmas of a cycle's period
 SIGNIFICANT = 5.0  # sigmas of the amplitude scale before it is taken out
+LEAST_SCALE = 5e-4  # relative; smaller ones are below what any angle scale is known to
+DECAY_REACH = 8  # turning points on each side that smooth an amplitude
+BLOCKS = 12  # of crossings, left out in turn for the uncertainty
 LEAST_SPREAD = 0.15  # rad between largest and smallest amplitude before an amplitude scale is fitted
 SMOOTHING = 9  # cycles
 
@@ -64,7 +68,9 @@ def fit_period(cycles: Cycles, *, linear: bool = False) -> PeriodFit:
         The restoring force is linear: no arc factor.
     """
     crossings = [cycles.rising, cycles.falling]
-    amplitude = [np.interp(times, cycles.turning_time, np.abs(cycles.turning)) for times in crossings]
+    extremes = smooth_extremes(cycles)
+    size_of = extremes.size
+    amplitude = [np.interp(times, cycles.turning_time, size_of) for times in crossings]
 
     def factor(values: Floats) -> Floats:
         return np.ones_like(values) if linear else arc_factor(np.clip(values, 0.0, 3.14))
@@ -79,10 +85,10 @@ def fit_period(cycles: Cycles, *, linear: bool = False) -> PeriodFit:
 
     spread = float(size.max() - size.min())
     try_scale = not linear and spread > LEAST_SPREAD
-    period, sigma, scale, scale_sigma = _regress(crossings, amplitude, factor, cycles.rough_period, try_scale)
-    scaled = try_scale and abs(scale) > SIGNIFICANT * scale_sigma
+    period, sigma, scale, scale_sigma = _regress(crossings, amplitude, extremes, factor, cycles.rough_period, try_scale)
+    scaled = try_scale and abs(scale) > max(SIGNIFICANT * scale_sigma, LEAST_SCALE)
     if try_scale and not scaled:
-        period, sigma, _, _ = _regress(crossings, amplitude, factor, cycles.rough_period, False)
+        period, sigma, _, _ = _regress(crossings, amplitude, extremes, factor, cycles.rough_period, False)
     window = np.ones(min(SMOOTHING, length.size))
     smooth_reduced = _running_mean(np.where(whole, reduced, np.nan), window)
     return PeriodFit(
@@ -107,7 +113,12 @@ def _mean_factor(amplitude: Floats, scale: float, factor: Factor) -> Floats:
 
 
 def _regress(
-    crossings: Sequence[Floats], amplitude: Sequence[Floats], factor: Factor, rough: float, fit_scale: bool
+    crossings: Sequence[Floats],
+    amplitude: Sequence[Floats],
+    extremes: Extremes,
+    factor: Factor,
+    rough: float,
+    fit_scale: bool,
 ) -> tuple[float, float, float, float]:
     """Weighted least squares on the crossing times; each crossing's error goes as 1 / (amplitude x frequency).
 
@@ -142,10 +153,72 @@ def _regress(
         if not fit_scale or abs(solution[3]) < 1e-9:
             break
         scale += float(np.clip(solution[3], -0.05, 0.05))
+    sigma = _uncertainty(matrix, weight, value, keep, residual, extremes, factor, period)
+    return period, float(sigma[0]), scale, float(sigma[1]) if fit_scale else 0.0
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """Turning points: time (s), smoothed amplitude and noise of a single one (rad)."""
+
+    time: Floats
+    size: Floats
+    noise: float
+
+
+def smooth_extremes(cycles: Cycles) -> Extremes:
+    """Smooth the amplitude along the record."""
+    size = np.abs(cycles.turning)
+    smooth = smooth_decay(cycles.turning_time, size)
+    noise = 1.4826 * float(np.median(np.abs(size - smooth)))
+    return Extremes(cycles.turning_time, smooth, noise)
+
+
+def smooth_decay(time: Floats, size: Floats) -> Floats:
+    """Amplitude at the turning points by a running parabola in its logarithm: noise of single extremes averages out."""
+    logarithm = np.log(np.maximum(size, 1e-12))
+    smooth = np.empty(size.size)
+    for k in range(size.size):
+        part = slice(max(0, k - DECAY_REACH), k + DECAY_REACH + 1)
+        tau = time[part] - time[k]
+        degree = min(2, tau.size - 1)
+        scale = max(float(np.abs(tau).max()), 1e-12)
+        smooth[k] = np.polynomial.polynomial.polyfit(tau / scale, logarithm[part], degree, w=size[part])[0]
+    return np.asarray(np.exp(smooth))
+
+
+def _uncertainty(
+    matrix: Floats,
+    weight: Floats,
+    value: Floats,
+    keep: NDArray[np.bool_],
+    residual: Floats,
+    extremes: Extremes,
+    factor: Factor,
+    period: float,
+) -> Floats:
+    """1-sigma of the period, and of the scale where it was fitted.
+
+    The larger of the formal error with the residual's memory and of leaving out blocks in turn, and beside it the
+    noise of the amplitudes, which adds up along the record: an error of one extreme shifts all later crossings by
+    T0/2 dK/dA of it.
+    """
+    scaled = matrix[keep] * weight[keep, None]
     kept = residual[keep]
+    estimates = []
+    for block in np.array_split(np.flatnonzero(keep)[np.argsort(value[keep], kind="stable")], BLOCKS):
+        without = keep.copy()
+        without[block] = False
+        part = matrix[without] * weight[without, None]
+        estimates.append(np.linalg.lstsq(part, value[without] * weight[without], rcond=None)[0][2:])
+    jackknife = np.sqrt((BLOCKS - 1) * np.var(np.array(estimates), axis=0))
     covariance = np.linalg.inv(scaled.T @ scaled) * float(kept @ kept) / max(kept.size - matrix.shape[1], 1)
-    covariance *= _colour(kept)
-    return period, float(np.sqrt(covariance[2, 2])), scale, float(np.sqrt(covariance[3, 3])) if fit_scale else 0.0
+    formal = np.sqrt(np.diag(covariance)[2:] * _colour(kept))
+    influence = np.linalg.pinv(scaled)[2:] * weight[keep]
+    later = np.array([influence[:, value[keep] > moment].sum(axis=1) for moment in extremes.time])
+    slope = (factor(extremes.size * (1.0 + 1e-4)) - factor(extremes.size)) / (1e-4 * extremes.size)
+    shifts = 0.5 * period * slope[:, None] * later * extremes.noise
+    return np.asarray(np.hypot(np.maximum(jackknife, formal), np.sqrt(np.sum(shifts**2, axis=0))))
 
 
 def _colour(residual: Floats) -> float:

@@ -75,43 +75,45 @@ def march(
     """
     flow, inner, guess, end, propagator, tail = weights
     pendulums, intervals = steady.shape[0], steady.shape[1]
-    base, theta, fresh = np.empty((pendulums, NODES)), np.empty((pendulums, NODES)), np.empty((pendulums, NODES))
-    given = remainder
+    base, theta = np.empty((pendulums, NODES)), np.empty((pendulums, NODES))
+    known = np.empty((2, pendulums, NODES))  # r of this turn and of the turn before, in either order
+    known[0] = remainder
+    now = 0
     unchecked = 0
     for i in range(intervals):
         for p in range(pendulums):
             _free(flow, steady, p, i, state[p, 0], state[p, 2], base)
-            _couple(guess, p, remainder, base, theta)
+            _couple(guess, known, now, p, base, theta)
         turns = 0
         agree = False
         while not agree:
             if turns == MOST_TURNS:
                 return i
             turns += 1
+            now = 1 - now
             for p in range(pendulums):
                 if state[p, 0] * state[p, 0] + state[p, 2] * state[p, 2] < reach[p] * reach[p]:
-                    _small(theta, vertical, horizontal, drive, p, i, fresh)
+                    _small(theta, vertical, horizontal, drive, p, i, known, now)
                 else:
-                    _general(theta, vertical, horizontal, drive, p, i, fresh)
+                    _general(theta, vertical, horizontal, drive, p, i, known, now)
             if turns >= unchecked:
                 agree = True
                 for p in range(pendulums):
                     limit = stop * stop * max(report[p, 3], floor[p])
-                    agree &= not _change(fresh, remainder, p) > limit
-            fresh, remainder = remainder, fresh
+                    agree &= not _change(known, p) > limit
             for p in range(pendulums):
-                _couple(inner, p, remainder, base, theta)
+                _couple(inner, known, now, p, base, theta)
         unchecked = max(turns - 1, 1)
         for p in range(pendulums):
             report[p, 3] = max(report[p, 3], state[p, 0] * state[p, 0] + state[p, 2] * state[p, 2])
             report[p, 4] += turns
-            _note(tail, remainder, p, report)
+            _note(tail, known, now, p, report)
             points[p, i, 0] = state[p, 0]
-            _advance(state, propagator, end, remainder, p)
+            _advance(state, propagator, end, known, now, p)
             for j in range(NODES):
                 points[p, i, j + 1] = theta[p, j] - steady[p, i, j]
             points[p, i, POINTS - 1] = state[p, 0]
-    given[:] = remainder
+    remainder[:] = known[now]
     return intervals
 
 
@@ -143,17 +145,17 @@ def _free(flow: Any, steady: Any, p: int, i: int, angle: float, speed: float, ou
 
 
 @summing_kernel
-def _couple(matrix: Any, p: int, remainder: Any, base: Any, out: Any) -> None:
+def _couple(matrix: Any, known: Any, now: int, p: int, base: Any, out: Any) -> None:
     for j in range(NODES):
         first, second = base[p, j], 0.0  # two chains of additions run side by side
         for k in range(NODES // 2):
-            first += matrix[p, k * NODES + j] * remainder[p, k]
-            second += matrix[p, (k + NODES // 2) * NODES + j] * remainder[p, k + NODES // 2]
+            first += matrix[p, k * NODES + j] * known[now, p, k]
+            second += matrix[p, (k + NODES // 2) * NODES + j] * known[now, p, k + NODES // 2]
         out[p, j] = first + second
 
 
 @summing_kernel
-def _small(theta: Any, vertical: Any, horizontal: Any, drive: Any, p: int, i: int, out: Any) -> None:
+def _small(theta: Any, vertical: Any, horizontal: Any, drive: Any, p: int, i: int, known: Any, now: int) -> None:
     """Taylor polynomials, for |theta| < 0.5: short by less than 5e-17 of theta."""
     for j in range(NODES):
         x = theta[p, j]
@@ -162,11 +164,11 @@ def _small(theta: Any, vertical: Any, horizontal: Any, drive: Any, p: int, i: in
         short = s * (1 / 6 + s * (-1 / 120 + s * (1 / 5040 + s * (-1 / 362880 + s * short)))) * x
         rise = 1 / 3628800 + s * (-1 / 479001600 + s * (1 / 87178291200))
         rise = s * (0.5 + s * (-1 / 24 + s * (1 / 720 + s * (-1 / 40320 + s * rise))))
-        out[p, j] = short - vertical[i, j] * (x - short) + horizontal[i, j] * rise - drive[i, j]
+        known[now, p, j] = short - vertical[i, j] * (x - short) + horizontal[i, j] * rise - drive[i, j]
 
 
 @kernel
-def _general(theta: Any, vertical: Any, horizontal: Any, drive: Any, p: int, i: int, out: Any) -> None:
+def _general(theta: Any, vertical: Any, horizontal: Any, drive: Any, p: int, i: int, known: Any, now: int) -> None:
     """Any angle: sine and cosine of half the angle, itself reduced to a quarter turn either way."""
     for j in range(NODES):
         x = theta[p, j]
@@ -184,24 +186,24 @@ def _general(theta: Any, vertical: Any, horizontal: Any, drive: Any, p: int, i: 
         cosine = 1.0 + s * cosine
         full = sign * (2.0 * sine * cosine)
         rise = 1.0 - sign * (1.0 - 2.0 * sine * sine)
-        out[p, j] = (x - full) - vertical[i, j] * full + horizontal[i, j] * rise - drive[i, j]
+        known[now, p, j] = (x - full) - vertical[i, j] * full + horizontal[i, j] * rise - drive[i, j]
 
 
 @summing_kernel
-def _change(fresh: Any, remainder: Any, p: int) -> float:
+def _change(known: Any, p: int) -> float:
     total = 0.0
     for j in range(NODES):
-        step = fresh[p, j] - remainder[p, j]
+        step = known[1, p, j] - known[0, p, j]
         total += step * step
     return total
 
 
 @summing_kernel
-def _note(tail: Any, remainder: Any, p: int, report: Any) -> None:
+def _note(tail: Any, known: Any, now: int, p: int, report: Any) -> None:
     """Raise the report by the Legendre tail and the size of the remainder."""
     first, second, third, fourth, size = 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(NODES):
-        value = remainder[p, j]
+        value = known[now, p, j]
         first += tail[j] * value
         second += tail[NODES + j] * value
         third += tail[2 * NODES + j] * value
@@ -213,16 +215,19 @@ def _note(tail: Any, remainder: Any, p: int, report: Any) -> None:
 
 
 @summing_kernel
-def _kick(end: Any, first: int, remainder: Any, p: int) -> float:
+def _kick(end: Any, first: int, known: Any, now: int, p: int) -> float:
     total = 0.0
     for j in range(NODES):
-        total += end[p, first + j] * remainder[p, j]
+        total += end[p, first + j] * known[now, p, j]
     return total
 
 
 @kernel
-def _advance(state: Any, propagator: Any, end: Any, remainder: Any, p: int) -> None:
-    """To the end of the interval: exact products with the leading doubles, everything else in the rest."""
+def _advance(state: Any, propagator: Any, end: Any, known: Any, now: int, p: int) -> None:
+    """To the end of the interval: exact products with the leading doubles, everything else in the rest.
+
+    Terms are bracketed so that few additions wait for each other.
+    """
     angle, angle_rest, speed, speed_rest = state[p, 0], state[p, 1], state[p, 2], state[p, 3]
     angle_head = angle * _SPLIT
     angle_head = angle_head - (angle_head - angle)
@@ -231,24 +236,23 @@ def _advance(state: Any, propagator: Any, end: Any, remainder: Any, p: int) -> N
     speed_head = speed_head - (speed_head - speed)
     speed_tail = speed - speed_head
     for k in range(2):
-        first, second = 8 * k, 8 * k + 4
-        a = propagator[p, first + 2] * angle
-        rest = propagator[p, first] * angle_head - a
-        rest = (rest + propagator[p, first] * angle_tail + propagator[p, first + 1] * angle_head)
-        rest += propagator[p, first + 1] * angle_tail
-        rest += propagator[p, first + 3] * angle + propagator[p, first + 2] * angle_rest
-        b = propagator[p, second + 2] * speed
-        more = propagator[p, second] * speed_head - b
-        more = (more + propagator[p, second] * speed_tail + propagator[p, second + 1] * speed_head)
-        more += propagator[p, second + 1] * speed_tail
-        more += propagator[p, second + 3] * speed + propagator[p, second + 2] * speed_rest
-        total, lost = _two_sum(a, b)
-        rest += more + lost
-        total, lost = _two_sum(total, _kick(end, k * NODES, remainder, p))
-        rest += lost + _kick(end, (k + 2) * NODES, remainder, p)
-        leading = total + rest
-        state[p, 2 * k] = leading
-        state[p, 2 * k + 1] = rest - (leading - total)
+        kick = _kick(end, k * NODES, known, now, p)
+        kick_rest = _kick(end, (k + 2) * NODES, known, now, p)
+        head, tail = propagator[p, 8 * k], propagator[p, 8 * k + 1]
+        leading, rest = propagator[p, 8 * k + 2], propagator[p, 8 * k + 3]
+        small = (rest * angle + leading * angle_rest) + kick_rest
+        a = leading * angle
+        lost = ((head * angle_head - a) + (head * angle_tail + tail * angle_head)) + tail * angle_tail
+        head, tail = propagator[p, 8 * k + 4], propagator[p, 8 * k + 5]
+        leading, rest = propagator[p, 8 * k + 6], propagator[p, 8 * k + 7]
+        small += rest * speed + leading * speed_rest
+        b = leading * speed
+        lost += ((head * speed_head - b) + (head * speed_tail + tail * speed_head)) + tail * speed_tail
+        free, first = _two_sum(a, b)
+        total, second = _two_sum(free, kick)
+        small = (small + lost) + (first + second)
+        state[p, 2 * k] = total + small
+        state[p, 2 * k + 1] = small - (state[p, 2 * k] - total)
 
 
 @kernel

@@ -153,8 +153,8 @@ def _stride(
 ) -> tuple[Integers, Floats] | None:
     """March `count` intervals; state, remainder and estimate move on. Return readings, or none if it went wrong."""
     steady, vertical, horizontal, drive = level.forcing(first, count)
-    peak = np.abs(steady).max(axis=(1, 2))
-    zeta, u, rest = (float(np.abs(each).max()) for each in (vertical, horizontal, drive))
+    peak = np.array([_largest(each) for each in steady])
+    zeta, u, rest = (_largest(each) for each in (vertical, horizontal, drive))
     turn = level.turn
     most = turn * (_SMALL * zeta + _SMALL**3 / 6 + _SMALL**2 / 2 * u + rest)  # y can change by this in an interval
     report = estimate.report()
@@ -184,6 +184,10 @@ def _stride(
     theta = level.steady(portion)
     level.readings.read(points[: len(theta)], portion, theta)
     return portion.index, theta
+
+
+def _largest(values: Floats) -> float:
+    return max(float(values.max()), -float(values.min()))
 
 
 def _refused(time: float, interval: float) -> RefusedError:

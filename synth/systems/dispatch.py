@@ -9,10 +9,12 @@ in, so that new numbers never recompile, a term left out costs nothing, and the 
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import FunctionType
 from typing import Any, TypeVar
 
 from numba.core import types
-from numba.extending import overload
+
+from synth.systems.choice import chosen_for
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -60,41 +62,31 @@ def _class(system: Any) -> Any:
     return system.instance_class if isinstance(system, types.NamedTuple | types.NamedUniTuple) else None
 
 
-@overload(derivative)
+def _plain(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The kernel's Python code, for the compiler to take in as its own.
+
+    Called as a kernel, each call would count references to every array of the parameters: 60 ns where the
+    arithmetic takes 6. Numba wants signatures without annotations here (see `choice.chosen_for`).
+    """
+    code = getattr(function, "py_func", function)
+    return FunctionType(code.__code__, code.__globals__, code.__name__, code.__defaults__, code.__closure__)
+
+
+@chosen_for(derivative)
 def _derivative(time: Any, state: Any, system: Any, out: Any) -> Any:
-    chosen = _find("derivative", _class(system))
-
-    def compiled(time: Any, state: Any, system: Any, out: Any) -> Any:
-        chosen(time, state, system, out)
-
-    return compiled
+    return _plain(_find("derivative", _class(system)))
 
 
-@overload(jacobian)
+@chosen_for(jacobian)
 def _jacobian(time: Any, state: Any, system: Any, out: Any) -> Any:
-    chosen = _find("jacobian", _class(system))
-
-    def compiled(time: Any, state: Any, system: Any, out: Any) -> Any:
-        chosen(time, state, system, out)
-
-    return compiled
+    return _plain(_find("jacobian", _class(system)))
 
 
-@overload(energy)
+@chosen_for(energy)
 def _energy(state: Any, system: Any) -> Any:
-    chosen = _find("energy", _class(system))
-
-    def compiled(state: Any, system: Any) -> Any:
-        return chosen(state, system)
-
-    return compiled
+    return _plain(_find("energy", _class(system)))
 
 
-@overload(response)
+@chosen_for(response)
 def _response(state: Any, index: Any, system: Any, out: Any) -> Any:
-    chosen = _find("response", _class(system))
-
-    def compiled(state: Any, index: Any, system: Any, out: Any) -> Any:
-        chosen(state, index, system, out)
-
-    return compiled
+    return _plain(_find("response", _class(system)))

@@ -39,32 +39,27 @@ class ElasticBeam(NamedTuple):
     """What drives or resists the swing, `terms.together(...)`, or None."""
 
 
-@kernel
-def _beam_acceleration(state: Floats, system: ElasticBeam, out: Floats) -> float:
-    """x''; leaves sin phi_i and phi_i'' at x'' = 0 in the places of pendulum i in `out`."""
-    whole = system.beam_mass
-    inertia = system.beam_mass
-    force = 0.0
-    for i in range(system.length.size):
-        angle, rate = state[2 * i + 2], state[2 * i + 3]
-        sine, cosine = math.sin(angle), math.cos(angle)
-        free = driven(-system.gravity / system.length[i] * sine, i, angle, rate, system.terms)
-        whole += system.mass[i]
-        inertia += system.mass[i] * cosine * cosine
-        force += system.mass[i] * system.length[i] * (cosine * rate * rate + sine * free)
-        out[2 * i + 2] = sine
-        out[2 * i + 3] = free
-    return (force - system.stiffness * state[0] - whole * system.damping_rate * state[1]) / inertia
-
-
 @registered("derivative", ElasticBeam)
 @kernel
 def _derivative(time: float, state: Floats, system: ElasticBeam, out: Floats) -> None:
-    beam = _beam_acceleration(state, system, out)
+    masses, lengths, gravity, terms = system.mass, system.length, system.gravity, system.terms
+    whole = system.beam_mass
+    inertia = system.beam_mass
+    force = 0.0
+    for i in range(lengths.size):
+        angle, rate = state[2 * i + 2], state[2 * i + 3]
+        sine, cosine = math.sin(angle), math.cos(angle)
+        free = driven(-gravity / lengths[i] * sine, i, angle, rate, terms)
+        whole += masses[i]
+        inertia += masses[i] * cosine * cosine
+        force += masses[i] * lengths[i] * (cosine * rate * rate + sine * free)
+        out[2 * i + 2] = sine / lengths[i]
+        out[2 * i + 3] = free
+    beam = (force - system.stiffness * state[0] - whole * system.damping_rate * state[1]) / inertia
     out[0] = state[1]
     out[1] = beam
-    for i in range(system.length.size):
-        out[2 * i + 3] = out[2 * i + 3] + out[2 * i + 2] * beam / system.length[i]
+    for i in range(lengths.size):
+        out[2 * i + 3] = out[2 * i + 3] + out[2 * i + 2] * beam
         out[2 * i + 2] = state[2 * i + 3]
 
 

@@ -35,30 +35,25 @@ class FlexibleFrame(NamedTuple):
     """What drives or resists the swing, `terms.together(...)`, or None."""
 
 
-@kernel
-def _frame_acceleration(state: Floats, system: FlexibleFrame, out: Floats) -> float:
-    """X''; leaves cos phi_i and phi_i'' at X'' = 0 in the places of pendulum i in `out`."""
-    inertia = system.frame_mass
-    force = 0.0
-    for i in range(system.length.size):
-        angle, rate = state[2 * i + 2], state[2 * i + 3]
-        sine, cosine = math.sin(angle), math.cos(angle)
-        free = driven(-system.gravity / system.length[i] * sine, i, angle, rate, system.terms)
-        inertia += system.mass[i] * sine * sine
-        force += system.mass[i] * system.length[i] * (sine * rate * rate - cosine * free)
-        out[2 * i + 2] = cosine
-        out[2 * i + 3] = free
-    return (force - system.stiffness * state[0] - system.resistance * state[1]) / inertia
-
-
 @registered("derivative", FlexibleFrame)
 @kernel
 def _derivative(time: float, state: Floats, system: FlexibleFrame, out: Floats) -> None:
-    frame = _frame_acceleration(state, system, out)
+    masses, lengths, gravity, terms = system.mass, system.length, system.gravity, system.terms
+    inertia = system.frame_mass
+    force = 0.0
+    for i in range(lengths.size):
+        angle, rate = state[2 * i + 2], state[2 * i + 3]
+        sine, cosine = math.sin(angle), math.cos(angle)
+        free = driven(-gravity / lengths[i] * sine, i, angle, rate, terms)
+        inertia += masses[i] * sine * sine
+        force += masses[i] * lengths[i] * (sine * rate * rate - cosine * free)
+        out[2 * i + 2] = cosine / lengths[i]
+        out[2 * i + 3] = free
+    frame = (force - system.stiffness * state[0] - system.resistance * state[1]) / inertia
     out[0] = state[1]
     out[1] = frame
-    for i in range(system.length.size):
-        out[2 * i + 3] = out[2 * i + 3] - out[2 * i + 2] * frame / system.length[i]
+    for i in range(lengths.size):
+        out[2 * i + 3] = out[2 * i + 3] - out[2 * i + 2] * frame
         out[2 * i + 2] = state[2 * i + 3]
 
 

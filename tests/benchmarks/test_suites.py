@@ -112,6 +112,7 @@ def test_bars_of_speed_take_the_rows_that_promise(monkeypatch: pytest.MonkeyPatc
 def test_commands_are_timed_from_start_to_exit(short: float, monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[tuple[str, ...]] = []
     monkeypatch.setattr(speed, "command", lambda *words: lambda: started.append(words))
+    monkeypatch.setattr(speed, "SIZES", (600,))
     rows = list(speed.run(quick=True, folder=None))
     assert [row["what"].split(",")[0] for row in rows[-2:]] == ["isochrony --help", "isochrony process"]
     assert {words[1] for words in started} == {"-m", "-c"}

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from pipeline.arrays import Floats
 from pipeline.estimate import Budget, budget
 from pipeline.gaps import bridge
 from pipeline.harmonics.blocks import block_envelope
@@ -15,6 +16,7 @@ from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband, phase_slope
 from pipeline.observation import Observation
 from pipeline.outliers import reject_outliers
+from pipeline.uneven_grid import grid_step, to_grid
 
 LEAST_SWINGS = 20.0  # a shorter record has no window for the harmonic and no certainty of its phase
 LEAST_EXPLAINED = 0.5  # share of the difference's power that its own swing must explain
@@ -29,7 +31,10 @@ class Prepared:
     Attributes
     ----------
     observation : Observation
-        `theta` is whole on a uniform grid (gaps bridged); `difference` keeps its gaps.
+        `difference` keeps its gaps.
+    whole, whole_step : (m,) array, float
+        The first pendulum on a uniform grid of that step (s), its gaps bridged; the samples' own grid where they
+        have one.
     rejected : int
         Samples taken out of both series.
     noise_theta, noise_difference : float
@@ -41,6 +46,8 @@ class Prepared:
     """
 
     observation: Observation
+    whole: Floats
+    whole_step: float
     rejected: int
     noise_theta: float
     noise_difference: float
@@ -62,7 +69,7 @@ class Prepared:
     def blocks(self) -> Envelope:
         """Cheap envelope, from which the exact fits start."""
         seen = self.observation
-        return block_envelope(seen.time, seen.step, seen.theta, seen.difference, self.nominal)
+        return block_envelope(seen.time, seen.step, self.whole, seen.difference, self.nominal, self.whole_step)
 
     @cached_property
     def sliding(self) -> Envelope:
@@ -70,7 +77,7 @@ class Prepared:
         from pipeline.harmonics.sliding import sliding_envelope
 
         seen = self.observation
-        return sliding_envelope(seen.time, seen.step, seen.theta, seen.difference, self.nominal)
+        return sliding_envelope(seen.time, seen.step, self.whole, seen.difference, self.nominal, self.whole_step)
 
     def narrowband(self, envelope: Envelope, tolerance: float = 1e-13) -> NarrowbandFit:
         """Complex form of (27) on an envelope."""
@@ -155,22 +162,28 @@ def prepare(observation: Observation) -> Prepared:
     noise = [float("nan"), float("nan")]
     bridged, bridges = float(np.isnan(theta).mean()), 0.0
     if observation.step is not None:
-        theta, first, noise[0] = reject_outliers(theta, observation.step, nominal)
-        difference, second, noise[1] = reject_outliers(difference, observation.step, nominal)
+        step = observation.step
+        theta, first, noise[0] = reject_outliers(theta, step, nominal)
+        difference, second, noise[1] = reject_outliers(difference, step, nominal)
         removed = first + second
         bridged = float(np.isnan(theta).mean())
-        if observation.step * nominal < 0.5 * np.pi:
-            white = float(np.nan_to_num(noise[0]))
-            theta, spans = bridge(theta, observation.step, nominal, white)
-            if not np.isfinite(theta).all():
-                raise RefusedError(
-                    "record/elongation: the first pendulum has a gap too long to bridge; split the record there"
-                )
-            # a slow error in a bridge acts on the swing for about a radian, however long the bridge is
-            swing = 1.0 / (nominal * observation.step)
-            bridges = float(np.sqrt(sum((min(length, swing) * error) ** 2 for length, error in spans)))
+        whole = theta
+    else:
+        step = grid_step(observation.time, nominal)
+        whole = to_grid(observation.time, theta, step, nominal)
+    if step * nominal < 0.5 * np.pi:
+        whole, spans = bridge(whole, step, nominal, float(np.nan_to_num(noise[0])))
+        if not np.isfinite(whole).all():
+            raise RefusedError(
+                "record/elongation: the first pendulum has a gap too long to bridge; split the record there"
+            )
+        # a slow error in a bridge acts on the swing for about a radian, however long the bridge is
+        swing = 1.0 / (nominal * step)
+        bridges = float(np.sqrt(sum((min(length, swing) * error) ** 2 for length, error in spans)))
     return Prepared(
         observation=replace(observation, theta=theta, difference=difference),
+        whole=whole,
+        whole_step=step,
         rejected=removed,
         noise_theta=noise[0],
         noise_difference=noise[1],

@@ -174,10 +174,10 @@ def _film() -> Iterator[dict[str, Any]]:
 
 
 _TERMS = {
-    "first_speed": ("(n1-n2)(Phi1'-n1)", 0.5),
-    "first_growth": ("(n1-n2) Theta1'/Theta1", 0.5),
-    "forcing": ("(n1-n2) xi/g", 0.5),
-    "slow_difference": ("psi1-psi2", 0.01),
+    "first_speed": "(n1-n2)(Phi1'-n1)",
+    "first_growth": "(n1-n2) Theta1'/Theta1",
+    "forcing": "(n1-n2) xi/g",
+    "slow_difference": "psi1-psi2",
 }
 _LATER = {"damping_difference": "gamma1-gamma2", "finite_arc": "finite arc"}
 
@@ -196,7 +196,7 @@ def _neglected() -> Iterator[dict[str, Any]]:
         )
         ready = prepare(observe(simulate(scene)[0]))
         worth = neglected_terms(ready)
-        for name, (term, _) in _TERMS.items():
+        for name, term in _TERMS.items():
             yield _row(f"neglected {term}, eps {eps:g}", "negligible", worth[name], "mGal", abs(worth[name]) < limit)
         for name, term in _LATER.items():
             yield _row(f"left out: {term}, eps {eps:g}", "not treated", worth[name], "mGal", abs(worth[name]) > 0.01)

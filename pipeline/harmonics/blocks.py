@@ -5,38 +5,53 @@ Each block is fitted by {cos, sin, 1, t}. On a uniform grid all complete blocks 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics.envelope import Envelope, window_length
 
+Series = tuple[Floats, Floats]
+"""Times and values."""
+
 BLOCK_SECONDS = 4.0
 LEAST_COVERAGE = 0.5
 
 
-def block_envelope(time: Floats, step: float | None, theta: Floats, difference: Floats, frequency: float) -> Envelope:
+def block_envelope(
+    time: Floats,
+    step: float | None,
+    first: Floats,
+    difference: Floats,
+    frequency: float,
+    first_step: float | None = None,
+) -> Envelope:
     """Envelope of both series at block centres.
 
     Parameters
     ----------
-    time, theta, difference : (n,) arrays
+    time, first, difference : (n,) arrays
         s, rad, rad; NaN = missing.
     step : float or None
         Sampling step when uniform.
     frequency : float
         Carrier, rad s-1.
+    first_step : float, optional
+        Step of `first` where it stands on a grid of its own, s.
     """
     mean_step = step if step is not None else float(time[-1]) / (time.size - 1)
     duration = float(time[-1]) + mean_step
     length = window_length(frequency, mean_step, BLOCK_SECONDS, duration)
-    series = np.stack([theta, difference])
     if step is not None:
         rows = max(4, round(length / step))
-        centres, coefficients, counts = _uniform(series, step, rows, frequency)
+        centres, coefficients, counts = _uniform(np.stack([first, difference]), step, rows, frequency)
         length = rows * step
     else:
+        first_time = time if first_step is None else np.arange(first.size) * first_step
+        pairs = ((first_time, first), (time, difference))
         edges = np.arange(0.0, duration - 0.5 * length, length)
-        centres, coefficients, counts = _uneven(time, series, edges, length, frequency)
+        centres, coefficients, counts = _uneven(pairs, edges, length, frequency)
         rows = max(4, round(length / mean_step))
     carrier = np.exp(-1j * frequency * centres)
     amplitude = (coefficients[:, :, 0] - 1j * coefficients[:, :, 1]) * carrier
@@ -74,18 +89,16 @@ def _uniform(series: Floats, step: float, rows: int, frequency: float) -> tuple[
     return (np.arange(count) + 0.5) * rows * step - 0.5 * step, coefficients, counts
 
 
-def _uneven(
-    time: Floats, series: Floats, edges: Floats, length: float, frequency: float
-) -> tuple[Floats, Floats, Floats]:
+def _uneven(series: Sequence[Series], edges: Floats, length: float, frequency: float) -> tuple[Floats, Floats, Floats]:
     centres = edges + 0.5 * length
     coefficients = np.full((2, edges.size, 4), np.nan)
     counts = np.zeros((2, edges.size))
-    bounds = np.searchsorted(time, np.append(edges, edges[-1] + length))
-    for block, centre in enumerate(centres):
-        part = slice(bounds[block], bounds[block + 1])
-        basis = _basis(time[part] - centre, 0.5 * length, frequency)
-        for which in range(2):
-            coefficients[which, block], counts[which, block] = _fit(basis, series[which, part])
+    for which, (time, values) in enumerate(series):
+        bounds = np.searchsorted(time, np.append(edges, edges[-1] + length))
+        for block, centre in enumerate(centres):
+            part = slice(bounds[block], bounds[block + 1])
+            basis = _basis(time[part] - centre, 0.5 * length, frequency)
+            coefficients[which, block], counts[which, block] = _fit(basis, values[part])
     return centres, coefficients, counts
 
 

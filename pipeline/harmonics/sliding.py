@@ -2,16 +2,21 @@
 
 In a Kaiser window the series is fitted by {1, t, t^2} x {cos, sin} + {1, t}: the harmonic with an amplitude and phase
 that may change quadratically, on a slow part. Where all samples are there the fit is one set of filter taps, flat
-at the pendulum's frequency and more than 100 dB down where swell lives; where samples are missing the same fit is
+at the pendulum's frequency and some 95 dB down where swell lives; where samples are missing the same fit is
 solved on those present, so a gap is never filled.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics.envelope import Envelope, window_length
+
+Series = tuple[Floats, Floats]
+"""Times and values."""
 
 WINDOW_SECONDS = 16.0
 HOP_SECONDS = 1.0
@@ -20,31 +25,41 @@ LEAST_COVERAGE = 0.7  # of the window's weight; an instant with less has no valu
 TERMS = 8
 
 
-def sliding_envelope(time: Floats, step: float | None, theta: Floats, difference: Floats, frequency: float) -> Envelope:
+def sliding_envelope(
+    time: Floats,
+    step: float | None,
+    first: Floats,
+    difference: Floats,
+    frequency: float,
+    first_step: float | None = None,
+) -> Envelope:
     """Envelope of both series at instants `HOP_SECONDS` apart (further where the window must be long).
 
     Parameters
     ----------
-    time, theta, difference : (n,) arrays
+    time, first, difference : (n,) arrays
         s, rad, rad; NaN = missing.
     step : float or None
         Sampling step when uniform.
     frequency : float
         Carrier, rad s-1.
+    first_step : float, optional
+        Step of `first` where it stands on a grid of its own, s.
     """
     mean_step = step if step is not None else float(time[-1]) / (time.size - 1)
     length = window_length(frequency, mean_step, WINDOW_SECONDS, float(time[-1]) + mean_step)
     hop = HOP_SECONDS * max(1.0, length / WINDOW_SECONDS)
-    series = np.stack([theta, difference])
     if step is not None:
         half = max(8, round(0.5 * length / step))
         every = max(1, round(hop / step))
-        centres, fit, coverage = _uniform(series, step, half, every, frequency)
+        centres, fit, coverage = _uniform(np.stack([first, difference]), step, half, every, frequency)
         hop, half_length = every * step, half * step
     else:
+        first_time = time if first_step is None else np.arange(first.size) * first_step
+        pairs = ((first_time, first), (time, difference))
         half_length = 0.5 * length
         centres = np.arange(half_length, float(time[-1]) - half_length + 0.5 * hop, hop)
-        fit, coverage = _uneven(time, series, centres, half_length, frequency)
+        fit, coverage = _uneven(pairs, centres, half_length, frequency)
     fit[coverage < LEAST_COVERAGE] = np.nan
     carrier = np.exp(-1j * frequency * centres)
     amplitude: Complexes = (fit[:, :, 0] - 1j * fit[:, :, 1]) * carrier
@@ -106,24 +121,22 @@ def _uniform(series: Floats, step: float, half: int, every: int, frequency: floa
     return centres, fit, coverage
 
 
-def _uneven(
-    time: Floats, series: Floats, centres: Floats, half_length: float, frequency: float
-) -> tuple[Floats, Floats]:
+def _uneven(series: Sequence[Series], centres: Floats, half_length: float, frequency: float) -> tuple[Floats, Floats]:
     fit = np.full((2, centres.size, TERMS), np.nan)
     coverage = np.zeros((2, centres.size))
-    low = np.searchsorted(time, centres - half_length)
-    high = np.searchsorted(time, centres + half_length)
-    spread = float(time[-1]) / (time.size - 1)
-    full = _kaiser(np.arange(-half_length, half_length, spread) / half_length).sum()
-    for k, centre in enumerate(centres):
-        tau = time[low[k] : high[k]] - centre
-        basis = _basis(tau, half_length, frequency)
-        weight = _kaiser(tau / half_length)
-        for which in range(2):
-            values = series[which, low[k] : high[k]]
-            present = np.isfinite(values)
-            coverage[which, k] = weight[present].sum() / full
-            if coverage[which, k] >= LEAST_COVERAGE and present.sum() > TERMS:
-                root = np.sqrt(weight[present])
-                fit[which, k] = np.linalg.lstsq(root[:, None] * basis[present], root * values[present], rcond=None)[0]
+    for which, (time, values) in enumerate(series):
+        low = np.searchsorted(time, centres - half_length)
+        high = np.searchsorted(time, centres + half_length)
+        spread = float(time[-1]) / (time.size - 1)
+        full = _kaiser(np.arange(-half_length, half_length, spread) / half_length).sum()
+        for k, centre in enumerate(centres):
+            part = slice(low[k], high[k])
+            present = np.isfinite(values[part])
+            tau = time[part][present] - centre
+            weight = _kaiser(tau / half_length)
+            coverage[which, k] = weight.sum() / full
+            if coverage[which, k] >= LEAST_COVERAGE and tau.size > TERMS:
+                root = np.sqrt(weight)
+                basis = root[:, None] * _basis(tau, half_length, frequency)
+                fit[which, k] = np.linalg.lstsq(basis, root * values[part][present], rcond=None)[0]
     return fit, np.minimum(coverage, 1.0)

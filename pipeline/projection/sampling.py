@@ -18,9 +18,9 @@ def problem(prepared: Prepared) -> Problem:
     if seen.step is None:
         from pipeline.projection.uneven import UnevenProblem
 
-        return UnevenProblem(seen.time, seen.theta, seen.difference, *constants)
+        return UnevenProblem(seen.time, prepared.whole, prepared.whole_step, seen.difference, *constants)
     if seen.step * prepared.nominal <= MOST_ANGLE:
-        return UniformProblem(seen.theta, seen.difference, seen.step, *constants)
+        return UniformProblem(prepared.whole, seen.difference, seen.step, *constants)
     from pipeline.projection.upsample import upsample
 
     factor = int(np.ceil(seen.step * prepared.nominal / FINE_ANGLE))

@@ -200,8 +200,10 @@ def solve_moments(gram: Floats, coefficient: Floats, half: float, fit_damping: b
     dn is `t (B cos - A sin) + slope / half`, that of dgamma `-t (A cos + B sin) + slope_damping / half`, both times
     `half`: bilinear in (A, B), so a few rounds are taken.
     """
-    inner, data, square = gram[:7, :7], gram[:7, 7], gram[7, 7]
     free = 5 if fit_damping else 4
+    if not np.all(np.isfinite(gram)) or gram[2, 2] < 2 * free:
+        raise RefusedError("difference: too few readings follow a swing near the nominal period; check the period")
+    inner, data, square = gram[:7, :7], gram[:7, 7], gram[7, 7]
     parameters = np.zeros(5)
     parameters[:3] = coefficient + np.linalg.solve(inner[:3, :3] + _RIDGE * np.diag(np.diag(inner)[:3]), data[:3])
 

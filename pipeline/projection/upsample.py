@@ -20,7 +20,7 @@ KAISER_SHAPE = 9.0
 SINC_REACH = 16
 KNOT_SECONDS = 10.0
 SEGMENT_SECONDS, OVERLAP_SECONDS = 1200.0, 150.0
-STIFFNESS = 1e-3  # weight of the smoothness against the readings for an envelope turning at 0.1 rad/s
+STIFFNESS = 1.0  # weight of the smoothness against the readings for an envelope turning at 0.1 rad/s
 
 
 def upsample(theta: Floats, step: float, frequency: float, factor: int) -> Floats:

@@ -33,7 +33,7 @@ class Crossings(NamedTuple):
 
 
 class Escapement(NamedTuple):
-    """Kicks to give: at each crossing the pendulum's rate jumps along its motion, so that the energy grows as stated."""
+    """Kicks to give: at a crossing the pendulum's rate jumps along its motion, so that the energy grows as stated."""
 
     component: Integers
     """(kicks,) place of the pendulum's angle in the state; its rate follows."""
@@ -171,7 +171,8 @@ def _note(memory: Memory, j: int, time: float, time_low: float) -> None:
 
 @kernel
 def _strike_nothing(
-    event: Any, memory: Memory, share: float, time: float, time_low: float, following: Floats, left_over: Floats, system: Any
+    event: Any, memory: Memory, share: float, time: float, time_low: float, following: Floats, left_over: Floats,
+    system: Any,
 ) -> None:  # fmt: skip
     for j in range(event.level.size):
         if _happens(event, memory, j, share, following, left_over):
@@ -180,7 +181,8 @@ def _strike_nothing(
 
 @kernel
 def _strike_pendulum(
-    event: Any, memory: Memory, share: float, time: float, time_low: float, following: Floats, left_over: Floats, system: Any
+    event: Any, memory: Memory, share: float, time: float, time_low: float, following: Floats, left_over: Floats,
+    system: Any,
 ) -> None:  # fmt: skip
     impulse = memory.impulse
     for j in range(event.level.size):
@@ -209,7 +211,9 @@ def begin(event: Any, memory: Any, state: Floats) -> None:
         _begin(event, memory, state)
 
 
-def locate(event: Any, memory: Any, state: Floats, low: Floats, following: Floats, left_over: Floats, polynomial: Floats) -> float:
+def locate(
+    event: Any, memory: Any, state: Floats, low: Floats, following: Floats, left_over: Floats, polynomial: Floats
+) -> float:
     """Share of the step at the first crossing, or 2.0."""
     return NONE if event is None else _locate(event, memory, state, low, following, left_over, polynomial)
 
@@ -220,7 +224,8 @@ def miss(event: Any, memory: Any, share: float, following: Floats, left_over: Fl
 
 
 def strike(
-    event: Any, memory: Any, share: float, time: float, time_low: float, following: Floats, left_over: Floats, system: Any
+    event: Any, memory: Any, share: float, time: float, time_low: float, following: Floats, left_over: Floats,
+    system: Any,
 ) -> None:  # fmt: skip
     """Note what crosses at this instant, and give the kicks."""
     if isinstance(event, Escapement):

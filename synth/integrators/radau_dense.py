@@ -7,14 +7,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from synth.integrators.radau_tables import Tableau
+from synth.integrators.radau_tables import FIVE, SEVEN, THREE
 from synth.kernels.compiled import kernel
+
+_N3, _N5, _N7 = THREE.nodes, FIVE.nodes, SEVEN.nodes
+_R3, _R5, _R7 = THREE.reciprocals, FIVE.reciprocals, SEVEN.reciprocals
 
 
 @kernel
-def differences(count: Any, size: Any, tableau: Tableau, increments: Any, out: Any) -> None:
+def differences(count: Any, size: Any, increments: Any, out: Any) -> None:
     """Divided differences (s + 1, n) of the increments (s, n); the increment at 0 is zero."""
     s = len(count)
+    reciprocals = _R3 if s == 3 else _R5 if s == 5 else _R7
     for c in range(len(size)):
         for i in range(s):
             out[i, c] = increments[s - 1 - i, c]
@@ -22,16 +26,17 @@ def differences(count: Any, size: Any, tableau: Tableau, increments: Any, out: A
     for level in range(1, s + 1):
         for i in range(s, level - 1, -1):
             for c in range(len(size)):
-                out[i, c] = (out[i, c] - out[i - 1, c]) * tableau.reciprocals[i, i - level]
+                out[i, c] = (out[i, c] - out[i - 1, c]) * reciprocals[i, i - level]
 
 
 @kernel
-def evaluate(at: float, size: Any, tableau: Tableau, polynomial: Any, out: Any) -> None:
+def evaluate(at: float, count: Any, size: Any, polynomial: Any, out: Any) -> None:
     """Increment `out` (n,) at the share `at` of the step."""
-    s = tableau.nodes.size
+    s = len(count)
+    nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
     for c in range(len(size)):
         out[c] = polynomial[s, c]
     for i in range(s - 1, -1, -1):
-        away = at - tableau.nodes[s - 1 - i]
+        away = at - nodes[s - 1 - i]
         for c in range(len(size)):
             out[c] = out[c] * away + polynomial[i, c]

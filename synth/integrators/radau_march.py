@@ -9,7 +9,7 @@ import numpy as np
 
 from synth.integrators.radau_dense import differences, evaluate
 from synth.integrators.radau_linear import solve
-from synth.integrators.radau_newton import collocate, prepare, project, stages
+from synth.integrators.radau_newton import collocate, prepare, project
 from synth.integrators.radau_tables import FIVE, SEVEN, THREE
 from synth.kernels.compiled import kernel
 from synth.systems.dispatch import derivative, jacobian
@@ -20,111 +20,101 @@ NEWTON = 0.01
 DENSE = 0.1
 UP = 0.002
 DOWN = 0.8
-FRESH = 0.0
-HOLD = 1.0
 JAT = 0.0
 STAY = 10
+CONV = 0.0
+CEXP = 1.0
+_S3, _S5, _S7 = (0,) * 3, (0,) * 5, (0,) * 7
 
 
 @kernel
-def _factor_step(step, jac, s, size, work):
+def _prepare(step, jac, s, size, matrices, exchanges):
     if s == 3:
-        return prepare(step, jac, size, THREE, work)
+        return prepare(step, jac, _S3, size, matrices, exchanges)
     if s == 5:
-        return prepare(step, jac, size, FIVE, work)
-    return prepare(step, jac, size, SEVEN, work)
+        return prepare(step, jac, _S5, size, matrices, exchanges)
+    return prepare(step, jac, _S7, size, matrices, exchanges)
 
 
 @kernel
-def _collocate(time, step, state, scale, goal, trust, s, size, work, system):
+def _collocate(time, step, state, scale, goal, trust, s, size, z, w, f, point, slope, matrices, exchanges, right, system):
     if s == 3:
-        return collocate(time, step, state, scale, goal, trust, 8, (0, 0, 0), size, THREE, work, system)
+        return collocate(time, step, state, scale, goal, trust, 8, _S3, size, z, w, f, point, slope, matrices, exchanges, right, system)
     if s == 5:
-        return collocate(time, step, state, scale, goal, trust, 12, (0, 0, 0, 0, 0), size, FIVE, work, system)
-    return collocate(time, step, state, scale, goal, trust, 16, (0, 0, 0, 0, 0, 0, 0), size, SEVEN, work, system)
-
-
-@kernel
-def _guess(start, ratio, s, size, old, polynomial, work):
-    """Increments at the nodes of a step that begins at `start` in units of the old step."""
-    if old == 0:
-        for i in range(s):
-            for c in range(len(size)):
-                work.increments[i, c] = 0.0
-                work.amplitudes[i, c] = 0.0
-        return
-    if old == 3:
-        _spread(start, ratio, s, size, THREE, polynomial, work)
-    elif old == 5:
-        _spread(start, ratio, s, size, FIVE, polynomial, work)
-    else:
-        _spread(start, ratio, s, size, SEVEN, polynomial, work)
-    if s == 3:
-        project((0, 0, 0), size, THREE, work)
-    elif s == 5:
-        project((0, 0, 0, 0, 0), size, FIVE, work)
-    else:
-        project((0, 0, 0, 0, 0, 0, 0), size, SEVEN, work)
-
-
-@kernel
-def _spread(start, ratio, s, size, tableau, polynomial, work):
-    nodes = THREE.nodes if s == 3 else FIVE.nodes if s == 5 else SEVEN.nodes
-    for i in range(s):
-        evaluate(start + ratio * nodes[i], size, tableau, polynomial, work.slope)
-        for c in range(len(size)):
-            work.increments[i, c] = work.slope[c] - (polynomial[0, c] if start > 0.0 else 0.0)
-
-
-@kernel
-def _differences(s, size, work, out):
-    if s == 3:
-        differences((0, 0, 0), size, THREE, work.increments, out)
-    elif s == 5:
-        differences((0, 0, 0, 0, 0), size, FIVE, work.increments, out)
-    else:
-        differences((0, 0, 0, 0, 0, 0, 0), size, SEVEN, work.increments, out)
+        return collocate(time, step, state, scale, goal, trust, 12, _S5, size, z, w, f, point, slope, matrices, exchanges, right, system)
+    return collocate(time, step, state, scale, goal, trust, 16, _S7, size, z, w, f, point, slope, matrices, exchanges, right, system)
 
 
 @kernel
 def _read(at, s, size, polynomial, out):
     if s == 3:
-        evaluate(at, size, THREE, polynomial, out)
+        evaluate(at, _S3, size, polynomial, out)
     elif s == 5:
-        evaluate(at, size, FIVE, polynomial, out)
+        evaluate(at, _S5, size, polynomial, out)
     else:
-        evaluate(at, size, SEVEN, polynomial, out)
+        evaluate(at, _S7, size, polynomial, out)
 
 
 @kernel
-def _error(time, step, state, slope, scale, s, size, retry, work, system):
-    tableau = THREE if s == 3 else FIVE if s == 5 else SEVEN
+def _guess(start, ratio, s, size, old, polynomial, z, w, point):
+    """Increments at the nodes of a step that begins at `start` in units of the old step."""
+    if old == 0:
+        for i in range(s):
+            for c in range(len(size)):
+                z[i, c] = 0.0
+                w[i, c] = 0.0
+        return
+    nodes = THREE.nodes if s == 3 else FIVE.nodes if s == 5 else SEVEN.nodes
+    for i in range(s):
+        _read(start + ratio * nodes[i], old, size, polynomial, point)
+        for c in range(len(size)):
+            z[i, c] = point[c] - (polynomial[0, c] if start > 0.0 else 0.0)
+    if s == 3:
+        project(_S3, size, z, w)
+    elif s == 5:
+        project(_S5, size, z, w)
+    else:
+        project(_S7, size, z, w)
+
+
+@kernel
+def _differences(s, size, z, out):
+    if s == 3:
+        differences(_S3, size, z, out)
+    elif s == 5:
+        differences(_S5, size, z, out)
+    else:
+        differences(_S7, size, z, out)
+
+
+@kernel
+def _error(time, step, state, slope, scale, s, size, retry, z, f, point, other, matrices, exchanges, right, system):
+    weights = THREE.error if s == 3 else FIVE.error if s == 5 else SEVEN.error
+    rate = (THREE.rates if s == 3 else FIVE.rates if s == 5 else SEVEN.rates)[0].real
     n = len(size)
-    gain = tableau.real / step
+    gain = rate / step
     for c in range(n):
         total = 0.0
         for i in range(s):
-            total += tableau.error[i] * work.increments[i, c]
-        work.slope[c] = total * gain
-        work.right[c] = slope[c] + work.slope[c]
-    solve(work.real, work.real_order, size, work.right)
+            total += weights[i] * z[i, c]
+        f[0, c] = total * gain
+        right[c] = slope[c] + total * gain
+    solve(0, size, matrices, exchanges, right)
     total = 0.0
     for c in range(n):
-        part = work.right[c] * scale[c]
+        part = right[c].real * scale[c]
         total += part * part
     value = math.sqrt(total / n)
     if retry < value:
         for c in range(n):
-            work.point[c] = state[c] + work.right[c]
+            point[c] = state[c] + right[c].real
+        derivative(time, point, system, other)
         for c in range(n):
-            work.slopes[0, c] = work.slope[c]
-        derivative(time, work.point, system, work.slope)
-        for c in range(n):
-            work.right[c] = work.slope[c] + work.slopes[0, c]
-        solve(work.real, work.real_order, size, work.right)
+            right[c] = other[c] + f[0, c]
+        solve(0, size, matrices, exchanges, right)
         total = 0.0
         for c in range(n):
-            part = work.right[c] * scale[c]
+            part = right[c].real * scale[c]
             total += part * part
         value = math.sqrt(total / n)
     return value
@@ -152,8 +142,14 @@ def first_step(time, state, slope, span, size, jac):
 def march(start, times, tolerance, size, system, out, largest, counts, lo, hi):
     n = len(size)
     k = times.size
-    work = stages(n)
-    other = stages(n)
+    z, w, f = np.zeros((7, n)), np.zeros((7, n)), np.zeros((7, n))
+    z2, w2, = np.zeros((7, n)), np.zeros((7, n))
+    point, other = np.zeros(n), np.zeros(n)
+    matrices = np.zeros((4, n, n), dtype=np.complex128)
+    exchanges = np.zeros((4, n), dtype=np.int64)
+    matrices2 = np.zeros((4, n, n), dtype=np.complex128)
+    exchanges2 = np.zeros((4, n), dtype=np.int64)
+    right = np.zeros(n, dtype=np.complex128)
     polynomial = np.zeros((8, n))
     jac = np.zeros((n, n))
     state = start.copy()
@@ -188,8 +184,6 @@ def march(start, times, tolerance, size, system, out, largest, counts, lo, hi):
     step_before = 0.0
     since = 0
     failures = 0
-    if not np.isfinite(slope).all():
-        return 2
     while done < k:
         left = (end - time) - late
         last = step * 1.0001 >= left
@@ -205,33 +199,34 @@ def march(start, times, tolerance, size, system, out, largest, counts, lo, hi):
         power = (s + 1) / (2.0 * s)
         loose = SHARP * tolerance**power
         tight = tolerance / DENSE
-        ratio = (loose / tight) ** (1.0 / (s + 1))
-        crowd = (k - done) / left * step
         allowed = loose
-        if (k - done > 1) and tight < loose and crowd > 1.6 * (ratio - 1.0):
-            allowed = tight
+        if k - done > 1 and tight < loose:
+            ratio = (loose / tight) ** (1.0 / (s + 1))
+            crowd = (k - done) / left * step
+            if crowd > 1.6 * (ratio - 1.0):
+                allowed = tight
         if JAT > 0.0 and old > 0:
-            _read(1.0 + JAT * step / old_step, old, size, polynomial, work.point)
+            _read(1.0 + JAT * step / old_step, old, size, polynomial, point)
             for c in range(n):
-                work.point[c] += state[c] - polynomial[0, c]
-            jacobian(time + JAT * step, work.point, system, jac)
+                point[c] += state[c] - polynomial[0, c]
+            jacobian(time + JAT * step, point, system, jac)
             factored = 0.0
         elif not fresh and True:
             jacobian(time, state, system, jac)
             fresh = True
             factored = 0.0
         if factored != step or fstage != s:
-            if not _factor_step(step, jac, s, size, work):
+            if not _prepare(step, jac, s, size, matrices, exchanges):
                 step *= 0.5
                 rejected += 1
                 factored = 0.0
                 continue
             factored = step
             fstage = s
-        _guess(1.0, step / old_step if old > 0 else 0.0, s, size, old, polynomial, work)
-        trust = max(trust, 1e-15) ** 0.8
+        _guess(1.0, step / old_step if old > 0 else 0.0, s, size, old, polynomial, z, w, point)
+        trust = max(trust, 1e-15) ** 0.75
         good, turns, contraction, trust = _collocate(
-            time, step, state, scale, NEWTON * tolerance, trust, s, size, work, system
+            time, step, state, scale, NEWTON * tolerance, trust, s, size, z, w, f, point, other, matrices, exchanges, right, system
         )
         iters += turns
         evals += s * turns
@@ -250,10 +245,10 @@ def march(start, times, tolerance, size, system, out, largest, counts, lo, hi):
             continue
         # weights with the end of the step
         for c in range(n):
-            size_c = max(abs(state[c]), abs(state[c] + work.increments[s - 1, c]), FLOOR * largest[c])
+            size_c = max(abs(state[c]), abs(state[c] + z[s - 1, c]), FLOOR * largest[c])
             scale[c] = 1.0 / max(size_c, 1e-300)
         retry = allowed if (first or again) else 1e300
-        error = _error(time, step, state, slope, scale, s, size, retry, work, system)
+        error = _error(time, step, state, slope, scale, s, size, retry, z, f, point, other, matrices, exchanges, right, system)
         relative = max(error / allowed, 1e-10)
         safe = min(0.9, 0.9 * (2 * 8 + 1) / (2 * 8 + turns))
         factor = safe * relative ** (-1.0 / (s + 1))
@@ -272,9 +267,11 @@ def march(start, times, tolerance, size, system, out, largest, counts, lo, hi):
         step_before = step
         factor = min(8.0, max(0.125, factor))
         new_step = step * factor
+        if CONV > 0.0 and contraction > 0.0:
+            new_step = min(new_step, step * max(0.5, (CONV / contraction) ** CEXP))
         if again:
             new_step = min(new_step, step)
-        _differences(s, size, work, polynomial)
+        _differences(s, size, z, polynomial)
         # readings
         stop = time + (step + late)
         while done < k and (times[done] < stop or last):
@@ -282,25 +279,25 @@ def march(start, times, tolerance, size, system, out, largest, counts, lo, hi):
             if done == k - 1 and last:
                 break
             at = part / step
-            _read(at, s, size, polynomial, other.point)
+            _read(at, s, size, polynomial, point)
             if error > tight:
                 # too coarse: solve the part of the step by itself
-                _guess(0.0, at, s, size, s, polynomial, other)
-                if _factor_step(part, jac, s, size, other):
+                _guess(0.0, at, s, size, s, polynomial, z2, w2, point)
+                if _prepare(part, jac, s, size, matrices2, exchanges2):
                     ok, turns, q, tr = _collocate(
-                        time, part, state, scale, NEWTON * tolerance, 1.0, s, size, other, system
+                        time, part, state, scale, NEWTON * tolerance, 1.0, s, size, z2, w2, f, point, other, matrices2, exchanges2, right, system
                     )
                     evals += s * turns
                     iters += turns
                     for c in range(n):
-                        other.point[c] = other.increments[s - 1, c]
+                        point[c] = z2[s - 1, c]
             for c in range(n):
-                out[done, c] = state[c] + (other.point[c] + carry[c])
+                out[done, c] = state[c] + (point[c] + carry[c])
                 largest[c] = max(largest[c], abs(out[done, c]))
             done += 1
         # state, compensated
         for c in range(n):
-            change = work.increments[s - 1, c] + carry[c]
+            change = z[s - 1, c] + carry[c]
             total = state[c] + change
             carry[c] = change - (total - state[c])
             state[c] = total

@@ -8,120 +8,90 @@ alone moves it.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from synth.integrators.radau_linear import factor, solve
-from synth.integrators.radau_tables import Tableau
+from synth.integrators.radau_tables import FIVE, SEVEN, THREE
 from synth.kernels.compiled import kernel, summing_kernel
-from synth.phase import Floats
 from synth.systems.dispatch import derivative
 
 _ROUNDING = 2e-14  # of the largest increment: Newton corrections below this that no longer shrink are rounding
 
-
-class Stages(NamedTuple):
-    """Working space of one step; nothing is allocated on the way."""
-
-    increments: Floats
-    """(7, n) z."""
-    amplitudes: Floats
-    """(7, n) w."""
-    slopes: Floats
-    """(7, n) f at the nodes."""
-    point: Floats
-    """(n,) argument of the derivative."""
-    slope: Floats
-    """(n,) its value."""
-    real: Floats
-    """(n, n) factored real matrix."""
-    real_order: NDArray[np.int64]
-    """(n,) its exchanges."""
-    pairs: NDArray[np.complex128]
-    """(3, n, n) factored complex matrices."""
-    pairs_order: NDArray[np.int64]
-    """(3, n) their exchanges."""
-    right: Floats
-    """(n,) real right-hand side."""
-    right_pair: NDArray[np.complex128]
-    """(n,) complex right-hand side."""
+NODES = (THREE.nodes, FIVE.nodes, SEVEN.nodes)
+_N3, _N5, _N7 = THREE.nodes, FIVE.nodes, SEVEN.nodes
+_M3, _M5, _M7 = THREE.modes, FIVE.modes, SEVEN.modes
+_P3, _P5, _P7 = THREE.projection, FIVE.projection, SEVEN.projection
+_R3, _R5, _R7 = THREE.rates, FIVE.rates, SEVEN.rates
 
 
 @kernel
-def stages(n: int) -> Stages:
-    """Working space for n unknowns."""
-    return Stages(
-        np.zeros((7, n)),
-        np.zeros((7, n)),
-        np.zeros((7, n)),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros((n, n)),
-        np.zeros(n, dtype=np.int64),
-        np.zeros((3, n, n), dtype=np.complex128),
-        np.zeros((3, n), dtype=np.int64),
-        np.zeros(n),
-        np.zeros(n, dtype=np.complex128),
-    )
-
-
-@kernel
-def prepare(step: float, jacobian: Any, size: Any, tableau: Tableau, work: Stages) -> bool:
+def prepare(step: float, jacobian: Any, count: Any, size: Any, matrices: Any, exchanges: Any) -> bool:
     """Factor all matrices for a step; False if one is singular."""
-    if not factor(tableau.real / step, jacobian, size, work.real, work.real_order):
-        return False
-    for k in range(tableau.pairs.size):
-        if not factor(tableau.pairs[k] / step, jacobian, size, work.pairs[k], work.pairs_order[k]):
+    s = len(count)
+    rates = _R3 if s == 3 else _R5 if s == 5 else _R7
+    inverse = 1.0 / step
+    for k in range((s + 1) // 2):
+        if not factor(rates[k] * inverse, jacobian, k, size, matrices, exchanges):
             return False
     return True
 
 
 @summing_kernel
-def _product(matrix: Any, count: Any, size: Any, source: Any, out: Any) -> None:
-    """`out = matrix @ source` over the stages."""
-    for i in range(len(count)):
+def project(count: Any, size: Any, source: Any, out: Any) -> None:
+    """`out = M^-1 source`, amplitudes from values at the nodes."""
+    s = len(count)
+    matrix = _P3 if s == 3 else _P5 if s == 5 else _P7
+    for i in range(s):
         for c in range(len(size)):
             total = 0.0
-            for j in range(len(count)):
+            for j in range(s):
                 total += matrix[i, j] * source[j, c]
             out[i, c] = total
 
 
-@kernel
-def project(count: Any, size: Any, tableau: Tableau, work: Stages) -> None:
-    """Amplitudes from increments."""
-    _product(tableau.projection, count, size, work.increments, work.amplitudes)
+@summing_kernel
+def _unfold(count: Any, size: Any, source: Any, out: Any) -> None:
+    """`out = M source`, values at the nodes from amplitudes."""
+    s = len(count)
+    matrix = _M3 if s == 3 else _M5 if s == 5 else _M7
+    for i in range(s):
+        for c in range(len(size)):
+            total = 0.0
+            for j in range(s):
+                total += matrix[i, j] * source[j, c]
+            out[i, c] = total
 
 
-@kernel
-def _correct(step: float, count: Any, size: Any, scale: Any, tableau: Tableau, work: Stages) -> float:
-    """One Newton correction of the amplitudes from the projected slopes; its weighted mean square."""
+@summing_kernel
+def _correct(step: float, count: Any, size: Any, scale: Any, w: Any, g: Any, matrices: Any, exchanges: Any, right: Any) -> float:
+    """One Newton correction of the amplitudes w from the projected slopes g; its weighted mean square."""
     n = len(size)
-    w, g = work.amplitudes, work.increments
+    s = len(count)
+    rates = _R3 if s == 3 else _R5 if s == 5 else _R7
     total = 0.0
-    rate = tableau.real / step
+    inverse = 1.0 / step
+    rate = rates[0].real * inverse
     for c in range(n):
-        work.right[c] = g[0, c] - rate * w[0, c]
-    solve(work.real, work.real_order, size, work.right)
+        right[c] = complex(g[0, c] - rate * w[0, c], 0.0)
+    solve(0, size, matrices, exchanges, right)
     for c in range(n):
-        w[0, c] += work.right[c]
-        part = work.right[c] * scale[c]
-        total += part * part
-    for k in range((len(count) - 1) // 2):
-        pair = tableau.pairs[k] / step
+        change = right[c].real
+        w[0, c] += change
+        total += (change * scale[c]) * (change * scale[c])
+    for k in range(1, (s + 1) // 2):
+        re, im = rates[k].real * inverse, rates[k].imag * inverse
         for c in range(n):
-            work.right_pair[c] = complex(g[2 * k + 1, c], g[2 * k + 2, c]) - pair * complex(w[2 * k + 1, c], w[2 * k + 2, c])
-        solve(work.pairs[k], work.pairs_order[k], size, work.right_pair)
+            first, second = w[2 * k - 1, c], w[2 * k, c]
+            right[c] = complex(
+                g[2 * k - 1, c] - (re * first - im * second), g[2 * k, c] - (re * second + im * first)
+            )
+        solve(k, size, matrices, exchanges, right)
         for c in range(n):
-            change = work.right_pair[c]
-            w[2 * k + 1, c] += change.real
-            w[2 * k + 2, c] += change.imag
-            first = change.real * scale[c]
-            second = change.imag * scale[c]
-            total += first * first + second * second
-    return total / (n * len(count))
+            first, second = right[c].real, right[c].imag
+            w[2 * k - 1, c] += first
+            w[2 * k, c] += second
+            total += (first * first + second * second) * (scale[c] * scale[c])
+    return total / (n * s)
 
 
 @kernel
@@ -135,8 +105,14 @@ def collocate(
     most: int,
     count: Any,
     size: Any,
-    tableau: Tableau,
-    work: Stages,
+    z: Any,
+    w: Any,
+    f: Any,
+    point: Any,
+    slope: Any,
+    matrices: Any,
+    exchanges: Any,
+    right: Any,
     system: Any,
 ) -> tuple[bool, int, float, float]:
     """Solve one step from the increments and amplitudes in `work`.
@@ -163,20 +139,21 @@ def collocate(
         Contraction below 0 where one correction was enough to know.
     """
     n = len(size)
-    z = work.increments
+    s = len(count)
+    nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
     contraction = -1.0
     before = 0.0
     quotient = 0.0
     for turn in range(1, most + 1):
         for i in range(len(count)):
             for c in range(n):
-                work.point[c] = state[c] + z[i, c]
-            derivative(time + tableau.nodes[i] * step, work.point, system, work.slope)
+                point[c] = state[c] + z[i, c]
+            derivative(time + nodes[i] * step, point, system, slope)
             for c in range(n):
-                work.slopes[i, c] = work.slope[c]
-        _product(tableau.projection, count, size, work.slopes, z)
-        size_now = math.sqrt(_correct(step, count, size, scale, tableau, work))
-        _product(tableau.modes, count, size, work.amplitudes, z)
+                f[i, c] = slope[c]
+        project(count, size, f, z)
+        size_now = math.sqrt(_correct(step, count, size, scale, w, z, matrices, exchanges, right))
+        _unfold(count, size, w, z)
         if not size_now < 1e100:
             return False, turn, 1e3, trust
         if turn > 1:

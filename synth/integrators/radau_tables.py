@@ -26,10 +26,8 @@ class Tableau(NamedTuple):
 
     nodes: Floats
     """(s,) c, the last is 1."""
-    real: float
-    """Real eigenvalue gamma of A^-1."""
-    pairs: NDArray[np.complex128]
-    """((s - 1)/2,) eigenvalues of A^-1 with positive imaginary part."""
+    rates: NDArray[np.complex128]
+    """((s + 1)/2,) eigenvalues of A^-1: the real one, gamma, and those with positive imaginary part."""
     modes: Floats
     """(s, s) M."""
     projection: Floats
@@ -131,8 +129,7 @@ def _tableau(
     np.fill_diagonal(distance, np.inf)
     return Tableau(
         np.array(nodes),
-        float(rates[0].real),
-        np.array(rates[1:], dtype=np.complex128),
+        np.array(rates, dtype=np.complex128),
         np.array(modes).reshape(stages, stages),
         np.array(projection).reshape(stages, stages),
         np.array(error),

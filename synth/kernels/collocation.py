@@ -114,7 +114,7 @@ def march(
                 points[p, i, j + 1] = theta[p, j] - steady[p, i, j]
             points[p, i, POINTS - 1] = state[p, 0]
     remainder[:] = known[now]
-    return intervals
+    return int(intervals)
 
 
 @kernel

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from fractions import Fraction
 
 import numpy as np
 
@@ -42,7 +41,7 @@ class Swing:
 
     Attributes
     ----------
-    index : (readings,) int64
+    index : slice or (readings,) int64
         Which readings of the clock.
     theta : (pendulums, readings) float64
         rad
@@ -50,7 +49,7 @@ class Swing:
         Estimate of the largest error up to here, relative to the largest angle of the pendulum up to here.
     """
 
-    index: Integers
+    index: slice | Integers
     theta: Floats
     estimated_error: float
 
@@ -76,6 +75,7 @@ class PicardPlan:
     --------
     A free pendulum of 0.1 rad is late by theta^2/16 of a turn each turn:
 
+    >>> from fractions import Fraction
     >>> still = HarmonicSum(np.empty(0), np.empty(0, dtype=complex))
     >>> plan = PicardPlan(np.array([6.0]), np.zeros(1), np.array([[0.1, 0.0]]), still, still, 9.81,
     ...                   EvenTimes(Fraction(1, 4), 9))

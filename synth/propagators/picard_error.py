@@ -7,7 +7,8 @@ Three parts, in rad:
   interval. It does not add up: at Gauss nodes the ends of intervals are right to its square;
 - the rounding of r, which adds up like a random walk in the state and then grows. A small arc turns a change of
   amplitude into one of phase by dn/dTheta = -n Theta/8. For a large one growth is measured: a shadow of each pendulum
-  starts next to it, and the distance of the two tells.
+  starts with a little more energy, as much as rounding of the speed would give it at the lowest point, and the distance
+  of the two tells. Energy, because near the separatrix it is the energy that decides what comes next.
 """
 
 from __future__ import annotations
@@ -23,8 +24,11 @@ LARGE = 0.3
 """Angle from which growth is measured, rad."""
 
 NUDGE = 1e-13
-"""Distance at which a shadow starts, in largest angles: far above rounding, far below any arc."""
+"""Error that a shadow starts with, in largest angles: far above rounding, far below any arc."""
 
+_FARTHEST = 1e-6  # a shadow may start at most this far, in rad: close to rest, energy asks for more
+
+_FAR = 0.1  # of the largest angle: a shadow farther away no longer tells how fast errors grow
 _EPSILON = 2.0**-53
 _LAST_PLACES = 8.0
 _RESOLVED = 2e-14  # of the largest angle: what r beyond its last term may cost
@@ -54,16 +58,21 @@ class Estimate:
         return copy(self)
 
     def shadowed(self, other: Estimate) -> Estimate:
-        """From here on with shadows, which start a nudge of the largest angle that `other` saw away."""
+        """From here on with shadows; their nudge is a share of the largest angle that `other` saw."""
         result = self.copy()
         result._amplitude = np.tile(self._amplitude, 2)
-        result._nudge = NUDGE * other._peak
+        result._nudge = NUDGE * np.minimum(other._peak, np.pi)
         return result
 
-    @property
-    def nudge(self) -> Floats:
-        """Distance at which each shadow starts, rad; zero without shadows."""
-        return self._nudge
+    def nudge(self, state: Floats) -> None:
+        """Move the states of shadows, the second half of (pendulums, 4) as in `kernels.collocation.march`."""
+        for error, shadow in zip(self._nudge.tolist(), state[self.shown :], strict=True):
+            uphill = np.array([np.sin(shadow[0]), shadow[2]])
+            steepness = float(np.hypot(*uphill))
+            energy = error**2 / NUDGE
+            step = min(energy / steepness, _FARTHEST) if steepness > error else error
+            direction = uphill / steepness if steepness > error else np.array([0.0, 1.0])
+            shadow[[0, 2]] += step * direction
 
     @property
     def is_large(self) -> bool:
@@ -101,6 +110,7 @@ class Estimate:
         if len(points) > self.shown:
             apart = np.abs(points[self.shown :] - points[shown]).max(axis=(1, 2))
             grown = np.divide(apart, self._nudge, out=np.ones_like(apart), where=self._nudge > 0)
+            grown[apart > _FAR * self._peak] *= 10.0  # the distance is bounded, what it stands for is not
             self._growth = np.maximum(self._growth, grown)
 
     @property

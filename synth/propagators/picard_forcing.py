@@ -48,21 +48,25 @@ class Grid:
         What to evaluate.
     step, fine_step
         Units of centres and of reaches, s; exact.
-    reaches : (half,) int64
-        Moments of a block after its centre, increasing, in fine steps.
+    starts, places : (groups,), (moments,) int64
+        Moments of a block after its centre: every start plus every place, in that order increasing; in fine steps.
     most : int
         Most centres asked for at once: the work space for them is kept, for fresh memory costs as much as the sums.
     """
 
-    def __init__(self, sums: Sums, step: Fraction, fine_step: Fraction, reaches: Integers, most: int) -> None:
+    def __init__(
+        self, sums: Sums, step: Fraction, fine_step: Fraction, starts: Integers, places: Integers, most: int
+    ) -> None:
         frequencies = sums.angular_frequency.tolist()
         self._coefficients = sums.coefficients
         self._rate = turns(frequencies, step)
-        table = Ticks(reaches).phasors(turns(frequencies, fine_step))
+        fine = turns(frequencies, fine_step)
+        table = (fine.phasors(starts)[:, :, None] * fine.phasors(places)[:, None, :]).reshape(len(frequencies), -1)
+        half = table.shape[1]
         self._even, self._odd = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
         self._rows = max(_FEWEST_ROWS, _ONE_THREAD // max(table.size, 1))
-        self._result = np.empty((len(sums.coefficients) * most, 2 * reaches.size))
-        self._parts = np.empty((2, min(self._rows, len(self._result)), reaches.size))
+        self._result = np.empty((len(sums.coefficients) * most, 2 * half))
+        self._parts = np.empty((2, min(self._rows, len(self._result)), half))
 
     def evaluate(self, centres: Integers) -> Floats:
         """Real parts of the sums, (sums, centres * moments), in order of time; valid until the next call.
@@ -88,10 +92,11 @@ class Grid:
 
 def node_grid(sums: Sums, interval: Fraction, group: int, most: int) -> Grid:
     """Nodes of `group` intervals a block, an even number; centres count in intervals."""
-    starts = (2 * np.arange(group // 2, dtype=np.int64)[:, None] + 1) * FINE
-    return Grid(sums, interval, interval / (2 * FINE), (starts + gauss_nodes()).ravel(), most)
+    starts = (2 * np.arange(group // 2, dtype=np.int64) + 1) * FINE
+    return Grid(sums, interval, interval / (2 * FINE), starts, gauss_nodes(), most)
 
 
 def reading_grid(sums: Sums, step: Fraction, half: int, most: int) -> Grid:
     """Even readings, 2 * half a block; centres lie between two readings and count in half steps."""
-    return Grid(sums, step / 2, step / 2, 2 * np.arange(half, dtype=np.int64) + 1, most)
+    places = 2 * np.arange(half, dtype=np.int64) + 1
+    return Grid(sums, step / 2, step / 2, np.zeros(1, dtype=np.int64), places, most)

@@ -14,7 +14,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from synth.kernels.collocation import NODES, POINTS
 from synth.kernels.collocation import march as march_intervals
-from synth.phase import Floats, Integers
+from synth.phase import Floats
 from synth.propagators.picard_error import Estimate
 from synth.propagators.picard_forcing import Sums, node_grid
 from synth.propagators.picard_readings import EvenReadings, UnevenReadings
@@ -96,15 +96,15 @@ class _Level:
     def forcing(self, first: int, count: int) -> tuple[Floats, Floats, Floats, Floats]:
         """Steady answers (pendulums, count, NODES), and zeta, u and drive (count, NODES)."""
         centres = np.arange(first + GROUP // 2, first + count, GROUP, dtype=np.int64)
-        sums = [values.reshape(len(values), count, NODES) for values in (grid.evaluate(centres) for grid in self._grids)]
+        sums = [grid.evaluate(centres).reshape(-1, count, NODES) for grid in self._grids]
         vertical, horizontal = (sums[0][0], sums[0][1:]) if len(sums) == 1 else (sums[0][0], sums[1])
         rest = horizontal[self._pendulums :]
         drive = rest[1] if len(rest) > 1 else self._still[:count]
         return horizontal[: self._pendulums], vertical, rest[0], drive
 
 
-def march(equations: Equations, readings: EvenReadings | UnevenReadings) -> Iterator[tuple[Integers, Floats, float]]:
-    """Yield index, angles (pendulums, readings) and estimated error of stride after stride.
+def march(equations: Equations, readings: EvenReadings | UnevenReadings) -> Iterator[tuple[slice, Floats, float]]:
+    """Yield which readings, angles (pendulums, readings) and estimated error of stride after stride.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def march(equations: Equations, readings: EvenReadings | UnevenReadings) -> Iter
             equations = equations.shadowed()
             levels = [_Level(equations, each.readings, shown) for each in levels]
             state, remainder = np.tile(state, (2, 1)), np.tile(remainder, (2, 1))
-            state[shown:, 0] += estimate.nudge
+            estimate.nudge(state)
         elif result is not None:
             state, remainder, estimate = carried, known, tried
             done += count
@@ -150,7 +150,7 @@ def march(equations: Equations, readings: EvenReadings | UnevenReadings) -> Iter
 
 def _stride(
     level: _Level, first: int, count: int, state: Floats, remainder: Floats, estimate: Estimate
-) -> tuple[Integers, Floats] | None:
+) -> tuple[slice, Floats] | None:
     """March `count` intervals; state, remainder and estimate move on. Return readings, or none if it went wrong."""
     steady, vertical, horizontal, drive = level.forcing(first, count)
     peak = np.array([_largest(each) for each in steady])
@@ -182,8 +182,8 @@ def _stride(
         return None
     portion = level.readings.portion(first, count)
     theta = level.steady(portion)
-    level.readings.read(points[: len(theta)], portion, theta)
-    return portion.index, theta
+    level.readings.read(points[: len(theta)], first, theta)
+    return portion, theta
 
 
 def _largest(values: Floats) -> float:

@@ -15,29 +15,8 @@ from synth.propagators.picard_forcing import Grid, Sums, reading_grid
 from synth.propagators.picard_weights import interpolation
 from synth.propagators.uneven import UnevenTimes
 
+_MOST_STEPS = 4096  # in an interval: bounds the table of weights
 _MOST_HALF_BLOCK = 64  # readings in half a block of the steady part
-
-
-@dataclass(frozen=True)
-class Portion:
-    """Readings within consecutive intervals.
-
-    Attributes
-    ----------
-    index : (readings,) int64
-        Which readings.
-    begin : (intervals + 1,) int64
-        First reading of each interval, counted from the first of the portion.
-    row : (readings,) int64
-        Row of the table for each.
-    table : (rows, POINTS) float64
-        As `picard_weights.interpolation`.
-    """
-
-    index: Integers
-    begin: Integers
-    row: Integers
-    table: Floats
 
 
 @dataclass(frozen=True)
@@ -61,7 +40,7 @@ class EvenReadings:
     @classmethod
     def among(cls, step: Fraction, count: int, longest: float) -> EvenReadings:
         """Choose the longest intervals, at most `longest` seconds, that fit the step."""
-        steps = max(1, math.floor(longest / step))
+        steps = min(max(1, math.floor(longest / step)), _MOST_STEPS)
         return cls(step, count, steps, math.ceil(step * steps / Fraction(longest)))
 
     @property
@@ -83,21 +62,22 @@ class EvenReadings:
     def _table(self) -> Floats:
         return interpolation(np.arange(self.steps) / self.steps)
 
-    def portion(self, first: int, count: int) -> Portion:
+    def portion(self, first: int, count: int) -> slice:
         """Readings within `count` intervals from the `first`."""
-        edges = -(-np.arange(first, first + count + 1, dtype=np.int64) * self.steps // self.parts)
-        edges = np.minimum(edges, self.count)
-        index = np.arange(edges[0], edges[-1], dtype=np.int64)
-        return Portion(index, edges - edges[0], index * self.parts % self.steps, self._table)
+        begin, end = (min(-(-edge * self.steps // self.parts), self.count) for edge in (first, first + count))
+        return slice(begin, end)
 
-    def read(self, points: Floats, portion: Portion, result: Floats) -> None:
-        """Add y at the readings of a portion, from its points, to the result (pendulums, readings)."""
-        if self.parts > 1:
-            read(points, portion.begin, portion.row, portion.table, result)
+    def read(self, points: Floats, first: int, result: Floats) -> None:
+        """Add y at readings, from its points in intervals from the `first`, to the result (pendulums, readings)."""
+        count = result.shape[1]
+        if self.parts == 1:  # all intervals are read at the same places
+            for values, each in zip(result, points, strict=True):
+                values += (each @ self._table.T).reshape(-1)[:count]
             return
-        count = portion.index.size
-        for values, each in zip(result, points, strict=True):
-            values += (each @ portion.table.T).reshape(-1)[:count]
+        edges = -(-np.arange(first, first + points.shape[1] + 1, dtype=np.int64) * self.steps // self.parts)
+        index = np.arange(edges[0], edges[0] + count, dtype=np.int64)
+        begin = np.minimum(edges - edges[0], count)
+        read(points, begin, index * self.parts % self.steps, self._table, result)
 
     def steady(self, sums: Sums, most: int) -> EvenSums:
         """Evaluator of sums at the readings of portions of at most `most` intervals."""
@@ -114,11 +94,11 @@ class EvenSums:
     grid: Grid
     half: int
 
-    def __call__(self, portion: Portion) -> Floats:
+    def __call__(self, portion: slice) -> Floats:
         """Values (sums, readings)."""
-        count = portion.index.size
+        count = portion.stop - portion.start
         block = np.arange(-(-count // (2 * self.half)), dtype=np.int64)
-        first = 2 * portion.index[:1].sum() + 2 * self.half - 1
+        first = 2 * portion.start + 2 * self.half - 1
         return self.grid.evaluate(first + 4 * self.half * block)[:, :count].copy()
 
 
@@ -162,16 +142,17 @@ class UnevenReadings:
     def _number(self) -> Integers:
         return np.floor(self.seconds / self.length).astype(np.int64)
 
-    def portion(self, first: int, count: int) -> Portion:
+    def portion(self, first: int, count: int) -> slice:
         """Readings within `count` intervals from the `first`."""
-        edges = np.searchsorted(self._number, np.arange(first, first + count + 1))
-        index = np.arange(edges[0], edges[-1], dtype=np.int64)
-        place = self.seconds[index] / self.length - self._number[index]
-        return Portion(index, edges - edges[0], index - edges[0], interpolation(place))
+        begin, end = np.searchsorted(self._number, [first, first + count]).tolist()
+        return slice(begin, end)
 
-    def read(self, points: Floats, portion: Portion, result: Floats) -> None:
-        """Add y at the readings of a portion, from its points, to the result (pendulums, readings)."""
-        read(points, portion.begin, portion.row, portion.table, result)
+    def read(self, points: Floats, first: int, result: Floats) -> None:
+        """Add y at readings, from its points in intervals from the `first`, to the result (pendulums, readings)."""
+        edges = np.searchsorted(self._number, np.arange(first, first + points.shape[1] + 1))
+        index = slice(int(edges[0]), int(edges[-1]))
+        place = self.seconds[index] / self.length - self._number[index]
+        read(points, edges - edges[0], np.arange(place.size), interpolation(place), result)
 
     def steady(self, sums: Sums, most: int) -> UnevenSums:
         """Evaluator of sums at the readings of portions."""
@@ -187,7 +168,9 @@ class UnevenSums:
     seconds: Floats
     scale: Fraction
 
-    def __call__(self, portion: Portion) -> Floats:
+    def __call__(self, portion: slice) -> Floats:
         """Values (sums, readings)."""
-        times = UnevenTimes(self.seconds[portion.index], self.scale)
+        if portion.start == portion.stop:
+            return np.zeros((len(self.sums.coefficients), 0))
+        times = UnevenTimes(self.seconds[portion], self.scale)
         return np.ascontiguousarray(times.series(self.sums.angular_frequency, self.sums.coefficients))

@@ -32,8 +32,6 @@ _NOTHING = 1 << 8  # rounding of what follows
 FINE = 1 << 40
 """Nodes are multiples of 1/FINE of half an interval: their phases are exact in fixed point."""
 
-_EXTRAPOLATED = 15  # Legendre terms of r that are carried into the next interval as a first guess
-
 
 @dataclass(frozen=True)
 class Weights:
@@ -85,7 +83,8 @@ def weights(frequency: float, damping_rate: float, interval: Fraction) -> Weight
     loss = _fixed(2 * Fraction(damping_rate) * interval)
     places = [(FINE + int(node)) * (_ONE // (2 * FINE)) for node in gauss_nodes()] + [_ONE]
     kernel, slope = zip(*(_kernel(place, turn, loss) for place in places), strict=True)
-    moments, rates = zip(*(_moments(*each, turn, loss) for each in zip(places, kernel, slope, strict=True)), strict=True)
+    each_place = zip(places, kernel, slope, strict=True)
+    moments, rates = zip(*(_moments(*each, turn, loss) for each in each_place), strict=True)
     lagrange = np.array(_lagrange(), dtype=object)  # (power, node)
     square = turn * turn >> _BITS
     angle = (np.array(moments, dtype=object) @ lagrange >> _BITS) * square >> _BITS
@@ -140,20 +139,15 @@ def legendre_tail() -> Floats:
 
 def _projection() -> Floats:
     """(degree, node): Legendre coefficients of a polynomial from its values."""
-    node, share = np.polynomial.legendre.leggauss(NODES)
-    degree = np.arange(NODES)[:, None]
-    result: Floats = (degree + 0.5) * share * np.polynomial.legendre.legvander(node, NODES - 1).T
+    result: Floats = np.linalg.inv(np.polynomial.legendre.legvander(gauss_nodes() / FINE, NODES - 1))
     return result
 
 
 @functools.cache
 def _continuation() -> Floats:
-    """(node, node): r at the nodes of the next interval, from its leading Legendre terms in this one.
-
-    All terms would amplify the rounding of r by T_15(3) = 1e11, and then some; fewer terms know less of r.
-    """
-    beyond = np.polynomial.legendre.legvander(gauss_nodes() / FINE + 2.0, _EXTRAPOLATED - 1)
-    result: Floats = beyond @ _projection()[:_EXTRAPOLATED]
+    """(node, node): r at the nodes of the next interval, from its polynomial in this one; good to five digits."""
+    beyond = np.polynomial.legendre.legvander(gauss_nodes() / FINE + 2.0, NODES - 1)
+    result: Floats = beyond @ _projection()
     return result
 
 

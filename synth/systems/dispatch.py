@@ -9,12 +9,11 @@ in, so that new numbers never recompile, a term left out costs nothing, and the 
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import FunctionType
 from typing import Any, TypeVar
 
 from numba.core import types
 
-from synth.systems.choice import chosen_for
+from synth.systems.choice import chosen_for, plain
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -62,31 +61,21 @@ def _class(system: Any) -> Any:
     return system.instance_class if isinstance(system, types.NamedTuple | types.NamedUniTuple) else None
 
 
-def _plain(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The kernel's Python code, for the compiler to take in as its own.
-
-    Called as a kernel, each call would count references to every array of the parameters: 60 ns where the
-    arithmetic takes 6. Numba wants signatures without annotations here (see `choice.chosen_for`).
-    """
-    code = getattr(function, "py_func", function)
-    return FunctionType(code.__code__, code.__globals__, code.__name__, code.__defaults__, code.__closure__)
-
-
 @chosen_for(derivative)
 def _derivative(time: Any, state: Any, system: Any, out: Any) -> Any:
-    return _plain(_find("derivative", _class(system)))
+    return plain(_find("derivative", _class(system)))
 
 
 @chosen_for(jacobian)
 def _jacobian(time: Any, state: Any, system: Any, out: Any) -> Any:
-    return _plain(_find("jacobian", _class(system)))
+    return plain(_find("jacobian", _class(system)))
 
 
 @chosen_for(energy)
 def _energy(state: Any, system: Any) -> Any:
-    return _plain(_find("energy", _class(system)))
+    return plain(_find("energy", _class(system)))
 
 
 @chosen_for(response)
 def _response(state: Any, index: Any, system: Any, out: Any) -> Any:
-    return _plain(_find("response", _class(system)))
+    return plain(_find("response", _class(system)))

@@ -40,6 +40,11 @@ class DrivenPendulums(NamedTuple):
     terms: Any = None
     """Resistances and drives, `terms.together(...)`, or None."""
 
+    @property
+    def first_angle(self) -> int:
+        """Place of the first pendulum's angle in the state."""
+        return 0
+
 
 def relative(acceleration: float | None, gravity: float) -> float | None:
     """Acceleration over gravity; None stays None."""
@@ -58,12 +63,13 @@ def _relative(acceleration: Any, gravity: Any) -> Any:
 def _derivative(time: float, state: Floats, system: DrivenPendulums, out: Floats) -> None:
     horizontal = relative(motion(time, system.horizontal), system.gravity)
     vertical = relative(motion(time, system.vertical), system.gravity)
-    for i in range(system.natural_frequency.size):
+    frequencies, restoring, terms = system.natural_frequency, system.restoring, system.terms
+    for i in range(frequencies.size):
         angle, rate = state[2 * i], state[2 * i + 1]
-        square = system.natural_frequency[i] * system.natural_frequency[i]
-        back = -square * pull(angle, horizontal, vertical, system.restoring)
+        square = frequencies[i] * frequencies[i]
+        back = -square * pull(angle, horizontal, vertical, restoring)
         out[2 * i] = rate
-        out[2 * i + 1] = driven(back, i, angle, rate, system.terms)
+        out[2 * i + 1] = driven(back, i, angle, rate, terms)
 
 
 @registered("jacobian", DrivenPendulums)
@@ -72,11 +78,12 @@ def _jacobian(time: float, state: Floats, system: DrivenPendulums, out: Floats) 
     out[:] = 0.0
     horizontal = relative(motion(time, system.horizontal), system.gravity)
     vertical = relative(motion(time, system.vertical), system.gravity)
-    for i in range(system.natural_frequency.size):
+    frequencies, restoring, terms = system.natural_frequency, system.restoring, system.terms
+    for i in range(frequencies.size):
         angle, rate = state[2 * i], state[2 * i + 1]
-        square = system.natural_frequency[i] * system.natural_frequency[i]
-        slope = -square * pull_slope(angle, horizontal, vertical, system.restoring)
-        by_angle, by_rate = driven_slope((slope, 0.0), i, angle, rate, system.terms)
+        square = frequencies[i] * frequencies[i]
+        slope = -square * pull_slope(angle, horizontal, vertical, restoring)
+        by_angle, by_rate = driven_slope((slope, 0.0), i, angle, rate, terms)
         out[2 * i, 2 * i + 1] = 1.0
         out[2 * i + 1, 2 * i] = by_angle
         out[2 * i + 1, 2 * i + 1] = by_rate

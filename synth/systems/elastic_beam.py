@@ -38,6 +38,11 @@ class ElasticBeam(NamedTuple):
     terms: Any = None
     """What drives or resists the swing, `terms.together(...)`, or None."""
 
+    @property
+    def first_angle(self) -> int:
+        """Place of the first pendulum's angle in the state."""
+        return 2
+
 
 @registered("derivative", ElasticBeam)
 @kernel
@@ -66,32 +71,37 @@ def _derivative(time: float, state: Floats, system: ElasticBeam, out: Floats) ->
 @registered("jacobian", ElasticBeam)
 @kernel
 def _jacobian(time: float, state: Floats, system: ElasticBeam, out: Floats) -> None:
+    masses, lengths, gravity, terms = system.mass, system.length, system.gravity, system.terms
     out[:] = 0.0
-    beam = _beam_acceleration(state, system, out[0])
-    out[0] = 0.0
     whole = system.beam_mass
     inertia = system.beam_mass
-    for i in range(system.length.size):
-        cosine = math.cos(state[2 * i + 2])
-        whole += system.mass[i]
-        inertia += system.mass[i] * cosine * cosine
+    force = 0.0
+    for i in range(lengths.size):
+        angle, rate = state[2 * i + 2], state[2 * i + 3]
+        sine, cosine = math.sin(angle), math.cos(angle)
+        free = driven(-gravity / lengths[i] * sine, i, angle, rate, terms)
+        whole += masses[i]
+        inertia += masses[i] * cosine * cosine
+        force += masses[i] * lengths[i] * (cosine * rate * rate + sine * free)
+    beam = (force - system.stiffness * state[0] - whole * system.damping_rate * state[1]) / inertia
     out[0, 1] = 1.0
     out[1, 0] = -system.stiffness / inertia
     out[1, 1] = -whole * system.damping_rate / inertia
-    for i in range(system.length.size):
-        angle, rate, mass, length = state[2 * i + 2], state[2 * i + 3], system.mass[i], system.length[i]
+    for i in range(lengths.size):
+        angle, rate = state[2 * i + 2], state[2 * i + 3]
         sine, cosine = math.sin(angle), math.cos(angle)
-        pull = system.gravity / length
-        by_angle, by_rate = driven_slope((-pull * cosine, 0.0), i, angle, rate, system.terms)
-        free = driven(-pull * sine, i, angle, rate, system.terms)
-        force = mass * length * (cosine * free + sine * by_angle - sine * rate * rate)
-        out[1, 2 * i + 2] = (force + 2.0 * mass * sine * cosine * beam) / inertia
-        out[1, 2 * i + 3] = mass * length * (2.0 * cosine * rate + sine * by_rate) / inertia
+        pull = gravity / lengths[i]
+        free = driven(-pull * sine, i, angle, rate, terms)
+        by_angle, by_rate = driven_slope((-pull * cosine, 0.0), i, angle, rate, terms)
+        moment = masses[i] * lengths[i]
+        share = moment * (cosine * free + sine * by_angle - sine * rate * rate)
+        out[1, 2 * i + 2] = (share + 2.0 * masses[i] * sine * cosine * beam) / inertia
+        out[1, 2 * i + 3] = moment * (2.0 * cosine * rate + sine * by_rate) / inertia
         out[2 * i + 2, 2 * i + 3] = 1.0
-        out[2 * i + 3, 2 * i + 2] = by_angle + cosine * beam / length
+        out[2 * i + 3, 2 * i + 2] = by_angle + cosine * beam / lengths[i]
         out[2 * i + 3, 2 * i + 3] = by_rate
-    for i in range(system.length.size):
-        lever = math.sin(state[2 * i + 2]) / system.length[i]
+    for i in range(lengths.size):
+        lever = math.sin(state[2 * i + 2]) / lengths[i]
         for column in range(state.size):
             out[2 * i + 3, column] += lever * out[1, column]
 

@@ -34,6 +34,11 @@ class FlexibleFrame(NamedTuple):
     terms: Any = None
     """What drives or resists the swing, `terms.together(...)`, or None."""
 
+    @property
+    def first_angle(self) -> int:
+        """Place of the first pendulum's angle in the state."""
+        return 2
+
 
 @registered("derivative", FlexibleFrame)
 @kernel
@@ -60,30 +65,35 @@ def _derivative(time: float, state: Floats, system: FlexibleFrame, out: Floats) 
 @registered("jacobian", FlexibleFrame)
 @kernel
 def _jacobian(time: float, state: Floats, system: FlexibleFrame, out: Floats) -> None:
+    masses, lengths, gravity, terms = system.mass, system.length, system.gravity, system.terms
     out[:] = 0.0
-    frame = _frame_acceleration(state, system, out[0])
-    out[0] = 0.0
     inertia = system.frame_mass
-    for i in range(system.length.size):
-        sine = math.sin(state[2 * i + 2])
-        inertia += system.mass[i] * sine * sine
+    force = 0.0
+    for i in range(lengths.size):
+        angle, rate = state[2 * i + 2], state[2 * i + 3]
+        sine, cosine = math.sin(angle), math.cos(angle)
+        free = driven(-gravity / lengths[i] * sine, i, angle, rate, terms)
+        inertia += masses[i] * sine * sine
+        force += masses[i] * lengths[i] * (sine * rate * rate - cosine * free)
+    frame = (force - system.stiffness * state[0] - system.resistance * state[1]) / inertia
     out[0, 1] = 1.0
     out[1, 0] = -system.stiffness / inertia
     out[1, 1] = -system.resistance / inertia
-    for i in range(system.length.size):
-        angle, rate, mass, length = state[2 * i + 2], state[2 * i + 3], system.mass[i], system.length[i]
+    for i in range(lengths.size):
+        angle, rate = state[2 * i + 2], state[2 * i + 3]
         sine, cosine = math.sin(angle), math.cos(angle)
-        pull = system.gravity / length
-        by_angle, by_rate = driven_slope((-pull * cosine, 0.0), i, angle, rate, system.terms)
-        free = driven(-pull * sine, i, angle, rate, system.terms)
-        force = mass * length * (cosine * rate * rate + sine * free - cosine * by_angle)
-        out[1, 2 * i + 2] = (force - 2.0 * mass * sine * cosine * frame) / inertia
-        out[1, 2 * i + 3] = mass * length * (2.0 * sine * rate - cosine * by_rate) / inertia
+        pull = gravity / lengths[i]
+        free = driven(-pull * sine, i, angle, rate, terms)
+        by_angle, by_rate = driven_slope((-pull * cosine, 0.0), i, angle, rate, terms)
+        moment = masses[i] * lengths[i]
+        share = moment * (cosine * rate * rate + sine * free - cosine * by_angle)
+        out[1, 2 * i + 2] = (share - 2.0 * masses[i] * sine * cosine * frame) / inertia
+        out[1, 2 * i + 3] = moment * (2.0 * sine * rate - cosine * by_rate) / inertia
         out[2 * i + 2, 2 * i + 3] = 1.0
-        out[2 * i + 3, 2 * i + 2] = by_angle + sine * frame / length
+        out[2 * i + 3, 2 * i + 2] = by_angle + sine * frame / lengths[i]
         out[2 * i + 3, 2 * i + 3] = by_rate
-    for i in range(system.length.size):
-        lever = -math.cos(state[2 * i + 2]) / system.length[i]
+    for i in range(lengths.size):
+        lever = -math.cos(state[2 * i + 2]) / lengths[i]
         for column in range(state.size):
             out[2 * i + 3, column] += lever * out[1, column]
 

@@ -34,6 +34,11 @@ class Metronomes(NamedTuple):
             return None
         return "the coupling of the metronomes exceeds 1/number, so that the board would weigh nothing; make it smaller"
 
+    @property
+    def first_angle(self) -> int:
+        """Place of the first pendulum's angle in the state."""
+        return 0
+
 
 @kernel
 def _free(index: int, state: Floats, system: Metronomes) -> float:
@@ -64,20 +69,21 @@ def _board(state: Floats, system: Metronomes) -> float:
 @registered("derivative", Metronomes)
 @kernel
 def _derivative(time: float, state: Floats, system: Metronomes, out: Floats) -> None:
+    detuning, drive, drive_angle, coupling = system.detuning, system.drive, system.drive_angle, system.coupling
     force = 0.0
     inertia = 1.0
-    for i in range(system.detuning.size):
+    for i in range(detuning.size):
         angle, rate = state[2 * i], state[2 * i + 1]
         cosine, sine = math.cos(angle), math.sin(angle)
-        share = angle / system.drive_angle
-        free = system.drive * (1.0 - share * share) * rate - (1.0 + system.detuning[i]) * sine
+        share = angle / drive_angle
+        free = drive * (1.0 - share * share) * rate - (1.0 + detuning[i]) * sine
         force += cosine * free - sine * rate * rate
-        inertia -= system.coupling * cosine * cosine
+        inertia -= coupling * cosine * cosine
         out[2 * i] = cosine
         out[2 * i + 1] = free
     board = force / inertia if inertia > 0.0 else math.nan
-    for i in range(system.detuning.size):
-        out[2 * i + 1] += system.coupling * out[2 * i] * board
+    for i in range(detuning.size):
+        out[2 * i + 1] += coupling * out[2 * i] * board
         out[2 * i] = state[2 * i + 1]
 
 

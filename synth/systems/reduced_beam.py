@@ -38,55 +38,60 @@ class ReducedBeam(NamedTuple):
             "the mass matrix of the reduced beam is singular: m sum phi^2 reaches M + 2 m; use the full system (1), a heavier beam, or a smaller arc"
         )
 
-
-@kernel
-def _beam_acceleration(state: Floats, system: ReducedBeam) -> float:
-    inertia = 1.0
-    force = 0.0
-    for i in range(system.detuning.size):
-        y, rate = state[2 * i + 2], state[2 * i + 3]
-        inertia -= 2.0 * system.coupling * (y * y)
-        free = system.drive * (1.0 - y * y) * rate - (1.0 + system.detuning[i]) * y
-        force += rate * rate + y * free
-    force = 2.0 * system.coupling * force - 2.0 * system.beam_damping * state[1] - 4.0 * state[0]
-    return force / inertia if inertia > 0.0 else math.nan
+    @property
+    def first_angle(self) -> int:
+        """Place of the first pendulum's angle in the state."""
+        return 2
 
 
 @registered("derivative", ReducedBeam)
 @kernel
 def _derivative(time: float, state: Floats, system: ReducedBeam, out: Floats) -> None:
-    beam = _beam_acceleration(state, system)
+    detuning, drive, coupling = system.detuning, system.drive, 2.0 * system.coupling
+    inertia = 1.0
+    force = 0.0
+    for i in range(detuning.size):
+        y, rate = state[2 * i + 2], state[2 * i + 3]
+        free = drive * (1.0 - y * y) * rate - (1.0 + detuning[i]) * y
+        inertia -= coupling * (y * y)
+        force += rate * rate + y * free
+        out[2 * i + 2] = rate
+        out[2 * i + 3] = free
+    force = coupling * force - 2.0 * system.beam_damping * state[1] - 4.0 * state[0]
+    beam = force / inertia if inertia > 0.0 else math.nan
     out[0] = state[1]
     out[1] = beam
-    for i in range(system.detuning.size):
-        y, rate = state[2 * i + 2], state[2 * i + 3]
-        out[2 * i + 2] = rate
-        out[2 * i + 3] = system.drive * (1.0 - y * y) * rate - (1.0 + system.detuning[i] - beam) * y
+    for i in range(detuning.size):
+        out[2 * i + 3] += beam * state[2 * i + 2]
 
 
 @registered("jacobian", ReducedBeam)
 @kernel
 def _jacobian(time: float, state: Floats, system: ReducedBeam, out: Floats) -> None:
-    beam = _beam_acceleration(state, system)
+    detuning, drive, coupling = system.detuning, system.drive, 2.0 * system.coupling
     inertia = 1.0
-    for i in range(system.detuning.size):
-        inertia -= 2.0 * system.coupling * (state[2 * i + 2] * state[2 * i + 2])
+    force = 0.0
+    for i in range(detuning.size):
+        y, rate = state[2 * i + 2], state[2 * i + 3]
+        inertia -= coupling * (y * y)
+        force += rate * rate + y * (drive * (1.0 - y * y) * rate - (1.0 + detuning[i]) * y)
+    force = coupling * force - 2.0 * system.beam_damping * state[1] - 4.0 * state[0]
+    beam = force / inertia if inertia > 0.0 else math.nan
     out[:] = 0.0
     out[0, 1] = 1.0
     out[1, 0] = -4.0 / inertia
     out[1, 1] = -2.0 * system.beam_damping / inertia
-    for i in range(system.detuning.size):
+    for i in range(detuning.size):
         y, rate = state[2 * i + 2], state[2 * i + 3]
-        free = system.drive * (1.0 - y * y) * rate - (1.0 + system.detuning[i]) * y
-        by_angle = -2.0 * system.drive * y * rate - (1.0 + system.detuning[i])
-        by_rate = system.drive * (1.0 - y * y)
-        twice = 2.0 * system.coupling / inertia
-        out[1, 2 * i + 2] = twice * (free + y * by_angle + 2.0 * y * beam)
-        out[1, 2 * i + 3] = twice * (2.0 * rate + y * by_rate)
+        free = drive * (1.0 - y * y) * rate - (1.0 + detuning[i]) * y
+        by_angle = -2.0 * drive * y * rate - (1.0 + detuning[i])
+        by_rate = drive * (1.0 - y * y)
+        out[1, 2 * i + 2] = coupling * (free + y * by_angle + 2.0 * y * beam) / inertia
+        out[1, 2 * i + 3] = coupling * (2.0 * rate + y * by_rate) / inertia
         out[2 * i + 2, 2 * i + 3] = 1.0
         out[2 * i + 3, 2 * i + 2] = by_angle + beam
         out[2 * i + 3, 2 * i + 3] = by_rate
-    for i in range(system.detuning.size):
+    for i in range(detuning.size):
         for column in range(state.size):
             out[2 * i + 3, column] += state[2 * i + 2] * out[1, column]
 

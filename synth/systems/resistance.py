@@ -1,6 +1,7 @@
 """What resists or drives the swing of one pendulum: angular acceleration as a function of angle and rate.
 
-Each term holds one value a pendulum; `torque per m l^2` is what the kernels return, in rad/s^2.
+Each term holds one value a pendulum. A kernel takes the acceleration so far, in rad/s^2, and returns it with its share
+added; beside it stands the kernel of the partial derivatives by angle and rate.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.terms import term
 
+Slopes = tuple[float, float]
+
 
 class Viscous(NamedTuple):
     """Damping `-2 gamma theta'`."""
@@ -22,14 +25,14 @@ class Viscous(NamedTuple):
 
 @term("driven", Viscous)
 @kernel
-def _viscous(index: int, angle: float, rate: float, term: Viscous) -> float:
-    return -2.0 * term.damping_rate[index] * rate
+def _viscous(acceleration: float, index: int, angle: float, rate: float, term: Viscous) -> float:
+    return acceleration - 2.0 * term.damping_rate[index] * rate
 
 
 @term("driven_slope", Viscous)
 @kernel
-def _viscous_slope(index: int, angle: float, rate: float, term: Viscous) -> tuple[float, float]:
-    return 0.0, -2.0 * term.damping_rate[index]
+def _viscous_slope(slopes: Slopes, index: int, angle: float, rate: float, term: Viscous) -> Slopes:
+    return slopes[0], slopes[1] - 2.0 * term.damping_rate[index]
 
 
 class Quadratic(NamedTuple):
@@ -41,14 +44,14 @@ class Quadratic(NamedTuple):
 
 @term("driven", Quadratic)
 @kernel
-def _quadratic(index: int, angle: float, rate: float, term: Quadratic) -> float:
-    return -term.coefficient[index] * abs(rate) * rate
+def _quadratic(acceleration: float, index: int, angle: float, rate: float, term: Quadratic) -> float:
+    return acceleration - term.coefficient[index] * abs(rate) * rate
 
 
 @term("driven_slope", Quadratic)
 @kernel
-def _quadratic_slope(index: int, angle: float, rate: float, term: Quadratic) -> tuple[float, float]:
-    return 0.0, -2.0 * term.coefficient[index] * abs(rate)
+def _quadratic_slope(slopes: Slopes, index: int, angle: float, rate: float, term: Quadratic) -> Slopes:
+    return slopes[0], slopes[1] - 2.0 * term.coefficient[index] * abs(rate)
 
 
 class KnifeEdge(NamedTuple):
@@ -62,15 +65,15 @@ class KnifeEdge(NamedTuple):
 
 @term("driven", KnifeEdge)
 @kernel
-def _knife_edge(index: int, angle: float, rate: float, term: KnifeEdge) -> float:
-    return -term.friction[index] * math.tanh(rate / term.scale[index])
+def _knife_edge(acceleration: float, index: int, angle: float, rate: float, term: KnifeEdge) -> float:
+    return acceleration - term.friction[index] * math.tanh(rate / term.scale[index])
 
 
 @term("driven_slope", KnifeEdge)
 @kernel
-def _knife_edge_slope(index: int, angle: float, rate: float, term: KnifeEdge) -> tuple[float, float]:
+def _knife_edge_slope(slopes: Slopes, index: int, angle: float, rate: float, term: KnifeEdge) -> Slopes:
     share = math.tanh(rate / term.scale[index])
-    return 0.0, -term.friction[index] / term.scale[index] * (1.0 - share * share)
+    return slopes[0], slopes[1] - term.friction[index] / term.scale[index] * (1.0 - share * share)
 
 
 class VanDerPolDrive(NamedTuple):
@@ -84,13 +87,14 @@ class VanDerPolDrive(NamedTuple):
 
 @term("driven", VanDerPolDrive)
 @kernel
-def _van_der_pol(index: int, angle: float, rate: float, term: VanDerPolDrive) -> float:
+def _van_der_pol(acceleration: float, index: int, angle: float, rate: float, term: VanDerPolDrive) -> float:
     share = angle / term.angle[index]
-    return term.rate[index] * (1.0 - share * share) * rate
+    return acceleration + term.rate[index] * (1.0 - share * share) * rate
 
 
 @term("driven_slope", VanDerPolDrive)
 @kernel
-def _van_der_pol_slope(index: int, angle: float, rate: float, term: VanDerPolDrive) -> tuple[float, float]:
+def _van_der_pol_slope(slopes: Slopes, index: int, angle: float, rate: float, term: VanDerPolDrive) -> Slopes:
     share = angle / term.angle[index]
-    return -2.0 * term.rate[index] * share / term.angle[index] * rate, term.rate[index] * (1.0 - share * share)
+    by_angle = -2.0 * term.rate[index] * share / term.angle[index] * rate
+    return slopes[0] + by_angle, slopes[1] + term.rate[index] * (1.0 - share * share)

@@ -22,6 +22,17 @@ class Sine(NamedTuple):
     """Unused: a tuple without fields does not compile."""
 
 
+class SineFromTop(NamedTuple):
+    """The same pendulum, its angle counted from the upward vertical.
+
+    Near the top the sine of theta is the small difference of theta and pi, lost in rounding; from there it is exact.
+    The support's acceleration is not offered: horizontal and vertical motion of the support must be None.
+    """
+
+    power: float = 1.0
+    """Unused: a tuple without fields does not compile."""
+
+
 class Linear(NamedTuple):
     """Its limit of small angles."""
 
@@ -40,6 +51,8 @@ def pull(angle: float, horizontal: float | None, vertical: float | None, restori
         Acceleration of the support over gravity.
     restoring : Sine or Linear
     """
+    if isinstance(restoring, SineFromTop):
+        return -math.sin(angle)
     sine = isinstance(restoring, Sine)
     back = math.sin(angle) if sine else angle
     if vertical is not None:
@@ -51,6 +64,8 @@ def pull(angle: float, horizontal: float | None, vertical: float | None, restori
 
 def pull_slope(angle: float, horizontal: float | None, vertical: float | None, restoring: Any) -> float:
     """Derivative of `pull` by the angle."""
+    if isinstance(restoring, SineFromTop):
+        return -math.cos(angle)
     sine = isinstance(restoring, Sine)
     slope = math.cos(angle) if sine else 1.0
     if vertical is not None:
@@ -62,6 +77,8 @@ def pull_slope(angle: float, horizontal: float | None, vertical: float | None, r
 
 def height(angle: float, restoring: Any) -> float:
     """Potential energy over m l^2 n^2; `1 - cos` without its cancellation."""
+    if isinstance(restoring, SineFromTop):
+        return 2.0 * math.cos(0.5 * angle) ** 2
     half = math.sin(0.5 * angle) if isinstance(restoring, Sine) else 0.5 * angle
     return 2.0 * half * half
 
@@ -72,6 +89,8 @@ def _absent(kind: Any) -> bool:
 
 @chosen_for(pull)
 def _pull(angle: Any, horizontal: Any, vertical: Any, restoring: Any) -> Any:
+    if restoring.instance_class is SineFromTop:
+        return lambda angle, horizontal, vertical, restoring: -math.sin(angle)
     if restoring.instance_class is Sine:
         if _absent(horizontal) and _absent(vertical):
             return lambda angle, horizontal, vertical, restoring: math.sin(angle)
@@ -93,6 +112,8 @@ def _pull(angle: Any, horizontal: Any, vertical: Any, restoring: Any) -> Any:
 
 @chosen_for(pull_slope)
 def _pull_slope(angle: Any, horizontal: Any, vertical: Any, restoring: Any) -> Any:
+    if restoring.instance_class is SineFromTop:
+        return lambda angle, horizontal, vertical, restoring: -math.cos(angle)
     if restoring.instance_class is Sine:
         if _absent(horizontal) and _absent(vertical):
             return lambda angle, horizontal, vertical, restoring: math.cos(angle)
@@ -110,6 +131,8 @@ def _pull_slope(angle: Any, horizontal: Any, vertical: Any, restoring: Any) -> A
 
 @chosen_for(height)
 def _height(angle: Any, restoring: Any) -> Any:
+    if restoring.instance_class is SineFromTop:
+        return lambda angle, restoring: 2.0 * math.cos(0.5 * angle) * math.cos(0.5 * angle)
     if restoring.instance_class is Sine:
         return lambda angle, restoring: 2.0 * math.sin(0.5 * angle) * math.sin(0.5 * angle)
     return lambda angle, restoring: 0.5 * angle * angle

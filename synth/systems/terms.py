@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from numba.core import types
 
-from synth.systems.choice import chosen_for
+from synth.systems.choice import chosen_for, plain
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -70,7 +70,7 @@ def driven(acceleration: float, index: int, angle: float, rate: float, term: Any
         return acceleration
     if isinstance(term, Both):
         return driven(driven(acceleration, index, angle, rate, term.first), index, angle, rate, term.second)
-    return acceleration + float(_TABLE["driven"][type(term)](index, angle, rate, term))
+    return float(_TABLE["driven"][type(term)](acceleration, index, angle, rate, term))
 
 
 def driven_slope(
@@ -81,8 +81,8 @@ def driven_slope(
         return slopes
     if isinstance(term, Both):
         return driven_slope(driven_slope(slopes, index, angle, rate, term.first), index, angle, rate, term.second)
-    by_angle, by_rate = _TABLE["driven_slope"][type(term)](index, angle, rate, term)
-    return slopes[0] + by_angle, slopes[1] + by_rate
+    by_angle, by_rate = _TABLE["driven_slope"][type(term)](slopes, index, angle, rate, term)
+    return float(by_angle), float(by_rate)
 
 
 def _kernel(role: str, kind: Any) -> Callable[..., Any]:
@@ -112,8 +112,7 @@ def _driven(acceleration: Any, index: Any, angle: Any, rate: Any, term: Any) -> 
         return lambda acceleration, index, angle, rate, term: driven(
             driven(acceleration, index, angle, rate, term.first), index, angle, rate, term.second
         )
-    chosen = _kernel("driven", term)
-    return lambda acceleration, index, angle, rate, term: acceleration + chosen(index, angle, rate, term)
+    return plain(_kernel("driven", term))
 
 
 @chosen_for(driven_slope)
@@ -124,10 +123,4 @@ def _driven_slope(slopes: Any, index: Any, angle: Any, rate: Any, term: Any) -> 
         return lambda slopes, index, angle, rate, term: driven_slope(
             driven_slope(slopes, index, angle, rate, term.first), index, angle, rate, term.second
         )
-    chosen = _kernel("driven_slope", term)
-
-    def compiled(slopes, index, angle, rate, term):  # type: ignore[no-untyped-def]  # see chosen_for
-        by_angle, by_rate = chosen(index, angle, rate, term)
-        return slopes[0] + by_angle, slopes[1] + by_rate
-
-    return compiled
+    return plain(_kernel("driven_slope", term))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.benchmarks.efficiency import gravity_bound
-from pipeline.benchmarks.fisher import Pair, bound, jacobian, printed_bound, respond
+from pipeline.benchmarks.fisher import Pair, _apply, bound, jacobian, printed_bound, respond
 from pipeline.benchmarks.scenes import linear, two_pendulums
 from synth import simulate
 
@@ -34,6 +34,12 @@ def test_bound_is_that_of_the_dense_covariance() -> None:
     dense = np.sqrt(np.linalg.inv(information)[0, 0])
     # conjugate gradients stop at 1e-8 of the residual
     assert bound(DAMPED, swing(count), STEP, 3e-3, 1e-4, damping_known=False) == pytest.approx(dense, rel=1e-6)
+
+
+def test_adjoint_is_the_transpose() -> None:
+    one, other = np.random.default_rng(0).normal(size=(2, 300))
+    forward = _apply(DAMPED, one, STEP, adjoint=False) @ other
+    assert _apply(DAMPED, other, STEP, adjoint=True) @ one == pytest.approx(forward, rel=1e-12)
 
 
 def test_noise_of_the_first_pendulum_raises_the_bound() -> None:

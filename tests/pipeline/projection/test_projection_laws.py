@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from exact_pair import N2, Pair, milligal, swell
+from made_records import GRAVITY, RESONANT, SWELL, row, simulate
 from scipy.integrate import cumulative_simpson
 from scipy.optimize import least_squares
 
@@ -272,7 +273,7 @@ def test_upsample_follows_a_beat() -> None:
     at = np.arange(fine.size) * 0.1
     inner = (at > 60.0) & (at < 540.0)
     beat = np.abs(pair.slow(0, at)).max()
-    assert np.abs(fine - pair.elongation(0, at))[inner].max() < 0.08 * beat  # the stiffness bends 5 % of it
+    assert np.abs(fine - pair.elongation(0, at))[inner].max() < 0.2 * beat  # the stiffness takes a seventh
 
 
 def test_a_swing_that_is_not_there_is_refused() -> None:
@@ -280,3 +281,11 @@ def test_a_swing_that_is_not_there_is_refused() -> None:
     noise = random.normal(0.0, 1e-3, (2, TIME.size))
     with pytest.raises(RefusedError, match="check instrument/period"):
         run(replace(PAIRS["swell"].observe(TIME, step=STEP), theta=noise[0], difference=noise[1]))
+
+
+@pytest.mark.parametrize("beat", [4e-5, 4e-4])
+def test_marks_give_gravity_whatever_the_beat(beat: float) -> None:
+    """What the readings between marks are taken to be costs little: 0.02 mGal at a relative difference of 1e-4."""
+    motion = [SWELL, RESONANT | {"amplitude": beat}]
+    record, _ = simulate(eps=1e-4, duration=1200.0, marks=True, motion=motion)
+    assert abs(row(record, "projection")["gravity_m_s2"] - GRAVITY) * 1e5 < 0.02

@@ -1,0 +1,121 @@
+"""Instants at which a motion crosses a value, and pendulums kept going by an escapement that kicks them there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from data_schemas.errors import RefusedError, UsageError
+from synth.integrators.events_kick import Crossings, Escapement, Memory
+from synth.integrators.explicit import PROBE, Run, checked, refine, trajectory
+from synth.integrators.trajectory import Trajectory
+from synth.phase import Floats, Integers
+
+
+@dataclass(frozen=True)
+class Events:
+    """What happened, in order of time."""
+
+    times: Floats
+    """(events,) s."""
+    watches: Integers
+    """(events,) number of the crossing watched for, from 0."""
+    estimated_error: float
+    """Largest estimated error of `times`, s."""
+
+
+def crossings(component: ArrayLike, level: ArrayLike, direction: ArrayLike = 1) -> Crossings:
+    """Watch components of the state cross levels: direction +1 rising, -1 falling, 0 either."""
+    columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(column)) for column in (component, level, direction)))
+    if not np.isin(columns[2], (-1, 0, 1)).all():
+        raise UsageError("direction of a crossing: 1 rising, -1 falling, 0 either")
+    return Crossings(_whole(columns[0]), _real(columns[1]), _whole(columns[2]))
+
+
+def escapement(
+    system: Any, pendulum: ArrayLike, angle: ArrayLike, energy: ArrayLike, direction: ArrayLike = 1
+) -> Escapement:
+    """Kick pendulums when they pass an angle.
+
+    Parameters
+    ----------
+    system : NamedTuple
+    pendulum : array of int
+        Number of the pendulum each kick belongs to, from 0; a pendulum may have several.
+    angle : array
+        Crossing angle, rad.
+    energy : array
+        What a kick adds to the energy of the whole system: J, or per m l^2 (rad^2/s^2) where the system has no
+        masses. Not negative.
+    direction : array of int
+        +1 rising, -1 falling, 0 both ways.
+    """
+    given = (pendulum, angle, direction, energy)
+    columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(column)) for column in given))
+    if not np.isin(columns[2], (-1, 0, 1)).all():
+        raise UsageError("direction of a kick: 1 rising, -1 falling, 0 both ways")
+    if not (columns[3] >= 0.0).all():
+        raise UsageError("energy of a kick must be 0 or more")
+    number = _whole(columns[0])
+    return Escapement(system.first_angle + 2 * number, _real(columns[1]), _whole(columns[2]), number, _real(columns[3]))
+
+
+def integrate_with_events(
+    system: Any, start: ArrayLike, times: ArrayLike, event: Crossings | Escapement, *, tolerance: float = 1e-10
+) -> tuple[Trajectory, Events]:
+    """As `explicit.integrate`, noting crossings or giving kicks; the motion restarts after each.
+
+    Crossings are found on the dense polynomial by a method that cannot miss one (`events_roots`), the step is then
+    made anew up to the crossing, and the rest removed along the tangent: instants are as good as the states.
+
+    Raises
+    ------
+    RefusedError
+        As `integrate`; and where a crossing is so near to a touch that the tolerance does not decide whether the
+        escapement fires.
+    """
+    first, instants = checked(start, times, tolerance)
+    made = refine(system, event, first, instants, tolerance)
+    rough, fine, end = made.runs[-2], made.runs[-1], float(instants[-1])
+    shift = _shift(_notes(rough), _notes(fine), end)
+    if shift is None:
+        raise RefusedError(
+            "events: whether a crossing happens is not decided by the tolerance (the motion only touches the level);"
+            " move the level, or ask for a smaller tolerance"
+        )
+    error = shift * fine.tolerance / rough.tolerance
+    if made.probe is not None:
+        moved = _shift(_notes(made.probe), _notes(made.runs[0]), end)
+        error += (end - float(instants[0]) if moved is None else moved) / PROBE * made.rounding()
+    happened, which = _notes(fine)
+    return trajectory(made, instants), Events(happened, which, error + 4.4e-16 * float(np.max(np.abs(instants))))
+
+
+def _shift(rough: tuple[Floats, Integers], fine: tuple[Floats, Integers], end: float) -> float | None:
+    """Largest difference of the instants of two runs, watch by watch; None where they differ in number."""
+    largest = 0.0
+    for watch in np.unique(np.concatenate([rough[1], fine[1]])):
+        one, other = rough[0][rough[1] == watch], fine[0][fine[1] == watch]
+        common = min(one.size, other.size)
+        largest = max(largest, float(np.max(np.abs(one[:common] - other[:common]), initial=0.0)))
+        beyond = np.concatenate([one[common:], other[common:]])
+        if beyond.size > 1 or np.any(end - beyond > 10.0 * largest + 1e-9 * abs(end)):
+            return None
+    return largest
+
+
+def _notes(run: Run) -> tuple[Floats, Integers]:
+    assert isinstance(run.events, Memory)
+    count = int(run.events.noted[0])
+    return run.events.times[:count] + run.events.lows[:count], run.events.which[:count].copy()
+
+
+def _whole(column: Any) -> Integers:
+    return np.ascontiguousarray(column, dtype=np.int64)
+
+
+def _real(column: Any) -> Floats:
+    return np.ascontiguousarray(column, dtype=np.float64)

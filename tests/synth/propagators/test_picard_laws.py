@@ -1,0 +1,199 @@
+"""Laws that the motion of nonlinear pendulums keeps, and that collocation must keep."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+import pytest
+from picard_cases import GRAVITY, HEAVE, STILL, SWELL, N, make, motion
+
+from data_schemas.errors import RefusedError
+from data_schemas.scene_pendulum import StateStart
+from synth.motion.harmonic_sum import HarmonicSum
+from synth.pendulums.linear import respond
+from synth.propagators import picard, picard_error
+from synth.propagators.even import EvenTimes
+from synth.propagators.picard import start_state
+from synth.propagators.uneven import UnevenTimes
+
+
+def _period(amplitude: float) -> mpmath.mpf:
+    """4 K(sin(A/2))/n."""
+    return 4 * mpmath.ellipk(mpmath.sin(mpmath.mpf(amplitude) / 2) ** 2) / mpmath.mpf(N)
+
+
+def _seconds(times: list[mpmath.mpf]) -> UnevenTimes:
+    return UnevenTimes(np.array([float(each) for each in times]), Fraction(1))
+
+
+@pytest.mark.parametrize("near", [0.5 * N, 0.9 * N, N, N + 1e-3])
+def test_linear_limit(near: float) -> None:
+    """Arcs of 1e-9: what is not linear is below 1e-18 of them."""
+    swell = motion((0.6, 3e-9), (near, 4e-10j))
+    times = EvenTimes(Fraction(1, 20), 801)
+    theta, error = make([(2e-9, 1e-9)], swell, damping_rate=1e-3, times=times).elongation()
+    response = respond(N, 1e-3, StateStart(angle=2e-9, angular_velocity=1e-9), swell, GRAVITY)
+    linear = times.elongation([response], swell.angular_frequency)
+    # both are right to a few units of the last place
+    assert np.max(np.abs(theta - linear)) <= 4e-15 * np.max(np.abs(linear))
+    assert error <= 1e-14
+
+
+def test_start_state_is_that_of_the_linear_motion() -> None:
+    swell = motion((0.6, 0.3), (0.99 * N, 1e-3j))
+    start = StateStart(angle=0.02, angular_velocity=-0.03)
+    state = start_state(respond(N, 2e-3, start, swell, GRAVITY), swell.angular_frequency)
+    np.testing.assert_allclose(state, [0.02, -0.03], rtol=0, atol=1e-16)
+
+
+def test_mirror() -> None:
+    """theta -> -theta with u -> -u, to the last bit: every operation is odd or even."""
+    mirrored = HarmonicSum(SWELL.angular_frequency, -SWELL.acceleration)
+    for start in ((0.02, 0.1), (0.9, 0.3)):  # short polynomials, and reduced angles
+        plan = make([start], SWELL, HEAVE, damping_rate=1e-3)
+        other = replace(plan, starts=-plan.starts, horizontal=mirrored)
+        assert np.array_equal(plan.elongation()[0], -other.elongation()[0])
+
+
+def test_time_reversal() -> None:
+    """Backwards along the same path: negative times of a pendulum started at the end lead to the beginning."""
+    last = 12.5
+    plan = make([(0.3, 0.4)], SWELL, HEAVE)
+    # The angular velocity at the end comes from a symmetric pair of readings and the equation's own smoothness.
+    step = 2.0**-8
+    offsets = step * np.arange(-8, 9)
+    near = replace(plan, times=UnevenTimes(last + offsets, Fraction(1))).elongation()[0][0]
+    fit = np.polynomial.Polynomial.fit(offsets, near, 13)
+    speed = float(fit.deriv()(0.0))
+    shift = [
+        HarmonicSum(each.angular_frequency, each.acceleration * np.exp(1j * each.angular_frequency * last))
+        for each in (SWELL, HEAVE)
+    ]
+    back = make([(near[8], speed)], *shift, times=UnevenTimes(-np.array([last, last / 2]), Fraction(1)))
+    forth = replace(plan, times=UnevenTimes(np.array([0.0, last / 2]), Fraction(1)))
+    # differentiation of rounded readings costs 1e-13; the shear of 12 s of motion no more than ten times that
+    np.testing.assert_allclose(back.elongation()[0], forth.elongation()[0], rtol=0, atol=2e-12)
+
+
+def test_sample_rate_does_not_matter() -> None:
+    coarse = make([(0.03, 0.02), (0.6, 0.0)], SWELL, HEAVE)
+    theta = coarse.elongation()[0]
+    for rate in (2, 7, 40, 500):  # intervals of a part, of a few and of many steps
+        other = replace(coarse, times=EvenTimes(Fraction(1, rate), 20 * rate + 1)).elongation()[0]
+        common = np.gcd(rate, 20)
+        # different intervals round differently: a few units of the last place, times the shear of 20 s at 0.6 rad
+        np.testing.assert_allclose(
+            other[:, :: rate // common], theta[:, :: 20 // common], rtol=0, atol=2e-14 * np.max(np.abs(theta))
+        )
+
+
+def test_uneven_readings_in_any_order() -> None:
+    plan = make([(0.03, 0.02)], SWELL, HEAVE, times=EvenTimes(Fraction(1, 16), 321))
+    theta = plan.elongation()[0]
+    order = np.random.default_rng(2).permutation(321)
+    uneven = replace(plan, times=UnevenTimes(order / 16.0, Fraction(1))).elongation()[0]
+    np.testing.assert_allclose(uneven, theta[:, order], rtol=0, atol=1e-14 * np.max(np.abs(theta)))
+
+
+def test_slow_clock_and_gap() -> None:
+    """A chronometer's second is `scale` true ones; strides without readings are passed through."""
+    scale = Fraction(5, 4)
+    plan = make([(0.03, 0.02)], SWELL, damping_rate=1e-3, times=UnevenTimes(np.array([0.0, 600.0]), scale))
+    even = replace(plan, times=EvenTimes(Fraction(750), 2)).elongation()[0]
+    np.testing.assert_allclose(plan.elongation()[0], even, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("amplitude", [1e-6, 1e-3, 0.1, 0.5, 1.0])
+def test_period(amplitude: float) -> None:
+    """Zero at 25 1/4 periods of the elliptic integral: to 1e-12 of the period."""
+    period = _period(amplitude)
+    theta = make([(amplitude, 0.0)], times=_seconds([period * mpmath.mpf("25.25")])).elongation()[0][0, 0]
+    assert abs(theta) / (2 * np.sin(amplitude / 2) * N) / (25.25 * float(period)) <= 1e-12
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("amplitude", [2.0, 3.0, 3.1])
+def test_period_of_a_large_arc(amplitude: float) -> None:
+    """The first quarter, before errors have grown."""
+    period = _period(amplitude)
+    theta = make([(amplitude, 0.0)], times=_seconds([period / 4])).elongation()[0][0, 0]
+    assert abs(theta) / (2 * np.sin(amplitude / 2) * N) / (0.25 * float(period)) <= 1e-12
+
+
+def _energy_drift(amplitude: float, swings: int) -> float:
+    """Angles at whole periods are turning points, where an error of phase does not show."""
+    period = _period(amplitude)
+    times = _seconds([period * k for k in range(0, swings + 1, swings // 10)])
+    theta = make([(amplitude, 0.0)], times=times).elongation()[0][0]
+    energy = 2 * np.sin(theta / 2) ** 2
+    return float(np.max(np.abs(energy / energy[0] - 1)))
+
+
+def test_energy_over_1000_swings() -> None:
+    assert _energy_drift(0.1, 1000) <= 1e-13
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("amplitude", [1e-6, 0.1, 1.0, 2.5])
+def test_energy_over_10000_swings(amplitude: float) -> None:
+    assert _energy_drift(amplitude, 10_000) <= 1e-12
+
+
+def test_convergence_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sixteen nodes: half the interval, 2^16 times the accuracy at least."""
+    monkeypatch.setattr(picard_error, "_RESOLVED", np.inf)  # else intervals are halved at once
+    monkeypatch.setattr(picard_error, "LARGE", np.inf)
+    plan = make([(0.5, 0.0)], SWELL, HEAVE, times=EvenTimes(Fraction(1, 8), 161))
+    monkeypatch.setattr(picard, "_REACH", 0.26 * (N + 1.4))  # intervals of a quarter of a second
+    exact = plan.elongation()[0]
+    errors, estimates = [], []
+    for longest in (1.0, 0.5):
+        monkeypatch.setattr(picard, "_REACH", 1.001 * longest * (N + 1.4))
+        theta, estimate = plan.elongation()
+        errors.append(float(np.max(np.abs(theta - exact))))
+        estimates.append(estimate * float(np.max(np.abs(exact))))
+    assert errors[0] > 1e-10  # far above rounding
+    assert errors[0] / errors[1] >= 2.0**16
+    assert all(true <= 10 * estimate <= 1e4 * true for true, estimate in zip(errors, estimates, strict=True))
+
+
+def test_estimate_is_honest_for_free_swings() -> None:
+    """Against cd, Jacobi's function: true error at most ten estimates, at least a thousandth."""
+    for amplitude in (0.02, 0.25, 1.0):
+        plan = make([(amplitude, 0.0)], times=EvenTimes(Fraction(1, 3), 121))
+        theta, estimate = plan.elongation()
+        modulus = mpmath.sin(mpmath.mpf(amplitude) / 2)
+        exact = [
+            2 * mpmath.asin(modulus * mpmath.ellipfun("cd", mpmath.mpf(N) * k / 3, m=modulus**2)) for k in range(121)
+        ]
+        error = max(float(abs(a - b)) for a, b in zip(theta[0].tolist(), exact, strict=True)) / amplitude
+        assert estimate / 1000 <= error <= 10 * estimate
+
+
+def test_a_pendulum_that_hangs_still() -> None:
+    theta, error = make([(0.0, 0.0)], STILL, HEAVE).elongation()
+    assert not theta.any()
+    assert error == 0.0
+
+
+def test_a_stream_is_the_whole_in_bounded_portions() -> None:
+    plan = make([(0.03, 0.02)], SWELL, HEAVE, times=EvenTimes(Fraction(1, 5), 2501))
+    whole = plan.elongation()[0]
+    portions = list(plan.stream())
+    assert len(portions) > 1
+    assert max(each.theta.shape[1] for each in portions) < 2000
+    assert np.array_equal(np.concatenate([each.theta for each in portions], axis=1), whole)
+    assert [each.estimated_error for each in portions] == sorted(each.estimated_error for each in portions)
+
+
+def test_no_readings() -> None:
+    assert make([(0.1, 0.0)], times=EvenTimes(Fraction(1, 20), 0)).elongation()[0].shape == (1, 0)
+
+
+def test_violence_is_refused() -> None:
+    plan = make([(0.1, 0.0)], STILL, motion((1.0, 1e9)), times=EvenTimes(Fraction(1, 20), 3))
+    with pytest.raises(RefusedError, match="choose the explicit method"):
+        plan.elongation()

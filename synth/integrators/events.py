@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.events_kick import Crossings, Escapement, Memory
-from synth.integrators.explicit import PROBE, Run, checked, refine, trajectory
+from synth.integrators.explicit import PROBE, Run, checked, refine, trajectory, with_checks
 from synth.integrators.trajectory import Trajectory
 from synth.phase import Floats, Integers
 
@@ -78,7 +78,7 @@ def integrate_with_events(
         escapement fires.
     """
     first, instants = checked(start, times, tolerance)
-    made = refine(system, event, first, instants, tolerance)
+    made = refine(system, event, first, with_checks(instants), tolerance)
     rough, fine, end = made.runs[-2], made.runs[-1], float(instants[-1])
     shift = _shift(_notes(rough), _notes(fine), end)
     if shift is None:
@@ -91,7 +91,12 @@ def integrate_with_events(
         moved = _shift(_notes(made.probe), _notes(made.runs[0]), end)
         error += (end - float(instants[0]) if moved is None else moved) / PROBE * made.rounding()
     happened, which = _notes(fine)
-    return trajectory(made, instants), Events(happened, which, error + 4.4e-16 * float(np.max(np.abs(instants))))
+    result = trajectory(made, instants)
+    rates = np.abs(fine.events.rates[: happened.size]) if fine.events is not None else np.zeros(0)
+    sizes = fine.scale[event.component[which]]
+    late = np.divide(result.estimated_error * sizes, rates, out=np.zeros_like(rates), where=rates > 0.0)
+    error = max(error, float(np.max(late, initial=0.0)))
+    return result, Events(happened, which, error + 4.4e-16 * float(np.max(np.abs(instants))))
 
 
 def _shift(rough: tuple[Floats, Integers], fine: tuple[Floats, Integers], end: float) -> float | None:

@@ -64,6 +64,8 @@ class Memory(NamedTuple):
     """(capacity,) and their times,"""
     lows: Floats
     """what rounding left over of them,"""
+    rates: Floats
+    """how fast the component crossed,"""
     which: Integers
     """and the watch that saw each."""
 
@@ -81,6 +83,7 @@ def memory(event: Any, size: int, capacity: int) -> Memory | None:
         np.zeros(DEGREE + 1),
         np.zeros(size),
         np.zeros(1, dtype=np.int64),
+        np.zeros(capacity),
         np.zeros(capacity),
         np.zeros(capacity),
         np.zeros(capacity, dtype=np.int64),
@@ -160,11 +163,12 @@ def _happens(event: Any, memory: Memory, j: int, share: float, following: Floats
 
 
 @kernel
-def _note(memory: Memory, j: int, time: float, time_low: float) -> None:
+def _note(memory: Memory, j: int, time: float, time_low: float, rate: float) -> None:
     place = memory.noted[0]
     if place < memory.times.size:
         memory.times[place] = time
         memory.lows[place] = time_low
+        memory.rates[place] = rate
         memory.which[place] = j
     memory.noted[0] = place + 1
 
@@ -172,22 +176,22 @@ def _note(memory: Memory, j: int, time: float, time_low: float) -> None:
 @kernel
 def _strike_nothing(
     event: Any, memory: Memory, share: float, time: float, time_low: float, following: Floats, left_over: Floats,
-    system: Any,
+    slope: Floats, system: Any,
 ) -> None:  # fmt: skip
     for j in range(event.level.size):
         if _happens(event, memory, j, share, following, left_over):
-            _note(memory, j, time, time_low)
+            _note(memory, j, time, time_low, slope[event.component[j]])
 
 
 @kernel
 def _strike_pendulum(
     event: Any, memory: Memory, share: float, time: float, time_low: float, following: Floats, left_over: Floats,
-    system: Any,
+    slope: Floats, system: Any,
 ) -> None:  # fmt: skip
     impulse = memory.impulse
     for j in range(event.level.size):
         if _happens(event, memory, j, share, following, left_over):
-            _note(memory, j, time, time_low)
+            _note(memory, j, time, time_low, slope[event.component[j]])
             rate = following[event.component[j] + 1]
             response(following, event.pendulum[j], system, impulse)
             ease = impulse[event.component[j] + 1]  # change of rate by a unit impulse
@@ -225,13 +229,13 @@ def miss(event: Any, memory: Any, share: float, following: Floats, left_over: Fl
 
 def strike(
     event: Any, memory: Any, share: float, time: float, time_low: float, following: Floats, left_over: Floats,
-    system: Any,
+    slope: Floats, system: Any,
 ) -> None:  # fmt: skip
     """Note what crosses at this instant, and give the kicks."""
     if isinstance(event, Escapement):
-        _strike_pendulum(event, memory, share, time, time_low, following, left_over, system)
+        _strike_pendulum(event, memory, share, time, time_low, following, left_over, slope, system)
     elif event is not None:
-        _strike_nothing(event, memory, share, time, time_low, following, left_over, system)
+        _strike_nothing(event, memory, share, time, time_low, following, left_over, slope, system)
 
 
 def _none(event: Any) -> bool:
@@ -271,11 +275,11 @@ def _miss_typed(event: Any, memory: Any, share: Any, following: Any, left_over: 
 
 @chosen_for(strike)
 def _strike_typed(
-    event: Any, memory: Any, share: Any, time: Any, time_low: Any, following: Any, left_over: Any, system: Any
+    event: Any, memory: Any, share: Any, time: Any, time_low: Any, following: Any, left_over: Any, slope: Any, system: Any
 ) -> Any:
     if _none(event):
-        return lambda event, memory, share, time, time_low, following, left_over, system: None
+        return lambda event, memory, share, time, time_low, following, left_over, slope, system: None
     chosen = _strike_pendulum if event.instance_class is Escapement else _strike_nothing
-    return lambda event, memory, share, time, time_low, following, left_over, system: chosen(
-        event, memory, share, time, time_low, following, left_over, system
+    return lambda event, memory, share, time, time_low, following, left_over, slope, system: chosen(
+        event, memory, share, time, time_low, following, left_over, slope, system
     )

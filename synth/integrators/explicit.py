@@ -31,6 +31,7 @@ _ROUNDING = 2.2e-16
 _ROUGHEST = 1e-4
 _PROBED_BELOW = 1e-8  # looser tolerances are far above anything that rounding does
 _FEW = 0.01  # outputs that may fall between the kicks of two runs
+_CHECKS = 65
 _AIM = 0.5  # of the tolerance, when a third march is made
 
 
@@ -38,6 +39,7 @@ _AIM = 0.5  # of the tolerance, when a third march is made
 class Run:
     """One march: states, sizes of the components, costs, and its events."""
 
+    times: Floats
     states: Floats
     scale: Floats
     counts: Integers
@@ -79,14 +81,21 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
     -0.041671
     """
     first, instants = checked(start, times, tolerance)
-    return trajectory(refine(system, None, first, instants, tolerance), instants)
+    return trajectory(refine(system, None, first, with_checks(instants), tolerance), instants)
+
+
+def with_checks(times: Floats) -> Floats:
+    """More instants where few are asked for: an error may pass through zero at a single one."""
+    if times.size == 1 or times.size >= _CHECKS:
+        return times
+    return np.union1d(times, np.linspace(times[0], times[-1], _CHECKS)[:-1])
 
 
 def trajectory(made: Refinement, times: Floats) -> Trajectory:
-    """What is returned of the marches made."""
-    return Trajectory(
-        times, made.runs[-1].states, made.estimated_error, made.cost(0), made.cost(2), made.cost(1)
-    )
+    """What is returned of the marches made, at the instants asked for."""
+    best = made.runs[-1]
+    states = best.states if best.times.size == times.size else best.states[np.searchsorted(best.times, times)]
+    return Trajectory(times, states, made.estimated_error, made.cost(0), made.cost(2), made.cost(1))
 
 
 def checked(start: ArrayLike, times: ArrayLike, tolerance: float) -> tuple[Floats, Floats]:
@@ -131,46 +140,46 @@ def refine(system: Any, event: Any, start: Floats, times: Floats, tolerance: flo
         signs = 1.0 - 2.0 * (np.arange(start.size) // 2 % 2)
         probe = run(system, event, start + PROBE * signs * rough.scale, times, rough.tolerance, np.abs(start))
     fine = run(system, event, start, times, local, rough.scale)
-    error = estimate(Refinement([rough, fine], probe, np.inf), times)
+    error = estimate(Refinement([rough, fine], probe, np.inf))
     result = Refinement([rough, fine], probe, error)
     if error > tolerance and local > TIGHTEST:
         local = max(TIGHTEST, local * min(0.1, _AIM * tolerance / error))
         finest = run(system, event, start, times, local, fine.scale)
         result = Refinement([rough, fine, finest], probe, np.inf)
-        result = Refinement(result.runs, probe, estimate(result, times))
+        result = Refinement(result.runs, probe, estimate(result))
     return result
 
 
-def estimate(made: Refinement, times: Floats) -> float:
+def estimate(made: Refinement) -> float:
     """Error of the last run: what its tolerance makes of its difference from the one before, and rounding.
 
     Errors are proportional to the local tolerance. What the motion makes of rounding is what it makes of a small
     change of the start: much near the top of a swing, where a step itself is innocent.
     """
     rough, fine = made.runs[-2:]
-    error = difference(rough, fine, times) * fine.tolerance / rough.tolerance
-    growth = 1.0 if made.probe is None else max(1.0, difference(made.probe, made.runs[0], times) / PROBE)
+    error = difference(rough, fine) * fine.tolerance / rough.tolerance
+    growth = 1.0 if made.probe is None else max(1.0, difference(made.probe, made.runs[0]) / PROBE)
     return error + growth * made.rounding()
 
 
-def difference(one: Run, other: Run, times: Floats) -> float:
+def difference(one: Run, other: Run) -> float:
     """Largest relative difference of two runs; 1 where their kicks do not match.
 
     Kicks are at slightly different times in the two: only outputs between the same kicks are compared.
     """
     largest = np.maximum(other.scale, np.max(np.abs(other.states), axis=0))
     size = np.where(largest > _NEGLIGIBLE * np.max(largest), largest, 0.0)
-    comparable = kicks_before(one, times) == kicks_before(other, times)
-    if np.count_nonzero(comparable) < (1.0 - _FEW) * times.size - 1:
+    comparable = kicks_before(one) == kicks_before(other)
+    if np.count_nonzero(comparable) < (1.0 - _FEW) * comparable.size - 1:
         return 1.0
     return relative_error((other.states - one.states)[comparable], size)
 
 
-def kicks_before(run: Run, times: Floats) -> Integers:
+def kicks_before(run: Run) -> Integers:
     """How many events each output has behind it."""
     if run.events is None or not run.kicked:
-        return np.zeros(times.size, dtype=np.int64)
-    return np.searchsorted(run.events.times[: int(run.events.noted[0])], times).astype(np.int64)
+        return np.zeros(run.times.size, dtype=np.int64)
+    return np.searchsorted(run.events.times[: int(run.events.noted[0])], run.times).astype(np.int64)
 
 
 def run(system: Any, event: Any, start: Floats, times: Floats, tolerance: float, scale: Floats) -> Run:
@@ -188,7 +197,7 @@ def run(system: Any, event: Any, start: Floats, times: Floats, tolerance: float,
         capacity = 8 * int(notes.noted[0])
     if status != DONE:
         raise RefusedError(_reason(status, system, float(stop[0]), stop[1:]))
-    return Run(states, sizes, counts, notes, isinstance(event, Escapement), tolerance)
+    return Run(times, states, sizes, counts, notes, isinstance(event, Escapement), tolerance)
 
 
 def _reason(status: int, system: Any, time: float, state: Floats) -> str:

@@ -194,7 +194,7 @@ def march(
         time_low = (time - (total - rest)) + (small - rest)
         time = total
         if share <= 1.0:
-            strike(event, memory, share, time, time_low, following, left_over, system)
+            strike(event, memory, share, time, time_low, following, left_over, slope, system)
             derivative(time + time_low, following, system, slope)
             evaluations += 1
         for i in range(n):

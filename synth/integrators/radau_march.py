@@ -20,29 +20,30 @@ NEWTON = 0.01
 DENSE = 0.1
 UP = 0.002
 DOWN = 0.8
-JAT = 0.0
+JAT = 1.0
 STAY = 10
-CONV = 0.0
+PATIENCE = 0
+CONV = 0.1
 CEXP = 1.0
 _S3, _S5, _S7 = (0,) * 3, (0,) * 5, (0,) * 7
 
 
 @kernel
-def _prepare(step, jac, s, size, matrices, exchanges):
+def _prepare(step, jac, s, size, stack, exchanges):
     if s == 3:
-        return prepare(step, jac, _S3, size, matrices, exchanges)
+        return prepare(step, jac, _S3, size, stack, exchanges)
     if s == 5:
-        return prepare(step, jac, _S5, size, matrices, exchanges)
-    return prepare(step, jac, _S7, size, matrices, exchanges)
+        return prepare(step, jac, _S5, size, stack, exchanges)
+    return prepare(step, jac, _S7, size, stack, exchanges)
 
 
 @kernel
-def _collocate(time, step, state, scale, goal, trust, s, size, z, w, f, point, slope, matrices, exchanges, right, system):
+def _collocate(time, step, state, scale, goal, trust, s, size, z, w, f, point, slope, stack, exchanges, system):
     if s == 3:
-        return collocate(time, step, state, scale, goal, trust, 8, _S3, size, z, w, f, point, slope, matrices, exchanges, right, system)
+        return collocate(time, step, state, scale, goal, trust, 8, _S3, size, z, w, f, point, slope, stack, exchanges, system)
     if s == 5:
-        return collocate(time, step, state, scale, goal, trust, 12, _S5, size, z, w, f, point, slope, matrices, exchanges, right, system)
-    return collocate(time, step, state, scale, goal, trust, 16, _S7, size, z, w, f, point, slope, matrices, exchanges, right, system)
+        return collocate(time, step, state, scale, goal, trust, 12, _S5, size, z, w, f, point, slope, stack, exchanges, system)
+    return collocate(time, step, state, scale, goal, trust, 16, _S7, size, z, w, f, point, slope, stack, exchanges, system)
 
 
 @kernel
@@ -88,7 +89,7 @@ def _differences(s, size, z, out):
 
 
 @kernel
-def _error(time, step, state, slope, scale, s, size, retry, z, f, point, other, matrices, exchanges, right, system):
+def _error(time, step, state, slope, scale, s, size, retry, z, f, point, other, stack, exchanges, system):
     weights = THREE.error if s == 3 else FIVE.error if s == 5 else SEVEN.error
     rate = (THREE.rates if s == 3 else FIVE.rates if s == 5 else SEVEN.rates)[0].real
     n = len(size)
@@ -97,24 +98,24 @@ def _error(time, step, state, slope, scale, s, size, retry, z, f, point, other, 
         total = 0.0
         for i in range(s):
             total += weights[i] * z[i, c]
-        f[0, c] = total * gain
-        right[c] = slope[c] + total * gain
-    solve(0, size, matrices, exchanges, right)
+        f[1, c] = total * gain
+        f[0, c] = slope[c] + total * gain
+    solve(size, stack, exchanges, f)
     total = 0.0
     for c in range(n):
-        part = right[c].real * scale[c]
+        part = f[0, c] * scale[c]
         total += part * part
     value = math.sqrt(total / n)
     if retry < value:
         for c in range(n):
-            point[c] = state[c] + right[c].real
+            point[c] = state[c] + f[0, c]
         derivative(time, point, system, other)
         for c in range(n):
-            right[c] = other[c] + f[0, c]
-        solve(0, size, matrices, exchanges, right)
+            f[0, c] = other[c] + f[1, c]
+        solve(size, stack, exchanges, f)
         total = 0.0
         for c in range(n):
-            part = right[c].real * scale[c]
+            part = f[0, c] * scale[c]
             total += part * part
         value = math.sqrt(total / n)
     return value
@@ -145,11 +146,10 @@ def march(start, times, tolerance, size, system, out, largest, counts, lo, hi):
     z, w, f = np.zeros((7, n)), np.zeros((7, n)), np.zeros((7, n))
     z2, w2, = np.zeros((7, n)), np.zeros((7, n))
     point, other = np.zeros(n), np.zeros(n)
-    matrices = np.zeros((4, n, n), dtype=np.complex128)
-    exchanges = np.zeros((4, n), dtype=np.int64)
-    matrices2 = np.zeros((4, n, n), dtype=np.complex128)
-    exchanges2 = np.zeros((4, n), dtype=np.int64)
-    right = np.zeros(n, dtype=np.complex128)
+    stack = np.zeros((7, n, n))
+    exchanges = np.zeros((7, n), dtype=np.int64)
+    stack2 = np.zeros((7, n, n))
+    exchanges2 = np.zeros((7, n), dtype=np.int64)
     polynomial = np.zeros((8, n))
     jac = np.zeros((n, n))
     state = start.copy()
@@ -174,7 +174,7 @@ def march(start, times, tolerance, size, system, out, largest, counts, lo, hi):
     factored = 0.0
     fstage = 0
     step = first_step(time, state, slope, span, size, jac)
-    s = lo
+    s = hi
     old = 0
     old_step = 0.0
     trust = 1.0
@@ -216,7 +216,7 @@ def march(start, times, tolerance, size, system, out, largest, counts, lo, hi):
             fresh = True
             factored = 0.0
         if factored != step or fstage != s:
-            if not _prepare(step, jac, s, size, matrices, exchanges):
+            if not _prepare(step, jac, s, size, stack, exchanges):
                 step *= 0.5
                 rejected += 1
                 factored = 0.0
@@ -226,7 +226,7 @@ def march(start, times, tolerance, size, system, out, largest, counts, lo, hi):
         _guess(1.0, step / old_step if old > 0 else 0.0, s, size, old, polynomial, z, w, point)
         trust = max(trust, 1e-15) ** 0.75
         good, turns, contraction, trust = _collocate(
-            time, step, state, scale, NEWTON * tolerance, trust, s, size, z, w, f, point, other, matrices, exchanges, right, system
+            time, step, state, scale, NEWTON * tolerance, trust, s, size, z, w, f, point, other, stack, exchanges, system
         )
         iters += turns
         evals += s * turns
@@ -236,7 +236,7 @@ def march(start, times, tolerance, size, system, out, largest, counts, lo, hi):
             trust = 1.0
             failures += 1
             step *= 0.5 if contraction < 2 else 0.25
-            if s > lo and failures > 0:
+            if s > lo and failures > PATIENCE:
                 s -= 2
                 since = 0
             if failures > 2:
@@ -248,7 +248,7 @@ def march(start, times, tolerance, size, system, out, largest, counts, lo, hi):
             size_c = max(abs(state[c]), abs(state[c] + z[s - 1, c]), FLOOR * largest[c])
             scale[c] = 1.0 / max(size_c, 1e-300)
         retry = allowed if (first or again) else 1e300
-        error = _error(time, step, state, slope, scale, s, size, retry, z, f, point, other, matrices, exchanges, right, system)
+        error = _error(time, step, state, slope, scale, s, size, retry, z, f, point, other, stack, exchanges, system)
         relative = max(error / allowed, 1e-10)
         safe = min(0.9, 0.9 * (2 * 8 + 1) / (2 * 8 + turns))
         factor = safe * relative ** (-1.0 / (s + 1))
@@ -283,9 +283,9 @@ def march(start, times, tolerance, size, system, out, largest, counts, lo, hi):
             if error > tight:
                 # too coarse: solve the part of the step by itself
                 _guess(0.0, at, s, size, s, polynomial, z2, w2, point)
-                if _prepare(part, jac, s, size, matrices2, exchanges2):
+                if _prepare(part, jac, s, size, stack2, exchanges2):
                     ok, turns, q, tr = _collocate(
-                        time, part, state, scale, NEWTON * tolerance, 1.0, s, size, z2, w2, f, point, other, matrices2, exchanges2, right, system
+                        time, part, state, scale, NEWTON * tolerance, 1.0, s, size, z2, w2, f, point, other, stack2, exchanges2, system
                     )
                     evals += s * turns
                     iters += turns
@@ -321,7 +321,7 @@ def march(start, times, tolerance, size, system, out, largest, counts, lo, hi):
         fresh = False
         change = new_step / step
         if since >= STAY:
-            if contraction < UP and s < hi and 0.8 < change < 1.2 and turns > 0:
+            if contraction < UP and s < hi:
                 s += 2
                 since = 0
             elif contraction >= DOWN and s > lo:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from synth.integrators.radau_linear import factor, solve
+from synth.integrators.radau_linear import factor, factor_pair, solve, solve_pair
 from synth.integrators.radau_tables import FIVE, SEVEN, THREE
 from synth.kernels.compiled import kernel, summing_kernel
 from synth.systems.dispatch import derivative
@@ -25,15 +25,17 @@ _R3, _R5, _R7 = THREE.rates, FIVE.rates, SEVEN.rates
 
 
 @kernel
-def prepare(step: float, jacobian: Any, count: Any, size: Any, matrices: Any, exchanges: Any) -> bool:
+def prepare(step: float, jacobian: Any, count: Any, size: Any, stack: Any, exchanges: Any) -> bool:
     """Factor all matrices for a step; False if one is singular."""
     s = len(count)
     rates = _R3 if s == 3 else _R5 if s == 5 else _R7
     inverse = 1.0 / step
-    for k in range((s + 1) // 2):
-        if not factor(rates[k] * inverse, jacobian, k, size, matrices, exchanges):
-            return False
-    return True
+    good = factor(rates[0].real * inverse, jacobian, size, stack, exchanges)
+    for k in range(1, (s + 1) // 2):
+        good &= factor_pair(
+            2 * k - 1, rates[k].real * inverse, rates[k].imag * inverse, jacobian, size, stack, exchanges
+        )
+    return good
 
 
 @summing_kernel
@@ -63,34 +65,30 @@ def _unfold(count: Any, size: Any, source: Any, out: Any) -> None:
 
 
 @summing_kernel
-def _correct(step: float, count: Any, size: Any, scale: Any, w: Any, g: Any, matrices: Any, exchanges: Any, right: Any) -> float:
+def _correct(step: float, count: Any, size: Any, scale: Any, w: Any, g: Any, stack: Any, exchanges: Any) -> float:
     """One Newton correction of the amplitudes w from the projected slopes g; its weighted mean square."""
     n = len(size)
     s = len(count)
     rates = _R3 if s == 3 else _R5 if s == 5 else _R7
     total = 0.0
     inverse = 1.0 / step
-    rate = rates[0].real * inverse
+    re = rates[0].real * inverse
     for c in range(n):
-        right[c] = complex(g[0, c] - rate * w[0, c], 0.0)
-    solve(0, size, matrices, exchanges, right)
-    for c in range(n):
-        change = right[c].real
-        w[0, c] += change
-        total += (change * scale[c]) * (change * scale[c])
+        g[0, c] -= re * w[0, c]
     for k in range(1, (s + 1) // 2):
         re, im = rates[k].real * inverse, rates[k].imag * inverse
         for c in range(n):
             first, second = w[2 * k - 1, c], w[2 * k, c]
-            right[c] = complex(
-                g[2 * k - 1, c] - (re * first - im * second), g[2 * k, c] - (re * second + im * first)
-            )
-        solve(k, size, matrices, exchanges, right)
+            g[2 * k - 1, c] -= re * first - im * second
+            g[2 * k, c] -= re * second + im * first
+    solve(size, stack, exchanges, g)
+    for k in range(1, (s + 1) // 2):
+        solve_pair(2 * k - 1, size, stack, exchanges, g)
+    for i in range(s):
         for c in range(n):
-            first, second = right[c].real, right[c].imag
-            w[2 * k - 1, c] += first
-            w[2 * k, c] += second
-            total += (first * first + second * second) * (scale[c] * scale[c])
+            change = g[i, c]
+            w[i, c] += change
+            total += (change * scale[c]) * (change * scale[c])
     return total / (n * s)
 
 
@@ -110,9 +108,8 @@ def collocate(
     f: Any,
     point: Any,
     slope: Any,
-    matrices: Any,
+    stack: Any,
     exchanges: Any,
-    right: Any,
     system: Any,
 ) -> tuple[bool, int, float, float]:
     """Solve one step from the increments and amplitudes in `work`.
@@ -152,7 +149,7 @@ def collocate(
             for c in range(n):
                 f[i, c] = slope[c]
         project(count, size, f, z)
-        size_now = math.sqrt(_correct(step, count, size, scale, w, z, matrices, exchanges, right))
+        size_now = math.sqrt(_correct(step, count, size, scale, w, z, stack, exchanges))
         _unfold(count, size, w, z)
         if not size_now < 1e100:
             return False, turn, 1e3, trust

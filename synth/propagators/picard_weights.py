@@ -139,8 +139,8 @@ def legendre_tail() -> Floats:
 
 def _projection() -> Floats:
     """(degree, node): Legendre coefficients of a polynomial from its values."""
-    result: Floats = np.linalg.inv(np.polynomial.legendre.legvander(gauss_nodes() / FINE, NODES - 1))
-    return result
+    values = np.polynomial.legendre.legvander(gauss_nodes() / FINE, NODES - 1)
+    return np.asarray(np.linalg.inv(values), dtype=np.float64)
 
 
 @functools.cache

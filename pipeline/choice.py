@@ -16,7 +16,7 @@ from pipeline.projection.solve import ProjectionFit, fit_projection
 
 DECISIVE = 5.0  # difference of log likelihood: odds of 150 to 1
 NEGLIGIBLE_ARC = 0.01  # mGal
-ABSENT = 0.3  # of the third harmonic A^3/192 that a sine law makes
+TOLD = 0.1  # 1 sigma of the third harmonic, as a share of what a sine law makes, from which it tells
 FLOOR = 1e-5  # of the difference's amplitude: what the separated harmonics leave of the arcs is not told below it
 
 
@@ -34,7 +34,7 @@ def choose(prepared: Prepared) -> Choice:
 
     What the record states of `restoring` is obeyed. Where it states nothing, the exact linear identity is fitted
     twice: to the difference as it is, and to the difference less its response to the finite arcs. The smaller residual
-    decides if it is decisively smaller; else real pendulums are assumed, and the arcs' share goes into sigma.
+    decides; where it is not decisively smaller the arcs' share goes into sigma.
     """
     seen = prepared.observation
     if seen.restoring == "linear":
@@ -54,22 +54,18 @@ def choose(prepared: Prepared) -> Choice:
     real = "projection" if passes_zero(np.abs(prepared.blocks.difference)) else "general"
     if seen.restoring == "sine":
         return Choice(real, "the record says restoring = sine" + _beats(real))
-    second = envelope.first - envelope.difference
-    overtone = float(np.sqrt(0.5 * np.nanmean(np.abs(envelope.first**3 - second**3) ** 2))) / 192.0
-    if linear.noise < ABSENT * overtone:
-        return Choice("projection", f"the third harmonic of real pendulums ({overtone:.1g} rad) is absent")
+    share, error = third_harmonic(linear.residual, prepared)
+    if error < TOLD:
+        seen_share = f"{share:.2f} of a real pendulum's third harmonic is there"
+        return Choice(real if share > 0.5 else "projection", seen_share + (_beats(real) if share > 0.5 else ""))
     floor = FLOOR * float(np.nanmax(np.abs(prepared.blocks.difference)))
     likelihood = linear.samples * float(np.log(np.hypot(arc.noise, floor) / np.hypot(linear.noise, floor)))
     told = f"log likelihood ratio {abs(likelihood):.3g}"
-    if likelihood > DECISIVE:
-        return Choice("projection", f"linear pendulums leave the smaller residual ({told})")
-    if likelihood < -DECISIVE:
-        return Choice(real, f"finite arcs leave the smaller residual ({told})" + _beats(real))
-    return Choice(
-        real,
-        f"residuals do not tell linear pendulums from finite arcs ({told}); real pendulums are assumed" + _beats(real),
-        doubt=change,
-    )
+    doubt = 0.0 if abs(likelihood) > DECISIVE else change
+    hardly = "hardly " if doubt else ""
+    if likelihood > 0.0:
+        return Choice("projection", f"linear pendulums leave the {hardly}smaller residual ({told})", doubt)
+    return Choice(real, f"finite arcs leave the {hardly}smaller residual ({told})" + _beats(real), doubt)
 
 
 def _beats(method: str) -> str:
@@ -93,6 +89,26 @@ def arc_response(prepared: Prepared, frequency: float, gamma: float) -> Floats:
     at = np.clip(seen.time, envelope.time[0], envelope.time[-1])
     smooth = np.interp(at, envelope.time, response.real) + 1j * np.interp(at, envelope.time, response.imag)
     return np.asarray((smooth * np.exp(1j * envelope.carrier * seen.time)).real)
+
+
+def third_harmonic(residual: Floats, prepared: Prepared) -> tuple[float, float]:
+    """How much of the third harmonic `-(A^3/192) cos 3 phi` of real pendulums a residual holds, and its 1 sigma.
+
+    0 for linear pendulums, 1 for the sine law; sigma is infinite where the sampling cannot show it.
+    """
+    seen, envelope = prepared.observation, prepared.sliding
+    if residual.size != seen.time.size:
+        return 0.0, np.inf
+    first, second = fill(envelope.first), fill(envelope.first - envelope.difference)
+    cube = first**3 - second**3
+    smooth = np.interp(seen.time, envelope.time, cube.real) + 1j * np.interp(seen.time, envelope.time, cube.imag)
+    pattern = -(smooth * np.exp(3j * envelope.carrier * seen.time)).real / 192.0
+    present = np.isfinite(residual)
+    power = float(np.sum(pattern[present] ** 2))
+    noise = float(np.std(residual[present]))
+    if power == 0.0:
+        return 0.0, np.inf
+    return float(np.sum(pattern[present] * residual[present]) / power), noise / float(np.sqrt(power))
 
 
 def arc_forcing(first: Complexes, difference: Complexes, frequency: float) -> Complexes:

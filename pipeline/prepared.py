@@ -101,6 +101,14 @@ class Prepared:
         require_swing(self.sliding)
         return self.narrowband(self.sliding)
 
+    @property
+    def fine_explained(self) -> float:
+        """Share of the difference's power that the complex form explains."""
+        envelope = self.sliding
+        present = np.isfinite(envelope.difference)
+        power = float(np.sum(envelope.coverage[present] * np.abs(envelope.difference[present]) ** 2))
+        return 1.0 - self.fine.squares / power
+
     @cached_property
     def fine_budget(self) -> Budget:
         """Sensitivities, from the separated harmonics."""

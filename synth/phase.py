@@ -10,6 +10,7 @@ Plain double phases lose 1e-12 rad in an hour, which is 100 times what the simul
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -97,16 +98,18 @@ def turns(angular_frequencies: Sequence[float | Fraction], step: Fraction) -> Tu
     >>> bool(abs(angle[0, 0] - math.remainder(25200, 2 * math.pi)) < 3e-12)  # the right side is the poorer
     True
     """
-    whole: list[int] = []
-    rest: list[float] = []
-    for frequency in angular_frequencies:
-        numerator, denominator = frequency.as_integer_ratio()
-        above = numerator * step.numerator * _INVERSE_TURN << 64
-        below = denominator * step.denominator * _INVERSE_TURN_SCALE
-        units, left = divmod(above, below)
-        whole.append(units % _WORD)
-        rest.append((left << 60) // below * 2.0**-60)
-    return Turns(np.array(whole, dtype=np.uint64), np.array(rest))
+    pairs = [_turn(frequency, step.numerator, step.denominator) for frequency in angular_frequencies]
+    return Turns(np.array([units for units, _ in pairs], dtype=np.uint64), np.array([rest for _, rest in pairs]))
+
+
+@functools.lru_cache(maxsize=8192)  # one record asks for the same harmonics for its angles, its truth and its motion
+def _turn(frequency: float | Fraction, numerator: int, denominator: int) -> tuple[int, float]:
+    """Units and remainder of one harmonic for a step of numerator/denominator seconds."""
+    top, bottom = frequency.as_integer_ratio()
+    above = top * numerator * _INVERSE_TURN << 64
+    below = bottom * denominator * _INVERSE_TURN_SCALE
+    units, left = divmod(above, below)
+    return units % _WORD, (left << 60) // below * 2.0**-60
 
 
 def damped_frequency(frequency: float, damping_rate: float) -> Fraction:

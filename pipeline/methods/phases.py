@@ -47,6 +47,11 @@ def phases(prepared: Prepared, *, through_zero: bool = False) -> Phases:
     require_swing(envelope)
     amplitude = np.abs(envelope.difference)
     present = np.isfinite(amplitude)
+    if prepared.fine_explained < LEAST_EXPLAINED:
+        raise RefusedError(
+            "difference: a swing at the nominal period does not explain it; check instrument/period and that the trace "
+            "is a difference of two pendulums"
+        )
     if not through_zero and passes_zero(amplitude):
         raise RefusedError(
             "difference: its amplitude falls below a tenth of its maximum, where a phase means nothing; "
@@ -105,6 +110,7 @@ def corrected(prepared: Prepared, found: Phases, speed: Floats | None, finite_ar
         prepared,
         envelope,
         quadrature,
+        bridging=0.0 if speed is None else bridging_error(speed, envelope),
         frequency=float(np.hypot(oscillation, gamma)),
         uncorrected=float(np.hypot(envelope.carrier + slope(0.0), gamma)),
         damping_rate=gamma,
@@ -112,6 +118,22 @@ def corrected(prepared: Prepared, found: Phases, speed: Floats | None, finite_ar
         speed_correction=speed,
         finite_arc=-arc,
     )
+
+
+def bridging_error(speed: Floats, envelope: Envelope) -> float:
+    """Error of the slope from a correction interpolated across gaps, 1 sigma, rad s-1.
+
+    Inside a gap the correction departs from the straight line by about its own scatter, for about a third of the gap in
+    sum; a step of the phase in mid-record tilts the regression by 3/2 of it over the length.
+    """
+    missing = np.concatenate(([0], np.isnan(speed).astype(np.int8), [0]))
+    edges = np.flatnonzero(np.diff(missing))
+    lengths = (edges[1::2] - edges[::2] + 1.0) * envelope.hop
+    if not lengths.size or np.isnan(speed).all():
+        return 0.0
+    steps = float(np.nanstd(speed)) * lengths / 3.0
+    duration = float(envelope.time[-1] - envelope.time[0])
+    return 1.5 * float(np.sqrt(np.sum(steps**2))) / duration
 
 
 WHOLE = 0.97  # coverage from which a window's noise is that of a complete one
@@ -125,19 +147,18 @@ def component_variance(squares: Floats, envelope: Envelope) -> float:
     return 0.5 * float(np.mean(squares[chosen]))
 
 
-def with_noise(prepared: Prepared, envelope: Envelope, variance: float, **found: Any) -> Estimate:
+def with_noise(
+    prepared: Prepared, envelope: Envelope, variance: float, bridging: float = 0.0, **found: Any
+) -> Estimate:
     """Complete an estimate with its error budget.
 
     Parameters
     ----------
     variance : float
         Mean square of one component of the envelope's residual, rad2.
+    bridging : float
+        1-sigma of the slope from a correction that was interpolated across gaps, rad s-1.
     """
-    if 2.0 * variance > (1.0 - LEAST_EXPLAINED) * float(np.nanmean(np.abs(envelope.difference) ** 2)):
-        raise RefusedError(
-            "difference: a swing at the nominal period does not explain it; check instrument/period and that the trace "
-            "is a difference of two pendulums"
-        )
     noise = prepared.noise_difference
     if not np.isfinite(noise):
         noise = float(np.sqrt(variance / envelope.noise_gain))
@@ -145,7 +166,11 @@ def with_noise(prepared: Prepared, envelope: Envelope, variance: float, **found:
     shared = prepared.fine_budget
     return Estimate(
         sigma=float(
-            np.hypot(shared.noise_difference * noise * np.sqrt(max(colour, 1.0)), prepared.theta_error(shared, noise))
+            np.sqrt(
+                (shared.noise_difference * noise) ** 2 * max(colour, 1.0)
+                + prepared.theta_error(shared, noise) ** 2
+                + bridging**2
+            )
         ),
         noise=noise,
         samples=int(np.isfinite(prepared.observation.difference).sum()),

@@ -123,7 +123,7 @@ class Refinement:
 
     def rounding(self) -> float:
         """Rounding that a march makes, relative; to be multiplied by what the motion makes of it."""
-        return _ROUNDING * (2.0 + 0.1 * float(np.sqrt(self.runs[-1].counts[0])))
+        return _ROUNDING * (2.0 + 0.2 * float(np.sqrt(self.runs[-1].counts[0])))
 
     def cost(self, row: int) -> int:
         """Sum of a count over all marches: 0 steps, 1 rejected, 2 evaluations."""

@@ -1,6 +1,6 @@
 """The collocation polynomial of a step: Newton's form on the nodes 1 = c_s, ..., c_1, 0.
 
-Inside the step it is the dense output, beyond it the first guess of the next step.
+Inside the step it is the dense output, of order s; beyond it the first guess of the next step.
 """
 
 from __future__ import annotations
@@ -8,13 +8,13 @@ from __future__ import annotations
 from typing import Any
 
 from synth.integrators.radau_tables import FIVE, SEVEN, THREE
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import summing_kernel
 
 _N3, _N5, _N7 = THREE.nodes, FIVE.nodes, SEVEN.nodes
 _R3, _R5, _R7 = THREE.reciprocals, FIVE.reciprocals, SEVEN.reciprocals
 
 
-@kernel
+@summing_kernel
 def differences(count: Any, size: Any, increments: Any, out: Any) -> None:
     """Divided differences (s + 1, n) of the increments (s, n); the increment at 0 is zero."""
     s = len(count)
@@ -29,14 +29,13 @@ def differences(count: Any, size: Any, increments: Any, out: Any) -> None:
                 out[i, c] = (out[i, c] - out[i - 1, c]) * reciprocals[i, i - level]
 
 
-@kernel
+@summing_kernel
 def evaluate(at: float, count: Any, size: Any, polynomial: Any, out: Any) -> None:
     """Increment `out` (n,) at the share `at` of the step."""
     s = len(count)
     nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
     for c in range(len(size)):
-        out[c] = polynomial[s, c]
-    for i in range(s - 1, -1, -1):
-        away = at - nodes[s - 1 - i]
-        for c in range(len(size)):
-            out[c] = out[c] * away + polynomial[i, c]
+        total = polynomial[s, c]
+        for i in range(s - 1, -1, -1):
+            total = total * (at - nodes[s - 1 - i]) + polynomial[i, c]
+        out[c] = total

@@ -1,8 +1,8 @@
 """One step of Radau IIA: the collocation equations solved by Newton's method in the eigenvectors of A^-1.
 
 Unknowns are the increments z_i of the state at the s nodes, z = h A f(state + z), and their amplitudes w = M^-1 z
-(Hairer and Wanner 1996, IV.8.1). The iteration goes on until its remainder is below the goal, or until rounding
-alone moves it.
+(Hairer and Wanner 1996, IV.8). The iteration goes on until its remainder is below the goal, or until rounding alone
+moves it. Stages come as the length of a tuple, so that each order is compiled with its coefficients as constants.
 """
 
 from __future__ import annotations
@@ -15,9 +15,11 @@ from synth.integrators.radau_tables import FIVE, SEVEN, THREE
 from synth.kernels.compiled import kernel, summing_kernel
 from synth.systems.dispatch import derivative
 
-_ROUNDING = 2e-14  # of the largest increment: Newton corrections below this that no longer shrink are rounding
+SOLVED, DIVERGED, NOT_FINITE = 0, 1, 2
 
-NODES = (THREE.nodes, FIVE.nodes, SEVEN.nodes)
+_ROUNDING = 3e-14  # of the state: corrections below this that no longer shrink are rounding
+_SLOWEST = 0.9  # contraction from which an iteration is not worth its evaluations
+
 _N3, _N5, _N7 = THREE.nodes, FIVE.nodes, SEVEN.nodes
 _M3, _M5, _M7 = THREE.modes, FIVE.modes, SEVEN.modes
 _P3, _P5, _P7 = THREE.projection, FIVE.projection, SEVEN.projection
@@ -26,7 +28,7 @@ _R3, _R5, _R7 = THREE.rates, FIVE.rates, SEVEN.rates
 
 @kernel
 def prepare(step: float, jacobian: Any, count: Any, size: Any, stack: Any, exchanges: Any) -> bool:
-    """Factor all matrices for a step; False if one is singular."""
+    """Factor all matrices for a step; False if one is singular or not finite."""
     s = len(count)
     rates = _R3 if s == 3 else _R5 if s == 5 else _R7
     inverse = 1.0 / step
@@ -40,7 +42,7 @@ def prepare(step: float, jacobian: Any, count: Any, size: Any, stack: Any, excha
 
 @summing_kernel
 def project(count: Any, size: Any, source: Any, out: Any) -> None:
-    """`out = M^-1 source`, amplitudes from values at the nodes."""
+    """`out = M^-1 source`: amplitudes from values at the nodes."""
     s = len(count)
     matrix = _P3 if s == 3 else _P5 if s == 5 else _P7
     for i in range(s):
@@ -53,7 +55,7 @@ def project(count: Any, size: Any, source: Any, out: Any) -> None:
 
 @summing_kernel
 def _unfold(count: Any, size: Any, source: Any, out: Any) -> None:
-    """`out = M source`, values at the nodes from amplitudes."""
+    """`out = M source`: values at the nodes from amplitudes."""
     s = len(count)
     matrix = _M3 if s == 3 else _M5 if s == 5 else _M7
     for i in range(s):
@@ -66,11 +68,9 @@ def _unfold(count: Any, size: Any, source: Any, out: Any) -> None:
 
 @summing_kernel
 def _correct(step: float, count: Any, size: Any, scale: Any, w: Any, g: Any, stack: Any, exchanges: Any) -> float:
-    """One Newton correction of the amplitudes w from the projected slopes g; its weighted mean square."""
-    n = len(size)
-    s = len(count)
+    """One Newton correction of the amplitudes w from the projected slopes g, and its weighted mean square."""
+    n, s = len(size), len(count)
     rates = _R3 if s == 3 else _R5 if s == 5 else _R7
-    total = 0.0
     inverse = 1.0 / step
     re = rates[0].real * inverse
     for c in range(n):
@@ -84,6 +84,7 @@ def _correct(step: float, count: Any, size: Any, scale: Any, w: Any, g: Any, sta
     solve(size, stack, exchanges, g)
     for k in range(1, (s + 1) // 2):
         solve_pair(2 * k - 1, size, stack, exchanges, g)
+    total = 0.0
     for i in range(s):
         for c in range(n):
             change = g[i, c]
@@ -100,7 +101,6 @@ def collocate(
     scale: Any,
     goal: float,
     trust: float,
-    most: int,
     count: Any,
     size: Any,
     z: Any,
@@ -111,58 +111,61 @@ def collocate(
     stack: Any,
     exchanges: Any,
     system: Any,
-) -> tuple[bool, int, float, float]:
-    """Solve one step from the increments and amplitudes in `work`.
+) -> tuple[int, int, float, float]:
+    """Solve one step.
 
     Parameters
     ----------
     time, step : float
     state : (n,) array
     scale : (n,) array
-        Inverse sizes of the components.
+        Inverse sizes of the components; lowered where a component turns out larger.
     goal : float
-        Relative remainder of the iteration to reach.
+        Remainder of the iteration to reach, relative to the sizes.
     trust : float
-        Contraction/(1 - contraction) of the step before, for the first correction.
-    most : int
-        Corrections after which the step counts as too long.
+        Expected remainder over first correction.
     count, size : tuples of length s and n
-    tableau, work, system
-        The method, working space, the system.
+    z, w : (s, n) arrays
+        First guess of increments and amplitudes; the solution on return.
+    f, point, slope : (s, n), (n,), (n,) arrays
+        Working space.
+    stack, exchanges : arrays
+        Factored by `prepare` for this step.
+    system : NamedTuple
 
     Returns
     -------
-    solved, iterations, contraction, trust
-        Contraction below 0 where one correction was enough to know.
+    outcome, corrections, contraction, trust
+        SOLVED, DIVERGED or NOT_FINITE; contraction -1 where one correction was enough; remainder over correction.
     """
-    n = len(size)
-    s = len(count)
+    n, s = len(size), len(count)
     nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
-    contraction = -1.0
-    before = 0.0
-    quotient = 0.0
+    most = 2 * s + 2
+    contraction, before, quotient, moved = -1.0, 0.0, 0.0, 0.0
     for turn in range(1, most + 1):
-        for i in range(len(count)):
+        for i in range(s):
             for c in range(n):
                 point[c] = state[c] + z[i, c]
             derivative(time + nodes[i] * step, point, system, slope)
             for c in range(n):
                 f[i, c] = slope[c]
         project(count, size, f, z)
-        size_now = math.sqrt(_correct(step, count, size, scale, w, z, stack, exchanges))
+        moved = math.sqrt(_correct(step, count, size, scale, w, z, stack, exchanges))
         _unfold(count, size, w, z)
-        if not size_now < 1e100:
-            return False, turn, 1e3, trust
-        if turn > 1:
-            present = size_now / before if before > 0.0 else 0.0
+        if not moved < 1e100:
+            return NOT_FINITE, turn, 1.0, 1.0
+        if turn == 1:
+            for c in range(n):
+                if abs(state[c] + z[s - 1, c]) * scale[c] > 2.0:
+                    scale[c] = 1.0 / abs(state[c] + z[s - 1, c])
+        else:
+            present = moved / before
             contraction = present if turn == 2 else math.sqrt(present * quotient)
             quotient = present
-            if present >= 0.9 or contraction >= 0.99:
-                return size_now <= _ROUNDING, turn, max(contraction, 1.0), trust
+            if present >= _SLOWEST or contraction >= _SLOWEST:
+                return SOLVED if moved <= _ROUNDING else DIVERGED, turn, contraction, 1.0
             trust = contraction / (1.0 - contraction)
-        if trust * size_now <= goal:
-            return True, turn, contraction, trust
-        if turn > 1 and trust * size_now * contraction ** (most - 1 - turn) > goal and size_now > _ROUNDING:
-            return False, turn, max(contraction, 0.5), trust
-        before = size_now
-    return size_now <= _ROUNDING, most, contraction, trust
+        if trust * moved <= goal or moved == 0.0:
+            return SOLVED, turn, contraction, trust
+        before = moved
+    return SOLVED if moved <= _ROUNDING else DIVERGED, most, contraction, 1.0

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from picard_cases import GRAVITY, HEAVE, STILL, SWELL, N, make, motion, right_side
+from picard_cases import GRAVITY, HEAVE, STILL, SWELL, N, at_sea, make, motion, right_side
 from scipy.integrate import solve_ivp
 
 from data_schemas.scene_pendulum import FreeStart
@@ -14,6 +14,7 @@ from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond
 from synth.propagators.even import EvenTimes
 from synth.propagators.picard import PicardPlan, start_state
+from synth.propagators.uneven import UnevenTimes
 
 CASES = {
     "swell": make([(0.03, 0.02), (0.012, 0.1)], SWELL, HEAVE, damping_rate=1e-3),
@@ -26,6 +27,21 @@ CASES = {
     "free fall": make([(0.2, 0.1)], STILL, motion((0.0, -GRAVITY))),
     "overdamped": make([(0.3, 0.0)], SWELL, HEAVE, damping_rate=10.0),
 }
+
+
+def test_backwards_with_damping() -> None:
+    """Before t = 0 a damped pendulum was swinging more."""
+    plan = make([(0.05, 0.1)], SWELL, HEAVE, damping_rate=0.03, times=UnevenTimes(-np.arange(1.0, 11.0), Fraction(1)))
+    solved = solve_ivp(
+        lambda t, state: right_side(plan, 0, t, state),
+        (0.0, -10.0),
+        plan.starts[0],
+        method="DOP853",
+        t_eval=-np.arange(1.0, 11.0),
+        rtol=1e-13,
+        atol=1e-15,
+    )
+    np.testing.assert_allclose(plan.elongation()[0][0], solved.y[0], rtol=0, atol=2e-12)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -45,6 +61,29 @@ def test_dop853_agrees(name: str) -> None:
         )
         # DOP853's own error at its tightest tolerance, over 20 swings
         assert np.max(np.abs(values - solved.y[0])) <= 2e-11 * np.max(np.abs(values))
+
+
+# An hour of `at_sea`: 80-bit Taylor integration of the equations of motion (heyoka 7.13, long double, tolerance 1e-19).
+AT_SEA = {
+    1_200: (-0.051767022034024966, -0.032857241910483245),
+    7_321: (0.017915094886374566, 0.023550897755054794),
+    18_000: (-0.076040317854838253, -0.058500400809053064),
+    33_333: (0.068169599851075854, 0.095846254407079346),
+    47_001: (-0.048484249983659404, -0.044364754766170357),
+    59_999: (-0.005494012766472876, -0.006497329880760904),
+    68_888: (0.106675983209949400, 0.065799488658109864),
+    71_999: (0.035474407144265520, -0.005977604355008470),
+}
+
+
+@pytest.mark.compiled
+def test_an_hour_at_sea() -> None:
+    theta, estimate = at_sea().elongation()
+    errors = np.abs(theta[:, list(AT_SEA)] - np.array(list(AT_SEA.values())).T)
+    error = float(np.max(errors.max(axis=1) / np.abs(theta).max(axis=1)))
+    assert error <= 1.9e-14  # the bar of the propagator
+    assert estimate <= 1.9e-14
+    assert estimate / 1000 <= error <= 10 * estimate
 
 
 def _apparent_gravity_change(horizontal: HarmonicSum, vertical: HarmonicSum) -> float:

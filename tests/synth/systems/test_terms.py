@@ -1,0 +1,76 @@
+"""Terms are composed by type, and the support's harmonics are exact at any time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from examples import DRIVE, KNIFE, QUADRATIC, UPWARDS, VISCOUS
+
+from synth.kernels.compiled import kernel
+from synth.systems.harmonic_motion import Harmonics, harmonics
+from synth.systems.terms import Both, driven, driven_slope, motion, together
+
+
+@kernel
+def _total(term: Any) -> float:
+    return driven(0.25, 1, 0.3, -0.7, term)
+
+
+@kernel
+def _slopes(term: Any) -> tuple[float, float]:
+    return driven_slope((0.5, 0.125), 1, 0.3, -0.7, term)
+
+
+@kernel
+def _level(time: float, term: Any) -> float:
+    return motion(time, term)
+
+
+def test_terms_add_up() -> None:
+    alone = [_total(term) - 0.25 for term in (VISCOUS, QUADRATIC, KNIFE, DRIVE)]
+    assert _total(together(VISCOUS, QUADRATIC, KNIFE, DRIVE)) == pytest.approx(0.25 + sum(alone), rel=1e-15)
+    assert _total(None) == 0.25
+    assert _slopes(None) == (0.5, 0.125)
+
+
+def test_terms_are_what_their_formulas_say() -> None:
+    rate, angle = -0.7, 0.3
+    assert _total(VISCOUS) - 0.25 == pytest.approx(-2 * 0.02 * rate, rel=1e-14)
+    assert _total(QUADRATIC) - 0.25 == pytest.approx(0.2 * rate**2, rel=1e-14)
+    assert _total(KNIFE) - 0.25 == pytest.approx(0.01 * np.tanh(0.7 / 0.2), rel=1e-13)
+    assert _total(DRIVE) - 0.25 == pytest.approx(0.2 * (1 - (angle / 0.2) ** 2) * rate, rel=1e-14)
+
+
+def test_folding_leaves_out_what_is_absent() -> None:
+    assert together(None, VISCOUS, None) is VISCOUS
+    assert together(VISCOUS, KNIFE) == Both(VISCOUS, KNIFE)
+    assert motion(0.0, None) is None
+
+
+def test_a_type_without_the_role_is_named() -> None:
+    with pytest.raises(Exception, match=r"(?s)(driven|Harmonics)"):
+        _total(UPWARDS)
+
+
+@pytest.mark.parametrize("time", [0.0, -3.7, 1234.5678, 86400.3, 1e7 + 0.1])
+def test_harmonics_are_exact_at_long_times(time: float) -> None:
+    rng = np.random.default_rng(5)
+    amplitude, rate, phase = rng.normal(size=33), rng.uniform(0.01, 60.0, 33), rng.uniform(-9, 9, 33)
+    amplitude[0], rate[1] = 0.0, 0.0
+    with mpmath.workdps(40):
+        exact = mpmath.fsum(
+            mpmath.mpf(a) * mpmath.cos(mpmath.mpf(w) * mpmath.mpf(time) + mpmath.mpf(p))
+            for a, w, p in zip(amplitude, rate, phase, strict=True)
+        )
+    # two roundings of 1e-16 a harmonic; plain doubles err by 1e-8 at 1e7 s
+    assert abs(_level(time, harmonics(amplitude, rate, phase)) - float(exact)) < 1e-15 * np.abs(amplitude).sum()
+
+
+def test_harmonics_broadcast_and_are_odd_in_amplitude() -> None:
+    swell = harmonics([0.3, 0.1], 2.0, [0.0, 1.0])
+    assert isinstance(swell, Harmonics)
+    assert swell.coarse.size == 2
+    assert _level(0.37, swell._replace(amplitude=-swell.amplitude)) == -_level(0.37, swell)

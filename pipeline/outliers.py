@@ -6,6 +6,8 @@ itself left out. The largest disagreement of its neighbourhood is taken out firs
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -73,6 +75,7 @@ def reject_outliers(series: Floats, step: float, frequency: float) -> tuple[Floa
     return cleaned, int(rejected.sum()), noise
 
 
+@functools.lru_cache(maxsize=64)
 def _leave_one_out(reach: int, step: float, frequency: float) -> Floats:
     """Taps that give sample minus the fit through its neighbours (symmetric, the middle tap is 1)."""
     tau = np.arange(-reach, reach + 1) * step

@@ -13,7 +13,7 @@ from pipeline.estimate import Budget, budget
 from pipeline.gaps import bridge
 from pipeline.harmonics.blocks import block_envelope
 from pipeline.harmonics.envelope import Envelope
-from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband, phase_slope
+from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband
 from pipeline.observation import Observation
 from pipeline.outliers import reject_outliers
 from pipeline.uneven_grid import grid_step, to_grid
@@ -26,19 +26,17 @@ CAPTURE = 0.02  # relative departure from the nominal frequency beyond which the
 
 @dataclass(frozen=True)
 class Prepared:
-    """An observation with wild readings removed.
+    """An observation made ready; intermediates are made once, when a method asks for them.
 
     Attributes
     ----------
     observation : Observation
-        `difference` keeps its gaps.
+        As it was read.
     whole, whole_step : (m,) array, float
         The first pendulum on a uniform grid of that step (s), its gaps bridged; the samples' own grid where they
         have one.
-    rejected : int
-        Samples taken out of both series.
-    noise_theta, noise_difference : float
-        White noise that neighbours leave unexplained, rad (NaN = could not be told).
+    noise_theta : float
+        White noise of the first pendulum that neighbours leave unexplained, rad (NaN = could not be told).
     bridged : float
         Share of the first pendulum's samples that were bridged.
     bridges : float
@@ -48,9 +46,7 @@ class Prepared:
     observation: Observation
     whole: Floats
     whole_step: float
-    rejected: int
     noise_theta: float
-    noise_difference: float
     bridged: float
     bridges: float
 
@@ -72,12 +68,30 @@ class Prepared:
         return block_envelope(seen.time, seen.step, self.whole, seen.difference, self.nominal, self.whole_step)
 
     @cached_property
+    def _cleaned(self) -> tuple[Floats, float]:
+        seen = self.observation
+        if seen.step is None:
+            return seen.difference, float("nan")
+        cleaned, _, noise = reject_outliers(seen.difference, seen.step, self.nominal)
+        return cleaned, noise
+
+    @property
+    def clean_difference(self) -> Floats:
+        """The difference without wild readings, rad; its gaps are kept."""
+        return self._cleaned[0]
+
+    @property
+    def noise_difference(self) -> float:
+        """White noise of the difference that neighbours leave unexplained, rad (NaN = could not be told)."""
+        return self._cleaned[1]
+
+    @cached_property
     def sliding(self) -> Envelope:
         """Separated harmonics by sliding least squares."""
         from pipeline.harmonics.sliding import sliding_envelope
 
         seen = self.observation
-        return sliding_envelope(seen.time, seen.step, self.whole, seen.difference, self.nominal, self.whole_step)
+        return sliding_envelope(seen.time, seen.step, self.whole, self.clean_difference, self.nominal, self.whole_step)
 
     def narrowband(self, envelope: Envelope, tolerance: float = 1e-13) -> NarrowbandFit:
         """Complex form of (27) on an envelope."""
@@ -120,10 +134,10 @@ class Prepared:
         require_swing(self.blocks)
         return self.narrowband(self.blocks, tolerance=1e-7)
 
-    @cached_property
+    @property
     def rough_slope(self) -> float:
         """Slope of the difference's phase less the nominal frequency, uncorrected, rad s-1."""
-        return phase_slope(self.blocks.time, self.blocks.difference, self.blocks.coverage)[0]
+        return self.rough.slope
 
     @property
     def rough_first_frequency(self) -> float:
@@ -148,7 +162,7 @@ class Prepared:
 
 
 def prepare(observation: Observation) -> Prepared:
-    """Remove wild readings and bridge the first pendulum's gaps.
+    """Remove the first pendulum's wild readings and bridge its gaps.
 
     Raises
     ------
@@ -165,22 +179,18 @@ def prepare(observation: Observation) -> Prepared:
     for name, series in (("first pendulum", observation.theta), ("difference", observation.difference)):
         if np.isfinite(series).sum() < 2 * LEAST_SWINGS:
             raise RefusedError(f"record/elongation: the {name} has only {int(np.isfinite(series).sum())} readings")
-    theta, difference = observation.theta, observation.difference
-    removed = 0
-    noise = [float("nan"), float("nan")]
+    theta, noise = observation.theta, float("nan")
     bridged, bridges = float(np.isnan(theta).mean()), 0.0
     if observation.step is not None:
         step = observation.step
-        theta, first, noise[0] = reject_outliers(theta, step, nominal)
-        difference, second, noise[1] = reject_outliers(difference, step, nominal)
-        removed = first + second
+        theta, _, noise = reject_outliers(theta, step, nominal)
         bridged = float(np.isnan(theta).mean())
         whole = theta
     else:
         step = grid_step(observation.time, nominal)
         whole = to_grid(observation.time, theta, step, nominal)
     if step * nominal < 0.5 * np.pi:
-        whole, spans = bridge(whole, step, nominal, float(np.nan_to_num(noise[0])))
+        whole, spans = bridge(whole, step, nominal, float(np.nan_to_num(noise)))
         if not np.isfinite(whole).all():
             raise RefusedError(
                 "record/elongation: the first pendulum has a gap too long to bridge; split the record there"
@@ -189,12 +199,10 @@ def prepare(observation: Observation) -> Prepared:
         swing = 1.0 / (nominal * step)
         bridges = float(np.sqrt(sum((min(length, swing) * error) ** 2 for length, error in spans)))
     return Prepared(
-        observation=replace(observation, theta=theta, difference=difference),
+        observation=replace(observation, theta=theta),
         whole=whole,
         whole_step=step,
-        rejected=removed,
-        noise_theta=noise[0],
-        noise_difference=noise[1],
+        noise_theta=noise,
         bridged=bridged,
         bridges=bridges,
     )

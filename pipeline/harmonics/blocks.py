@@ -5,6 +5,7 @@ Each block is fitted by {cos, sin, 1, t}. On a uniform grid all complete blocks 
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -77,12 +78,18 @@ def _basis(tau: Floats, half: float, frequency: float) -> Floats:
     return np.stack([np.cos(frequency * tau), np.sin(frequency * tau), np.ones_like(tau), tau / half], axis=-1)
 
 
+@functools.lru_cache(maxsize=64)
+def _complete_block(rows: int, step: float, frequency: float) -> tuple[Floats, Floats]:
+    """Basis of a block without gaps, and what turns its samples into coefficients."""
+    basis = _basis((np.arange(rows) - 0.5 * (rows - 1)) * step, 0.5 * rows * step, frequency)
+    return basis, np.linalg.pinv(basis).T
+
+
 def _uniform(series: Floats, step: float, rows: int, frequency: float) -> tuple[Floats, Floats, Floats]:
     count = series.shape[1] // rows
-    tau = (np.arange(rows) - 0.5 * (rows - 1)) * step
-    basis = _basis(tau, 0.5 * rows * step, frequency)
+    basis, inverse = _complete_block(rows, step, frequency)
     blocks = series[:, : count * rows].reshape(2, count, rows)
-    coefficients = blocks @ np.linalg.pinv(basis).T
+    coefficients = blocks @ inverse
     counts = np.full((2, count), float(rows))
     for which, block in zip(*np.nonzero(np.isnan(coefficients[:, :, 0])), strict=True):
         coefficients[which, block], counts[which, block] = _fit(basis, blocks[which, block])

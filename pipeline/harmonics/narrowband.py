@@ -24,13 +24,18 @@ from pipeline.harmonics.envelope import fill
 _ITERATIONS = 12
 _RIDGE = 1e-13  # of the unit diagonal
 _SCAN_STEP = 1.0  # rad over the record between starts that are tried
+_SCAN_FROM = 4.0  # rad over the record that the correction may reach before more than one start is tried
 
 
 @dataclass(frozen=True)
 class NarrowbandFit:
-    """Result of the fit; `jacobian` has columns (Re D0, Im D0, n2, gamma2), of the complex model."""
+    """Result of the fit; `jacobian` has columns (Re D0, Im D0, n2, gamma2), of the complex model.
+
+    `slope` is that of the phase before any correction, less the carrier, rad s-1.
+    """
 
     frequency: float
+    slope: float
     damping_rate: float
     start: complex
     model: Complexes
@@ -126,7 +131,7 @@ def fit_narrowband(
     slope, _ = phase_slope(time, np.where(present, difference, np.nan), weight)
     frequency = carrier + slope
     span = 2.0 * abs(frequency * (ratio - 1.0)) * length
-    if span > _SCAN_STEP:  # the correction may hide whole turns of phase: try every start
+    if span > _SCAN_FROM:  # the correction may hide whole turns of phase: try every start
         steps = int(np.ceil(span / _SCAN_STEP))
         trials = frequency + np.arange(-steps, steps + 1) * (_SCAN_STEP / length)
         frequency = float(trials[np.argmin([sweep(trial, gamma)[1] for trial in trials])])
@@ -142,6 +147,7 @@ def fit_narrowband(
         gamma += float(update[3]) if free == 4 else 0.0
     return NarrowbandFit(
         frequency=frequency,
+        slope=slope,
         damping_rate=gamma,
         start=start,
         model=model,

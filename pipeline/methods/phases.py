@@ -173,7 +173,7 @@ def with_noise(
             )
         ),
         noise=noise,
-        samples=int(np.isfinite(prepared.observation.difference).sum()),
+        samples=int(np.isfinite(prepared.clean_difference).sum()),
         residual_colour=colour,
         **found,
     )

@@ -10,14 +10,14 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.projection import kernels
+from pipeline.projection.small import gauss_newton
 from pipeline.projection.taps import stencil, taps
 
 REJECTION = 4.0  # sigmas
 _ITERATIONS = 12
 _FLOOR = 1e-6  # of the amplitude: what departs less is rounding and quadrature, not a wild reading
-_RIDGE = 1e-14  # of the unit diagonal: keeps a column that vanishes from stopping the solution
-_SMALL_ROUNDS = 6
-_CONVERGED = 1e-12  # relative step of the frequency
+_SETTLED = 2e-5  # rad over half the record: what is left after such a step is its square
+_NEAR = 1e-3  # rad over half the record: from here on the residual is the readings' and wild ones can be told
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,14 @@ class Problem(Protocol):
 
     half: float
     """Half the record's length, s."""
+    missing: int
+    """Samples of the difference that are NaN."""
 
     def respond(self, frequency: float, gamma: float) -> None:
         """Compute the response to the first pendulum, and its slopes, at (n2, gamma2)."""
+
+    def nudge(self, frequency_change: float, damping_change: float) -> None:
+        """Take the response to nearby (n2, gamma2) by its slopes."""
 
     def moments(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> tuple[Floats, int]:
         """Gram matrix as `kernels.moments` has it, and the number of samples beyond the limit."""
@@ -78,6 +83,7 @@ class UniformProblem:
         self.response, self.slope, self.slope_damping = np.empty((3, theta.size))
         self._gram = np.empty((kernels.COLUMNS, kernels.COLUMNS))
         self.half = 0.5 * (theta.size - 1) * step
+        self.missing = int(np.isnan(difference).sum())
 
     def respond(self, frequency: float, gamma: float) -> None:
         """See `Problem`."""
@@ -100,6 +106,12 @@ class UniformProblem:
             self.slope,
             self.slope_damping,
         )
+
+    def nudge(self, frequency_change: float, damping_change: float) -> None:
+        """See `Problem`."""
+        self.response += frequency_change * self.slope
+        if damping_change != 0.0:
+            self.response += damping_change * self.slope_damping
 
     def moments(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> tuple[Floats, int]:
         """See `Problem`."""
@@ -150,7 +162,7 @@ def fit_projection(problem: Problem, frequency: float, gamma: float, fit_damping
     """
     half = problem.half
     coefficient = np.zeros(3)
-    limit, rejected = np.inf, 0
+    limit, rejected, missing = np.inf, 0, problem.missing
     problem.respond(frequency, gamma)
     for _ in range(_ITERATIONS):
         gram, rejected = problem.moments(frequency, gamma, coefficient, limit)
@@ -163,13 +175,18 @@ def fit_projection(problem: Problem, frequency: float, gamma: float, fit_damping
         gamma += small.damping_change
         if not np.isfinite(frequency) or abs(gamma) > 0.1 * frequency:
             raise RefusedError("difference: no swing near the nominal period; check instrument/period and the traces")
-        settled = abs(small.frequency_change) < max(_CONVERGED * frequency, 1e-3 * small.noise * small.noise_gain)
         new_limit = max(REJECTION * small.noise, _FLOOR * abs(complex(*coefficient[:2])))
-        if settled and new_limit > 0.98 * limit:
-            break
-        limit = new_limit if settled or np.isfinite(limit) else np.inf
-        if not settled:
+        if max(abs(small.frequency_change), abs(small.damping_change)) * half > _SETTLED:
+            near = abs(small.frequency_change) * half < _NEAR
+            limit = new_limit if near or np.isfinite(limit) else np.inf
             problem.respond(frequency, gamma)
+            continue
+        problem.nudge(small.frequency_change, small.damping_change)
+        if new_limit > 0.98 * limit:
+            break
+        limit = new_limit
+        if np.isnan(problem.residual(frequency, gamma, coefficient, limit)).sum() == missing:
+            break  # nothing lies beyond the limit
     return ProjectionFit(
         frequency=float(frequency),
         damping_rate=float(gamma),
@@ -194,48 +211,22 @@ class SmallFit:
 
 
 def solve_moments(gram: Floats, coefficient: Floats, half: float, fit_damping: bool) -> SmallFit:
-    """Gauss-Newton for (A, B, offset, dn, dgamma) within the Gram matrix of `kernels.moments`.
+    """Solve the least squares that the moments stand for; see `small.gauss_newton`.
 
-    `coefficient` is what the moments' residual was formed with, `half` is half the record's length, s. The column of
-    dn is `t (B cos - A sin) + slope / half`, that of dgamma `-t (A cos + B sin) + slope_damping / half`, both times
-    `half`: bilinear in (A, B), so a few rounds are taken.
+    Raises
+    ------
+    RefusedError
+        Too few readings, or readings that are no numbers.
     """
     free = 5 if fit_damping else 4
     if not np.all(np.isfinite(gram)) or gram[2, 2] < 2 * free:
         raise RefusedError("difference: too few readings follow a swing near the nominal period; check the period")
-    inner, data, square = gram[:7, :7], gram[:7, 7], gram[7, 7]
-    parameters = np.zeros(5)
-    parameters[:3] = coefficient + np.linalg.solve(inner[:3, :3] + _RIDGE * np.diag(np.diag(inner)[:3]), data[:3])
-
-    def change(parameters: Floats) -> Floats:
-        """Amplitudes of the seven columns, less those that the residual already holds."""
-        cos, sin, offset, speed, decay = parameters
-        linear = np.array([cos, sin, offset]) - coefficient
-        return np.array([*linear, speed * sin - decay * cos, -speed * cos - decay * sin, speed / half, decay / half])
-
-    for _ in range(_SMALL_ROUNDS):
-        cos, sin, _, speed, decay = parameters
-        columns = np.zeros((7, 5))
-        columns[0, 0] = columns[1, 1] = columns[2, 2] = 1.0
-        columns[3:5, 0] = -decay, -speed
-        columns[3:5, 1] = speed, -decay
-        columns[3:6, 3] = sin, -cos, 1.0 / half
-        columns[3:5, 4] = -cos, -sin
-        columns[6, 4] = 1.0 / half
-        used = columns[:, :free]
-        normal = used.T @ inner @ used
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-        inverse = np.linalg.inv(normal * scale[:, None] * scale + _RIDGE * np.eye(free)) * scale[:, None] * scale
-        update = inverse @ (used.T @ (data - inner @ change(parameters)))
-        parameters[:free] += update
-        if abs(update[3]) <= 1e-6 * abs(parameters[3]) or abs(parameters[3]) < 1e-7:
-            break
-    amplitudes = change(parameters)
-    left = max(square - 2.0 * amplitudes @ data + amplitudes @ inner @ amplitudes, 0.0)
+    parameters = np.empty(5)
+    left, variance = gauss_newton(gram, coefficient, half, free, parameters)
     return SmallFit(
-        coefficient=parameters[:3].copy(),
+        coefficient=parameters[:3],
         frequency_change=float(parameters[3] / half),
         damping_change=float(parameters[4] / half),
-        noise=float(np.sqrt(left / max(inner[2, 2] - free, 1.0))),
-        noise_gain=float(np.sqrt(max(inverse[3, 3], 0.0)) / half),
+        noise=float(np.sqrt(left / max(gram[2, 2] - free, 1.0))),
+        noise_gain=float(np.sqrt(variance) / half),
     )

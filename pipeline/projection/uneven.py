@@ -30,6 +30,7 @@ class UnevenProblem:
         self.half = 0.5 * float(time[-1])
         used = np.isfinite(difference)
         self._size, self._used = time.size, used
+        self.missing = int((~used).sum())
         self._time, self._difference = time[used], difference[used]
         self._where, self._weights = _from_grid(self._time, step, whole.size, fitted_at)
         self._columns = np.empty((self._time.size, COLUMNS))
@@ -40,6 +41,10 @@ class UnevenProblem:
         forms = np.stack([self._uniform.response, self._uniform.slope, self._uniform.slope_damping])
         values = np.einsum("kij,ij->ki", forms[:, self._where[:, None] + np.arange(NODES)], self._weights)
         self._response, self._columns[:, 5], self._columns[:, 6] = values
+
+    def nudge(self, frequency_change: float, damping_change: float) -> None:
+        """See `Problem`."""
+        self._response += frequency_change * self._columns[:, 5] + damping_change * self._columns[:, 6]
 
     def moments(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> tuple[Floats, int]:
         """See `Problem`."""

@@ -30,12 +30,11 @@ def differences(count: Any, size: Any, increments: Any, out: Any) -> None:
 
 
 @summing_kernel
-def evaluate(at: float, count: Any, size: Any, polynomial: Any, out: Any) -> None:
-    """Increment `out` (n,) at the share `at` of the step."""
+def evaluate(at: float, component: int, count: Any, polynomial: Any) -> float:
+    """Increment of one component at the share `at` of the step."""
     s = len(count)
     nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
-    for c in range(len(size)):
-        total = polynomial[s, c]
-        for i in range(s - 1, -1, -1):
-            total = total * (at - nodes[s - 1 - i]) + polynomial[i, c]
-        out[c] = total
+    total = polynomial[s, component]
+    for i in range(s - 1, -1, -1):
+        total = total * (at - nodes[s - 1 - i]) + polynomial[i, component]
+    return total

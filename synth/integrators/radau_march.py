@@ -32,7 +32,7 @@ _DENSE = 10.0  # error of the end over the largest error of the polynomial insid
 _PART = 0.6  # cost of a part step over that of a step
 _FLOOR = 1e-2  # of a component's largest size: errors are not asked to be smaller where it passes zero
 _SMALL = 1e-10  # of the largest component: smaller ones count as that large
-_LOOSE = 1e-7  # tolerance above which 7 stages do not pay
+LOOSE = 3e-8  # tolerance above which 7 stages do not pay
 _EASY, _WANTED = 0.05, 0.1  # contraction that allows a higher order; that steps should not exceed by their growth
 _STAY = 10  # steps between changes of order
 _SAFE, _GROWTH, _DROP = 0.9, 8.0, 0.125
@@ -100,14 +100,12 @@ def march(
     jacobian(time, state, system, slopes)
     counts[EVALUATIONS] = 1
     step = first_step(state, slope, slopes, span, size)
-    if not step > 0.0:  # also where it is not a number
-        return UNDEFINED
     s = orders[1]
     loose, crowded = _allowances(tolerance, s)
     old, old_step, old_log, trust = 0, 0.0, 0.0, 1.0  # stages of the step before; 0: its polynomial is of no use
     settled, failures, careful, done, since = False, 0, True, 1, 0
     while done < k:
-        left = (end - time) + late * -1.0
+        left = (end - time) - late
         last = step * 1.0001 >= left
         if last:
             step = left
@@ -117,7 +115,7 @@ def march(
             return ENDLESS
         allowed = _DENSE * tolerance if k - done > 1 and (k - done) * step > crowded * left else loose
         # the Jacobian is taken where the step is expected to end: a stiff one is needed right there
-        guess(s, old, 1.0, step / old_step if old > 0 else 0.0, size, polynomial, z, w, point)
+        guess(s, old, 1.0, step / old_step if old > 0 else 0.0, size, polynomial, z, w)
         top = 0.0
         for c in range(n):
             point[c] = state[c] + z[s - 1, c]
@@ -132,7 +130,7 @@ def march(
                 size, z, w, f, point, other, stack, exchanges, system,
             )
         counts[EVALUATIONS] += s * turns
-        error, log, factor = 0.0, 0.0, 0.5 if outcome == SOLVED else 0.25
+        error, log, factor = 0.0, 0.0, 1.0
         if outcome == SOLVED:
             for c in range(n):
                 ended = abs(state[c] + z[s - 1, c])
@@ -178,14 +176,15 @@ def march(
             part = (times[done] - time) - late
             read(s, part / step, size, polynomial, point)
             if error > _DENSE * tolerance and prepare_any(s, part, slopes, size, stack_part, exchanges_part):
-                guess(s, s, 0.0, part / step, size, polynomial, z_part, w_part, point)
+                guess(s, s, 0.0, part / step, size, polynomial, z_part, w_part)
                 outcome, turns, _, _ = collocate_any(
                     s, time, part, state, scale, _NEWTON * tolerance, 1.0,
                     size, z_part, w_part, f, point, other, stack_part, exchanges_part, system,
                 )
                 counts[EVALUATIONS] += s * turns
-                for c in range(n):
-                    point[c] = z_part[s - 1, c]
+                if outcome == SOLVED:
+                    for c in range(n):
+                        point[c] = z_part[s - 1, c]
             for c in range(n):
                 out[done, c] = state[c] + (point[c] + carry[c])
                 largest[c] = max(largest[c], abs(out[done, c]))

@@ -68,28 +68,28 @@ def polynomial_of(s: int, size: Any, z: Any, out: Any) -> None:
 @kernel
 def read(s: int, at: float, size: Any, polynomial: Any, out: Any) -> None:
     """`radau_dense.evaluate` for s stages."""
-    if s == 3:
-        evaluate(at, _S3, size, polynomial, out)
-    elif s == 5:
-        evaluate(at, _S5, size, polynomial, out)
-    else:
-        evaluate(at, _S7, size, polynomial, out)
+    for c in range(len(size)):
+        if s == 3:
+            out[c] = evaluate(at, c, _S3, polynomial)
+        elif s == 5:
+            out[c] = evaluate(at, c, _S5, polynomial)
+        else:
+            out[c] = evaluate(at, c, _S7, polynomial)
 
 
 @kernel
-def _spread(count: Any, old: Any, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, w: Any, p: Any) -> None:
+def _spread(count: Any, old: Any, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, w: Any) -> None:
     s = len(count)
     nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
-    evaluate(begin, old, size, polynomial, p)
-    for i in range(s):
-        evaluate(begin + ratio * nodes[i], old, size, polynomial, z[i])
-        for c in range(len(size)):
-            z[i, c] -= p[c]
+    for c in range(len(size)):
+        base = evaluate(begin, c, old, polynomial)
+        for i in range(s):
+            z[i, c] = evaluate(begin + ratio * nodes[i], c, old, polynomial) - base
     project(count, size, z, w)
 
 
 @kernel
-def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, w: Any, point: Any) -> None:
+def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, w: Any) -> None:
     """First guess of a step from the polynomial of another one of `old` stages (0: none).
 
     It starts at the share `begin` of that one, and is `ratio` times as long.
@@ -98,16 +98,16 @@ def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: A
         z[:] = 0.0
         w[:] = 0.0
     elif s == 3 and old == 3:
-        _spread(_S3, _S3, begin, ratio, size, polynomial, z, w, point)
+        _spread(_S3, _S3, begin, ratio, size, polynomial, z, w)
     elif s == 3:
-        _spread(_S3, _S5, begin, ratio, size, polynomial, z, w, point)
+        _spread(_S3, _S5, begin, ratio, size, polynomial, z, w)
     elif s == 5 and old == 3:
-        _spread(_S5, _S3, begin, ratio, size, polynomial, z, w, point)
+        _spread(_S5, _S3, begin, ratio, size, polynomial, z, w)
     elif s == 5 and old == 5:
-        _spread(_S5, _S5, begin, ratio, size, polynomial, z, w, point)
+        _spread(_S5, _S5, begin, ratio, size, polynomial, z, w)
     elif s == 5:
-        _spread(_S5, _S7, begin, ratio, size, polynomial, z, w, point)
+        _spread(_S5, _S7, begin, ratio, size, polynomial, z, w)
     elif old == 5:
-        _spread(_S7, _S5, begin, ratio, size, polynomial, z, w, point)
+        _spread(_S7, _S5, begin, ratio, size, polynomial, z, w)
     else:
-        _spread(_S7, _S7, begin, ratio, size, polynomial, z, w, point)
+        _spread(_S7, _S7, begin, ratio, size, polynomial, z, w)

@@ -23,7 +23,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from synth.kernels.collocation import NODES, POINTS
+from synth.kernels.collocation import NODES
 from synth.phase import Floats, Integers
 
 _BITS = 320
@@ -218,4 +218,3 @@ def _float(value: int) -> float:
     return value / _ONE
 
 
-assert POINTS == NODES + 2

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import DRIVE, FREQUENCY, LENGTH, MASS, QUADRATIC, SYSTEMS, mirrored, state_for
+from system_examples import DRIVE, FREQUENCY, LENGTH, MASS, QUADRATIC, SYSTEMS, mirrored, state_for
 
 from synth.kernels.compiled import kernel
 from synth.phase import Floats

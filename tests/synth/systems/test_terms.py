@@ -7,7 +7,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from examples import DRIVE, KNIFE, QUADRATIC, UPWARDS, VISCOUS
+from system_examples import DRIVE, KNIFE, QUADRATIC, UPWARDS, VISCOUS
 
 from synth.kernels.compiled import kernel
 from synth.systems.harmonic_motion import Harmonics, harmonics

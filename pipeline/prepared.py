@@ -177,14 +177,14 @@ def prepare(observation: Observation) -> Prepared:
             f"give at least {LEAST_SWINGS:.0f} swings ({LEAST_SWINGS * 2 * np.pi / nominal:.0f} s)"
         )
     for name, series in (("first pendulum", observation.theta), ("difference", observation.difference)):
-        if np.isfinite(series).sum() < 2 * LEAST_SWINGS:
-            raise RefusedError(f"record/elongation: the {name} has only {int(np.isfinite(series).sum())} readings")
+        readings = int(np.count_nonzero(np.isfinite(series)))
+        if readings < 2 * LEAST_SWINGS:
+            raise RefusedError(f"record/elongation: the {name} has only {readings} readings")
     theta, noise = observation.theta, float("nan")
-    bridged, bridges = float(np.isnan(theta).mean()), 0.0
+    bridges = 0.0
     if observation.step is not None:
         step = observation.step
         theta, _, noise = reject_outliers(theta, step, nominal)
-        bridged = float(np.isnan(theta).mean())
         whole = theta
     else:
         step = grid_step(observation.time, nominal)
@@ -203,7 +203,7 @@ def prepare(observation: Observation) -> Prepared:
         whole=whole,
         whole_step=step,
         noise_theta=noise,
-        bridged=bridged,
+        bridged=np.count_nonzero(np.isnan(theta)) / theta.size,
         bridges=bridges,
     )
 

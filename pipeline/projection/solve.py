@@ -83,7 +83,7 @@ class UniformProblem:
         self.response, self.slope, self.slope_damping = np.empty((3, theta.size))
         self._gram = np.empty((kernels.COLUMNS, kernels.COLUMNS))
         self.half = 0.5 * (theta.size - 1) * step
-        self.missing = int(np.isnan(difference).sum())
+        self.missing = int(np.count_nonzero(np.isnan(difference)))
 
     def respond(self, frequency: float, gamma: float) -> None:
         """See `Problem`."""
@@ -185,7 +185,7 @@ def fit_projection(problem: Problem, frequency: float, gamma: float, fit_damping
         if new_limit > 0.98 * limit:
             break
         limit = new_limit
-        if np.isnan(problem.residual(frequency, gamma, coefficient, limit)).sum() == missing:
+        if np.count_nonzero(np.isnan(problem.residual(frequency, gamma, coefficient, limit))) == missing:
             break  # nothing lies beyond the limit
     return ProjectionFit(
         frequency=float(frequency),

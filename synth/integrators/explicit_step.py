@@ -7,6 +7,7 @@ from the state, for the march to add it with compensation.
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from synth.phase import Floats
 from synth.systems.dispatch import derivative
 
 _A, _B, _L, _C, _E, _D = WEIGHTS, WEIGHTS[12], CORRECTION, NODES, ERRORS, DENSE
+
+_FIRST = CORRECTION[0] + float(sum(map(Fraction, WEIGHTS[12])) - 1)  # the rest of the first slope's weight
 
 
 @kernel
@@ -92,12 +95,15 @@ def attempt(
     derivative(time + h, point, system, slope)
     for i in range(n):
         k[11, i] = slope[i]
-        small = _L[0] * k[0, i] + _L[1] * k[1, i] + _L[2] * k[2, i] + _L[3] * k[3, i] + _L[4] * k[4, i]
+        base = k[0, i]
+        # the weights add up to 1: summed as differences from the first slope, the large ones make no rounding
+        total = _B[5] * (k[5, i] - base) + _B[6] * (k[6, i] - base) + _B[7] * (k[7, i] - base)
+        total += _B[8] * (k[8, i] - base) + _B[9] * (k[9, i] - base) + _B[10] * (k[10, i] - base)
+        total += _B[11] * (slope[i] - base)
+        small = _FIRST * base + _L[1] * k[1, i] + _L[2] * k[2, i] + _L[3] * k[3, i] + _L[4] * k[4, i]
         small += _L[5] * k[5, i] + _L[6] * k[6, i] + _L[7] * k[7, i] + _L[8] * k[8, i] + _L[9] * k[9, i]
-        small += _L[10] * k[10, i] + _L[11] * k[11, i]
-        total = _B[0] * k[0, i] + _B[5] * k[5, i] + _B[6] * k[6, i] + _B[7] * k[7, i] + _B[8] * k[8, i]
-        total += _B[9] * k[9, i] + _B[10] * k[10, i] + _B[11] * slope[i]
-        increment[i] = h * (total + small)
+        small += _L[10] * k[10, i] + _L[11] * slope[i]
+        increment[i] = h * (base + (total + small))
 
 
 @kernel

@@ -12,10 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from synth.kernels.collocation_remainder import NODES, remainder_general, remainder_small
 from synth.kernels.compiled import kernel, summing_kernel
-
-NODES = 16
-"""Gauss nodes of an interval."""
 
 POINTS = NODES + 2
 """Start, nodes and end of an interval."""
@@ -24,8 +22,6 @@ MOST_TURNS = 20
 """Picard iterations after which an interval counts as too long."""
 
 _SPLIT = 134217729.0  # 2^27 + 1
-_ROUNDER = 6755399441055744.0  # 1.5 * 2^52: adding and subtracting it rounds to a whole number
-_HALF_CIRCLE = (3.141592653589793116, 1.2246467991473532072e-16)
 
 
 @kernel
@@ -93,9 +89,9 @@ def march(
             now = 1 - now
             for p in range(pendulums):
                 if state[p, 0] * state[p, 0] + state[p, 2] * state[p, 2] < reach[p] * reach[p]:
-                    _small(theta, vertical, horizontal, drive, p, i, known, now)
+                    remainder_small(theta, vertical, horizontal, drive, p, i, known, now)
                 else:
-                    _general(theta, vertical, horizontal, drive, p, i, known, now)
+                    remainder_general(theta, vertical, horizontal, drive, p, i, known, now)
             if turns >= unchecked:
                 agree = True
                 for p in range(pendulums):
@@ -152,41 +148,6 @@ def _couple(matrix: Any, known: Any, now: int, p: int, base: Any, out: Any) -> N
             first += matrix[p, k * NODES + j] * known[now, p, k]
             second += matrix[p, (k + NODES // 2) * NODES + j] * known[now, p, k + NODES // 2]
         out[p, j] = first + second
-
-
-@summing_kernel
-def _small(theta: Any, vertical: Any, horizontal: Any, drive: Any, p: int, i: int, known: Any, now: int) -> None:
-    """Taylor polynomials, for |theta| < 0.5: short by less than 5e-17 of theta."""
-    for j in range(NODES):
-        x = theta[p, j]
-        s = x * x
-        short = 1 / 39916800 - s * (1 / 6227020800)
-        short = s * (1 / 6 + s * (-1 / 120 + s * (1 / 5040 + s * (-1 / 362880 + s * short)))) * x
-        rise = 1 / 3628800 + s * (-1 / 479001600 + s * (1 / 87178291200))
-        rise = s * (0.5 + s * (-1 / 24 + s * (1 / 720 + s * (-1 / 40320 + s * rise))))
-        known[now, p, j] = short - vertical[i, j] * (x - short) + horizontal[i, j] * rise - drive[i, j]
-
-
-@kernel
-def _general(theta: Any, vertical: Any, horizontal: Any, drive: Any, p: int, i: int, known: Any, now: int) -> None:
-    """Any angle: sine and cosine of half the angle, itself reduced to a quarter turn either way."""
-    for j in range(NODES):
-        x = theta[p, j]
-        half_turns = (x * (1 / np.pi) + _ROUNDER) - _ROUNDER
-        rest = (x - half_turns * _HALF_CIRCLE[0]) - half_turns * _HALF_CIRCLE[1]
-        pairs = (half_turns * 0.5 + _ROUNDER) - _ROUNDER
-        sign = 1.0 - 2.0 * abs(half_turns - 2.0 * pairs)
-        h = 0.5 * rest
-        s = h * h
-        sine = 1 / 6227020800 + s * (-1 / 1307674368000 + s * (1 / 355687428096000))
-        sine = -1 / 6 + s * (1 / 120 + s * (-1 / 5040 + s * (1 / 362880 + s * (-1 / 39916800 + s * sine))))
-        sine = h + h * (s * sine)
-        cosine = 1 / 479001600 + s * (-1 / 87178291200 + s * (1 / 20922789888000))
-        cosine = -0.5 + s * (1 / 24 + s * (-1 / 720 + s * (1 / 40320 + s * (-1 / 3628800 + s * cosine))))
-        cosine = 1.0 + s * cosine
-        full = sign * (2.0 * sine * cosine)
-        rise = 1.0 - sign * (1.0 - 2.0 * sine * sine)
-        known[now, p, j] = (x - full) - vertical[i, j] * full + horizontal[i, j] * rise - drive[i, j]
 
 
 @summing_kernel

@@ -17,7 +17,7 @@ from copy import copy
 
 import numpy as np
 
-from synth.kernels.collocation import NODES
+from synth.kernels.collocation_remainder import NODES
 from synth.phase import Floats
 
 LARGE = 0.3

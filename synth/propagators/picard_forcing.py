@@ -13,7 +13,7 @@ from fractions import Fraction
 import numpy as np
 
 from synth.phase import Floats, Integers, Phasors, turns
-from synth.propagators.picard_weights import FINE, gauss_nodes
+from synth.propagators.picard_nodes import FINE, gauss_nodes
 from synth.propagators.ticks import Ticks
 
 _ONE_THREAD = 1 << 18  # multiplications up to which OpenBLAS keeps to one thread

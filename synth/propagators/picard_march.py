@@ -12,13 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from synth.kernels.collocation import NODES, POINTS
+from synth.kernels.collocation import POINTS
 from synth.kernels.collocation import march as march_intervals
+from synth.kernels.collocation_remainder import NODES
 from synth.phase import Floats
 from synth.propagators.picard_error import Estimate
 from synth.propagators.picard_forcing import Sums, node_grid
+from synth.propagators.picard_nodes import legendre_tail
 from synth.propagators.picard_readings import EvenReadings, UnevenReadings
-from synth.propagators.picard_weights import legendre_tail, weights
+from synth.propagators.picard_weights import weights
 
 GROUP = 32
 """Intervals in a block of the forcing."""
@@ -27,7 +29,7 @@ _BLOCKS = 24  # blocks in a stride at most; forcing and readings of a stride the
 _MOST_HALVINGS = 10
 _PATIENCE = 8  # strides after which longer intervals are tried again
 _SMALL = 0.5  # rad, up to which the short polynomials of the kernel hold
-_STOP = 1e-15
+_STOP = 1e-15  # change of r, relative to the angle, that no longer matters even where angles feel all of it
 
 
 @dataclass(frozen=True)
@@ -158,6 +160,7 @@ def _stride(
     turn = level.turn
     most = turn * (_SMALL * zeta + _SMALL**3 / 6 + _SMALL**2 / 2 * u + rest)  # y can change by this in an interval
     report = estimate.report()
+    report[:, 3] = np.maximum(report[:, 3], state[:, 0] ** 2 + state[:, 2] ** 2)
     angle = np.minimum(peak + np.sqrt(report[:, 3]), np.pi)
     contraction = float(np.max(turn**2 / 4 * (zeta + angle**2 / 2 + u * angle)))
     points = level.points[:, :count]

@@ -12,7 +12,7 @@ import numpy as np
 from synth.kernels.collocation import read
 from synth.phase import Floats, Integers
 from synth.propagators.picard_forcing import Grid, Sums, reading_grid
-from synth.propagators.picard_weights import interpolation
+from synth.propagators.picard_nodes import interpolation
 from synth.propagators.uneven import UnevenTimes
 
 _MOST_STEPS = 4096  # in an interval: bounds the table of weights

@@ -8,9 +8,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from synth.kernels import collocation
-from synth.kernels.collocation import NODES
-from synth.propagators.picard_weights import FINE, gauss_nodes, interpolation, legendre_tail, weights
+from synth.kernels.collocation_remainder import NODES, remainder_general, remainder_small
+from synth.propagators.picard_nodes import FINE, gauss_nodes, interpolation, legendre_tail
+from synth.propagators.picard_weights import weights
 
 CASES = [
     (6.21, 0.01, Fraction(1, 2)),
@@ -98,7 +98,7 @@ def test_remainder(largest: float) -> None:
     chance = np.random.default_rng(1)
     theta = chance.uniform(-largest, largest, (1, NODES))
     zeta, u, drive = chance.uniform(-0.5, 0.5, (3, 1, NODES))
-    routines = [collocation._general] + [collocation._small] * (largest <= 0.5)
+    routines = [remainder_general] + [remainder_small] * (largest <= 0.5)
     for routine in routines:
         known = np.zeros((2, 1, NODES))
         routine(theta, zeta, u, drive, 0, 0, known, 1)
@@ -109,7 +109,7 @@ def test_remainder(largest: float) -> None:
                 error = abs(known[1, 0, j] - float(exact - mpmath.mpf(drive[0, j])))
             assert (
                 error
-                <= 6e-16 * (largest if routine is collocation._general else 0.0)
+                <= 6e-16 * (largest if routine is remainder_general else 0.0)
                 + 3e-16 * abs(drive[0, j])
                 + 2e-16 * largest
             )

@@ -55,17 +55,12 @@ class Scene(Section):
     reference_gravity: Number = quantity(
         9.81, "m s-2", "gravity at which the pendulums have their stated periods", ge=0.1, le=100
     )
-    restoring: Literal["linear"] = quantity("linear", "", "restoring law of the pendulums")
+    restoring: Literal["linear", "sine"] = quantity(
+        "linear", "", "restoring law of the pendulums: 'linear' for small arcs, 'sine' for real ones"
+    )
     pendulums: tuple[Pendulum, ...] = quantity(..., "", "the pendulums, in order", min_length=1, max_length=100)
     motion: tuple[Motion, ...] = quantity((), "", "terms of the support's acceleration; they add")
     recording: Recording = quantity(Recording(), "", "what is written down of the motion")
-
-    @field_validator("restoring", mode="before")
-    @classmethod
-    def _simulated_laws(cls, value: object) -> object:
-        if value == "sine":
-            raise ValueError("the sine law is not simulated yet; use 'linear'")
-        return value
 
     @field_validator("start_time")
     @classmethod
@@ -83,6 +78,8 @@ class Scene(Section):
         for term in self.motion:
             if term.kind == "near-resonant" and term.pendulum is not None and term.pendulum not in labels:
                 raise ValueError(f"motion names the pendulum {term.pendulum!r}; there are {', '.join(labels)}")
+        if self.restoring == "linear" and any(term.axis == "vertical" for term in self.motion):
+            raise ValueError("a vertical motion acts on real pendulums only; set restoring = 'sine'")
         for trace in self.traces:
             for label in trace.combination:
                 if label not in labels:

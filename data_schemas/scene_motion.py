@@ -1,15 +1,23 @@
-"""Horizontal motion of the support: a scene names any number of these terms, and they add."""
+"""Motion of the support: a scene names any number of these terms, and those along one axis add."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self, cast
+from typing import Annotated, Any, Literal, Self, cast
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from data_schemas.scene_fields import Count, Label, Number, Section, quantity
 
 Numbers = tuple[Number, ...]
+Axis = Literal["horizontal", "vertical"]
+
+
+def axis() -> Any:
+    """Field for the direction of an acceleration."""
+    return quantity("horizontal", "", "'horizontal', in the swing plane, or 'vertical', positive up")
+
+
 Column = Annotated[int, Field(strict=True, ge=1)] | Annotated[str, Field(strict=True, min_length=1)]
 
 
@@ -17,6 +25,11 @@ class Still(Section):
     """The support is at rest."""
 
     kind: Literal["still"] = quantity("still", "", "the support is at rest")
+
+    @property
+    def axis(self) -> Axis:
+        """Nothing moves; counts as horizontal."""
+        return "horizontal"
 
 
 class HarmonicMotion(Section):
@@ -29,6 +42,7 @@ class HarmonicMotion(Section):
     )
     period: Numbers | None = quantity(None, "s", "period of each harmonic, above 1e-4; this or angular_frequency")
     phase: Numbers | None = quantity(None, "rad", "phase of each harmonic at t = 0; left out: all zero")
+    axis: Axis = axis()
 
     @model_validator(mode="after")
     def _lists_agree(self) -> Self:
@@ -75,13 +89,21 @@ class NearResonantMotion(Section):
         return self
 
     @property
+    def axis(self) -> Axis:
+        """A vertical motion near n does not resonate."""
+        return "horizontal"
+
+    @property
     def nu(self) -> float:
         """Half the difference of the circular frequencies, rad/s."""
         return self.detuning if self.detuning is not None else math.pi / cast(float, self.beat_period)
 
 
 class SeaMotion(Section):
-    """Horizontal acceleration of a vessel carried by the orbital motion of a wind sea in deep water."""
+    """Acceleration of a vessel carried by the orbital motion of a wind sea in deep water.
+
+    Two terms with one seed, one for each axis, make the orbits: the vertical motion leads by a quarter.
+    """
 
     kind: Literal["sea"] = quantity("sea", "", "a sea state")
     spectrum: Literal["jonswap", "pierson-moskowitz"] = quantity(
@@ -102,6 +124,7 @@ class SeaMotion(Section):
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] | None = quantity(
         None, "1", "seed of the phases and frequencies; left out: derived from the scene's seed"
     )
+    axis: Axis = axis()
 
 
 class TabulatedMotion(Section):
@@ -120,6 +143,7 @@ class TabulatedMotion(Section):
     interpolation: Literal["band-limited", "spline"] = quantity(
         "band-limited", "", "'band-limited' for even steps, 'spline' also for uneven ones"
     )
+    axis: Axis = axis()
 
     @field_validator("file")
     @classmethod

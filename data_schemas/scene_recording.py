@@ -80,6 +80,12 @@ class Recording(Section):
     record_uncertainty: Switch | None = quantity(
         None, "", "whether the record states its reading noise; left out: when there is any"
     )
+    horizontal_acceleration: Switch = quantity(
+        False, "", "whether the record carries the horizontal acceleration of the support"
+    )
+    vertical_acceleration: Switch = quantity(
+        False, "", "whether the record carries the vertical acceleration of the support"
+    )
     write_damping: Switch = quantity(True, "", "whether the record states the damping rates")
     write_restoring: Switch = quantity(True, "", "whether the record states the restoring law")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -28,17 +29,24 @@ class Plan:
 
     Attributes
     ----------
-    motion : HarmonicSum
-        Horizontal acceleration of the support.
+    gravity : float
+        m/s^2
+    motion, vertical : HarmonicSum
+        Horizontal and vertical acceleration of the support; an empty sum where it is still.
     responses : tuple of Response
-        One a pendulum.
+        Linear answer of each pendulum.
     times : EvenTimes or UnevenTimes
-        When, and by which propagator.
+        When.
+    propagator : str
+        "closed form", or "Picard collocation" for the sine law.
     """
 
+    gravity: float
     motion: HarmonicSum
+    vertical: HarmonicSum
     responses: tuple[Response, ...]
     times: EvenTimes | UnevenTimes
+    propagator: Literal["closed form", "Picard collocation"]
 
 
 def plan(scene: Scene, clock: Clock) -> Plan:
@@ -53,7 +61,7 @@ def plan(scene: Scene, clock: Clock) -> Plan:
         2 * math.pi / pendulum.period * math.sqrt(scene.gravity / scene.reference_gravity)
         for pendulum in scene.pendulums
     ]
-    motion = _motion(scene, frequencies, clock)
+    motion, vertical = (_motion(scene, frequencies, clock, axis) for axis in ("horizontal", "vertical"))
     responses = []
     for pendulum, frequency in zip(scene.pendulums, frequencies, strict=True):
         if pendulum.damping_rate >= frequency / 2:
@@ -62,15 +70,27 @@ def plan(scene: Scene, clock: Clock) -> Plan:
                 f" swings at {frequency:g} rad/s; make the rate less than half the frequency"
             )
         responses.append(respond(frequency, pendulum.damping_rate, pendulum.start, motion, scene.gravity))
-    return Plan(motion, tuple(responses), clock.times)
+    linear = scene.restoring == "linear"
+    return Plan(
+        scene.gravity,
+        motion,
+        vertical,
+        tuple(responses),
+        clock.times,
+        "closed form" if linear else "Picard collocation",
+    )
 
 
-def _motion(scene: Scene, frequencies: list[float], clock: Clock) -> HarmonicSum:
-    """All terms of the support's motion, added."""
+def _motion(scene: Scene, frequencies: list[float], clock: Clock, axis: str) -> HarmonicSum:
+    """All terms of the support's motion along one axis, added."""
     labels = [pendulum.label for pendulum in scene.pendulums]
     terms: list[HarmonicSum] = []
     seas = 0
     for term in scene.motion:
+        # numbered over both axes, so that a term's chance does not depend on the others' axes
+        seas += isinstance(term, SeaMotion)
+        if term.axis != axis:
+            continue
         match term:
             case Still():
                 continue
@@ -80,7 +100,6 @@ def _motion(scene: Scene, frequencies: list[float], clock: Clock) -> HarmonicSum
                 beside = labels.index(term.pendulum) if term.pendulum is not None else 0
                 terms.append(near_resonant(term, frequencies[beside]))
             case SeaMotion():
-                seas += 1
                 seed, name = (scene.seed, f"sea {seas}") if term.seed is None else (term.seed, "sea")
                 terms.append(sea(term, scene.gravity, generator(seed, name)))
             case _:

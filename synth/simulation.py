@@ -16,8 +16,9 @@ def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:
     """Simulate a scene.
 
     Linear pendulums on a support that moves as a sum of harmonics have a solution in closed form; it is
-    evaluated at every reading, right to 1e-15 of the largest angle however long the record. The same scene
-    gives the same bits.
+    evaluated at every reading, right to 1e-15 of the largest angle however long the record. Pendulums with the sine
+    law are integrated by exponential Picard collocation, to 1e-14 in an hour at sea; the truth says what error is
+    estimated. The same scene gives the same bits.
 
     Parameters
     ----------
@@ -46,4 +47,4 @@ def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:
     clock = set_clock(scene)
     the_plan = plan(scene, clock)
     course = march(the_plan, clock)
-    return observe(scene, clock, course.theta), reveal(scene, clock, the_plan, course)
+    return observe(scene, clock, course), reveal(scene, clock, the_plan, course)

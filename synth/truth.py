@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 
@@ -19,12 +21,11 @@ def reveal(scene: Scene, clock: Clock, plan: Plan, course: Course) -> xr.DataTre
     Returns
     -------
     DataTree
-        As `data_schemas` lays it out; theta = free_amplitude * cos(free_phase) + forced to the last digit.
+        As `data_schemas` lays it out; theta = free_amplitude * cos(free_phase) + forced to the last digit
+        where the pendulums are linear.
     """
-    amplitude = np.abs(course.free)
-    base = np.array([float(each.damped_frequency) for each in plan.responses])[:, None] * clock.true_seconds
-    phase = unwrapped_beside(course.free, base)
     both, one = ("pendulum", "time"), ("pendulum",)
+    moves_up = plan.vertical.angular_frequency.size > 0
     interval = float(scene.recording.mark_interval) if scene.recording.marks else scene.recording.gap_interval
     marks = np.arange(0.0, scene.duration, interval) * float(clock.scale)
     variables = {
@@ -32,15 +33,36 @@ def reveal(scene: Scene, clock: Clock, plan: Plan, course: Course) -> xr.DataTre
         "frequency": (one, np.array([each.frequency for each in plan.responses])),
         "damping_rate": (one, np.array([each.damping_rate for each in plan.responses])),
         "theta": (both, course.theta),
+        **_parts(clock, plan, course),
+        "horizontal_acceleration": (("time",), course.horizontal_acceleration),
+        **({"vertical_acceleration": (("time",), course.vertical_acceleration)} if moves_up else {}),
+        "mark_time": (("mark",), marks),
+    }
+    whole = root(scene, clock, "truth").assign_attrs(
+        {
+            "scene": scene.model_dump_json(),
+            "seed": scene.seed,
+            "propagator": plan.propagator,
+            "estimated_error": course.estimated_error,
+        }
+    )
+    labels = {"pendulum": label_array(each.label for each in scene.pendulums)}
+    return xr.DataTree.from_dict({"/": whole, "/truth": described("truth", variables, labels)})
+
+
+def _parts(clock: Clock, plan: Plan, course: Course) -> dict[str, Any]:
+    """Free harmonic and forced rest; for the sine law, which does not superpose, what linear pendulums would answer."""
+    both = ("pendulum", "time")
+    if course.free is None:
+        return {"forced": (both, course.slow)}
+    amplitude = np.abs(course.free)
+    base = np.array([float(each.damped_frequency) for each in plan.responses])[:, None] * clock.true_seconds
+    phase = unwrapped_beside(course.free, base)
+    return {
         "free_amplitude": (both, amplitude),
         "free_phase": (both, phase),
         "forced": (both, course.theta - amplitude * np.cos(phase)),
-        "horizontal_acceleration": (("time",), course.horizontal_acceleration),
-        "mark_time": (("mark",), marks),
     }
-    whole = root(scene, clock, "truth").assign_attrs({"scene": scene.model_dump_json(), "seed": scene.seed})
-    labels = {"pendulum": label_array(each.label for each in scene.pendulums)}
-    return xr.DataTree.from_dict({"/": whole, "/truth": described("truth", variables, labels)})
 
 
 def unwrapped_beside(signal: Phasors, base: Floats) -> Floats:

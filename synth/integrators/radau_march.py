@@ -102,7 +102,7 @@ def march(
     step = first_step(state, slope, slopes, span, size)
     s = orders[1]
     loose, crowded = _allowances(tolerance, s)
-    old, old_step, old_log, trust = 0, 0.0, 0.0, 1.0  # stages of the step before; 0: its polynomial is of no use
+    old, old_step, old_log = 0, 0.0, 0.0  # stages of the step before; 0: its polynomial is of no use
     settled, failures, careful, done, since = False, 0, True, 1, 0
     while done < k:
         left = (end - time) - late
@@ -125,8 +125,8 @@ def march(
             scale[c] = 1.0 / max(abs(state[c]), abs(point[c]), _FLOOR * largest[c], _SMALL * top, 1e-300)
         outcome, turns, contraction = NOT_FINITE, 0, 1.0
         if prepare_any(s, step, slopes, size, stack, exchanges):
-            outcome, turns, contraction, trust = collocate_any(
-                s, time, step, state, scale, _NEWTON * tolerance, math.sqrt(trust) * math.sqrt(math.sqrt(trust)),
+            outcome, turns, contraction = collocate_any(
+                s, time, step, state, scale, _NEWTON * tolerance,
                 size, z, w, f, point, other, stack, exchanges, system,
             )
         counts[EVALUATIONS] += s * turns
@@ -149,7 +149,6 @@ def march(
             else:
                 failures += 1
                 factor = 0.25 if outcome == NOT_FINITE else 0.5
-                trust = 1.0
                 if failures > 1 and s > orders[0]:
                     s -= 2
                     since = 0
@@ -177,8 +176,8 @@ def march(
             read(s, part / step, size, polynomial, point)
             if error > _DENSE * tolerance and prepare_any(s, part, slopes, size, stack_part, exchanges_part):
                 guess(s, s, 0.0, part / step, size, polynomial, z_part, w_part)
-                outcome, turns, _, _ = collocate_any(
-                    s, time, part, state, scale, _NEWTON * tolerance, 1.0,
+                outcome, turns, _ = collocate_any(
+                    s, time, part, state, scale, _NEWTON * tolerance,
                     size, z_part, w_part, f, point, other, stack_part, exchanges_part, system,
                 )
                 counts[EVALUATIONS] += s * turns

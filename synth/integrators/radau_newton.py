@@ -100,7 +100,6 @@ def collocate(
     state: Any,
     scale: Any,
     goal: float,
-    trust: float,
     count: Any,
     size: Any,
     z: Any,
@@ -111,7 +110,7 @@ def collocate(
     stack: Any,
     exchanges: Any,
     system: Any,
-) -> tuple[int, int, float, float]:
+) -> tuple[int, int, float]:
     """Solve one step.
 
     Parameters
@@ -122,8 +121,6 @@ def collocate(
         Inverse sizes of the components; lowered where a component turns out larger.
     goal : float
         Remainder of the iteration to reach, relative to the sizes.
-    trust : float
-        Expected remainder over first correction.
     count, size : tuples of length s and n
     z, w : (s, n) arrays
         First guess of increments and amplitudes; the solution on return.
@@ -135,13 +132,14 @@ def collocate(
 
     Returns
     -------
-    outcome, corrections, contraction, trust
-        SOLVED, DIVERGED or NOT_FINITE; contraction -1 where one correction was enough; remainder over correction.
+    outcome, corrections, contraction
+        SOLVED, DIVERGED or NOT_FINITE; contraction -1 where one correction was enough.
     """
     n, s = len(size), len(count)
     nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
     most = 2 * s + 2
     contraction, before, quotient, moved = -1.0, 0.0, 0.0, 0.0
+    remainder = 1.0  # of the iteration over its last correction; unknown after the first
     for turn in range(1, most + 1):
         for i in range(s):
             for c in range(n):
@@ -153,7 +151,7 @@ def collocate(
         moved = math.sqrt(_correct(step, count, size, scale, w, z, stack, exchanges))
         _unfold(count, size, w, z)
         if not moved < 1e100:
-            return NOT_FINITE, turn, 1.0, 1.0
+            return NOT_FINITE, turn, 1.0
         if turn == 1:
             for c in range(n):
                 if abs(state[c] + z[s - 1, c]) * scale[c] > 2.0:
@@ -163,9 +161,9 @@ def collocate(
             contraction = present if turn == 2 else math.sqrt(present * quotient)
             quotient = present
             if present >= _SLOWEST or contraction >= _SLOWEST:
-                return SOLVED if moved <= _ROUNDING else DIVERGED, turn, contraction, 1.0
-            trust = contraction / (1.0 - contraction)
-        if trust * moved <= goal or moved == 0.0:
-            return SOLVED, turn, contraction, trust
+                return SOLVED if moved <= _ROUNDING else DIVERGED, turn, contraction
+            remainder = contraction / (1.0 - contraction)
+        if remainder * moved <= goal or moved == 0.0:
+            return SOLVED, turn, contraction
         before = moved
-    return SOLVED if moved <= _ROUNDING else DIVERGED, most, contraction, 1.0
+    return SOLVED if moved <= _ROUNDING else DIVERGED, most, contraction

@@ -31,7 +31,6 @@ def collocate_any(
     state: Any,
     scale: Any,
     goal: float,
-    trust: float,
     size: Any,
     z: Any,
     w: Any,
@@ -41,17 +40,17 @@ def collocate_any(
     stack: Any,
     exchanges: Any,
     system: Any,
-) -> tuple[int, int, float, float]:
+) -> tuple[int, int, float]:
     """`radau_newton.collocate` for s stages."""
     if s == 3:
         return collocate(
-            time, step, state, scale, goal, trust, _S3, size, z, w, f, point, slope, stack, exchanges, system
+            time, step, state, scale, goal, _S3, size, z, w, f, point, slope, stack, exchanges, system
         )
     if s == 5:
         return collocate(
-            time, step, state, scale, goal, trust, _S5, size, z, w, f, point, slope, stack, exchanges, system
+            time, step, state, scale, goal, _S5, size, z, w, f, point, slope, stack, exchanges, system
         )
-    return collocate(time, step, state, scale, goal, trust, _S7, size, z, w, f, point, slope, stack, exchanges, system)
+    return collocate(time, step, state, scale, goal, _S7, size, z, w, f, point, slope, stack, exchanges, system)
 
 
 @kernel

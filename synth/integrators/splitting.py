@@ -7,7 +7,6 @@ acceleration add is small and given as kicks, with fixed steps, by the schemes o
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike

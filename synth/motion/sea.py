@@ -4,8 +4,8 @@
 
 G = 3.3 for JONSWAP and 1 for Pierson-Moskowitz. The spectrum is scaled so that the whole of it, 0 to
 infinity, has the given significant height (Hasselmann et al. 1973 fix alpha = 0.0081 as well; the three
-conflict). In deep water, k = w^2/g, a wave of amplitude a moves a vessel at depth d with the horizontal
-acceleration a w^2 exp(-k d).
+conflict). In deep water, k = w^2/g, a wave of amplitude a moves a vessel at depth d with an acceleration
+of amplitude a w^2 exp(-k d), horizontal and vertical.
 """
 
 from __future__ import annotations
@@ -85,5 +85,6 @@ def sea(term: SeaMotion, gravity: float, chance: np.random.Generator) -> Harmoni
     rate = peak * (edges[:-1] + np.diff(edges) * chance.random(term.components))
     phase = 2 * math.pi * chance.random(term.components)
     at_depth = elevation * rate**2 * np.exp(-(rate**2) / gravity * term.depth)
-    along = math.cos(math.radians(term.direction))
-    return HarmonicSum(rate, along * at_depth * np.exp(1j * phase))
+    # on the orbits of deep water the vertical acceleration leads the horizontal by a quarter, whatever the direction
+    share = 1j if term.axis == "vertical" else math.cos(math.radians(term.direction))
+    return HarmonicSum(rate, share * at_depth * np.exp(1j * phase))

@@ -11,12 +11,12 @@ import xarray as xr
 from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION, Kind
 from data_schemas.scene import Scene
 from data_schemas.variables import attributes
-from synth.phase import Floats
+from synth.march import Course
 from synth.recording.clock import Clock
 from synth.recording.defects import disturbed, losses
 
 
-def observe(scene: Scene, clock: Clock, theta: Floats) -> xr.DataTree:
+def observe(scene: Scene, clock: Clock, course: Course) -> xr.DataTree:
     """Record a motion.
 
     Parameters
@@ -25,8 +25,8 @@ def observe(scene: Scene, clock: Clock, theta: Floats) -> xr.DataTree:
         Its recording says how.
     clock
         Moments of the readings.
-    theta : (pendulums, readings)
-        Angles, rad.
+    course
+        Angles and accelerations at those moments.
 
     Returns
     -------
@@ -36,7 +36,7 @@ def observe(scene: Scene, clock: Clock, theta: Floats) -> xr.DataTree:
     combination = np.array(
         [[trace.combination.get(each.label, 0.0) for each in scene.pendulums] for trace in scene.traces]
     )
-    readings = disturbed(combination @ theta, scene)
+    readings = disturbed(combination @ course.theta, scene)
     flags = losses(clock.seconds, scene)
     readings[flags != 0] = np.nan
     record: dict[str, Any] = {
@@ -48,6 +48,10 @@ def observe(scene: Scene, clock: Clock, theta: Floats) -> xr.DataTree:
         record["elongation_uncertainty"] = (("trace",), np.full(len(scene.traces), scene.recording.noise))
     if np.any(flags):
         record["elongation_qc"] = (("trace", "time"), flags)
+    if scene.recording.horizontal_acceleration:
+        record["horizontal_acceleration"] = (("time",), course.horizontal_acceleration)
+    if scene.recording.vertical_acceleration:
+        record["vertical_acceleration"] = (("time",), course.vertical_acceleration)
     labels = {"pendulum": label_array(each.label for each in scene.pendulums)}
     traces = {"trace": label_array(each.name for each in scene.traces)}
     return xr.DataTree.from_dict(

@@ -31,7 +31,7 @@ class DrivenPendulums(NamedTuple):
     """(pendulums,) n_i at infinitesimal arc, rad/s."""
     gravity: float = 9.80665
     """m/s^2; only the ratio of the support's acceleration to it matters."""
-    restoring: Any = Sine()  # noqa: RUF012
+    restoring: Any = Sine()
     """`Sine()` or `Linear()`."""
     horizontal: Any = None
     """x'': `Harmonics` or None."""

@@ -92,7 +92,7 @@ FAULTS = [
     ('"25/3"', '"1/3000000000000"', ["recording.sampling_rate", "below 1e12"]),
     ('"25/3"', "90000\n[x]", ["x = {} is not a known key"]),
     # what does not fit together
-    ('restoring = "linear"', 'restoring = "sine"', ["restoring = 'sine': the sine law is not simulated yet"]),
+    ('restoring = "linear"', 'restoring = "cubic"', ["restoring = 'cubic'", "'linear' or 'sine'"]),
     ('restoring = "linear"', 'start_time = "2001-02-31T00:00:00Z"', ["start_time", "day"]),
     ('label = "2"', 'label = "1"', ["pendulums must have different labels"]),
     ('"25/3"', "25\nmarks = true\nsampling_rate = 20", ["is not TOML"]),

@@ -1,0 +1,68 @@
+"""Systems that the tests of integrators need and the simulator does not."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from synth.kernels.compiled import kernel
+from synth.phase import Floats
+from synth.systems.dispatch import registered
+
+
+class Linear(NamedTuple):
+    """`y' = A y`, the state as long as A is wide."""
+
+    matrix: Floats
+
+
+@registered("derivative", Linear)
+@kernel
+def _linear(time: float, state: Floats, system: Linear, out: Floats) -> None:
+    for i in range(state.size):
+        out[i] = 0.0
+        for j in range(state.size):
+            out[i] += system.matrix[i, j] * state[j]
+
+
+@registered("jacobian", Linear)
+@kernel
+def _linear_slope(time: float, state: Floats, system: Linear, out: Floats) -> None:
+    for i in range(state.size):
+        for j in range(state.size):
+            out[i, j] = system.matrix[i, j]
+
+
+class Explosive(NamedTuple):
+    """`y' = rate y^2`: infinite at t = 1/(rate y(0))."""
+
+    rate: float
+
+
+@registered("derivative", Explosive)
+@kernel
+def _explosive(time: float, state: Floats, system: Explosive, out: Floats) -> None:
+    out[0] = system.rate * state[0] * state[0]
+
+
+@registered("jacobian", Explosive)
+@kernel
+def _explosive_slope(time: float, state: Floats, system: Explosive, out: Floats) -> None:
+    out[0, 0] = 2.0 * system.rate * state[0]
+
+
+class Cliff(NamedTuple):
+    """`y' = -1` before `edge`, not a number from there on."""
+
+    edge: float
+
+
+@registered("derivative", Cliff)
+@kernel
+def _cliff(time: float, state: Floats, system: Cliff, out: Floats) -> None:
+    out[0] = -1.0 if time < system.edge else float("nan")
+
+
+@registered("jacobian", Cliff)
+@kernel
+def _cliff_slope(time: float, state: Floats, system: Cliff, out: Floats) -> None:
+    out[0, 0] = 0.0

@@ -1,0 +1,151 @@
+"""Radau IIA as a whole: published values, honest errors, refusals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from data_schemas.errors import RefusedError, UsageError
+from synth.integrators.radau import integrate
+from synth.phase import Floats
+from synth.systems.driven_pendulums import plain
+from synth.systems.van_der_pol import VanDerPol
+from tests.synth.integrators.conftest import Cliff, Explosive, Linear
+
+# van der Pol, mu = 1000, y = (2, 0), t = 2000: Taylor integration with 80 bits at 1e-19; agrees with the Test Set for
+# Initial Value Problem Solvers (Mazzia and Magherini, 2008)
+REFERENCE = np.array([1.70616773217046501, -8.92809701024817e-4])
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("tolerance", "bound"), [(1e-9, 1e-9), (1e-12, 1e-12), (1e-14, 1e-12)])
+def test_van_der_pol_reference(tolerance: float, bound: float) -> None:
+    """Relative to each component itself: 1e-12 is 500 roundings of the slow motion, at the tightest tolerance as well."""
+    made = integrate(VanDerPol(1000.0), [2.0, 0.0], [0.0, 2000.0], tolerance=tolerance)
+    assert np.max(np.abs(made.states[-1] / REFERENCE - 1.0)) < bound
+    assert made.estimated_error < tolerance * 10.0
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("stiffness", "period"), [(1.0, 6.6632868593), (10.0, 19.07836956694), (100.0, 162.83707109237), (1000.0, 1614.40112580833)]
+)
+def test_van_der_pol_periods(stiffness: float, period: float) -> None:
+    """Between falls through zero, on the cycle; the periods are given to 1e-11 relative at worst."""
+    system = VanDerPol(stiffness)
+    state = integrate(system, [2.0, 0.0], [0.0, 6.0 * period], tolerance=1e-13).states[-1]
+    first = _fall(system, state, 0.0, period)
+    state = integrate(system, state, [0.0, first], tolerance=1e-13).states[-1]
+    assert _fall(system, state, 0.6 * period, 1.4 * period) == pytest.approx(period, rel=2e-11)
+
+
+def _fall(system: VanDerPol, state: Floats, low: float, high: float) -> float:
+    """Time of the only fall of y through zero between `low` and `high`."""
+    grid = np.linspace(low, high, 200)
+    grid = grid if low == 0.0 else np.concatenate([[0.0], grid])
+    y = integrate(system, state, grid, tolerance=1e-9).states[:, 0]
+    at = [k for k in range(1, grid.size - 1) if y[k] > 0.0 >= y[k + 1]]
+    low, high = grid[at[-1]], grid[at[-1] + 1]
+    while high - low > 1e-14 * high:
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            break
+        above = integrate(system, state, [0.0, middle], tolerance=1e-13).states[-1, 0] > 0.0
+        low, high = (middle, high) if above else (low, middle)
+    return 0.5 * (low + high)
+
+
+SWEEP = {
+    "relaxation": (VanDerPol(100.0), [2.0, 0.0], np.linspace(0.0, 190.0, 51)),
+    "stiffer": (VanDerPol(1000.0), [2.0, 0.0], np.linspace(0.0, 1900.0, 51)),
+    "gentle": (VanDerPol(1.0), [2.0, 0.0], np.linspace(0.0, 20.0, 51)),
+    "swing": (plain(6.2), [1.0, 0.0], np.linspace(0.0, 20.0, 401)),
+    "decay": (Linear(np.array([[-1.0, 0.3], [0.0, -1e5]])), [1.0, 1.0], np.linspace(0.0, 3.0, 31)),
+}
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("case", SWEEP)
+def test_estimates_are_honest(case: str) -> None:
+    """True error within ten times the estimate, and not below a thousandth of it, but for rounding."""
+    system, start, times = SWEEP[case]
+    exact = integrate(system, start, times, tolerance=1e-15)
+    size = np.max(np.abs(exact.states), axis=0)
+    for tolerance in (1e-4, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11):
+        made = integrate(system, start, times, tolerance=tolerance)
+        true = float(np.max(np.abs(made.states - exact.states) / size))
+        assert true <= 10.0 * made.estimated_error, tolerance
+        assert true >= 1e-3 * made.estimated_error or made.estimated_error < 1e-11, tolerance
+
+
+def test_readings_change_nothing_but_the_readings() -> None:
+    """Few instants leave the steps as they are; the states there are those of an end there, to the tolerance."""
+    system, start = VanDerPol(5.0), [2.0, 0.0]
+    plain_run = integrate(system, start, [0.0, 0.6], tolerance=1e-9)
+    read = integrate(system, start, [0.0, 0.17, 0.6], tolerance=1e-9)
+    alone = integrate(system, start, [0.0, 0.17], tolerance=1e-9)
+    assert read.steps == plain_run.steps
+    assert np.array_equal(read.states[-1], plain_run.states[-1])
+    np.testing.assert_allclose(read.states[1], alone.states[-1], rtol=0.0, atol=1e-8)  # ten tolerances of either
+
+
+@pytest.mark.compiled
+def test_many_readings_meet_the_tolerance() -> None:
+    """So many that part steps would cost more than short steps: the polynomial is read."""
+    times = np.linspace(0.0, 5.0, 5001)
+    made = integrate(plain(6.2), [1.0, 0.0], times, tolerance=1e-10)
+    exact = integrate(plain(6.2), [1.0, 0.0], times, tolerance=1e-14)
+    assert made.evaluations < 20_000  # part steps would take 2 x 5000 x 14 and more
+    assert np.max(np.abs(made.states - exact.states)) < 1e-8
+
+
+def test_orders_can_be_held() -> None:
+    one = integrate(plain(2.0), [0.5, 0.0], [0.0, 0.5], tolerance=1e-6, stages=(3, 3))
+    two = integrate(plain(2.0), [0.5, 0.0], [0.0, 0.5], tolerance=1e-6, stages=(7, 7))
+    assert one.steps > two.steps
+    np.testing.assert_allclose(one.states[-1], two.states[-1], rtol=0.0, atol=1e-6)
+
+
+def test_components_that_start_at_zero() -> None:
+    """x' = v, v' = -u, u' = 0 from rest: x = -t^2/2, with x and v zero at first."""
+    system = Linear(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0]]))
+    made = integrate(system, [0.0, 0.0, 1.0], [0.0, 2.0], tolerance=1e-10)
+    np.testing.assert_allclose(made.states[-1], [-2.0, -2.0, 1.0], rtol=1e-10)
+
+
+def test_start_alone() -> None:
+    made = integrate(plain(2.0), [0.5, 0.1], [3.0], tolerance=1e-6)
+    assert np.array_equal(made.states, [[0.5, 0.1]])
+    assert made.steps == 0
+
+
+def test_a_solution_that_explodes_is_refused() -> None:
+    with pytest.raises(RefusedError, match=r"stopped at t = 0\.9.*below 1e-14|stopped at t = 1 .*below 1e-14"):
+        integrate(Explosive(1.0), [1.0], [0.0, 2.0], tolerance=1e-6, stages=(3, 3))
+
+
+def test_a_derivative_that_ends_is_refused() -> None:
+    with pytest.raises(RefusedError, match="stopped at t = 0.5 s .* not finite"):
+        integrate(Cliff(0.5), [1.0], [0.0, 1.0], tolerance=1e-6, stages=(3, 3))
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"start": [np.nan, 0.0]}, "start"),
+        ({"start": []}, "start"),
+        ({"start": [[1.0, 0.0]]}, "start"),
+        ({"times": []}, "times"),
+        ({"times": [0.0, np.inf]}, "times"),
+        ({"times": [0.0, 2.0, 1.0]}, "times"),
+        ({"tolerance": 0.0}, "tolerance"),
+        ({"tolerance": 1.0}, "tolerance"),
+        ({"tolerance": np.nan}, "tolerance"),
+    ],
+)
+def test_arguments_that_cannot_be_meant(change: dict[str, Any], named: str) -> None:
+    arguments: dict[str, Any] = {"start": [1.0, 0.0], "times": [0.0, 1.0], "tolerance": 1e-6} | change
+    with pytest.raises(UsageError, match=named):
+        integrate(plain(2.0), arguments["start"], arguments["times"], tolerance=arguments["tolerance"])

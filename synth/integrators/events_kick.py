@@ -275,7 +275,15 @@ def _miss_typed(event: Any, memory: Any, share: Any, following: Any, left_over: 
 
 @chosen_for(strike)
 def _strike_typed(
-    event: Any, memory: Any, share: Any, time: Any, time_low: Any, following: Any, left_over: Any, slope: Any, system: Any
+    event: Any,
+    memory: Any,
+    share: Any,
+    time: Any,
+    time_low: Any,
+    following: Any,
+    left_over: Any,
+    slope: Any,
+    system: Any,
 ) -> Any:
     if _none(event):
         return lambda event, memory, share, time, time_low, following, left_over, slope, system: None

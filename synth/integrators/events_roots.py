@@ -63,10 +63,22 @@ def value_and_slope(coefficients: Floats, row: int, share: float, work: Floats) 
 
 @kernel
 def polish(coefficients: Floats, row: int, rising: int, work: Floats) -> float:
-    """The only crossing within a row's interval, to rounding: Newton inside a bracket that halves when it must."""
+    """The only crossing within a row's interval, to rounding: Newton inside a bracket that halves when it must.
+
+    A zero at the left end is the crossing if the polynomial leaves it to the side it crosses to; otherwise it is the
+    crossing before, and this one is further on.
+    """
     left, right = 0.0, 1.0
     first, last = coefficients[row, 0], coefficients[row, DEGREE]
-    share = first / (first - last) if first != last else 0.0
+    share = first / (first - last) if first != last else 0.5
+    if first == 0.0:
+        for j in range(1, DEGREE + 1):
+            leaving = sign(coefficients[row, j])
+            if leaving == rising:
+                return 0.0
+            if leaving != 0:
+                break
+        share = 0.5
     for _ in range(100):
         value, slope = value_and_slope(coefficients, row, share, work)
         if value * rising < 0.0:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.events_kick import Escapement, Memory, memory
-from synth.integrators.explicit_march import DONE, NOT_FINITE, STIFF, TOO_LONG, march
+from synth.integrators.explicit_march import DONE, MOST_STEPS, NOT_FINITE, STIFF, STIFF_STEPS, TOO_LONG, march
 from synth.integrators.trajectory import Trajectory, relative_error
 from synth.phase import Floats, Integers
 
@@ -134,12 +134,15 @@ class Refinement:
 def refine(system: Any, event: Any, start: Floats, times: Floats, tolerance: float) -> Refinement:
     """March until the estimated error meets the tolerance or rounding stops it."""
     local = max(min(tolerance, LOOSEST), TIGHTEST)
-    rough = run(system, event, start, times, min(RATIO * local, _ROUGHEST), np.abs(start))
+    fine = run(system, event, start, times, local, np.abs(start))
+    # at the edge of stability a loose march is no wrong one, and no longer than the tight one that was found not stiff
+    loose = min(RATIO * local, _ROUGHEST)
+    rough = run(system, event, start, times, loose, fine.scale, patience=MOST_STEPS)
     probe = None
     if tolerance < _PROBED_BELOW:
         signs = 1.0 - 2.0 * (np.arange(start.size) // 2 % 2)
-        probe = run(system, event, start + PROBE * signs * rough.scale, times, rough.tolerance, np.abs(start))
-    fine = run(system, event, start, times, local, rough.scale)
+        moved = start + PROBE * signs * fine.scale
+        probe = run(system, event, moved, times, loose, fine.scale, patience=MOST_STEPS)
     error = estimate(Refinement([rough, fine], probe, np.inf))
     result = Refinement([rough, fine], probe, error)
     if error > tolerance and local > TIGHTEST:
@@ -182,7 +185,9 @@ def kicks_before(run: Run) -> Integers:
     return np.searchsorted(run.events.times[: int(run.events.noted[0])], run.times).astype(np.int64)
 
 
-def run(system: Any, event: Any, start: Floats, times: Floats, tolerance: float, scale: Floats) -> Run:
+def run(
+    system: Any, event: Any, start: Floats, times: Floats, tolerance: float, scale: Floats, patience: int = STIFF_STEPS
+) -> Run:
     """One march at a local tolerance; RefusedError names why it ended before."""
     counts = np.zeros(3, dtype=np.int64)
     states = np.empty((times.size, start.size))
@@ -191,7 +196,7 @@ def run(system: Any, event: Any, start: Floats, times: Floats, tolerance: float,
     while True:
         sizes = scale.copy()
         notes = memory(event, start.size, capacity)
-        status = march(system, event, notes, start, times, tolerance, sizes, states, counts, stop)
+        status = march(system, event, notes, start, times, tolerance, sizes, states, counts, stop, patience)
         if notes is None or notes.noted[0] <= capacity:
             break
         capacity = 8 * int(notes.noted[0])
@@ -209,7 +214,9 @@ def _reason(status: int, system: Any, time: float, state: Floats) -> str:
     if status == STIFF:
         return f"explicit, {name} {when}: the motion is stiff; use the propagator radau"
     if status == NOT_FINITE:
-        return f"explicit, {name} {when}: the acceleration is not finite; look for a singular state or NaN in parameters"
+        return (
+            f"explicit, {name} {when}: the acceleration is not finite; look for a singular state or NaN in parameters"
+        )
     if status == TOO_LONG:
         return f"explicit, {name} {when}: more steps than can be counted; shorten the record or loosen the tolerance"
     return (

@@ -19,7 +19,7 @@ from synth.systems.dispatch import derivative
 DONE, UNDERFLOW, NOT_FINITE, STIFF, TOO_LONG = 0, 1, 2, 3, 4
 MOST_STEPS = 2_000_000_000
 _STIFF_AT = 6.1  # |step x eigenvalue| at the edge of the stability region (Hairer, Norsett, Wanner)
-_STIFF_STEPS = 15
+STIFF_STEPS = 15
 _CALM_STEPS = 6
 _SMALL_SCALE = 1e-6  # a component more than a million times smaller than the largest is held to that size
 _LARGEST_GROWTH = 6.0
@@ -80,8 +80,17 @@ def _add(state: Floats, low: Floats, increment: Floats, following: Floats, left_
 
 @kernel
 def march(
-    system: Any, event: Any, memory: Any, start: Floats, times: Floats, tolerance: float, scale: Floats,
-    states: Floats, counts: Integers, stop: Floats,
+    system: Any,
+    event: Any,
+    memory: Any,
+    start: Floats,
+    times: Floats,
+    tolerance: float,
+    scale: Floats,
+    states: Floats,
+    counts: Integers,
+    stop: Floats,
+    patience: int,
 ) -> int:
     """Integrate over `times` and fill `states` there.
 
@@ -103,6 +112,8 @@ def march(
         Result: steps, rejected steps, evaluations.
     stop : (1 + n,) array
         Result: time and state where the march ended.
+    patience : int
+        Steps at the edge of stability after which the motion counts as stiff; `STIFF_STEPS`, or many.
 
     Returns
     -------
@@ -148,7 +159,7 @@ def march(
         if _is_stiff(step, k, slope, following, point, allowed):
             stiff += 1
             calm = 0
-            if stiff == _STIFF_STEPS:
+            if stiff == patience:
                 status = STIFF
         else:
             calm += 1

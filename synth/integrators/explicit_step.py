@@ -126,8 +126,16 @@ def local_error(step: float, k: Floats, scale: Floats) -> float:
 
 @kernel
 def dense(
-    time: float, step: float, state: Floats, increment: Floats, after: Floats, k: Floats, point: Floats, slope: Floats,
-    polynomial: Floats, system: Any,
+    time: float,
+    step: float,
+    state: Floats,
+    increment: Floats,
+    after: Floats,
+    k: Floats,
+    point: Floats,
+    slope: Floats,
+    polynomial: Floats,
+    system: Any,
 ) -> None:
     """Coefficients (7, n) of the dense output of order 7 of a step that was accepted; three more evaluations.
 

@@ -107,7 +107,9 @@ def integrate(
 def _check(start: Floats, times: Floats, tolerance: float) -> None:
     if start.ndim != 1 or start.size == 0 or not math.isfinite(start @ start):
         raise UsageError("start: give one finite number for each component of the state")
-    if times.ndim != 1 or times.size == 0 or not math.isfinite(times[-1] - times[0]) or not (times[1:] > times[:-1]).all():
+    if times.ndim != 1 or times.size == 0:
+        raise UsageError("times: give one row of instants, the first that of the start")
+    if not math.isfinite(times[-1] - times[0]) or not (times[1:] > times[:-1]).all():
         raise UsageError("times: give finite, increasing instants, the first that of the start")
     if not _TIGHTEST <= tolerance <= _LOOSEST:
         raise UsageError(f"tolerance: {tolerance} is outside {_TIGHTEST} to {_LOOSEST}")

@@ -30,7 +30,7 @@ def differences(count: Any, size: Any, increments: Any, out: Any) -> None:
 
 
 @summing_kernel
-def evaluate(at: float, component: int, count: Any, polynomial: Any) -> float:
+def evaluate(at: float, component: int, count: Any, polynomial: Any) -> Any:
     """Increment of one component at the share `at` of the step."""
     s = len(count)
     nodes = _N3 if s == 3 else _N5 if s == 5 else _N7

@@ -41,7 +41,9 @@ def local_error(
     exchanges: Any,
     system: Any,
 ) -> float:
-    """Difference from an embedded formula of order s, filtered by (gamma/h - J)^-1 (Hairer and Wanner 1996, IV.8.19-20).
+    """Difference from an embedded formula of order s, filtered by (gamma/h - J)^-1.
+
+    Hairer and Wanner (1996), IV.8, (8.19) and (8.20).
 
     Where it exceeds `again` it is filtered once more, with the slope at the corrected start: the first filter
     overestimates what a stiff component has before it settled.

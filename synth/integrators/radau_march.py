@@ -27,7 +27,7 @@ STEPS, EVALUATIONS, REJECTED = 0, 1, 2
 _MOST_STEPS = 100_000_000
 _SHORTEST = 1e-14  # of the span
 _SHARE = 0.1  # of the tolerance's power for local errors
-_NEWTON = 0.01  # of the tolerance for what Newton leaves
+_NEWTON = 0.1  # of the tolerance for what Newton leaves
 _DENSE = 10.0  # error of the end over the largest error of the polynomial inside, at least
 _PART = 0.6  # cost of a part step over that of a step
 _FLOOR = 1e-2  # of a component's largest size: errors are not asked to be smaller where it passes zero
@@ -40,7 +40,7 @@ _SAFE, _GROWTH, _DROP = 0.9, 8.0, 0.125
 
 @kernel
 def _allowances(tolerance: float, s: int) -> tuple[float, float]:
-    """Local error allowed where only the end counts, and extra work that readings may cost before it pays to drop it."""
+    """Local error allowed where only ends of steps count, and the readings a step from which it is better not to."""
     loose = max(_SHARE * tolerance ** (0.5 * (s + 1) / s), _DENSE * tolerance)
     return loose, ((loose / (_DENSE * tolerance)) ** (1.0 / (s + 1)) - 1.0) / _PART
 
@@ -99,7 +99,8 @@ def march(
     derivative(time, state, system, slope)
     jacobian(time, state, system, slopes)
     counts[EVALUATIONS] = 1
-    step = first_step(state, slope, slopes, span, size)
+    step = max(first_step(state, slope, slopes, span, size), 10.0 * _SHORTEST * span)
+    why = STUCK
     s = orders[1]
     loose, crowded = _allowances(tolerance, s)
     old, old_step, old_log = 0, 0.0, 0.0  # stages of the step before; 0: its polynomial is of no use
@@ -109,9 +110,13 @@ def march(
         last = step * 1.0001 >= left
         if last:
             step = left
+        elif step < _SHORTEST * span:
+            stop[0] = time
+            return why
         elif step * 2.0 > left:
             step = 0.5 * left
         if counts[STEPS] >= _MOST_STEPS:
+            stop[0] = time
             return ENDLESS
         allowed = _DENSE * tolerance if k - done > 1 and (k - done) * step > crowded * left else loose
         # the Jacobian is taken where the step is expected to end: a stiff one is needed right there
@@ -126,8 +131,21 @@ def march(
         outcome, turns, contraction = NOT_FINITE, 0, 1.0
         if prepare_any(s, step, slopes, size, stack, exchanges):
             outcome, turns, contraction = collocate_any(
-                s, time, step, state, scale, _NEWTON * tolerance,
-                size, z, w, f, point, other, stack, exchanges, system,
+                s,
+                time,
+                step,
+                state,
+                scale,
+                _NEWTON * tolerance,
+                size,
+                z,
+                w,
+                f,
+                point,
+                other,
+                stack,
+                exchanges,
+                system,
             )
         counts[EVALUATIONS] += s * turns
         error, log, factor = 0.0, 0.0, 1.0
@@ -136,8 +154,21 @@ def march(
                 ended = abs(state[c] + z[s - 1, c])
                 scale[c] = 1.0 / max(abs(state[c]), ended, _FLOOR * largest[c], _SMALL * top, 1e-300)
             error = local_error(
-                s, time, step, state, slope, scale, allowed if careful else 1e300,
-                size, z, f, point, other, stack, exchanges, system,
+                s,
+                time,
+                step,
+                state,
+                slope,
+                scale,
+                allowed if careful else 1e300,
+                size,
+                z,
+                f,
+                point,
+                other,
+                stack,
+                exchanges,
+                system,
             )
             counts[EVALUATIONS] += 1 if careful else 0
             log = math.log(max(error / allowed, 1e-10)) / (s + 1)
@@ -157,9 +188,7 @@ def march(
                     old = 0
             step *= factor
             careful = True
-            if not step >= _SHORTEST * span:
-                stop[0] = time
-                return UNDEFINED if outcome == NOT_FINITE else STUCK
+            why = UNDEFINED if outcome == NOT_FINITE else STUCK
             continue
         # length of the next step (Gustafsson's prediction), not so long that Newton would labour
         if settled:
@@ -177,8 +206,21 @@ def march(
             if error > _DENSE * tolerance and prepare_any(s, part, slopes, size, stack_part, exchanges_part):
                 guess(s, s, 0.0, part / step, size, polynomial, z_part, w_part)
                 outcome, turns, _ = collocate_any(
-                    s, time, part, state, scale, _NEWTON * tolerance,
-                    size, z_part, w_part, f, point, other, stack_part, exchanges_part, system,
+                    s,
+                    time,
+                    part,
+                    state,
+                    scale,
+                    _NEWTON * tolerance,
+                    size,
+                    z_part,
+                    w_part,
+                    f,
+                    point,
+                    other,
+                    stack_part,
+                    exchanges_part,
+                    system,
                 )
                 counts[EVALUATIONS] += s * turns
                 if outcome == SOLVED:
@@ -205,7 +247,7 @@ def march(
         derivative(time, state, system, slope)
         counts[EVALUATIONS] += 1
         old, old_step, old_log = s, step, max(log, math.log(1e-2) / (s + 1))
-        settled, careful, failures = True, False, 0
+        settled, careful, failures, why = True, False, 0, STUCK
         since += 1
         step *= factor
         if since >= _STAY and contraction < _EASY and s < orders[1]:

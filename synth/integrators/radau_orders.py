@@ -43,13 +43,9 @@ def collocate_any(
 ) -> tuple[int, int, float]:
     """`radau_newton.collocate` for s stages."""
     if s == 3:
-        return collocate(
-            time, step, state, scale, goal, _S3, size, z, w, f, point, slope, stack, exchanges, system
-        )
+        return collocate(time, step, state, scale, goal, _S3, size, z, w, f, point, slope, stack, exchanges, system)
     if s == 5:
-        return collocate(
-            time, step, state, scale, goal, _S5, size, z, w, f, point, slope, stack, exchanges, system
-        )
+        return collocate(time, step, state, scale, goal, _S5, size, z, w, f, point, slope, stack, exchanges, system)
     return collocate(time, step, state, scale, goal, _S7, size, z, w, f, point, slope, stack, exchanges, system)
 
 

@@ -94,7 +94,7 @@ def march(
             count = min(outputs_a_block, outputs - 1 - done)
             base = done * steps
             local = np.arange(count * steps)
-            ends = (local[: count] + 1) * steps
+            ends = (local[:count] + 1) * steps
             psi, speed = across.response(np.array([base]), here, n, damping, system.gravity)
             free = angle - psi[0, 0]
             c = complex(free, -((rate - speed[0, 0]) + damping * free) / damped)

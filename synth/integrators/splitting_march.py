@@ -18,8 +18,17 @@ from synth.phase import Floats, Phasors
 
 @kernel
 def kicks(
-    frequency: float, damped: float, weights: Floats, frames: Phasors, inverses: Phasors, forced: Floats, across: Floats,
-    along: Floats, between: int, amplitude: Floats, out: Phasors,
+    frequency: float,
+    damped: float,
+    weights: Floats,
+    frames: Phasors,
+    inverses: Phasors,
+    forced: Floats,
+    across: Floats,
+    along: Floats,
+    between: int,
+    amplitude: Floats,
+    out: Phasors,
 ) -> None:
     """Carry c over many steps.
 

@@ -68,7 +68,6 @@ _COSINE = tuple((-1.0) ** k * float(_TURN ** (2 * k) / math.factorial(2 * k)) fo
 _SINE = tuple((-1.0) ** k * float(_TURN ** (2 * k + 1) / math.factorial(2 * k + 1)) for k in range(8))
 
 
-
 @kernel
 def _cosine(turn: float) -> float:
     """cos(2 pi turn), right to 2e-16; even in `turn` by construction, free of branches."""

@@ -109,7 +109,9 @@ def _jacobian(time: float, state: Floats, system: Metronomes, out: Floats) -> No
 def _free_slope(index: int, state: Floats, system: Metronomes) -> tuple[float, float]:
     angle, rate = state[2 * index], state[2 * index + 1]
     share = angle / system.drive_angle
-    by_angle = -2.0 * system.drive * share / system.drive_angle * rate - (1.0 + system.detuning[index]) * math.cos(angle)
+    by_angle = -2.0 * system.drive * share / system.drive_angle * rate - (1.0 + system.detuning[index]) * math.cos(
+        angle
+    )
     return by_angle, system.drive * (1.0 - share * share)
 
 

@@ -34,9 +34,7 @@ class ReducedBeam(NamedTuple):
         left = 1.0 - 2.0 * self.coupling * float((state[2::2] ** 2).sum())
         if left > 1e-3:
             return None
-        return (
-            "the mass matrix of the reduced beam is singular: m sum phi^2 reaches M + 2 m; use the full system (1), a heavier beam, or a smaller arc"
-        )
+        return "the mass matrix of the reduced beam is singular: m sum phi^2 reaches M + 2 m; use the full system (1), a heavier beam, or a smaller arc"
 
     @property
     def first_angle(self) -> int:

@@ -98,9 +98,9 @@ def _pull(angle: Any, horizontal: Any, vertical: Any, restoring: Any) -> Any:
             return lambda angle, horizontal, vertical, restoring: (1.0 + vertical) * math.sin(angle)
         if _absent(vertical):
             return lambda angle, horizontal, vertical, restoring: math.sin(angle) + horizontal * math.cos(angle)
-        return lambda angle, horizontal, vertical, restoring: (1.0 + vertical) * math.sin(
-            angle
-        ) + horizontal * math.cos(angle)
+        return lambda angle, horizontal, vertical, restoring: (
+            (1.0 + vertical) * math.sin(angle) + horizontal * math.cos(angle)
+        )
     if _absent(horizontal) and _absent(vertical):
         return lambda angle, horizontal, vertical, restoring: angle
     if _absent(horizontal):
@@ -121,9 +121,9 @@ def _pull_slope(angle: Any, horizontal: Any, vertical: Any, restoring: Any) -> A
             return lambda angle, horizontal, vertical, restoring: (1.0 + vertical) * math.cos(angle)
         if _absent(vertical):
             return lambda angle, horizontal, vertical, restoring: math.cos(angle) - horizontal * math.sin(angle)
-        return lambda angle, horizontal, vertical, restoring: (1.0 + vertical) * math.cos(
-            angle
-        ) - horizontal * math.sin(angle)
+        return lambda angle, horizontal, vertical, restoring: (
+            (1.0 + vertical) * math.cos(angle) - horizontal * math.sin(angle)
+        )
     if _absent(vertical):
         return lambda angle, horizontal, vertical, restoring: 1.0
     return lambda angle, horizontal, vertical, restoring: 1.0 + vertical

@@ -73,9 +73,7 @@ def driven(acceleration: float, index: int, angle: float, rate: float, term: Any
     return float(_TABLE["driven"][type(term)](acceleration, index, angle, rate, term))
 
 
-def driven_slope(
-    slopes: tuple[float, float], index: int, angle: float, rate: float, term: Any
-) -> tuple[float, float]:
+def driven_slope(slopes: tuple[float, float], index: int, angle: float, rate: float, term: Any) -> tuple[float, float]:
     """Partial derivatives of `driven` by angle and rate."""
     if term is None:
         return slopes

@@ -103,6 +103,7 @@ def test_heave_needs_real_pendulums() -> None:
         scene(restoring="linear")
 
 
+@pytest.mark.compiled
 def test_chaos_is_refused() -> None:
     shaken = SWELL | {"amplitude": [30.0, 20.0], "period": [1.3, 0.9]}
     with pytest.raises(SceneError, match="chaotic"):

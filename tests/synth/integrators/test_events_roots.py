@@ -53,6 +53,14 @@ def test_a_start_on_the_level_is_a_crossing_only_from_the_other_side() -> None:
     assert first(rising, 1, before=-1) == 0.0
 
 
+def test_a_second_crossing_soon_after_a_start_on_the_level() -> None:
+    """Up through the level at 0 and down again at 1e-3: the one at 0 has been, the other is found."""
+    hump = bernstein(np.polynomial.Polynomial([0.0, 1e-3, -1.0]))
+    hump[0] = 0.0
+    assert first(hump, 0, before=1) == pytest.approx(1e-3, rel=1e-9)
+    assert first(hump, 1, before=1) == NONE
+
+
 def test_an_end_on_the_level_is_left_to_the_next_step() -> None:
     arriving = bernstein(np.polynomial.Polynomial([-1.0, 1.0]))
     arriving[-1] = 0.0

@@ -84,7 +84,11 @@ def test_energy_of_reference_c1() -> None:
     [
         (plain(2 * math.pi), [2.5, 0.0], 2.2e4),  # at 2.5 rad a swing takes 2.2 s
         (BEAM_C, START_C, 2.0e4),
-        (FlexibleFrame(2.0, np.array([0.5, 0.4]), np.array([1.0, 0.9]), 150.0, 0.0, 9.81), [0.01, 0, 1, 0, -0.5, 0], 2e4),
+        (
+            FlexibleFrame(2.0, np.array([0.5, 0.4]), np.array([1.0, 0.9]), 150.0, 0.0, 9.81),
+            [0.01, 0, 1, 0, -0.5, 0],
+            2e4,
+        ),
         (Metronomes(np.array([0.01, -0.01]), 0.0, 0.4, 0.05), [0.6, 0.0, -0.3, 0.1], 6.3e4),
     ],
     ids=["pendulum", "beam", "frame", "metronomes"],
@@ -103,7 +107,9 @@ def test_time_reversal_returns_to_the_start() -> None:
     turned = there.states[1] * np.array([1, -1, 1, -1, 1, -1])
     back = integrate(BEAM_C, turned, [0.0, 2.0], tolerance=1e-11)
     expected = np.array(START_C) * np.array([1, -1, 1, -1, 1, -1])
-    assert np.max(np.abs(back.states[1] - expected)) < 100 * (there.estimated_error + back.estimated_error)  # rates of 5
+    assert np.max(np.abs(back.states[1] - expected)) < 100 * (
+        there.estimated_error + back.estimated_error
+    )  # rates of 5
 
 
 @pytest.mark.parametrize(
@@ -129,8 +135,8 @@ def test_mirror_image_bitwise(system: Any, start: list[float], image: Any, sign:
 
 
 def test_outputs_do_not_change_the_motion() -> None:
-    few = integrate(plain(6.0), [1.0, 0.0], np.linspace(0.0, 3.0, 66), tolerance=1e-9)
-    many = integrate(plain(6.0), [1.0, 0.0], np.linspace(0.0, 3.0, 131), tolerance=1e-9)
+    few = integrate(plain(6.0), [1.0, 0.0], np.arange(65) / 32, tolerance=1e-9)
+    many = integrate(plain(6.0), [1.0, 0.0], np.arange(129) / 64, tolerance=1e-9)
     np.testing.assert_array_equal(few.states, many.states[::2])
 
 
@@ -258,7 +264,9 @@ def test_impossible_arguments(start: Any, times: list[float], tolerance: float) 
 
 
 def test_rest_stays_at_rest_and_one_instant_is_the_start() -> None:
-    still = integrate(DrivenPendulums(np.array([6.0, 6.1]), terms=Viscous(np.array([0.1, 0.0]))), np.zeros(4), [0.0, 9.0])
+    still = integrate(
+        DrivenPendulums(np.array([6.0, 6.1]), terms=Viscous(np.array([0.1, 0.0]))), np.zeros(4), [0.0, 9.0]
+    )
     assert np.all(still.states == 0.0)
     assert still.estimated_error < 1e-14
     at_once = integrate(plain(1.0), [0.3, 0.1], [5.0])

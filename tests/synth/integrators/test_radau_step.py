@@ -72,14 +72,13 @@ def test_singular_and_infinite_matrices_are_told() -> None:
     assert not factor_pair(1, 1.0, 0.0, np.eye(2), (0, 0), stack, exchanges)
 
 
-@STAGES
-@pytest.mark.parametrize("steps", [{3: (16, 32), 5: (8, 16), 7: (6, 12)}])
-def test_order_is_twice_the_stages_less_one(stages: int, steps: dict[int, tuple[int, int]]) -> None:
+@pytest.mark.parametrize(("stages", "steps"), [(3, 24), (5, 12), (7, 6)])
+def test_order_is_twice_the_stages_less_one(stages: int, steps: int) -> None:
     """A pendulum of 1 rad over 1.5 s, against the finer grid of the method of 7 stages."""
     system = plain(6.2)
     errors = []
     exact = None
-    for number, order in ((30, 7), (steps[stages][0], stages), (steps[stages][1], stages)):
+    for number, order in ((30, 7), (steps, stages), (2 * steps, stages)):
         state = np.array([1.0, 0.0])
         for k in range(number):
             outcome, z = _step(system, k * 1.5 / number, state, 1.5 / number, order)
@@ -90,7 +89,7 @@ def test_order_is_twice_the_stages_less_one(stages: int, steps: dict[int, tuple[
         else:
             errors.append(np.max(np.abs(state - exact)))
     measured = math.log2(errors[0] / errors[1])
-    assert abs(measured - (2 * stages - 1)) < 0.8  # higher terms of the error at these steps
+    assert abs(measured - (2 * stages - 1)) < 0.5  # higher terms of the error at these steps
 
 
 @STAGES

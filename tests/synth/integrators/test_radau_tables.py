@@ -12,16 +12,22 @@ ROUNDED = 1.2e-16  # half a unit of the last place, relative
 
 
 def _legendre(degree: int) -> list[mpmath.mpf]:
-    """Shifted Legendre polynomial on [0, 1], highest power first."""
-    rising = [(-1) ** (degree + k) * mpmath.binomial(degree, k) * mpmath.binomial(degree + k, k) for k in range(degree + 1)]
-    return rising[::-1]
+    """Shifted Legendre polynomial on [0, 1], lowest power first."""
+    return [
+        (-1) ** (degree + k) * mpmath.binomial(degree, k) * mpmath.binomial(degree + k, k) for k in range(degree + 1)
+    ]
 
 
-def _definition(stages: int) -> tuple[mpmath.matrix, mpmath.matrix]:
-    """Nodes and A, from A c^(k-1) = c^k/k."""
-    lower = [mpmath.mpf(0), *_legendre(stages - 1)]
+def _definition(near: list[float]) -> tuple[mpmath.matrix, mpmath.matrix]:
+    """Nodes, zeros of P_s - P_(s-1), and A, from A c^(k-1) = c^k/k."""
+    stages = len(near)
+    lower = [*_legendre(stages - 1), mpmath.mpf(0)]
     difference = [a - b for a, b in zip(_legendre(stages), lower, strict=True)]
-    nodes = sorted(mpmath.re(root) for root in mpmath.polyroots(difference, maxsteps=300, extraprec=300))
+
+    def residue(at: mpmath.mpf) -> mpmath.mpf:
+        return mpmath.fsum(factor * at**k for k, factor in enumerate(difference))
+
+    nodes = [mpmath.findroot(residue, guess) for guess in near]
     powers = mpmath.matrix(stages, stages)
     integrals = mpmath.matrix(stages, stages)
     for i, node in enumerate(nodes):
@@ -35,7 +41,7 @@ def _definition(stages: int) -> tuple[mpmath.matrix, mpmath.matrix]:
 def test_coefficients_are_those_of_the_definition(tableau: Tableau) -> None:
     stages = tableau.nodes.size
     with mpmath.workdps(50):
-        nodes, matrix = _definition(stages)
+        nodes, matrix = _definition(tableau.nodes.tolist())
         inverse = mpmath.inverse(matrix)
         assert all(abs(nodes[i] - float(tableau.nodes[i])) <= ROUNDED for i in range(stages))
         modes = mpmath.matrix(stages, stages)

@@ -122,9 +122,8 @@ def _requested(text: str) -> str | list[str]:
     """The methods asked for, checked before any record is read."""
     from pipeline.methods import METHODS
 
-    if text == "all":
-        return [name for name in METHODS if name != "auto"]
-    names = [name.strip() for name in text.split(",")]
+    every = [name for name in METHODS if name != "auto"]
+    names = [name for part in text.split(",") for name in (every if part.strip() == "all" else [part.strip()])]
     for name in names:
         if name not in METHODS:
             raise UsageError(f"process: unknown method '{name}'{did_you_mean(name, (*METHODS, 'all'))}")

@@ -45,7 +45,7 @@ def _first_step(start: Floats, slope: Floats, allowed: Floats, span: float) -> f
     for i in range(start.size):
         size = max(size, abs(start[i]) / allowed[i])
         speed = max(speed, abs(slope[i]) / allowed[i])
-    guess = 1e-2 * size / speed if size > 1e-5 * speed * span else 1e-6 * span
+    guess = 1e-2 * size / speed if speed > 0.0 and size > 1e-9 * speed * span else 1e-6 * span
     return min(guess, span)
 
 

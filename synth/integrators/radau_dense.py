@@ -17,24 +17,24 @@ _R3, _R5, _R7 = THREE.reciprocals, FIVE.reciprocals, SEVEN.reciprocals
 @summing_kernel
 def differences(count: Any, size: Any, increments: Any, out: Any) -> None:
     """Divided differences (s + 1, n) of the increments (s, n); the increment at 0 is zero."""
-    s = len(count)
+    n, s = len(size), len(count)
     reciprocals = _R3 if s == 3 else _R5 if s == 5 else _R7
-    for c in range(len(size)):
+    for c in range(n):
         for i in range(s):
-            out[i, c] = increments[s - 1 - i, c]
-        out[s, c] = 0.0
+            out[i * n + c] = increments[(s - 1 - i) * n + c]
+        out[s * n + c] = 0.0
     for level in range(1, s + 1):
         for i in range(s, level - 1, -1):
-            for c in range(len(size)):
-                out[i, c] = (out[i, c] - out[i - 1, c]) * reciprocals[i, i - level]
+            for c in range(n):
+                out[i * n + c] = (out[i * n + c] - out[(i - 1) * n + c]) * reciprocals[i, i - level]
 
 
 @summing_kernel
-def evaluate(at: float, component: int, count: Any, polynomial: Any) -> Any:
+def evaluate(at: float, component: int, count: Any, size: Any, polynomial: Any) -> Any:
     """Increment of one component at the share `at` of the step."""
-    s = len(count)
+    n, s = len(size), len(count)
     nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
-    total = polynomial[s, component]
+    total = polynomial[s * n + component]
     for i in range(s - 1, -1, -1):
-        total = total * (at - nodes[s - 1 - i]) + polynomial[i, component]
+        total = total * (at - nodes[s - 1 - i]) + polynomial[i * n + component]
     return total

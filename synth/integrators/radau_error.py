@@ -19,7 +19,7 @@ _CAREFUL = 0.1  # share of every time scale at the start that the first step may
 def _size(size: Any, values: Any, scale: Any) -> float:
     total = 0.0
     for c in range(len(size)):
-        total += (values[0, c] * scale[c]) * (values[0, c] * scale[c])
+        total += (values[c] * scale[c]) * (values[c] * scale[c])
     return math.sqrt(total / len(size))
 
 
@@ -54,17 +54,17 @@ def local_error(
     for c in range(n):
         total = 0.0
         for i in range(s):
-            total += weights[i] * z[i, c]
-        f[1, c] = gain * total
-        f[0, c] = slope[c] + f[1, c]
+            total += weights[i] * z[i * n + c]
+        f[n + c] = gain * total
+        f[c] = slope[c] + f[n + c]
     solve(size, stack, exchanges, f)
     error = _size(size, f, scale)
     if error > again:
         for c in range(n):
-            point[c] = state[c] + f[0, c]
+            point[c] = state[c] + f[c]
         derivative(time, point, system, other)
         for c in range(n):
-            f[0, c] = other[c] + f[1, c]
+            f[c] = other[c] + f[n + c]
         solve(size, stack, exchanges, f)
         error = _size(size, f, scale)
     return error
@@ -73,11 +73,12 @@ def local_error(
 @kernel
 def first_step(state: Any, slope: Any, curvature: Any, span: float, size: Any) -> float:
     """A tenth of the shortest time in which state, slope and curvature (J slope) change one another by their size."""
+    n = len(size)
     step = 1e-2 * span
-    for c in range(len(size)):
+    for c in range(n):
         bend = 0.0
-        for j in range(len(size)):
-            bend += curvature[c, j] * slope[j]
+        for j in range(n):
+            bend += curvature[c * n + j] * slope[j]
         y, f, b = abs(state[c]), abs(slope[c]), abs(bend)
         if f > 0.0 and b > 0.0:
             step = min(step, _CAREFUL * f / b)

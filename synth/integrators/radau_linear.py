@@ -39,26 +39,26 @@ def factor(rate: float, jacobian: Any, size: Any, stack: Any, exchanges: Any) ->
     n = len(size)
     for i in range(n):
         for j in range(n):
-            stack[0, i, j] = -jacobian[i, j]
-        stack[0, i, i] += rate
+            stack[i * n + j] = -jacobian[i * n + j]
+        stack[i * n + i] += rate
     for k in range(n):
-        chosen, largest = k, abs(stack[0, k, k])
+        chosen, largest = k, abs(stack[k * n + k])
         for i in range(k + 1, n):
-            if abs(stack[0, i, k]) > largest:
-                chosen, largest = i, abs(stack[0, i, k])
+            if abs(stack[i * n + k]) > largest:
+                chosen, largest = i, abs(stack[i * n + k])
         if not 0.0 < largest < _HUGE:
             return False
-        exchanges[0, k] = chosen
+        exchanges[k] = chosen
         if chosen != k:
             for j in range(n):
-                stack[0, k, j], stack[0, chosen, j] = stack[0, chosen, j], stack[0, k, j]
-        inverse = 1.0 / stack[0, k, k]
-        stack[0, k, k] = inverse
+                stack[k * n + j], stack[chosen * n + j] = stack[chosen * n + j], stack[k * n + j]
+        inverse = 1.0 / stack[k * n + k]
+        stack[k * n + k] = inverse
         for i in range(k + 1, n):
-            share = stack[0, i, k] * inverse
-            stack[0, i, k] = share
+            share = stack[i * n + k] * inverse
+            stack[i * n + k] = share
             for j in range(k + 1, n):
-                stack[0, i, j] -= share * stack[0, k, j]
+                stack[i * n + j] -= share * stack[k * n + j]
     return True
 
 
@@ -69,35 +69,41 @@ def factor_pair(at: int, real: float, imaginary: float, jacobian: Any, size: Any
     of = at + 1
     for i in range(n):
         for j in range(n):
-            stack[at, i, j] = -jacobian[i, j]
-            stack[of, i, j] = 0.0
-        stack[at, i, i] += real
-        stack[of, i, i] = imaginary
+            stack[(at * n + i) * n + j] = -jacobian[i * n + j]
+            stack[(of * n + i) * n + j] = 0.0
+        stack[(at * n + i) * n + i] += real
+        stack[(of * n + i) * n + i] = imaginary
     for k in range(n):
-        chosen, largest = k, abs(stack[at, k, k]) + abs(stack[of, k, k])
+        chosen, largest = k, abs(stack[(at * n + k) * n + k]) + abs(stack[(of * n + k) * n + k])
         for i in range(k + 1, n):
-            present = abs(stack[at, i, k]) + abs(stack[of, i, k])
+            present = abs(stack[(at * n + i) * n + k]) + abs(stack[(of * n + i) * n + k])
             if present > largest:
                 chosen, largest = i, present
         if not 0.0 < largest < _HUGE:
             return False
-        exchanges[at, k] = chosen
+        exchanges[at * n + k] = chosen
         if chosen != k:
             for j in range(n):
-                stack[at, k, j], stack[at, chosen, j] = stack[at, chosen, j], stack[at, k, j]
-                stack[of, k, j], stack[of, chosen, j] = stack[of, chosen, j], stack[of, k, j]
-        re, im = stack[at, k, k], stack[of, k, k]
+                stack[(at * n + k) * n + j], stack[(at * n + chosen) * n + j] = (
+                    stack[(at * n + chosen) * n + j],
+                    stack[(at * n + k) * n + j],
+                )
+                stack[(of * n + k) * n + j], stack[(of * n + chosen) * n + j] = (
+                    stack[(of * n + chosen) * n + j],
+                    stack[(of * n + k) * n + j],
+                )
+        re, im = stack[(at * n + k) * n + k], stack[(of * n + k) * n + k]
         square = 1.0 / (re * re + im * im)
         re, im = re * square, -im * square
-        stack[at, k, k], stack[of, k, k] = re, im
+        stack[(at * n + k) * n + k], stack[(of * n + k) * n + k] = re, im
         for i in range(k + 1, n):
-            a, b = stack[at, i, k], stack[of, i, k]
+            a, b = stack[(at * n + i) * n + k], stack[(of * n + i) * n + k]
             first, second = a * re - b * im, a * im + b * re
-            stack[at, i, k], stack[of, i, k] = first, second
+            stack[(at * n + i) * n + k], stack[(of * n + i) * n + k] = first, second
             for j in range(k + 1, n):
-                a, b = stack[at, k, j], stack[of, k, j]
-                stack[at, i, j] -= first * a - second * b
-                stack[of, i, j] -= first * b + second * a
+                a, b = stack[(at * n + k) * n + j], stack[(of * n + k) * n + j]
+                stack[(at * n + i) * n + j] -= first * a - second * b
+                stack[(of * n + i) * n + j] -= first * b + second * a
     return True
 
 
@@ -106,19 +112,19 @@ def solve(size: Any, stack: Any, exchanges: Any, right: Any) -> None:
     """Replace row 0 of `right` (s, n) by the solution of the real system."""
     n = len(size)
     for k in range(n):
-        chosen = exchanges[0, k]
+        chosen = exchanges[k]
         if chosen != k:
-            right[0, k], right[0, chosen] = right[0, chosen], right[0, k]
+            right[k], right[chosen] = right[chosen], right[k]
     for i in range(1, n):
-        total = right[0, i]
+        total = right[i]
         for j in range(i):
-            total -= stack[0, i, j] * right[0, j]
-        right[0, i] = total
+            total -= stack[i * n + j] * right[j]
+        right[i] = total
     for i in range(n - 1, -1, -1):
-        total = right[0, i]
+        total = right[i]
         for j in range(i + 1, n):
-            total -= stack[0, i, j] * right[0, j]
-        right[0, i] = total * stack[0, i, i]
+            total -= stack[i * n + j] * right[j]
+        right[i] = total * stack[i * n + i]
 
 
 @summing_kernel
@@ -127,22 +133,22 @@ def solve_pair(at: int, size: Any, stack: Any, exchanges: Any, right: Any) -> No
     n = len(size)
     of = at + 1
     for k in range(n):
-        chosen = exchanges[at, k]
+        chosen = exchanges[at * n + k]
         if chosen != k:
-            right[at, k], right[at, chosen] = right[at, chosen], right[at, k]
-            right[of, k], right[of, chosen] = right[of, chosen], right[of, k]
+            right[at * n + k], right[at * n + chosen] = right[at * n + chosen], right[at * n + k]
+            right[of * n + k], right[of * n + chosen] = right[of * n + chosen], right[of * n + k]
     for i in range(1, n):
-        re, im = right[at, i], right[of, i]
+        re, im = right[at * n + i], right[of * n + i]
         for j in range(i):
-            a, b, x, y = stack[at, i, j], stack[of, i, j], right[at, j], right[of, j]
+            a, b, x, y = stack[(at * n + i) * n + j], stack[(of * n + i) * n + j], right[at * n + j], right[of * n + j]
             re -= a * x - b * y
             im -= a * y + b * x
-        right[at, i], right[of, i] = re, im
+        right[at * n + i], right[of * n + i] = re, im
     for i in range(n - 1, -1, -1):
-        re, im = right[at, i], right[of, i]
+        re, im = right[at * n + i], right[of * n + i]
         for j in range(i + 1, n):
-            a, b, x, y = stack[at, i, j], stack[of, i, j], right[at, j], right[of, j]
+            a, b, x, y = stack[(at * n + i) * n + j], stack[(of * n + i) * n + j], right[at * n + j], right[of * n + j]
             re -= a * x - b * y
             im -= a * y + b * x
-        a, b = stack[at, i, i], stack[of, i, i]
-        right[at, i], right[of, i] = a * re - b * im, a * im + b * re
+        a, b = stack[(at * n + i) * n + i], stack[(of * n + i) * n + i]
+        right[at * n + i], right[of * n + i] = a * re - b * im, a * im + b * re

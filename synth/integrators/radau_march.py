@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from synth.integrators.radau_error import first_step, local_error
+from synth.integrators.radau_memory import address
 from synth.integrators.radau_newton import NOT_FINITE, SOLVED
-from synth.integrators.radau_orders import collocate_any, guess, polynomial_of, prepare_any, read
+from synth.integrators.radau_orders import collocate_any, guess, part_step, polynomial_of, prepare_any, read
 from synth.kernels.compiled import kernel
 from synth.systems.dispatch import derivative, jacobian
 
@@ -45,6 +46,11 @@ def _allowances(tolerance: float, s: int) -> tuple[float, float]:
     return loose, ((loose / (_DENSE * tolerance)) ** (1.0 / (s + 1)) - 1.0) / _PART
 
 
+def room(n: int) -> int:
+    """Numbers of working space that `march` needs for n unknowns."""
+    return 49 * n + 15 * n * n
+
+
 @kernel
 def march(
     start: Any,
@@ -53,6 +59,8 @@ def march(
     orders: tuple[int, int],
     size: Any,
     system: Any,
+    space: Any,
+    places: Any,
     out: Any,
     largest: Any,
     counts: Any,
@@ -71,6 +79,9 @@ def march(
         Fewest and most stages, of 3, 5, 7.
     size : tuple of length n
     system : NamedTuple
+    space : (room(n),) array
+    places : (14 n,) integer array
+        Working space.
     out : (k, n) array
         States at `times`.
     largest : (n,) array
@@ -86,12 +97,16 @@ def march(
         DONE, or why not: STUCK, UNDEFINED (not finite) or ENDLESS.
     """
     n, k = len(size), times.size
-    z, w, f, polynomial = np.zeros((7, n)), np.zeros((7, n)), np.zeros((7, n)), np.zeros((8, n))
-    z_part, w_part = np.zeros((7, n)), np.zeros((7, n))
-    stack, exchanges = np.zeros((7, n, n)), np.zeros((7, n), dtype=np.int64)
-    stack_part, exchanges_part = np.zeros((7, n, n)), np.zeros((7, n), dtype=np.int64)
-    slopes, point, other, scale, carry = np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    state, slope = start.copy(), np.zeros(n)
+    z, w, f, polynomial = address(space, 0), address(space, 7 * n), address(space, 14 * n), address(space, 21 * n)
+    z_part, w_part, scale = address(space, 29 * n), address(space, 36 * n), address(space, 43 * n)
+    state, slope = space[44 * n : 45 * n], space[45 * n : 46 * n]
+    point, other = space[46 * n : 47 * n], space[47 * n : 48 * n]
+    here, slope_at, carry, square = address(space, 44 * n), address(space, 45 * n), address(space, 48 * n), n * n
+    slopes, slopes_at = space[49 * n : 49 * n + square].reshape(n, n), address(space, 49 * n)
+    stack, stack_part = address(space, 49 * n + square), address(space, 49 * n + 8 * square)
+    exchanges, exchanges_part = address(places, 0), address(places, 7 * n)
+    space[:] = 0.0
+    state[:] = start
     time, late, end = times[0], 0.0, times[k - 1]  # the time is time + late
     span = end - time
     out[0] = state
@@ -99,7 +114,7 @@ def march(
     derivative(time, state, system, slope)
     jacobian(time, state, system, slopes)
     counts[EVALUATIONS] = 1
-    step = max(first_step(state, slope, slopes, span, size), 10.0 * _SHORTEST * span)
+    step = max(first_step(here, slope_at, slopes_at, span, size), 10.0 * _SHORTEST * span)
     why = STUCK
     s = orders[1]
     loose, crowded = _allowances(tolerance, s)
@@ -123,18 +138,18 @@ def march(
         guess(s, old, 1.0, step / old_step if old > 0 else 0.0, size, polynomial, z, w)
         top = 0.0
         for c in range(n):
-            point[c] = state[c] + z[s - 1, c]
+            point[c] = state[c] + z[(s - 1) * n + c]
             top = max(top, largest[c])
         jacobian(time + step if old > 0 else time, point, system, slopes)
         for c in range(n):
             scale[c] = 1.0 / max(abs(state[c]), abs(point[c]), _FLOOR * largest[c], _SMALL * top, 1e-300)
         outcome, turns, contraction = NOT_FINITE, 0, 1.0
-        if prepare_any(s, step, slopes, size, stack, exchanges):
+        if prepare_any(s, step, slopes_at, size, stack, exchanges):
             outcome, turns, contraction = collocate_any(
                 s,
                 time,
                 step,
-                state,
+                here,
                 scale,
                 _NEWTON * tolerance,
                 size,
@@ -151,14 +166,14 @@ def march(
         error, log, factor = 0.0, 0.0, 1.0
         if outcome == SOLVED:
             for c in range(n):
-                ended = abs(state[c] + z[s - 1, c])
+                ended = abs(state[c] + z[(s - 1) * n + c])
                 scale[c] = 1.0 / max(abs(state[c]), ended, _FLOOR * largest[c], _SMALL * top, 1e-300)
             error = local_error(
                 s,
                 time,
                 step,
-                state,
-                slope,
+                here,
+                slope_at,
                 scale,
                 allowed if careful else 1e300,
                 size,
@@ -202,17 +217,19 @@ def march(
         # readings inside the step
         while done < k - 1 and (last or (times[done] - time) - late < step):
             part = (times[done] - time) - late
-            read(s, part / step, size, polynomial, point)
-            if error > _DENSE * tolerance and prepare_any(s, part, slopes, size, stack_part, exchanges_part):
-                guess(s, s, 0.0, part / step, size, polynomial, z_part, w_part)
-                outcome, turns, _ = collocate_any(
+            turns = 0
+            if error > _DENSE * tolerance:
+                turns = part_step(
                     s,
                     time,
                     part,
-                    state,
+                    part / step,
+                    here,
                     scale,
                     _NEWTON * tolerance,
+                    slopes_at,
                     size,
+                    polynomial,
                     z_part,
                     w_part,
                     f,
@@ -223,15 +240,14 @@ def march(
                     system,
                 )
                 counts[EVALUATIONS] += s * turns
-                if outcome == SOLVED:
-                    for c in range(n):
-                        point[c] = z_part[s - 1, c]
+            if turns == 0:
+                read(s, part / step, size, polynomial, point)
             for c in range(n):
                 out[done, c] = state[c] + (point[c] + carry[c])
                 largest[c] = max(largest[c], abs(out[done, c]))
             done += 1
         for c in range(n):
-            change = z[s - 1, c] + carry[c]
+            change = z[(s - 1) * n + c] + carry[c]
             total = state[c] + change
             carry[c] = change - (total - state[c])
             state[c] = total

@@ -43,27 +43,27 @@ def prepare(step: float, jacobian: Any, count: Any, size: Any, stack: Any, excha
 @summing_kernel
 def project(count: Any, size: Any, source: Any, out: Any) -> None:
     """`out = M^-1 source`: amplitudes from values at the nodes."""
-    s = len(count)
+    n, s = len(size), len(count)
     matrix = _P3 if s == 3 else _P5 if s == 5 else _P7
     for i in range(s):
-        for c in range(len(size)):
+        for c in range(n):
             total = 0.0
             for j in range(s):
-                total += matrix[i, j] * source[j, c]
-            out[i, c] = total
+                total += matrix[i, j] * source[j * n + c]
+            out[i * n + c] = total
 
 
 @summing_kernel
 def _unfold(count: Any, size: Any, source: Any, out: Any) -> None:
     """`out = M source`: values at the nodes from amplitudes."""
-    s = len(count)
+    n, s = len(size), len(count)
     matrix = _M3 if s == 3 else _M5 if s == 5 else _M7
     for i in range(s):
-        for c in range(len(size)):
+        for c in range(n):
             total = 0.0
             for j in range(s):
-                total += matrix[i, j] * source[j, c]
-            out[i, c] = total
+                total += matrix[i, j] * source[j * n + c]
+            out[i * n + c] = total
 
 
 @summing_kernel
@@ -74,21 +74,21 @@ def _correct(step: float, count: Any, size: Any, scale: Any, w: Any, g: Any, sta
     inverse = 1.0 / step
     re = rates[0].real * inverse
     for c in range(n):
-        g[0, c] -= re * w[0, c]
+        g[c] -= re * w[c]
     for k in range(1, (s + 1) // 2):
         re, im = rates[k].real * inverse, rates[k].imag * inverse
         for c in range(n):
-            first, second = w[2 * k - 1, c], w[2 * k, c]
-            g[2 * k - 1, c] -= re * first - im * second
-            g[2 * k, c] -= re * second + im * first
+            first, second = w[(2 * k - 1) * n + c], w[(2 * k) * n + c]
+            g[(2 * k - 1) * n + c] -= re * first - im * second
+            g[(2 * k) * n + c] -= re * second + im * first
     solve(size, stack, exchanges, g)
     for k in range(1, (s + 1) // 2):
         solve_pair(2 * k - 1, size, stack, exchanges, g)
     total = 0.0
     for i in range(s):
         for c in range(n):
-            change = g[i, c]
-            w[i, c] += change
+            change = g[i * n + c]
+            w[i * n + c] += change
             total += (change * scale[c]) * (change * scale[c])
     return total / (n * s)
 
@@ -143,10 +143,10 @@ def collocate(
     for turn in range(1, most + 1):
         for i in range(s):
             for c in range(n):
-                point[c] = state[c] + z[i, c]
+                point[c] = state[c] + z[i * n + c]
             derivative(time + nodes[i] * step, point, system, slope)
             for c in range(n):
-                f[i, c] = slope[c]
+                f[i * n + c] = slope[c]
         project(count, size, f, z)
         moved = math.sqrt(_correct(step, count, size, scale, w, z, stack, exchanges))
         _unfold(count, size, w, z)
@@ -154,8 +154,8 @@ def collocate(
             return NOT_FINITE, turn, 1.0
         if turn == 1:
             for c in range(n):
-                if abs(state[c] + z[s - 1, c]) * scale[c] > 2.0:
-                    scale[c] = 1.0 / abs(state[c] + z[s - 1, c])
+                if abs(state[c] + z[(s - 1) * n + c]) * scale[c] > 2.0:
+                    scale[c] = 1.0 / abs(state[c] + z[(s - 1) * n + c])
         else:
             present = moved / before
             contraction = present if turn == 2 else math.sqrt(present * quotient)

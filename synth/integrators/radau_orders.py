@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from synth.integrators.radau_dense import differences, evaluate
-from synth.integrators.radau_newton import collocate, prepare, project
+from synth.integrators.radau_newton import SOLVED, collocate, prepare, project
 from synth.integrators.radau_tables import FIVE, SEVEN, THREE
 from synth.kernels.compiled import kernel
 
@@ -65,21 +65,21 @@ def read(s: int, at: float, size: Any, polynomial: Any, out: Any) -> None:
     """`radau_dense.evaluate` for s stages."""
     for c in range(len(size)):
         if s == 3:
-            out[c] = evaluate(at, c, _S3, polynomial)
+            out[c] = evaluate(at, c, _S3, size, polynomial)
         elif s == 5:
-            out[c] = evaluate(at, c, _S5, polynomial)
+            out[c] = evaluate(at, c, _S5, size, polynomial)
         else:
-            out[c] = evaluate(at, c, _S7, polynomial)
+            out[c] = evaluate(at, c, _S7, size, polynomial)
 
 
 @kernel
 def _spread(count: Any, old: Any, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, w: Any) -> None:
-    s = len(count)
+    n, s = len(size), len(count)
     nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
     for c in range(len(size)):
-        base = evaluate(begin, c, old, polynomial)
+        base = evaluate(begin, c, old, size, polynomial)
         for i in range(s):
-            z[i, c] = evaluate(begin + ratio * nodes[i], c, old, polynomial) - base
+            z[i * n + c] = evaluate(begin + ratio * nodes[i], c, old, size, polynomial) - base
     project(count, size, z, w)
 
 
@@ -90,8 +90,9 @@ def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: A
     It starts at the share `begin` of that one, and is `ratio` times as long.
     """
     if old == 0:
-        z[:] = 0.0
-        w[:] = 0.0
+        for i in range(s * len(size)):
+            z[i] = 0.0
+            w[i] = 0.0
     elif s == 3 and old == 3:
         _spread(_S3, _S3, begin, ratio, size, polynomial, z, w)
     elif s == 3:
@@ -106,3 +107,39 @@ def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: A
         _spread(_S7, _S5, begin, ratio, size, polynomial, z, w)
     else:
         _spread(_S7, _S7, begin, ratio, size, polynomial, z, w)
+
+
+@kernel
+def part_step(
+    s: int,
+    time: float,
+    part: float,
+    share: float,
+    state: Any,
+    scale: Any,
+    goal: float,
+    jacobian: Any,
+    size: Any,
+    polynomial: Any,
+    z: Any,
+    w: Any,
+    f: Any,
+    point: Any,
+    slope: Any,
+    stack: Any,
+    exchanges: Any,
+    system: Any,
+) -> int:
+    """Solve the first `share` of a step by itself: increments in `point`, with the order of the end of a step.
+
+    Returns the corrections made, or 0 where it could not be solved; `point` then holds nothing of use.
+    """
+    if not prepare_any(s, part, jacobian, size, stack, exchanges):
+        return 0
+    guess(s, s, 0.0, share, size, polynomial, z, w)
+    outcome, turns, _ = collocate_any(
+        s, time, part, state, scale, goal, size, z, w, f, point, slope, stack, exchanges, system
+    )
+    for c in range(len(size)):
+        point[c] = z[(s - 1) * len(size) + c]
+    return turns if outcome == SOLVED else 0

@@ -27,15 +27,16 @@ class Forcing:
 
     def __init__(self, motion: Harmonics | None, start: float, step: Fraction) -> None:
         if motion is None:
-            motion = Harmonics(*np.zeros((5, 1)))
-        parts = zip(motion.coarse, motion.fine, motion.rest, strict=True)
+            motion = Harmonics(np.zeros((5, 1)))
+        amplitude, *pieces, phase = motion.table
+        parts = zip(*pieces, strict=True)
         turn = Fraction("6.283185307179586476925286766559005768394338798750211641949889184615632812572")
         exact = [sum((Fraction(float(part)) for part in row), Fraction(0)) * turn for row in parts]
         self.rate = np.array([float(rate) for rate in exact])
         self.turns = turns(exact, step)
         self.step = float(step)
         begin = np.array([float(Fraction(start) * rate / turn % 1) for rate in exact])
-        self.size: Phasors = motion.amplitude * phasors(2.0 * np.pi * (begin + motion.phase))
+        self.size: Phasors = amplitude * phasors(2.0 * np.pi * (begin + phase))
 
     def grid(self, index: np.ndarray, nodes: Floats, factors: Phasors) -> Floats:
         """Return sum over harmonics of Re[factor size e^{i rate t}], (index, nodes)."""

@@ -83,7 +83,8 @@ def test_energy_balance_of_a_clock_at_its_limit_cycle() -> None:
         piece, grid = rate[part] ** 2, times[1:][part]
         lost += float(np.sum((piece[1:] + piece[:-1]) * np.diff(grid)) / 2)
     assert 2 * gamma[0] * lost == pytest.approx(0.1, rel=2e-3)  # the trapezoid's ends: a step next to each kick
-    np.testing.assert_array_equal(again.times[:-1], found.times[: again.times.size - 1])
+    # another end, another first step: the same instants to rounding
+    np.testing.assert_allclose(again.times, found.times[: again.times.size], rtol=0.0, atol=1e-12)
 
 
 def test_kicks_do_not_depend_on_output_times() -> None:
@@ -152,7 +153,7 @@ def test_identical_pendulums_are_kicked_together() -> None:
 )
 def test_kicks_on_yielding_supports_add_their_energy_to_the_whole(system: Any, start: list[float]) -> None:
     kick = escapement(system, [0, 1], [0.05, -0.05], [0.001, 0.002], [1, -1])
-    path, found = integrate_with_events(system, start, np.linspace(0, 10, 101), kick, tolerance=1e-11)
+    path, found = integrate_with_events(system, start, np.linspace(0, 20, 101), kick, tolerance=1e-11)
     levels = np.array([energy(state, system) for state in path.states])
     added = np.cumsum(np.array([0.0, *np.array([0.001, 0.002])[found.watches]]))[
         np.searchsorted(found.times, path.times)

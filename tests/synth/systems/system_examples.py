@@ -10,7 +10,7 @@ from synth.phase import Floats
 from synth.systems.driven_pendulums import DrivenPendulums
 from synth.systems.elastic_beam import ElasticBeam
 from synth.systems.flexible_frame import FlexibleFrame
-from synth.systems.harmonic_motion import harmonics
+from synth.systems.harmonic_motion import harmonics, opposite
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive, Viscous
@@ -58,6 +58,5 @@ def mirrored(system: Any, state: Floats) -> tuple[Any, Floats]:
     if isinstance(system, ElasticBeam | ReducedBeam):
         image[:2] = state[:2]  # up and down
     if isinstance(system, DrivenPendulums) and system.horizontal is not None:
-        sideways = system.horizontal._replace(amplitude=-system.horizontal.amplitude)
-        system = system._replace(horizontal=sideways)
+        system = system._replace(horizontal=opposite(system.horizontal))
     return system, image

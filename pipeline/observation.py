@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 
 GRID_TOLERANCE = 1e-9  # s; times this close to a uniform grid are taken to lie on it
+MOST_VERTICAL_MISSING = 0.02  # share of the vertical acceleration that may be bridged
 MOST_GRID_ROWS = 4  # a grid more than this many times longer than the series is no grid
 
 
@@ -50,6 +51,8 @@ class Observation:
         Seconds a day that the chronometer loses.
     restoring : str or None
         "sine", "linear", or None where the record does not say.
+    vertical : (n,) array or None
+        Recorded vertical acceleration of the support, m s-2, up positive, its gaps bridged.
     """
 
     first: str
@@ -67,6 +70,7 @@ class Observation:
     period_relative_uncertainty: Floats
     chronometer_rate: float
     restoring: str | None
+    vertical: Floats | None = None
 
     @property
     def frequency_ratio(self) -> float:
@@ -109,7 +113,10 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     elongation = np.asarray(traces["elongation"].values, dtype=np.float64)
     sigma = _uncertainty(traces, elongation.shape[0])
     time: Floats = np.asarray(record.dataset["time"].values, dtype=np.float64)
-    series: Floats = np.stack([_combine(weights[name], elongation) for name in ("theta", "difference")])
+    rows = [_combine(weights[name], elongation) for name in ("theta", "difference")]
+    if "vertical_acceleration" in traces:
+        rows.append(np.asarray(traces["vertical_acceleration"].values, dtype=np.float64))
+    series: Floats = np.stack(rows)
     known = np.flatnonzero(np.isfinite(series[0]))
     if known.size == 0:
         raise RecordError(f"record/elongation: pendulum '{first}' has no reading at all; give its trace")
@@ -125,10 +132,21 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
         step=step,
         theta=series[0],
         difference=series[1],
+        vertical=_bridged(time, series[2]) if len(rows) == 3 else None,
         sigma_theta=_combined_sigma(weights["theta"], sigma),
         sigma_difference=_combined_sigma(weights["difference"], sigma),
         **instrument(record, (first, second)),
     )
+
+
+def _bridged(time: Floats, vertical: Floats) -> Floats | None:
+    """Vertical acceleration with short gaps bridged; None where too much of it is missing to count as recorded."""
+    missing = np.isnan(vertical)
+    if missing.mean() > MOST_VERTICAL_MISSING:
+        return None
+    if not missing.any():
+        return vertical
+    return np.asarray(np.interp(time, time[~missing], vertical[~missing]))
 
 
 def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:

@@ -32,7 +32,7 @@ class UnevenProblem:
         self._size, self._used = time.size, used
         self.missing = int((~used).sum())
         self._time, self._difference = time[used], difference[used]
-        self._where, self._weights = _from_grid(self._time, step, whole.size, fitted_at)
+        self._where, self._weights = from_grid(self._time, step, whole.size, fitted_at)
         self._columns = np.empty((self._time.size, COLUMNS))
 
     def respond(self, frequency: float, gamma: float) -> None:
@@ -69,7 +69,7 @@ class UnevenProblem:
         return np.asarray(self._difference - self._response - self._columns[:, :3] @ coefficient)
 
 
-def _from_grid(time: Floats, step: float, count: int, frequency: float) -> tuple[np.ndarray, Floats]:
+def from_grid(time: Floats, step: float, count: int, frequency: float) -> tuple[np.ndarray, Floats]:
     """First node and eight weights that interpolate a uniform series at each time."""
     where = np.clip(np.floor(time / step).astype(np.int64) - 3, 0, count - NODES)
     position = time / step - where - CENTRE

@@ -1,0 +1,1 @@
+"""Exact nonlinear inversion of the difference pendulum: no ODE solver, one recursion over the samples."""

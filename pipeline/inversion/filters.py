@@ -1,0 +1,102 @@
+"""Filters that give the first pendulum and its acceleration free of the noise above three times the swing.
+
+The nonlinear terms need theta1 and theta1'' + 2 gamma1 theta1'. Noise would enter them squared: differentiated over the
+whole band of a 25 Hz record it shifts gravity by half a milligal. Both filters have a linear phase, are windowed
+sincs (Kaiser), and are corrected so that their gain is exact, with its slope and curvature, at zero and at the
+pendulum's frequency, where nearly all of the motion is.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.arrays import Floats
+
+PASS, STOP = 3.0, 6.0  # times the swing's frequency: the nonlinear terms make lines up to the third
+REJECTION = 150.0  # dB
+_KAISER_SHAPE = 0.1102 * (REJECTION - 8.7)
+
+
+class Filters(NamedTuple):
+    """Taps over `2 reach + 1` samples; `out[k] = sum_j taps[j] theta[k - reach + j]`."""
+
+    low: Floats
+    """Low-pass, gain 1."""
+    curvature: Floats
+    """theta'' + 2 gamma theta', s-2."""
+    reach: int
+    """Samples lost at each end."""
+    noise_low: float
+    """Variance of the low-passed theta per variance of white noise."""
+    noise_product: float
+    """Covariance of both outputs per variance of white noise, s-2."""
+
+
+@functools.lru_cache(maxsize=16)
+def design(frequency: float, step: float, damping_rate: float) -> Filters:
+    """Design both filters.
+
+    Parameters
+    ----------
+    frequency : float
+        Circular frequency of the swing, rad s-1.
+    step : float
+        s; six samples a swing at least, so that the third harmonic lies below the Nyquist frequency.
+    damping_rate : float
+        gamma1, s-1.
+    """
+    edge = PASS * frequency
+    stop = min(STOP * frequency, 2.0 * np.pi / step - edge)  # what folds onto the pass band must be gone
+    reach = int(np.ceil((REJECTION - 8.0) / (2.285 * (stop - edge) * step) / 2.0))
+    age = np.arange(-reach, reach + 1)
+    window = np.kaiser(age.size, _KAISER_SHAPE)
+    cut = 0.5 * (edge + stop)
+    time = age * step
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sine, cosine = np.sin(cut * time), np.cos(cut * time)
+        low = sine / time
+        slope = (cut * cosine - sine / time) / time
+        bend = -(cut**2 * sine + 2.0 * cut * cosine / time - 2.0 * sine / time**2) / time
+    low[reach], slope[reach], bend[reach] = cut, 0.0, -(cut**3) / 3.0
+    low, slope, bend = (taps * window * step / np.pi for taps in (low, slope, bend))
+    bend -= bend.sum() / low.sum() * low  # the window's own curvature shifts the whole pass band alike
+    turn = frequency * step
+    low = _exact(low, age, turn, window, (1.0, 0.0), (1.0, 0.0, 0.0))
+    square = step**-2
+    bend = _exact(
+        bend, age, turn, window, (0.0, 2.0 * square), (-(turn**2) * square, 2.0 * turn * square, 2.0 * square)
+    )
+    curvature = bend - 2.0 * damping_rate * slope  # odd, and the taps are correlated with theta, not convolved
+    return Filters(low, curvature, reach, float(low @ low), float(low @ curvature))
+
+
+def _exact(
+    taps: Floats,
+    age: Floats,
+    turn: float,
+    window: Floats,
+    at_zero: tuple[float, float],
+    at_swing: tuple[float, float, float],
+) -> Floats:
+    """Smallest change (in the window's weight) of even taps that meets five conditions.
+
+    With H(w) = sum h cos(w k): H(0) and -H''(0); H, -H' and -H'' at the swing.
+    """
+    reach = float(age[-1])
+    conditions = np.stack(
+        [
+            np.ones(age.size),
+            (age / reach) ** 2,
+            np.cos(turn * age),
+            age / reach * np.sin(turn * age),
+            (age / reach) ** 2 * np.cos(turn * age),
+        ]
+    )
+    scale = reach ** -np.array([0.0, 2.0, 0.0, 1.0, 2.0])
+    wanted = np.array([*at_zero, *at_swing]) * scale
+    weighted = conditions * window
+    change = weighted.T @ np.linalg.solve(conditions @ weighted.T, wanted - conditions @ taps)
+    return np.asarray(taps + change)

@@ -1,0 +1,249 @@
+"""Compiled loops of the nonlinear inversion; every array is (n,) unless said otherwise."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from synth.kernels.compiled import kernel, summing_kernel
+
+BLOCK = 512
+COLUMNS = 6  # start (angle, rate), n2, gamma2, offset, residual
+SMALL = 0.5  # rad, up to which the polynomials below are right to rounding
+
+
+@summing_kernel
+def filter_both(theta: Floats, low: Floats, curvature: Floats, out_low: Floats, out_curvature: Floats) -> None:
+    """`out[k] = sum_j taps[j] theta[k + j]` by two filters of equal length; theta is longer by the taps less one."""
+    taps = low.size
+    for start in range(0, out_low.size, BLOCK):
+        length = min(BLOCK, out_low.size - start)
+        p, q = out_low[start : start + length], out_curvature[start : start + length]
+        p[:] = 0.0
+        q[:] = 0.0
+        whole = taps - taps % 4
+        for j in range(0, whole, 4):
+            first = start + j
+            x0, x1 = theta[first : first + length], theta[first + 1 : first + 1 + length]
+            x2, x3 = theta[first + 2 : first + 2 + length], theta[first + 3 : first + 3 + length]
+            a0, a1, a2, a3 = low[j], low[j + 1], low[j + 2], low[j + 3]
+            b0, b1, b2, b3 = curvature[j], curvature[j + 1], curvature[j + 2], curvature[j + 3]
+            for m in range(length):
+                p[m] += (a0 * x0[m] + a1 * x1[m]) + (a2 * x2[m] + a3 * x3[m])
+                q[m] += (b0 * x0[m] + b1 * x1[m]) + (b2 * x2[m] + b3 * x3[m])
+        for j in range(whole, taps):
+            x0 = theta[start + j : start + j + length]
+            for m in range(length):
+                p[m] += low[j] * x0[m]
+                q[m] += curvature[j] * x0[m]
+
+
+@kernel
+def _sine_over(p: float) -> float:
+    """sin(x)/x of p = x^2, |x| < 0.5."""
+    even = 1 / 362880 + p * (-1 / 39916800 + p * (1 / 6227020800))
+    return 1.0 + p * (-1 / 6 + p * (1 / 120 + p * (-1 / 5040 + p * even)))
+
+
+@kernel
+def _cosine_less_one(p: float) -> float:
+    """cos(x) - 1 of p = x^2, |x| < 0.5."""
+    even = 1 / 40320 + p * (-1 / 3628800 + p * (1 / 479001600 - p * (1 / 87178291200)))
+    return p * (-0.5 + p * (1 / 24 + p * (-1 / 720 + p * even)))
+
+
+@summing_kernel
+def expand_small(
+    about: Floats,
+    theta: Floats,
+    curvature: Floats,
+    pull: Floats,
+    held: float,
+    frequency: float,
+    shift: float,
+    constant: Floats,
+    slope: Floats,
+    by_frequency: Floats,
+) -> None:
+    """Right-hand side of `z'' + 2 gamma2 z' + held^2 z` expanded about an angle of the difference.
+
+    It is `constant + slope (d - about)`, with
+
+        held^2 d - n^2 [(1 + zeta) sin d / cos theta1 + w ((cos d - 1) + tan theta1 sin d)],  n^2 w = `curvature`
+
+    `pull` = 1 + zeta; `shift` is what noise of theta1 adds to the factor of sin d on average, taken off;
+    `by_frequency` = d(n^2 [...])/dn over sin d.
+    """
+    held_square, square = held * held, frequency * frequency
+    for k in range(about.size):
+        d, t = about[k], theta[k]
+        dd, tt = d * d, t * t
+        secant = 1.0 / (1.0 + _cosine_less_one(tt))
+        tangent = t * _sine_over(tt) * secant
+        sine, less = d * _sine_over(dd), _cosine_less_one(dd)
+        stiff = square * (pull[k] * secant)
+        lever = stiff + curvature[k] * tangent - shift
+        constant[k] = held_square * d - lever * sine - curvature[k] * less
+        slope[k] = held_square - lever * (1.0 + less) + curvature[k] * sine
+        by_frequency[k] = 2.0 / frequency * stiff * sine
+
+
+@kernel
+def expand_large(
+    about: Floats,
+    theta: Floats,
+    curvature: Floats,
+    pull: Floats,
+    held: float,
+    frequency: float,
+    shift: float,
+    constant: Floats,
+    slope: Floats,
+    by_frequency: Floats,
+) -> None:
+    """As `expand_small`, for any angles."""
+    held_square, square = held * held, frequency * frequency
+    for k in range(about.size):
+        d, t = about[k], theta[k]
+        sine, half = math.sin(d), math.sin(0.5 * d)
+        less = -2.0 * half * half
+        stiff = square * (pull[k] / math.cos(t))
+        lever = stiff + curvature[k] * math.tan(t) - shift
+        constant[k] = held_square * d - lever * sine - curvature[k] * less
+        slope[k] = held_square - lever * (1.0 + less) + curvature[k] * sine
+        by_frequency[k] = 2.0 / frequency * stiff * sine
+
+
+@summing_kernel
+def recursion(
+    integral_real: Floats,
+    integral_imag: Floats,
+    slope: Floats,
+    about: Floats,
+    response: Floats,
+    by_frequency: Floats,
+    turn: complex,
+    oscillation: float,
+    taps: Floats,
+    start: complex,
+    out: Floats,
+) -> None:
+    """Difference and its tangents by start angle, start rate and n2, out (4, n).
+
+    A complex state c carries `z = Im(c)/oscillation`, `c <- turn c + integral of the constant part + taps of the part that
+    is linear in the unknown`; taps (2, 2): now and one step before, real and imaginary. d = response + z.
+    """
+    count = slope.size
+    a0, a1 = taps[0]
+    b0, b1 = taps[1]
+    er, ei = turn.real, turn.imag
+    unit = 1.0 / oscillation
+    c0, d0 = start.real * oscillation, start.imag * oscillation
+    c1, d1 = 0.0, oscillation
+    c2, d2 = oscillation, 0.0
+    c3, d3 = 0.0, 0.0
+    p0 = p1 = p2 = p3 = 0.0
+    angle, tangent_angle, tangent_rate, tangent_frequency = out[0], out[1], out[2], out[3]
+    for k in range(count):
+        y0 = d0 * unit + response[k]
+        y1, y2, y3 = d1 * unit, d2 * unit, d3 * unit
+        angle[k], tangent_angle[k], tangent_rate[k], tangent_frequency[k] = y0, y1, y2, y3
+        if k == count - 1:
+            break
+        q = slope[k]
+        s0, s1, s2 = q * (y0 - about[k]), q * y1, q * y2
+        s3 = q * y3 - by_frequency[k]
+        real = er * c0 - ei * d0 + (a0 * s0 + a1 * p0) + integral_real[k]
+        d0 = er * d0 + ei * c0 + (b0 * s0 + b1 * p0) + integral_imag[k]
+        c0 = real
+        real = er * c1 - ei * d1 + (a0 * s1 + a1 * p1)
+        d1 = er * d1 + ei * c1 + (b0 * s1 + b1 * p1)
+        c1 = real
+        real = er * c2 - ei * d2 + (a0 * s2 + a1 * p2)
+        d2 = er * d2 + ei * c2 + (b0 * s2 + b1 * p2)
+        c2 = real
+        real = er * c3 - ei * d3 + (a0 * s3 + a1 * p3)
+        d3 = er * d3 + ei * c3 + (b0 * s3 + b1 * p3)
+        c3 = real
+        p0, p1, p2, p3 = s0, s1, s2, s3
+
+
+@summing_kernel
+def moments(difference: Floats, out: Floats, offset: float, threshold: float, gram: Floats) -> int:
+    """Gram matrix (6, 6), upper triangle, of (start angle, start rate, n2, gamma2, 1, residual).
+
+    The tangent by gamma2 is `-t d`, t from -1 to 1 over the record. NaN and residuals beyond the threshold have no weight;
+    returns how many lie beyond it.
+    """
+    angle, one, two, three = out[0], out[1], out[2], out[3]
+    count = difference.size
+    unit = 2.0 / (count - 1)
+    gram[:] = 0.0
+    beyond = 0
+    for start in range(0, count, BLOCK):
+        length = min(BLOCK, count - start)
+        base = start * unit - 1.0
+        d, y = difference[start : start + length], angle[start : start + length]
+        a, b, c = one[start : start + length], two[start : start + length], three[start : start + length]
+        aa = ab = ac = ag = a1 = ae = bb = bc = bg = b1 = be = 0.0
+        cc = cg = c1 = ce = gg = g1 = ge = n1 = e1 = ee = 0.0
+        outside = 0
+        for m in range(length):
+            e = d[m] - y[m] - offset
+            use = abs(e) <= threshold
+            outside += 1 if abs(e) > threshold else 0
+            w = 1.0 if use else 0.0
+            e = e if use else 0.0
+            g = -(base + m * unit) * y[m]
+            wa, wb, wc, wg = w * a[m], w * b[m], w * c[m], w * g
+            aa += wa * a[m]
+            ab += wa * b[m]
+            ac += wa * c[m]
+            ag += wa * g
+            a1 += wa
+            ae += wa * e
+            bb += wb * b[m]
+            bc += wb * c[m]
+            bg += wb * g
+            b1 += wb
+            be += wb * e
+            cc += wc * c[m]
+            cg += wc * g
+            c1 += wc
+            ce += wc * e
+            gg += wg * g
+            g1 += wg
+            ge += wg * e
+            n1 += w
+            e1 += e
+            ee += e * e
+        beyond += outside
+        row = (aa, ab, ac, ag, a1, ae)
+        for j in range(6):
+            gram[0, j] += row[j]
+        row = (0.0, bb, bc, bg, b1, be)
+        for j in range(6):
+            gram[1, j] += row[j]
+        row = (0.0, 0.0, cc, cg, c1, ce)
+        for j in range(6):
+            gram[2, j] += row[j]
+        gram[3, 3] += gg
+        gram[3, 4] += g1
+        gram[3, 5] += ge
+        gram[4, 4] += n1
+        gram[4, 5] += e1
+        gram[5, 5] += ee
+    return beyond
+
+
+@summing_kernel
+def follow(out: Floats, angle: float, rate: float, frequency: float, damping: float, about: Floats) -> None:
+    """`about` = difference with its tangents followed to the improved parameters."""
+    count = about.size
+    unit = 2.0 / (count - 1)
+    y, a, b, c = out[0], out[1], out[2], out[3]
+    for k in range(count):
+        stay = 1.0 - damping * (k * unit - 1.0)
+        about[k] = y[k] * stay + angle * a[k] + rate * b[k] + frequency * c[k]

@@ -67,7 +67,9 @@ def lacking_speed(model: Floats, residual: Floats, frequency: float, step: float
     return np.asarray(np.gradient(phase, step))
 
 
-def noise_power(amplitude_inverse_square: float, noise: float, frequency: float, step: float, low: Band, rounds: int) -> float:
+def noise_power(
+    amplitude_inverse_square: float, noise: float, frequency: float, step: float, low: Band, rounds: int
+) -> float:
     """Mean square of the phase speed that white reading noise makes in the band, each line weighed as heave acts."""
     # heave at m makes 1/(1 - m^2/4n^2) times its slow phase speed, and its mean square acts as much more
     tall = 1.0 / (1.0 - 0.25 * (low.angular / frequency) ** 2)

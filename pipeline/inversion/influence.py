@@ -56,4 +56,5 @@ def theta_influence(
     bent = np.zeros(back.size)
     bent[1:-1] = (through_curvature[2:] - 2.0 * through_curvature[1:-1] + through_curvature[:-2]) / step**2
     linear = -(1.0 - r) * frequency**2 * back  # back swings at n2: its second derivative is -n2^2 of it
-    return np.asarray(step * (linear - direct * back - r * bent))
+    # what the model gains, the residual loses
+    return np.asarray(-step * (linear - direct * back - r * bent))

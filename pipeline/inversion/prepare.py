@@ -100,9 +100,7 @@ def make_grid(prepared: Prepared) -> Grid:
 
         present = np.isfinite(seen.difference)
         about = to_grid(seen.time, seen.difference, prepared.whole_step, prepared.nominal)
-        return Grid(
-            prepared.whole, about, prepared.whole_step, Readings(seen.time[present], seen.difference[present])
-        )
+        return Grid(prepared.whole, about, prepared.whole_step, Readings(seen.time[present], seen.difference[present]))
     if seen.step * prepared.nominal <= MOST_ANGLE:
         return Grid(prepared.whole, prepared.clean_difference, seen.step)
     from pipeline.projection.upsample import upsample
@@ -138,9 +136,7 @@ def least_squares_influence(iteration: Iteration, fit: InversionFit) -> Floats:
     angle, rate, frequency = iteration.columns[1:]
     age = np.linspace(-1.0, 1.0, angle.size)
     start_angle, start_rate, own, damping, offset = fit.weights
-    influence = (
-        start_angle * angle + start_rate * rate + own * frequency - damping * age * iteration.about + offset
-    )
+    influence = start_angle * angle + start_rate * rate + own * frequency - damping * age * iteration.about + offset
     influence[np.isnan(iteration.difference)] = 0.0
     return np.asarray(influence)
 

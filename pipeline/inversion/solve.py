@@ -98,8 +98,6 @@ class Motion:
             )
         filters = design(frequency * ratio, step, damping_rate)
         count = theta.size - 2 * filters.reach
-        if count < 2 * filters.reach:
-            raise RefusedError("time: the record is too short for the nonlinear inversion; use projection")
         self.step, self.inside = step, slice(filters.reach, filters.reach + count)
         self.heave: Floats | None = None  # zeta found by `heave.py`
         self.low, self.curvature = np.empty((2, count))
@@ -293,7 +291,9 @@ class Iteration:
 
     def at_readings(self, series: Floats) -> Floats:
         """Series on the grid, (..., n), taken to the uneven times."""
-        return np.asarray(np.einsum("...ij,ij->...i", series[..., self._where[:, None] + np.arange(NODES)], self._weights))
+        return np.asarray(
+            np.einsum("...ij,ij->...i", series[..., self._where[:, None] + np.arange(NODES)], self._weights)
+        )
 
     def improve(self, change: Floats) -> None:
         """Follow the tangents to the improved parameters."""
@@ -329,10 +329,11 @@ class Iteration:
 
 def past_taps(eigenvalue: complex, step: float) -> Floats:
     """Weights of `int_0^h exp(lam (h - x)) f(x) dx` from f(0) and f(-h), exact for cos and sin at Im(lam); (2, 2)."""
-    turn, growth = np.exp(1j * eigenvalue.imag * step), np.exp(eigenvalue * step)
-    # f = exp(+-i w x): integral over the step
-    ahead = step * turn if eigenvalue.real == 0.0 else (turn - growth) / (1j * eigenvalue.imag - eigenvalue)
-    behind = (np.conj(turn) - growth) / (-1j * eigenvalue.imag - eigenvalue)
+    gamma, oscillation = -eigenvalue.real, eigenvalue.imag
+    turn = np.exp(1j * oscillation * step)
+    # of f = exp(+-i w x); the first without the small difference of large numbers
+    ahead = turn * (step if gamma == 0.0 else -np.expm1(-gamma * step) / gamma)
+    behind = (np.conj(turn) - np.exp(eigenvalue * step)) / (gamma - 2j * oscillation)
     now, before = np.linalg.solve(np.array([[1.0, np.conj(turn)], [1.0, turn]]), np.array([ahead, behind]))
     return np.array([[now.real, before.real], [now.imag, before.imag]])
 

@@ -21,6 +21,7 @@ _WHERE = {
     "general": "pipeline.methods.general",
     "complex": "pipeline.methods.complex_form",
     "projection": "pipeline.methods.projection",
+    "shooting": "pipeline.methods.shooting",
 }
 METHODS: tuple[str, ...] = (*_WHERE, "auto")
 PHASE_METHODS = ("uncorrected", "vening-meinesz", "panteleev", "general", "complex")

@@ -51,17 +51,18 @@ def design(frequency: float, step: float, damping_rate: float) -> Filters:
     edge = PASS * frequency
     stop = min(STOP * frequency, 2.0 * np.pi / step - edge)  # what folds onto the pass band must be gone
     reach = int(np.ceil((REJECTION - 8.0) / (2.285 * (stop - edge) * step) / 2.0))
-    age = np.arange(-reach, reach + 1)
+    age = np.arange(-reach, reach + 1, dtype=np.float64)
     window = np.kaiser(age.size, _KAISER_SHAPE)
     cut = 0.5 * (edge + stop)
     time = age * step
     with np.errstate(divide="ignore", invalid="ignore"):
         sine, cosine = np.sin(cut * time), np.cos(cut * time)
-        low = sine / time
-        slope = (cut * cosine - sine / time) / time
-        bend = -(cut**2 * sine + 2.0 * cut * cosine / time - 2.0 * sine / time**2) / time
+        low: Floats = sine / time
+        slope: Floats = (cut * cosine - sine / time) / time
+        bend: Floats = -(cut**2 * sine + 2.0 * cut * cosine / time - 2.0 * sine / time**2) / time
     low[reach], slope[reach], bend[reach] = cut, 0.0, -(cut**3) / 3.0
-    low, slope, bend = (taps * window * step / np.pi for taps in (low, slope, bend))
+    parts: list[Floats] = [taps * window * step / np.pi for taps in (low, slope, bend)]
+    low, slope, bend = parts
     bend -= bend.sum() / low.sum() * low  # the window's own curvature shifts the whole pass band alike
     turn = frequency * step
     low = _exact(low, age, turn, window, (1.0, 0.0), (1.0, 0.0, 0.0))

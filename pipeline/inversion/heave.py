@@ -1,12 +1,12 @@
 """Vertical acceleration that nobody recorded, told from the phase speed of the difference itself.
 
-Heave changes the stiffness of both pendulums alike, and the phase of the difference runs faster and slower with it. Its
-mean square shifts gravity by `-<z''^2>/(4 g (1 - m^2/4n^2))`, a hundred milligals in a seaway. Milne's equation turns the
-measured phase speed into the stiffness; here the same is done by iteration on the exact model: what phase the model
-still lacks, differentiated in a low band, is the missing `zeta n/2`; with it the model is run again. The model
-so carries every bias of the estimator and takes it off. n2 is no longer found from the phase's slope, which zeta can
-follow, but from the condition that zeta has no mean under a Hann window. Noise looks like heave: its mean square in
-the band is known and taken off.
+Heave changes the stiffness of both pendulums alike, and the phase of the difference runs faster and slower with it.
+Its mean square shifts gravity by `-<z''^2>/(4 g (1 - m^2/4n^2))`, a hundred milligals in a seaway. Milne's equation
+turns the measured phase speed into the stiffness; here the same is done by iteration on the exact model: what phase
+the model still lacks, differentiated in a low band, is the missing `zeta n/2`; with it the model is run again. The
+model so carries every bias of the estimator and takes it off. n2 is no longer found from the phase's slope, which zeta
+can follow, but from the condition that zeta has no mean under a Hann window. Noise looks like heave: its mean square
+in the band is known and taken off.
 """
 
 from __future__ import annotations
@@ -67,16 +67,14 @@ def lacking_speed(model: Floats, residual: Floats, frequency: float, step: float
     return np.asarray(np.gradient(phase, step))
 
 
-def noise_power(
-    amplitude_inverse_square: float, noise: float, frequency: float, step: float, low: Band, rounds: int
-) -> float:
+def noise_power(inverse_square: float, noise: float, frequency: float, low: Band, rounds: int) -> float:
     """Mean square of the phase speed that white reading noise makes in the band, each line weighed as heave acts."""
     # heave at m makes 1/(1 - m^2/4n^2) times its slow phase speed, and its mean square acts as much more
     tall = 1.0 / (1.0 - 0.25 * (low.angular / frequency) ** 2)
     followed = 1.0 - (1.0 - low.gain * tall) ** rounds
     # phase = Im(lack/swing): one quadrature of twice the noise over the amplitude
     power = float(np.sum((followed * low.angular) ** 2 / tall)) / low.padded
-    return 2.0 * noise**2 * amplitude_inverse_square * power
+    return 2.0 * noise**2 * inverse_square * power
 
 
 def with_heave(prepared: Prepared, iteration: Iteration, fit: InversionFit, fit_damping: bool) -> Inverted:
@@ -98,7 +96,7 @@ def with_heave(prepared: Prepared, iteration: Iteration, fit: InversionFit, fit_
         iteration.motion.heave = zeta
         for _ in range(SWEEPS):
             iteration.sweep()
-            gram, rejected = iteration.moments(fit.limit)
+            gram, _ = iteration.moments(fit.limit)
             found = solve(gram, free)
             iteration.improve(found.change)
             if abs(found.change[2]) < _SETTLED * iteration.frequency:
@@ -111,7 +109,7 @@ def with_heave(prepared: Prepared, iteration: Iteration, fit: InversionFit, fit_
     # where the grid holds more points than were read, the noise of the readings between them is shared
     shared = count / max(int(gram[4, 4]), 1)
     inverse_square = float(np.sum(window / amplitude**2)) * shared
-    taken = noise_power(inverse_square, noise, frequency, step, low, ROUNDS)
+    taken = noise_power(inverse_square, noise, frequency, low, ROUNDS)
     corrected = float(np.sqrt(frequency**2 - taken))
     # n2^2 is the mean square of the phase speed under the window, which heave makes vary;
     # a reading moves the phase by Im(2 e^{-int}/swing)
@@ -131,5 +129,5 @@ def with_heave(prepared: Prepared, iteration: Iteration, fit: InversionFit, fit_
         noise=found.noise,
         colour=1.0,
         samples=int(gram[4, 4]),
-        heave=float(np.sqrt(max(np.var(zeta) - 4.0 * taken / frequency**2, 0.0))),
+        heave=float(np.sqrt(max(float(np.var(zeta)) - 4.0 * taken / frequency**2, 0.0))),
     )

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from pipeline.arrays import Floats
 from synth.kernels.compiled import kernel, summing_kernel
 
@@ -132,8 +130,8 @@ def recursion(
 ) -> None:
     """Difference and its tangents by start angle, start rate and n2, out (4, n).
 
-    A complex state c carries `z = Im(c)/oscillation`, `c <- turn c + integral of the constant part + taps of the part that
-    is linear in the unknown`; taps (2, 2): now and one step before, real and imaginary. d = response + z.
+    A complex state c carries `z = Im(c)/oscillation`, `c <- turn c + integral of the constant part + taps of the part
+    that is linear in the unknown`; taps (2, 2): now and one step before, real and imaginary. d = response + z.
     """
     count = slope.size
     a0, a1 = taps[0]
@@ -174,8 +172,8 @@ def recursion(
 def moments(difference: Floats, out: Floats, offset: float, threshold: float, gram: Floats) -> int:
     """Gram matrix (6, 6), upper triangle, of (start angle, start rate, n2, gamma2, 1, residual).
 
-    The tangent by gamma2 is `-t d`, t from -1 to 1 over the record. NaN and residuals beyond the threshold have no weight;
-    returns how many lie beyond it.
+    The tangent by gamma2 is `-t d`, t from -1 to 1 over the record. NaN and residuals beyond the threshold have no
+    weight; returns how many lie beyond it.
     """
     angle, one, two, three = out[0], out[1], out[2], out[3]
     count = difference.size

@@ -1,14 +1,14 @@
-"""Gauss-Newton on the exact nonlinear identity, quasi-linear: one linear recursion with time-varying stiffness an iteration.
+"""Gauss-Newton on the exact nonlinear identity: one linear recursion with time-varying stiffness an iteration.
 
 With theta1 recorded, the unknown horizontal acceleration drops out and the difference d obeys
 
     d'' + 2 gamma2 d' = (1-r) theta1'' + 2 (gamma2 - r gamma1) theta1' - n2^2 NL(d),
     NL(d) = (1 + zeta) sin d / cos theta1 + w ((cos d - 1) + tan theta1 sin d),  w = (theta1'' + 2 gamma1 theta1')/n1^2
 
-(section 1.1 of the formula sheet, proved in docs/errata.md). The linear response to theta1 at a held frequency comes from the
-projection, by parts, without derivatives. The rest is expanded about an angle d*: at first the MEASURED difference, later
-the model's; expanded about the measured one the start is good to 1e-3 even in heavy motion, where iterating about a
-linear model diverges.
+(the unknown eliminated between the two equations of motion). The linear response to theta1 at a held frequency comes
+from the projection, by parts, without derivatives. The rest is expanded about an angle d*: at first the MEASURED
+difference, later the model's; expanded about the measured one the start is good to 1e-3 even in heavy motion, where
+iterating about a linear model diverges.
 """
 
 from __future__ import annotations
@@ -259,14 +259,16 @@ class Iteration:
         constant, slope, by_frequency = self._terms
         step, eigenvalue = self.motion.step, self.eigenvalue
         weights = taps(self._cardinal, eigenvalue, step)
-        interval_integrals(constant, weights.real.copy(), weights.imag.copy(), *self._integral)
+        real, imaginary = self._integral
+        interval_integrals(constant, weights.real.copy(), weights.imag.copy(), real, imaginary)
         kernels.recursion(
-            *self._integral,
+            real,
+            imaginary,
             slope,
             self.about,
             self._response,
             by_frequency,
-            np.exp(eigenvalue * step),
+            complex(np.exp(eigenvalue * step)),
             eigenvalue.imag,
             past_taps(eigenvalue, step),
             self.start,
@@ -291,9 +293,8 @@ class Iteration:
 
     def at_readings(self, series: Floats) -> Floats:
         """Series on the grid, (..., n), taken to the uneven times."""
-        return np.asarray(
-            np.einsum("...ij,ij->...i", series[..., self._where[:, None] + np.arange(NODES)], self._weights)
-        )
+        around = series[..., self._where[:, None] + np.arange(NODES)]
+        return np.asarray(np.einsum("...ij,ij->...i", around, self._weights))
 
     def improve(self, change: Floats) -> None:
         """Follow the tangents to the improved parameters."""
@@ -340,6 +341,8 @@ def past_taps(eigenvalue: complex, step: float) -> Floats:
 
 @dataclass(frozen=True)
 class Solution:
+    """Change of the five parameters, 1-sigma residual (rad), covariance per variance of noise."""
+
     change: Floats
     noise: float
     covariance: Floats

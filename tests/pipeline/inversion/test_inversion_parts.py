@@ -175,7 +175,7 @@ def test_noise_that_looks_like_heave() -> None:
     speed = heave.lacking_speed(model, residual, frequency, step, low)[500:-500]
     spectrum = np.sum((low.gain * low.angular) ** 2) / low.padded
     assert np.mean(speed**2) == pytest.approx(2.0 * noise**2 / amplitude**2 * spectrum, rel=0.05)
-    told = heave.noise_power(amplitude**-2, noise, frequency, step, low, 1)
+    told = heave.noise_power(amplitude**-2, noise, frequency, low, 1)
     assert told == pytest.approx(np.mean(speed**2), rel=0.15)
 
 

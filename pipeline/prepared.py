@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband
 from pipeline.observation import Observation
 from pipeline.outliers import reject_outliers
 from pipeline.uneven_grid import grid_step, to_grid
+
+if TYPE_CHECKING:
+    from pipeline.harmonics.slow_motion import SlowMotion
 
 LEAST_SWINGS = 20.0  # a shorter record has no window for the harmonic and no certainty of its phase
 LEAST_EXPLAINED = 0.5  # share of the difference's power that its own swing must explain
@@ -97,6 +101,17 @@ class Prepared:
 
         seen = self.observation
         return sliding_envelope(seen.time, seen.step, self.whole, self.clean_difference, self.nominal, self.whole_step)
+
+    @cached_property
+    def slow_motion(self) -> SlowMotion:
+        """Slow part of the first pendulum and recorded heave."""
+        from pipeline.harmonics.slow_motion import slow_motion
+
+        seen = self.observation
+        vertical = seen.vertical
+        if vertical is not None and vertical.size != self.whole.size:
+            vertical = np.interp(np.arange(self.whole.size) * self.whole_step, seen.time, vertical)
+        return slow_motion(self.whole, vertical, self.whole_step, self.nominal, seen.reference_gravity)
 
     def narrowband(self, envelope: Envelope, tolerance: float = 1e-13) -> NarrowbandFit:
         """Complex form of (27) on an envelope."""

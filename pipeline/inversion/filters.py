@@ -17,7 +17,6 @@ from pipeline.arrays import Floats
 
 PASS, STOP = 3.0, 6.0  # times the swing's frequency: the nonlinear terms make lines up to the third
 REJECTION = 150.0  # dB
-_KAISER_SHAPE = 0.1102 * (REJECTION - 8.7)
 
 
 class Filters(NamedTuple):
@@ -50,21 +49,12 @@ def design(frequency: float, step: float, damping_rate: float) -> Filters:
     """
     edge = PASS * frequency
     stop = min(STOP * frequency, 2.0 * np.pi / step - edge)  # what folds onto the pass band must be gone
-    reach = int(np.ceil((REJECTION - 8.0) / (2.285 * (stop - edge) * step) / 2.0))
-    age = np.arange(-reach, reach + 1, dtype=np.float64)
-    window = np.kaiser(age.size, _KAISER_SHAPE)
-    cut = 0.5 * (edge + stop)
-    time = age * step
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sine, cosine = np.sin(cut * time), np.cos(cut * time)
-        low: Floats = sine / time
-        slope: Floats = (cut * cosine - sine / time) / time
-        bend: Floats = -(cut**2 * sine + 2.0 * cut * cosine / time - 2.0 * sine / time**2) / time
-    low[reach], slope[reach], bend[reach] = cut, 0.0, -(cut**3) / 3.0
-    parts: list[Floats] = [taps * window * step / np.pi for taps in (low, slope, bend)]
-    low, slope, bend = parts
+    reach = reach_of(stop - edge, step)
+    low, slope, bend = windowed(0.5 * (edge + stop), reach, step)
     bend -= bend.sum() / low.sum() * low  # the window's own curvature shifts the whole pass band alike
     turn = frequency * step
+    age = np.arange(-reach, reach + 1, dtype=np.float64)
+    window = np.kaiser(age.size, shape_of(REJECTION))
     low = _exact(low, age, turn, window, (1.0, 0.0), (1.0, 0.0, 0.0))
     square = step**-2
     bend = _exact(
@@ -72,6 +62,29 @@ def design(frequency: float, step: float, damping_rate: float) -> Filters:
     )
     curvature = bend - 2.0 * damping_rate * slope  # odd, and the taps are correlated with theta, not convolved
     return Filters(low, curvature, reach, float(low @ low), float(low @ curvature))
+
+
+def shape_of(rejection: float) -> float:
+    """Shape of the Kaiser window with that rejection, dB > 50 (Kaiser 1974)."""
+    return 0.1102 * (rejection - 8.7)
+
+
+def reach_of(width: float, step: float, rejection: float = REJECTION) -> int:
+    """Half the length, in samples, of a Kaiser window with a transition of `width` rad s-1 (Kaiser 1974)."""
+    return int(np.ceil((rejection - 8.0) / (2.285 * width * step) / 2.0))
+
+
+def windowed(cut: float, reach: int, step: float, rejection: float = REJECTION) -> tuple[Floats, Floats, Floats]:
+    """Taps of the low-pass at `cut` rad s-1, of its first derivative (s-1) and of its second (s-2), Kaiser-windowed."""
+    time = step * np.arange(-reach, reach + 1, dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sine, cosine = np.sin(cut * time), np.cos(cut * time)
+        low = sine / time
+        slope = (cut * cosine - sine / time) / time
+        bend = -(cut**2 * sine + 2.0 * cut * cosine / time - 2.0 * sine / time**2) / time
+    low[reach], slope[reach], bend[reach] = cut, 0.0, -(cut**3) / 3.0
+    window = np.kaiser(time.size, shape_of(rejection)) * step / np.pi
+    return low * window, slope * window, bend * window
 
 
 def _exact(

@@ -6,6 +6,8 @@ and corrects nothing by itself; fed with measured speeds it would only return th
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from pipeline.arrays import Floats
@@ -15,16 +17,26 @@ from pipeline.methods.phases import corrected, phases
 from pipeline.phase_speed import difference_speed_by_phase
 from pipeline.prepared import Prepared
 
+ROUNDS = 2  # the acceleration's phase turns with n2, which it shifts by 1e-3 at most
+
 
 def estimate(prepared: Prepared) -> Estimate:
     """Correct by (38) with model speeds; arc terms are left out where the record says `restoring = linear`."""
     found = phases(prepared)
     envelope, seen = found.envelope, prepared.observation
     frequency = prepared.fine.frequency
-    arc = seen.restoring != "linear"
-    speed = model_speed(envelope, frequency, prepared, arc=arc)
-    plain = model_speed(envelope, frequency, prepared, arc=False) if arc else speed
-    return corrected(prepared, found, speed, speed - plain if arc else None)
+    if seen.restoring == "linear":
+        return corrected(prepared, found, model_speed(envelope, frequency, prepared, arc=False))
+    slow = prepared.slow_motion
+    told = (envelope.time >= slow.begin) & (envelope.time <= slow.end)
+    found = replace(found, weight=np.where(told, found.weight, 0.0))
+    for _ in range(ROUNDS):
+        speed = model_speed(envelope, frequency, prepared, arc=True)
+        gained = slow.phase(slow.gamma(frequency), frequency, envelope.time)
+        plain = model_speed(envelope, frequency, prepared, arc=False)
+        made = corrected(prepared, found, speed, speed - plain, gained)
+        frequency = made.frequency
+    return made
 
 
 def model_speed(envelope: Envelope, frequency: float, prepared: Prepared, *, arc: bool) -> Floats:

@@ -77,7 +77,13 @@ def integrate(speed: Floats, hop: float) -> Floats:
     return np.asarray(running_integral(whole.astype(np.complex128), hop).real)
 
 
-def corrected(prepared: Prepared, found: Phases, speed: Floats | None, finite_arc: Floats | None = None) -> Estimate:
+def corrected(
+    prepared: Prepared,
+    found: Phases,
+    speed: Floats | None,
+    finite_arc: Floats | None = None,
+    gained: Floats | None = None,
+) -> Estimate:
     """Integrate the correction, subtract it from the phase, regress.
 
     Parameters
@@ -86,6 +92,8 @@ def corrected(prepared: Prepared, found: Phases, speed: Floats | None, finite_ar
         Correction of the phase speed, rad s-1 (subtracted).
     finite_arc : (k,) array or None
         The part of `speed` that is due to the finite arc.
+    gained : (k,) array or None
+        Phase that the support's acceleration gives the swing, rad (subtracted).
     """
     envelope = found.envelope
     present = found.weight > 0.0
@@ -96,6 +104,8 @@ def corrected(prepared: Prepared, found: Phases, speed: Floats | None, finite_ar
         return regression(time, (found.phase - correction)[present], weight)
 
     shift = None if speed is None else integrate(speed, envelope.hop)
+    if shift is not None and gained is not None:
+        shift = shift + gained
     oscillation = envelope.carrier + slope(0.0 if shift is None else shift)
     arc = 0.0 if finite_arc is None else slope(0.0) - slope(integrate(finite_arc, envelope.hop))
     gamma = prepared.fine.damping_rate

@@ -1,0 +1,122 @@
+"""The slow motion of the first pendulum, free of its swing, and what it does to the phase speed of a swing.
+
+A support accelerated sideways turns the apparent vertical by psi and strengthens it; heave changes it too. In the slow
+limit the swing about psi has the stiffness `n^2 Gamma`,
+
+    Gamma = (1 + zeta) / cos psi + tan psi psi''/n^2
+
+(section 1.2 of the formula sheet). Its phase speed follows from Milne's equation to second order in the modulation,
+`n [sqrt(Gamma) - (Gamma'/n)^2/32]`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.inversion.filters import reach_of, windowed
+from synth.kernels.compiled import summing_kernel
+
+PASS, STOP = 0.5, 0.85  # of the swing's frequency
+REJECTION = 80.0  # dB, of the swing: what is left of it is 1e-6 rad
+COARSE = 6.0  # samples a swing that the slow motion needs
+
+
+@summing_kernel
+def thin(series: Floats, taps: Floats, every: int, out: Floats) -> None:
+    """`out[k] = sum_j taps[j] series[every k + j]`."""
+    for k in range(out.size):
+        window = series[every * k : every * k + taps.size]
+        total = 0.0
+        for j in range(taps.size):
+            total += taps[j] * window[j]
+        out[k] = total
+
+
+@dataclass(frozen=True)
+class SlowMotion:
+    """psi and zeta at uniform instants.
+
+    Attributes
+    ----------
+    begin, step : float
+        First instant and distance, s.
+    angle, curvature : (k,) arrays
+        psi, rad; psi'', s-2.
+    zeta : (k,) array or None
+        z''/g in the same band; None where none is recorded.
+    """
+
+    begin: float
+    step: float
+    angle: Floats
+    curvature: Floats
+    zeta: Floats | None
+
+    def gamma(self, frequency: float) -> Floats:
+        """Gamma at the instants."""
+        up = 1.0 if self.zeta is None else 1.0 + self.zeta
+        return np.asarray(up / np.cos(self.angle) + np.tan(self.angle) * self.curvature / frequency**2)
+
+    @property
+    def end(self) -> float:
+        """Last instant, s."""
+        return self.begin + self.step * (self.angle.size - 1)
+
+    def phase(self, gamma: Floats, frequency: float, time: Floats) -> Floats:
+        """Phase that a swing gains over n t by a given Gamma, rad, at other times; steady beyond the ends."""
+        bend = np.gradient(gamma, self.step)
+        speed = frequency * (np.sqrt(gamma) - 1.0) - bend**2 / (32.0 * frequency)
+        mean = float(speed.mean())
+        gained = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) - mean) * self.step))
+        own = self.begin + self.step * np.arange(speed.size)
+        return np.asarray(np.interp(time, own, gained) + mean * time)
+
+
+def slow_motion(theta: Floats, vertical: Floats | None, step: float, frequency: float, gravity: float) -> SlowMotion:
+    """Separate the slow motion.
+
+    Parameters
+    ----------
+    theta : (n,) array
+        First pendulum, rad, whole.
+    vertical : (n,) array or None
+        z'', m s-2.
+    step, frequency, gravity : float
+        s, rad s-1, m s-2.
+    """
+    every = max(1, int(2.0 * np.pi / (frequency * step) / COARSE))
+    coarse = every * step
+    edge, stop = PASS * frequency, STOP * frequency
+    first = None
+    if every > 1:
+        # what folds onto the pass band must be gone
+        reach = reach_of(2.0 * np.pi / coarse - 2.0 * edge, step, REJECTION)
+        first = windowed(np.pi / coarse, reach, step, REJECTION)[0]
+    second = reach_of(stop - edge, coarse, REJECTION)
+    low, _, bend = windowed(0.5 * (edge + stop), second, coarse, REJECTION)
+    bend = bend - bend.sum() / low.sum() * low
+    begin = 0.0 if first is None else step * (first.size // 2)
+
+    def thinned(series: Floats) -> Floats:
+        if first is None:
+            return series
+        out = np.empty((series.size - first.size) // every + 1)
+        thin(series, first / first.sum(), every, out)
+        return out
+
+    def filtered(series: Floats, taps: Floats) -> Floats:
+        out = np.empty(series.size - taps.size + 1)
+        thin(series, taps, 1, out)
+        return out
+
+    moved = thinned(theta)
+    return SlowMotion(
+        begin=begin + coarse * second,
+        step=coarse,
+        angle=filtered(moved, low / low.sum()),
+        curvature=filtered(moved, bend),
+        zeta=None if vertical is None else filtered(thinned(vertical), low / low.sum()) / gravity,
+    )

@@ -23,12 +23,13 @@ do not change the digest.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .contents import Contents, Entry, from_tree, type_name
+from .contents import Contents, Entry, from_tree, key, type_name
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,21 +46,23 @@ class _Sum:
         self._hash = hashlib.sha256()
         self.text(_SEED)
 
-    def bytes(self, data: bytes | memoryview[Any]) -> None:
-        size = data.nbytes if isinstance(data, memoryview) else len(data)
-        self._hash.update(size.to_bytes(8, "little"))
-        self._hash.update(data)
-
     def text(self, *texts: str) -> None:
         for one in texts:
-            self.bytes(one.encode())
+            data = one.encode()
+            self._hash.update(len(data).to_bytes(8, "little") + data)
 
     def values(self, values: NDArray[Any]) -> None:
         if type_name(values) == "str":
             self.text(*values.ravel().tolist())
         else:
-            little = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
-            self.bytes(little.reshape(-1).view(np.uint8).data)
+            self.numbers(values.nbytes, (values,))
+
+    def numbers(self, size: int, blocks: Iterable[NDArray[Any]]) -> None:
+        """One item of `size` bytes from blocks of numbers, in order."""
+        self._hash.update(size.to_bytes(8, "little"))
+        for block in blocks:
+            little = np.ascontiguousarray(block, dtype=block.dtype.newbyteorder("<"))
+            self._hash.update(little.reshape(-1).view(np.uint8).data)
 
     def attributes(self, attrs: Mapping[str, Any]) -> None:
         for name in sorted(attrs, key=str.encode):
@@ -67,27 +70,38 @@ class _Sum:
             self.text("attribute", name, type_name(values), str(values.size))
             self.values(values)
 
-    def variable(self, name: str, entry: Entry) -> None:
+    def variable(self, name: str, entry: Entry, blocks: Iterable[NDArray[Any]] | None) -> None:
         self.text("variable", name, str(len(entry.dims)))
         for dim, size in zip(entry.dims, entry.values.shape, strict=True):
             self.text(dim, str(size))
         self.text(type_name(entry.values))
-        self.values(entry.values)
+        if blocks is None:
+            self.values(entry.values)
+        else:
+            self.numbers(entry.values.nbytes, blocks)
         self.attributes(entry.attrs)
 
     def hexdigest(self) -> str:
         return self._hash.hexdigest()
 
 
-def digest(contents: Contents) -> str:
-    """The checksum of a plain content, 64 hexadecimal digits (definition: see the module)."""
+def digest(contents: Contents, blocks: Mapping[str, Iterable[NDArray[Any]]] = MappingProxyType({})) -> str:
+    """The checksum of a plain content, 64 hexadecimal digits (definition: see the module).
+
+    Parameters
+    ----------
+    contents : Contents
+    blocks : mapping of str to iterable of array, optional
+        Numbers of variables (``group/name``) that are too many to be held: in blocks, last dimension fastest. Of such
+        a variable's own values only shape and type are looked at.
+    """
     total = _Sum()
     for path in sorted(contents, key=str.encode):
         group = contents[path]
         total.text("group", path)
         total.attributes({n: v for n, v in group.attrs.items() if path or n != ATTRIBUTE})
         for name in sorted(group.variables, key=str.encode):
-            total.variable(name, group.variables[name])
+            total.variable(name, group.variables[name], blocks.get(key(path, name)))
     return total.hexdigest()
 
 

@@ -45,20 +45,41 @@ def encoded(contents: Contents) -> memoryview:
     """
     memory = io.BytesIO()
     with h5netcdf.File(memory, "w", libver=LIBRARY) as file:
-        dimensions: dict[str, set[str]] = {}
-        for path in sorted(contents, key=lambda one: (one.count("/"), one)):
-            node = file.create_group("/" + path) if path else file
-            above = dimensions[path.rpartition("/")[0]] if path else set()
-            dimensions[path] = above | _dimensions(node, contents[path], path, above)
-            _attributes(node.attrs, contents[path].attrs, path or "root")
-            for name, entry in contents[path].variables.items():
-                where = key(path, name)
-                _usable(name, where)
-                _attributes(_variable(node, name, entry).attrs, entry.attrs, where)
+        lay_out(file, contents)
+        for path, group in contents.items():
+            write_attributes(node(file, path).attrs, group.attrs, path or "root")
+            for name, entry in group.variables.items():
+                if entry.values.size:
+                    text = type_name(entry.values) == "str"
+                    node(file, path)[name][...] = entry.values.astype(object) if text else entry.values
     return memory.getbuffer()
 
 
-def _dimensions(node: Any, group: Group, path: str, above: set[str]) -> set[str]:
+def lay_out(file: h5netcdf.File, contents: Contents) -> None:
+    """Make all groups, dimensions and variables with their attributes, but no values and no attributes of groups.
+
+    Raises
+    ------
+    FileError
+        As `encoded`.
+    """
+    dimensions: dict[str, set[str]] = {}
+    for path in sorted(contents, key=lambda one: (one.count("/"), one)):
+        made = file.create_group("/" + path) if path else file
+        above = dimensions[path.rpartition("/")[0]] if path else set()
+        dimensions[path] = above | _dimensions(made, contents[path], path, above)
+        for name, entry in contents[path].variables.items():
+            where = key(path, name)
+            _usable(name, where)
+            write_attributes(_variable(made, name, entry).attrs, entry.attrs, where)
+
+
+def node(file: h5netcdf.File, path: str) -> Any:
+    """A group of an open file by its path; the root for the empty one."""
+    return file[path] if path else file
+
+
+def _dimensions(made: Any, group: Group, path: str, above: set[str]) -> set[str]:
     """Make the dimensions that the group's variables have and no group above it has."""
     lengths: dict[str, int] = {}
     for name, entry in group.variables.items():
@@ -67,24 +88,28 @@ def _dimensions(node: Any, group: Group, path: str, above: set[str]) -> set[str]
             lengths[dim] = length
     own = lengths.keys() - above
     for dim in sorted(own):
-        node.dimensions[dim] = lengths[dim] or None
+        made.dimensions[dim] = lengths[dim] or None
     return own
 
 
-def _variable(node: Any, name: str, entry: Entry) -> Any:
+def _variable(group: Any, name: str, entry: Entry) -> Any:
     text = type_name(entry.values) == "str"
     made: dict[str, Any] = {"dtype": h5py.string_dtype() if text else entry.values.dtype}
     if entry.dims and not text:
         made |= {"chunks": chunk_shape(entry.values.shape), "fletcher32": True}
     elif entry.dims and not entry.values.size:
         made |= {"chunks": chunk_shape(entry.values.shape)}  # unlimited dimensions need chunks
-    variable = node.create_variable(name, entry.dims, **made)
-    if entry.values.size:
-        variable[...] = entry.values.astype(object) if text else entry.values
-    return variable
+    return group.create_variable(name, entry.dims, **made)
 
 
-def _attributes(target: Any, attrs: dict[str, Any], where: str) -> None:
+def write_attributes(target: Any, attrs: dict[str, Any], where: str) -> None:
+    """Give attributes to a group or variable.
+
+    Raises
+    ------
+    FileError
+        As `encoded`.
+    """
     for name, value in attrs.items():
         if name.encode() in BOOKKEEPING or name in PACKING:
             raise FileError(f"{where}, attribute {shown(name)}: is reserved by netCDF; remove it")

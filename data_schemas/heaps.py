@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import os
 import struct
+from collections.abc import Iterator
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from h5py import h5d
 from .errors import FileError
 
 _START = b"GCOL\x01\0\0\0"
+_WINDOW = 1 << 18  # bytes
 _LENGTH = struct.Struct("<Q")
 _OBJECT = struct.Struct("<HHIQ")
 _POINTER = np.dtype([("length", "<u4"), ("address", "<u8"), ("index", "<u4")])
@@ -38,13 +40,22 @@ def sound_heaps(path: str | os.PathLike[str]) -> Heaps:
     FileError
         In one of them the library would stand still or leave it.
     """
-    heaps: Heaps = {}
+    starts = list(_starts(path))
     with Path(path).open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
-        start = data.find(_START)
-        while start >= 0:
-            heaps[start] = _objects(data, start)
-            start = data.find(_START, start + 1)
-    return heaps
+        return {start: _objects(data, start) for start in starts}
+
+
+def _starts(path: str | os.PathLike[str]) -> Iterator[int]:
+    """Where collections begin; the file is read window by window, for the pages of a map would count as memory."""
+    with Path(path).open("rb") as file:
+        offset, window = 0, b""
+        while more := file.read(_WINDOW):
+            window += more
+            found = window.find(_START)
+            while found >= 0:
+                yield offset + found
+                found = window.find(_START, found + 1)
+            offset, window = offset + len(window) - len(_START) + 1, window[-len(_START) + 1 :]
 
 
 def _objects(data: mmap, start: int) -> dict[int, int]:

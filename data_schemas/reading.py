@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import h5py
@@ -22,6 +23,12 @@ from .packing import unpacked
 if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
+
+CHUNK_CACHE = 1 << 20
+"""Bytes of an array that HDF5 keeps unpacked while the file is open; its own choice of 8 MiB adds up."""
+
+NumbersReader = Callable[[h5d.DatasetID, str], "NDArray[Any]"]
+"""Reads an array of numbers, given with its ``group/name``."""
 
 # what h5py raises on a damaged file, by the place where it stumbles
 _DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, SystemError, MemoryError)
@@ -84,11 +91,25 @@ def load_raw(path: str | os.PathLike[str], budget: Budget) -> Contents:
     FileError
         The file is missing, damaged or hostile.
     """
+    with opened(path, budget) as contents_by:
+        return contents_by(_numbers)
+
+
+@contextlib.contextmanager
+def opened(path: str | os.PathLike[str], budget: Budget) -> Iterator[Callable[[NumbersReader], Contents]]:
+    """A file that passed the survey, open for reading: give a reader of arrays of numbers, get the content.
+
+    Raises
+    ------
+    FileError
+        The file is missing, damaged or hostile, on opening or while it is read.
+    """
     size = ordinary(path)
     try:
         heaps = sound_heaps(path)
-        with h5py.File(path, "r") as file:
-            return _contents(survey(file, size, budget), lambda one, where: _text(path, one, heaps, where, budget))
+        with h5py.File(path, "r", rdcc_nbytes=CHUNK_CACHE) as file:
+            found = survey(file, size, budget)
+            yield lambda numbers: _contents(found, lambda one, where: _text(path, one, heaps, where, budget), numbers)
     except FileError as error:
         raise FileError(f"{shown(path, 400)}: {error}") from None
     except _DAMAGE as error:
@@ -98,8 +119,12 @@ def load_raw(path: str | os.PathLike[str], budget: Budget) -> Contents:
         ) from error
 
 
-def _contents(found: Survey, text: Callable[[h5d.DatasetID, str], NDArray[Any]]) -> Contents:
-    """Everything that passed the survey; `text` reads the arrays of text."""
+def _contents(
+    found: Survey,
+    text: Callable[[h5d.DatasetID, str], NDArray[Any]],
+    numbers: NumbersReader,
+) -> Contents:
+    """Everything that passed the survey; `text` reads the arrays of text, `numbers` the others."""
     contents = {group.path: Group(_attributes(group, group.path or "root", found)) for group in found.groups}
     for one in named(found):
         where = key(one.array.path, one.name)
@@ -107,7 +132,7 @@ def _contents(found: Survey, text: Callable[[h5d.DatasetID, str], NDArray[Any]])
         if one.name in variables:
             raise FileError(f"{where}: is there twice; keep one")
         try:
-            values = (text if is_text(one.array.id.get_type()) else _numbers)(one.array.id, where)
+            values = (text if is_text(one.array.id.get_type()) else numbers)(one.array.id, where)
         except _DAMAGE as error:
             reason = shown(" ".join(str(error).split()), 120)
             raise FileError(f"{where}: its values are damaged ({reason}); restore the file") from error

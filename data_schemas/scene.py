@@ -12,11 +12,14 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from data_schemas.errors import SceneError
+from data_schemas.scene_checks import check_physics
 from data_schemas.scene_faults import one_line
 from data_schemas.scene_fields import Number, Section, quantity
 from data_schemas.scene_motion import Motion
 from data_schemas.scene_pendulum import Pendulum
 from data_schemas.scene_recording import Recording, Seed, Trace
+from data_schemas.scene_simulation import Simulation
+from data_schemas.scene_support import FixedSupport, Support
 
 _MOST_SAMPLES = 200_000_000
 
@@ -59,8 +62,12 @@ class Scene(Section):
         "linear", "", "restoring law of the pendulums: 'linear' for small arcs, 'sine' for real ones"
     )
     pendulums: tuple[Pendulum, ...] = quantity(..., "", "the pendulums, in order", min_length=1, max_length=100)
-    motion: tuple[Motion, ...] = quantity((), "", "terms of the support's acceleration; they add")
+    motion: tuple[Motion, ...] = quantity((), "", "terms of the ship's acceleration; they add")
+    support: Support = quantity(
+        FixedSupport(), "", "what the pendulums hang on: kind = 'fixed', 'beam', 'frame' or 'board'"
+    )
     recording: Recording = quantity(Recording(), "", "what is written down of the motion")
+    simulation: Simulation = quantity(Simulation(), "", "how exactly the motion is computed, and by what")
 
     @field_validator("start_time")
     @classmethod
@@ -78,8 +85,7 @@ class Scene(Section):
         for term in self.motion:
             if term.kind == "near-resonant" and term.pendulum is not None and term.pendulum not in labels:
                 raise ValueError(f"motion names the pendulum {term.pendulum!r}; there are {', '.join(labels)}")
-        if self.restoring == "linear" and any(term.axis == "vertical" for term in self.motion):
-            raise ValueError("a vertical motion acts on real pendulums only; set restoring = 'sine'")
+        check_physics(self)
         for trace in self.traces:
             for label in trace.combination:
                 if label not in labels:

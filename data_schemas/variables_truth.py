@@ -23,5 +23,8 @@ TRUTH: dict[str, Variable] = {
     "forced": Variable(_BOTH, "f8", "rad", "elongation forced by the support"),
     "horizontal_acceleration": Variable(_TIME, "f8", "m s-2", "horizontal acceleration of the support"),
     "vertical_acceleration": Variable(_TIME, "f8", "m s-2", "vertical acceleration of the support, up positive"),
+    "support_displacement": Variable(
+        _TIME, "f8", "m", "displacement of the support that the pendulums move: a beam downwards, others sideways"
+    ),
     "mark_time": Variable(("mark",), "f8", "s", "true time of the time mark, from the start of the record"),
 }

@@ -43,9 +43,9 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
     """
     target = Path(os.path.realpath(path))
     try:
-        _may_write(target, path, overwrite)
+        may_write(target, path, overwrite)
     except OSError as error:
-        raise FileError(f"{shown(path, 400)}: cannot be written, {_reason(error)}") from error
+        raise FileError(f"{shown(path, 400)}: cannot be written, {reason(error)}") from error
     try:
         contents = from_tree(tree)
         contents[""].attrs.pop(ATTRIBUTE, None)
@@ -53,26 +53,60 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
         image = encoded(contents)
     except FileError as error:
         raise FileError(f"{shown(path, 400)}: {error}") from None
-    temporary = target.with_name(f".isochrony-{secrets.token_hex(8)}.part")
+    temporary = beside(target)
     try:
         _flushed(temporary, image)
         _verified(temporary, contents, path)
-        _named(temporary, target, path, overwrite)
+        give_name(temporary, target, path, overwrite)
     except OSError as error:
-        raise FileError(f"{shown(path, 400)}: cannot be written, {_reason(error)}") from error
+        raise FileError(f"{shown(path, 400)}: cannot be written, {reason(error)}") from error
     finally:
         # gone already when it was renamed; a folder that went away took it along
         with contextlib.suppress(OSError):
             temporary.unlink()
 
 
-def _may_write(target: Path, path: str | os.PathLike[str], overwrite: bool) -> None:
+def write_text(text: str, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write a text file that is either whole or not there; UTF-8.
+
+    Raises
+    ------
+    FileError
+        As `write`.
+    """
+    target = Path(os.path.realpath(path))
+    temporary = beside(target)
+    try:
+        may_write(target, path, overwrite)
+        _flushed(temporary, memoryview(text.encode()))
+        give_name(temporary, target, path, overwrite)
+    except OSError as error:
+        raise FileError(f"{shown(path, 400)}: cannot be written, {reason(error)}") from error
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+
+
+def may_write(target: Path, path: str | os.PathLike[str], overwrite: bool) -> None:
+    """Refuse a place where no file can be, or where one is that may not be replaced.
+
+    Raises
+    ------
+    FileError
+    OSError
+        The folder cannot be looked into.
+    """
     if not target.parent.is_dir():
         raise FileError(f"{shown(path, 400)}: its folder does not exist; make the folder first")
     if target.is_dir() or (target.exists() and not target.is_file()):
         raise FileError(f"{shown(path, 400)}: is not an ordinary file; give the path of a file")
     if target.exists() and not overwrite:
         raise _exists(path)
+
+
+def beside(target: Path) -> Path:
+    """A temporary name of its own in the folder of the target."""
+    return target.with_name(f".isochrony-{secrets.token_hex(8)}.part")
 
 
 def _exists(path: str | os.PathLike[str]) -> FileError:
@@ -97,8 +131,16 @@ def _verified(temporary: Path, contents: Contents, path: str | os.PathLike[str])
         raise FileError(f"{shown(path, 400)}: was not written, it would not read back: {told}") from error
 
 
-def _named(temporary: Path, target: Path, path: str | os.PathLike[str], overwrite: bool) -> None:
-    """Give the file its name in one step, and make the folder remember it."""
+def give_name(temporary: Path, target: Path, path: str | os.PathLike[str], overwrite: bool) -> None:
+    """Give a file its name in one step, and make the folder remember it.
+
+    Raises
+    ------
+    FileError
+        A file of that name appeared in the meantime.
+    OSError
+        The file system refuses.
+    """
     if overwrite:
         os.replace(temporary, target)
     else:
@@ -116,5 +158,6 @@ def _named(temporary: Path, target: Path, path: str | os.PathLike[str], overwrit
             os.close(folder)
 
 
-def _reason(error: OSError) -> str:
+def reason(error: OSError) -> str:
+    """What the system says, and the remedy."""
     return f"{error.strerror or shown(error)}; free space, or choose a folder you may write to"

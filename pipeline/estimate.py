@@ -10,8 +10,6 @@ from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics.envelope import Envelope, fill
 from pipeline.harmonics.narrowband import NarrowbandFit, running_integral
 
-_RIDGE = 1e-13  # of the unit diagonal
-
 
 @dataclass(frozen=True)
 class Budget:
@@ -25,12 +23,15 @@ class Budget:
         d n2 / d (n1/n2), rad s-1.
     by_gain : float
         d n2 / d ln(gain of the first pendulum's trace), rad s-1.
+    influence : (k,) complex array
+        g of `d n2 = Re sum conj(g) dD` over the envelope's instants, s-1.
     """
 
     noise_difference: float
     noise_theta: float
     by_ratio: float
     by_gain: float
+    influence: Complexes
 
 
 @dataclass(frozen=True)
@@ -79,30 +80,20 @@ def budget(envelope: Envelope, fit: NarrowbandFit, ratio: float, damping_differe
     Noise of the first pendulum enters through the running integral, hence by the adjoint: the influence of one instant
     of it is the tail sum of the influences of all later instants of the difference.
     """
-    present = np.isfinite(envelope.difference) & (envelope.coverage > 0.0)
-    weight = np.where(present, envelope.coverage, 0.0)
-    elapsed = envelope.time - envelope.time[0]
-    hop = envelope.hop
-    columns = np.sqrt(weight)[:, None] * fit.jacobian
-    stacked = np.concatenate([columns.real, columns.imag])
-    size = np.linalg.norm(stacked, axis=0)
-    stacked = stacked / size
-    influence = np.linalg.solve(stacked.T @ stacked + _RIDGE * np.eye(size.size), stacked.T)[2] / size[2]
-    count = elapsed.size
-    # complex weight per instant: d n2 = Re sum conj(g_k) dD_k
-    g: Complexes = (influence[:count] + 1j * influence[count:]) * np.sqrt(weight)
-    mu = 1j * (fit.frequency - envelope.carrier) - fit.damping_rate
+    weight = np.where(np.isfinite(envelope.difference), envelope.coverage, 0.0)
+    # complex influence per instant: d n2 = Re sum conj(g_k) dD_k
+    g: Complexes = weight * (fit.influence @ fit.jacobian)
+    growth = fit.jacobian[0]
     kappa = 1j * fit.frequency * (ratio - 1.0) - damping_difference
-    growth = np.exp(mu * elapsed)
-    tail = np.cumsum((np.conj(g) * growth)[::-1])[::-1] / growth
-    first = fill(envelope.first)
-    unit_response = growth * running_integral(first / growth, hop)
+    tail = np.cumsum((np.conj(g) * growth)[::-1]) / growth[::-1]
+    # what the first pendulum's envelope does to the difference
+    response = np.conj(g) @ (growth * running_integral(fill(envelope.first) / growth, envelope.hop))
     samples_theta, samples_difference = envelope.samples
-    with np.errstate(divide="ignore"):
-        spread = np.where(weight > 0.0, 1.0 / np.maximum(weight, 1e-300), 0.0)
+    spread = np.abs(g[weight > 0.0]) ** 2 / weight[weight > 0.0]
     return Budget(
-        noise_difference=float(np.sqrt(2.0 / samples_difference * np.sum(np.abs(g) ** 2 * spread))) if count else 0.0,
-        noise_theta=float(np.sqrt(2.0 / samples_theta * np.sum(np.abs(kappa * hop * tail) ** 2))),
-        by_ratio=-float(np.sum(np.conj(g) * 1j * fit.frequency * unit_response).real),
-        by_gain=-float(np.sum(np.conj(g) * kappa * unit_response).real),
+        noise_difference=float(np.sqrt(2.0 / samples_difference * np.sum(spread))),
+        noise_theta=abs(kappa) * envelope.hop * float(np.sqrt(2.0 / samples_theta * np.sum(np.abs(tail) ** 2))),
+        by_ratio=-float((1j * fit.frequency * response).real),
+        by_gain=-float((kappa * response).real),
+        influence=g,
     )

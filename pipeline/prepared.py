@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -53,6 +53,18 @@ class Prepared:
     noise_theta: float
     bridged: float
     bridges: float
+    _finer: dict[int, Floats] = field(default_factory=dict, repr=False, compare=False)
+
+    def finer(self, step: float, factor: int) -> Floats:
+        """The first pendulum on a grid so many times finer than `step`; found once for all copies of this object.
+
+        Copies differ in the difference alone, which turns the frequency that it is found with by next to nothing.
+        """
+        if factor not in self._finer:
+            from pipeline.projection.upsample import upsample
+
+            self._finer[factor] = upsample(self.observation.theta, step, self.rough_first_frequency, factor)
+        return self._finer[factor]
 
     @property
     def nominal(self) -> float:
@@ -171,7 +183,7 @@ class Prepared:
         """
         stated = self.observation.sigma_theta
         noise = self.noise_theta if np.isfinite(self.noise_theta) else fallback if stated is None else stated
-        samples = float(np.isfinite(self.observation.theta).sum())
+        samples = (1.0 - self.bridged) * self.observation.theta.size
         # noise adds up as the root of the number of samples, the error of a bridge as the number
         return shared.noise_theta * float(np.hypot(noise, self.bridges / np.sqrt(samples)))
 
@@ -196,34 +208,34 @@ def prepare(observation: Observation) -> Prepared:
             f"time: {swings:.1f} swings are too few to separate the pendulum's harmonic; "
             f"give at least {LEAST_SWINGS:.0f} swings ({LEAST_SWINGS * 2 * np.pi / nominal:.0f} s)"
         )
-    for name, series in (("first pendulum", observation.theta), ("difference", observation.difference)):
+    for name, series in (("difference", observation.difference), ("first pendulum", observation.theta)):
         readings = int(np.count_nonzero(np.isfinite(series)))
         if readings < 2 * LEAST_SWINGS:
             raise RefusedError(f"record/elongation: the {name} has only {readings} readings")
-    theta, noise = observation.theta, float("nan")
-    bridges = 0.0
+    theta, rejected, noise, bridges = observation.theta, 0, float("nan"), 0.0
     if observation.step is not None:
         step = observation.step
-        theta, _, noise = reject_outliers(theta, step, nominal)
+        theta, rejected, noise = reject_outliers(theta, step, nominal)
         whole = theta
     else:
         step = grid_step(observation.time, nominal)
         whole = to_grid(observation.time, theta, step, nominal)
     if step * nominal < 0.5 * np.pi:
-        whole, spans = bridge(whole, step, nominal, float(np.nan_to_num(noise)))
-        if not np.isfinite(whole).all():
+        filled, spans = bridge(whole, step, nominal, float(np.nan_to_num(noise)))
+        if filled is not whole and not np.isfinite(filled).all():
             raise RefusedError(
                 "record/elongation: the first pendulum has a gap too long to bridge; split the record there"
             )
+        whole = filled
         # a slow error in a bridge acts on the swing for about a radian, however long the bridge is
         swing = 1.0 / (nominal * step)
         bridges = float(np.sqrt(sum((min(length, swing) * error) ** 2 for length, error in spans)))
     return Prepared(
-        observation=replace(observation, theta=theta),
+        observation=observation if theta is observation.theta else replace(observation, theta=theta),
         whole=whole,
         whole_step=step,
         noise_theta=noise,
-        bridged=np.count_nonzero(np.isnan(theta)) / theta.size,
+        bridged=1.0 - (readings - rejected) / theta.size,
         bridges=bridges,
     )
 

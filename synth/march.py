@@ -1,14 +1,19 @@
-"""Evaluating a plan: angles, free harmonics and acceleration at every reading."""
+"""Evaluating a plan: angles, free harmonics and acceleration at every reading, portion by portion."""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from data_schemas.errors import SceneError
+from data_schemas.errors import RefusedError, SceneError
+from synth.choice import NAMES
+from synth.pendulums.starting import start_state
 from synth.phase import Floats, Phasors
 from synth.plan import Plan
+from synth.portions import recut
 from synth.recording.clock import Clock
 
 CLOSED_FORM_ERROR = 1e-15
@@ -27,11 +32,16 @@ class Course:
     free : (pendulums, readings) complex128 or None
         Free harmonics Z, near-resonant beats included, rad; None for the sine law, which does not superpose.
     slow : (pendulums, readings) float64 or None
-        For the sine law: what linear pendulums would answer to the support away from their own frequency, rad.
+        Where `free` is None: what linear pendulums would answer to the support away from their own frequency, rad;
+        None too on a support that yields or is still.
     horizontal_acceleration, vertical_acceleration : (readings,) float64
         m/s^2
     estimated_error : float
         Of theta, relative to the largest angle.
+    propagator : str
+        By what, as the truth calls it.
+    support_displacement : (readings,) float64 or None
+        Of a support that yields, m.
     """
 
     theta: Floats
@@ -40,39 +50,120 @@ class Course:
     horizontal_acceleration: Floats
     vertical_acceleration: Floats
     estimated_error: float
+    propagator: str
+    support_displacement: Floats | None = None
 
 
-def march(plan: Plan, clock: Clock) -> Course:
-    """Evaluate a plan at the clock's moments.
+@dataclass(frozen=True)
+class _Angles:
+    """Of all moments of a portion, recorded or not."""
+
+    rows: Floats
+    """(pendulums, moments) rad; then, on a support that yields, its displacement in m."""
+    estimated_error: float
+    propagator: str
+
+
+def march(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, Course]]:
+    """Evaluate a plan at the clock's moments, portion by portion, in order of time.
+
+    A scene always falls into the same portions, so that a record is the same bits in memory and streamed to a file.
+    Portions without a reading are left out. The last portion's estimated error holds for all.
 
     Raises
     ------
     SceneError
         If the motion is so violent that its course cannot be told.
+    RefusedError
+        If no propagator can do it; the message holds their reasons.
     """
-    w, times, kept = plan.motion.angular_frequency, plan.times, clock.kept
-    moved = (
-        times.series(w, plan.motion.acceleration[None, :])[0, kept],
-        times.series(plan.vertical.angular_frequency, plan.vertical.acceleration[None, :])[0, kept],
-    )
-    if plan.propagator == "closed form":
-        free = np.array([times.free_harmonic(response, w)[kept] for response in plan.responses])
-        return Course(times.elongation(plan.responses, w)[:, kept], free, None, *moved, CLOSED_FORM_ERROR)
-    from synth.propagators.picard import PicardPlan, start_state  # only here: it brings numba
+    rows = len(plan.frequencies)
+    way = {"closed-form": _closed_form, "picard": _picard}.get(plan.choice.propagator, _integrated)
+    for part, angles in zip(clock.portions(rows), way(plan, clock), strict=True):
+        if not angles.estimated_error <= _worst(plan):
+            raise SceneError(
+                "pendulums: the motion is chaotic or nearly so, its estimated error is"
+                f" {angles.estimated_error:.1g} of the angle; make the swing or the acceleration smaller, the duration"
+                " shorter, or give simulation.tolerance if that will do"
+            )
+        if part.count:
+            yield part, _course(plan, part, angles)
 
-    theta, error = PicardPlan(
+
+def _worst(plan: Plan) -> float:
+    return WORST_ERROR if plan.tolerance is None else max(WORST_ERROR, plan.tolerance)
+
+
+def _course(plan: Plan, part: Clock, angles: _Angles) -> Course:
+    """What happened at the readings of a portion, given the angles at all its moments."""
+    w, times, kept = plan.motion.angular_frequency, part.times, part.kept
+    moved = (
+        times.acceleration(plan.motion)[kept],
+        times.acceleration(plan.vertical)[kept],
+    )
+    count = len(plan.frequencies)
+    theta = angles.rows[:count, kept]
+    yielded = angles.rows[count, kept] if len(angles.rows) > count else None
+    free = slow = None
+    if plan.choice.propagator == "closed-form":
+        free = np.array([times.free_harmonic(response, w)[kept] for response in plan.responses])
+    elif plan.responses and (w.size or not plan.choice.integrates):
+        slow = times.slow(plan.responses, w)[:, kept]
+    return Course(theta, free, slow, *moved, angles.estimated_error, angles.propagator, yielded)
+
+
+def _closed_form(plan: Plan, clock: Clock) -> Iterator[_Angles]:
+    for part in clock.portions(len(plan.frequencies)):
+        theta = part.times.elongation(plan.responses, plan.motion.angular_frequency)
+        yield _Angles(theta, CLOSED_FORM_ERROR, plan.propagator)
+
+
+def _picard(plan: Plan, clock: Clock) -> Iterator[_Angles]:
+    """By collocation; from where it refuses or errs too much, by those who may stand in for it."""
+    from synth.propagators.picard import PicardPlan  # only here: it brings numba
+
+    worst = 0.0
+
+    def pieces() -> Iterator[Floats]:
+        nonlocal worst
+        for swing in collocation.stream():  # readings of a clock are in order of time, none before the start
+            worst = max(worst, swing.estimated_error)
+            yield swing.theta
+
+    collocation = PicardPlan(
         np.array([response.frequency for response in plan.responses]),
         np.array([response.damping_rate for response in plan.responses]),
-        np.array([start_state(response, w) for response in plan.responses]),
+        np.array([start_state(response, plan.motion.angular_frequency) for response in plan.responses]),
         plan.motion,
         plan.vertical,
         plan.gravity,
-        times,
-    ).elongation()
-    if not error < WORST_ERROR:
-        raise SceneError(
-            f"pendulums: the motion is chaotic or nearly so, its estimated error is {error:.1g} of the angle; "
-            "make the swing or the acceleration smaller, or the duration shorter"
-        )
-    slow = times.series(w, np.array([response.forced for response in plan.responses]))[:, kept]
-    return Course(theta[:, kept], None, slow, *moved, error)
+        plan.times,
+    )
+    done = 0
+    sizes = (part.times.count for part in clock.portions(len(plan.frequencies)))
+    try:
+        for portion in recut(pieces(), sizes):
+            if not worst <= _worst(plan) and plan.choice.instead:
+                break
+            yield _Angles(portion, worst, plan.propagator)
+            done += 1
+        else:
+            return
+    except RefusedError:
+        if not plan.choice.instead:
+            raise
+    yield from itertools.islice(_integrated(plan, clock), done, None)
+
+
+def _integrated(plan: Plan, clock: Clock) -> Iterator[_Angles]:
+    """By a general integrator, which needs the whole record at once."""
+    from synth.integration import integrated  # only here: it brings numba
+
+    choice = plan.choice
+    able = [choice.propagator, *choice.instead] if choice.integrates else choice.instead
+    moments = Clock(clock.times, slice(None), clock.scale).true_seconds
+    rows, error, name = integrated(plan.assembly(), able, moments, plan.tolerance, choice.aim)
+    begin = 0
+    for part in clock.portions(len(plan.frequencies)):
+        yield _Angles(rows[:, begin : begin + part.times.count], error, NAMES[name])
+        begin += part.times.count

@@ -24,11 +24,13 @@ Integers = NDArray[np.int64]
 Phasors = NDArray[np.complex128]
 
 _WORD = 1 << 64
-_GUARD = 256  # bits behind the point in 1/(2 pi) and in square roots
+_GUARD = 128  # bits behind the point in 1/(2 pi) and in square roots
 _INVERSE_TURN = int(  # 1/(2 pi), 103 digits
     "1591549430918953357688837633725143620344596457404564487476673440588967976342265350901138027662530859560"
 )
 _INVERSE_TURN_SCALE = 10**103
+_REST = 60  # bits of a remainder
+_REST_MASK = (1 << _REST) - 1
 _UNIT = 2.0 * math.pi / _WORD  # rad
 
 
@@ -66,6 +68,11 @@ class Turns:
         angles *= _UNIT
         return angles
 
+    def wrapped(self, index: Integers) -> NDArray[np.uint64]:
+        """Where in its turn each harmonic is after `index` steps, in 2^-64 turn, (harmonics, times)."""
+        rest = np.rint(self.remainder[:, None] * index).astype(np.int64)
+        return self.units[:, None] * index.view(np.uint64) + rest.view(np.uint64)
+
     def phasors(self, index: Integers) -> Phasors:
         """Return exp(i angle) after `index` steps, (harmonics, times)."""
         return phasors(self.angles(index))
@@ -85,7 +92,7 @@ def turns(angular_frequencies: Sequence[float | Fraction], step: Fraction) -> Tu
     Parameters
     ----------
     angular_frequencies
-        rad/s, exact: a double is taken as the number it is.
+        rad/s, exact: a double is taken as the number it is; the denominator of a fraction is a power of two.
     step
         s, exact.
 
@@ -98,22 +105,39 @@ def turns(angular_frequencies: Sequence[float | Fraction], step: Fraction) -> Tu
     >>> bool(abs(angle[0, 0] - math.remainder(25200, 2 * math.pi)) < 3e-12)  # the right side is the poorer
     True
     """
-    pairs = [_turn(frequency, step.numerator, step.denominator) for frequency in angular_frequencies]
-    return Turns(np.array([units for units, _ in pairs], dtype=np.uint64), np.array([rest for _, rest in pairs]))
+    a_radian = _units_a_radian(step.numerator, step.denominator)
+    return _turns([_fixed(frequency, a_radian) for frequency in angular_frequencies])
 
 
-@functools.lru_cache(maxsize=8192)  # one record asks for the same harmonics for its angles, its truth and its motion
-def _turn(frequency: float | Fraction, numerator: int, denominator: int) -> tuple[int, float]:
-    """Units and remainder of one harmonic for a step of numerator/denominator seconds."""
+def rational_turns(turn: Fraction) -> Turns:
+    """Turns of one harmonic that turns by a rational part of a turn in a step."""
+    return _turns([(turn.numerator << 64 + _REST) // turn.denominator])
+
+
+def _turns(fixed: Sequence[int]) -> Turns:
+    units = np.array([each >> _REST & _WORD - 1 for each in fixed], dtype=np.uint64)
+    return Turns(units, np.array([each & _REST_MASK for each in fixed], dtype=np.float64) / (1 << _REST))
+
+
+@functools.lru_cache(maxsize=64)  # one record asks for the same step for its angles, its truth and its motion
+def _units_a_radian(numerator: int, denominator: int) -> int:
+    """Units of 2^-64 turn, with _GUARD bits behind the point, in one step of 1 rad/s."""
+    return (numerator * _INVERSE_TURN << 64 + _GUARD) // (denominator * _INVERSE_TURN_SCALE)
+
+
+def _fixed(frequency: float | Fraction, a_radian: int) -> int:
+    """Units of one harmonic in a step, with _REST bits behind the point."""
     top, bottom = frequency.as_integer_ratio()
-    above = top * numerator * _INVERSE_TURN << 64
-    below = bottom * denominator * _INVERSE_TURN_SCALE
-    units, left = divmod(above, below)
-    return units % _WORD, (left << 60) // below * 2.0**-60
+    return top * a_radian >> _GUARD - _REST - 1 + bottom.bit_length()  # the denominator is a power of two
+
+
+def full_turn(period: Fraction) -> Fraction:
+    """Return 2 pi/period, right to 100 digits."""
+    return Fraction(_INVERSE_TURN_SCALE, _INVERSE_TURN) / period
 
 
 def damped_frequency(frequency: float, damping_rate: float) -> Fraction:
-    """Square root of n^2 - gamma^2, right to 2^-256; as a double it would cost 2e-12 rad in an hour."""
-    square = Fraction(frequency) ** 2 - Fraction(damping_rate) ** 2
-    scaled = (square.numerator << 2 * _GUARD) // square.denominator
-    return Fraction(math.isqrt(scaled), 1 << _GUARD)
+    """Square root of n^2 - gamma^2, right to 2^-128; as a double it would cost 2e-12 rad in an hour."""
+    (top, bottom), (loss, below) = frequency.as_integer_ratio(), damping_rate.as_integer_ratio()
+    square = (top * below) ** 2 - (loss * bottom) ** 2
+    return Fraction(math.isqrt(square << 2 * _GUARD), bottom * below << _GUARD)

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-import math
+import functools
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from data_schemas.errors import SceneError
+from data_schemas.errors import RefusedError, SceneError
 from data_schemas.scene import Scene
+from data_schemas.scene_checks import frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
+from synth.choice import NAMES, Choice, chosen_at_sight, chosen_by_rates
 from synth.motion.harmonic_sum import HarmonicSum, add
 from synth.motion.harmonics import harmonics
 from synth.motion.near_resonant import near_resonant
 from synth.motion.sea import sea
 from synth.motion.tabulated import tabulated
+from synth.needs import needs
 from synth.pendulums.linear import Response, respond
 from synth.propagators.even import EvenTimes
 from synth.propagators.uneven import UnevenTimes
 from synth.recording.clock import Clock
 from synth.seeds import generator
+
+if TYPE_CHECKING:
+    from synth.assembly import Assembly  # it brings numba
 
 
 @dataclass(frozen=True)
@@ -32,21 +37,36 @@ class Plan:
     gravity : float
         m/s^2
     motion, vertical : HarmonicSum
-        Horizontal and vertical acceleration of the support; an empty sum where it is still.
+        Horizontal and vertical acceleration of the ship; an empty sum where it is still.
+    frequencies, damping_rates : tuple of float
+        n in rad/s at infinitesimal arc on a rigid support, gamma in 1/s.
     responses : tuple of Response
-        Linear answer of each pendulum.
+        Linear answer of each pendulum; none on a support that yields, or where a pendulum creeps.
     times : EvenTimes or UnevenTimes
         When.
-    propagator : str
-        "closed form", or "Picard collocation" for the sine law.
+    choice : Choice
+        By what, and why.
+    tolerance : float or None
+        Error wanted, of the largest angle; None for the least that can be had.
+    assembly : callable
+        Builds the equations of motion, for general integrators only: it imports the compiler. Once built, they stay.
     """
 
     gravity: float
     motion: HarmonicSum
     vertical: HarmonicSum
+    frequencies: tuple[float, ...]
+    damping_rates: tuple[float, ...]
     responses: tuple[Response, ...]
     times: EvenTimes | UnevenTimes
-    propagator: Literal["closed form", "Picard collocation"]
+    choice: Choice
+    tolerance: float | None
+    assembly: Callable[[], Assembly]
+
+    @property
+    def propagator(self) -> str:
+        """Its name in the truth, such as "closed form"."""
+        return NAMES[self.choice.propagator]
 
 
 def plan(scene: Scene, clock: Clock) -> Plan:
@@ -55,30 +75,50 @@ def plan(scene: Scene, clock: Clock) -> Plan:
     Raises
     ------
     SceneError
-        If a tabulated motion cannot be read or does not cover the record, or a pendulum would not swing.
+        If a tabulated motion cannot be read or does not cover the record, or no propagator can do what is asked.
     """
-    frequencies = [
-        2 * math.pi / pendulum.period * math.sqrt(scene.gravity / scene.reference_gravity)
-        for pendulum in scene.pendulums
-    ]
+    frequencies = [frequency(scene, pendulum) for pendulum in scene.pendulums]
     motion, vertical = (_motion(scene, frequencies, clock, axis) for axis in ("horizontal", "vertical"))
-    responses = []
-    for pendulum, frequency in zip(scene.pendulums, frequencies, strict=True):
-        if pendulum.damping_rate >= frequency / 2:
-            raise SceneError(
-                f"pendulums: {pendulum.label!r} has damping_rate = {pendulum.damping_rate:g} 1/s and hardly"
-                f" swings at {frequency:g} rad/s; make the rate less than half the frequency"
-            )
-        responses.append(respond(frequency, pendulum.damping_rate, pendulum.start, motion, scene.gravity))
-    linear = scene.restoring == "linear"
+
+    @functools.cache
+    def assembly() -> Assembly:
+        from synth.assembly import assemble
+
+        try:
+            return assemble(scene, frequencies, motion, vertical)
+        except RefusedError as refusal:
+            raise SceneError(str(refusal)) from None
+
     return Plan(
         scene.gravity,
         motion,
         vertical,
-        tuple(responses),
+        tuple(frequencies),
+        tuple(pendulum.damping_rate for pendulum in scene.pendulums),
+        _responses(scene, frequencies, motion),
         clock.times,
-        "closed form" if linear else "Picard collocation",
+        _choice(scene, assembly, max(frequencies)),
+        scene.simulation.tolerance,
+        assembly,
     )
+
+
+def _responses(scene: Scene, frequencies: list[float], motion: HarmonicSum) -> tuple[Response, ...]:
+    pairs = list(zip(scene.pendulums, frequencies, strict=True))
+    if scene.support.kind != "fixed" or any(each.damping_rate >= own for each, own in pairs):
+        return ()
+    return tuple(respond(own, each.damping_rate, each.start, motion, scene.gravity) for each, own in pairs)
+
+
+def _choice(scene: Scene, assembly: Callable[[], Assembly], fastest_swing: float) -> Choice:
+    asked = needs(scene)
+    choice = chosen_at_sight(scene.simulation.propagator, asked)
+    if choice is not None:
+        return choice
+    from synth.systems.rates import fastest_rate  # only here: it brings numba
+
+    made = assembly()
+    return chosen_by_rates(asked, fastest_rate(made.system, made.start) * made.time_scale, fastest_swing)
 
 
 def _motion(scene: Scene, frequencies: list[float], clock: Clock, axis: str) -> HarmonicSum:
@@ -103,5 +143,5 @@ def _motion(scene: Scene, frequencies: list[float], clock: Clock, axis: str) -> 
                 seed, name = (scene.seed, f"sea {seas}") if term.seed is None else (term.seed, "sea")
                 terms.append(sea(term, scene.gravity, generator(seed, name)))
             case _:
-                terms.append(tabulated(term, float(np.max(clock.true_seconds, initial=0.0))))
+                terms.append(tabulated(term, clock.true_end))
     return add(terms)

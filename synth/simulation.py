@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import xarray as xr
+from typing import TYPE_CHECKING
 
+from data_schemas.contents import to_tree
 from data_schemas.scene import Scene
-from synth.march import march
-from synth.plan import plan
-from synth.recording.clock import set_clock
-from synth.recording.observe import observe
-from synth.truth import reveal
+from synth.streaming import simulated
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:
@@ -36,6 +36,10 @@ def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:
         If the scene asks for what cannot be: a table that is not there or too short, a pendulum that does not
         swing.
 
+    See Also
+    --------
+    synth.simulate_to : straight to files, in bounded memory.
+
     Examples
     --------
     >>> from data_schemas.scene import load_scene
@@ -44,7 +48,5 @@ def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:
     >>> record["record/elongation"].sizes["time"]
     45000
     """
-    clock = set_clock(scene)
-    the_plan = plan(scene, clock)
-    course = march(the_plan, clock)
-    return observe(scene, clock, course), reveal(scene, clock, the_plan, course)
+    record, truth = simulated(scene)
+    return to_tree(record), to_tree(truth)

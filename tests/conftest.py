@@ -6,16 +6,11 @@ import os
 
 import pytest
 
-UNDER_CONSTRUCTION = ("tests/synth/integrators/", "tests/synth/systems/")
-"""The engine for driven and stiff systems: nothing uses it yet, and it takes minutes to compile."""
-
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     compiles = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
     skip = pytest.mark.skip(reason="needs compiled kernels; NUMBA_DISABLE_JIT is set")
     for item in items:
-        if any(part in item.path.as_posix() for part in UNDER_CONSTRUCTION):
-            item.add_marker(pytest.mark.campaign)
         if not compiles and (item.get_closest_marker("compiled") or item.get_closest_marker("campaign")):
             item.add_marker(skip)

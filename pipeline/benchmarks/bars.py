@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from pipeline.benchmarks import bars_accuracy, bars_speed, bars_statistics, bars_suites
+from pipeline.benchmarks import bars_accuracy, bars_integrators, bars_speed, bars_statistics, bars_suites
 from pipeline.benchmarks.bar import Row
 
 
@@ -15,3 +15,4 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     yield from bars_suites.rows()
     yield from bars_statistics.rows(quick=quick)
     yield from bars_speed.rows(quick=quick)
+    yield from bars_integrators.rows(quick=quick)

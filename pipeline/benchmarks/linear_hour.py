@@ -95,8 +95,11 @@ def closed_form(given: Task, moved: HarmonicSum | None = None) -> Floats:
     return EvenTimes(Fraction(1, RATE), given.seconds * RATE).elongation(responses, moved.angular_frequency)
 
 
-def reference(given: Task, rows: NDArray[np.int64]) -> Floats:
-    """Angles at some readings in 40 digits: steady answer of every harmonic, the rest by the start; (2, rows)."""
+def reference(given: Task, rows: NDArray[np.int64], *, rounded: bool = False) -> Floats:
+    """Angles at some readings in 40 digits: steady answer of every harmonic, the rest by the start; (2, rows).
+
+    `rounded`: at the instants as doubles, 1e-13 s off within an hour, which is what general integrators are told.
+    """
     mpmath: Any = import_module("mpmath")
     mp, mpc, mpf = mpmath.mp, mpmath.mpc, mpmath.mpf
     out = np.empty((2, rows.size))
@@ -114,7 +117,7 @@ def reference(given: Task, rows: NDArray[np.int64]) -> Floats:
             rising = speed - mp.fsum(mp.re(mpc(0, w) * c) for w, c in steady)
             free = mpc(left, -(rising + gamma * left) / lam.imag)
             for j, row in enumerate(rows):
-                t = mpf(int(row)) / RATE
+                t = mpf(float(given.time[row])) if rounded else mpf(int(row)) / RATE
                 value = mp.re(free * mp.exp(lam * t)) + mp.fsum(mp.re(c * mp.expj(w * t)) for w, c in steady)
                 out[k, j] = float(value)
     return out

@@ -1,8 +1,8 @@
-"""Suite `stability`: every method on every extreme record; a value with its error, or refused by name, never silently
-wrong.
+"""Suite `stability`: every method on every extreme record, and every propagator on every extreme motion; a value with
+its error, or refused by name, never silently wrong.
 
-A cell is right if its error lies within five of its sigmas or if it carries a flag that says what is wrong. Which cells
-may refuse is written down here beforehand.
+A cell of the records is right if its error lies within five of its sigmas or if it carries a flag that says what is
+wrong. Which cells may refuse is written down here beforehand; for the motions, in `stability_expected`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from data_schemas.errors import IsochronyError
+from pipeline.benchmarks import stability_matrix
+from pipeline.benchmarks.csv_table import write
 from pipeline.benchmarks.extremes import Extreme, extremes
 from pipeline.benchmarks.progress import progress
 from pipeline.gravity import MGAL
@@ -52,9 +54,21 @@ MAY_REFUSE: Mapping[str, tuple[tuple[str, ...], str]] = {
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
-    """Yield one row a record, one cell a method (errors in mGal). Quick and full are the same."""
+    """Yield one row a record, one cell a method (errors in mGal); then one row a motion, one cell a propagator.
+
+    Quick and full are the same. With a folder: both matrices as CSV.
+    """
+    records = []
     for extreme in progress(extremes(), "stability"):
-        yield judge(extreme, reduce(extreme))
+        records.append(judge(extreme, reduce(extreme)))
+        yield records[-1]
+    motions = []
+    for row in stability_matrix.rows():
+        motions.append(row)
+        yield row
+    if folder is not None:
+        write(folder / "stability-records.csv", records)
+        write(folder / "stability-motions.csv", motions)
 
 
 def reduce(extreme: Extreme) -> dict[str, dict[str, Any]]:

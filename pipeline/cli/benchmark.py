@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,11 @@ SUITES = {
         "residual of every method on every kind of scene, in mGal",
     ),
     "paper": ("pipeline.benchmarks.paper", "the source paper's own figures, reproduced"),
-    "stability": ("pipeline.benchmarks.stability", "methods on extreme records: a value, or refused by name"),
-    "integrators": ("pipeline.benchmarks.propagators", "propagators against general integrators: time and error"),
+    "stability": (
+        "pipeline.benchmarks.stability",
+        "methods and propagators on extreme cases: a value, or refused by name",
+    ),
+    "integrators": ("pipeline.benchmarks.integrators", "propagators against general integrators: time and error"),
     "speed": ("pipeline.benchmarks.speed", "estimation and the command line against what they replace or import"),
     "leave-out": ("pipeline.benchmarks.leave_out", "what `process` imports and spends, method by method"),
     "bars": ("pipeline.benchmarks.bars", "every promised accuracy and speed: bar, value, limit, pass"),
@@ -66,7 +70,10 @@ def run(options: argparse.Namespace) -> int:
         if options.json:
             print_json(row)
     if not options.json:
-        print_table(rows)
+        for number, (_, table) in enumerate(groupby(rows, key=tuple)):
+            if number:
+                print()
+            print_table(list(table))
     judged = [bool(row["pass"]) for row in rows if row.get("pass") is not None]
     if all(judged):
         return 0

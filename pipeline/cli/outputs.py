@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from data_schemas.errors import UsageError
@@ -79,3 +80,25 @@ def make_folder(output: Path) -> None:
         output.parent.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
         raise UsageError(f"{output.parent}: cannot be created ({fault.strerror}); choose another with -o") from fault
+
+
+@contextlib.contextmanager
+def folder_for_output(folder: Path) -> Iterator[None]:
+    """Create a folder, with those above it, for what is written inside; what stays empty goes again.
+
+    Raises
+    ------
+    UsageError
+        It cannot be created.
+    """
+    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise UsageError(f"{folder}: cannot be created ({fault.strerror}); choose another with -o") from fault
+    try:
+        yield
+    finally:
+        for each in missing:  # the deepest first
+            with contextlib.suppress(OSError):  # not empty: something was written
+                each.rmdir()

@@ -4,23 +4,39 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pipeline.cli.outputs import make_folder, place, refuse_clashes, stem
-from pipeline.cli.parser import whole_number
+from data_schemas.errors import UsageError
+from pipeline.cli import simulate_ensemble
+from pipeline.cli.outputs import folder_for_output, place, refuse_clashes, stem
+from pipeline.cli.parser import number, whole_number
+from pipeline.cli.simulate_progress import progress
+from pipeline.cli.termination import orderly
+
+if TYPE_CHECKING:
+    from data_schemas.scene import Scene
 
 _DESCRIPTION = """\
-Simulate a scene (TOML): pendulums, motion of the support and recording, exactly and from the scene's seed.
+Simulate a scene (TOML): pendulums, their support, the ship's motion and the recording, from the scene's seed.
+The propagator is chosen by what the scene names; --explain tells which, and why, and simulates nothing.
 
 Two files are written: NAME.record.nc, what the instrument saw (elongations in rad against time in s), and
 NAME.truth.nc, what it should have found (gravity in m/s2, frequencies in rad/s): processing never reads it.
-A scene that ships with the package may be named without a path, such as `demo`."""
+A scene that ships with the package may be named without a path, such as `demo`. Long records go to disk as
+they are made: memory does not grow with them.
+
+With --ensemble N there are N members: NAME-0001.record.nc and NAME-0001.truth.nc and so on in one folder, and
+the table NAME.ensemble.csv of their seeds and of what varies. Member 7 is the same whatever N is. Started
+again after an interrupt, it keeps the members that are there and whole."""
 
 _EXAMPLES = """\
 examples:
   isochrony simulate ship.toml                    ship.record.nc and ship.truth.nc beside the scene
   isochrony simulate ship.toml --seed 7 -o out/   another noise, in the folder out
-  isochrony simulate demo -o night.record.nc      the shipped scene; the truth goes to night.truth.nc"""
+  isochrony simulate demo -o night.record.nc      the shipped scene; the truth goes to night.truth.nc
+  isochrony simulate clocks-on-beam --explain     terms, propagator, why, expected error
+  isochrony simulate escapement --tolerance 1e-9  quicker, and no better than asked
+  isochrony simulate demo --ensemble 100 --vary pendulums.0.start.phase=0:6.28 --vary gravity=9.78:9.83"""
 
 
 def add_parser(verbs: Any) -> argparse.ArgumentParser:
@@ -34,33 +50,66 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
     parser.add_argument("scene", metavar="SCENE", help="scene file (TOML), or the name of a shipped scene")
     parser.add_argument("-o", dest="out", metavar="PATH", help="record file, or folder for both files (ends with /)")
     parser.add_argument("--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own")
+    parser.add_argument(
+        "--tolerance",
+        type=_tolerance,
+        metavar="ERROR",
+        help="largest error wanted, of the largest angle, 1e-15 to 0.01; instead of the scene's own",
+    )
     parser.add_argument("--force", action="store_true", help="overwrite existing outputs")
+    simulate_ensemble.add_options(parser)
+    parser.add_argument("--explain", action="store_true", help="tell what would be computed, how and why, and leave")
+    parser.add_argument("--json", action="store_true", help="with --explain: one JSON object")
     return parser
 
 
 def run(options: argparse.Namespace) -> int:
     """Simulate the scene and write both files."""
-    import data_schemas
     import synth
 
-    path, out = _find(options.scene, options.out)
+    simulate_ensemble.check_options(options)
+    path, out = _find(options.scene, options.out, options.ensemble is None)
+    if options.json and not options.explain:
+        raise UsageError("simulate: --json goes with --explain; add it, or leave --json out")
+    if options.explain:
+        from pipeline.cli.simulate_explain import print_explanation
+
+        print_explanation(_scene(path, options), as_json=options.json)
+        return 0
+    if options.ensemble is not None:
+        return simulate_ensemble.run(options, _scene(path, options), path, out)
     record_path = place([path], out, ".record.nc")[0]
     truth_path = record_path.with_name(stem(record_path) + ".truth.nc")
     refuse_clashes([path], [record_path, truth_path], force=options.force)
-    scene = data_schemas.load_scene(path)
-    if options.seed is not None:
-        scene = scene.model_copy(update={"seed": options.seed})
-    record, truth = synth.simulate(scene)
-    make_folder(record_path)
-    data_schemas.write(record, record_path, overwrite=options.force)
-    data_schemas.write(truth, truth_path, overwrite=options.force)
-    traces = ", ".join(str(label) for label in record["record"].dataset["trace"].values)
-    print(f"{record_path}: {record.sizes['time']} samples of {traces}")
-    print(f"{truth_path}: gravity {float(truth['truth']['gravity']):.8f} m/s2")
+    scene = _scene(path, options)
+    with orderly(), folder_for_output(record_path.parent), progress(scene.record_id, " samples") as draw:
+        samples = synth.simulate_to(scene, record_path, truth_path, overwrite=options.force, progress=draw)
+    print(f"{record_path}: {samples} samples of {', '.join(trace.name for trace in scene.traces)}")
+    print(f"{truth_path}: gravity {scene.gravity:.8f} m/s2")
     return 0
 
 
-def _find(name: str, out: str | None) -> tuple[Path, str | None]:
+def _scene(path: Path, options: argparse.Namespace) -> Scene:
+    """The scene, with what the options say instead."""
+    import data_schemas
+
+    scene = data_schemas.load_scene(path)
+    if options.seed is not None:
+        scene = scene.model_copy(update={"seed": options.seed})
+    if options.tolerance is not None:
+        simulation = scene.simulation.model_copy(update={"tolerance": options.tolerance})
+        scene = scene.model_copy(update={"simulation": simulation})
+    return scene
+
+
+def _tolerance(word: str) -> float:
+    value = number("--tolerance", above=0.0)(word)
+    if not 1e-15 <= value <= 1e-2:
+        raise UsageError(f"--tolerance wants a relative error from 1e-15 to 0.01, not '{word}'")
+    return value
+
+
+def _find(name: str, out: str | None, is_single: bool) -> tuple[Path, str | None]:
     """Path of the scene, and `-o`: outputs of a shipped scene go to the present folder, not the package."""
     path = Path(name)
     if path.is_file() or path.suffix or path.parent != Path("."):
@@ -68,4 +117,4 @@ def _find(name: str, out: str | None) -> tuple[Path, str | None]:
     import synth
 
     shipped = Path(synth.scene_path(name))
-    return shipped, out if out is not None else f"./{name}.record.nc"
+    return shipped, out if out is not None else f"./{name}.{'record.nc' if is_single else 'ensemble'}"

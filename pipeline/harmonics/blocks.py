@@ -12,6 +12,7 @@ import numpy as np
 
 from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics.envelope import Envelope, window_length
+from synth.kernels.compiled import summing_kernel
 
 Series = tuple[Floats, Floats]
 """Times and values."""
@@ -46,7 +47,7 @@ def block_envelope(
     length = window_length(frequency, mean_step, BLOCK_SECONDS, duration)
     if step is not None:
         rows = max(4, round(length / step))
-        centres, coefficients, counts = _uniform(np.stack([first, difference]), step, rows, frequency)
+        centres, coefficients, counts = _uniform((first, difference), step, rows, frequency)
         length = rows * step
     else:
         first_time = time if first_step is None else np.arange(first.size) * first_step
@@ -54,11 +55,11 @@ def block_envelope(
         edges = np.arange(0.0, duration - 0.5 * length, length)
         centres, coefficients, counts = _uneven(pairs, edges, length, frequency)
         rows = max(4, round(length / mean_step))
-    carrier = np.exp(-1j * frequency * centres)
-    amplitude = (coefficients[:, :, 0] - 1j * coefficients[:, :, 1]) * carrier
+    carrier = np.cos(frequency * centres) - 1j * np.sin(frequency * centres)
+    amplitude = (coefficients[:, 0] - 1j * coefficients[:, 1]) * carrier
     coverage = counts / rows
     amplitude[coverage < LEAST_COVERAGE] = np.nan
-    speed = np.stack([_gradient(row, length) for row in amplitude])
+    speed = _gradient(amplitude, length)
     return Envelope(
         time=centres,
         carrier=frequency,
@@ -66,8 +67,8 @@ def block_envelope(
         difference=amplitude[1],
         first_speed=speed[0],
         difference_speed=speed[1],
-        slow=coefficients[:, :, 2],
-        slow_speed=coefficients[:, :, 3] / (0.5 * length),
+        slow=coefficients[:, 2],
+        slow_speed=coefficients[:, 3] / (0.5 * length),
         coverage=np.minimum(coverage[1], 1.0),
         samples=counts.mean(axis=1),
         noise_gain=2.0 / rows,
@@ -82,30 +83,49 @@ def _basis(tau: Floats, half: float, frequency: float) -> Floats:
 def _complete_block(rows: int, step: float, frequency: float) -> tuple[Floats, Floats]:
     """Basis of a block without gaps, and what turns its samples into coefficients."""
     basis = _basis((np.arange(rows) - 0.5 * (rows - 1)) * step, 0.5 * rows * step, frequency)
-    return basis, np.linalg.pinv(basis).T
+    return basis, np.linalg.pinv(basis).copy()
 
 
-def _uniform(series: Floats, step: float, rows: int, frequency: float) -> tuple[Floats, Floats, Floats]:
-    count = series.shape[1] // rows
+def _uniform(series: Sequence[Floats], step: float, rows: int, frequency: float) -> tuple[Floats, Floats, Floats]:
+    count = series[0].size // rows
     basis, inverse = _complete_block(rows, step, frequency)
-    blocks = series[:, : count * rows].reshape(2, count, rows)
-    coefficients = blocks @ inverse
+    coefficients = np.empty((2, 4, count))
     counts = np.full((2, count), float(rows))
-    for which, block in zip(*np.nonzero(np.isnan(coefficients[:, :, 0])), strict=True):
-        coefficients[which, block], counts[which, block] = _fit(basis, blocks[which, block])
+    for which, values in enumerate(series):
+        fit_blocks(values, inverse, coefficients[which])
+        for block in np.flatnonzero(np.isnan(coefficients[which, 0])):
+            part = values[block * rows : (block + 1) * rows]
+            coefficients[which, :, block], counts[which, block] = _fit(basis, part)
     return (np.arange(count) + 0.5) * rows * step - 0.5 * step, coefficients, counts
+
+
+@summing_kernel
+def fit_blocks(values: Floats, inverse: Floats, out: Floats) -> None:
+    """`out[i, b] = sum_m inverse[i, m] values[b rows + m]`, inverse (4, rows), out (4, blocks)."""
+    rows = inverse.shape[1]
+    i0, i1, i2, i3 = inverse[0], inverse[1], inverse[2], inverse[3]
+    for block in range(out.shape[1]):
+        part = values[block * rows : (block + 1) * rows]
+        s0 = s1 = s2 = s3 = 0.0
+        for m in range(rows):
+            value = part[m]
+            s0 += i0[m] * value
+            s1 += i1[m] * value
+            s2 += i2[m] * value
+            s3 += i3[m] * value
+        out[0, block], out[1, block], out[2, block], out[3, block] = s0, s1, s2, s3
 
 
 def _uneven(series: Sequence[Series], edges: Floats, length: float, frequency: float) -> tuple[Floats, Floats, Floats]:
     centres = edges + 0.5 * length
-    coefficients = np.full((2, edges.size, 4), np.nan)
+    coefficients = np.full((2, 4, edges.size), np.nan)
     counts = np.zeros((2, edges.size))
     for which, (time, values) in enumerate(series):
         bounds = np.searchsorted(time, np.append(edges, edges[-1] + length))
         for block, centre in enumerate(centres):
             part = slice(bounds[block], bounds[block + 1])
             basis = _basis(time[part] - centre, 0.5 * length, frequency)
-            coefficients[which, block], counts[which, block] = _fit(basis, values[part])
+            coefficients[which, :, block], counts[which, block] = _fit(basis, values[part])
     return centres, coefficients, counts
 
 
@@ -118,4 +138,10 @@ def _fit(basis: Floats, values: Floats) -> tuple[Floats, int]:
 
 
 def _gradient(values: Complexes, hop: float) -> Complexes:
-    return np.gradient(values, hop) if values.size > 1 else np.zeros_like(values)
+    """Central differences along the rows, one-sided at the ends."""
+    slope = np.zeros_like(values)
+    if values.shape[1] > 1:
+        slope[:, 1:-1] = (values[:, 2:] - values[:, :-2]) * (0.5 / hop)
+        slope[:, 0] = (values[:, 1] - values[:, 0]) / hop
+        slope[:, -1] = (values[:, -1] - values[:, -2]) / hop
+    return slope

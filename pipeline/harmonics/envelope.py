@@ -35,6 +35,9 @@ class Envelope:
         Number of samples of first pendulum and difference that each instant stands for (hop x rate x coverage).
     noise_gain : float
         Variance of one component of an envelope (mean of the two) per variance of white reading noise, complete window.
+    taps : (m,) complex array or None
+        Weights of a complete window's readings in the amplitude, counted from its own centre, where it is known to
+        be the same for all: hop/step readings from window to window.
     """
 
     time: Floats
@@ -48,6 +51,19 @@ class Envelope:
     coverage: Floats
     samples: Floats
     noise_gain: float
+    taps: Complexes | None = None
+
+    def influence(self, by_instant: Complexes, count: int, every: int) -> Floats:
+        """Influence of every reading of the difference on `Re sum conj(by_instant) D`, (count,); needs `taps`.
+
+        Counting each instant's noise as white and round is right only where the image of the harmonic is far off.
+        """
+        assert self.taps is not None
+        out = np.zeros(count)
+        turned = np.conj(by_instant) * np.exp(-1j * self.carrier * self.time)
+        for k, weight in enumerate(turned):
+            out[k * every : k * every + self.taps.size] += (weight * self.taps).real
+        return out
 
     @property
     def share(self) -> Complexes:

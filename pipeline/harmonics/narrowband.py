@@ -21,17 +21,16 @@ from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics import narrowband_kernels as kernels
 from pipeline.harmonics.envelope import fill
 
-_ITERATIONS = 12
-_RIDGE = 1e-13  # of the unit diagonal
 _SCAN_STEP = 1.0  # rad over the record between starts that are tried
 _SCAN_FROM = 4.0  # rad over the record that the correction may reach before more than one start is tried
 
 
 @dataclass(frozen=True)
 class NarrowbandFit:
-    """Result of the fit; `jacobian` has columns (Re D0, Im D0, n2, gamma2), of the complex model.
+    """Result of the fit.
 
-    `slope` is that of the phase before any correction, less the carrier, rad s-1.
+    `jacobian` (4, k) is that of the complex model by (Re D0, Im D0, n2, gamma2); its weighted products with a residual
+    change n2 by `influence` (4,). `slope` is that of the phase before any correction, less the carrier, rad s-1.
     """
 
     frequency: float
@@ -40,7 +39,7 @@ class NarrowbandFit:
     start: complex
     model: Complexes
     jacobian: Complexes
-    residual: Complexes
+    influence: Floats
     squares: float
 
 
@@ -49,14 +48,6 @@ def running_integral(values: Complexes, hop: float) -> Complexes:
     out = np.empty(values.size, dtype=np.complex128)
     kernels.running_integral(np.asarray(values, dtype=np.complex128), hop, out)
     return out
-
-
-def phase_slope(time: Floats, envelope: Complexes, weight: Floats) -> tuple[float, Floats]:
-    """Weighted regression of the unwrapped phase: slope (rad s-1), and the phase (NaN where missing)."""
-    present = np.isfinite(envelope) & (weight > 0.0)
-    phase = np.full(envelope.size, np.nan)
-    phase[present] = np.unwrap(np.angle(envelope[present]))
-    return regression(time[present], phase[present], weight[present] * np.abs(envelope[present]) ** 2), phase
 
 
 def regression(time: Floats, values: Floats, weight: Floats) -> float:
@@ -103,55 +94,36 @@ def fit_narrowband(
     tolerance : float
         Relative step of the frequency at which the iteration stops.
     """
-    present = np.isfinite(difference) & (weight > 0.0)
-    root = np.sqrt(np.where(present, weight, 0.0))
-    data = np.where(present, difference, 0.0)
+    weight = np.where(np.isfinite(difference), weight, 0.0)
+    data = np.where(weight > 0.0, difference, 0.0)
     first, first_speed = fill(first), fill(first_speed)
     known = np.zeros(time.size, dtype=np.complex128) if forcing is None else fill(forcing)
     hop, length = float(time[1] - time[0]), float(time[-1] - time[0])
+    constants = (carrier, ratio, damping_difference)
+    series = (data, weight, first, first_speed, known, hop, constants)
     model = np.empty(time.size, dtype=np.complex128)
-    jacobian = np.empty((time.size, 4), dtype=np.complex128)
-    normal, right = np.empty((4, 4)), np.empty(4)
-    drive_slope = 1j * (ratio - 1.0) * first
-    free = 4 if damping_rate is None else 3
-
-    def sweep(frequency: float, gamma: float) -> tuple[complex, float]:
-        decay = gamma + damping_difference
-        own = float(np.sqrt(ratio**2 * (frequency**2 + gamma**2) - decay**2))  # damped frequency of the first
-        # Z1 + Xi, where Xi = 3/(2 i w1) (Z1' - (i w1 - gamma1) Z1) vanishes for a free swing; both are analytic signals
-        drive = first * (1.0 + 1.5 * complex(carrier - own, -decay) / own) - 1.5j / own * first_speed
-        mu = complex(-gamma, frequency - carrier)
-        kappa = complex(-damping_difference, own - frequency)
-        found: tuple[complex, float] = kernels.sweep(
-            data, root, drive, drive_slope, known, hop, mu, kappa, model, jacobian, normal, right
-        )
-        return found
-
+    jacobian = np.empty((4, time.size), dtype=np.complex128)
+    inverse = np.empty((4, 4))
     gamma = 0.0 if damping_rate is None else damping_rate
-    slope, _ = phase_slope(time, np.where(present, difference, np.nan), weight)
+    slope = float(kernels.phase_slope(time, data, weight))
     frequency = carrier + slope
     span = 2.0 * abs(frequency * (ratio - 1.0)) * length
     if span > _SCAN_FROM:  # the correction may hide whole turns of phase: try every start
         steps = int(np.ceil(span / _SCAN_STEP))
         trials = frequency + np.arange(-steps, steps + 1) * (_SCAN_STEP / length)
-        frequency = float(trials[np.argmin([sweep(trial, gamma)[1] for trial in trials])])
-
-    for _ in range(_ITERATIONS):
-        start, squares = sweep(frequency, gamma)
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(normal)[:free], 1e-300))
-        scaled = normal[:free, :free] * scale[:, None] * scale + _RIDGE * np.eye(free)
-        update = scale * np.linalg.solve(scaled, right[:free] * scale)
-        if abs(update[2]) < tolerance * carrier:
-            break
-        frequency += float(update[2])
-        gamma += float(update[3]) if free == 4 else 0.0
+        spare = model, jacobian, inverse, np.empty(4)
+        frequency = float(trials[np.argmin([kernels.sweep(*series, trial, gamma, *spare)[1] for trial in trials])])
+    free = 4 if damping_rate is None else 3
+    frequency, gamma, start, squares = kernels.descend(
+        *series, frequency, gamma, free, tolerance * carrier, model, jacobian, inverse
+    )
     return NarrowbandFit(
         frequency=frequency,
         slope=slope,
         damping_rate=gamma,
         start=start,
         model=model,
-        jacobian=jacobian[:, :free],
-        residual=np.where(present, difference - model, np.nan),
+        jacobian=jacobian,
+        influence=inverse[2],
         squares=squares,
     )

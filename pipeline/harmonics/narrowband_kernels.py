@@ -1,11 +1,14 @@
-"""Compiled sweep of the complex form: model, best start, residual and Jacobian for one trial of (n2, gamma2)."""
+"""Compiled fit of the complex form: model, best start, residual and Jacobian for one trial of (n2, gamma2); descent."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from pipeline.arrays import Complexes, Floats
+from pipeline.projection.small import invert
 from synth.kernels.compiled import kernel
+
+ITERATIONS = 12
 
 
 @kernel
@@ -27,80 +30,149 @@ def running_integral(values: Complexes, hop: float, out: Complexes) -> None:
 
 
 @kernel
-def sweep(
+def phase_slope(time: Floats, envelope: Complexes, weight: Floats) -> float:
+    """Regression of the unwrapped phase with weights times |envelope|^2; an instant without weight is not looked at."""
+    phase = np.empty(time.size)
+    last = total = centre = 0.0
+    for k in range(time.size):
+        if weight[k] > 0.0:
+            angle = np.angle(envelope[k])
+            last += (angle - last + np.pi) % (2.0 * np.pi) - np.pi
+            phase[k] = last
+            square = weight[k] * (envelope[k].real ** 2 + envelope[k].imag ** 2)
+            total += square
+            centre += square * time[k]
+    centre /= total
+    top = bottom = 0.0
+    for k in range(time.size):
+        if weight[k] > 0.0:
+            square = weight[k] * (envelope[k].real ** 2 + envelope[k].imag ** 2)
+            top += square * (time[k] - centre) * phase[k]
+            bottom += square * (time[k] - centre) ** 2
+    return top / bottom
+
+
+@kernel
+def descend(
     data: Complexes,
-    root: Floats,
-    drive: Complexes,
-    drive_slope: Complexes,
+    weight: Floats,
+    first: Complexes,
+    first_speed: Complexes,
     known: Complexes,
     hop: float,
-    mu: complex,
-    kappa: complex,
+    constants: tuple[float, float, float],
+    frequency: float,
+    gamma: float,
+    free: int,
+    tolerance: float,
+    model: Complexes,
+    jacobian: Complexes,
+    inverse: Floats,
+) -> tuple[float, float, complex, float]:
+    """Gauss-Newton from a start: n2, gamma2 (held where `free` is 3), D0 and the sum of squares; see `sweep`.
+
+    `inverse` (4, 4) gets the inverse of the normal equations, zero for what is held; `tolerance` is n2's, rad s-1.
+    """
+    normal, right = np.empty((4, 4)), np.empty(4)
+    lower = np.empty((4, 4))
+    inverse[:] = 0.0
+    for _ in range(ITERATIONS):
+        start, squares = sweep(
+            data, weight, first, first_speed, known, hop, constants, frequency, gamma, model, jacobian, normal, right
+        )
+        invert(normal, free, lower, inverse)
+        change = damping_change = 0.0
+        for k in range(4):
+            change += inverse[2, k] * right[k]
+            damping_change += inverse[3, k] * right[k]
+        if abs(change) < tolerance:
+            break
+        frequency += change
+        gamma += damping_change
+    return frequency, gamma, start, squares
+
+
+@kernel
+def sweep(
+    data: Complexes,
+    weight: Floats,
+    first: Complexes,
+    first_speed: Complexes,
+    known: Complexes,
+    hop: float,
+    constants: tuple[float, float, float],
+    frequency: float,
+    gamma: float,
     model: Complexes,
     jacobian: Complexes,
     normal: Floats,
     right: Floats,
 ) -> tuple[complex, float]:
-    """Best start D0 for the trial, its weighted sum of squares, and the normal equations at that point.
+    """Best start D0 for a trial of (n2, gamma2), its weighted sum of squares, and the normal equations at that point.
 
     Parameters
     ----------
-    data, root : (k,) arrays
-        Envelope of the difference and root of its weight (0 = missing, where data is finite but unused).
-    drive, drive_slope, known : (k,) complex arrays
-        X; its share in the slope by n2, `i (n1/n2 - 1) Z1`; further known forcing F.
-    mu, kappa : complex
-        Exponent `i (n2 - n0) - gamma2` and coefficient of the drive.
+    data, weight : (k,) arrays
+        Envelope of the difference and its weight (0 = missing, where data is finite but unused).
+    first, first_speed, known : (k,) complex arrays
+        Z1, Z1', and further known forcing F.
+    constants : tuple of float
+        n0, n1/n2, gamma1 - gamma2.
     model : (k,) complex array, out
         `D0 e^{mu t} + response`.
-    jacobian : (k, 4) complex array, out
-        Columns (Re D0, Im D0, n2, gamma2), unweighted.
+    jacobian : (4, k) complex array, out
+        Rows (Re D0, Im D0, n2, gamma2), unweighted.
     normal, right : (4, 4) and (4,) arrays, out
         Real normal equations of the weighted residual.
     """
+    carrier, ratio, apart = constants
+    decay = gamma + apart
+    own = np.sqrt(ratio**2 * (frequency**2 + gamma**2) - decay**2)  # damped frequency of the first pendulum
+    mu = complex(-gamma, frequency - carrier)
+    kappa = complex(-apart, own - frequency)
+    # X = Z1 + Xi, where Xi = 3/(2 i w1) (Z1' - (i w1 - gamma1) Z1) vanishes for a free swing; both are analytic signals
+    by_first, by_speed = 1.0 + 1.5 * complex(carrier - own, -decay) / own, -1.5j / own
     count = data.size
-    growth = np.empty(count, dtype=np.complex128)
-    work = np.empty(count, dtype=np.complex128)
-    response = np.empty(count, dtype=np.complex128)
-    factor = np.exp(mu * hop)
-    value = 1.0 + 0.0j
+    growth = jacobian[0]
+    decline, work, response = np.empty_like(data), np.empty_like(data), np.empty_like(data)
+    factor, back = np.exp(mu * hop), np.exp(-mu * hop)
+    value = inverse = 1.0 + 0.0j
     for k in range(count):
         if k % 64 == 0:  # a product of many factors drifts
-            value = np.exp(mu * (hop * k))
-        growth[k] = value
+            value, inverse = np.exp(mu * (hop * k)), np.exp(-mu * (hop * k))
+        growth[k], decline[k] = value, inverse
+        work[k] = (kappa * (by_first * first[k] + by_speed * first_speed[k]) + known[k]) * inverse
         value *= factor
-        work[k] = (kappa * drive[k] + known[k]) / growth[k]
+        inverse *= back
     running_integral(work, hop, response)
     top, bottom = 0.0 + 0.0j, 0.0
     for k in range(count):
         response[k] *= growth[k]
-        square = root[k] * root[k]
-        top += square * np.conj(growth[k]) * (data[k] - response[k])
-        bottom += square * (growth[k].real ** 2 + growth[k].imag ** 2)
+        top += weight[k] * np.conj(growth[k]) * (data[k] - response[k])
+        bottom += weight[k] * (growth[k].real ** 2 + growth[k].imag ** 2)
     start = top / bottom
+    slope = 1j * (ratio - 1.0)
     for k in range(count):
         model[k] = start * growth[k] + response[k]
-        work[k] = (1j * model[k] + drive_slope[k]) / growth[k]
-    running_integral(work, hop, response)
+        work[k] = (1j * model[k] + slope * first[k]) * decline[k]
+    running_integral(work, hop, jacobian[2])
     for k in range(count):
-        jacobian[k, 0] = growth[k]
-        jacobian[k, 1] = 1j * growth[k]
-        jacobian[k, 2] = growth[k] * response[k]
-        work[k] = model[k] / growth[k]
-    running_integral(work, hop, response)
+        work[k] = model[k] * decline[k]
+    running_integral(work, hop, jacobian[3])
     normal[:] = 0.0
     right[:] = 0.0
     squares = 0.0
     for k in range(count):
-        jacobian[k, 3] = -growth[k] * response[k]
-        weight = root[k] * root[k]
+        jacobian[1, k] = 1j * growth[k]
+        jacobian[2, k] *= growth[k]
+        jacobian[3, k] *= -growth[k]
         residual = data[k] - model[k]
-        squares += weight * (residual.real**2 + residual.imag**2)
+        squares += weight[k] * (residual.real**2 + residual.imag**2)
         for i in range(4):
-            left = np.conj(jacobian[k, i]) * weight
+            left = np.conj(jacobian[i, k]) * weight[k]
             right[i] += (left * residual).real
             for j in range(i, 4):
-                normal[i, j] += (left * jacobian[k, j]).real
+                normal[i, j] += (left * jacobian[j, k]).real
     for i in range(4):
         for j in range(i):
             normal[i, j] = normal[j, i]

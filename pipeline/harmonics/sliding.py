@@ -46,14 +46,16 @@ def sliding_envelope(
     first_step : float, optional
         Step of `first` where it stands on a grid of its own, s.
     """
+    taps = None
     mean_step = step if step is not None else float(time[-1]) / (time.size - 1)
     length = window_length(frequency, mean_step, WINDOW_SECONDS, float(time[-1]) + mean_step)
     hop = HOP_SECONDS * max(1.0, length / WINDOW_SECONDS)
     if step is not None:
         half = max(8, round(0.5 * length / step))
         every = max(1, round(hop / step))
-        centres, fit, coverage = _uniform(np.stack([first, difference]), step, half, every, frequency)
+        centres, fit, coverage, filters = _uniform(np.stack([first, difference]), step, half, every, frequency)
         hop, half_length = every * step, half * step
+        taps = filters[0] - 1j * filters[1]
     else:
         first_time = time if first_step is None else np.arange(first.size) * first_step
         pairs = ((first_time, first), (time, difference))
@@ -76,6 +78,7 @@ def sliding_envelope(
         coverage=coverage[1],
         samples=coverage.mean(axis=1) * hop / mean_step,
         noise_gain=_noise_gain(half_length, mean_step, frequency),
+        taps=taps,
     )
 
 
@@ -98,14 +101,17 @@ def _noise_gain(half_length: float, step: float, frequency: float) -> float:
     return float(0.5 * np.sum(np.linalg.solve(basis.T @ weighted, weighted.T)[:2] ** 2))
 
 
-def _uniform(series: Floats, step: float, half: int, every: int, frequency: float) -> tuple[Floats, Floats, Floats]:
+def _uniform(
+    series: Floats, step: float, half: int, every: int, frequency: float
+) -> tuple[Floats, Floats, Floats, Floats]:
     tau = np.arange(-half, half + 1) * step
     basis = _basis(tau, half * step, frequency)
     weight = _kaiser(tau / (half * step))
     weighted = weight[:, None] * basis
     windows = np.lib.stride_tricks.sliding_window_view(series, 2 * half + 1, axis=1)[:, ::every]
     centres = (np.arange(windows.shape[1]) * every + half) * step
-    fit = windows @ np.linalg.solve(basis.T @ weighted, weighted.T).T
+    filters = np.linalg.solve(basis.T @ weighted, weighted.T)
+    fit = windows @ filters.T
     coverage = np.ones(fit.shape[:2])
     products = (weighted[:, :, None] * basis[:, None, :]).reshape(tau.size, TERMS * TERMS)
     for which in range(2):
@@ -118,7 +124,7 @@ def _uniform(series: Floats, step: float, half: int, every: int, frequency: floa
             right = np.where(present, part, 0.0) @ weighted
             usable = coverage[which, broken] >= LEAST_COVERAGE
             fit[which, broken[usable]] = np.linalg.solve(normal[usable], right[usable][:, :, None])[:, :, 0]
-    return centres, fit, coverage
+    return centres, fit, coverage, filters
 
 
 def _uneven(series: Sequence[Series], centres: Floats, half_length: float, frequency: float) -> tuple[Floats, Floats]:

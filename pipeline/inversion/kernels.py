@@ -115,6 +115,21 @@ def expand_large(
 
 
 @summing_kernel
+def interval_integrals(series: Floats, tap_real: Floats, tap_imag: Floats, real: Floats, imag: Floats) -> None:
+    """Integrals over the intervals of n samples, (n - 1,), by eight taps; the series reaches 3 samples beyond each end."""
+    a0, a1, a2, a3, a4, a5, a6, a7 = tap_real
+    b0, b1, b2, b3, b4, b5, b6, b7 = tap_imag
+    count = real.size
+    t0, t1, t2, t3 = series[:count], series[1 : 1 + count], series[2 : 2 + count], series[3 : 3 + count]
+    t4, t5, t6, t7 = series[4 : 4 + count], series[5 : 5 + count], series[6 : 6 + count], series[7 : 7 + count]
+    for k in range(count):
+        real[k] = (a0 * t0[k] + a1 * t1[k]) + (a2 * t2[k] + a3 * t3[k])
+        real[k] += (a4 * t4[k] + a5 * t5[k]) + (a6 * t6[k] + a7 * t7[k])
+        imag[k] = (b0 * t0[k] + b1 * t1[k]) + (b2 * t2[k] + b3 * t3[k])
+        imag[k] += (b4 * t4[k] + b5 * t5[k]) + (b6 * t6[k] + b7 * t7[k])
+
+
+@summing_kernel
 def recursion(
     integral_real: Floats,
     integral_imag: Floats,

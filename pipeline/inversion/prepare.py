@@ -103,10 +103,8 @@ def make_grid(prepared: Prepared) -> Grid:
         return Grid(prepared.whole, about, prepared.whole_step, Readings(seen.time[present], seen.difference[present]))
     if seen.step * prepared.nominal <= MOST_ANGLE:
         return Grid(prepared.whole, prepared.clean_difference, seen.step)
-    from pipeline.projection.upsample import upsample
-
     factor = int(np.ceil(seen.step * prepared.nominal / FINE_ANGLE))
-    theta = upsample(seen.theta, seen.step, prepared.rough_first_frequency, factor)
+    theta = prepared.finer(seen.step, factor)
     difference = np.full(theta.size, np.nan)
     difference[::factor] = prepared.clean_difference
     return Grid(theta, difference, seen.step / factor)

@@ -22,9 +22,8 @@ from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.inversion import kernels
 from pipeline.inversion.filters import design
-from pipeline.projection.kernels import interval_integrals
 from pipeline.projection.solve import REJECTION, ProjectionFit, UniformProblem, oscillation
-from pipeline.projection.taps import NODES, stencil, taps
+from pipeline.projection.taps import NODES, continuation, stencil, taps
 
 ITERATIONS = 12
 LEAST_SAMPLES_A_SWING = 7.5
@@ -201,7 +200,9 @@ class Iteration:
         self.difference = grid.difference[motion.inside]
         count = self.difference.size
         self.half = 0.5 * (count - 1) * grid.step
-        self._terms, self.columns = np.empty((3, count)), np.empty((4, count))
+        self._wide = np.empty(count + 6)  # the constant part, continued by three samples at each end
+        self._terms = (self._wide[3:-3], np.empty(count), np.empty(count))
+        self.columns = np.empty((4, count))
         self._integral, self._gram = np.empty((2, count - 1)), np.empty((kernels.COLUMNS, kernels.COLUMNS))
         self._hold_damping()
         begin = motion.inside.start * grid.step
@@ -260,7 +261,9 @@ class Iteration:
         step, eigenvalue = self.motion.step, self.eigenvalue
         weights = taps(self._cardinal, eigenvalue, step)
         real, imaginary = self._integral
-        interval_integrals(constant, weights.real.copy(), weights.imag.copy(), real, imaginary)
+        onward = continuation(self._held, step)
+        self._wide[2::-1], self._wide[-3:] = constant[NODES - 1 :: -1] @ onward, constant[-NODES:] @ onward
+        kernels.interval_integrals(self._wide, weights.real.copy(), weights.imag.copy(), real, imaginary)
         kernels.recursion(
             real,
             imaginary,

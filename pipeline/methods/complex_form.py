@@ -25,7 +25,7 @@ def estimate(prepared: Prepared) -> Estimate:
     return with_noise(
         prepared,
         envelope,
-        component_variance(np.abs(fit.residual) ** 2, envelope),
+        component_variance(np.abs(envelope.difference - fit.model) ** 2, envelope),
         frequency=float(np.hypot(fit.frequency, fit.damping_rate)),
         uncorrected=float(np.hypot(envelope.carrier + slope, fit.damping_rate)),
         damping_rate=fit.damping_rate,

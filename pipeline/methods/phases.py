@@ -12,6 +12,7 @@ from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
 from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import regression, running_integral
+from pipeline.outliers import MOST_ANGLE
 from pipeline.prepared import LEAST_EXPLAINED, Prepared, require_swing
 
 LEAST_AMPLITUDE = 0.1  # min a / max a below which the phase form of (27) errs by up to 1000 mGal
@@ -174,13 +175,15 @@ def with_noise(
         noise = float(np.sqrt(variance / envelope.noise_gain))
     colour = variance / (noise**2 * envelope.noise_gain) if noise > 0.0 else 1.0
     shared = prepared.fine_budget
+    gain = shared.noise_difference
+    step = prepared.observation.step
+    if step is not None and step * prepared.nominal > MOST_ANGLE and envelope.taps is not None:
+        difference = prepared.clean_difference
+        influence = envelope.influence(shared.influence, difference.size, round(envelope.hop / step))
+        gain = float(np.sqrt(np.sum(influence[np.isfinite(difference)] ** 2)))
     return Estimate(
         sigma=float(
-            np.sqrt(
-                (shared.noise_difference * noise) ** 2 * max(colour, 1.0)
-                + prepared.theta_error(shared, noise) ** 2
-                + bridging**2
-            )
+            np.sqrt((gain * noise) ** 2 * max(colour, 1.0) + prepared.theta_error(shared, noise) ** 2 + bridging**2)
         ),
         noise=noise,
         samples=int(np.isfinite(prepared.clean_difference).sum()),

@@ -16,7 +16,7 @@ def estimate(prepared: Prepared) -> Estimate:
     rough = prepared.rough
     fit = fit_projection(problem(prepared), rough.frequency, rough.damping_rate, prepared.known_damping is None)
     colour = residual_colour(fit, prepared)
-    swing = 0.5 * float(np.nanmean(np.abs(prepared.blocks.difference) ** 2))
+    swing = 0.5 * float(np.vdot(rough.model, rough.model).real) / rough.model.size
     explained = swing / (swing + fit.noise**2)
     if explained < LEAST_EXPLAINED:
         raise RefusedError(

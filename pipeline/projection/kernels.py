@@ -2,284 +2,263 @@
 
 Everything runs in blocks with tables of in-block phasors, so that no sample costs a sine and phases do not drift;
 arrays are indexed forward only, because a negative offset keeps LLVM from using vector instructions.
+
+Within a block every column of the fit is a combination of {cos, sin, 1, m cos, m sin}, m the sample's number in it:
+samples are summed against these five alone, and a block without gaps has the same products of the five as any other.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arrays import Floats
+from pipeline.arrays import Complexes, Floats
 from synth.kernels.compiled import kernel, summing_kernel
 
-BLOCK = 256
+MOST, LEAST = 512, 16  # samples a block
+BLOCKS = 64  # at least, in a record: the slopes' share that bends within a block is the square of that smaller
+LOCAL = 5
 COLUMNS = 8  # cos, sin, 1, t cos, t sin, slope by frequency, slope by damping, residual
 
 
-@kernel
-def interval_integrals(theta: Floats, tap_real: Floats, tap_imag: Floats, out_real: Floats, out_imag: Floats) -> None:
-    """`out[k] = sum_j taps[p, j] theta[s + j]`, the integral over [k, k+1]; one-sided stencils at the two ends.
-
-    theta (n,), taps (7, 8), out (n - 1,); n >= 8.
-    """
-    count = theta.size
-    a0, a1, a2, a3, a4, a5, a6, a7 = tap_real[3]
-    b0, b1, b2, b3, b4, b5, b6, b7 = tap_imag[3]
-    length = count - 7
-    t0, t1, t2, t3 = theta[:length], theta[1 : 1 + length], theta[2 : 2 + length], theta[3 : 3 + length]
-    t4, t5, t6, t7 = theta[4 : 4 + length], theta[5 : 5 + length], theta[6 : 6 + length], theta[7 : 7 + length]
-    inner_real, inner_imag = out_real[3 : 3 + length], out_imag[3 : 3 + length]
-    for k in range(length):
-        inner_real[k] = (
-            (a0 * t0[k] + a1 * t1[k])
-            + (a2 * t2[k] + a3 * t3[k])
-            + (a4 * t4[k] + a5 * t5[k])
-            + (a6 * t6[k] + a7 * t7[k])
-        )
-        inner_imag[k] = (
-            (b0 * t0[k] + b1 * t1[k])
-            + (b2 * t2[k] + b3 * t3[k])
-            + (b4 * t4[k] + b5 * t5[k])
-            + (b6 * t6[k] + b7 * t7[k])
-        )
-    for edge in range(3):
-        left_real = left_imag = right_real = right_imag = 0.0
-        for j in range(8):
-            left_real += tap_real[edge, j] * theta[j]
-            left_imag += tap_imag[edge, j] * theta[j]
-            right_real += tap_real[4 + edge, j] * theta[count - 8 + j]
-            right_imag += tap_imag[4 + edge, j] * theta[count - 8 + j]
-        out_real[edge], out_imag[edge] = left_real, left_imag
-        out_real[count - 4 + edge], out_imag[count - 4 + edge] = right_real, right_imag
+def block_length(count: int) -> int:
+    """Samples a block, for a record of so many."""
+    return min(max(count // BLOCKS, LEAST), MOST)
 
 
-@kernel
+@summing_kernel
+def phasors(exponent: complex, real: Floats, imag: Floats) -> None:
+    """`exp(exponent m)`, m = 0, 1, ...: products of two, so that few are worked out; sizes are multiples of `LEAST`."""
+    few = np.exp(exponent * np.arange(LEAST))
+    few_real, few_imag = few.real.copy(), few.imag.copy()
+    for start in range(0, real.size, LEAST):
+        turn = np.exp(exponent * start)
+        cos, sin = turn.real, turn.imag
+        for m in range(LEAST):
+            real[start + m] = cos * few_real[m] - sin * few_imag[m]
+            imag[start + m] = cos * few_imag[m] + sin * few_real[m]
+
+
+@summing_kernel
 def forced_response(
     theta: Floats,
-    integral_real: Floats,
-    integral_imag: Floats,
+    before: Floats,
+    after: Floats,
+    tap_real: Floats,
+    tap_imag: Floats,
     step: float,
-    decay: float,
-    frequency: float,
+    block: int,
+    eigenvalue: complex,
     direct: float,
     gain: complex,
-    gain_slope: complex,
-    gain_slope_damping: complex,
     response: Floats,
-    slope: Floats,
-    slope_damping: Floats,
+    state: Complexes,
 ) -> None:
-    """Response of the difference pendulum to theta, and its derivatives with respect to frequency and damping.
+    """Response of the difference pendulum to theta.
 
-    `c(t) = int_0^t exp(lam (t-s)) theta(s) ds`, lam = -decay + i frequency;
-    `response = direct theta + Im(gain c)`, `slope = Im(gain_slope c + i gain dc/dlam)`,
-    `slope_damping = Im(gain_slope_damping c - gain dc/dlam)`, where dc/dlam weighs each interval by its age.
-    All arrays (n,), the integrals (n - 1,).
+    `c(t) = int_0^t exp(lam (t-s)) theta(s) ds` and `response = direct theta + Im(gain c)`, both (n,). `before` and
+    `after` (3,) continue theta away from its start and its end, where the taps (8,) of an interval reach over. `state`
+    (blocks + 1, 2) gets c and dc/dlam, where each interval is weighed by its age, at the blocks' starts and at the end.
     """
     count = theta.size
-    steps = np.arange(1, BLOCK + 1)
-    forward = np.exp((-decay + 1j * frequency) * step * steps)
-    backward = 1.0 / forward
-    fore_real, fore_imag = forward.real.copy(), forward.imag.copy()
-    back_real, back_imag = backward.real.copy(), backward.imag.copy()
-    wr, wi, sr, si, ar, ai = np.empty((6, BLOCK))
-    gain_real, gain_imag = gain.real, gain.imag
-    slope_real, slope_imag = gain_slope.real, gain_slope.imag
-    damping_real, damping_imag = gain_slope_damping.real, gain_slope_damping.imag
-    c = 0.0 + 0.0j
-    age = 0.0 + 0.0j
+    turn = np.exp(eigenvalue * step)
+    table = np.empty((8, MOST))  # rows by index: unpacked ones are not known to be contiguous
+    fore_real, fore_imag, back_real, back_imag = table[0], table[1], table[2], table[3]
+    gain_real, gain_imag, wr, wi = table[4], table[5], table[6], table[7]
+    phasors(eigenvalue * step, fore_real, fore_imag)
+    phasors(-eigenvalue * step, back_real, back_imag)
+    for m in range(MOST):
+        gain_real[m] = gain.real * fore_real[m] - gain.imag * fore_imag[m]
+        gain_imag[m] = gain.real * fore_imag[m] + gain.imag * fore_real[m]
+    a0, a1, a2, a3, a4, a5, a6, a7 = tap_real
+    b0, b1, b2, b3, b4, b5, b6, b7 = tap_imag
+    near = np.zeros(MOST + 10)
+    t0, t1, t2, t3, t4, t5, t6, t7 = near, near[1:], near[2:], near[3:], near[4:], near[5:], near[6:], near[7:]
+    c = age = 0.0 + 0.0j
     response[0] = direct * theta[0]
-    slope[0] = 0.0
-    slope_damping[0] = 0.0
-    start = 0
-    while start < count - 1:
-        length = min(BLOCK, count - 1 - start)
-        # in the block: c_{m+1} = F_{m+1} (c_0 + S_m),  S_m = sum_{i<=m} v_i / F_{i+1}; the sums run alone, so that the
-        # rest of the work is free of their chain
-        vr = integral_real[start : start + length]
-        vi = integral_imag[start : start + length]
+    for which in range(state.shape[0] - 1):
+        start = which * block
+        length = min(block, count - 1 - start)
+        state[which] = c, age
+        low, high = max(start - 3, 0), min(start + block + 4, count)
+        near[low - start + 3 : high - start + 3] = theta[low:high]
+        if start == 0:
+            near[2], near[1], near[0] = before
+        if high == count:
+            near[high - start + 3 : high - start + 6] = after
+        # in the block: c_{m+1} = F_m (F_1 c_0 + S_m),  S_m = sum_{i<=m} v_i / F_i, v the integrals over intervals; the
+        # sums run alone, so that the rest of the work is free of their chain
+        young_real = young_imag = 0.0
         for m in range(length):
-            wr[m] = vr[m] * back_real[m] - vi[m] * back_imag[m]
-            wi[m] = vr[m] * back_imag[m] + vi[m] * back_real[m]
-        sum_real, sum_imag = c.real, c.imag
-        old_real, old_imag = age.real, age.imag
-        for m in range(length):
+            vr = (a0 * t0[m] + a1 * t1[m]) + (a2 * t2[m] + a3 * t3[m])
+            vr += (a4 * t4[m] + a5 * t5[m]) + (a6 * t6[m] + a7 * t7[m])
+            vi = (b0 * t0[m] + b1 * t1[m]) + (b2 * t2[m] + b3 * t3[m])
+            vi += (b4 * t4[m] + b5 * t5[m]) + (b6 * t6[m] + b7 * t7[m])
+            real = vr * back_real[m] - vi * back_imag[m]
+            imag = vr * back_imag[m] + vi * back_real[m]
+            wr[m], wi[m] = real, imag
             # an interval's content is on average half a step old at its end
-            old_real += step * (sum_real + 0.5 * wr[m])
-            old_imag += step * (sum_imag + 0.5 * wi[m])
+            share = length - 0.5 - m
+            young_real += share * real
+            young_imag += share * imag
+        age = turn * (age + step * length * c) + step * complex(young_real, young_imag)
+        c *= turn
+        sum_real, sum_imag = c.real, c.imag
+        for m in range(length):
             sum_real += wr[m]
             sum_imag += wi[m]
-            sr[m], si[m] = sum_real, sum_imag
-            ar[m], ai[m] = old_real, old_imag
-        th = theta[start + 1 : start + 1 + length]
-        resp = response[start + 1 : start + 1 + length]
-        slo = slope[start + 1 : start + 1 + length]
-        dam = slope_damping[start + 1 : start + 1 + length]
+            wr[m], wi[m] = sum_real, sum_imag
+        out = response[start + 1 : start + 1 + length]
         for m in range(length):
-            cr = fore_real[m] * sr[m] - fore_imag[m] * si[m]
-            ci = fore_real[m] * si[m] + fore_imag[m] * sr[m]
-            gr = fore_real[m] * ar[m] - fore_imag[m] * ai[m]
-            gi = fore_real[m] * ai[m] + fore_imag[m] * ar[m]
-            resp[m] = direct * th[m] + gain_real * ci + gain_imag * cr
-            slo[m] = slope_real * ci + slope_imag * cr + gain_real * gr - gain_imag * gi
-            dam[m] = damping_real * ci + damping_imag * cr - gain_real * gi - gain_imag * gr
-        last = complex(fore_real[length - 1], fore_imag[length - 1])
-        c = last * complex(sum_real, sum_imag)
-        age = last * complex(old_real, old_imag)
-        start += length
+            out[m] = direct * t4[m] + gain_real[m] * wi[m] + gain_imag[m] * wr[m]
+        if length > 0:
+            last = complex(fore_real[length - 1], fore_imag[length - 1])
+            c, age = last * complex(sum_real, sum_imag), last * age
+    state[-1] = c, age
 
 
 @summing_kernel
 def moments(
     difference: Floats,
     response: Floats,
-    slope: Floats,
-    slope_damping: Floats,
+    slopes: Complexes,
     step: float,
-    decay: float,
-    frequency: float,
-    coefficient: Floats,
+    block: int,
+    eigenvalue: complex,
+    amounts: Floats,
     threshold: float,
+    residual: Floats,
     gram: Floats,
 ) -> int:
     """Accumulate the Gram matrix of (cos, sin, 1, t cos, t sin, slope, slope_damping, e).
 
-    cos and sin carry the decay; t runs from -1 to 1 over the record; e is the residual `difference - response - A cos
-    - B sin - offset`, coefficient = (A, B, offset). Samples that are NaN, or where e exceeds `threshold`, have no
-    weight. gram (8, 8) gets its upper triangle only. Returns the number of samples beyond the threshold.
+    cos and sin carry the decay; t runs from -1 to 1 over the record; the slopes are the imaginary part of the complex
+    `slopes` (blocks + 1, 2), which turn with cos and sin and are straight between blocks; e is the residual `difference
+    - response - amounts of the other seven columns`. Samples that are NaN, or where e exceeds `threshold`, have no
+    weight and become NaN in `residual`. Returns the number of samples beyond the threshold.
     """
     count = difference.size
-    forward_real, forward_imag = np.empty(BLOCK), np.empty(BLOCK)
-    for m in range(BLOCK):
-        size = np.exp(-decay * step * m)
-        forward_real[m] = size * np.cos(frequency * step * m)
-        forward_imag[m] = size * np.sin(frequency * step * m)
+    table = np.ones((3, MOST))  # rows by index: unpacked ones are not known to be contiguous
+    cos, sin, weight = table[0], table[1], table[2]
+    phasors(eigenvalue * step, cos, sin)
+    number = np.arange(MOST) * 1.0
+    complete, local = np.empty((LOCAL, LOCAL)), np.empty((LOCAL, LOCAL))
+    local_gram(weight[:block], cos, sin, complete)
+    part, turned = np.zeros((LOCAL, COLUMNS - 1)), np.empty((LOCAL, COLUMNS - 1))
+    part[2, 2] = 1.0
+    sums = np.empty(LOCAL)
     unit = 2.0 / (count - 1)
-    amplitude_cos, amplitude_sin, offset = coefficient
     gram[:] = 0.0
     beyond = 0
-    for start in range(0, count, BLOCK):
-        length = min(BLOCK, count - start)
-        origin = np.exp((-decay + 1j * frequency) * (start * step))
-        base = start * unit - 1.0
-        d = difference[start : start + length]
-        f = response[start : start + length]
-        g = slope[start : start + length]
-        h = slope_damping[start : start + length]
-        cc = cs = ss = c1 = s1 = n1 = 0.0
-        tcc = tcs = tss = tc1 = ts1 = ttcc = ttcs = ttss = 0.0
-        gc = gs = g1 = gtc = gts = gg = ge = 0.0
-        hc = hs = h1 = htc = hts = hg = hh = he = 0.0
-        ec = es = e1 = etc = ets = ee = 0.0
-        out = 0
+    for which in range(slopes.shape[0] - 1):
+        start = which * block
+        length = min(block, count - start)
+        origin = np.exp(eigenvalue * (step * start))
+        _columns(origin, start * unit - 1.0, unit, part)
+        span = min(length, count - 1 - start)
+        back = np.exp(-eigenvalue * (step * span))
+        for column in range(2):
+            now, then = slopes[which, column], slopes[which + 1, column] * back
+            growth = (then - now) / max(span, 1)
+            part[0, 5 + column], part[1, 5 + column] = now.imag, now.real
+            part[3, 5 + column], part[4, 5 + column] = growth.imag, growth.real
+        y0 = y1 = y2 = y3 = y4 = 0.0
+        for k in range(COLUMNS - 1):
+            y0 += part[0, k] * amounts[k]
+            y1 += part[1, k] * amounts[k]
+            y2 += part[2, k] * amounts[k]
+            y3 += part[3, k] * amounts[k]
+            y4 += part[4, k] * amounts[k]
+        d, f, r = difference[start : start + length], response[start : start + length], residual[start : start + length]
+        used = out = 0
         for m in range(length):
-            cos = origin.real * forward_real[m] - origin.imag * forward_imag[m]
-            sin = origin.real * forward_imag[m] + origin.imag * forward_real[m]
-            e = d[m] - f[m] - amplitude_cos * cos - amplitude_sin * sin - offset
-            use = abs(e) <= threshold
+            e = d[m] - f[m] - (y0 + y3 * number[m]) * cos[m] - (y1 + y4 * number[m]) * sin[m] - y2
+            used += 1 if abs(e) <= threshold else 0
             out += 1 if abs(e) > threshold else 0
-            w = 1.0 if use else 0.0
-            e = e if use else 0.0
-            t = base + m * unit
-            wc, ws, wg, wh = w * cos, w * sin, w * g[m], w * h[m]
-            tc, ts = t * wc, t * ws
-            cc += wc * cos
-            cs += wc * sin
-            ss += ws * sin
-            c1 += wc
-            s1 += ws
-            n1 += w
-            tcc += tc * cos
-            tcs += tc * sin
-            tss += ts * sin
-            tc1 += tc
-            ts1 += ts
-            ttcc += tc * t * cos
-            ttcs += tc * t * sin
-            ttss += ts * t * sin
-            gc += wg * cos
-            gs += wg * sin
-            g1 += wg
-            gtc += wg * t * cos
-            gts += wg * t * sin
-            gg += wg * g[m]
-            ge += wg * e
-            hc += wh * cos
-            hs += wh * sin
-            h1 += wh
-            htc += wh * t * cos
-            hts += wh * t * sin
-            hg += wh * g[m]
-            hh += wh * h[m]
-            he += wh * e
-            ec += e * cos
-            es += e * sin
-            e1 += e
-            etc += e * t * cos
-            ets += e * t * sin
-            ee += e * e
+            r[m] = e
         beyond += out
-        gram[0, 0] += cc
-        gram[0, 1] += cs
-        gram[0, 2] += c1
-        gram[0, 3] += tcc
-        gram[0, 4] += tcs
-        gram[0, 5] += gc
-        gram[0, 6] += hc
-        gram[0, 7] += ec
-        gram[1, 1] += ss
-        gram[1, 2] += s1
-        gram[1, 3] += tcs
-        gram[1, 4] += tss
-        gram[1, 5] += gs
-        gram[1, 6] += hs
-        gram[1, 7] += es
-        gram[2, 2] += n1
-        gram[2, 3] += tc1
-        gram[2, 4] += ts1
-        gram[2, 5] += g1
-        gram[2, 6] += h1
-        gram[2, 7] += e1
-        gram[3, 3] += ttcc
-        gram[3, 4] += ttcs
-        gram[3, 5] += gtc
-        gram[3, 6] += htc
-        gram[3, 7] += etc
-        gram[4, 4] += ttss
-        gram[4, 5] += gts
-        gram[4, 6] += hts
-        gram[4, 7] += ets
-        gram[5, 5] += gg
-        gram[5, 6] += hg
-        gram[5, 7] += ge
-        gram[6, 6] += hh
-        gram[6, 7] += he
-        gram[7, 7] += ee
+        products = complete
+        s0 = s1 = s2 = s3 = s4 = squares = 0.0
+        if used < block:
+            products = local
+            for m in range(length):
+                good = abs(r[m]) <= threshold
+                weight[m] = 1.0 if good else 0.0
+                if not good:
+                    r[m] = 0.0
+            local_gram(weight[:length], cos, sin, local)
+        for m in range(length):
+            e = r[m]
+            ec, es = e * cos[m], e * sin[m]
+            s0 += ec
+            s1 += es
+            s2 += e
+            s3 += ec * number[m]
+            s4 += es * number[m]
+            squares += e * e
+        if used < length:
+            for m in range(length):
+                if weight[m] == 0.0:
+                    r[m] = np.nan
+        sums[0], sums[1], sums[2], sums[3], sums[4] = s0, s1, s2, s3, s4
+        gram[7, 7] += squares
+        for k in range(COLUMNS - 1):
+            for i in range(LOCAL):
+                total = 0.0
+                for j in range(LOCAL):
+                    total += products[i, j] * part[j, k]
+                turned[i, k] = total
+                gram[k, 7] += part[i, k] * sums[i]
+        for k in range(COLUMNS - 1):
+            for n in range(k, COLUMNS - 1):
+                total = 0.0
+                for i in range(LOCAL):
+                    total += part[i, k] * turned[i, n]
+                gram[k, n] += total
+    for k in range(COLUMNS):
+        for n in range(k):
+            gram[k, n] = gram[n, k]
     return beyond
 
 
 @kernel
-def residuals(
-    difference: Floats,
-    response: Floats,
-    step: float,
-    decay: float,
-    frequency: float,
-    coefficient: Floats,
-    threshold: float,
-    out: Floats,
-) -> None:
-    """Difference less the model of `moments`; NaN where missing or beyond the threshold. All (n,)."""
-    count = difference.size
-    forward = np.exp((-decay + 1j * frequency) * step * np.arange(BLOCK))
-    amplitude_cos, amplitude_sin, offset = coefficient
-    for start in range(0, count, BLOCK):
-        length = min(BLOCK, count - start)
-        origin = np.exp((-decay + 1j * frequency) * (start * step))
-        # Re[(A - iB) origin F] for the whole block
-        free = (amplitude_cos - 1j * amplitude_sin) * origin
-        d = difference[start : start + length]
-        f = response[start : start + length]
-        r = out[start : start + length]
-        for m in range(length):
-            value = d[m] - f[m] - offset - (free.real * forward[m].real - free.imag * forward[m].imag)
-            r[m] = value if abs(value) <= threshold else np.nan
+def _columns(origin: complex, base: float, unit: float, part: Floats) -> None:
+    """cos, sin, t cos and t sin of the record in terms of the block's five functions."""
+    real, imag = origin.real, origin.imag
+    part[0, 0], part[1, 0] = real, -imag
+    part[0, 1], part[1, 1] = imag, real
+    for k in range(2):
+        part[0, 3 + k], part[1, 3 + k] = base * part[0, k], base * part[1, k]
+        part[3, 3 + k], part[4, 3 + k] = unit * part[0, k], unit * part[1, k]
+
+
+@summing_kernel
+def local_gram(weight: Floats, cos: Floats, sin: Floats, out: Floats) -> None:
+    """Weighted products (5, 5) of a block's five functions."""
+    size = weight.size
+    out[:] = 0.0
+    cc = cs = ss = c1 = s1 = n1 = 0.0
+    mcc = mcs = mss = mc1 = ms1 = mmcc = mmcs = mmss = 0.0
+    for m in range(size):
+        w, c, s, x = weight[m], cos[m], sin[m], float(m)
+        wc, ws = w * c, w * s
+        cc += wc * c
+        cs += wc * s
+        ss += ws * s
+        c1 += wc
+        s1 += ws
+        n1 += w
+        mcc += x * wc * c
+        mcs += x * wc * s
+        mss += x * ws * s
+        mc1 += x * wc
+        ms1 += x * ws
+        mmcc += x * x * wc * c
+        mmcs += x * x * wc * s
+        mmss += x * x * ws * s
+    out[0, 0], out[0, 1], out[0, 2], out[0, 3], out[0, 4] = cc, cs, c1, mcc, mcs
+    out[1, 1], out[1, 2], out[1, 3], out[1, 4] = ss, s1, mcs, mss
+    out[2, 2], out[2, 3], out[2, 4] = n1, mc1, ms1
+    out[3, 3], out[3, 4], out[4, 4] = mmcc, mmcs, mmss
+    for i in range(LOCAL):
+        for j in range(i):
+            out[i, j] = out[j, i]

@@ -21,10 +21,8 @@ def problem(prepared: Prepared) -> Problem:
         return UnevenProblem(seen.time, prepared.whole, prepared.whole_step, seen.difference, *constants)
     if seen.step * prepared.nominal <= MOST_ANGLE:
         return UniformProblem(prepared.whole, seen.difference, seen.step, *constants)
-    from pipeline.projection.upsample import upsample
-
     factor = int(np.ceil(seen.step * prepared.nominal / FINE_ANGLE))
-    theta = upsample(seen.theta, seen.step, prepared.rough_first_frequency, factor)
+    theta = prepared.finer(seen.step, factor)
     difference = np.full(theta.size, np.nan)
     difference[::factor] = seen.difference
     return UniformProblem(theta, difference, seen.step / factor, *constants)

@@ -11,7 +11,7 @@ from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.projection import kernels
 from pipeline.projection.small import gauss_newton
-from pipeline.projection.taps import stencil, taps
+from pipeline.projection.taps import NODES, continuation, stencil, taps
 
 REJECTION = 4.0  # sigmas
 _ITERATIONS = 12
@@ -50,12 +50,12 @@ def response_constants(frequency: float, gamma: float, ratio: float, damping_dif
 
 
 class Problem(Protocol):
-    """What the fit needs of a sampling: the model's response at the samples, moments, residuals."""
+    """What the fit needs of a sampling: the model's response at the samples, and the moments of what it leaves."""
 
     half: float
     """Half the record's length, s."""
-    missing: int
-    """Samples of the difference that are NaN."""
+    residual: Floats
+    """What the last `moments` found at every sample, NaN where missing or beyond the limit."""
 
     def respond(self, frequency: float, gamma: float) -> None:
         """Compute the response to the first pendulum, and its slopes, at (n2, gamma2)."""
@@ -66,12 +66,13 @@ class Problem(Protocol):
     def moments(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> tuple[Floats, int]:
         """Gram matrix as `kernels.moments` has it, and the number of samples beyond the limit."""
 
-    def residual(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> Floats:
-        """Residual at every sample, NaN where missing or beyond the limit."""
-
 
 class UniformProblem:
-    """Uniform samples of both series; the first pendulum whole, the difference NaN where missing."""
+    """Uniform samples of both series; the first pendulum whole, the difference NaN where missing.
+
+    `slopes` are those of the response by n2 and gamma2 at the blocks' starts and at the end, as `kernels.moments` has
+    them.
+    """
 
     def __init__(
         self, theta: Floats, difference: Floats, step: float, fitted_at: float, ratio: float, damping_difference: float
@@ -79,70 +80,58 @@ class UniformProblem:
         self._theta, self._difference, self._step = theta, difference, step
         self._ratio, self._damping_difference = ratio, damping_difference
         self._cardinal = stencil(fitted_at, step)
-        self._integral = np.empty((2, theta.size - 1))
-        self.response, self.slope, self.slope_damping = np.empty((3, theta.size))
+        onward = continuation(fitted_at, step)
+        self._beyond = theta[NODES - 1 :: -1] @ onward, theta[-NODES:] @ onward
+        self.block = kernels.block_length(theta.size)
+        self._state = np.empty((-(-theta.size // self.block) + 1, 2), dtype=np.complex128)
+        self.slopes = np.zeros_like(self._state)
+        self.response: Floats = np.empty(theta.size)
+        self.residual: Floats = np.empty(theta.size)
         self._gram = np.empty((kernels.COLUMNS, kernels.COLUMNS))
+        self._amounts = np.zeros(kernels.COLUMNS - 1)
         self.half = 0.5 * (theta.size - 1) * step
-        self.missing = int(np.count_nonzero(np.isnan(difference)))
 
     def respond(self, frequency: float, gamma: float) -> None:
         """See `Problem`."""
         constants = response_constants(frequency, gamma, self._ratio, self._damping_difference)
         eigenvalue, direct, gain, by_frequency, by_damping = constants
         weights = taps(self._cardinal, eigenvalue, self._step)
-        kernels.interval_integrals(self._theta, weights.real.copy(), weights.imag.copy(), *self._integral)
         kernels.forced_response(
             self._theta,
-            self._integral[0],
-            self._integral[1],
+            *self._beyond,
+            weights.real.copy(),
+            weights.imag.copy(),
             self._step,
-            gamma,
-            eigenvalue.imag,
+            self.block,
+            eigenvalue,
             direct.real,
-            complex(gain),
-            complex(by_frequency),
-            complex(by_damping),
+            gain,
             self.response,
-            self.slope,
-            self.slope_damping,
+            self._state,
         )
+        self.slopes[:] = self._state @ np.array([[by_frequency, by_damping], [1j * gain, -gain]])
+        self._amounts[5:] = 0.0
 
     def nudge(self, frequency_change: float, damping_change: float) -> None:
         """See `Problem`."""
-        self.response += frequency_change * self.slope
-        if damping_change != 0.0:
-            self.response += damping_change * self.slope_damping
+        self._amounts[5:] += frequency_change, damping_change
 
     def moments(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> tuple[Floats, int]:
         """See `Problem`."""
+        self._amounts[:3] = coefficient
         beyond = kernels.moments(
             self._difference,
             self.response,
-            self.slope,
-            self.slope_damping,
+            self.slopes,
             self._step,
-            gamma,
-            oscillation(frequency, gamma),
-            coefficient,
+            self.block,
+            complex(-gamma, oscillation(frequency, gamma)),
+            self._amounts,
             limit,
+            self.residual,
             self._gram,
         )
-        return np.triu(self._gram) + np.triu(self._gram, 1).T, beyond
-
-    def residual(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> Floats:
-        """See `Problem`."""
-        out = np.empty_like(self._difference)
-        kernels.residuals(
-            self._difference,
-            self.response,
-            self._step,
-            gamma,
-            oscillation(frequency, gamma),
-            coefficient,
-            limit,
-            out,
-        )
-        return out
+        return self._gram, beyond
 
 
 def oscillation(frequency: float, gamma: float) -> float:
@@ -162,10 +151,13 @@ def fit_projection(problem: Problem, frequency: float, gamma: float, fit_damping
     """
     half = problem.half
     coefficient = np.zeros(3)
-    limit, rejected, missing = np.inf, 0, problem.missing
+    limit, rejected, settled = np.inf, 0, False
     problem.respond(frequency, gamma)
     for _ in range(_ITERATIONS):
-        gram, rejected = problem.moments(frequency, gamma, coefficient, limit)
+        gram, beyond = problem.moments(frequency, gamma, coefficient, limit)
+        if settled and beyond == rejected:
+            break  # the same samples as before
+        rejected = beyond
         small = solve_moments(gram, coefficient, half, fit_damping)
         # the moments' time runs about the middle of the record, the coefficients' about its start
         turn = np.exp(complex(small.damping_change, -small.frequency_change) * half)
@@ -176,7 +168,8 @@ def fit_projection(problem: Problem, frequency: float, gamma: float, fit_damping
         if not np.isfinite(frequency) or abs(gamma) > 0.1 * frequency:
             raise RefusedError("difference: no swing near the nominal period; check instrument/period and the traces")
         new_limit = max(REJECTION * small.noise, _FLOOR * abs(complex(*coefficient[:2])))
-        if max(abs(small.frequency_change), abs(small.damping_change)) * half > _SETTLED:
+        settled = max(abs(small.frequency_change), abs(small.damping_change)) * half <= _SETTLED
+        if not settled:
             near = abs(small.frequency_change) * half < _NEAR
             limit = new_limit if near or np.isfinite(limit) else np.inf
             problem.respond(frequency, gamma)
@@ -185,17 +178,16 @@ def fit_projection(problem: Problem, frequency: float, gamma: float, fit_damping
         if new_limit > 0.98 * limit:
             break
         limit = new_limit
-        if np.count_nonzero(np.isnan(problem.residual(frequency, gamma, coefficient, limit))) == missing:
-            break  # nothing lies beyond the limit
+    samples = int(gram[2, 2])
     return ProjectionFit(
         frequency=float(frequency),
         damping_rate=float(gamma),
         coefficient=coefficient,
-        noise=small.noise,
+        noise=float(np.sqrt(gram[7, 7] / max(samples - 4 - fit_damping, 1))),
         noise_gain=small.noise_gain,
-        samples=int(gram[2, 2]),
-        rejected=int(rejected),
-        residual=problem.residual(frequency, gamma, coefficient, limit),
+        samples=samples,
+        rejected=rejected,
+        residual=problem.residual,
     )
 
 

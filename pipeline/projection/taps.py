@@ -65,26 +65,31 @@ def _horner(x: Floats, ratios: list[float]) -> Floats:
     return total
 
 
+def _cardinal(points: Floats, angle: float) -> Floats:
+    """What each of the eight nodes contributes at positions in steps from the centre, (len(points), 8)."""
+    nodes = np.arange(NODES) - CENTRE
+    basis = fitted_basis(np.concatenate([nodes, points]), angle)
+    return np.linalg.solve(basis[:, :NODES], basis[:, NODES:]).T.copy()
+
+
 @functools.lru_cache(maxsize=64)
 def stencil(frequency: float, step: float) -> Floats:
-    """Cardinal functions of the basis at the quadrature nodes of every interval, (7, 16, 8).
+    """Cardinal functions of the basis at the quadrature nodes of the central interval, (16, 8)."""
+    return _cardinal(_gauss_legendre(QUADRATURE)[0] - 0.5, frequency * step)
 
-    Row p belongs to the interval from node p to node p + 1; row 3 is the central one.
-    """
-    positions = np.arange(NODES) - CENTRE
-    nodes, _ = _gauss_legendre(QUADRATURE)
-    points = (positions[:-1, None] + nodes).ravel()
-    basis = fitted_basis(np.concatenate([positions, points]), frequency * step)
-    cardinal = np.linalg.solve(basis[:, :NODES], basis[:, NODES:])
-    return np.asarray(cardinal.T.reshape(NODES - 1, QUADRATURE, NODES))
+
+@functools.lru_cache(maxsize=64)
+def continuation(frequency: float, step: float) -> Floats:
+    """Weights (8, 3) of the last eight samples of a series in its next three, by the same eight functions."""
+    return _cardinal(CENTRE + np.arange(1.0, 4.0), frequency * step).T
 
 
 def taps(cardinal: Floats, eigenvalue: complex, step: float) -> NDArray[np.complex128]:
-    """Weights of `int_0^h exp(lam (h - x)) f(x) dx` for every interval of the stencil.
+    """Weights of `int_0^h exp(lam (h - x)) f(x) dx` over the central interval of eight samples.
 
     Parameters
     ----------
-    cardinal : (7, 16, 8) array
+    cardinal : (16, 8) array
         From `stencil`, fitted at a frequency near Im(lam).
     eigenvalue : complex
         lam = -gamma + i w, s-1.
@@ -93,8 +98,8 @@ def taps(cardinal: Floats, eigenvalue: complex, step: float) -> NDArray[np.compl
 
     Returns
     -------
-    (7, 8) complex array
+    (8,) complex array
     """
     nodes, weights = _gauss_legendre(QUADRATURE)
     kernel = step * weights * np.exp(eigenvalue * step * (1.0 - nodes))
-    return np.asarray(np.tensordot(kernel, cardinal, axes=([0], [1])))
+    return np.asarray(kernel @ cardinal)

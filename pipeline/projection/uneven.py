@@ -28,19 +28,24 @@ class UnevenProblem:
     ) -> None:
         self._uniform = UniformProblem(whole, np.full(whole.size, np.nan), step, fitted_at, ratio, damping_difference)
         self.half = 0.5 * float(time[-1])
-        used = np.isfinite(difference)
-        self._size, self._used = time.size, used
-        self.missing = int((~used).sum())
-        self._time, self._difference = time[used], difference[used]
+        self._used = np.isfinite(difference)
+        self.residual: Floats = np.full(time.size, np.nan)
+        self._time, self._difference = time[self._used], difference[self._used]
         self._where, self._weights = from_grid(self._time, step, whole.size, fitted_at)
+        self._starts = np.minimum(np.arange(self._uniform.slopes.shape[0]) * self._uniform.block, whole.size - 1) * step
         self._columns = np.empty((self._time.size, COLUMNS))
 
     def respond(self, frequency: float, gamma: float) -> None:
         """See `Problem`."""
         self._uniform.respond(frequency, gamma)
-        forms = np.stack([self._uniform.response, self._uniform.slope, self._uniform.slope_damping])
-        values = np.einsum("kij,ij->ki", forms[:, self._where[:, None] + np.arange(NODES)], self._weights)
-        self._response, self._columns[:, 5], self._columns[:, 6] = values
+        around = self._uniform.response[self._where[:, None] + np.arange(NODES)]
+        self._response = np.einsum("ij,ij->i", around, self._weights)
+        eigenvalue = complex(-gamma, oscillation(frequency, gamma))
+        still = self._uniform.slopes * np.exp(-eigenvalue * self._starts)[:, None]
+        carrier = np.exp(eigenvalue * self._time)
+        for column in range(2):
+            slope = carrier * np.interp(self._time, self._starts, still[:, column])
+            self._columns[:, 5 + column] = slope.imag
 
     def nudge(self, frequency_change: float, damping_change: float) -> None:
         """See `Problem`."""
@@ -50,16 +55,10 @@ class UnevenProblem:
         """See `Problem`."""
         residual = self._fill_columns(frequency, gamma, coefficient)
         within = np.abs(residual) <= limit
+        self.residual[self._used] = np.where(within, residual, np.nan)
         self._columns[:, 7] = residual
         chosen = self._columns if within.all() else self._columns[within]
         return chosen.T @ chosen, int((~within).sum())
-
-    def residual(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> Floats:
-        """See `Problem`."""
-        residual = self._fill_columns(frequency, gamma, coefficient)
-        out = np.full(self._size, np.nan)
-        out[self._used] = np.where(np.abs(residual) <= limit, residual, np.nan)
-        return out
 
     def _fill_columns(self, frequency: float, gamma: float, coefficient: Floats) -> Floats:
         carrier = np.exp((-gamma + 1j * oscillation(frequency, gamma)) * self._time)

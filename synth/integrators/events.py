@@ -9,10 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from data_schemas.errors import RefusedError, UsageError
-from synth.integrators.events_kick import Crossings, Escapement, Memory
-from synth.integrators.explicit import PROBE, Run, checked, refine, trajectory, with_checks
+from synth.integrators.events_kick import Crossings, Escapement
+from synth.integrators.explicit import checked, trajectory
+from synth.integrators.explicit_error import ROUNDING, Refinement, refine
 from synth.integrators.trajectory import Trajectory
 from synth.phase import Floats, Integers
+
+_CLEAR = 10.0  # errors by which a turn must miss or pass a level
 
 
 @dataclass(frozen=True)
@@ -78,25 +81,32 @@ def integrate_with_events(
         escapement fires.
     """
     first, instants = checked(start, times, tolerance)
-    made = refine(system, event, first, with_checks(instants), tolerance)
-    rough, fine, end = made.runs[-2], made.runs[-1], float(instants[-1])
-    shift = _shift(_notes(rough), _notes(fine), end)
-    if shift is None:
+    made = refine(system, event, first, instants, tolerance)
+    error = decided(made, event)
+    happened, which = made.runs[-1].happenings()
+    return trajectory(made, instants), Events(happened, which, error)
+
+
+def decided(made: Refinement, event: Crossings | Escapement) -> float:
+    """Estimated error of the instants of events, s; RefusedError where the marches do not decide what happened."""
+    rough, fine = made.runs[-2:]
+    begin, end = float(fine.times[0]), float(fine.times[-1])
+    shift = _shift(rough.happenings(), fine.happenings(), end)
+    assert fine.events is not None  # since there is an event
+    grazing = np.any(fine.events.margins < _CLEAR * made.estimated_error * fine.scale[event.component])
+    if shift is None or grazing:
         raise RefusedError(
             "events: whether a crossing happens is not decided by the tolerance (the motion only touches the level);"
             " move the level, or ask for a smaller tolerance"
         )
     error = shift * fine.tolerance / rough.tolerance
     if made.probe is not None:
-        moved = _shift(_notes(made.probe), _notes(made.runs[0]), end)
-        error += (end - float(instants[0]) if moved is None else moved) / PROBE * made.rounding()
-    happened, which = _notes(fine)
-    result = trajectory(made, instants)
-    rates = np.abs(fine.events.rates[: happened.size]) if fine.events is not None else np.zeros(0)
-    sizes = fine.scale[event.component[which]]
-    late = np.divide(result.estimated_error * sizes, rates, out=np.zeros_like(rates), where=rates > 0.0)
-    error = max(error, float(np.max(late, initial=0.0)))
-    return result, Events(happened, which, error + 4.4e-16 * float(np.max(np.abs(instants))))
+        moved = _shift(made.probe.noisy.happenings(), made.probe.quiet.happenings(), end)
+        error += (end - begin if moved is None else moved) * ROUNDING / made.probe.noise
+    which = fine.happenings()[1]
+    rates, sizes = np.abs(fine.events.rates[: which.size]), fine.scale[event.component[which]]
+    late = np.divide(made.estimated_error * sizes, rates, out=np.zeros_like(rates), where=rates > 0.0)
+    return max(error, float(np.max(late, initial=0.0))) + 4.4e-16 * max(abs(begin), abs(end))
 
 
 def _shift(rough: tuple[Floats, Integers], fine: tuple[Floats, Integers], end: float) -> float | None:
@@ -110,12 +120,6 @@ def _shift(rough: tuple[Floats, Integers], fine: tuple[Floats, Integers], end: f
         if beyond.size > 1 or np.any(end - beyond > 10.0 * largest + 1e-9 * abs(end)):
             return None
     return largest
-
-
-def _notes(run: Run) -> tuple[Floats, Integers]:
-    assert isinstance(run.events, Memory)
-    count = int(run.events.noted[0])
-    return run.events.times[:count] + run.events.lows[:count], run.events.which[:count].copy()
 
 
 def _whole(column: Any) -> Integers:

@@ -1,7 +1,7 @@
 """What the march watches for within a step, and what happens there.
 
 `Crossings` notes when a component passes a value; `Escapement` gives a pendulum a kick where its angle passes a
-value. The march calls `watching`, `locate` and `strike`; for `None` they compile to nothing.
+value. The march calls `watching`, `locate`, `strike` and the others below; for `None` they compile to nothing.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.core import types
 
-from synth.integrators.events_roots import DEGREE, NONE, TO_BERNSTEIN, first_crossing, sign
+from synth.integrators.events_roots import DEGREE, NONE, TO_BERNSTEIN, first_crossing, margin, sign
 from synth.kernels.compiled import kernel
 from synth.phase import Floats, Integers
 from synth.systems.choice import chosen_for
@@ -52,6 +52,8 @@ class Memory(NamedTuple):
 
     sides: Integers
     """(watches,) on which side of the level the component was last."""
+    margins: Floats
+    """(watches,) by how little a turn of the motion missed or passed the level so far."""
     shares: Floats
     """(watches,) next crossing in the present step."""
     coefficients: Floats
@@ -70,13 +72,15 @@ class Memory(NamedTuple):
     """and the watch that saw each."""
 
 
-def memory(event: Any, size: int, capacity: int) -> Memory | None:
+def memory(event: Any, size: int, capacity: int = 1024) -> Memory | None:
     """Working space for the events of a state of `size` components; None for no event."""
     if event is None:
         return None
     watches = event.level.size
+    capacity = max(capacity, watches)
     return Memory(
         np.zeros(watches, dtype=np.int64),
+        np.full(watches, np.inf),
         np.full(watches, NONE),
         np.zeros((60, DEGREE + 1)),
         np.zeros((60, 2)),
@@ -88,6 +92,17 @@ def memory(event: Any, size: int, capacity: int) -> Memory | None:
         np.zeros(capacity),
         np.zeros(capacity, dtype=np.int64),
     )
+
+
+def roomier(notes: Memory) -> Memory:
+    """The same, with room for twice as many events."""
+    double = {
+        name: np.concatenate([old, np.zeros_like(old)]) for name, old in notes._asdict().items() if name in _NOTES
+    }
+    return notes._replace(**double)
+
+
+_NOTES = ("times", "lows", "rates", "which")
 
 
 @kernel
@@ -113,6 +128,7 @@ def _locate(
         memory.coefficients[0, 0] = (state[c] - level) + low[c]
         end = (following[c] - level) + left_over[c]
         memory.coefficients[0, DEGREE] = end
+        memory.margins[j] = min(memory.margins[j], margin(memory.coefficients, memory.work))
         memory.shares[j] = first_crossing(
             memory.coefficients, memory.lefts, memory.work, memory.sides[j], event.direction[j]
         )
@@ -165,12 +181,16 @@ def _happens(event: Any, memory: Memory, j: int, share: float, following: Floats
 @kernel
 def _note(memory: Memory, j: int, time: float, time_low: float, rate: float) -> None:
     place = memory.noted[0]
-    if place < memory.times.size:
-        memory.times[place] = time
-        memory.lows[place] = time_low
-        memory.rates[place] = rate
-        memory.which[place] = j
+    memory.times[place] = time
+    memory.lows[place] = time_low
+    memory.rates[place] = rate
+    memory.which[place] = j
     memory.noted[0] = place + 1
+
+
+@kernel
+def _full(memory: Memory) -> bool:
+    return memory.noted[0] + memory.sides.size > memory.times.size
 
 
 @kernel
@@ -227,6 +247,11 @@ def miss(event: Any, memory: Any, share: float, following: Floats, left_over: Fl
     return (0, 0.0) if event is None else _miss(event, memory, share, following, left_over)
 
 
+def full(event: Any, memory: Any) -> bool:
+    """Whether the memory may have no room for what happens next."""
+    return event is not None and bool(_full(memory))
+
+
 def strike(
     event: Any, memory: Any, share: float, time: float, time_low: float, following: Floats, left_over: Floats,
     slope: Floats, system: Any,
@@ -271,6 +296,13 @@ def _miss_typed(event: Any, memory: Any, share: Any, following: Any, left_over: 
     if _none(event):
         return lambda event, memory, share, following, left_over: (0, 0.0)
     return lambda event, memory, share, following, left_over: _miss(event, memory, share, following, left_over)
+
+
+@chosen_for(full)
+def _full_typed(event: Any, memory: Any) -> Any:
+    if _none(event):
+        return lambda event, memory: False
+    return lambda event, memory: _full(memory)
 
 
 @chosen_for(strike)

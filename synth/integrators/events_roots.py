@@ -14,6 +14,7 @@ from synth.phase import Floats
 
 DEGREE = 7
 NONE = 2.0
+_TURN_HALVINGS = 30  # the value at a turn errs by the square of 2^-30
 _SHORTEST = 2.0**-48  # of a step: roots closer than this differ by rounding only
 
 
@@ -135,6 +136,24 @@ def first_crossing(coefficients: Floats, lefts: Floats, work: Floats, before: in
             last = end
         row -= 1
     return NONE
+
+
+@kernel
+def margin(coefficients: Floats, work: Floats) -> float:
+    """|value| of row 0 where it turns round within the interval: how near it comes to a touch; inf if it does not turn."""
+    rise = sign(coefficients[0, 1] - coefficients[0, 0])
+    if rise * sign(coefficients[0, DEGREE] - coefficients[0, DEGREE - 1]) >= 0:
+        return np.inf
+    left, right = 0.0, 1.0
+    for _ in range(_TURN_HALVINGS):
+        middle = 0.5 * (left + right)
+        _, slope = value_and_slope(coefficients, 0, middle, work)
+        if slope * rise > 0.0:
+            left = middle
+        else:
+            right = middle
+    value, _ = value_and_slope(coefficients, 0, right, work)
+    return abs(value)
 
 
 def _bernstein() -> Floats:

@@ -10,10 +10,8 @@ import math
 from fractions import Fraction
 from typing import Any
 
-import numpy as np
-
 from synth.integrators.explicit_tableau import CORRECTION, DENSE, ERRORS, NODES, WEIGHTS
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, summing_kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
 
@@ -148,29 +146,53 @@ def dense(
     h = step
     for i in range(n):
         k[12, i] = after[i]
-    for stage in range(13, 16):
-        for i in range(n):
-            total = 0.0
-            for j in range(stage):
-                total += _DENSE_STAGES[stage - 13, j] * k[j, i]
-            point[i] = state[i] + h * total
-        derivative(time + _C[stage] * h, point, system, slope)
-        for i in range(n):
-            k[stage, i] = slope[i]
     for i in range(n):
+        total = _A[13][0] * k[0, i] + _A[13][6] * k[6, i] + _A[13][7] * k[7, i] + _A[13][8] * k[8, i]
+        total += _A[13][9] * k[9, i] + _A[13][10] * k[10, i] + _A[13][11] * k[11, i] + _A[13][12] * k[12, i]
+        point[i] = state[i] + h * total
+    derivative(time + _C[13] * h, point, system, slope)
+    for i in range(n):
+        k[13, i] = slope[i]
+    for i in range(n):
+        total = _A[14][0] * k[0, i] + _A[14][5] * k[5, i] + _A[14][6] * k[6, i] + _A[14][7] * k[7, i]
+        total += _A[14][10] * k[10, i] + _A[14][11] * k[11, i] + _A[14][12] * k[12, i] + _A[14][13] * k[13, i]
+        point[i] = state[i] + h * total
+    derivative(time + _C[14] * h, point, system, slope)
+    for i in range(n):
+        k[14, i] = slope[i]
+    for i in range(n):
+        total = _A[15][0] * k[0, i] + _A[15][5] * k[5, i] + _A[15][6] * k[6, i] + _A[15][7] * k[7, i]
+        total += _A[15][8] * k[8, i] + _A[15][12] * k[12, i] + _A[15][13] * k[13, i] + _A[15][14] * k[14, i]
+        point[i] = state[i] + h * total
+    derivative(time + _C[15] * h, point, system, slope)
+    for i in range(n):
+        k[15, i] = slope[i]
+    _curve(h, k, increment, polynomial)
+
+
+@summing_kernel
+def _curve(h: float, k: Floats, increment: Floats, polynomial: Floats) -> None:
+    for i in range(increment.size):
         rise = increment[i]
         polynomial[0, i] = rise
         polynomial[1, i] = h * k[0, i] - rise
-        polynomial[2, i] = 2.0 * rise - h * (after[i] + k[0, i])
-        for row in range(4):
-            total = 0.0
-            for j in range(16):
-                total += _DENSE_ROWS[row, j] * k[j, i]
-            polynomial[row + 3, i] = h * total
-
-
-_DENSE_STAGES = np.array([row + (0.0,) * (15 - len(row)) for row in WEIGHTS[13:]])
-_DENSE_ROWS = np.array(DENSE)
+        polynomial[2, i] = 2.0 * rise - h * (k[12, i] + k[0, i])
+        total = _D[0][0] * k[0, i] + _D[0][5] * k[5, i] + _D[0][6] * k[6, i] + _D[0][7] * k[7, i]
+        total += _D[0][8] * k[8, i] + _D[0][9] * k[9, i] + _D[0][10] * k[10, i] + _D[0][11] * k[11, i]
+        total += _D[0][12] * k[12, i] + _D[0][13] * k[13, i] + _D[0][14] * k[14, i] + _D[0][15] * k[15, i]
+        polynomial[3, i] = h * total
+        total = _D[1][0] * k[0, i] + _D[1][5] * k[5, i] + _D[1][6] * k[6, i] + _D[1][7] * k[7, i]
+        total += _D[1][8] * k[8, i] + _D[1][9] * k[9, i] + _D[1][10] * k[10, i] + _D[1][11] * k[11, i]
+        total += _D[1][12] * k[12, i] + _D[1][13] * k[13, i] + _D[1][14] * k[14, i] + _D[1][15] * k[15, i]
+        polynomial[4, i] = h * total
+        total = _D[2][0] * k[0, i] + _D[2][5] * k[5, i] + _D[2][6] * k[6, i] + _D[2][7] * k[7, i]
+        total += _D[2][8] * k[8, i] + _D[2][9] * k[9, i] + _D[2][10] * k[10, i] + _D[2][11] * k[11, i]
+        total += _D[2][12] * k[12, i] + _D[2][13] * k[13, i] + _D[2][14] * k[14, i] + _D[2][15] * k[15, i]
+        polynomial[5, i] = h * total
+        total = _D[3][0] * k[0, i] + _D[3][5] * k[5, i] + _D[3][6] * k[6, i] + _D[3][7] * k[7, i]
+        total += _D[3][8] * k[8, i] + _D[3][9] * k[9, i] + _D[3][10] * k[10, i] + _D[3][11] * k[11, i]
+        total += _D[3][12] * k[12, i] + _D[3][13] * k[13, i] + _D[3][14] * k[14, i] + _D[3][15] * k[15, i]
+        polynomial[6, i] = h * total
 
 
 @kernel

@@ -15,9 +15,9 @@ _R3, _R5, _R7 = THREE.reciprocals, FIVE.reciprocals, SEVEN.reciprocals
 
 
 @summing_kernel
-def differences(count: Any, size: Any, increments: Any, out: Any) -> None:
+def differences(s: int, size: Any, increments: Any, out: Any) -> None:
     """Divided differences (s + 1, n) of the increments (s, n); the increment at 0 is zero."""
-    n, s = len(size), len(count)
+    n = len(size)
     reciprocals = _R3 if s == 3 else _R5 if s == 5 else _R7
     for c in range(n):
         for i in range(s):
@@ -30,11 +30,24 @@ def differences(count: Any, size: Any, increments: Any, out: Any) -> None:
 
 
 @summing_kernel
-def evaluate(at: float, component: int, count: Any, size: Any, polynomial: Any) -> Any:
-    """Increment of one component at the share `at` of the step."""
-    n, s = len(size), len(count)
+def evaluate(at: float, s: int, size: Any, polynomial: Any, out: Any, row: int) -> None:
+    """Increments at the share `at` of the step, into a row of `out` (rows, n)."""
+    n = len(size)
     nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
-    total = polynomial[s * n + component]
-    for i in range(s - 1, -1, -1):
-        total = total * (at - nodes[s - 1 - i]) + polynomial[i * n + component]
-    return total
+    for c in range(n):
+        total = polynomial[s * n + c]
+        for i in range(s - 1, -1, -1):
+            total = total * (at - nodes[s - 1 - i]) + polynomial[i * n + c]
+        out[row * n + c] = total
+
+
+@summing_kernel
+def extrapolate(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, base: Any) -> None:
+    """Increments (s, n) of a step that starts at the share `begin` of one of `old` stages and is `ratio` as long."""
+    n = len(size)
+    nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
+    evaluate(begin, old, size, polynomial, base, 0)
+    for i in range(s):
+        evaluate(begin + ratio * nodes[i], old, size, polynomial, z, i)
+        for c in range(n):
+            z[i * n + c] -= base[c]

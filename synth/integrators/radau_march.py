@@ -4,8 +4,10 @@ The state and the time are kept as sums of two doubles: a step adds an increment
 
 A step ends with order 2 s - 1, its polynomial inside with order s only. Local errors are therefore allowed the
 power (s + 1)/(2 s) of the tolerance (Hairer and Wanner 1999), and a reading inside a step that has not earned its
-tolerance is solved for as a part step. Where readings are so many that this costs more than short steps, steps are
-chosen for the polynomial.
+tolerance is solved for as a part step, or, where that fails, made the end of a step. Where readings are so many that
+this costs more than short steps, steps are chosen for the polynomial.
+
+A march may be interrupted after any reading and resumed: all that it knows is in `space`, `progress` and `largest`.
 """
 
 from __future__ import annotations
@@ -13,17 +15,18 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
+from synth.integrators.radau_dense import differences, evaluate
 from synth.integrators.radau_error import first_step, local_error
 from synth.integrators.radau_memory import address
 from synth.integrators.radau_newton import NOT_FINITE, SOLVED
-from synth.integrators.radau_orders import collocate_any, guess, part_step, polynomial_of, prepare_any, read
+from synth.integrators.radau_orders import collocate_any, guess, part_step, prepare_any
 from synth.kernels.compiled import kernel
+from synth.phase import Floats
 from synth.systems.dispatch import derivative, jacobian
 
 DONE, STUCK, UNDEFINED, ENDLESS = 0, 1, 2, 3
 STEPS, EVALUATIONS, REJECTED = 0, 1, 2
+TIME, LATE, STEP, STAGES, OLD_STAGES, OLD_STEP, OLD_LOG, SINCE = range(8)
 
 _MOST_STEPS = 100_000_000
 _SHORTEST = 1e-14  # of the span
@@ -51,9 +54,13 @@ def room(n: int) -> int:
     return 49 * n + 15 * n * n
 
 
+def state_in(space: Floats, n: int) -> Floats:
+    """The state, a view of the working space."""
+    return space[44 * n : 45 * n]
+
+
 @kernel
 def march(
-    start: Any,
     times: Any,
     tolerance: float,
     orders: tuple[int, int],
@@ -61,18 +68,17 @@ def march(
     system: Any,
     space: Any,
     places: Any,
+    progress: Any,
     out: Any,
     largest: Any,
     counts: Any,
-    stop: Any,
 ) -> int:
-    """Integrate over `times`.
+    """Go on to the last of `times`.
 
     Parameters
     ----------
-    start : (n,) array
-        State at the first of `times`.
     times : (k,) increasing array
+        None before the time reached.
     tolerance : float
         Relative error wanted.
     orders : tuple
@@ -81,15 +87,16 @@ def march(
     system : NamedTuple
     space : (room(n),) array
     places : (14 n,) integer array
-        Working space.
+        Working space; at first zero but for `state_in(space, n)`.
+    progress : (8,) array
+        TIME reached, what its rounding lost (LATE), next STEP (0: unknown), its STAGES, the OLD stages (0: none), length
+        and error of the step before, and the steps SINCE stages changed; at first zero but for TIME and STAGES.
     out : (k, n) array
         States at `times`.
     largest : (n,) array
-        Largest size of each component on the way.
+        Largest size of each component on the way; at first what counts as small.
     counts : (3,) integer array
-        Steps, evaluations, rejected steps.
-    stop : (1,) array
-        Time reached.
+        Steps, evaluations, rejected steps; added to.
 
     Returns
     -------
@@ -105,37 +112,40 @@ def march(
     slopes, slopes_at = space[49 * n : 49 * n + square].reshape(n, n), address(space, 49 * n)
     stack, stack_part = address(space, 49 * n + square), address(space, 49 * n + 8 * square)
     exchanges, exchanges_part = address(places, 0), address(places, 7 * n)
-    space[:] = 0.0
-    state[:] = start
-    time, late, end = times[0], 0.0, times[k - 1]  # the time is time + late
+    time, late, step = progress[TIME], progress[LATE], progress[STEP]  # the time is time + late
+    s, old, since = int(progress[STAGES]), int(progress[OLD_STAGES]), int(progress[SINCE])
+    old_step, old_log = progress[OLD_STEP], progress[OLD_LOG]
+    end = times[k - 1]
     span = end - time
-    out[0] = state
-    largest[:] = np.abs(state)
+    for c in range(n):
+        largest[c] = max(largest[c], abs(state[c]))
+    done = 0
+    while done < k and (times[done] - time) - late <= 0.0:
+        out[done] = state
+        done += 1
     derivative(time, state, system, slope)
-    jacobian(time, state, system, slopes)
-    counts[EVALUATIONS] = 1
-    step = max(first_step(here, slope_at, slopes_at, span, size), 10.0 * _SHORTEST * span)
-    why = STUCK
-    s = orders[1]
+    counts[EVALUATIONS] += 1
+    if step == 0.0:
+        jacobian(time, state, system, slopes)
+        step = max(first_step(here, slope_at, slopes_at, span, size), 10.0 * _SHORTEST * span)
     loose, crowded = _allowances(tolerance, s)
-    old, old_step, old_log = 0, 0.0, 0.0  # stages of the step before; 0: its polynomial is of no use
-    settled, failures, careful, done, since = False, 0, True, 1, 0
+    settled, careful, failures, why, outcome = old > 0, True, 0, STUCK, DONE
     while done < k:
         left = (end - time) - late
         last = step * 1.0001 >= left
         if last:
             step = left
         elif step < _SHORTEST * span:
-            stop[0] = time
-            return why
+            outcome = why
+            break
         elif step * 2.0 > left:
             step = 0.5 * left
         if counts[STEPS] >= _MOST_STEPS:
-            stop[0] = time
-            return ENDLESS
+            outcome = ENDLESS
+            break
         allowed = _DENSE * tolerance if k - done > 1 and (k - done) * step > crowded * left else loose
         # the Jacobian is taken where the step is expected to end: a stiff one is needed right there
-        guess(s, old, 1.0, step / old_step if old > 0 else 0.0, size, polynomial, z, w)
+        guess(s, old, 1.0, step / old_step if old > 0 else 0.0, size, polynomial, z, w, point)
         top = 0.0
         for c in range(n):
             point[c] = state[c] + z[(s - 1) * n + c]
@@ -143,28 +153,14 @@ def march(
         jacobian(time + step if old > 0 else time, point, system, slopes)
         for c in range(n):
             scale[c] = 1.0 / max(abs(state[c]), abs(point[c]), _FLOOR * largest[c], _SMALL * top, 1e-300)
-        outcome, turns, contraction = NOT_FINITE, 0, 1.0
+        solved, turns, contraction = NOT_FINITE, 0, 1.0
         if prepare_any(s, step, slopes_at, size, stack, exchanges):
-            outcome, turns, contraction = collocate_any(
-                s,
-                time,
-                step,
-                here,
-                scale,
-                _NEWTON * tolerance,
-                size,
-                z,
-                w,
-                f,
-                point,
-                other,
-                stack,
-                exchanges,
-                system,
+            solved, turns, contraction = collocate_any(
+                s, time, step, here, scale, _NEWTON * tolerance, size, z, w, f, point, other, stack, exchanges, system
             )
         counts[EVALUATIONS] += s * turns
         error, log, factor = 0.0, 0.0, 1.0
-        if outcome == SOLVED:
+        if solved == SOLVED:
             for c in range(n):
                 ended = abs(state[c] + z[(s - 1) * n + c])
                 scale[c] = 1.0 / max(abs(state[c]), ended, _FLOOR * largest[c], _SMALL * top, 1e-300)
@@ -188,13 +184,13 @@ def march(
             counts[EVALUATIONS] += 1 if careful else 0
             log = math.log(max(error / allowed, 1e-10)) / (s + 1)
             factor = _SAFE * math.exp(-log)
-        if outcome != SOLVED or not error < allowed:
+        if solved != SOLVED or not error < allowed:
             counts[REJECTED] += 1
-            if outcome == SOLVED:
+            if solved == SOLVED:
                 factor = max(0.1, min(factor, _SAFE))
             else:
                 failures += 1
-                factor = 0.25 if outcome == NOT_FINITE else 0.5
+                factor = 0.25 if solved == NOT_FINITE else 0.5
                 if failures > 1 and s > orders[0]:
                     s -= 2
                     since = 0
@@ -203,7 +199,7 @@ def march(
                     old = 0
             step *= factor
             careful = True
-            why = UNDEFINED if outcome == NOT_FINITE else STUCK
+            why = UNDEFINED if solved == NOT_FINITE else STUCK
             continue
         # length of the next step (Gustafsson's prediction), not so long that Newton would labour
         if settled:
@@ -213,12 +209,12 @@ def march(
             factor = min(factor, max(0.5, _WANTED / contraction))
         if careful and settled:
             factor = min(factor, 1.0)
-        polynomial_of(s, size, z, polynomial)
+        differences(s, size, z, polynomial)
         # readings inside the step
+        cut = 0.0
         while done < k - 1 and (last or (times[done] - time) - late < step):
             part = (times[done] - time) - late
-            turns = 0
-            if error > _DENSE * tolerance:
+            if error > _DENSE * tolerance and part > 0.0:
                 turns = part_step(
                     s,
                     time,
@@ -240,12 +236,19 @@ def march(
                     system,
                 )
                 counts[EVALUATIONS] += s * turns
-            if turns == 0:
-                read(s, part / step, size, polynomial, point)
+                if turns == 0:
+                    cut = part
+                    break
+            else:
+                evaluate(part / step, s, size, polynomial, point, 0)
             for c in range(n):
                 out[done, c] = state[c] + (point[c] + carry[c])
                 largest[c] = max(largest[c], abs(out[done, c]))
             done += 1
+        if cut > 0.0:
+            step, old, careful = cut, 0, True
+            counts[REJECTED] += 1
+            continue
         for c in range(n):
             change = z[(s - 1) * n + c] + carry[c]
             total = state[c] + change
@@ -270,5 +273,6 @@ def march(
             s += 2
             since = 0
             loose, crowded = _allowances(tolerance, s)
-    stop[0] = time
-    return DONE
+    progress[TIME], progress[LATE], progress[STEP], progress[STAGES] = time, late, step, s
+    progress[OLD_STAGES], progress[OLD_STEP], progress[OLD_LOG], progress[SINCE] = old, old_step, old_log, since
+    return outcome

@@ -67,8 +67,8 @@ def _unfold(count: Any, size: Any, source: Any, out: Any) -> None:
 
 
 @summing_kernel
-def _correct(step: float, count: Any, size: Any, scale: Any, w: Any, g: Any, stack: Any, exchanges: Any) -> float:
-    """One Newton correction of the amplitudes w from the projected slopes g, and its weighted mean square."""
+def _correct(step: float, count: Any, size: Any, w: Any, g: Any, stack: Any, exchanges: Any) -> None:
+    """Correct the amplitudes w by Newton's method from the projected slopes g, which become the correction."""
     n, s = len(size), len(count)
     rates = _R3 if s == 3 else _R5 if s == 5 else _R7
     inverse = 1.0 / step
@@ -84,13 +84,34 @@ def _correct(step: float, count: Any, size: Any, scale: Any, w: Any, g: Any, sta
     solve(size, stack, exchanges, g)
     for k in range(1, (s + 1) // 2):
         solve_pair(2 * k - 1, size, stack, exchanges, g)
+    for i in range(s * n):
+        w[i] += g[i]
+
+
+@summing_kernel
+def _moved(count: Any, size: Any, scale: Any, g: Any) -> float:
+    """Weighted mean square of a correction."""
+    n, s = len(size), len(count)
     total = 0.0
     for i in range(s):
         for c in range(n):
-            change = g[i * n + c]
-            w[i * n + c] += change
-            total += (change * scale[c]) * (change * scale[c])
+            total += (g[i * n + c] * scale[c]) * (g[i * n + c] * scale[c])
     return total / (n * s)
+
+
+@kernel
+def _lower(state: Any, count: Any, size: Any, w: Any, scale: Any) -> None:
+    """Lower the inverse sizes of components that end larger than thought: one that starts at zero, above all.
+
+    The end of a step is the plain sum of the real parts of its amplitudes.
+    """
+    n, s = len(size), len(count)
+    for c in range(n):
+        ended = state[c] + w[c]
+        for k in range(1, s, 2):
+            ended += w[k * n + c]
+        if abs(ended) * scale[c] > 2.0:
+            scale[c] = 1.0 / abs(ended)
 
 
 @kernel
@@ -148,15 +169,14 @@ def collocate(
             for c in range(n):
                 f[i * n + c] = slope[c]
         project(count, size, f, z)
-        moved = math.sqrt(_correct(step, count, size, scale, w, z, stack, exchanges))
+        _correct(step, count, size, w, z, stack, exchanges)
+        if turn == 1:  # before it is measured: a ratio of corrections measured by different sizes would say nothing
+            _lower(state, count, size, w, scale)
+        moved = math.sqrt(_moved(count, size, scale, z))
         _unfold(count, size, w, z)
         if not moved < 1e100:
             return NOT_FINITE, turn, 1.0
-        if turn == 1:
-            for c in range(n):
-                if abs(state[c] + z[(s - 1) * n + c]) * scale[c] > 2.0:
-                    scale[c] = 1.0 / abs(state[c] + z[(s - 1) * n + c])
-        else:
+        if turn > 1:
             present = moved / before
             contraction = present if turn == 2 else math.sqrt(present * quotient)
             quotient = present

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from synth.integrators.radau_dense import differences, evaluate
+from synth.integrators.radau_dense import extrapolate
 from synth.integrators.radau_newton import SOLVED, collocate, prepare, project
-from synth.integrators.radau_tables import FIVE, SEVEN, THREE
 from synth.kernels.compiled import kernel
 
 _S3, _S5, _S7 = (0,) * 3, (0,) * 5, (0,) * 7
-_N3, _N5, _N7 = THREE.nodes, FIVE.nodes, SEVEN.nodes
 
 
 @kernel
@@ -50,41 +48,7 @@ def collocate_any(
 
 
 @kernel
-def polynomial_of(s: int, size: Any, z: Any, out: Any) -> None:
-    """`radau_dense.differences` for s stages."""
-    if s == 3:
-        differences(_S3, size, z, out)
-    elif s == 5:
-        differences(_S5, size, z, out)
-    else:
-        differences(_S7, size, z, out)
-
-
-@kernel
-def read(s: int, at: float, size: Any, polynomial: Any, out: Any) -> None:
-    """`radau_dense.evaluate` for s stages."""
-    for c in range(len(size)):
-        if s == 3:
-            out[c] = evaluate(at, c, _S3, size, polynomial)
-        elif s == 5:
-            out[c] = evaluate(at, c, _S5, size, polynomial)
-        else:
-            out[c] = evaluate(at, c, _S7, size, polynomial)
-
-
-@kernel
-def _spread(count: Any, old: Any, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, w: Any) -> None:
-    n, s = len(size), len(count)
-    nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
-    for c in range(len(size)):
-        base = evaluate(begin, c, old, size, polynomial)
-        for i in range(s):
-            z[i * n + c] = evaluate(begin + ratio * nodes[i], c, old, size, polynomial) - base
-    project(count, size, z, w)
-
-
-@kernel
-def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, w: Any) -> None:
+def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, w: Any, point: Any) -> None:
     """First guess of a step from the polynomial of another one of `old` stages (0: none).
 
     It starts at the share `begin` of that one, and is `ratio` times as long.
@@ -93,20 +57,14 @@ def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: A
         for i in range(s * len(size)):
             z[i] = 0.0
             w[i] = 0.0
-    elif s == 3 and old == 3:
-        _spread(_S3, _S3, begin, ratio, size, polynomial, z, w)
-    elif s == 3:
-        _spread(_S3, _S5, begin, ratio, size, polynomial, z, w)
-    elif s == 5 and old == 3:
-        _spread(_S5, _S3, begin, ratio, size, polynomial, z, w)
-    elif s == 5 and old == 5:
-        _spread(_S5, _S5, begin, ratio, size, polynomial, z, w)
+        return
+    extrapolate(s, old, begin, ratio, size, polynomial, z, point)
+    if s == 3:
+        project(_S3, size, z, w)
     elif s == 5:
-        _spread(_S5, _S7, begin, ratio, size, polynomial, z, w)
-    elif old == 5:
-        _spread(_S7, _S5, begin, ratio, size, polynomial, z, w)
+        project(_S5, size, z, w)
     else:
-        _spread(_S7, _S7, begin, ratio, size, polynomial, z, w)
+        project(_S7, size, z, w)
 
 
 @kernel
@@ -136,7 +94,7 @@ def part_step(
     """
     if not prepare_any(s, part, jacobian, size, stack, exchanges):
         return 0
-    guess(s, s, 0.0, share, size, polynomial, z, w)
+    guess(s, s, 0.0, share, size, polynomial, z, w, point)
     outcome, turns, _ = collocate_any(
         s, time, part, state, scale, goal, size, z, w, f, point, slope, stack, exchanges, system
     )

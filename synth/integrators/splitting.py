@@ -27,7 +27,6 @@ from synth.systems.restoring import Sine
 _BLOCK = 8192
 _FIRST_STEP = 0.8  # rad of the fastest pendulum
 _HALVINGS = 8
-_LOSS = 16.0  # halving the step reduces the error at least so much: order 4, the least of the scheme's three
 _ROUNDING = 2.2e-16
 
 
@@ -36,7 +35,8 @@ def integrate(
 ) -> Trajectory:
     """Integrate pendulums on a moving support, at evenly spaced times.
 
-    The step is halved until the difference of two runs, over 16, meets the tolerance or stops falling.
+    The step is halved until the difference of two runs, over what halving gains at least, meets the tolerance or stops
+    falling.
 
     Raises
     ------
@@ -53,13 +53,14 @@ def integrate(
     coarse = march(system, first, instants, interval, steps, scheme)
     total = steps
     error = np.inf
+    gain = 2.0 ** min(scheme.orders)
     for _ in range(_HALVINGS):
         steps *= 2
         total += steps
         fine = march(system, first, instants, interval, steps, scheme)
         size = np.max(np.abs(fine), axis=0)
         rounding = _ROUNDING * (2.0 + 0.1 * np.sqrt(steps * instants.size))
-        found = relative_error(fine - coarse, size) / _LOSS + rounding
+        found = relative_error(fine - coarse, size) / gain + rounding
         stalled = found > 0.5 * error
         coarse, error = fine, found if not stalled else max(found, error)
         if error <= tolerance or stalled:

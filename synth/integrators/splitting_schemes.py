@@ -1,4 +1,4 @@
-"""Splittings for a motion that is nearly exactly solvable, of generalised order (8, 6, 4) and (10, 6, 4).
+"""Splittings for a motion that is nearly exactly solvable, of generalised order (8, 6, 4), (10, 6, 4) and Strang's.
 
 For d/dt = A + eps B with A solved exactly and B a kick, the scheme `a_1 A, b_1 B, a_2 A, ..., a_1 A` errs by
 O(eps h^8 + eps^2 h^6 + eps^3 h^4), or with h^10 in the first term.
@@ -37,11 +37,11 @@ class Scheme:
     orders: tuple[int, int, int]
 
 
-def _symmetric(name: str, drifts: list[float], kicks: list[float], stages: int, first_order: int) -> Scheme:
+def _symmetric(name: str, drifts: list[float], kicks: list[float], stages: int, orders: tuple[int, int, int]) -> Scheme:
     """Unfold a scheme from its first half."""
     drift = drifts + drifts[: stages + 1 - len(drifts)][::-1]
     kick = kicks + kicks[: stages - len(kicks)][::-1]
-    return Scheme(name, np.cumsum(drift[:-1]), np.array(kick), (first_order, 6, 4))
+    return Scheme(name, np.cumsum(drift[:-1]), np.array(kick), orders)
 
 
 ABA864 = _symmetric(
@@ -49,13 +49,14 @@ ABA864 = _symmetric(
     [0.07113342649822312, 0.2411534279566401, 0.5214117617728148, -0.33369861622767800573],
     [0.18308368747219722, 0.31078285989857487, -0.026564618511958801, 0.065396142282373418],
     stages=7,
-    first_order=8,
+    orders=(8, 6, 4),
 )
 ABA1064 = _symmetric(
     "ABA(10,6,4)",
     [0.038094497422412195, 0.14529871611691375, 0.20762769572554125, 0.43590970365152616, -0.65386122583278671],
     [0.095858880837075211, 0.20444615314299878, 0.21707034797899110, -0.017375381959065093],
     stages=8,
-    first_order=10,
+    orders=(10, 6, 4),
 )
-SCHEMES = {scheme.name: scheme for scheme in (ABA864, ABA1064)}
+STRANG = _symmetric("Strang", [0.5], [1.0], stages=1, orders=(2, 2, 2))
+SCHEMES = {scheme.name: scheme for scheme in (ABA864, ABA1064, STRANG)}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+from array import array
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -36,20 +38,25 @@ def read_table(term: TabulatedMotion) -> tuple[Floats, Floats]:
 
 
 def _csv(path: Path, term: TabulatedMotion) -> tuple[Floats, Floats]:
-    text = path.read_text(encoding="utf-8-sig", errors="replace")
-    separator = ";" if ";" in text.partition("\n")[0] else ","
-    rows = [row for row in csv.reader(text.splitlines(), delimiter=separator) if row]
-    if not rows:
-        raise SceneError(f"{path}: is empty; give a table with a time and a value column")
-    names = [cell.strip() for cell in rows[0]]
-    has_header = not all(_is_number(cell) for cell in names)
-    first = 1 if has_header else 0
-    places = [_place(path, names if has_header else [], len(names), column) for column in (term.time, term.value)]
-    try:
-        table = np.array([[float(row[place]) for place in places] for row in rows[first:]]).reshape(-1, 2)
-    except (ValueError, IndexError):
-        raise SceneError(f"{path}: a row lacks a number in column {term.time!r} or {term.value!r}; mend it") from None
-    return table[:, 0], table[:, 1]
+    numbers = array("d")  # row by row: a list of a million rows would take half a gigabyte
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        first_line = file.readline()
+        separator = ";" if ";" in first_line else ","
+        rows = (row for row in csv.reader(chain([first_line], file), delimiter=separator) if row)
+        first = next(rows, None)
+        if first is None:
+            raise SceneError(f"{path}: is empty; give a table with a time and a value column")
+        names = [cell.strip() for cell in first]
+        has_header = not all(_is_number(cell) for cell in names)
+        places = [_place(path, names if has_header else [], len(names), column) for column in (term.time, term.value)]
+        try:
+            for row in rows if has_header else chain([first], rows):
+                numbers.extend(float(row[place]) for place in places)
+        except (ValueError, IndexError):
+            what = f"column {term.time!r} or {term.value!r}"
+            raise SceneError(f"{path}: a row lacks a number in {what}; mend it") from None
+    table = np.array(numbers).reshape(-1, 2)
+    return table[:, 0].copy(), table[:, 1].copy()
 
 
 def _is_number(cell: str) -> bool:

@@ -22,16 +22,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.scene_pendulum import FreeStart, Start
-from synth.motion.harmonic_sum import HarmonicSum
+from synth.motion.harmonic_sum import Comb, HarmonicSum
 from synth.phase import Phasors, damped_frequency
+from synth.propagators.periodic import PeriodicSums
 
 NEAR_RESONANT_BAND = (0.8, 1.25)
 """Harmonics between these multiples of n count to the free harmonic, all others to the slow part."""
+
+_APART = 8.0  # of |mu| times the period of a comb: beats that turn more lose nothing as two harmonics
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,8 @@ class Response:
         G, rad/s.
     split : (beats,) complex128
         mu = i m - lambda, rad/s; exact in the difference of the two frequencies.
+    combs : tuple of Comb
+        The last harmonics, if they are many multiples of one frequency.
     """
 
     frequency: float
@@ -64,6 +70,45 @@ class Response:
     near: NDArray[np.int64]
     gain: Phasors
     split: Phasors
+    combs: tuple[Comb, ...] = ()
+
+    @property
+    def alone(self) -> int:
+        """How many harmonics, the first ones, belong to no comb."""
+        return self.combs[0].first if self.combs else self.forced.size
+
+    @cached_property
+    def is_transformed(self) -> NDArray[np.bool_]:
+        """Which beats are summed by transform, as harmonics apart, (beats,); others of a comb turn too little."""
+        result = np.zeros(self.near.size, dtype=np.bool_)
+        for comb in self.combs:
+            within = (self.near >= comb.span.start) & (self.near < comb.span.stop)
+            result |= within & (np.abs(self.split) * float(comb.period) >= _APART)
+        return result
+
+    @cached_property
+    def transforms(self) -> tuple[PeriodicSums, ...]:
+        """Answer to every comb: one sum."""
+        return tuple(comb.sums(self.forced + self._beats) for comb in self.combs)
+
+    @cached_property
+    def slow_transforms(self) -> tuple[PeriodicSums, ...]:
+        """Steady answer to every comb, without beats: one sum."""
+        return tuple(comb.sums(self.forced) for comb in self.combs)
+
+    @cached_property
+    def beat_transforms(self) -> tuple[PeriodicSums, ...]:
+        """Beats of every comb that has any: two sums, real and imaginary part."""
+        beats = self._beats
+        return tuple(comb.sums(beats, -1j * beats) for comb in self.combs if beats[comb.span].any())
+
+    @cached_property
+    def _beats(self) -> Phasors:
+        """Harmonics of the beats that are summed by transform, (harmonics,)."""
+        picked = self.is_transformed
+        result = np.zeros_like(self.forced)
+        result[self.near[picked]] = self.gain[picked] / self.split[picked]
+        return result
 
 
 def respond(frequency: float, damping_rate: float, start: Start, motion: HarmonicSum, gravity: float) -> Response:
@@ -82,20 +127,23 @@ def respond(frequency: float, damping_rate: float, start: Start, motion: Harmoni
     """
     omega = damped_frequency(frequency, damping_rate)
     w = motion.angular_frequency
-    force = -(frequency**2) * motion.acceleration / gravity  # -n^2 U
+    force = motion.acceleration * (-(frequency**2) / gravity)  # -n^2 U
     low, high = NEAR_RESONANT_BAND
-    is_near = (w > low * frequency) & (w < high * frequency)
-    steady = np.where(is_near, 1.0, (frequency - w) * (frequency + w) + 2j * damping_rate * w)
-    forced = np.where(is_near, 0.0, force / steady)
-    near = np.flatnonzero(is_near)
-    m = w[near]
-    gain = force[near] / (damping_rate + 1j * (m + float(omega)))
-    split = damping_rate + 1j * np.array([float(Fraction(each) - omega) for each in m.tolist()])
+    near = np.flatnonzero((w > low * frequency) & (w < high * frequency))
+    stiffness = (frequency - w) * (frequency + w) + 2j * damping_rate * w
+    stiffness[near] = 1.0
+    forced = force / stiffness
+    forced[near] = 0.0
+    m, nearest = w[near], float(omega)
+    gain = force[near] / (damping_rate + 1j * (m + nearest))
+    apart = (m - nearest) + (motion.rest(near) - float(omega - Fraction(nearest)))  # the first difference is exact
+    split = np.full(near.size, damping_rate, dtype=np.complex128)
+    split.imag = apart
     if isinstance(start, FreeStart):
         free = start.amplitude * complex(np.exp(1j * start.phase))
     else:
         # Beats start from zero with the velocity Re G; psi starts from its own state.
-        angle = start.angle - float(np.sum(forced.real))
-        speed = start.angular_velocity - float(np.sum((1j * w * forced).real)) - float(np.sum(gain.real))
-        free = complex(angle, -(speed + damping_rate * angle) / float(omega))
-    return Response(frequency, damping_rate, omega, free, forced, near, gain, split)
+        angle = start.angle - float(forced.real.sum())
+        speed = start.angular_velocity + float((w * forced.imag).sum()) - float(gain.real.sum())
+        free = complex(angle, -(speed + damping_rate * angle) / nearest)
+    return Response(frequency, damping_rate, omega, free, forced, near, gain, split, motion.combs)

@@ -1,10 +1,10 @@
 """The closed form at many moments, as small matrix products.
 
-Every moment is a block's centre plus an offset inside the block, t = t_b + tau, and every function splits:
+Every moment is a block's centre plus an offset inside the block, t = t_b + tau, and every function splits,
 
-    exp(i w t)                      = exp(i w t_b) exp(i w tau)
-    exp(lambda t)                   = exp(lambda t_b) exp(lambda tau)
-    (exp(i m t) - exp(lambda t))/mu = exp(i m t_b) D(tau) + exp(lambda tau) D(t_b),   D the same quotient
+    exp(i w t)    = exp(i w t_b) exp(i w tau)
+    exp(lambda t) = exp(lambda t_b) exp(lambda tau)
+    growth(t)     = growth(t_b) + exp(mu t_b) growth(tau),    growth(t) = (exp(mu t) - 1)/mu
 
 so that all moments are products (blocks x functions) times (functions x offsets), with sines only for the
 edges of the table. Nothing accumulates from block to block, so nothing drifts.
@@ -12,14 +12,61 @@ edges of the table. Nothing accumulates from block to block, so nothing drifts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from synth.pendulums.linear import Response
 from synth.phase import Floats, Phasors
-from synth.propagators.products import PORTION, RunningSum, general_halves, harmonic_halves
+from synth.propagators.products import PORTION, Halves, general_halves, harmonic_halves, product
 from synth.propagators.ticks import Blocks
+
+Seconds = tuple[Floats, Floats]
+"""t_b and tau, s."""
+
+_SLOW = 1.0
+"""Of |mu| times the last moment: a beat that turns less is told by its growth, any other is its two harmonics."""
+
+_TINY = 1e-100
+"""Of |mu t|: here the growth is t, and a quotient of still smaller numbers might not be."""
+
+
+@dataclass(frozen=True)
+class _Free:
+    """exp(lambda t) (start + sum of gain * growth).
+
+    Attributes
+    ----------
+    owner : Response
+        Whose lambda.
+    start : complex
+    gain, split : (slow beats,) complex128
+        G and mu.
+    """
+
+    owner: Response
+    start: complex
+    gain: Phasors
+    split: Phasors
+
+    def halves(self, head: Phasors, table: Phasors, seconds: Seconds) -> Halves:
+        """Weights and functions, from exp(i omega t_b), exp(i omega tau), t_b and tau."""
+        centres, reaches = seconds
+        rate = self.owner.damping_rate
+        longest = reaches[-1]  # borrowed from the centres, so that nothing grows beyond bounds
+        weights = head * np.exp(-rate * (centres - longest))
+        after = table * np.exp(-rate * (longest + reaches))
+        before = table.conj() * np.exp(-rate * (longest - reaches))
+        if not self.gain.size:
+            return general_halves(self.start * weights[None], after[None], before[None])
+        split, gain = self.split[:, None], self.gain[:, None]
+        own = self.start + np.sum(gain * growth(split, centres), axis=0)
+        return general_halves(
+            weights * np.vstack([own, gain * np.exp(split * centres)]),
+            after * np.vstack([np.ones_like(after), growth(split, reaches)]),
+            before * np.vstack([np.ones_like(before), growth(split, -reaches)]),
+        )
 
 
 def series(angular_frequency: Floats, coefficients: Phasors, blocks: Blocks) -> Floats:
@@ -38,105 +85,95 @@ def series(angular_frequency: Floats, coefficients: Phasors, blocks: Blocks) -> 
     -------
     (sums, blocks, moments) float64
     """
-    result = np.empty((len(coefficients), *blocks.shape))
-    sums = [RunningSum(each) for each in result]
-    _add_series(sums, angular_frequency, coefficients, blocks)
-    for each in sums:
-        each.finish()
-    return result
+    return _evaluate([(each, None) for each in coefficients], angular_frequency, blocks, blocks.seconds)
 
 
 def elongation(responses: Sequence[Response], angular_frequency: Floats, blocks: Blocks) -> Floats:
-    """Angles of the pendulums, forced and free.
+    """Angles of the pendulums, forced and free, but for what combs are transformed to.
 
     Returns
     -------
     (pendulums, blocks, moments) float64
         rad
     """
-    result = np.empty((len(responses), *blocks.shape))
-    sums = [RunningSum(each) for each in result]
-    _add_series(sums, angular_frequency, np.array([each.forced for each in responses]), blocks)
-    for total, response in zip(sums, responses, strict=True):
-        for weights, after, before in _free_terms(response, angular_frequency, blocks):
-            total.add(general_halves(weights, after, before))
-        total.finish()
-    return result
+    seconds = blocks.seconds
+    last = _last(seconds)
+    alone = responses[0].alone
+    sums = [_pendulum(each, each.forced[:alone].copy(), last) for each in responses]
+    return _evaluate(sums, angular_frequency[:alone], blocks, seconds)
 
 
 def free_harmonic(response: Response, angular_frequency: Floats, blocks: Blocks) -> Phasors:
-    """Complex free harmonic Z of one pendulum, near-resonant beats included.
+    """Complex free harmonic Z of one pendulum, near-resonant beats included, but for what combs are transformed to.
 
     Returns
     -------
     (blocks, moments) complex128
         rad
     """
-    result = np.zeros(blocks.shape, dtype=np.complex128)
-    reaches = blocks.reaches.count
-    for weights, after, before in _free_terms(response, angular_frequency, blocks):
-        result[:, reaches:] += weights.T @ after
-        result[:, reaches - 1 :: -1] += weights.T @ before
+    seconds = blocks.seconds
+    steady, free = _pendulum(response, np.zeros(response.alone, dtype=np.complex128), _last(seconds))
+    near = response.near[response.near < response.alone]
+    turned = _Free(response, -1j * free.start, -1j * free.gain, free.split)  # its real part is the imaginary one
+    sums = [(steady[near], free), (-1j * steady[near], turned)]
+    real, imaginary = _evaluate(sums, angular_frequency[near], blocks, seconds)
+    result: Phasors = real + 1j * imaginary
     return result
 
 
-def _add_series(sums: Sequence[RunningSum], angular_frequency: Floats, coefficients: Phasors, blocks: Blocks) -> None:
-    for portion in _portions(angular_frequency.size):
-        head, table = blocks.phasors(angular_frequency[portion].tolist())
-        for total, each in zip(sums, coefficients[:, portion, None], strict=True):
-            total.add(harmonic_halves(each * head, table))
+def _pendulum(response: Response, steady: Phasors, last: float) -> tuple[Phasors, _Free]:
+    """Add all beats of a pendulum to its steady harmonics, but for those that hardly turn until the last moment."""
+    fast = np.abs(response.split) * last >= _SLOW
+    if response.combs:
+        fast = np.where(response.near < response.alone, fast, response.is_transformed)
+    where, gain, split = response.near[fast], response.gain[fast], response.split[fast]
+    ratio = gain / split
+    alone = np.searchsorted(where, response.alone)
+    steady[where[:alone]] = ratio[:alone]
+    return steady, _Free(response, response.start - complex(ratio.sum()), response.gain[~fast], response.split[~fast])
 
 
-def _free_terms(
-    response: Response, angular_frequency: Floats, blocks: Blocks
-) -> Iterator[tuple[Phasors, Phasors, Phasors]]:
-    """Yield weights and functions after and before the centre, whose products add up to Z."""
-    centres, reaches = blocks.seconds
-    own_head, own_after = (row[:1] for row in blocks.phasors([response.damped_frequency]))
-    own_before = own_after.conj()
-    if response.damping_rate:
-        own_head = own_head * np.exp(-response.damping_rate * centres)
-        own_before = own_before * np.exp(response.damping_rate * reaches)
-        own_after = own_after * np.exp(-response.damping_rate * reaches)
-    weight = response.start * own_head
-    for portion in _portions(response.near.size) if response.near.size else ():
-        head, table = blocks.phasors(angular_frequency[response.near[portion]].tolist())
-        gain, split = response.gain[portion, None], response.split[portion, None]
-        weight = weight + np.sum(gain * beat(split, head, own_head, centres), axis=0)
-        after = beat(split, table, own_after, reaches)
-        yield gain * head, after, beat(split, table.conj(), own_before, -reaches)
-    yield weight, own_after, own_before
+def _last(seconds: Seconds) -> float:
+    """Largest time before or after t = 0."""
+    centres, reaches = seconds
+    return float(np.abs(centres).max(initial=0.0) + reaches[-1])
 
 
-def beat(split: Phasors, forced: Phasors, own: Phasors, seconds: Floats) -> Phasors:
-    """Return (exp(i m t) - exp(lambda t))/mu without cancellation, also at exact resonance.
+def _evaluate(
+    sums: Sequence[tuple[Phasors, _Free | None]], angular_frequency: Floats, blocks: Blocks, seconds: Seconds
+) -> Floats:
+    """Real parts of sums of harmonics with these coefficients, and of free swings."""
+    result = np.empty((len(sums), *blocks.shape))
+    for begin in range(0, max(angular_frequency.size, 1), PORTION):
+        portion = slice(begin, begin + PORTION)
+        rates = angular_frequency[portion].tolist()
+        count = len(rates)
+        own = [free.owner.damped_frequency for _, free in sums if free] if begin == 0 else []
+        head, table = blocks.phasors(rates + own)
+        for index, ((steady, free), total) in enumerate(zip(sums, result, strict=True)):
+            parts = [harmonic_halves(steady[portion, None] * head[:count], table[:count])]
+            if free and begin == 0:
+                parts.append(free.halves(head[count + index], table[count + index], seconds))
+            product(parts, total, begun=begin > 0)
+    return result
+
+
+def growth(split: Phasors, seconds: Floats) -> Phasors:
+    """Return (exp(mu t) - 1)/mu without cancellation; at mu = 0, exact resonance, its limit t.
 
     Parameters
     ----------
     split : (beats, 1)
-        mu = i m - lambda
-    forced : (beats, moments)
-        exp(i m t)
-    own : (1, moments)
-        exp(lambda t)
+        mu
     seconds : (moments,)
         t
 
-    Notes
-    -----
-    For |mu t| < 1 it is exp(lambda t) (exp(mu t) - 1)/mu, whose limit at mu = 0 is t exp(lambda t); beyond,
-    the plain difference, because there the two exact phases are better than the product mu t.
+    Returns
+    -------
+    (beats, moments) complex128
     """
     turn = split * seconds
-    small = np.abs(turn) < 1
-    result = np.divide(forced - own, split, out=np.zeros_like(forced), where=~small)
-    argument = turn[small]
-    growth = np.divide(np.expm1(argument), argument, out=np.ones_like(argument), where=argument != 0)
-    result[small] = np.broadcast_to(own * seconds, turn.shape)[small] * growth
-    return result
-
-
-def _portions(count: int) -> Iterator[slice]:
-    """Slices of PORTION; one empty slice for none, so that an empty sum is zero."""
-    for begin in range(0, max(count, 1), PORTION):
-        yield slice(begin, min(begin + PORTION, count))
+    grown = np.ones_like(turn)
+    np.divide(np.expm1(turn), turn, out=grown, where=np.abs(turn) > _TINY)
+    grown *= seconds
+    return grown

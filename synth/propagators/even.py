@@ -1,4 +1,4 @@
-"""Moments at even steps: t = 0, step, 2 step ..."""
+"""Moments at even steps: t = 0, step, 2 step ..., or a stretch of them."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ from fractions import Fraction
 import numpy as np
 
 from synth.pendulums.linear import Response
-from synth.phase import Floats, Phasors
+from synth.phase import Floats, Phasors, rational_turns
 from synth.propagators import closed_form
-from synth.propagators.ticks import Blocks, Ticks
+from synth.propagators.periodic import Places
+from synth.propagators.ticks import Blocks, EvenTicks
+from synth.propagators.times import Times
 
 
 @dataclass(frozen=True)
-class EvenTimes:
+class EvenTimes(Times):
     """Even moments, as a propagator wants them.
 
     Attributes
@@ -24,32 +26,42 @@ class EvenTimes:
     step : Fraction
         s, of true time
     count : int
+    first : int
+        Steps before the first of these moments.
     """
 
     step: Fraction
     count: int
+    first: int = 0
+
+    def stretch(self, begin: int, end: int) -> EvenTimes:
+        """The moments from number `begin` up to `end`, counted among these."""
+        return EvenTimes(self.step, end - begin, self.first + begin)
 
     def _blocks(self) -> Blocks:
         """Fewer moments a block than blocks: few sines, and shapes that suit the matrix product.
 
         Centres lie half-way between two moments, so all counting is in half steps.
         """
-        half = max(1, math.isqrt(self.count // 8))
-        centres = np.arange(-(-self.count // (2 * half)), dtype=np.int64) * (4 * half) + (2 * half - 1)
-        reaches = 2 * np.arange(half, dtype=np.int64) + 1
-        return Blocks(Ticks(centres), Ticks(reaches), self.step / 2, self.step / 2)
+        half = max(1, math.isqrt(self.count // 6))
+        centres = EvenTicks(2 * (half + self.first) - 1, 4 * half, -(-self.count // (2 * half)))
+        return Blocks(centres, EvenTicks(1, 2, half), self.step / 2, self.step / 2)
+
+    def places(self, period: Fraction) -> Places:
+        """See `Times.places`."""
+        index = np.arange(self.first, self.first + self.count, dtype=np.int64)
+        places: Places = rational_turns(self.step / period).wrapped(index)[0]
+        return places
 
     def series(self, angular_frequency: Floats, coefficients: Phasors) -> Floats:
         """Real parts of sums of harmonics, (sums, count); see `closed_form.series`."""
         result = closed_form.series(angular_frequency, coefficients, self._blocks())
         return result.reshape(len(coefficients), -1)[:, : self.count]
 
-    def elongation(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
-        """Angles of the pendulums, (pendulums, count), rad."""
+    def _elongation(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
         blocks = self._blocks()
         result = closed_form.elongation(responses, angular_frequency, blocks)
         return result.reshape(len(responses), -1)[:, : self.count]
 
-    def free_harmonic(self, response: Response, angular_frequency: Floats) -> Phasors:
-        """Complex free harmonic of one pendulum, (count,), rad."""
+    def _free_harmonic(self, response: Response, angular_frequency: Floats) -> Phasors:
         return closed_form.free_harmonic(response, angular_frequency, self._blocks()).reshape(-1)[: self.count]

@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from synth.motion.harmonic_sum import HarmonicSum
-from synth.pendulums.linear import NEAR_RESONANT_BAND, Response
+from synth.pendulums.linear import NEAR_RESONANT_BAND
 from synth.phase import Floats, Integers
 from synth.propagators.even import EvenTimes
 from synth.propagators.picard_forcing import Sums
@@ -129,6 +129,10 @@ class PicardPlan:
                 yield Swing(*swing)
             return
         seconds = self.times.seconds
+        if seconds.size and seconds[0] >= 0 and np.all(seconds[1:] > seconds[:-1]):  # a clock's: no copies in order
+            for swing in march(self._equations(), UnevenReadings.among(seconds, self.times.scale, self._longest())):
+                yield Swing(*swing)
+            return
         order = np.argsort(seconds, kind="stable")
         before = int(np.searchsorted(seconds[order], 0.0))
         for plan, picked in ((self._reversed(), order[:before][::-1]), (self, order[before:])):
@@ -148,8 +152,8 @@ class PicardPlan:
             self,
             damping_rates=-self.damping_rates,
             starts=self.starts * [1.0, -1.0],
-            horizontal=HarmonicSum(self.horizontal.angular_frequency, self.horizontal.acceleration.conj()),
-            vertical=HarmonicSum(self.vertical.angular_frequency, self.vertical.acceleration.conj()),
+            horizontal=replace(self.horizontal, acceleration=self.horizontal.acceleration.conj()),
+            vertical=replace(self.vertical, acceleration=self.vertical.acceleration.conj()),
         )
 
     def _equations(self) -> Equations:
@@ -172,36 +176,11 @@ class PicardPlan:
             self.frequencies,
             self.damping_rates,
             np.array([angle, speed / self.frequencies]),
-            Sums(w, np.vstack([steady, u, np.where(near, u, 0.0)] if near.any() else [steady, u])),
-            Sums(vertical.angular_frequency, vertical.acceleration[None, :] / self.gravity),
+            Sums(w, np.vstack([steady, u, np.where(near, u, 0.0)] if near.any() else [steady, u]), horizontal.combs),
+            Sums(vertical.angular_frequency, vertical.acceleration[None, :] / self.gravity, vertical.combs),
         )
 
 
 def _at_least_one(motion: HarmonicSum) -> HarmonicSum:
     """The motion; a constant zero for none, so that no sum is empty."""
     return motion if motion.angular_frequency.size else HarmonicSum(np.zeros(1), np.zeros(1, dtype=np.complex128))
-
-
-def start_state(response: Response, angular_frequency: Floats) -> Floats:
-    """Angle and angular velocity at t = 0 of a linear pendulum: its free harmonic on top of the steady motion psi.
-
-    A pendulum released at rest would carry a mean mode of its own (physics sheet, 1.2); a nonlinear pendulum that is to
-    start on the forced solution starts from here.
-
-    Parameters
-    ----------
-    response
-        As `pendulums.linear.respond` gives it.
-    angular_frequency : (harmonics,)
-        Of the motion that it answers, rad/s.
-
-    Returns
-    -------
-    (2,) float64
-        rad, rad/s
-    """
-    own = complex(-response.damping_rate, float(response.damped_frequency))
-    slow = np.array([np.sum(response.forced), np.sum(1j * angular_frequency * response.forced)])
-    free = np.array([response.start, own * response.start + np.sum(response.gain)])
-    state: Floats = (slow + free).real
-    return state

@@ -21,6 +21,7 @@ from synth.propagators.picard_forcing import Sums, node_grid
 from synth.propagators.picard_nodes import legendre_tail
 from synth.propagators.picard_readings import EvenReadings, UnevenReadings
 from synth.propagators.picard_weights import weights
+from synth.propagators.ticks import EvenTicks
 
 GROUP = 32
 """Intervals in a block of the forcing."""
@@ -76,8 +77,9 @@ class _Level:
         self.turn = equations.frequencies * float(readings.interval)
         self._pendulums = len(equations.frequencies)
         horizontal, vertical = equations.horizontal, equations.vertical
-        if np.array_equal(horizontal.angular_frequency, vertical.angular_frequency):
-            merged = Sums(horizontal.angular_frequency, np.vstack([vertical.coefficients, horizontal.coefficients]))
+        same = np.array_equal(horizontal.angular_frequency, vertical.angular_frequency)
+        if same and horizontal.combs == vertical.combs:
+            merged = replace(horizontal, coefficients=np.vstack([vertical.coefficients, horizontal.coefficients]))
             self._grids = [node_grid(merged, readings.interval, GROUP, blocks)]
         else:
             self._grids = [node_grid(each, readings.interval, GROUP, blocks) for each in (vertical, horizontal)]
@@ -97,7 +99,7 @@ class _Level:
 
     def forcing(self, first: int, count: int) -> tuple[Floats, Floats, Floats, Floats]:
         """Steady answers (pendulums, count, NODES), and zeta, u and drive (count, NODES)."""
-        centres = np.arange(first + GROUP // 2, first + count, GROUP, dtype=np.int64)
+        centres = EvenTicks(first + GROUP // 2, GROUP, count // GROUP)
         sums = [grid.evaluate(centres).reshape(-1, count, NODES) for grid in self._grids]
         vertical, horizontal = (sums[0][0], sums[0][1:]) if len(sums) == 1 else (sums[0][0], sums[1])
         rest = horizontal[self._pendulums :]

@@ -13,6 +13,7 @@ from synth.kernels.collocation import read
 from synth.phase import Floats, Integers
 from synth.propagators.picard_forcing import Grid, Sums, reading_grid
 from synth.propagators.picard_nodes import interpolation
+from synth.propagators.ticks import EvenTicks
 from synth.propagators.uneven import UnevenTimes
 
 _MOST_STEPS = 4096  # in an interval: bounds the table of weights
@@ -97,9 +98,9 @@ class EvenSums:
     def __call__(self, portion: slice) -> Floats:
         """Values (sums, readings)."""
         count = portion.stop - portion.start
-        block = np.arange(-(-count // (2 * self.half)), dtype=np.int64)
         first = 2 * portion.start + 2 * self.half - 1
-        return self.grid.evaluate(first + 4 * self.half * block)[:, :count].copy()
+        centres = EvenTicks(first, 4 * self.half, -(-count // (2 * self.half)))
+        return self.grid.evaluate(centres)[:, :count].copy()
 
 
 @dataclass(frozen=True)
@@ -173,4 +174,9 @@ class UnevenSums:
         if portion.start == portion.stop:
             return np.zeros((len(self.sums.coefficients), 0))
         times = UnevenTimes(self.seconds[portion], self.scale)
-        return np.ascontiguousarray(times.series(self.sums.angular_frequency, self.sums.coefficients))
+        alone = self.sums.alone
+        series = times.series(self.sums.angular_frequency[:alone], self.sums.coefficients[:, :alone])
+        result = np.ascontiguousarray(series)
+        for each in self.sums.transforms:
+            result += each.at(times.places(each.period))
+        return result

@@ -1,14 +1,15 @@
 """Sums of functions of time at all moments of all blocks, as matrix products over half of each block.
 
 A sum over functions f of Re(weight(t_b) f(tau)) splits into a part even in tau and a part odd in tau. Each is
-a product (blocks x functions) times (functions x reaches) over the positive half alone; their sum is the
-second half of the block and their difference the first half, backwards. For f = exp(i w tau) the even part is
-a cosine and the odd part a sine, so that a harmonic costs one multiplication a sample.
+a product (blocks x functions) times (functions x reaches) over the positive half alone; one added to the other is the
+first half of the block, backwards, and one taken from the other is the second half. For f = exp(i w tau) the even part
+is a cosine and the odd part a sine, so that a harmonic costs one multiplication a sample.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,7 +24,7 @@ _FEWEST_ROWS = 8
 
 @dataclass(frozen=True)
 class Halves:
-    """Weights and tables of some functions: (rows, blocks) and (rows, reaches), even and odd."""
+    """Weights and tables of some functions: (rows, blocks) and (rows, reaches); odd as before minus after."""
 
     even_weights: Floats
     even_table: Floats
@@ -41,7 +42,7 @@ def harmonic_halves(weights: Phasors, table: Phasors) -> Halves:
     table : (harmonics, reaches)
         exp(i w tau)
     """
-    return Halves(weights.real, table.real, -weights.imag, table.imag)
+    return Halves(weights.real, table.real, weights.imag, table.imag)
 
 
 def general_halves(weights: Phasors, after: Phasors, before: Phasors) -> Halves:
@@ -55,57 +56,41 @@ def general_halves(weights: Phasors, after: Phasors, before: Phasors) -> Halves:
         f(tau) and f(-tau)
     """
     rows = np.concatenate([weights.real, -weights.imag])
-    even, odd = (after + before) / 2, (after - before) / 2
+    even, odd = (before + after) / 2, (before - after) / 2
     return Halves(rows, np.concatenate([even.real, even.imag]), rows, np.concatenate([odd.real, odd.imag]))
 
 
-@dataclass
-class RunningSum:
-    """Adds up products over one array of moments, several small ones at a time.
+def product(parts: Sequence[Halves], result: Floats, *, begun: bool) -> None:
+    """Evaluate some functions and put their sum into a result, or add it to one that is begun.
 
-    Attributes
+    Rows are taken in strips small enough for the BLAS to keep to one thread: a product of a tenth of a millisecond
+    gains little from a second thread, and waits for milliseconds if that thread's core is busy. Products too large
+    for strips may have all threads.
+
+    Parameters
     ----------
+    parts
+        At least one.
     result : (blocks, moments) float64
-        Its content does not matter before the first product.
     """
-
-    result: Floats
-    _pending: list[Halves] = field(default_factory=list)
-    _begun: bool = False
-
-    def add(self, halves: Halves) -> None:
-        """Add functions; they may wait for others."""
-        self._pending.append(halves)
-        if sum(len(each.even_weights) for each in self._pending) >= PORTION:
-            self.finish()
-
-    def finish(self) -> None:
-        """Evaluate what waits.
-
-        Rows are taken in strips small enough for the BLAS to keep to one thread: a product of a tenth of
-        a millisecond gains little from a second thread, and waits for milliseconds if that thread's core is
-        busy. Products too large for strips may have all threads.
-        """
-        even_weights, even_table, odd_weights, odd_table = (
-            np.concatenate([getattr(each, name) for each in self._pending]) for name in _PARTS
-        )
-        reaches = even_table.shape[1]
-        rows = _ONE_THREAD // max(even_table.size, odd_table.size, 1)
-        if rows < _FEWEST_ROWS:
-            rows = len(self.result)
-        for begin in range(0, len(self.result), rows):
-            strip = slice(begin, begin + rows)
-            even = even_weights[:, strip].T @ even_table
-            odd = odd_weights[:, strip].T @ odd_table
-            before, after = self.result[strip, reaches - 1 :: -1], self.result[strip, reaches:]
-            if self._begun:
-                before += even - odd
-                after += even + odd
-            else:
-                np.subtract(even, odd, out=before)
-                np.add(even, odd, out=after)
-        self._pending.clear()
-        self._begun = True
-
-
-_PARTS = ("even_weights", "even_table", "odd_weights", "odd_table")
+    even_weights = np.concatenate([each.even_weights for each in parts]).T
+    even_table = np.concatenate([each.even_table for each in parts])
+    odd_weights = np.concatenate([each.odd_weights for each in parts]).T
+    odd_table = np.concatenate([each.odd_table for each in parts])
+    reaches = even_table.shape[1]
+    rows = _ONE_THREAD // max(even_table.size, 1)
+    if rows < _FEWEST_ROWS:
+        rows = len(result)
+    before, after = result[:, reaches - 1 :: -1], result[:, reaches:]
+    even_space, odd_space = np.empty((2, min(rows, len(result)), reaches))
+    for begin in range(0, len(result), rows):
+        strip = slice(begin, begin + rows)
+        some = after[strip]
+        even = np.matmul(even_weights[strip], even_table, out=even_space[: len(some)])
+        odd = np.matmul(odd_weights[strip], odd_table, out=odd_space[: len(some)])
+        if begun:
+            before[strip] += even + odd
+            some += even - odd
+        else:
+            np.add(even, odd, out=before[strip])
+            np.subtract(even, odd, out=some)

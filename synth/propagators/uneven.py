@@ -16,17 +16,20 @@ from functools import cached_property
 import numpy as np
 
 from synth.pendulums.linear import Response
-from synth.phase import Floats, Integers, Phasors
+from synth.phase import Floats, Integers, Phasors, rational_turns
 from synth.propagators import closed_form
+from synth.propagators.periodic import Places
 from synth.propagators.ticks import Blocks, Ticks
+from synth.propagators.times import Times
 
 _NODES = 28
 _REACH = 4.0  # largest angle of any harmonic within half a block, rad
+_CLOSE = 26  # binary orders of what is split off a period
 _FINE = 1 << 40  # nodes and starts are multiples of 2^-40 of a block's half-length: exact integers
 
 
 @dataclass(frozen=True)
-class UnevenTimes:
+class UnevenTimes(Times):
     """Moments in any order.
 
     Attributes
@@ -40,18 +43,34 @@ class UnevenTimes:
     seconds: Floats
     scale: Fraction
 
+    @property
+    def count(self) -> int:
+        """Number of moments."""
+        return self.seconds.size
+
+    def stretch(self, begin: int, end: int) -> UnevenTimes:
+        """The moments from number `begin` up to `end`."""
+        return UnevenTimes(self.seconds[begin:end], self.scale)
+
+    def places(self, period: Fraction) -> Places:
+        """See `Times.places`; split at exact times so close together that what is left needs no care."""
+        length = math.ldexp(1.0, math.frexp(float(period))[1] - _CLOSE)
+        number = np.floor(self.seconds / length)
+        left = (self.seconds - number * length) * float(self.scale / period * 2**64)
+        whole = rational_turns(Fraction(length) * self.scale / period).wrapped(number.astype(np.int64))[0]
+        places: Places = whole + np.rint(left).astype(np.uint64)
+        return places
+
     def series(self, angular_frequency: Floats, coefficients: Phasors) -> Floats:
         """Real parts of sums of harmonics, (sums, moments); see `closed_form.series`."""
         layout = _Layout(self, float(np.max(angular_frequency, initial=1.0)))
         return layout.interpolate(closed_form.series(angular_frequency, coefficients, layout.blocks))
 
-    def elongation(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
-        """Angles of the pendulums, (pendulums, moments), rad."""
+    def _elongation(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
         layout = self._layout(responses, angular_frequency)
         return layout.interpolate(closed_form.elongation(responses, angular_frequency, layout.blocks))
 
-    def free_harmonic(self, response: Response, angular_frequency: Floats) -> Phasors:
-        """Complex free harmonic of one pendulum, (moments,), rad."""
+    def _free_harmonic(self, response: Response, angular_frequency: Floats) -> Phasors:
         layout = self._layout([response], angular_frequency)
         free = closed_form.free_harmonic(response, angular_frequency, layout.blocks)
         real, imaginary = layout.interpolate(np.array([free.real, free.imag]))
@@ -60,7 +79,7 @@ class UnevenTimes:
 
     def _layout(self, responses: Sequence[Response], angular_frequency: Floats) -> _Layout:
         fastest = max(response.frequency for response in responses)
-        return _Layout(self, float(np.max(angular_frequency, initial=fastest)))
+        return _Layout(self, float(np.max(angular_frequency[: responses[0].alone], initial=fastest)))
 
 
 @dataclass(frozen=True)

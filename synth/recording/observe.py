@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import xarray as xr
+from numpy.typing import NDArray
 
+from data_schemas.contents import Contents, Entry, Group
 from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION, Kind
 from data_schemas.scene import Scene
 from data_schemas.variables import attributes
 from synth.march import Course
 from synth.recording.clock import Clock
-from synth.recording.defects import disturbed, losses
+from synth.recording.defects import Defects
 
 
-def observe(scene: Scene, clock: Clock, course: Course) -> xr.DataTree:
-    """Record a motion.
+def observe(scene: Scene, clock: Clock, course: Course, defects: Defects) -> Contents:
+    """Record a motion, or a portion of it.
 
     Parameters
     ----------
@@ -27,18 +29,18 @@ def observe(scene: Scene, clock: Clock, course: Course) -> xr.DataTree:
         Moments of the readings.
     course
         Angles and accelerations at those moments.
+    defects
+        Of the whole recording; portions must come in order of time.
 
     Returns
     -------
-    DataTree
+    Contents
         A record as `data_schemas` lays it out.
     """
     combination = np.array(
         [[trace.combination.get(each.label, 0.0) for each in scene.pendulums] for trace in scene.traces]
     )
-    readings = disturbed(combination @ course.theta, scene)
-    flags = losses(clock.seconds, scene)
-    readings[flags != 0] = np.nan
+    readings, flags = defects.readings(combination @ course.theta, clock.seconds)
     record: dict[str, Any] = {
         "combination": (("trace", "pendulum"), combination),
         "elongation": (("trace", "time"), readings),
@@ -46,7 +48,7 @@ def observe(scene: Scene, clock: Clock, course: Course) -> xr.DataTree:
     states_noise = scene.recording.record_uncertainty
     if states_noise if states_noise is not None else scene.recording.noise > 0:
         record["elongation_uncertainty"] = (("trace",), np.full(len(scene.traces), scene.recording.noise))
-    if np.any(flags):
+    if defects.lose_any:
         record["elongation_qc"] = (("trace", "time"), flags)
     if scene.recording.horizontal_acceleration:
         record["horizontal_acceleration"] = (("time",), course.horizontal_acceleration)
@@ -54,15 +56,12 @@ def observe(scene: Scene, clock: Clock, course: Course) -> xr.DataTree:
         record["vertical_acceleration"] = (("time",), course.vertical_acceleration)
     labels = {"pendulum": label_array(each.label for each in scene.pendulums)}
     traces = {"trace": label_array(each.name for each in scene.traces)}
-    return xr.DataTree.from_dict(
-        {
-            "/": root(scene, clock, "record"),
-            "/record": described("record", record, traces | labels),
-            "/instrument": described("instrument", _instrument(scene), labels).assign_attrs(
-                {"restoring": scene.restoring} if scene.recording.write_restoring else {}
-            ),
-        }
-    )
+    restoring = {"restoring": scene.restoring} if scene.recording.write_restoring else {}
+    return {
+        "": root(scene, clock, "record", {}),
+        "record": described("record", record, traces | labels),
+        "instrument": described("instrument", _instrument(scene), labels, restoring),
+    }
 
 
 def _instrument(scene: Scene) -> dict[str, Any]:
@@ -80,31 +79,40 @@ def _instrument(scene: Scene) -> dict[str, Any]:
     return instrument
 
 
-def root(scene: Scene, clock: Clock, kind: Kind) -> xr.Dataset:
-    """Time and the attributes of the whole, for a record or a truth."""
+def root(scene: Scene, clock: Clock, kind: Kind, attrs: dict[str, Any]) -> Group:
+    """Time and the attributes of the whole, for a record or a truth; `attrs` are further ones."""
     time = attributes("time") | {"units": f"seconds since {scene.start_time}"}
-    return xr.Dataset(
-        coords={"time": ("time", clock.seconds, time)},
-        attrs={
+    return Group(
+        {
             "Conventions": CONVENTIONS,
             "schema": LAYOUTS[kind].schema,
             "schema_version": VERSION,
             "record_id": scene.record_id,
             "title": scene.title,
-            "history": f"simulated from the scene {scene.record_id!r} with seed {scene.seed}",
+            "history": history(scene),
             "source": "model",
+            **attrs,
         },
+        {"time": Entry(("time",), clock.seconds, time)},
     )
 
 
-def described(group: str, variables: dict[str, Any], labels: dict[str, Any]) -> xr.Dataset:
-    """Dataset of a group, every variable with its unit and meaning."""
-    return xr.Dataset(
-        {name: (dims, data, attributes(f"{group}/{name}")) for name, (dims, data) in variables.items()},
-        coords={name: (name, data, attributes(f"{group}/{name}")) for name, data in labels.items()},
+def history(scene: Scene) -> str:
+    """What files say of where they come from."""
+    return f"simulated from the scene {scene.record_id!r} with seed {scene.seed}"
+
+
+def described(
+    group: str, variables: dict[str, Any], labels: dict[str, Any], attrs: Mapping[str, Any] = MappingProxyType({})
+) -> Group:
+    """Variables of a group, each with its unit and meaning, labels first."""
+    named = {name: ((name,), data) for name, data in labels.items()} | variables
+    return Group(
+        dict(attrs),
+        {name: Entry(dims, np.asarray(data), attributes(f"{group}/{name}")) for name, (dims, data) in named.items()},
     )
 
 
-def label_array(names: Iterable[str]) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
-    """Labels as text of any length."""
-    return np.array(list(names), dtype=object)
+def label_array(names: Iterable[str]) -> NDArray[np.str_]:
+    """Labels as text."""
+    return np.array(list(names), dtype=np.str_)

@@ -17,7 +17,13 @@ from synth.systems.choice import chosen_for, plain
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-_TABLE: dict[str, dict[type, Callable[..., Any]]] = {"derivative": {}, "jacobian": {}, "energy": {}, "response": {}}
+_TABLE: dict[str, dict[type, Callable[..., Any]]] = {
+    "derivative": {},
+    "jacobian": {},
+    "energy": {},
+    "response": {},
+    "remainder": {},
+}
 
 
 def registered(role: str, system: type) -> Callable[[Function], Function]:
@@ -57,6 +63,18 @@ def response(state: Any, index: int, system: Any, out: Any) -> None:
     _find("response", type(system))(state, index, system, out)
 
 
+def remainder(
+    position: Any, rate: Any, sideways: Any, upwards: Any, system: Any, excess: Any, room: Any, out: Any, now: int
+) -> None:
+    """Accelerations less the linear part at all nodes of an interval; see `integrators.collocation_lanes`."""
+    _find("remainder", type(system))(position, rate, sideways, upwards, system, excess, room, out, now)
+
+
+def plain_jacobian(time: float, state: Any, system: Any, out: Any) -> None:
+    """As `jacobian`, in plain Python: where one evaluation is wanted, compiling would cost seconds."""
+    plain(_find("jacobian", type(system)))(time, state, system, out)
+
+
 def _class(system: Any) -> Any:
     return system.instance_class if isinstance(system, types.NamedTuple | types.NamedUniTuple) else None
 
@@ -79,3 +97,10 @@ def _energy(state: Any, system: Any) -> Any:
 @chosen_for(response)
 def _response(state: Any, index: Any, system: Any, out: Any) -> Any:
     return plain(_find("response", _class(system)))
+
+
+@chosen_for(remainder)
+def _remainder(
+    position: Any, rate: Any, sideways: Any, upwards: Any, system: Any, excess: Any, room: Any, out: Any, now: Any
+) -> Any:
+    return plain(_find("remainder", _class(system)))

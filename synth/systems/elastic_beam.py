@@ -3,7 +3,8 @@
     (M + sum m_i) x'' - sum m_i l_i (sin phi_i phi_i')' = -K x - (M + sum m_i) eps0 x'
     l_i phi_i'' - sin phi_i x'' = -g sin phi_i + l_i terms_i,                              K = M w_b^2
 
-x is counted down from the static sag. Put into the first, the second gives x'' over `M + sum m_i cos^2 phi_i`,
+x is counted down from the static sag at g. On a ship g becomes g + z'', the beam feels (M + sum m_i) z'' more, and the
+pendulums -cos phi_i x_h''; these follow from L = T - V with the bobs at (X_h + l sin phi, Z - x - l cos phi). Put into the first, the second gives x'' over `M + sum m_i cos^2 phi_i`,
 which is never zero.
 """
 
@@ -16,12 +17,14 @@ import numpy as np
 
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
+from synth.systems.carried import carried, weight
 from synth.systems.dispatch import registered
-from synth.systems.terms import driven, driven_slope
+from synth.systems.terms import driven, driven_slope, motion
 
 
 class ElasticBeam(NamedTuple):
-    """Parameters; state (x, x', phi_1, phi_1', phi_2, phi_2', ...). Mirror: phi_i -> -phi_i, of each alone."""
+    """Parameters; state (x, x', phi_1, phi_1', phi_2, phi_2', ...). Mirror: phi_i -> -phi_i, of each alone if the ship
+    does not move sideways."""
 
     beam_mass: float
     """M, effective, kg."""
@@ -37,6 +40,10 @@ class ElasticBeam(NamedTuple):
     """m/s^2."""
     terms: Any = None
     """What drives or resists the swing, `terms.together(...)`, or None."""
+    horizontal: Any = None
+    """x_h'' of the ship: `Harmonics` or None."""
+    vertical: Any = None
+    """z'' of the ship, up positive: `Harmonics` or None."""
 
     @property
     def first_angle(self) -> int:
@@ -48,18 +55,20 @@ class ElasticBeam(NamedTuple):
 @kernel
 def _derivative(time: float, state: Floats, system: ElasticBeam, out: Floats) -> None:
     masses, lengths, gravity, terms = system.mass, system.length, system.gravity, system.terms
+    sideways, upwards = motion(time, system.horizontal), motion(time, system.vertical)
     whole = system.beam_mass
     inertia = system.beam_mass
     force = 0.0
     for i in range(lengths.size):
         angle, rate = state[2 * i + 2], state[2 * i + 3]
         sine, cosine = math.sin(angle), math.cos(angle)
-        free = driven(-gravity / lengths[i] * sine, i, angle, rate, terms)
+        free = driven(-weight(sine, cosine, gravity, sideways, upwards) / lengths[i], i, angle, rate, terms)
         whole += masses[i]
         inertia += masses[i] * cosine * cosine
         force += masses[i] * lengths[i] * (cosine * rate * rate + sine * free)
         out[2 * i + 2] = sine / lengths[i]
         out[2 * i + 3] = free
+    force = carried(force, whole, upwards)
     beam = (force - system.stiffness * state[0] - whole * system.damping_rate * state[1]) / inertia
     out[0] = state[1]
     out[1] = beam
@@ -72,6 +81,7 @@ def _derivative(time: float, state: Floats, system: ElasticBeam, out: Floats) ->
 @kernel
 def _jacobian(time: float, state: Floats, system: ElasticBeam, out: Floats) -> None:
     masses, lengths, gravity, terms = system.mass, system.length, system.gravity, system.terms
+    sideways, upwards = motion(time, system.horizontal), motion(time, system.vertical)
     out[:] = 0.0
     whole = system.beam_mass
     inertia = system.beam_mass
@@ -79,10 +89,11 @@ def _jacobian(time: float, state: Floats, system: ElasticBeam, out: Floats) -> N
     for i in range(lengths.size):
         angle, rate = state[2 * i + 2], state[2 * i + 3]
         sine, cosine = math.sin(angle), math.cos(angle)
-        free = driven(-gravity / lengths[i] * sine, i, angle, rate, terms)
+        free = driven(-weight(sine, cosine, gravity, sideways, upwards) / lengths[i], i, angle, rate, terms)
         whole += masses[i]
         inertia += masses[i] * cosine * cosine
         force += masses[i] * lengths[i] * (cosine * rate * rate + sine * free)
+    force = carried(force, whole, upwards)
     beam = (force - system.stiffness * state[0] - whole * system.damping_rate * state[1]) / inertia
     out[0, 1] = 1.0
     out[1, 0] = -system.stiffness / inertia
@@ -90,9 +101,9 @@ def _jacobian(time: float, state: Floats, system: ElasticBeam, out: Floats) -> N
     for i in range(lengths.size):
         angle, rate = state[2 * i + 2], state[2 * i + 3]
         sine, cosine = math.sin(angle), math.cos(angle)
-        pull = gravity / lengths[i]
-        free = driven(-pull * sine, i, angle, rate, terms)
-        by_angle, by_rate = driven_slope((-pull * cosine, 0.0), i, angle, rate, terms)
+        free = driven(-weight(sine, cosine, gravity, sideways, upwards) / lengths[i], i, angle, rate, terms)
+        steeper = -weight(cosine, -sine, gravity, sideways, upwards) / lengths[i]
+        by_angle, by_rate = driven_slope((steeper, 0.0), i, angle, rate, terms)
         moment = masses[i] * lengths[i]
         share = moment * (cosine * free + sine * by_angle - sine * rate * rate)
         out[1, 2 * i + 2] = (share + 2.0 * masses[i] * sine * cosine * beam) / inertia

@@ -2,7 +2,8 @@
 
     (M + sum m_i) X'' + B X' + K X = -sum m_i l_i (sin phi_i)'',    phi_i'' + (g/l_i) sin phi_i + cos phi_i X''/l_i = terms_i
 
-(section 3 of the formula sheet). Solved for X'', the factor is `M + sum m_i sin^2 phi_i`: never zero.
+(section 3 of the formula sheet). Solved for X'', the factor is `M + sum m_i sin^2 phi_i`: never zero. On a ship X counts
+from the ship, g becomes g + z'', the frame feels -(M + sum m_i) x_h'' more, and the pendulums -cos phi_i x_h''.
 """
 
 from __future__ import annotations
@@ -12,12 +13,13 @@ from typing import Any, NamedTuple
 
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
+from synth.systems.carried import carried, weight
 from synth.systems.dispatch import registered
-from synth.systems.terms import driven, driven_slope
+from synth.systems.terms import driven, driven_slope, motion
 
 
 class FlexibleFrame(NamedTuple):
-    """Parameters; state (X, X', phi_1, phi_1', ...). Mirror: X and all phi_i change sign together."""
+    """Parameters; state (X, X', phi_1, phi_1', ...). Mirror: X, all phi_i and x_h'' change sign together."""
 
     frame_mass: float
     """M, kg."""
@@ -33,6 +35,10 @@ class FlexibleFrame(NamedTuple):
     """m/s^2."""
     terms: Any = None
     """What drives or resists the swing, `terms.together(...)`, or None."""
+    horizontal: Any = None
+    """x_h'' of the ship: `Harmonics` or None."""
+    vertical: Any = None
+    """z'' of the ship, up positive: `Harmonics` or None."""
 
     @property
     def first_angle(self) -> int:
@@ -44,16 +50,20 @@ class FlexibleFrame(NamedTuple):
 @kernel
 def _derivative(time: float, state: Floats, system: FlexibleFrame, out: Floats) -> None:
     masses, lengths, gravity, terms = system.mass, system.length, system.gravity, system.terms
+    sideways, upwards = motion(time, system.horizontal), motion(time, system.vertical)
+    whole = system.frame_mass
     inertia = system.frame_mass
     force = 0.0
     for i in range(lengths.size):
         angle, rate = state[2 * i + 2], state[2 * i + 3]
         sine, cosine = math.sin(angle), math.cos(angle)
-        free = driven(-gravity / lengths[i] * sine, i, angle, rate, terms)
+        free = driven(-weight(sine, cosine, gravity, sideways, upwards) / lengths[i], i, angle, rate, terms)
+        whole += masses[i]
         inertia += masses[i] * sine * sine
         force += masses[i] * lengths[i] * (sine * rate * rate - cosine * free)
         out[2 * i + 2] = cosine / lengths[i]
         out[2 * i + 3] = free
+    force = carried(force, -whole, sideways)
     frame = (force - system.stiffness * state[0] - system.resistance * state[1]) / inertia
     out[0] = state[1]
     out[1] = frame
@@ -66,15 +76,19 @@ def _derivative(time: float, state: Floats, system: FlexibleFrame, out: Floats) 
 @kernel
 def _jacobian(time: float, state: Floats, system: FlexibleFrame, out: Floats) -> None:
     masses, lengths, gravity, terms = system.mass, system.length, system.gravity, system.terms
+    sideways, upwards = motion(time, system.horizontal), motion(time, system.vertical)
     out[:] = 0.0
+    whole = system.frame_mass
     inertia = system.frame_mass
     force = 0.0
     for i in range(lengths.size):
         angle, rate = state[2 * i + 2], state[2 * i + 3]
         sine, cosine = math.sin(angle), math.cos(angle)
-        free = driven(-gravity / lengths[i] * sine, i, angle, rate, terms)
+        free = driven(-weight(sine, cosine, gravity, sideways, upwards) / lengths[i], i, angle, rate, terms)
+        whole += masses[i]
         inertia += masses[i] * sine * sine
         force += masses[i] * lengths[i] * (sine * rate * rate - cosine * free)
+    force = carried(force, -whole, sideways)
     frame = (force - system.stiffness * state[0] - system.resistance * state[1]) / inertia
     out[0, 1] = 1.0
     out[1, 0] = -system.stiffness / inertia
@@ -82,9 +96,9 @@ def _jacobian(time: float, state: Floats, system: FlexibleFrame, out: Floats) ->
     for i in range(lengths.size):
         angle, rate = state[2 * i + 2], state[2 * i + 3]
         sine, cosine = math.sin(angle), math.cos(angle)
-        pull = gravity / lengths[i]
-        free = driven(-pull * sine, i, angle, rate, terms)
-        by_angle, by_rate = driven_slope((-pull * cosine, 0.0), i, angle, rate, terms)
+        free = driven(-weight(sine, cosine, gravity, sideways, upwards) / lengths[i], i, angle, rate, terms)
+        steeper = -weight(cosine, -sine, gravity, sideways, upwards) / lengths[i]
+        by_angle, by_rate = driven_slope((steeper, 0.0), i, angle, rate, terms)
         moment = masses[i] * lengths[i]
         share = moment * (cosine * rate * rate + sine * free - cosine * by_angle)
         out[1, 2 * i + 2] = (share - 2.0 * masses[i] * sine * cosine * frame) / inertia

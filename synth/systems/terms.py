@@ -70,7 +70,7 @@ def driven(acceleration: float, index: int, angle: float, rate: float, term: Any
         return acceleration
     if isinstance(term, Both):
         return driven(driven(acceleration, index, angle, rate, term.first), index, angle, rate, term.second)
-    return float(_TABLE["driven"][type(term)](acceleration, index, angle, rate, term))
+    return plain(_TABLE["driven"][type(term)])(acceleration, index, angle, rate, term)
 
 
 def driven_slope(slopes: tuple[float, float], index: int, angle: float, rate: float, term: Any) -> tuple[float, float]:
@@ -79,7 +79,7 @@ def driven_slope(slopes: tuple[float, float], index: int, angle: float, rate: fl
         return slopes
     if isinstance(term, Both):
         return driven_slope(driven_slope(slopes, index, angle, rate, term.first), index, angle, rate, term.second)
-    by_angle, by_rate = _TABLE["driven_slope"][type(term)](slopes, index, angle, rate, term)
+    by_angle, by_rate = plain(_TABLE["driven_slope"][type(term)])(slopes, index, angle, rate, term)
     return float(by_angle), float(by_rate)
 
 

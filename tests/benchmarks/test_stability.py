@@ -119,6 +119,7 @@ def test_extreme_records_that_are_right(monkeypatch: pytest.MonkeyPatch) -> None
     names = ("a through zero", "equal frequencies", "pure noise", "nominal period 0.5 % long", "60 s long")
     chosen = [extreme for extreme in extremes() if extreme.name in names]
     monkeypatch.setattr(stability, "extremes", lambda: chosen)
+    monkeypatch.setattr(stability.stability_matrix, "rows", lambda: iter(()))
     rows = list(stability.run(quick=True, folder=None))
     assert len(rows) == len(names)
     assert all(row["pass"] for row in rows), [row for row in rows if not row["pass"]]

@@ -17,13 +17,13 @@ from made_records import GRAVITY, SWELL, changed, simulate
 from data_schemas.errors import IsochronyError
 from pipeline import METHODS, process, summaries
 
-NOISE = {"noise": 2e-5}
+NOISE: dict[str, Any] = {"noise": 2e-5}
 MUST_BE_RIGHT = ("complex", "projection", "auto")
 _random = np.random.default_rng
 
 
-def edited(edit: Callable[[np.ndarray], None], **scene: object) -> xr.DataTree:
-    record = simulate(**({"duration": 320.0} | NOISE | scene))[0]  # type: ignore[arg-type]
+def edited(edit: Callable[[np.ndarray], None], **scene: Any) -> xr.DataTree:
+    record = simulate(**({"duration": 320.0} | NOISE | scene))[0]
     values = record["record"]["elongation"].values.copy()
     edit(values)
     return changed(record, "record", "elongation", values)
@@ -56,8 +56,8 @@ def nominal(factor: float | tuple[float, float]) -> xr.DataTree:
     return changed(record, "instrument", "period", period * np.array(factor), ("pendulum",))
 
 
-def made(**scene: object) -> Callable[[], xr.DataTree]:
-    return lambda: simulate(**({"duration": 320.0} | NOISE | scene))[0]  # type: ignore[arg-type]
+def made(**scene: Any) -> Callable[[], xr.DataTree]:
+    return lambda: simulate(**({"duration": 320.0} | NOISE | scene))[0]
 
 
 ALL = slice(None)

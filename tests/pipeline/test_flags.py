@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,11 +13,11 @@ from made_records import RESONANT, SWELL, changed, row, simulate
 from pipeline.flags import MEANINGS, MOST_BRIDGED, MOST_MISSING, SHORT_SECONDS, UNDECIDED
 
 LONG = SHORT_SECONDS + 20.0
-QUIET = {"duration": LONG, "noise": 2e-5, "motion": [SWELL | {"amplitude": [0.02, 0.02, 0.02]}]}
+QUIET: dict[str, Any] = {"duration": LONG, "noise": 2e-5, "motion": [SWELL | {"amplitude": [0.02, 0.02, 0.02]}]}
 
 
-def plain(**changes: object) -> xr.DataTree:
-    return simulate(**(QUIET | changes))[0]  # type: ignore[arg-type]
+def plain(**changes: Any) -> xr.DataTree:
+    return simulate(**(QUIET | changes))[0]
 
 
 def without(fraction: float, trace: int) -> xr.DataTree:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from pipeline.harmonics.blocks import block_envelope
-from pipeline.harmonics.envelope import fill, image_distance, window_length
+from pipeline.harmonics.envelope import Envelope, fill, image_distance, window_length
 from pipeline.harmonics.sliding import KAISER_SHAPE, LEAST_COVERAGE, WINDOW_SECONDS, sliding_envelope
 
 N0 = 2.0 * np.pi / 1.01
@@ -21,10 +23,10 @@ def harmonic(z: complex, frequency: float = N0, time: np.ndarray = TIME) -> np.n
 
 @pytest.mark.parametrize("make", ENVELOPES.values(), ids=ENVELOPES)
 @pytest.mark.parametrize("uniform", [True, False])
-def test_a_pure_harmonic_on_a_line_is_returned_exactly(make: object, uniform: bool) -> None:
+def test_a_pure_harmonic_on_a_line_is_returned_exactly(make: Callable[..., Envelope], uniform: bool) -> None:
     one, two = 0.012 * np.exp(0.4j), 0.006 * np.exp(2.0j)
     theta = harmonic(one) + 0.03 - 1e-4 * TIME
-    found = make(TIME, STEP if uniform else None, theta, harmonic(two), N0)  # type: ignore[operator]
+    found = make(TIME, STEP if uniform else None, theta, harmonic(two), N0)
     assert np.abs(found.first - one).max() < 1e-13
     assert np.abs(found.difference - two).max() < 1e-13
     assert np.abs(found.slow[0] - (0.03 - 1e-4 * found.time)).max() < 1e-13
@@ -95,10 +97,10 @@ def test_sliding_with_gaps_is_the_weighted_fit_of_what_is_left() -> None:
 
 
 @pytest.mark.parametrize("make", ENVELOPES.values(), ids=ENVELOPES)
-def test_noise_gain_is_the_variance_of_an_envelope(make: object) -> None:
+def test_noise_gain_is_the_variance_of_an_envelope(make: Callable[..., Envelope]) -> None:
     random = np.random.default_rng(8)
     time = np.arange(40_000) * STEP
-    found = make(time, STEP, random.normal(0, 1.0, time.size), random.normal(0, 1.0, time.size), N0)  # type: ignore[operator]
+    found = make(time, STEP, random.normal(0, 1.0, time.size), random.normal(0, 1.0, time.size), N0)
     every = max(1, round(8.0 / found.hop))  # instants whose windows hardly overlap under the Kaiser weight
     seen = [z.real[::every].var() for z in (found.first, found.difference)]
     seen += [z.imag[::every].var() for z in (found.first, found.difference)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -289,3 +290,18 @@ def test_marks_give_gravity_whatever_the_beat(beat: float) -> None:
     motion = [SWELL, RESONANT | {"amplitude": beat}]
     record, _ = simulate(eps=1e-4, duration=1200.0, marks=True, motion=motion)
     assert abs(row(record, "projection")["gravity_m_s2"] - GRAVITY) * 1e5 < 0.02
+
+
+def test_auto_looks_between_marks_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`auto` fits the identity several times, the method once more; the first pendulum is the same for all of them."""
+    calls = []
+
+    def counted(*given: Any) -> np.ndarray:
+        calls.append(given)
+        return upsample(*given)
+
+    monkeypatch.setattr("pipeline.projection.upsample.upsample", counted)
+    record, _ = simulate(eps=1e-4, duration=600.0, marks=True)
+    record["instrument"].attrs.pop("restoring", None)  # else nothing needs to be found out
+    assert "gravity_m_s2" in row(record, "auto")
+    assert len(calls) == 1

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pipeline.projection import kernels
-from pipeline.projection.solve import response_constants
-from pipeline.projection.taps import CENTRE, NODES, fitted_basis, stencil, taps
+from pipeline.projection.solve import UniformProblem, response_constants
+from pipeline.projection.taps import CENTRE, NODES, continuation, fitted_basis, stencil, taps
 
 N = 2.0 * np.pi / 1.01
 
@@ -30,22 +30,33 @@ def exact_integral(name: str, power: int, left: float, step: float, lam: complex
     ("name", "power"),
     [("one", 0), ("one", 1), ("one", 2), ("one", 3), ("cos", 0), ("sin", 0), ("cos", 1), ("sin", 1)],
 )
-def test_taps_are_exact_on_their_basis_at_every_interval(name: str, power: int, rate: float) -> None:
+def test_taps_are_exact_on_their_basis(name: str, power: int, rate: float) -> None:
     step = 1.0 / rate
     lam = complex(-1e-4, np.sqrt(N**2 - 1e-8))
-    z = np.arange(NODES) - CENTRE
+    values = _basis_function(name, power, np.arange(NODES) - CENTRE, step)
+    exact = exact_integral(name, power, -0.5, step, lam)
+    assert abs(taps(stencil(N, step), lam, step) @ values - exact) < 2e-12 * step
+
+
+@pytest.mark.parametrize("rate", [10.0, 25.0, 100.0])
+@pytest.mark.parametrize(("name", "power"), [("one", 0), ("one", 3), ("cos", 0), ("sin", 0), ("cos", 1), ("sin", 1)])
+def test_a_series_is_continued_exactly_on_the_basis(name: str, power: int, rate: float) -> None:
+    z = np.arange(NODES + 3) - CENTRE
+    values = _basis_function(name, power, z, 1.0 / rate)
+    onward = continuation(N, 1.0 / rate)
+    scale = 1e-16 * np.abs(onward).sum() * np.abs(values).max()
+    assert np.abs(values[:NODES] @ onward - values[NODES:]).max() < 100 * scale  # the weights' own rounding
+
+
+def _basis_function(name: str, power: int, z: np.ndarray, step: float) -> np.ndarray:
     wave = {"one": np.ones_like, "cos": np.cos, "sin": np.sin}[name](N * step * z)
-    weights = taps(stencil(N, step), lam, step)
-    for row in (0, 3, 6):  # first one-sided, central, last one-sided
-        exact = exact_integral(name, power, float(z[row]), step, lam)
-        # one-sided weights are larger and so is their rounding
-        assert abs(weights[row] @ (z**power * wave) - exact) < (2e-12 if row == 3 else 1e-10) * step
+    return np.asarray(z**power * wave)
 
 
 def test_taps_away_from_the_fitted_frequency_keep_the_order() -> None:
     """Swell and a detuned swing are not in the basis: eight points leave 2e-9 of swell of 10 s at 10 Hz."""
     step, lam = 0.1, 1j * N * 1.0001
-    weights = taps(stencil(N, step), lam, step)[3]
+    weights = taps(stencil(N, step), lam, step)
     z = np.arange(NODES) - CENTRE
     for m, limit in ((2 * np.pi / 10.0, 3e-9), (2 * np.pi / 4.0, 1e-6), (N * 1.001, 1e-9)):
         exact = complex(
@@ -73,39 +84,31 @@ def _swing(count: int, step: float, seed: int = 3) -> np.ndarray:
     return 0.01 * np.cos(N * t + 0.3) + 0.05 * np.cos(2 * np.pi * t / 8.0 + random.uniform(0, 6))
 
 
-def _response(theta: np.ndarray, step: float, n: float, gamma: float, ratio: float, apart: float) -> list[np.ndarray]:
-    lam, direct, gain, by_frequency, by_damping = response_constants(n, gamma, ratio, apart)
-    weights = taps(stencil(N, step), lam, step)
-    integral = np.empty((2, theta.size - 1))
-    kernels.interval_integrals(theta, weights.real.copy(), weights.imag.copy(), *integral)
-    out = [np.empty(theta.size) for _ in range(3)]
-    kernels.forced_response(
-        theta, *integral, step, gamma, lam.imag, direct.real, complex(gain), complex(by_frequency),
-        complex(by_damping), *out,
-    )  # fmt: skip
-    return out
+def _response(
+    theta: np.ndarray, step: float, n: float, gamma: float, ratio: float, apart: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The response, and its slopes by n2 and gamma2 where blocks start."""
+    problem = UniformProblem(theta, np.full(theta.size, np.nan), step, N, ratio, apart)
+    problem.respond(n, gamma)
+    return problem.response, problem.slopes.imag
 
 
-def test_interval_integrals_are_the_taps_on_each_stencil() -> None:
-    theta = np.random.default_rng(2).normal(size=40)
-    weights = taps(stencil(N, 0.1), complex(-1e-3, N), 0.1)
-    out = np.empty((2, 39))
-    kernels.interval_integrals(theta, weights.real.copy(), weights.imag.copy(), *out)
-    for k in range(39):
-        row = k if k < 3 else (3 if k < 36 else k - 32)
-        start = 0 if k < 3 else (k - 3 if k < 36 else 32)
-        assert complex(out[0, k], out[1, k]) == pytest.approx(
-            complex(weights[row] @ theta[start : start + 8]), abs=1e-14
-        )
+def one_sided(row: int, lam: complex, step: float) -> np.ndarray:
+    """Weights of the eight nodes for the interval from node `row` to the next, by the functions' own integrals."""
+    node, weight = np.polynomial.legendre.leggauss(20)
+    x = 0.5 * (node + 1.0)
+    kernel = 0.5 * step * weight * np.exp(lam * step * (1.0 - x))
+    matrix = fitted_basis(np.arange(NODES) - CENTRE, N * step)
+    return np.linalg.solve(matrix, fitted_basis(row - CENTRE + x, N * step) @ kernel)
 
 
-@pytest.mark.parametrize("count", [8, 9, 255, 257, 600])
+@pytest.mark.parametrize("count", [8, 9, 255, 257, 600, 1601])
 def test_response_is_the_running_integral(count: int) -> None:
-    """Against one plain recursion without blocks, ages or tables."""
+    """Against one plain recursion without blocks, ages, tables or continued ends."""
     step, n, gamma, ratio, apart = 0.1, N * 1.00003, 2e-4, 1.001, 1e-4
     theta = _swing(count, step)
     lam, direct, gain, _, _ = response_constants(n, gamma, ratio, apart)
-    weights = taps(stencil(N, step), lam, step)
+    weights = [one_sided(row, lam, step) for row in range(NODES - 1)]
     c, expected = 0j, [direct.real * theta[0]]
     for k in range(count - 1):
         row = k if k < 3 else (3 if k < count - 4 else k - count + 8)
@@ -147,36 +150,40 @@ def test_slopes_are_derivatives_of_the_response() -> None:
         g = gamma + dgamma
         return _response(theta, step, float(np.hypot(w + dw, g)), g, ratio, apart)[0]
 
-    got = _response(theta, step, N, gamma, ratio, apart)
-    numeric = (at(d, 0.0) - at(-d, 0.0)) / (2 * d)
-    # intervals are aged by half a step on average: (w h)^2/24 of the youngest one only
-    assert np.abs(got[1] - numeric).max() < 3e-3 * np.abs(numeric).max()
-    numeric = (at(0.0, d) - at(0.0, -d)) / (2 * d)
-    assert np.abs(got[2] - numeric).max() < 3e-3 * np.abs(numeric).max()
+    starts = np.minimum(np.arange(-(-1500 // kernels.block_length(1500)) + 1) * kernels.block_length(1500), 1499)
+    got = _response(theta, step, N, gamma, ratio, apart)[1]
+    for column, change in enumerate(((d, 0.0), (0.0, d))):
+        numeric = (at(*change) - at(-change[0], -change[1])) / (2 * d)
+        # intervals are aged by half a step on average: (w h)^2/24 of the youngest one only
+        assert np.abs(got[:, column] - numeric[starts]).max() < 3e-3 * np.abs(numeric).max()
 
 
-@pytest.mark.parametrize("count", [100, 256, 700])
+@pytest.mark.parametrize("count", [100, 256, 700, 1025])
 @pytest.mark.parametrize("limit", [np.inf, 0.8])
 def test_moments_are_the_plain_gram_matrix(count: int, limit: float) -> None:
     random = np.random.default_rng(6)
-    difference, response, slope, by_damping = random.normal(size=(4, count))
+    difference, response = random.normal(size=(2, count))
     difference[10:14] = np.nan
-    step, decay, frequency = 0.1, 3e-3, N
-    coefficient = np.array([0.1, -0.2, 0.05])
-    gram = np.empty((kernels.COLUMNS, kernels.COLUMNS))
-    beyond = kernels.moments(difference, response, slope, by_damping, step, decay, frequency, coefficient, limit, gram)
+    step, decay, frequency, block = 0.1, 3e-3, N, 64
+    starts = np.minimum(np.arange(-(-count // block) + 1) * block, count - 1)
+    slopes = random.normal(size=(starts.size, 2)) + 1j * random.normal(size=(starts.size, 2))
+    amounts = np.array([0.1, -0.2, 0.05, 0.0, 0.0, 0.03, -0.02])
+    gram, out = np.empty((kernels.COLUMNS, kernels.COLUMNS)), np.empty(count)
+    lam = complex(-decay, frequency)
+    beyond = kernels.moments(difference, response, slopes, step, block, lam, amounts, limit, out, gram)
     t = np.arange(count) * step
-    wave = np.exp((-decay + 1j * frequency) * t)
+    wave = np.exp(lam * t)
     x = np.linspace(-1.0, 1.0, count)
-    e = difference - response - coefficient[0] * wave.real - coefficient[1] * wave.imag - coefficient[2]
-    columns = np.stack(
-        [wave.real, wave.imag, np.ones(count), x * wave.real, x * wave.imag, slope, by_damping, e], axis=1
-    )
+    # slopes: straight between blocks in the frame that turns and decays
+    still = slopes / np.exp(lam * starts * step)[:, None]
+    keep = np.append(True, np.diff(starts) > 0)
+    slope, by_damping = ((wave * np.interp(t, starts[keep] * step, still[keep, k])).imag for k in range(2))
+    columns = np.stack([wave.real, wave.imag, np.ones(count), x * wave.real, x * wave.imag, slope, by_damping], axis=1)
+    e = difference - response - columns @ amounts
     used = np.abs(e) <= limit
-    plain = columns[used].T @ columns[used]
-    assert np.abs(np.triu(gram) - np.triu(plain)).max() < 1e-11 * count
+    plain = np.column_stack([columns, e])[used]
+    plain = plain.T @ plain
+    assert np.abs(gram - plain).max() < 1e-11 * count
     assert beyond == int((np.abs(e) > limit).sum())
-    out = np.empty(count)
-    kernels.residuals(difference, response, step, decay, frequency, coefficient, limit, out)
     assert (np.isfinite(out) == used).all()
     assert np.abs(out[used] - e[used]).max() < 1e-12

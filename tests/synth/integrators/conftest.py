@@ -32,24 +32,6 @@ def _linear_slope(time: float, state: Floats, system: Linear, out: Floats) -> No
             out[i, j] = system.matrix[i, j]
 
 
-class Explosive(NamedTuple):
-    """`y' = rate y^2`: infinite at t = 1/(rate y(0))."""
-
-    rate: float
-
-
-@registered("derivative", Explosive)
-@kernel
-def _explosive(time: float, state: Floats, system: Explosive, out: Floats) -> None:
-    out[0] = system.rate * state[0] * state[0]
-
-
-@registered("jacobian", Explosive)
-@kernel
-def _explosive_slope(time: float, state: Floats, system: Explosive, out: Floats) -> None:
-    out[0, 0] = 2.0 * system.rate * state[0]
-
-
 class Cliff(NamedTuple):
     """`y' = -1` before `edge`, not a number from there on."""
 

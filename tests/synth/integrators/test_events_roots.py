@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synth.integrators.events_roots import DEGREE, NONE, TO_BERNSTEIN, first_crossing
+from synth.integrators.events_roots import DEGREE, NONE, TO_BERNSTEIN, first_crossing, margin
 from synth.phase import Floats
 
 
@@ -81,3 +81,11 @@ def test_table_turns_the_dense_output_into_bernstein_form() -> None:
     direct = x * (f[0] + (1 - x) * (f[1] + x * (f[2] + (1 - x) * (f[3] + x * (f[4] + (1 - x) * (f[5] + x * f[6]))))))
     basis = np.array([comb(DEGREE, j) * x**j * (1 - x) ** (DEGREE - j) for j in range(DEGREE + 1)])
     assert basis @ (f @ TO_BERNSTEIN) == pytest.approx(direct, rel=1e-13)
+
+
+def test_margin_is_the_value_at_the_turn() -> None:
+    rows = np.zeros((60, DEGREE + 1))
+    rows[0] = bernstein(np.polynomial.Polynomial([0.16 - 1e-6, -0.8, 1.0]))  # turns at 0.4, where it is -1e-6
+    assert margin(rows, np.zeros(DEGREE + 1)) == pytest.approx(1e-6, rel=1e-8)
+    rows[0] = bernstein(np.polynomial.Polynomial([1.0, 1.0]))
+    assert margin(rows, np.zeros(DEGREE + 1)) == np.inf

@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 from data_schemas.errors import RefusedError, UsageError
-from synth.integrators.explicit import LOOSEST, integrate, run
+from synth.integrators.explicit import integrate
+from synth.integrators.explicit_error import LOOSEST
+from synth.integrators.explicit_run import run
 from synth.systems.dispatch import energy
 from synth.systems.driven_pendulums import DrivenPendulums, plain
 from synth.systems.elastic_beam import ElasticBeam, stiffness_of_ratio
 from synth.systems.flexible_frame import FlexibleFrame
 from synth.systems.harmonic_motion import harmonics
-from synth.systems.metronomes import Metronomes
+from synth.systems.metronomes import pantaleone
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import VanDerPolDrive, Viscous
 from synth.systems.restoring import Linear
@@ -82,19 +84,25 @@ def test_energy_of_reference_c1() -> None:
     [
         (plain(2 * math.pi), [2.5, 0.0], 2.2e4),  # at 2.5 rad a swing takes 2.2 s
         (BEAM_C, START_C, 2.0e4),
-        (
+        pytest.param(
             FlexibleFrame(2.0, np.array([0.5, 0.4]), np.array([1.0, 0.9]), 150.0, 0.0, 9.81),
             [0.01, 0, 1, 0, -0.5, 0],
             2e4,
+            marks=pytest.mark.campaign,
         ),
-        (Metronomes(np.array([0.01, -0.01]), 0.0, 0.4, 0.05), [0.6, 0.0, -0.3, 0.1], 6.3e4),
+        pytest.param(
+            pantaleone(np.array([0.01, -0.01]), 0.0, 0.4, 0.05),
+            [0.6, 0.0, -0.3, 0.1],
+            6.3e4,
+            marks=pytest.mark.campaign,
+        ),
     ],
     ids=["pendulum", "beam", "frame", "metronomes"],
 )
 def test_energy_is_kept_over_ten_thousand_swings(system: Any, start: list[float], end: float) -> None:
     """Truncation is made negligible; what is left is the random walk of rounding, sqrt(steps) x 1e-16."""
     times = np.linspace(0.0, end, 51)
-    states = run(system, None, np.array(start, dtype=float), times, 1e-16, np.abs(start) + 1e-3).states
+    states = run(system, None, np.array(start, dtype=float), times, 1e-16).states
     levels = np.array([energy(state, system) for state in states])
     swing = abs(levels[0] - energy(np.zeros(len(start)), system))  # above rest
     assert np.max(np.abs(levels - levels[0])) < 1e-12 * swing
@@ -115,7 +123,7 @@ def test_time_reversal_returns_to_the_start() -> None:
     [
         (BEAM_B, START_B, BEAM_B, [1, 1, -1, -1, 1, 1]),
         (BEAM_A, START_A, BEAM_A, [1, 1, -1, -1, 1, 1]),
-        (Metronomes(np.array([0.01, -0.01]), 0.01, 0.4, 0.05), [0.6, 0, -0.3, 0.1], None, [-1, -1, -1, -1]),
+        (pantaleone(np.array([0.01, -0.01]), 0.01, 0.4, 0.05), [0.6, 0, -0.3, 0.1], None, [-1, -1, -1, -1]),
         (
             DrivenPendulums(np.array([6.2]), 9.81, horizontal=harmonics([2.0], [1.0], [0.3])),
             [0.6, 0.2],
@@ -153,35 +161,11 @@ def test_order_of_convergence_is_eight() -> None:
     start, times = np.array([0.1, 0.0]), np.linspace(0.0, 6.0, 50)
     errors, steps = [], []
     for tolerance in (1e-7, 1e-10):
-        made = run(system, None, start, times, tolerance, np.array([0.1, 0.6]))
+        made = run(system, None, start, times, tolerance)
         errors.append(np.max(np.abs(made.states[:, 0] - 0.1 * np.cos(6.0 * times))))
         steps.append(int(made.counts[0]))
     order = math.log(errors[0] / errors[1]) / math.log(steps[1] / steps[0])
     assert 7.0 < order < 9.5
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10, 1e-12])
-@pytest.mark.parametrize("name", ["A", "B", "C1"])
-def test_estimates_are_honest(name: str, tolerance: float) -> None:
-    """true <= 10 x estimate and >= estimate/1000, and the tolerance is met."""
-    system, start, end, _ = REFERENCES[name]
-    times = np.linspace(0.0, end, 101)
-    best = integrate(system, start, times, tolerance=1e-15)
-    found = integrate(system, start, times, tolerance=tolerance)
-    error = np.max(np.abs(found.states - best.states) / np.max(np.abs(best.states), axis=0))
-    assert error <= 10.0 * found.estimated_error
-    assert error >= found.estimated_error / 1000.0
-    assert found.estimated_error <= tolerance
-
-
-@pytest.mark.compiled
-def test_a_third_march_is_made_where_errors_grow() -> None:
-    """Near the top errors grow a millionfold: the integrator finds that out and tightens its steps."""
-    found = integrate(plain(2 * math.pi), [3.1415, 0.0], np.linspace(0.0, 6.0, 100), tolerance=1e-9)
-    best = integrate(plain(2 * math.pi), [3.1415, 0.0], np.linspace(0.0, 6.0, 100), tolerance=1e-14)
-    error = np.max(np.abs(found.states - best.states) / np.max(np.abs(best.states), axis=0))
-    assert error < 10.0 * found.estimated_error
 
 
 @pytest.mark.compiled
@@ -202,7 +186,7 @@ def test_stiff_beam_tends_to_the_fixed_support_as_the_square() -> None:
     assert fixed.states[1, 0] == pytest.approx(-0.46325276873179, abs=1e-13)
 
 
-@pytest.mark.compiled
+@pytest.mark.campaign
 def test_stiff_frame_tends_to_the_fixed_support_as_the_square() -> None:
     fixed = integrate(plain(math.sqrt(9.81)), [1.0, 0.0], [0.0, 10.0], tolerance=1e-12).states[1, 0]
     deviation = []

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from synth.integrators.radau_dense import differences, evaluate
+from synth.integrators.radau_dense import differences, evaluate, extrapolate
 from synth.integrators.radau_linear import factor, factor_pair, solve, solve_pair
 from synth.integrators.radau_newton import DIVERGED, NOT_FINITE, SOLVED, collocate, prepare
 from synth.phase import Floats
@@ -47,7 +47,7 @@ def _step(system: Any, time: float, state: Floats, step: float, stages: int) -> 
     return outcome, z.reshape(stages, n)
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 6, 9])
+@pytest.mark.parametrize("n", [1, 3, 6])
 def test_systems_are_solved_with_all_exchanges(n: int) -> None:
     """A dominant anti-diagonal forces an exchange at every stage; forgetting one shows from n = 3 on."""
     random = np.random.default_rng(n)
@@ -120,14 +120,17 @@ def _pade(top: int, bottom: int, k: int) -> float:
 @STAGES
 def test_the_polynomial_goes_through_its_nodes(stages: int) -> None:
     outcome, z = _step(VanDerPol(1.0), 0.0, np.array([2.0, 0.0]), 0.1, stages)
-    polynomial = np.zeros((stages + 1) * 2)
-    differences((0,) * stages, (0, 0), z.ravel(), polynomial)
+    polynomial, increments, point = np.zeros((stages + 1) * 2), np.zeros(stages * 2), np.zeros(2)
+    differences(stages, (0, 0), z.ravel(), polynomial)
     assert outcome == SOLVED
-    assert abs(evaluate(0.0, 0, (0,) * stages, (0, 0), polynomial)) < 1e-16
-    assert abs(evaluate(1.0, 1, (0,) * stages, (0, 0), polynomial) - z[-1, 1]) < 1e-16
+    evaluate(0.0, stages, (0, 0), polynomial, point, 0)
+    assert np.max(np.abs(point)) < 1e-16
+    extrapolate(stages, stages, 0.0, 1.0, (0, 0), polynomial, increments, point)
+    np.testing.assert_allclose(increments, z.ravel(), rtol=0.0, atol=1e-16)
     # in between it keeps the order s: 0.1^(s + 1) of a solution of size 1 with rates up to 3
     _, half = _step(VanDerPol(1.0), 0.0, np.array([2.0, 0.0]), 0.05, stages)
-    assert abs(evaluate(0.5, 0, (0,) * stages, (0, 0), polynomial) - half[-1, 0]) < 0.3 ** (stages + 1) / 10.0
+    evaluate(0.5, stages, (0, 0), polynomial, point, 0)
+    assert abs(point[0] - half[-1, 0]) < 0.3 ** (stages + 1) / 10.0
 
 
 def test_a_step_too_long_for_newton_is_told() -> None:

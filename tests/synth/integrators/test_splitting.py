@@ -33,8 +33,9 @@ def test_first_order_is_a_quadrature(scheme: Scheme) -> None:
 @EACH
 def test_second_order_conditions(scheme: Scheme) -> None:
     """Linear in eps^2: the double integral over s1 < s2 of s1^p s2^q, for p + q < 4 with the symmetric order 6."""
-    for p in range(4):
-        for q in range(4 - p):
+    powers = scheme.orders[1] - 2
+    for p in range(powers):
+        for q in range(powers - p):
             total = 0.0
             for j, (node, weight) in enumerate(zip(scheme.nodes, scheme.weights, strict=True)):
                 before = (scheme.weights[:j] * scheme.nodes[:j] ** p).sum() + 0.5 * weight * node**p
@@ -51,20 +52,20 @@ def test_symmetry(scheme: Scheme) -> None:
 @pytest.mark.compiled
 @EACH
 def test_measured_order(scheme: Scheme) -> None:
-    """At a small arc (eps = theta^2/16 = 1e-5) the first term of the error rules: order 8 or 10."""
+    """At a small arc (eps = theta^2/16 = 1e-5) the first term of the error rules: order 2, 8 or 10."""
     system, start, times = plain(2 * math.pi), np.array([0.013, 0.0]), np.arange(0.0, 40.5, 1.0)
     best = splitting.march(system, start, times, Fraction(1), 64, scheme)
     errors = [
         np.max(np.abs(splitting.march(system, start, times, Fraction(1), steps, scheme) - best)) for steps in (4, 6)
     ]
     order = math.log(errors[0] / errors[1]) / math.log(1.5)
-    assert order > scheme.orders[0] - 1.5
+    assert order > scheme.orders[0] - 1.5  # steps that divide the swing do better still
     large = np.array([0.8, 0.0])  # eps = 0.04: the later terms take over
     best = splitting.march(system, large, times, Fraction(1), 256, scheme)
     errors = [
         np.max(np.abs(splitting.march(system, large, times, Fraction(1), steps, scheme) - best)) for steps in (32, 64)
     ]
-    assert 3.5 < math.log2(errors[0] / errors[1]) < scheme.orders[0] + 0.5
+    assert scheme.orders[2] - 0.5 < math.log2(errors[0] / errors[1]) < scheme.orders[0] + 0.5
 
 
 def _swell(resonant: float | None) -> DrivenPendulums:
@@ -90,7 +91,9 @@ def test_agrees_with_the_explicit_method(resonant: float | None, scheme: Scheme)
     one = splitting.integrate(system, start, times, tolerance=1e-13, scheme=scheme)
     other = explicit.integrate(system, start, times, tolerance=1e-14)
     apart = np.max(np.abs(one.states - other.states) / np.max(np.abs(other.states), axis=0))
-    assert apart < 2e-13  # rounding of 1e4 steps
+    if scheme.orders[2] > 2:
+        assert apart < 2e-13  # rounding of 1e4 steps
+    assert one.estimated_error / 1000.0 <= apart <= 10.0 * one.estimated_error
 
 
 def test_agrees_with_the_explicit_method_in_short() -> None:

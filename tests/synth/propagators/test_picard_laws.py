@@ -14,9 +14,9 @@ from data_schemas.errors import RefusedError
 from data_schemas.scene_pendulum import StateStart
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond
+from synth.pendulums.starting import start_state
 from synth.propagators import picard, picard_error, picard_march
 from synth.propagators.even import EvenTimes
-from synth.propagators.picard import start_state
 from synth.propagators.uneven import UnevenTimes
 
 

@@ -11,7 +11,7 @@ from synth.systems.driven_pendulums import DrivenPendulums
 from synth.systems.elastic_beam import ElasticBeam
 from synth.systems.flexible_frame import FlexibleFrame
 from synth.systems.harmonic_motion import harmonics, opposite
-from synth.systems.metronomes import Metronomes
+from synth.systems.metronomes import Metronomes, pantaleone
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive, Viscous
 from synth.systems.restoring import Linear, Sine
@@ -42,7 +42,13 @@ SYSTEMS: dict[str, Any] = {
     "reduced beam": ReducedBeam(0.02, 0.1, 0.02, np.array([-0.01, 0.02, 0.0])),
     "frame": FlexibleFrame(2.0, MASS, LENGTH, 150.0, 0.0, 9.81),
     "driven frame": FlexibleFrame(2.0, MASS, LENGTH, 150.0, 0.7, 9.81, together(DRIVE, KNIFE)),
-    "metronomes": Metronomes(np.array([0.01, -0.01, 0.0]), 0.01, 0.39, 0.05),
+    "beam at sea": ElasticBeam(2.0, MASS, LENGTH, 150.0, 0.25, 9.81, VISCOUS, SIDEWAYS, UPWARDS),
+    "beam, upwards": ElasticBeam(2.0, MASS, LENGTH, 150.0, 0.25, 9.81, None, None, UPWARDS),
+    "frame at sea": FlexibleFrame(2.0, MASS, LENGTH, 150.0, 0.7, 9.81, VISCOUS, SIDEWAYS, UPWARDS),
+    "frame, sideways": FlexibleFrame(2.0, MASS, LENGTH, 150.0, 0.7, 9.81, None, SIDEWAYS),
+    "metronomes": Metronomes(FREQUENCY, 0.05),
+    "driven metronomes": Metronomes(FREQUENCY, 0.05, together(DRIVE, QUADRATIC), 9.81, UPWARDS),
+    "metronomes of Pantaleone": pantaleone([0.01, -0.01, 0.0], 0.01, 0.39, 0.05),
 }
 
 
@@ -57,6 +63,6 @@ def mirrored(system: Any, state: Floats) -> tuple[Any, Floats]:
     image = -state
     if isinstance(system, ElasticBeam | ReducedBeam):
         image[:2] = state[:2]  # up and down
-    if isinstance(system, DrivenPendulums) and system.horizontal is not None:
+    if getattr(system, "horizontal", None) is not None:
         system = system._replace(horizontal=opposite(system.horizontal))
     return system, image

@@ -1,0 +1,204 @@
+"""Error against time: every propagator and every peer on one problem, over a sweep of tolerances.
+
+Times are CPU times of all threads, warm, medians of five rounds in which the rivals take turns; whoever takes longer
+than a few seconds runs once. Compile times are taken apart, by processes that start with an empty cache.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from data_schemas.errors import RefusedError
+from pipeline.benchmarks.clock import tree_environment
+from pipeline.benchmarks.own import OWN, Answer
+from pipeline.benchmarks.peers import PEERS
+from pipeline.benchmarks.problems import Problem
+from pipeline.benchmarks.progress import progress
+from pipeline.benchmarks.references import Reference
+
+Row = dict[str, Any]
+NO_TOLERANCE = math.nan
+TOLERANCES = (1e-6, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14)
+STIFF_TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15)
+PEER_TOLERANCES = (1e-6, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
+QUICK_TOLERANCES = (1e-6, 1e-9, 1e-12)
+REPEATS = 5
+ONCE = 5.0  # s: whoever takes longer runs once
+QUICK_ONCE = 0.25
+_BATCH_BELOW = 0.01  # s: shorter calls are made several times a round
+_BATCH = 5
+_PROBE_LIMIT = 600.0  # s
+
+
+@dataclass(frozen=True)
+class Point:
+    """One method at one tolerance on one problem.
+
+    Attributes
+    ----------
+    problem, method : str
+    own : bool
+        The project's propagator, or a peer.
+    tolerance : float
+        Asked for; NaN where none can be.
+    error : float
+        Of the angles, relative to the largest; NaN where refused.
+    whole_error : float
+        Of all components of the state.
+    estimate : float
+        The propagator's own; NaN for peers.
+    seconds : tuple of float
+        CPU time of each run.
+    note : str
+        Why there is no value.
+    """
+
+    problem: str
+    method: str
+    own: bool
+    tolerance: float
+    error: float = math.nan
+    whole_error: float = math.nan
+    estimate: float = math.nan
+    seconds: tuple[float, ...] = field(default=())
+    note: str = ""
+
+    @property
+    def ms(self) -> float:
+        """Median time, ms; NaN where there was none."""
+        return 1e3 * statistics.median(self.seconds) if self.seconds else math.nan
+
+    def row(self, reference: str, compile_seconds: float) -> Row:
+        """As the suite yields it."""
+        return {
+            "problem": self.problem,
+            "method": self.method,
+            "tolerance": self.tolerance,
+            "error": self.error,
+            "estimate": self.estimate,
+            "ms": self.ms,
+            "runs": len(self.seconds),
+            "compile_s": compile_seconds,
+            "reference": reference,
+            "note": self.note,
+        }
+
+
+@dataclass(frozen=True)
+class Runner:
+    """A point whose times are still to be taken, and the call to time."""
+
+    point: Point
+    call: Callable[[], Any]
+
+
+def contenders(problem: Problem) -> tuple[str, ...]:
+    """Names of all propagators, and of the peers that are sensible for the problem."""
+    return (*OWN, *(name for name, peer in PEERS.items() if peer.stiff in (None, problem.stiff)))
+
+
+def set_up(problem: Problem, method: str, tolerance: float) -> Callable[[], Answer]:
+    """A call of a propagator or a peer, by name.
+
+    Raises
+    ------
+    RefusedError
+        It does not know this kind of problem.
+    ImportError
+        It is not installed.
+    """
+    if method in OWN:
+        return OWN[method].make(problem, tolerance)
+    call = PEERS[method].make(problem, tolerance)
+    return lambda: Answer(call(), math.nan)
+
+
+def tolerances(problem: Problem, method: str, *, quick: bool) -> Sequence[float]:
+    """What to ask a method for, loosest first."""
+    if method in OWN and not OWN[method].tunable:
+        return (NO_TOLERANCE,)
+    if method in OWN and problem.stiff:
+        return STIFF_TOLERANCES  # a few ms each
+    if quick:
+        return QUICK_TOLERANCES
+    return PEER_TOLERANCES if method in PEERS else TOLERANCES
+
+
+def sweep(problem: Problem, truth: Reference, *, quick: bool, names: Sequence[str] | None = None) -> list[Point]:
+    """Measure contenders, all by default; one that declines is noted with its reason and not asked for more."""
+    points, runners = [], []
+    names = contenders(problem) if names is None else names
+    for method in progress(names, problem.name, len(names)):
+        for tolerance in tolerances(problem, method, quick=quick):
+            point = Point(problem.name, method, method in OWN, tolerance)
+            try:
+                call = set_up(problem, method, tolerance)
+                answer = call()
+                took = cpu(call)
+            except ImportError:
+                points.append(replace(point, note="not installed: extra 'peers'"))
+                break
+            except RefusedError as refusal:
+                points.append(replace(point, note=f"refused: {refusal}"))
+                break
+            point = replace(
+                point,
+                error=truth.error(problem, answer, problem.judged),
+                whole_error=truth.error(problem, answer, range(problem.start.size)),
+                estimate=answer.estimated_error,
+                seconds=(took,),
+            )
+            if took > (QUICK_ONCE if quick else ONCE):
+                points.append(point)
+            else:
+                runners.append(Runner(point, call))
+    return sorted(points + raced(runners), key=lambda point: (names.index(point.method), -point.tolerance))
+
+
+def raced(runners: Sequence[Runner]) -> list[Point]:
+    """Rounds in which the runners take turns."""
+    taken: list[list[float]] = [[] for _ in runners]
+    for _ in progress(range(REPEATS), "rounds", REPEATS):
+        for runner, times in zip(runners, taken, strict=True):
+            batch = _BATCH if runner.point.seconds[0] < _BATCH_BELOW else 1
+            times.append(statistics.median(cpu(runner.call) for _ in range(batch)))
+    return [replace(runner.point, seconds=tuple(times)) for runner, times in zip(runners, taken, strict=True)]
+
+
+def cpu(call: Callable[[], Any]) -> float:
+    """CPU time of a call, all threads, s."""
+    started = time.process_time()
+    call()
+    return time.process_time() - started
+
+
+def compile_seconds(problem: str, method: str, *, quick: bool) -> float:
+    """Time of a first call beyond a warm one, in a process of its own with empty caches, s; NaN if it cannot be had."""
+    with tempfile.TemporaryDirectory() as folder:
+        words = (sys.executable, "-m", "pipeline.benchmarks.compile_probe", problem, method, str(int(quick)))
+        environment = tree_environment() | {"XDG_CACHE_HOME": folder, "NUMBA_CACHE_DIR": os.path.join(folder, "numba")}
+        try:
+            done = subprocess.run(words, env=environment, check=True, capture_output=True, timeout=_PROBE_LIMIT)
+        except (subprocess.CalledProcessError, subprocess.TimeoutExpired):
+            return math.nan
+        return float(json.loads(done.stdout)["compile_s"])
+
+
+def rows(problem: Problem, truth: Reference, points: Sequence[Point], *, quick: bool) -> Iterator[Row]:
+    """Rows of a problem; compile times in full runs alone, once a method."""
+    compiled: dict[str, float] = {}
+    for point in points:
+        if point.method not in compiled:
+            wanted = not quick and bool(point.seconds)
+            compiled[point.method] = compile_seconds(problem.name, point.method, quick=quick) if wanted else math.nan
+        yield point.row(truth.source, compiled[point.method])

@@ -1,0 +1,190 @@
+"""From a scene to equations of motion: a system of `synth.systems`, its start, and its kicks.
+
+Only scenes that need a general integrator come here, and only here are systems and their compiler imported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from data_schemas.scene import Scene
+from data_schemas.scene_pendulum import FreeStart, ImpulseEscapement, Pendulum, VanDerPolEscapement
+from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
+from synth.motion.harmonic_sum import HarmonicSum
+from synth.pendulums.linear import respond
+from synth.pendulums.starting import start_state
+from synth.phase import Floats
+from synth.systems.harmonic_motion import Harmonics, harmonics
+from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive, Viscous
+from synth.systems.restoring import Linear, Sine
+from synth.systems.terms import together
+
+_DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """Equations of motion with their start.
+
+    Attributes
+    ----------
+    system : NamedTuple
+        Of `synth.systems`.
+    start : (n,) float64
+        State at t = 0, in the system's own units.
+    kicks : Escapement or None
+    time_scale : float
+        The system's time over seconds.
+    units : (n,) float64 or None
+        Physical state over the system's own; None where they are the same.
+    board : float or None
+        Displacement of a rolling board by the sum of the sines, m.
+    """
+
+    system: Any
+    start: Floats
+    kicks: Any = None
+    time_scale: float = 1.0
+    units: Floats | None = None
+    board: float | None = None
+
+    def rows(self, states: Floats) -> Floats:
+        """Angles of the pendulums, and below them the displacement of a support that yields.
+
+        Parameters
+        ----------
+        states : (k, n) float64
+            In the system's own units.
+
+        Returns
+        -------
+        (pendulums or pendulums + 1, k) float64
+            rad, and m
+        """
+        if self.units is not None:
+            states = states * self.units
+        first = self.system.first_angle
+        angles = states[:, first::2].T
+        if self.board is not None:
+            return np.vstack([angles, self.board * np.sin(angles).sum(axis=0)])
+        return np.vstack([angles, states[:, 0]]) if first else angles
+
+
+def assemble(scene: Scene, frequencies: Sequence[float], motion: HarmonicSum, vertical: HarmonicSum) -> Assembly:
+    """Build the equations of a scene.
+
+    Parameters
+    ----------
+    scene
+        What is to move.
+    frequencies : (pendulums,)
+        At infinitesimal arc on a rigid support, rad/s.
+    motion, vertical : HarmonicSum
+        Horizontal and vertical acceleration of the ship.
+
+    Raises
+    ------
+    RefusedError
+        If the reduced beam cannot hold the clocks.
+    """
+    pendulums = scene.pendulums
+    terms = _terms(pendulums)
+    sideways, upwards = _harmonics(motion), _harmonics(vertical)
+    own = np.array(frequencies)
+    swing = np.array(
+        [_start(each, n, motion, scene.gravity) for each, n in zip(pendulums, frequencies, strict=True)]
+    ).ravel()
+    support = scene.support
+    if isinstance(support, BoardSupport):
+        from synth.systems.metronomes import Metronomes
+
+        system: Any = Metronomes(own, support.coupling, terms, scene.gravity, upwards)
+        lever = -support.coupling * float(np.mean(scene.gravity / own**2))
+        return Assembly(system, swing, _kicks(system, pendulums, np.ones(own.size)), board=lever)
+    if not isinstance(support, BeamSupport | FrameSupport):
+        from synth.systems.driven_pendulums import DrivenPendulums
+
+        law = Sine() if scene.restoring == "sine" else Linear()
+        system = DrivenPendulums(own, scene.gravity, law, sideways, upwards, terms)
+        return Assembly(system, swing, _kicks(system, pendulums, np.ones(own.size)))
+    masses = np.array([float(each.mass or 0.0) for each in pendulums])
+    lengths = np.array([scene.reference_gravity * (each.period / (2 * np.pi)) ** 2 for each in pendulums])
+    start = np.concatenate([[support.displacement, support.velocity], swing])
+    if isinstance(support, FrameSupport):
+        from synth.systems.flexible_frame import FlexibleFrame
+
+        resistance = support.resistance
+        system = FlexibleFrame(
+            support.mass, masses, lengths, support.stiffness, resistance, scene.gravity, terms, sideways, upwards
+        )
+        return Assembly(system, start, _kicks(system, pendulums, masses * lengths**2))
+    from synth.systems.elastic_beam import ElasticBeam
+
+    damping = support.damping_rate
+    system = ElasticBeam(
+        support.mass, masses, lengths, support.stiffness, damping, scene.gravity, terms, sideways, upwards
+    )
+    if support.equations == "full":
+        return Assembly(system, start, _kicks(system, pendulums, masses * lengths**2))
+    from synth.systems.reduction import reduced
+
+    made = reduced(system)
+    units = made.physical(np.ones(start.size))
+    return Assembly(made.system, start / units, None, made.time_scale, units)
+
+
+def _terms(pendulums: Sequence[Pendulum]) -> Any:
+    """What resists or drives, only what some pendulum has."""
+    drives = [each.escapement if isinstance(each.escapement, VanDerPolEscapement) else None for each in pendulums]
+    viscous = np.array([each.damping_rate for each in pendulums])
+    quadratic = np.array([each.quadratic_damping for each in pendulums])
+    edges = [each.knife_edge for each in pendulums]
+    return together(
+        Viscous(viscous) if viscous.any() else None,
+        Quadratic(quadratic) if quadratic.any() else None,
+        # a pendulum without the term that another has: nothing of it, at any rate or angle
+        KnifeEdge(*_columns([(each.friction, each.rate) if each else (0.0, 1.0) for each in edges]))
+        if any(edges)
+        else None,
+        VanDerPolDrive(*_columns([(each.rate, each.angle) if each else (0.0, 1.0) for each in drives]))
+        if any(drives)
+        else None,
+    )
+
+
+def _columns(rows: list[tuple[float, float]]) -> Floats:
+    return np.ascontiguousarray(np.array(rows).T)
+
+
+def _harmonics(motion: HarmonicSum) -> Harmonics | None:
+    if not motion.acceleration.any():
+        return None
+    return harmonics(np.abs(motion.acceleration), motion.angular_frequency, np.angle(motion.acceleration))
+
+
+def _start(pendulum: Pendulum, frequency: float, motion: HarmonicSum, gravity: float) -> Floats:
+    """Angle and angular velocity; of a free start, those of the linear pendulum on a rigid support."""
+    start = pendulum.start
+    if isinstance(start, FreeStart):
+        response = respond(frequency, pendulum.damping_rate, start, motion, gravity)
+        return start_state(response, motion.angular_frequency)
+    return np.array([start.angle, start.angular_velocity])
+
+
+def _kicks(system: Any, pendulums: Sequence[Pendulum], inertias: Floats) -> Any:
+    """Impulse escapements; `inertias` turn energy per m l^2 into the system's."""
+    kicking = [
+        (number, kick.angle, kick.energy * inertias[number], _DIRECTIONS[kick.direction])
+        for number, kick in enumerate(each.escapement for each in pendulums)
+        if isinstance(kick, ImpulseEscapement)
+    ]
+    if not kicking:
+        return None
+    from synth.integrators.events import escapement
+
+    number, angle, energy, direction = (np.array(column) for column in zip(*kicking, strict=True))
+    return escapement(system, number, angle, energy, direction)

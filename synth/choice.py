@@ -1,0 +1,150 @@
+"""Which propagator suits a scene, which may stand in for it, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from data_schemas.errors import SceneError
+from data_schemas.scene_simulation import Propagator
+from synth.needs import (
+    BEAM,
+    BOARD,
+    FIXED,
+    FRAME,
+    IMPULSE,
+    KNIFE_EDGE,
+    LINEAR,
+    OVERDAMPED,
+    QUADRATIC,
+    REDUCED_BEAM,
+    SINE,
+    UNEVEN,
+    VAN_DER_POL,
+    VERTICAL,
+)
+
+NAMES: dict[Propagator, str] = {
+    "closed-form": "closed form",
+    "picard": "Picard collocation",
+    "beam-collocation": "beam collocation",
+    "explicit": "explicit, order 8",
+    "radau": "Radau IIA, orders 5 to 13",
+    "splitting": "splitting ABA(10,6,4)",
+}
+"""Propagators by their names in a scene, and as the truth calls them."""
+
+_SMOOTH = {LINEAR, SINE, OVERDAMPED, VERTICAL, QUADRATIC, KNIFE_EDGE, VAN_DER_POL, UNEVEN}
+_YIELDING = {BEAM, REDUCED_BEAM, FRAME, BOARD}
+_KNOWN: dict[Propagator, frozenset[str]] = {
+    "closed-form": frozenset({FIXED, LINEAR, UNEVEN}),
+    "picard": frozenset({FIXED, SINE, VERTICAL, UNEVEN}),
+    "beam-collocation": frozenset({LINEAR, SINE, VERTICAL, VAN_DER_POL, UNEVEN} | _YIELDING),
+    "explicit": frozenset(_SMOOTH | _YIELDING | {FIXED, IMPULSE}),
+    "radau": frozenset(_SMOOTH | _YIELDING | {FIXED}),
+    "splitting": frozenset({FIXED, SINE, VERTICAL}),
+}
+_REACHED: dict[Propagator, float] = {
+    "closed-form": 1e-15,
+    "picard": 1e-14,
+    "beam-collocation": 1e-13,
+    "explicit": 1e-13,
+    "radau": 1e-12,
+    "splitting": 1e-12,
+}
+"""Usual error of an hour without a tolerance, of the largest angle."""
+_KINKED = {QUADRATIC, KNIFE_EDGE}
+_SMOOTH_AIM, _KINKED_AIM = 1e-13, 1e-11  # a kink in the forces costs ever more steps the less error is allowed
+_STIFF = 100.0  # rates of the equations above the fastest swing from which Radau's few costly steps are the cheaper
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A propagator.
+
+    Attributes
+    ----------
+    propagator : str
+        Its name in a scene.
+    why : str
+        In one line.
+    instead : tuple of str
+        Who may stand in for it, in this order, should it refuse.
+    aim : float
+        Tolerance for integrators where the scene gives none: about what an hour of swings allows.
+    """
+
+    propagator: Propagator
+    why: str
+    instead: tuple[Propagator, ...] = ()
+    aim: float = _SMOOTH_AIM
+
+    @property
+    def integrates(self) -> bool:
+        """Whether it is one of the integrators of `synth.integrators`."""
+        return self.propagator not in ("closed-form", "picard")
+
+
+def chosen_at_sight(named: Propagator, asked: Sequence[str]) -> Choice | None:
+    """Choose by what a scene asks for; None where its rates must be looked at.
+
+    Raises
+    ------
+    SceneError
+        If the scene names a propagator that cannot do it.
+    """
+    if named != "auto":
+        return _insisted(named, asked)
+    if _can("closed-form", asked):
+        return Choice("closed-form", "linear pendulums on a fixed support have a solution in closed form")
+    if _can("picard", asked):
+        return Choice(
+            "picard",
+            "real pendulums on a fixed support: the exact linear motion, and a small remainder",
+            ("explicit", "radau"),
+        )
+    if IMPULSE in asked:
+        why = "an impulse escapement kicks at instants that this propagator locates"
+        return Choice("explicit", why, aim=_aim(asked))
+    return None
+
+
+def chosen_by_rates(asked: Sequence[str], fastest_rate: float, fastest_swing: float) -> Choice:
+    """Choose between integrators by how fast the equations can change beside the swing, both in 1/s."""
+    ratio = fastest_rate / fastest_swing
+    cause = _and([name for name in asked if name not in (LINEAR, SINE, FIXED, UNEVEN)])
+    rates = f"the fastest rate is {ratio:.3g} times the swing's"
+    if ratio > _STIFF:
+        return Choice("radau", f"{cause}: stiff, {rates}", ("explicit",), _aim(asked))
+    if _can("beam-collocation", asked):
+        why = f"{cause}: smooth and not stiff, {rates}"
+        return Choice("beam-collocation", why, ("explicit", "radau"), _aim(asked))
+    return Choice("explicit", f"{cause}: not stiff, {rates}", ("radau",), _aim(asked))
+
+
+def expected_error(choice: Choice, tolerance: float | None) -> float:
+    """Usual error of a propagator, of the largest angle; the truth tells the one that was estimated."""
+    usual = _REACHED[choice.propagator]
+    return max(usual, choice.aim if tolerance is None else tolerance) if choice.integrates else usual
+
+
+def _aim(asked: Sequence[str]) -> float:
+    return _SMOOTH_AIM if _KINKED.isdisjoint(asked) else _KINKED_AIM
+
+
+def _insisted(named: Propagator, asked: Sequence[str]) -> Choice:
+    if _can(named, asked):
+        return Choice(named, "the scene names it", aim=_aim(asked))
+    able = [f"'{name}'" for name in _KNOWN if _can(name, asked)]
+    lacking = [name for name in asked if name not in _KNOWN[named]]
+    raise SceneError(
+        f"simulation.propagator = {named!r} does not know {_and(lacking)}; choose {' or '.join([*able, repr('auto')])}"
+    )
+
+
+def _can(name: Propagator, asked: Sequence[str]) -> bool:
+    return _KNOWN[name].issuperset(asked)
+
+
+def _and(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

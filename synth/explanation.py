@@ -1,0 +1,171 @@
+"""What would be computed, how and why, without computing it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from data_schemas.scene import Scene
+from data_schemas.scene_pendulum import ImpulseEscapement, Pendulum, VanDerPolEscapement
+from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
+from synth.choice import NAMES, expected_error
+from synth.plan import Plan, plan
+from synth.recording.clock import Clock, set_clock
+
+_TERMS = (
+    "restoring", "viscous damping", "quadratic damping", "knife edge", "escapement", "yielding support",
+    "horizontal motion", "vertical motion",
+)  # fmt: skip
+_MOST_PERIODS = 4
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A scene's way through the simulator.
+
+    Attributes
+    ----------
+    pendulums : str
+        How many, and their periods.
+    terms : dict
+        Terms of the equations of motion, each in words with its numbers.
+    left_out : tuple of str
+        Terms that the scene does not name: no code is compiled or run for them.
+    readings : str
+        How many, and when.
+    propagator : str
+        As the truth calls it.
+    why : str
+        In one line.
+    instead : tuple of str
+        Who would stand in for it, should it refuse.
+    tolerance : float or None
+        Error that the scene asks for.
+    expected_error : float
+        Of the largest angle.
+    """
+
+    pendulums: str
+    terms: dict[str, str]
+    left_out: tuple[str, ...]
+    readings: str
+    propagator: str
+    why: str
+    instead: tuple[str, ...]
+    tolerance: float | None
+    expected_error: float
+
+
+def explain(scene: Scene) -> Explanation:
+    """Say which terms a scene has, who would integrate them, why, and how exactly.
+
+    Raises
+    ------
+    SceneError
+        If the scene cannot be simulated.
+
+    Examples
+    --------
+    >>> from data_schemas.scene import load_scene
+    >>> from synth.shipped import scene_path
+    >>> told = explain(load_scene(scene_path("demo")))
+    >>> told.propagator, told.expected_error
+    ('closed form', 1e-15)
+    >>> told.terms["horizontal motion"]
+    '65 harmonics: sea and near-resonant'
+    """
+    clock = set_clock(scene)
+    made = plan(scene, clock)
+    terms = dict(_terms(scene, made))
+    choice = made.choice
+    return Explanation(
+        _periods(scene.pendulums),
+        terms,
+        tuple(name for name in _TERMS if name not in terms),
+        _readings(scene, clock),
+        made.propagator,
+        choice.why,
+        tuple(NAMES[name] for name in choice.instead),
+        made.tolerance,
+        expected_error(choice, made.tolerance),
+    )
+
+
+def _terms(scene: Scene, made: Plan) -> Iterator[tuple[str, str]]:
+    pendulums = scene.pendulums
+    yield "restoring", "the full sine" if scene.restoring == "sine" else "linear, for small arcs"
+    for name, said in (
+        ("viscous damping", lambda each: each.damping_rate and f"{each.damping_rate:g} 1/s"),
+        ("quadratic damping", lambda each: each.quadratic_damping and f"{each.quadratic_damping:g} 1/rad"),
+        ("knife edge", _knife_edge),
+        ("escapement", _escapement),
+    ):
+        found = _each(pendulums, said)
+        if found:
+            yield name, found
+    if scene.support.kind != "fixed":
+        yield "yielding support", _support(scene.support)
+    for axis, motion in (("horizontal", made.motion), ("vertical", made.vertical)):
+        kinds = dict.fromkeys(term.kind for term in scene.motion if term.axis == axis and term.kind != "still")
+        if kinds:
+            count = motion.angular_frequency.size
+            of_what = "" if list(kinds) == ["harmonics"] else f": {_and(kinds)}"
+            yield f"{axis} motion", f"{count} harmonic{'s' if count > 1 else ''}{of_what}"
+
+
+def _periods(pendulums: Sequence[Pendulum]) -> str:
+    periods = [each.period for each in pendulums]
+    if len(periods) > _MOST_PERIODS:
+        return f"{len(periods)}, periods {min(periods):g} to {max(periods):g} s"
+    return f"{len(periods)}, period{'s' if len(periods) > 1 else ''} {_and(f'{each:.7g}' for each in periods)} s"
+
+
+def _each(pendulums: Sequence[Pendulum], said: Callable[[Pendulum], Any]) -> str:
+    """Words of the pendulums that have the term; those of the same words together."""
+    by_words: dict[str, list[str]] = {}
+    for each in pendulums:
+        words = said(each)
+        if words:
+            by_words.setdefault(words, []).append(each.label)
+    if [len(labels) for labels in by_words.values()] == [len(pendulums)]:
+        return next(iter(by_words))
+    return "; ".join(f"{_and(labels)}: {words}" for words, labels in by_words.items())
+
+
+def _knife_edge(pendulum: Pendulum) -> str | None:
+    edge = pendulum.knife_edge
+    return None if edge is None else f"{edge.friction:g} rad/s2 beyond {edge.rate:g} rad/s"
+
+
+def _escapement(pendulum: Pendulum) -> str | None:
+    match pendulum.escapement:
+        case VanDerPolEscapement() as drive:
+            return f"van der Pol, {drive.rate:g} 1/s up to {drive.angle:g} rad"
+        case ImpulseEscapement() as kick:
+            ways = "both ways" if kick.direction == "both" else kick.direction
+            return f"kicks of {kick.energy:g} rad2/s2 at {kick.angle:g} rad, {ways}"
+    return None
+
+
+def _support(support: Any) -> str:
+    match support:
+        case BeamSupport():
+            system = {"full": "system (1)", "reduced": "system (2)"}[support.equations]
+            return f"elastic beam, {system}, {support.mass:g} kg on {support.stiffness:g} N/m"
+        case FrameSupport():
+            return f"flexible frame, {support.mass:g} kg on {support.stiffness:g} N/m"
+        case BoardSupport():
+            return f"rolling board, coupling {support.coupling:g}"
+    return "fixed"
+
+
+def _readings(scene: Scene, clock: Clock) -> str:
+    step = float(scene.recording.step)
+    jitter = f", off by {scene.recording.jitter:g} s" if scene.recording.jitter else ""
+    return f"{clock.count}, one every {step:g} s{jitter}, for {scene.duration:g} s"
+
+
+def _and(names: Iterable[str]) -> str:
+    names = list(names)
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

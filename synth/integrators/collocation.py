@@ -1,0 +1,128 @@
+"""Exponential collocation for clocks on a beam, a frame or a board: smooth, coupled, not stiff.
+
+Every component is a linear oscillator, carried exactly, plus a remainder that is collocated at 16 Gauss nodes of
+intervals of up to half a swing (Picard iteration, `collocation_march`). The motion is run twice, the second time with
+looser limits and other intervals; the difference is the estimate.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from data_schemas.errors import RefusedError
+from synth.integrators.collocation_run import COARSEST, FINEST, Problem, run
+from synth.integrators.explicit import checked, with_checks
+from synth.integrators.trajectory import Trajectory, relative_error
+from synth.kernels.collocation_remainder import NODES
+from synth.phase import Floats
+from synth.systems.elastic_beam import ElasticBeam
+from synth.systems.flexible_frame import FlexibleFrame
+from synth.systems.metronomes import Metronomes
+from synth.systems.reduced_beam import ReducedBeam
+from synth.systems.resistance import VanDerPolDrive, Viscous
+from synth.systems.terms import Both
+
+SYSTEMS = (ElasticBeam, ReducedBeam, FlexibleFrame, Metronomes)
+"""Types of systems that can be collocated."""
+
+_COMPANION = 0.89  # length of the companion's intervals over the result's
+_LOOSER = 3.0
+_LOOSEST = 1e-9  # looser tolerances are integrated as this one: they save next to nothing
+_SHARE = 0.5  # of the difference: the companion errs more than the result
+_ALIKE = 1e-13  # limits from which both err by rounding alone
+_SWINGS = 3000.0  # records longer than this many swings ask more of each interval
+_NEGLIGIBLE = 1e-14  # a component smaller than this share of the largest is rounding noise
+_ROUNDED = 2.2e-16
+
+
+def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10) -> Trajectory:
+    """Integrate clocks on a yielding support and return their states at `times`.
+
+    Parameters
+    ----------
+    system : NamedTuple
+        One of `SYSTEMS`; terms may be `Viscous` and `VanDerPolDrive`.
+    start : (n,) array
+        State at the first of `times`.
+    times : (k,) array
+        Increasing, s. They do not change the intervals.
+    tolerance : float
+        Error wanted at the end, relative to the size of each component.
+
+    Returns
+    -------
+    Trajectory
+        Steps are intervals; evaluations are accelerations at single nodes.
+
+    Raises
+    ------
+    RefusedError
+        A system that cannot be collocated, or a motion that is too violent or too stiff.
+    UsageError
+        Arguments that cannot be meant.
+
+    Examples
+    --------
+    >>> frame = FlexibleFrame(2.0, np.full(2, 0.2), np.array([0.25, 0.24]), 150.0, 0.0, 9.81)
+    >>> swing = integrate(frame, [0.0, 0.0, 0.1, 0.0, -0.1, 0.0], [0.0, 1.0], tolerance=1e-12)
+    >>> swing.states.shape, swing.estimated_error < 1e-12
+    ((2, 6), True)
+    """
+    first, instants = checked(start, times, tolerance)
+    check_collocates(system)
+    problem = Problem.of(system)
+    every = with_checks(instants)
+    local = local_tolerance(tolerance, every, problem.longest)
+    states, result = run(problem, first, every, limits_for(local))
+    error = math.inf
+    counts = np.zeros(3, dtype=np.int64)
+    for _ in range(2):
+        rough, companion = run(problem, first, every, limits_for(_LOOSER * local), _COMPANION)
+        for each in (result, companion):
+            counts += [each.report[2], NODES * each.report[1], each.rejected]
+        share = _SHARE if local > _ALIKE else 1.0
+        error = share * difference(states, rough) + _ROUNDED * (2.0 + 0.2 * math.sqrt(result.report[2]))
+        if error <= tolerance or local <= FINEST[0]:
+            break
+        local = max(FINEST[0], local * min(0.1, 0.3 * tolerance / error))
+        states, result = run(problem, first, every, limits_for(local))
+    found = states if every.size == instants.size else states[np.searchsorted(every, instants)]
+    return Trajectory(instants, found, error, int(counts[0]), int(counts[1]), int(counts[2]))
+
+
+def difference(states: Floats, others: Floats) -> float:
+    """Largest difference of two runs, relative to the size of each component."""
+    largest = np.abs(states).max(axis=0)
+    size = np.where(largest > _NEGLIGIBLE * np.max(largest), largest, 0.0)
+    return relative_error(others - states, size)
+
+
+def local_tolerance(tolerance: float, times: Floats, half_swing: float) -> float:
+    """What to ask of an interval, so that a record of this length is as good as wanted."""
+    return min(tolerance, _LOOSEST) / (1.0 + float(times[-1] - times[0]) / (2.0 * half_swing * _SWINGS))
+
+
+def limits_for(local: float) -> tuple[float, float]:
+    """What iteration may leave of an interval, and what the nodes may miss of it."""
+    return min(max(0.1 * local, FINEST[0]), COARSEST[0]), min(max(10.0 * local, FINEST[1]), COARSEST[1])
+
+
+def check_collocates(system: Any) -> None:
+    """Refuse systems and terms that are not made for it."""
+    if not isinstance(system, SYSTEMS):
+        raise RefusedError(f"collocation knows no {type(system).__name__}; use the propagator explicit")
+    for each in _single(getattr(system, "terms", None)):
+        if not isinstance(each, Viscous | VanDerPolDrive):
+            raise RefusedError(
+                f"collocation wants smooth forces and {type(each).__name__} is none; use the propagator explicit"
+            )
+
+
+def _single(term: Any) -> list[Any]:
+    if isinstance(term, Both):
+        return _single(term.first) + _single(term.second)
+    return [] if term is None else [term]

@@ -1,0 +1,237 @@
+# mypy: disable-error-code="attr-defined,call-arg,import-untyped,no-untyped-call,untyped-decorator"
+# (Numba's extension interface has no types, and an intrinsic is called without its first argument.)
+"""Eight doubles at once, for kernels that must not depend on what the compiler can find out about their loops.
+
+`load(array, (row, start))` takes eight neighbours, `store` puts them back, arithmetic works on all eight (and with plain
+numbers), and the compiler turns it into the widest instructions of the machine. Products and sums may be fused; they
+are never reordered. Under `NUMBA_DISABLE_JIT=1` the same code runs on slices of NumPy arrays.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.core.typeconv import Conversion
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
+
+from synth.systems.choice import chosen_for
+
+LANES = 8
+_VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+_FUSED = ("contract",)
+
+
+class LanesType(types.Type):
+    """Type of eight doubles."""
+
+    def __init__(self) -> None:
+        super().__init__(name="Lanes8")
+
+    def can_convert_from(self, context: Any, other: Any) -> Any:
+        """A plain number stands for eight equal ones."""
+        return Conversion.safe if isinstance(other, types.Float | types.Integer) else None
+
+
+lanes_type = LanesType()
+
+
+@register_model(LanesType)
+class _Model(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _VECTOR)
+
+
+def _splat(builder: Any, value: Any) -> Any:
+    first = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
+    zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    return builder.shuffle_vector(first, ir.Constant(_VECTOR, ir.Undefined), zeros)
+
+
+@lower_cast(types.Float, LanesType)
+@lower_cast(types.Integer, LanesType)
+def _cast(context: Any, builder: Any, source: Any, target: Any, value: Any) -> Any:
+    return _splat(builder, context.cast(builder, value, source, types.float64))
+
+
+def _binary(symbol: Any, method: str) -> None:
+    class _Template(AbstractTemplate):
+        key = symbol
+
+        def generic(self, args: Any, kws: Any) -> Any:
+            if len(args) == 2 and any(isinstance(each, LanesType) for each in args):
+                return signature(lanes_type, lanes_type, lanes_type)
+            return None
+
+    infer_global(symbol)(_Template)
+
+    @lower_builtin(symbol, LanesType, LanesType)
+    def _lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return getattr(builder, method)(*args, flags=_FUSED)
+
+
+for _symbol, _method in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+    (operator.iadd, "fadd"),
+    (operator.isub, "fsub"),
+    (operator.imul, "fmul"),
+):
+    _binary(_symbol, _method)
+
+
+def _unary(symbol: Any, lower: Any) -> None:
+    class _Template(AbstractTemplate):
+        key = symbol
+
+        def generic(self, args: Any, kws: Any) -> Any:
+            if len(args) == 1 and isinstance(args[0], LanesType):
+                return signature(lanes_type, lanes_type)
+            return None
+
+    infer_global(symbol)(_Template)
+
+    @lower_builtin(symbol, LanesType)
+    def _lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return lower(builder, args[0])
+
+
+def _magnitude(builder: Any, value: Any) -> Any:
+    return builder.call(_declared(builder.module, f"llvm.fabs.v{LANES}f64", _VECTOR, [_VECTOR]), [value])
+
+
+def _declared(module: Any, name: str, result: Any, arguments: list[Any]) -> Any:
+    return module.globals.get(name) or ir.Function(module, ir.FunctionType(result, arguments), name)
+
+
+_unary(operator.neg, lambda builder, value: builder.fneg(value))
+_unary(abs, _magnitude)
+
+
+def _address(context: Any, builder: Any, kind: Any, array: Any, indices: Any) -> Any:
+    """Pointer to an element, as to a vector; the last index is contiguous."""
+    made = context.make_array(kind)(context, builder, array)
+    strides = [builder.extract_value(made.strides, axis) for axis in range(kind.ndim)]
+    offset = ir.Constant(ir.IntType(64), 0)
+    for index, stride in zip(indices, strides, strict=True):
+        offset = builder.add(offset, builder.mul(index, stride, flags=("nsw",)), flags=("nsw",))
+    base = builder.bitcast(made.data, ir.IntType(8).as_pointer())
+    return builder.bitcast(builder.gep(base, [offset], inbounds=True), _VECTOR.as_pointer())
+
+
+def _is_doubles(kind: Any) -> bool:
+    return isinstance(kind, types.Array) and kind.dtype == types.float64 and kind.layout == "C"
+
+
+@intrinsic
+def _load(typing: Any, array: Any, indices: Any) -> Any:
+    if not _is_doubles(array):
+        raise TypeError(f"lanes want contiguous arrays of doubles, not {array}")
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        parts = [
+            context.cast(builder, builder.extract_value(args[1], k), sig.args[1][k], types.intp)
+            for k in range(array.ndim)
+        ]
+        return builder.load(_address(context, builder, array, args[0], parts), align=8)
+
+    return lanes_type(array, indices), code
+
+
+@intrinsic
+def _store(typing: Any, array: Any, indices: Any, value: Any) -> Any:
+    if not _is_doubles(array):
+        raise TypeError(f"lanes want contiguous arrays of doubles, not {array}")
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        parts = [
+            context.cast(builder, builder.extract_value(args[1], k), sig.args[1][k], types.intp)
+            for k in range(array.ndim)
+        ]
+        builder.store(args[2], _address(context, builder, array, args[0], parts), align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, indices, lanes_type), code
+
+
+@intrinsic
+def _sum(typing: Any, value: Any) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        name = f"llvm.vector.reduce.fadd.v{LANES}f64"
+        function = _declared(builder.module, name, ir.DoubleType(), [ir.DoubleType(), _VECTOR])
+        return builder.call(function, [ir.Constant(ir.DoubleType(), -0.0), args[0]], fastmath=("reassoc",))
+
+    return types.float64(lanes_type), code
+
+
+@intrinsic
+def _wide(typing: Any, value: Any) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return _splat(builder, args[0])
+
+    return lanes_type(types.float64), code
+
+
+@intrinsic
+def _positive(typing: Any, value: Any) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        above = builder.fcmp_ordered(">", args[0], ir.Constant(_VECTOR, [0.0] * LANES))
+        return builder.select(above, args[0], ir.Constant(_VECTOR, [float("nan")] * LANES))
+
+    return lanes_type(lanes_type), code
+
+
+def load(array: Any, indices: tuple[int, ...]) -> Any:
+    """Eight neighbours of a contiguous array from this element on."""
+    return array[(*indices[:-1], slice(indices[-1], indices[-1] + LANES))].copy()
+
+
+def store(array: Any, indices: tuple[int, ...], value: Any) -> None:
+    """Put eight neighbours back."""
+    array[(*indices[:-1], slice(indices[-1], indices[-1] + LANES))] = value
+
+
+def total(value: Any) -> float:
+    """Sum of the eight."""
+    return float(np.sum(value))
+
+
+@chosen_for(load)
+def _loaded(array: Any, indices: Any) -> Any:
+    return lambda array, indices: _load(array, indices)
+
+
+@chosen_for(store)
+def _stored(array: Any, indices: Any, value: Any) -> Any:
+    return lambda array, indices, value: _store(array, indices, value)
+
+
+@chosen_for(total)
+def _totalled(value: Any) -> Any:
+    return lambda value: _sum(value)
+
+
+def wide(value: float) -> Any:
+    """Eight times the same number."""
+    return np.full(LANES, value)
+
+
+def positive(value: Any) -> Any:
+    """The value where it is above zero, elsewhere NaN."""
+    return np.where(value > 0.0, value, np.nan)
+
+
+@chosen_for(wide)
+def _widened(value: Any) -> Any:
+    return lambda value: _wide(value)
+
+
+@chosen_for(positive)
+def _checked(value: Any) -> Any:
+    return lambda value: _positive(value)

@@ -1,0 +1,160 @@
+"""How good a march is: several of different local tolerances, compared.
+
+Errors are nearly proportional to the local tolerance. Two loose marches tell what this makes at the end, and so what
+local tolerance the one that counts must have; its own error follows from its difference from the second of them. If
+that is more than was asked, marches follow until it is not. Where rounding may matter, a loose march is made again with
+noise put to it at every step: what the motion makes of that, it makes of rounding, much near the top of a swing and
+in chaos. Where two marches have nothing to do with each other any more, their difference itself is the error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from synth.integrators.explicit_march import MOST_STEPS
+from synth.integrators.explicit_run import Run, StiffError, run
+from synth.integrators.trajectory import relative_error
+from synth.phase import Floats, Integers
+
+RATIO = 1e4
+"""Usual ratio of the local tolerances of two marches that are compared."""
+NOISES = (1e-8, 1e-11, 1e-14)
+LOOSEST = 1e-6
+TIGHTEST = 1e-16
+"""Local tolerance, relative; at the rounding of a step, though increments are added with compensation."""
+_USUAL = 20.0  # error over the local tolerance, in a thousand swings
+_NEGLIGIBLE = 1e-14  # a component smaller than this share of the largest is rounding noise
+ROUNDING = 2.2e-16
+_ROUGHEST = 1e-4
+_SCOUT = 10.0  # times looser than the loose march
+_PATIENT = 20_000  # stiff steps: a hundredth of a second
+_LINEAR = 0.03  # differences of marches above this are no longer proportional to what made them
+_INNOCENT = 1e4  # a motion that makes c of the local tolerance makes less than 1e4 c of rounding
+_VISIBLE = 0.1  # share of the tolerance below which rounding need not be known
+_CAUTION = 2.0  # since errors are only nearly proportional to the tolerance
+_LUCK = 4.0  # since noise is drawn once
+_COMPARED = 200  # instants
+_FEW = 0.01  # outputs that may fall between the kicks of two runs
+_AIM = 0.5  # of the tolerance
+_FURTHER = 1e-3  # on the local tolerance, where two marches went different ways
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A march, and the same with noise."""
+
+    quiet: Run
+    noisy: Run
+    moved: float
+    """Their relative difference."""
+    noise: float
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """All that was marched for one trajectory."""
+
+    runs: list[Run]
+    """From the loosest to the last, which is the result."""
+    probe: Probe | None
+    truncation: float
+    """Estimated error of the last run that smaller steps would remove,"""
+    rounding: float
+    """and that which they would not."""
+    linear: bool
+    """Whether the last two marches are near each other."""
+
+    @property
+    def estimated_error(self) -> float:
+        """Of the last run, relative, see `synth.integrators.trajectory`."""
+        return self.truncation + self.rounding
+
+    def cost(self, row: int) -> int:
+        """Sum of a count over all marches: 0 steps, 1 rejected, 2 evaluations."""
+        runs = self.runs if self.probe is None else [*self.runs, self.probe.noisy]
+        return sum(int(run.counts[row]) for run in runs)
+
+
+def refine(system: Any, event: Any, start: Floats, times: Floats, tolerance: float) -> Refinement:
+    """March until the estimated error meets the tolerance or rounding stops it."""
+    loose = min(max(RATIO * tolerance / _USUAL, RATIO * TIGHTEST), _ROUGHEST)
+    few = instants(times[0], times[-1])
+    times = np.union1d(times, few)
+    try:
+        scout = run(system, event, start, few, _SCOUT * loose, _PATIENT)
+        rough = run(system, event, start, few, loose, _PATIENT)
+    except StiffError:  # a loose march may be at the edge of stability where a tight one is not
+        local = max(loose / RATIO, TIGHTEST)
+        fine = run(system, event, start, times, local)
+        rough = run(system, event, start, few, loose, MOST_STEPS)
+        spent = [rough]
+    else:
+        apart = difference(scout, rough, few)
+        wanted = _AIM * tolerance * scout.tolerance / (_CAUTION * apart) if 0.0 < apart < _LINEAR else loose / RATIO
+        local = min(max(wanted, TIGHTEST), 0.1 * loose, LOOSEST)
+        fine = run(system, event, start, times, local)
+        spent = [scout, rough]
+    made = judged([*spent, fine], _probe(system, event, start, rough, fine, few, tolerance), few)
+    while made.truncation > _AIM * tolerance and made.estimated_error > tolerance and local > TIGHTEST:
+        factor = min(0.1, _AIM * tolerance / made.truncation) if made.linear else _FURTHER
+        local = max(TIGHTEST, local * factor)
+        rough, fine = fine, run(system, event, start, times, local)
+        probe = made.probe if made.linear else _probe(system, event, start, rough, fine, few, tolerance)
+        made = judged([*made.runs, fine], probe, few)
+    return made
+
+
+def instants(begin: float, end: float) -> Floats:
+    """Where marches are compared: spread unevenly, lest they beat with the swing, and whatever the outputs are."""
+    count = np.arange(_COMPARED)
+    shares = (count + count * 0.6180339887498949 % 1.0) / _COMPARED
+    return np.unique(np.concatenate([begin + (end - begin) * shares, [end]]))
+
+
+def _probe(
+    system: Any, event: Any, start: Floats, rough: Run, fine: Run, few: Floats, tolerance: float
+) -> Probe | None:
+    """The looser of two marches with noise, or None where rounding cannot matter or nothing can be learnt."""
+    apart = difference(rough, fine, few)
+    if apart > _LINEAR or _INNOCENT * ROUNDING * max(1.0, apart / rough.tolerance) < _VISIBLE * tolerance:
+        return None
+    for noise in NOISES:
+        noisy = run(system, event, start, few, rough.tolerance, MOST_STEPS, noise)
+        moved = difference(noisy, rough, few)
+        if moved < _LINEAR:
+            break
+    return Probe(rough, noisy, moved, noise)
+
+
+def judged(runs: list[Run], probe: Probe | None, few: Floats) -> Refinement:
+    """The runs with the error of the last: what its tolerance makes of its difference from the one before, and rounding."""
+    rough, fine = runs[-2:]
+    apart = difference(rough, fine, few)
+    truncation = _CAUTION * apart * fine.tolerance / rough.tolerance if apart < _LINEAR else apart
+    rounding = 2.0 * ROUNDING
+    if probe is not None:
+        rounding += _LUCK * probe.moved * ROUNDING / probe.noise if probe.moved < _LINEAR else probe.moved
+    return Refinement(runs, probe, truncation, rounding, apart < _LINEAR)
+
+
+def difference(one: Run, other: Run, few: Floats) -> float:
+    """Largest relative difference of two runs at `few` instants; 1 where their kicks do not match.
+
+    Kicks are at slightly different times in the two: only instants between the same kicks are compared.
+    """
+    apart = other.states[np.searchsorted(other.times, few)] - one.states[np.searchsorted(one.times, few)]
+    size = np.where(other.scale > _NEGLIGIBLE * np.max(other.scale), other.scale, 0.0)
+    comparable = kicks_before(one, few) == kicks_before(other, few)
+    if np.count_nonzero(comparable) < (1.0 - _FEW) * few.size - 1:
+        return 1.0
+    return relative_error(apart[comparable], size)
+
+
+def kicks_before(made: Run, times: Floats) -> Integers:
+    """How many kicks each of `times` has behind it."""
+    if not made.kicked:
+        return np.zeros(times.size, dtype=np.int64)
+    return np.searchsorted(made.happenings()[0], times).astype(np.int64)

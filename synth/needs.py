@@ -1,0 +1,53 @@
+"""What a scene asks of a propagator, in words: the terms of its equations of motion that not every propagator knows."""
+
+from __future__ import annotations
+
+from data_schemas.scene import Scene
+from data_schemas.scene_checks import frequency
+
+LINEAR, SINE = "the linear law", "the sine law"
+OVERDAMPED = "overdamping"
+VERTICAL = "vertical motion"
+QUADRATIC = "quadratic damping"
+KNIFE_EDGE = "a knife edge"
+VAN_DER_POL = "a van der Pol escapement"
+IMPULSE = "an impulse escapement"
+FIXED, BEAM, REDUCED_BEAM = "a fixed support", "an elastic beam", "the reduced beam"
+FRAME, BOARD = "a flexible frame", "a rolling board"
+UNEVEN = "uneven times"
+
+_HARDLY_SWINGS = 0.5  # of the frequency: from this damping rate on, the closed form would lose digits
+_SUPPORTS = {"fixed": FIXED, "beam": BEAM, "frame": FRAME, "board": BOARD}
+
+
+def needs(scene: Scene) -> tuple[str, ...]:
+    """Terms of the equations of motion beyond viscous damping and horizontal motion.
+
+    Examples
+    --------
+    >>> from data_schemas.scene import load_scene
+    >>> from synth.shipped import scene_path
+    >>> needs(load_scene(scene_path("demo")))
+    ('the linear law', 'a fixed support')
+    """
+    pendulums = scene.pendulums
+    drives = {each.escapement.kind for each in pendulums if each.escapement is not None}
+    vertical = any(term.axis == "vertical" and term.kind != "still" for term in scene.motion)
+    asked = {
+        LINEAR if scene.restoring == "linear" else SINE: True,
+        OVERDAMPED: any(each.damping_rate >= _HARDLY_SWINGS * frequency(scene, each) for each in pendulums),
+        VERTICAL: vertical,
+        QUADRATIC: any(each.quadratic_damping for each in pendulums),
+        KNIFE_EDGE: any(each.knife_edge is not None for each in pendulums),
+        VAN_DER_POL: "van-der-pol" in drives,
+        IMPULSE: "impulse" in drives,
+        _support(scene): True,
+        UNEVEN: scene.recording.jitter > 0,
+    }
+    return tuple(name for name, is_asked in asked.items() if is_asked)
+
+
+def _support(scene: Scene) -> str:
+    if scene.support.kind == "beam" and scene.support.equations == "reduced":
+        return REDUCED_BEAM
+    return _SUPPORTS[scene.support.kind]

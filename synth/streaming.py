@@ -1,0 +1,130 @@
+"""A scene simulated portion by portion, and straight to files, in memory that does not grow with the record."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+
+from data_schemas.appending import Appended
+from data_schemas.contents import Contents
+from data_schemas.joining import Joined
+from data_schemas.scene import Scene
+from data_schemas.shield import shielded
+from synth.march import march
+from synth.plan import plan
+from synth.recording.clock import Clock, set_clock
+from synth.recording.defects import Defects
+from synth.recording.observe import observe
+from synth.truth import reveal
+from synth.unwrapping import Unwrapping
+
+
+def stream(scene: Scene, clock: Clock) -> Iterator[tuple[Contents, Contents]]:
+    """Simulate a scene in bounded memory.
+
+    Parameters
+    ----------
+    scene
+    clock
+        Of the scene, by `set_clock`; its `count` is the number of readings to come.
+
+    Yields
+    ------
+    record, truth : Contents
+        Of up to 65536 readings, in order of time. Joined along `time` they are what `simulate` returns; attributes
+        are those of the last. (Plain arrays: importing xarray takes longer and more memory than most simulations, and
+        portions of a tree, whose nodes know each other, would stay until the next collection of garbage.)
+
+    Raises
+    ------
+    SceneError
+        As `simulate`; an error too large may show late.
+    """
+    the_plan = plan(scene, clock)
+    defects, unwrapped = Defects(scene, clock), Unwrapping()
+    for part, course in march(the_plan, clock):
+        yield observe(scene, part, course, defects), reveal(scene, part, the_plan, course, unwrapped)
+
+
+def simulated(scene: Scene) -> tuple[Contents, Contents]:
+    """Record and truth of a scene, joined in memory, as plain contents; what `simulate` makes trees of.
+
+    Raises
+    ------
+    SceneError
+        As `simulate`.
+    """
+    clock = set_clock(scene)
+    record, truth = Joined(clock.count), Joined(clock.count)
+    for seen, true in stream(scene, clock):
+        record.append(seen)
+        truth.append(true)
+    return record.whole(), truth.whole()
+
+
+def simulate_to(
+    scene: Scene,
+    record_path: str | os.PathLike[str],
+    truth_path: str | os.PathLike[str],
+    *,
+    overwrite: bool = False,
+    progress: Callable[[int, int], object] | None = None,
+) -> int:
+    """Simulate a scene straight to its two files, portion by portion.
+
+    The files are those that `simulate` and `data_schemas.write` make, bit for bit (`content_sha256` tells), but no more
+    than a portion is ever in memory. Two things grow with the record all the same: the times of readings at uneven
+    moments or with some dropped (some tens of bytes a reading), and the motion where a general integrator computes it,
+    that is neither the closed form nor Picard collocation (8 bytes a reading and state).
+
+    Parameters
+    ----------
+    scene
+        As `data_schemas.load_scene` or `Scene.model_validate` give it.
+    record_path, truth_path
+        Of the files to make; their folders must exist.
+    overwrite
+        Whether existing files may be replaced.
+    progress
+        Called with how many readings are done, and of how many, after every portion.
+
+    Returns
+    -------
+    int
+        Number of readings of a trace.
+
+    Raises
+    ------
+    SceneError
+        As `simulate`.
+    FileError
+        As `data_schemas.write`. Whatever is raised, a KeyboardInterrupt too, nothing half-written stays, and older
+        files stay as they were.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from data_schemas.scene import load_scene
+    >>> from synth import scene_path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     simulate_to(load_scene(scene_path("demo")), f"{folder}/demo.record.nc", f"{folder}/demo.truth.nc")
+    45000
+    """
+    clock = set_clock(scene)
+    done = 0
+    with (
+        Appended(record_path, clock.count, overwrite=overwrite) as record,
+        Appended(truth_path, clock.count, overwrite=overwrite) as truth,
+    ):
+        for seen, true in stream(scene, clock):
+            record.append(seen)
+            truth.append(true)
+            if progress is not None:
+                done += seen[""].variables["time"].values.size
+                progress(done, clock.count)
+        for file in (record, truth):
+            file.finish()
+        with shielded():  # both or neither
+            for file in (record, truth):
+                file.publish()
+    return clock.count

@@ -1,0 +1,76 @@
+"""How fast a system can change: the largest eigenvalue of its linearised equations, for the choice of a propagator.
+
+Evaluated at rest, at the start, and where the swing may go from there: at its ends, at its middle, and where a van der
+Pol escapement leads it (twice its angle). No kernel is compiled for this: the equations run as plain Python.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from synth.phase import Floats
+from synth.systems.dispatch import plain_jacobian
+from synth.systems.resistance import VanDerPolDrive
+from synth.systems.terms import Both
+
+
+def fastest_rate(system: Any, start: ArrayLike) -> float:
+    """Largest modulus of an eigenvalue of the Jacobian, 1/s (1 over the system's unit of time), at likely states.
+
+    The motion of the ship is left out: it moves eigenvalues by its share of gravity and makes nothing stiff.
+
+    Parameters
+    ----------
+    system : NamedTuple
+        Registered with a jacobian.
+    start : (n,) array
+        State at the start.
+
+    Examples
+    --------
+    >>> from synth.systems.van_der_pol import VanDerPol
+    >>> round(fastest_rate(VanDerPol(1000.0), [2.0, 0.0]))
+    3000
+    """
+    still = {name: None for name in ("horizontal", "vertical") if hasattr(system, name)}
+    calm = system._replace(**still) if still else system
+    matrices = [_matrix(calm, state) for state in _likely(calm, np.asarray(start, dtype=np.float64))]
+    finite = [matrix for matrix in matrices if np.isfinite(matrix).all()]
+    return max((float(np.abs(np.linalg.eigvals(matrix)).max()) for matrix in finite), default=math.nan)
+
+
+def _matrix(system: Any, state: Floats) -> Floats:
+    out = np.zeros((state.size, state.size))
+    plain_jacobian(0.0, state, system, out)
+    return out
+
+
+def _likely(system: Any, start: Floats) -> list[Floats]:
+    states = [np.zeros_like(start), start]
+    first = getattr(system, "first_angle", None)
+    if first is None:
+        return states
+    rest = _matrix(system, states[0])
+    angles, rates = slice(first, None, 2), slice(first + 1, None, 2)
+    places = np.arange(first, start.size, 2)
+    own = np.sqrt(np.abs(rest[places + 1, places]))  # frequencies, nearly
+    reach = np.hypot(start[angles], np.divide(start[rates], own, out=np.zeros_like(own), where=own > 0.0))
+    escapements = np.zeros_like(reach)
+    for each in _drives(getattr(system, "terms", None)):
+        escapements = np.maximum(escapements, 2.0 * each.angle)
+    for amplitude in (reach, np.minimum(reach, 0.5 * math.pi), escapements):
+        for angle, rate in ((amplitude, 0.0), (0.0, own * amplitude), (0.7 * amplitude, 0.7 * own * amplitude)):
+            state = start.copy()
+            state[angles], state[rates] = angle, rate
+            states.append(state)
+    return states
+
+
+def _drives(term: Any) -> list[VanDerPolDrive]:
+    if isinstance(term, Both):
+        return _drives(term.first) + _drives(term.second)
+    return [term] if isinstance(term, VanDerPolDrive) else []

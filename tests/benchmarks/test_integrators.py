@@ -1,0 +1,198 @@
+"""Work-precision: problems are the same for everybody, points are read rightly, the suite yields its tables."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.benchmarks import bars_integrators, ensemble_race, growth, honesty, integrators, work_precision
+from pipeline.benchmarks.curves import time_at
+from pipeline.benchmarks.growth import Growth
+from pipeline.benchmarks.own import OWN, Answer
+from pipeline.benchmarks.peers import PEERS
+from pipeline.benchmarks.problems import Problem, beam, linear, nonlinear, problems, stiff_beam, van_der_pol
+from pipeline.benchmarks.references import reference
+from pipeline.benchmarks.work_precision import Point, contenders, set_up, tolerances
+from synth.systems.dispatch import derivative
+
+SHORT = {"linear": linear(2), "nonlinear": nonlinear(2), "beam": beam(2)}
+EVERY = {**SHORT, "van der Pol": van_der_pol(), "stiff beam": stiff_beam()}
+
+
+def point(method: str, error: float, ms: float, *, own: bool = False, tolerance: float = 1e-9) -> Point:
+    return Point("p", method, own, tolerance, error, error, error, (ms / 1e3,))
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_plain_equations_are_those_of_the_system(name: str) -> None:
+    problem = EVERY[name]
+    ours, plain = np.empty(problem.start.size), np.empty(problem.start.size)
+    state = problem.start + 0.01
+    derivative(1.7, state, problem.system, ours)
+    derivative(1.7, state, problem.plain, plain)
+    # 66 cosines whose phases are rounded differently
+    assert plain == pytest.approx(ours, rel=1e-12, abs=1e-13)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("heyoka") is None, reason="heyoka is in the extra 'peers'")
+@pytest.mark.parametrize("name", EVERY)
+def test_formulas_are_the_same_equations(name: str) -> None:
+    import heyoka as hy
+
+    from pipeline.benchmarks.symbolic import equations
+
+    problem = EVERY[name]
+    pairs = equations(problem.plain, float)
+    compiled = hy.cfunc([slope for _, slope in pairs], vars=[variable for variable, _ in pairs])
+    state = problem.start + 0.01
+    found = compiled(state, time=1.7)
+    plain = np.empty(state.size)
+    derivative(1.7, state, problem.plain, plain)
+    assert found == pytest.approx(plain, rel=1e-12, abs=1e-13)  # sums in another order
+
+
+def test_quick_problems_are_shorter() -> None:
+    full, quick = problems(quick=False), problems(quick=True)
+    assert set(full) == set(quick) == {"linear", "nonlinear", "beam", "van der Pol", "stiff beam"}
+    assert full["linear"].times.size == 10 * quick["linear"].times.size
+    assert full["van der Pol"].times.tolist() == quick["van der Pol"].times.tolist()
+
+
+def test_closed_form_is_exact_by_the_reference() -> None:
+    pytest.importorskip("mpmath")
+    truth = reference(SHORT["linear"])
+    answer = set_up(SHORT["linear"], "closed form", math.nan)()
+    assert truth.error(SHORT["linear"], answer, (0, 2)) <= 1e-15
+    shifted = Answer(answer.states + 1e-9, 0.0, even=True)
+    assert truth.error(SHORT["linear"], shifted, (0, 2)) > 1e-8
+
+
+def test_a_problem_without_closed_form_has_none() -> None:
+    (row,) = work_precision.sweep(SHORT["beam"], truth_of(SHORT["beam"]), quick=True, names=["closed form"])
+    assert row.note.startswith("refused: closed form")
+    assert math.isnan(row.error)
+
+
+def truth_of(problem: Problem) -> Any:
+    """A truth that no method is asked to meet."""
+    return None
+
+
+def test_peers_that_are_absent_are_said_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(problem: Problem, tolerance: float) -> Any:
+        raise ImportError
+
+    monkeypatch.setattr(work_precision, "set_up", lambda *given: absent(*given[:2]))
+    found = work_precision.sweep(SHORT["beam"], truth_of(SHORT["beam"]), quick=True, names=["heyoka"])
+    assert [each.note for each in found] == ["not installed: extra 'peers'"]
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("method", [name for name, peer in PEERS.items() if peer.installed and not peer.stiff])
+def test_peers_solve_the_beam(method: str) -> None:
+    problem = SHORT["beam"]
+    answer = set_up(problem, method, 1e-9)()
+    exact = set_up(problem, "explicit", 1e-12)()
+    assert answer.states.shape == (problem.times.size, 6)
+    assert np.abs(answer.states - exact.states).max() < 1e-6  # two swings at 1e-9, CVODE's error is not global
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("method", [name for name, peer in PEERS.items() if peer.installed and peer.stiff])
+def test_stiff_peers_reach_the_published_value(method: str) -> None:
+    states = set_up(EVERY["van der Pol"], method, 1e-9)().states
+    assert states.shape == (2, 2)
+    assert states[-1, 0] == pytest.approx(1.70616773217, abs=1e-6)
+
+
+@pytest.mark.compiled
+def test_the_suite_yields_its_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mpmath")
+    pytest.importorskip("matplotlib")
+    chosen = {"nonlinear": SHORT["nonlinear"], "beam": SHORT["beam"]}
+    monkeypatch.setattr(integrators, "problems", lambda *, quick: chosen)
+    monkeypatch.setattr(work_precision, "contenders", lambda problem: ("closed form", "Picard collocation", "explicit"))
+    monkeypatch.setattr(growth, "grown", lambda *, quick: iter([GROWN]))
+    monkeypatch.setattr(bars_integrators, "judged", lambda found: iter(()))
+    monkeypatch.setattr(ensemble_race, "race", lambda *, quick: ("title", "source", [point("explicit", 1e-9, 1.0)]))
+    rows = list(integrators.run(quick=True, folder=tmp_path))
+    tables = [next(iter(row)) for row in rows]
+    assert (
+        tables.count("problem") == 10 + 1
+    )  # the ensemble's, three tolerances of the explicit one, a row for each of the others, twice
+    assert tables.count("growth") == 1
+    honest = [row for row in rows if "honesty" in row]
+    assert honest
+    assert all(row["pass"] for row in honest), honest
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names >= {"nonlinear.png", "beam.png", "growth.png", "work-precision.csv", "growth.csv", "honesty.csv"}
+    assert all(path.stat().st_size for path in tmp_path.iterdir() if path.name != "bars.csv")
+
+
+GROWN = Growth("case", "explicit", np.geomspace(1.0, 1e4, 20), 1e-15 * np.geomspace(1.0, 1e4, 20) ** 0.5, 0.5)
+
+
+def test_exponent_of_growth() -> None:
+    assert GROWN.exponent == pytest.approx(0.5)
+    assert math.isnan(Growth("c", "m", np.array([1.0, 50.0]), np.array([0.0, 0.0]), 0.5).exponent)
+    assert growth.looks(1000, 2.0)[0] == 2.0
+    assert growth.looks(1000, 2.0)[-1] == pytest.approx(2000.0, rel=1e-3)
+
+
+def test_elliptic_pendulum_has_the_period_of_the_sheet() -> None:
+    pytest.importorskip("mpmath")
+    period = 3.34849644557 * 2.0 * np.pi / 6.25  # T/T0 at 3.1 rad (physics sheet, 3.2), 12 digits
+    assert growth.elliptic(6.25, 3.1, np.array([0.0, 0.5 * period]))[1] == pytest.approx(-3.1, abs=1e-10)
+
+
+def test_honest_is_within_ten_below_and_a_thousand_above() -> None:
+    assert honesty.honest(1e-9, 1e-9)
+    assert honesty.honest(9e-9, 1e-9)
+    assert not honesty.honest(11e-9, 1e-9)
+    assert not honesty.honest(0.9e-12, 1e-9)
+    assert honesty.honest(0.0, 1e-15)  # rounding may vanish
+    assert not honesty.honest(math.nan, 1e-9)
+    rows = list(honesty.judged([point("Radau", 1e-9, 1.0, own=True), point("heyoka", 1e-9, 1.0)]))
+    assert [row["method"] for row in rows] == ["Radau"]
+
+
+def test_time_at_an_error_is_read_off_the_front() -> None:
+    curve = [point("m", 1e-6, 1.0), point("m", 1e-8, 100.0), point("m", 1e-7, 1000.0)]
+    assert time_at(curve, 1e-7) == pytest.approx(10.0)  # half-way in both logarithms; the beaten point is passed over
+    assert time_at(curve, 1e-3) == 1.0
+    assert math.isnan(time_at(curve, 1e-9))
+    assert math.isnan(time_at([], 1e-9))
+
+
+def test_bars_compare_at_equal_or_smaller_error() -> None:
+    own = [point("explicit", 1e-8, 1.0, own=True), point("explicit", 1e-12, 4.0, own=True)]
+    stiff = [
+        *own,
+        point("CyRK RADAU", 1e-10, 20.0, tolerance=1e-6),
+        point("CyRK RADAU", 1e-14, 200.0, tolerance=1e-12),
+        point("scipy Radau", 1e-8, 400.0, tolerance=1e-6),
+    ]
+    found = {"linear": own, "nonlinear": own, "beam": [*own, point("heyoka", 1e-9, 2.0)], "van der Pol": stiff}
+    found["ensemble"] = [*own, point("heyoka, batch", 1e-9, 2.0)]
+    rows = list(bars_integrators.judged({**found, "stiff beam": stiff}))
+    named = {row["bar"].split(" (")[0]: row for row in rows}
+    assert named["van der Pol: times faster than CyRK RADAU at 1e-06"]["value"] == pytest.approx(10.0)  # 20 over 2
+    assert named["van der Pol: times faster than CyRK RADAU at 1e-12"]["pass"] is False  # never reached
+    assert named["van der Pol: times faster than scipy Radau at 1e-06"]["value"] == 400.0
+    assert named["van der Pol: times faster than CyRK RADAU at 1e-09"]["pass"] is None  # not measured
+    assert named["linear at <= 1e-14: times faster than heyoka at any tolerance"]["pass"] is None
+    assert named["beam at an error of 1e-09: times faster than heyoka"]["value"] == pytest.approx(2.0 / 4.0**0.25)
+
+
+def test_tolerances_fit_methods_and_problems() -> None:
+    assert np.isnan(tolerances(SHORT["beam"], "closed form", quick=False)).all()
+    assert len(tolerances(SHORT["beam"], "heyoka", quick=True)) < len(tolerances(SHORT["beam"], "heyoka", quick=False))
+    assert len(tolerances(EVERY["van der Pol"], "Radau", quick=True)) > 5
+    assert set(OWN) < set(contenders(SHORT["beam"]))
+    assert "CyRK RADAU" not in contenders(SHORT["beam"])
+    assert "CyRK RADAU" in contenders(EVERY["stiff beam"])

@@ -1,0 +1,69 @@
+"""Jobs by several processes: results in order, faults at their turn, the death of a worker noticed."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+
+import pytest
+
+from data_schemas.errors import SceneError
+from synth.workers import WorkerError, in_order
+
+
+def work(job: int) -> int:
+    if job == 5:
+        raise SceneError("the fifth is bad; mend it")
+    if job == 7:
+        os._exit(9)
+    time.sleep(0.02 * (job % 3))  # so that they are done in another order
+    return job * job
+
+
+def test_one_worker_is_this_process() -> None:
+    asked = []
+    results = in_order(work, (asked.append(job) or job for job in range(5)), 1)
+    assert next(results) == 0
+    assert asked == [0]
+    assert list(results) == [1, 4, 9, 16]
+
+
+def test_results_come_in_order_and_jobs_are_not_taken_far_ahead() -> None:
+    asked: list[int] = []
+    results = in_order(work, (asked.append(job) or job for job in (0, 1, 2, 3, 4, 6, 8, 9, 10, 11)), 2)
+    assert next(results) == 0
+    assert len(asked) <= 5  # two to a worker, and one more since the first result was given out
+    assert list(results) == [1, 4, 9, 16, 36, 64, 81, 100, 121]
+    assert multiprocessing.active_children() == []
+
+
+def test_a_fault_is_raised_at_its_turn() -> None:
+    results = in_order(work, range(10), 2)
+    assert [next(results) for _ in range(5)] == [0, 1, 4, 9, 16]
+    with pytest.raises(SceneError, match="the fifth is bad"):
+        next(results)
+    assert multiprocessing.active_children() == []
+
+
+def test_the_death_of_a_worker_is_told() -> None:
+    with pytest.raises(WorkerError, match="a worker process died before it was done; run the same again"):
+        list(in_order(work, [0, 7, 1, 2], 2))
+    assert multiprocessing.active_children() == []
+
+
+def test_who_stops_asking_ends_the_workers() -> None:
+    results = in_order(work, [0, 1, 2], 2)
+    next(results)
+    results.close()
+    assert multiprocessing.active_children() == []
+
+
+def test_faulty_jobs_are_raised_too() -> None:
+    def jobs():
+        yield 0
+        raise SceneError("no further job")
+
+    with pytest.raises(SceneError, match="no further job"):
+        list(in_order(work, jobs(), 2))
+    assert multiprocessing.active_children() == []

@@ -19,9 +19,10 @@ _METHOD_TEXTS = {
     "uncorrected": "slope of the difference pendulum's phase, nothing corrected",
     "vening-meinesz": "formula (9), the fictitious pendulum with the raw first pendulum",
     "panteleev": "formula (27), the separated free harmonic",
-    "general": "formulas (36) and (38) with the model's phase speeds, carries the finite arc",
+    "general": "formulas (36) and (38) with the model's phase speeds, finite arc, slow acceleration of the support",
     "complex": "complex form of (27), works where the amplitude passes through zero",
     "projection": "exact identity of linear pendulums, by variable projection",
+    "shooting": "exact identity of real pendulums; heave as recorded, or told from the phase",
     "auto": "the cheapest adequate one (default); the result says which and why",
 }
 _METHOD_LIST = "\n".join(f"  {name:<14}  {text}" for name, text in _METHOD_TEXTS.items())

@@ -113,7 +113,8 @@ def test_arc_term_of_general_is_the_sheets_integral() -> None:
     change = cumulative_simpson((-0.5 * n2 * (bracket / z).real)[inside], x=time, initial=0.0)
     predicted = -SCALE * GRAVITY * weighted_slope(time, change, np.abs(z[inside])) / n2
     assert predicted > 1.0
-    assert row(record, "general")["corrections_mgal"]["finite_arc"] == pytest.approx(predicted, rel=2e-4)
+    # the swell is reduced too, as of real pendulums: n2 and gravity are both lower by 2e-4 of themselves
+    assert row(record, "general")["corrections_mgal"]["finite_arc"] == pytest.approx(predicted, rel=6e-4)
 
 
 def nonlinear_record(amplitudes: tuple[float, float], eps: float = 1e-4, restoring: str | None = None) -> xr.DataTree:

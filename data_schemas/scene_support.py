@@ -26,7 +26,7 @@ class BeamSupport(Section):
     kind: Literal["beam"] = quantity("beam", "", "an elastic beam that moves up and down")
     mass: Number = _mass()
     stiffness: Number = quantity(..., "N m-1", "K, vertical stiffness", gt=0, le=1e15)
-    damping_rate: Number = quantity(0.0, "s-1", "eps0; the beam is braked by eps0 (M + sum of masses) x'", ge=0, le=1e6)
+    damping_rate: Number = quantity(0.0, "s-1", "eps0; the beam is braked by eps0 (M + sum of masses) x'", ge=0, le=1e9)
     displacement: Number = quantity(0.0, "m", "x at t = 0, downwards from the static sag", ge=-1000, le=1000)
     velocity: Number = quantity(0.0, "m s-1", "x' at t = 0, downwards", ge=-1000, le=1000)
     equations: Literal["full", "reduced"] = quantity(

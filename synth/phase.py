@@ -92,7 +92,7 @@ def turns(angular_frequencies: Sequence[float | Fraction], step: Fraction) -> Tu
     Parameters
     ----------
     angular_frequencies
-        rad/s, exact: a double is taken as the number it is; the denominator of a fraction is a power of two.
+        rad/s, exact: a double is taken as the number it is.
     step
         s, exact.
 
@@ -128,7 +128,9 @@ def _units_a_radian(numerator: int, denominator: int) -> int:
 def _fixed(frequency: float | Fraction, a_radian: int) -> int:
     """Units of one harmonic in a step, with _REST bits behind the point."""
     top, bottom = frequency.as_integer_ratio()
-    return top * a_radian >> _GUARD - _REST - 1 + bottom.bit_length()  # the denominator is a power of two
+    if bottom & (bottom - 1):
+        return top * a_radian // (bottom << _GUARD - _REST)
+    return top * a_radian >> _GUARD - _REST - 1 + bottom.bit_length()  # a power of two, as in every double: faster
 
 
 def full_turn(period: Fraction) -> Fraction:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 
 import pytest
 
@@ -14,3 +15,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if not compiles and (item.get_closest_marker("compiled") or item.get_closest_marker("campaign")):
             item.add_marker(skip)
+
+
+def pytest_configure() -> None:
+    """Let commands under test be interrupted: a shell that runs tests in the background has them ignore Ctrl-C."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)

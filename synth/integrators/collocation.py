@@ -2,7 +2,7 @@
 
 Every component is a linear oscillator, carried exactly, plus a remainder that is collocated at 16 Gauss nodes of
 intervals of up to half a swing (Picard iteration, `collocation_march`). The motion is run twice, the second time with
-looser limits and other intervals; the difference is the estimate.
+looser limits and shorter intervals; the difference is the estimate.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from data_schemas.errors import RefusedError
-from synth.integrators.collocation_run import COARSEST, FINEST, Problem, run
+from synth.integrators.collocation_run import COARSEST, COMPANION, FINEST, Problem, run
 from synth.integrators.explicit import checked, with_checks
 from synth.integrators.trajectory import Trajectory, relative_error
 from synth.kernels.collocation_remainder import NODES
@@ -29,9 +29,9 @@ from synth.systems.terms import Both
 SYSTEMS = (ElasticBeam, ReducedBeam, FlexibleFrame, Metronomes)
 """Types of systems that can be collocated."""
 
-_COMPANION = 0.89  # length of the companion's intervals over the result's
 _LOOSER = 3.0
 _LOOSEST = 1e-9  # looser tolerances are integrated as this one: they save next to nothing
+_TIGHTER = 0.25  # power by which tight tolerances ask for more: what a swing errs, the next one repeats
 _SHARE = 0.5  # of the difference: the companion errs more than the result
 _ALIKE = 1e-13  # limits from which both err by rounding alone
 _SWINGS = 3000.0  # records longer than this many swings ask more of each interval
@@ -81,7 +81,7 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
     error = math.inf
     counts = np.zeros(3, dtype=np.int64)
     for _ in range(2):
-        rough, companion = run(problem, first, every, limits_for(_LOOSER * local), _COMPANION)
+        rough, companion = run(problem, first, every, limits_for(_LOOSER * local), COMPANION, result.depth)
         for each in (result, companion):
             counts += [each.report[2], NODES * each.report[1], each.rejected]
         share = _SHARE if local > _ALIKE else 1.0
@@ -103,7 +103,8 @@ def difference(states: Floats, others: Floats) -> float:
 
 def local_tolerance(tolerance: float, times: Floats, half_swing: float) -> float:
     """What to ask of an interval, so that a record of this length is as good as wanted."""
-    return min(tolerance, _LOOSEST) / (1.0 + float(times[-1] - times[0]) / (2.0 * half_swing * _SWINGS))
+    asked = min(tolerance, _LOOSEST)
+    return asked * (asked / _LOOSEST) ** _TIGHTER / (1.0 + float(times[-1] - times[0]) / (2.0 * half_swing * _SWINGS))
 
 
 def limits_for(local: float) -> tuple[float, float]:

@@ -2,7 +2,8 @@
 
 A member's own arithmetic already fills vector registers (the nodes of an interval are its lanes). What members share
 is the rest: the linear part that is carried is rounded to ten bits, so that few weights serve all, and what was
-rounded off returns exactly through the remainder; lengths of intervals are tried out once.
+rounded off returns exactly through the remainder; lengths of intervals are tried out once, on the first member. So a
+member's last bits depend on the first member, but on no other and not on the number of threads.
 """
 
 from __future__ import annotations
@@ -73,12 +74,12 @@ def integrate_ensemble(
     carried = [_rounded(system) for system in each]
     longest = Problem.of(each[0], carried[0]).longest
     limits = limits_for(local_tolerance(tolerance, instants, longest))
-    choice = chosen(Run.begin(Problem.of(each[0], carried[0], longest), first, float(instants[0]), limits), 1.0)
+    depth = chosen(Run.begin(Problem.of(each[0], carried[0], longest), first, float(instants[0]), limits))
     result = np.empty((len(states), instants.size, first.size))
 
     def member(index: int) -> None:
         problem = Problem.of(each[index], carried[index], longest)
-        run(problem, states[index], instants, limits, choice=choice, out=result[index])
+        run(problem, states[index], instants, limits, depth=depth, out=result[index])
 
     with ThreadPoolExecutor(workers or _processors()) as pool:
         for done in [pool.submit(member, index) for index in range(len(states))]:

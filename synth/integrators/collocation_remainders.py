@@ -194,19 +194,19 @@ def _metronomes(
             store(out, (now, p, j), load(room, (1, p, j)) + load(room, (0, p, j)) * board)
 
 
-def excess_of(system: Any, square: Floats, loss: Floats) -> Floats:
+def excess_of(parts: Exact, square: Floats, loss: Floats) -> Floats:
     """What a carried linear part has more than the system's own, (components, 2)."""
     return np.array(
         [
             [float(Fraction(float(s)) - own), float(Fraction(float(g)) - lost)]
-            for (own, lost), s, g in zip(linear_part(system), square, loss, strict=True)
+            for (own, lost), s, g in zip(parts, square, loss, strict=True)
         ]
     )
 
 
-def mirror_of(system: Any) -> Floats:
+def mirror_of(system: Any, components: int) -> Floats:
     """(components,) what half a swing does to the remainder: a beam moves twice a swing, all else once."""
-    signs = np.full(len(linear_part(system)), -1.0)
+    signs = np.full(components, -1.0)
     if isinstance(system, ElasticBeam | ReducedBeam):
         signs[0] = 1.0
     return signs

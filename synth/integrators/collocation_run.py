@@ -5,29 +5,34 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from synth.integrators.collocation_guess import ORDERS
 from synth.integrators.collocation_march import ROUGH, march
 from synth.integrators.collocation_remainders import excess_of, linear_part, mirror_of
 from synth.integrators.collocation_weights import aligned, weights
 from synth.kernels.collocation_remainder import NODES
 from synth.phase import Floats, Integers
-from synth.propagators.picard_nodes import FINE, gauss_nodes, legendre_tail
+from synth.propagators.picard_nodes import FINE, continuation, gauss_nodes, legendre_tail
 
-_SHORTER = math.sqrt(0.5)
 _MOST_LEVELS = 17  # the shortest intervals are 256 times shorter than the longest
 _PILOT = 12  # intervals on which a length is tried
 _OVERHEAD = 1.5  # what an interval costs beyond its turns, in turns
 _STRETCH = 512  # intervals between looks at longer ones
 _PATIENCE = 8  # stretches after which longer intervals are tried again
-NOTHING, CONTINUED, MIRRORED = 0, 1, 2
-"""First guesses of the remainder in an interval."""
-
+_LONGEST_LAG = 32  # intervals; where more make whole half swings, guesses go by the interval before
 FINEST = (1e-15, 1e-14)
 COARSEST = (1e-9, 1e-7)
+
+Ladder = tuple[Fraction, Fraction]
+LADDER: Ladder = (Fraction(1), Fraction(2, 3))
+"""Lengths of intervals, in half swings, and all halves of them: few intervals make whole half swings."""
+COMPANION: Ladder = (Fraction(4, 5), Fraction(3, 5))
+"""Lengths that are never the same, a little shorter."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,7 @@ class Problem:
     excess : (components, 2) float64
         What these have more than the system's own.
     mirror : (components,) float64
+        What half a swing does to the remainder, 1 or -1.
     longest : float
         Length of the longest intervals to try, s: half a swing.
     levels : dict
@@ -54,7 +60,7 @@ class Problem:
     excess: Floats
     mirror: Floats
     longest: float
-    levels: dict[float, Level] = field(default_factory=dict)
+    levels: dict[Fraction, Level] = field(default_factory=dict)
 
     @classmethod
     def of(cls, system: Any, carried: tuple[Floats, Floats] | None = None, longest: float | None = None) -> Problem:
@@ -63,26 +69,33 @@ class Problem:
         square, loss = carried or (np.array([float(each) for each, _ in parts]), np.array([float(g) for _, g in parts]))
         swings = square[system.first_angle // 2 :]
         half = math.pi / math.sqrt(max(float(np.mean(np.abs(swings))), 1e-300))
-        return cls(system, square, loss, excess_of(system, square, loss), mirror_of(system), longest or half)
+        return cls(system, square, loss, excess_of(parts, square, loss), mirror_of(system, len(parts)), longest or half)
 
-    def level(self, depth: int, share: float) -> Level:
-        """Intervals `depth` steps shorter than `share` of the longest."""
-        interval = _exact(self.longest * share * _SHORTER**depth)
-        if interval not in self.levels:
+    def level(self, depth: int, ladder: Ladder) -> Level:
+        """Intervals so many steps down a ladder; two steps halve them."""
+        part = ladder[depth % 2] / (1 << (depth // 2))
+        if part not in self.levels:
+            interval = _exact(self.longest * part.numerator / part.denominator)
             each = zip(self.square.tolist(), self.loss.tolist(), strict=True)
-            parts = zip(*(weights(square, loss, interval) for square, loss in each), strict=True)
-            flow, inner, guess, end, propagator, reach = (np.array(part) for part in parts)
-            packed = tuple(aligned(each) for each in (flow, np.array([inner, guess]), end, propagator, reach))
-            self.levels[interval] = Level(interval, packed)
-        return self.levels[interval]
+            made = [weights(square, loss, interval) for square, loss in each]
+            packed = tuple(aligned(np.array(column)) for column in zip(*made, strict=True))
+            repeats = part.denominator <= _LONGEST_LAG
+            mirror = self.mirror if repeats and part.numerator % 2 else np.ones_like(self.mirror)
+            self.levels[part] = Level(interval, packed, part.denominator if repeats else 1, mirror)
+        return self.levels[part]
 
 
 @dataclass(frozen=True)
 class Level:
-    """One length of intervals, s, with its weights."""
+    """One length of intervals."""
 
     interval: float
+    """s."""
     weights: tuple[Floats, ...]
+    lag: int
+    """Intervals after which the motion repeats itself, as far as it does; whole half swings."""
+    mirror: Floats
+    """(components,) what that many do to the remainder, 1 or -1."""
 
 
 @dataclass
@@ -94,8 +107,9 @@ class Run:
     time: float
     state: Floats
     amplitude: Floats
-    report: Integers = field(default_factory=lambda: np.zeros(4, dtype=np.int64))
+    report: Integers = field(default_factory=lambda: np.zeros(5, dtype=np.int64))
     rejected: int = 0
+    depth: int = 0
 
     @classmethod
     def begin(cls, problem: Problem, start: Floats, time: float, limits: tuple[float, float]) -> Run:
@@ -108,6 +122,7 @@ class Run:
 
     def __post_init__(self) -> None:
         components = len(self.state)
+        self._memory = np.empty((0, ORDERS, components, NODES))
         self._known, self._room, nodes = (aligned(np.zeros((2, components, NODES))) for _ in range(3))
         self._position, self._rate = nodes
         self._base = aligned(np.zeros((components, 2 * NODES)))
@@ -116,9 +131,11 @@ class Run:
         """Another run from here on."""
         return Run(self.problem, self.limits, self.time, self.state.copy(), self.amplitude.copy(), self.report.copy())
 
-    def go(self, level: Level, ahead: int, count: int, times: Floats, states: Floats) -> bool:
+    def go(self, level: Level, count: int, times: Floats, states: Floats) -> bool:
         """March `count` intervals, or as many as can be done; whether all were."""
         system = self.problem.system
+        if len(self._memory) != level.lag:
+            self._memory = aligned(np.zeros((level.lag, ORDERS, len(self.state), NODES)))
         done = march(
             system,
             getattr(system, "horizontal", None),
@@ -136,8 +153,8 @@ class Run:
             self._rate,
             self._room,
             self.amplitude,
-            ahead == CONTINUED,
-            self.problem.mirror if ahead == MIRRORED else np.zeros(len(self.state)),
+            self._memory,
+            level.mirror,
             (self.limits[0] ** 2, self.limits[1] ** 2),
             times,
             states,
@@ -147,33 +164,22 @@ class Run:
         return bool(done == count)
 
     def forget(self) -> None:
-        """The remainder of the interval before is of no use at another length."""
-        self._known[:] = 0.0
+        """What the remainder was is of no use at another length of intervals."""
+        self._memory, self.report[4] = self._memory[:0], 0
 
 
-class Choice(NamedTuple):
-    """Where to begin among the lengths of intervals, and what to guess ahead with."""
-
-    depth: int
-    ahead: int
-
-
-def chosen(here: Run, share: float) -> Choice:
-    """Cheapest on the first swings, counted in turns a second."""
+def chosen(here: Run, ladder: Ladder = LADDER) -> int:
+    """Depth of the intervals that are cheapest on the first swings, counted in turns a second."""
     none = np.empty(0), np.empty((0, 2 * len(here.state)))
-    cheapest, best = math.inf, Choice(_MOST_LEVELS - 1, CONTINUED)
+    cheapest, best = math.inf, _MOST_LEVELS - 1
     for depth in range(_MOST_LEVELS):
-        level = here.problem.level(depth, share)
-        cost = math.inf
-        for ahead in (NOTHING, CONTINUED, MIRRORED):
-            trial = here.copy()
-            if trial.go(level, ahead, _PILOT, *none):
-                turns = int(trial.report[1] - here.report[1])
-                cost = min(cost, (turns / _PILOT + _OVERHEAD) / level.interval)
-                if cost < cheapest:
-                    cheapest, best = cost, Choice(depth, ahead)
-        if cost > cheapest:
-            break
+        level, trial = here.problem.level(depth, ladder), here.copy()
+        if trial.go(level, _PILOT, *none):
+            turns = int(trial.report[1] - here.report[1])
+            cost = (turns / _PILOT + _OVERHEAD) / level.interval
+            if cost > cheapest:
+                break
+            cheapest, best = cost, depth
     return best
 
 
@@ -182,8 +188,8 @@ def run(
     start: Floats,
     times: Floats,
     limits: tuple[float, float],
-    share: float = 1.0,
-    choice: Choice | None = None,
+    ladder: Ladder = LADDER,
+    depth: int | None = None,
     out: Floats | None = None,
 ) -> tuple[Floats, Run]:
     """States (k, n) at the times, and the run that found them.
@@ -196,10 +202,10 @@ def run(
         Increasing; the first is the time of the start.
     limits : (float, float)
         What iteration may leave, and what r beyond its last Legendre term may cost, relative to sizes.
-    share : float
-        Intervals are this much shorter than the problem's.
-    choice : Choice, optional
-        What to begin with; by default tried out.
+    ladder : Ladder
+        Lengths to go through.
+    depth : int, optional
+        Of the intervals to begin with; by default tried out.
     out : (k, n), optional
         Receives the states.
 
@@ -210,15 +216,15 @@ def run(
     """
     states = np.empty((times.size, start.size)) if out is None else out
     here = Run.begin(problem, start, float(times[0]), limits)
-    first = choice or chosen(here, share)
-    depth, calm, patience = first.depth, 0, _PATIENCE
+    first = chosen(here, ladder) if depth is None else depth
+    depth, calm, patience = first, 0, _PATIENCE
     while here.report[0] < times.size:
-        level = problem.level(depth, share)
+        here.depth = depth
+        level = problem.level(depth, ladder)
         left = math.floor((times[-1] - here.time) / level.interval) + 1
-        ahead = first.ahead if depth == first.depth else CONTINUED
-        if here.go(level, ahead, min(left, _STRETCH), times, states):
+        if here.go(level, min(left, _STRETCH), times, states):
             calm += 1
-            if depth > first.depth and calm >= patience:
+            if depth > first and calm >= patience:
                 depth, calm = depth - 1, 0
                 here.forget()
         else:
@@ -241,14 +247,15 @@ def _refused(here: Run, level: Level) -> RefusedError:
 
 
 @functools.cache
-def _plan() -> tuple[Floats, Floats, Floats, Floats]:
+def _plan() -> tuple[Floats, ...]:
     """What every march needs of the nodes; see `march`."""
     nodes = gauss_nodes() / FINE
     points = np.concatenate([[-1.0], nodes, [1.0]])
     apart = points[:, None] - points
     np.fill_diagonal(apart, 1.0)
     shares = 1.0 / np.prod(2.0 * apart, axis=1)
-    return (nodes + 1.0) / 2.0, aligned(legendre_tail()[None, :]), points, shares
+    continued = aligned(continuation().T.reshape(1, -1))
+    return (nodes + 1.0) / 2.0, aligned(legendre_tail()[None, :]), points, shares, continued
 
 
 def _exact(interval: float) -> float:

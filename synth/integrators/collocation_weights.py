@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from synth.kernels.collocation_remainder import NODES
 from synth.phase import Floats
-from synth.propagators.picard_nodes import FINE, continuation, gauss_nodes
+from synth.propagators.picard_nodes import FINE, gauss_nodes
 
 Longs = NDArray[Any]  # long doubles, which type checkers cannot tell from doubles
 
@@ -41,8 +41,6 @@ class Weights(NamedTuple):
     rate by start rate."""
     inner: Floats
     """(2 * NODES * NODES,) position, then rate, at the nodes (fast index) for the remainder at the nodes (slow index)."""
-    guess: Floats
-    """(2 * NODES * NODES,) the same for the remainder of the interval before, continued."""
     end: Floats
     """(4 * NODES,) position and rate at the end for the remainder at the nodes; then what rounding left of them."""
     propagator: Floats
@@ -76,8 +74,7 @@ def weights(square: float, loss: float, interval: float) -> Weights:
     end = np.concatenate([leading, (last - leading).astype(np.float64)])
     exact = _propagator(Fraction(square), Fraction(loss), Fraction(interval))
     worth = interval * min(interval / 2, 1.0 / max(math.sqrt(abs(square)), 1e-300))
-    guess = continuation().T @ inner
-    return Weights(flow.ravel(), inner.ravel(), guess.ravel(), end.ravel(), np.array(exact), worth)
+    return Weights(flow.ravel(), inner.ravel(), end.ravel(), np.array(exact), worth)
 
 
 def aligned(values: Floats) -> Floats:

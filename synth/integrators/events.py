@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.events_kick import Crossings, Escapement
 from synth.integrators.explicit import checked, trajectory
-from synth.integrators.explicit_error import ROUNDING, Refinement, refine
+from synth.integrators.explicit_error import ROUNDING, Refinement, gain, refine
 from synth.integrators.trajectory import Trajectory
 from synth.phase import Floats, Integers
 
@@ -99,7 +99,7 @@ def decided(made: Refinement, event: Crossings | Escapement) -> float:
             "events: whether a crossing happens is not decided by the tolerance (the motion only touches the level);"
             " move the level, or ask for a smaller tolerance"
         )
-    error = shift * fine.tolerance / rough.tolerance
+    error = shift * gain(rough, fine)
     if made.probe is not None:
         moved = _shift(made.probe.noisy.happenings(), made.probe.quiet.happenings(), end)
         error += (end - begin if moved is None else moved) * ROUNDING / made.probe.noise

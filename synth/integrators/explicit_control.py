@@ -44,14 +44,18 @@ def expect(start: Floats, slope: Floats, curvature: Floats, expected: Floats) ->
 
 
 @kernel
-def first_step(start: Floats, slope: Floats, allowed: Floats, span: float) -> float:
-    """A hundredth of the time in which the slope would change the state by its own size."""
+def first_step(start: Floats, slope: Floats, allowed: Floats, tolerance: float, span: float) -> float:
+    """At most a hundredth of the time in which the slope would change the state by its own size.
+
+    Errors of the first steps too are to be proportional to the tolerance, as it is assumed where marches are compared:
+    an unstable motion enlarges them more than all later ones.
+    """
     size, speed = 0.0, 0.0
     for i in range(slope.size):
         size = max(size, abs(start[i]) / allowed[i])
         speed = max(speed, abs(slope[i]) / allowed[i])
     guess = 1e-2 * size / speed if speed > 0.0 and size > 1e-9 * speed * span else 1e-6 * span
-    return min(guess, span)
+    return min(guess * tolerance**0.125, span)
 
 
 @kernel

@@ -21,7 +21,7 @@ from synth.phase import Floats, Integers
 
 RATIO = 1e4
 """Usual ratio of the local tolerances of two marches that are compared."""
-NOISES = (1e-8, 1e-11, 1e-14)
+NOISES = (1e-8, 1e-11, 1e-14, 1e-15)
 LOOSEST = 1e-6
 TIGHTEST = 1e-16
 """Local tolerance, relative; at the rounding of a step, though increments are added with compensation."""
@@ -31,6 +31,8 @@ ROUNDING = 2.2e-16
 _ROUGHEST = 1e-4
 _SCOUT = 10.0  # times looser than the loose march
 _PATIENT = 20_000  # stiff steps: a hundredth of a second
+_SHAKE = 1e-14  # noise that is surely more than rounding
+_ORDER = 8.0
 _LINEAR = 0.03  # differences of marches above this are no longer proportional to what made them
 _INNOCENT = 1e4  # a motion that makes c of the local tolerance makes less than 1e4 c of rounding
 _VISIBLE = 0.1  # share of the tolerance below which rounding need not be known
@@ -104,7 +106,7 @@ def refine(system: Any, event: Any, start: Floats, times: Floats, tolerance: flo
         rough, fine = fine, run(system, event, start, times, local)
         probe = made.probe if made.linear else _probe(system, event, start, rough, fine, few, tolerance)
         made = judged([*made.runs, fine], probe, few)
-    return made
+    return made if made.linear else judged(made.runs, _shaken(system, event, start, made.runs[-1], few), few)
 
 
 def instants(begin: float, end: float) -> Floats:
@@ -129,15 +131,37 @@ def _probe(
     return Probe(rough, noisy, moved, noise)
 
 
+def _shaken(system: Any, event: Any, start: Floats, fine: Run, few: Floats) -> Probe:
+    """The last march with noise and with its opposite: where the top of a swing decides, one of them falls elsewhere.
+
+    Marches that differ in their steps only may fall to the same side by chance, all of them.
+    """
+    probes = []
+    for noise in (_SHAKE, -_SHAKE):
+        noisy = run(system, event, start, few, fine.tolerance, MOST_STEPS, noise)
+        probes.append(Probe(fine, noisy, difference(noisy, fine, few), abs(noise)))
+    return max(probes, key=lambda probe: probe.moved)
+
+
 def judged(runs: list[Run], probe: Probe | None, few: Floats) -> Refinement:
     """The runs with the error of the last: what its tolerance makes of its difference from the one before, and rounding."""
     rough, fine = runs[-2:]
     apart = difference(rough, fine, few)
-    truncation = _CAUTION * apart * fine.tolerance / rough.tolerance if apart < _LINEAR else apart
+    truncation = _CAUTION * apart * gain(rough, fine) if apart < _LINEAR else apart
     rounding = 2.0 * ROUNDING
     if probe is not None:
         rounding += _LUCK * probe.moved * ROUNDING / probe.noise if probe.moved < _LINEAR else probe.moved
     return Refinement(runs, probe, truncation, rounding, apart < _LINEAR)
+
+
+def gain(rough: Run, fine: Run) -> float:
+    """Error of the finer of two marches over that of the other: the tolerances', more where their steps hardly differ.
+
+    A few long steps hardly shrink with the tolerance, and in an unstable motion the first of them count most.
+    """
+    tighter = fine.tolerance / rough.tolerance
+    steps = float(rough.counts[0]) / float(fine.counts[0]) if fine.counts[0] else 0.0
+    return min(1.0, tighter * max(1.0, steps**_ORDER / tighter) ** 1.5)
 
 
 def difference(one: Run, other: Run, few: Floats) -> float:

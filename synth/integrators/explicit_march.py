@@ -53,7 +53,7 @@ def start_march(system: Any, event: Any, memory: Any, progress: Progress, end: f
     progress.counts[EVALUATIONS] = 2
     if not (is_finite(slope) and is_finite(start)):
         return NOT_FINITE
-    aside = _ASIDE * first_step(start, slope, np.ones(start.size), end - clock[TIME])
+    aside = _ASIDE * first_step(start, slope, np.ones(start.size), 1.0, end - clock[TIME])
     for i in range(start.size):
         point[i] = start[i] + aside * slope[i]
     derivative(clock[TIME] + aside, point, system, spare)
@@ -64,7 +64,7 @@ def start_march(system: Any, event: Any, memory: Any, progress: Progress, end: f
         progress.scale[i] = abs(start[i])
     begin(event, memory, start)
     allow(progress.scale, progress.expected, tolerance, progress.allowed)
-    clock[PROPOSED] = first_step(start, slope, progress.allowed, end - clock[TIME])
+    clock[PROPOSED] = first_step(start, slope, progress.allowed, tolerance, end - clock[TIME])
     return DONE
 
 

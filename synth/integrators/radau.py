@@ -3,43 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from data_schemas.errors import RefusedError, UsageError
-from synth.integrators.radau_march import (
-    DONE,
-    ENDLESS,
-    EVALUATIONS,
-    LOOSE,
-    REJECTED,
-    STAGES,
-    STEPS,
-    STUCK,
-    TIME,
-    UNDEFINED,
-    march,
-    room,
-    state_in,
-)
-from synth.integrators.trajectory import Trajectory, relative_error
+from synth.integrators.radau_pair import COMPANION, NEAR, Problem, swing_of_bobs
+from synth.integrators.trajectory import Trajectory
 from synth.phase import Floats
 
 _TIGHTEST, _LOOSEST = 1e-15, 1e-2
-_USUAL = 1e-6  # looser saves next to nothing and errs erratically
-_COMPANION, _COARSEST = 10.0, 1e-5  # tolerance of the second integration over that of the first, and at most
-_MARGIN = 2.0  # two errors may partly cancel in their difference
-_ROUNDED = 2.0**-52
-
-_REASONS = {
-    STUCK: "the step fell below 1e-14 of the span: Newton's iteration or the error test fails however short it is "
-    "(a jump, or a solution that grows without bound)",
-    UNDEFINED: "the derivative is not finite there",
-    ENDLESS: "more than 1e8 steps: ask for a shorter span or a looser tolerance",
-}
+_LOOSE = 1e-7  # of a march: looser saves next to nothing and errs erratically
+_USUAL = 30.0  # tolerance over that of a march which meets it in tens of swings, the looser one of its pair included
+_FINEST = 1e-18  # tolerance of a march: its steps then err by less than they are rounded
+_AGAIN = 2  # times, where the tolerance was missed
+_AIM = 0.3  # of the tolerance, then
+_FAR = 300.0  # times short of the tolerance from which a march next to the last is no use
 
 
 def integrate(
@@ -52,9 +32,10 @@ def integrate(
 ) -> Trajectory:
     """States of a stiff system at `times`.
 
-    The integration is done twice, the second time at a tolerance ten times looser; twice the difference is the
-    estimate. It measures the looser one, and so errs on the side of caution. Tolerances above 1e-6 are integrated as
-    1e-6: looser ones save next to nothing.
+    Two marches, one at a tolerance ten times looser, are compared. The estimate is half of their difference, which is
+    the error of the looser one, and as many roundings as the root of the number of steps. Steps are held to a tolerance
+    one by one: where the estimate shows that errors have added up to more than was asked for, tighter marches
+    follow, twice at most. What is left then, of rounding above all, the estimate tells.
 
     Parameters
     ----------
@@ -65,7 +46,8 @@ def integrate(
     times : (k,) increasing array
         Instants to read at, s. They do not shorten steps.
     tolerance : float
-        Error wanted, relative to the largest size of each component, from 1e-15 to 1e-2.
+        Error wanted anywhere, relative to the largest size of each component, from 1e-15 to 1e-2. That of a yielding
+        support may be the share of the swing of the bobs (`swing_of_bobs`); the estimate is relative to its own.
     stages : tuple, optional
         Fewest and most stages (3, 5 or 7); by default chosen from 3 up to what the tolerance is worth.
 
@@ -92,115 +74,34 @@ def integrate(
     >>> round(float(fast.states[1, 0]), 9)
     1.999333371
     """
-    (whole,) = stream(system, start, [times], tolerance=tolerance, stages=stages)
-    return whole
+    state, instants = np.array(start, dtype=np.float64), np.array(times, dtype=np.float64)
+    _check(state, instants, tolerance)
+    problem = Problem(system, state, instants, swing_of_bobs(system, state), stages)
+    local = reading = min(_LOOSE, tolerance / _USUAL)
+    latest = best = problem.pair(local, reading)
+    evaluations = best.evaluations
+    for _ in range(_AGAIN):
+        if latest.missed <= tolerance or local <= _FINEST:
+            break
+        short = latest.missed / (_AIM * tolerance)
+        local = max(_FINEST, local / (short if short > _FAR else min(max(short, COMPANION), NEAR)))
+        reading = max(local, reading / COMPANION)  # errors inside steps do not add up
+        try:
+            latest = problem.pair(local, reading, latest.fine)
+        except RefusedError:  # steps too short for this: what there is holds, with the error that is estimated for it
+            break
+        evaluations += latest.evaluations
+        best = min(best, latest, key=lambda pair: pair.error)
+    steps, _, rejected = best.fine.counts.tolist()
+    return Trajectory(instants, best.fine.states, best.error, steps, evaluations, rejected)
 
 
-def stream(
-    system: Any,
-    start: ArrayLike,
-    portions: Iterable[ArrayLike],
-    *,
-    tolerance: float = 1e-10,
-    stages: tuple[int, int] | None = None,
-) -> Iterator[Trajectory]:
-    """As `integrate`, portion by portion of `times`: a long record need not be held at once.
-
-    The first instant of the first portion is that of the start. Estimate and costs are those so far, the last portion's
-    hold for all. A step ends with each portion; otherwise they leave no trace.
-
-    Examples
-    --------
-    >>> from synth.systems.van_der_pol import VanDerPol
-    >>> parts = stream(VanDerPol(10.0), [2.0, 0.0], [[0.0, 1.0], [2.0, 3.0]], tolerance=1e-9)
-    >>> [part.states[-1, 0].round(6).item() for part in parts]
-    [1.933853, 1.78278]
-    """
-    state = np.array(start, dtype=np.float64)
-    _check(state, tolerance)
-    sharper = min(_USUAL, tolerance)
-    orders = stages or (3, 5 if sharper > LOOSE else 7)
-    best = companion = None
-    worst = np.zeros(state.size)
-    for times in portions:
-        instants = np.array(times, dtype=np.float64)
-        _check_times(instants, -math.inf if best is None else best.time)
-        if best is None or companion is None:
-            best = _March(system, state, instants, sharper, orders)
-            companion = _March(system, state, instants, min(_COARSEST, _COMPANION * sharper), orders)
-        states = best.advance(instants)
-        difference = np.abs(states - companion.advance(instants))
-        worst = np.maximum(worst, difference.max(axis=0))
-        yield Trajectory(
-            times=instants,
-            states=states,
-            estimated_error=max(_MARGIN * relative_error(worst, best.largest), _ROUNDED),
-            steps=int(best.counts[STEPS]),
-            evaluations=int(best.counts[EVALUATIONS] + companion.counts[EVALUATIONS]),
-            rejected=int(best.counts[REJECTED]),
-        )
-
-
-def _check(start: Floats, tolerance: float) -> None:
+def _check(start: Floats, times: Floats, tolerance: float) -> None:
     if start.ndim != 1 or start.size == 0 or not math.isfinite(start @ start):
         raise UsageError("start: give one finite number for each component of the state")
     if not _TIGHTEST <= tolerance <= _LOOSEST:
         raise UsageError(f"tolerance: {tolerance} is outside {_TIGHTEST} to {_LOOSEST}")
-
-
-def _check_times(times: Floats, after: float) -> None:
     if times.ndim != 1 or times.size == 0:
         raise UsageError("times: give one row of instants, the first that of the start")
-    if not math.isfinite(times[-1] - times[0]) or not (times[1:] > times[:-1]).all() or not times[0] > after:
+    if not math.isfinite(times[-1] - times[0]) or not (times[1:] > times[:-1]).all():
         raise UsageError("times: give finite, increasing instants, the first that of the start")
-
-
-class _March:
-    """One integration on its way."""
-
-    def __init__(self, system: Any, start: Floats, times: Floats, tolerance: float, orders: tuple[int, int]) -> None:
-        n = start.size
-        self._system, self._tolerance, self._orders, self._size = system, tolerance, orders, (0,) * n
-        self._space, self._places = np.zeros(room(n)), np.zeros(14 * n, dtype=np.int64)
-        self._progress = np.zeros(8)
-        self._progress[TIME], self._progress[STAGES] = times[0], orders[1]
-        self._state[:] = start
-        self.largest = swing_of_bobs(system, start)
-        self.counts = np.zeros(3, dtype=np.int64)
-
-    @property
-    def time(self) -> float:
-        """Reached, s."""
-        return float(self._progress[TIME])
-
-    @property
-    def _state(self) -> Floats:
-        return state_in(self._space, len(self._size))
-
-    def advance(self, times: Floats) -> Floats:
-        """States (k, n) at the next `times`."""
-        out = np.empty((times.size, len(self._size)))
-        outcome = march(
-            times, self._tolerance, self._orders, self._size, self._system,
-            self._space, self._places, self._progress, out, self.largest, self.counts,
-        )  # fmt: skip
-        if outcome != DONE:
-            difficulty = getattr(self._system, "difficulty", None)
-            reason = (difficulty(self._state) if difficulty else None) or _REASONS[outcome]
-            raise RefusedError(f"radau: stopped at t = {self.time:.6g} s after {self.counts[STEPS]} steps: {reason}")
-        return out
-
-
-def swing_of_bobs(system: Any, start: Floats) -> Floats:
-    """What counts as small, (n,): of a yielding support, displacement and speed of the bobs; of all else nothing.
-
-    Angles cannot feel a displacement of their support that is small against l theta. Were it followed relative to its
-    own size, the ringing of a stiff support by a millionth of l would take a thousand times the steps of the swing.
-    """
-    least = np.zeros(start.size)
-    first, length = getattr(system, "first_angle", 0), getattr(system, "length", None)
-    if first == 2 and length is not None:
-        own = np.sqrt(system.gravity / length)
-        swing = length * np.hypot(start[first::2], start[first + 1 :: 2] / own)
-        least[0], least[1] = swing.max(), (swing * own).max()
-    return least

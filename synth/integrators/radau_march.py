@@ -5,9 +5,8 @@ The state and the time are kept as sums of two doubles: a step adds an increment
 A step ends with order 2 s - 1, its polynomial inside with order s only. Local errors are therefore allowed the
 power (s + 1)/(2 s) of the tolerance (Hairer and Wanner 1999), and a reading inside a step that has not earned its
 tolerance is solved for as a part step, or, where that fails, made the end of a step. Where readings are so many that
-this costs more than short steps, steps are chosen for the polynomial.
-
-A march may be interrupted after any reading and resumed: all that it knows is in `space`, `progress` and `largest`.
+this costs more than short steps, steps are chosen for the polynomial. Errors of ends add up and those of readings do
+not: they have tolerances of their own.
 """
 
 from __future__ import annotations
@@ -26,13 +25,13 @@ from synth.systems.dispatch import derivative, jacobian
 
 DONE, STUCK, UNDEFINED, ENDLESS = 0, 1, 2, 3
 STEPS, EVALUATIONS, REJECTED = 0, 1, 2
-TIME, LATE, STEP, STAGES, OLD_STAGES, OLD_STEP, OLD_LOG, SINCE = range(8)
 
 _MOST_STEPS = 100_000_000
 _SHORTEST = 1e-14  # of the span
 _SHARE = 0.1  # of the tolerance's power for local errors
-_NEWTON = 0.1  # of the tolerance for what Newton leaves
+_NEWTON, _ROUNDED = 0.1, 1e-17  # of the tolerance for what Newton leaves; not less than this of the sizes
 _DENSE = 10.0  # error of the end over the largest error of the polynomial inside, at least
+_BROAD = 1e-6  # tolerance for which the first step is what it is
 _PART = 0.6  # cost of a part step over that of a step
 _FLOOR = 1e-2  # of a component's largest size: errors are not asked to be smaller where it passes zero
 _SMALL = 1e-10  # of the largest component: smaller ones count as that large
@@ -43,95 +42,97 @@ _SAFE, _GROWTH, _DROP = 0.9, 8.0, 0.125
 
 
 @kernel
-def _allowances(tolerance: float, s: int) -> tuple[float, float]:
-    """Local error allowed where only ends of steps count, and the readings a step from which it is better not to."""
+def _allowances(tolerance: float, dense: float, s: int) -> tuple[float, float]:
+    """Local error allowed where only ends of steps count; how much longer steps are then than those for readings."""
     loose = max(_SHARE * tolerance ** (0.5 * (s + 1) / s), _DENSE * tolerance)
-    return loose, ((loose / (_DENSE * tolerance)) ** (1.0 / (s + 1)) - 1.0) / _PART
+    return loose, max(1.0, (loose / dense) ** (1.0 / (s + 1)))
 
 
 def room(n: int) -> int:
     """Numbers of working space that `march` needs for n unknowns."""
-    return 49 * n + 15 * n * n
+    return 42 * n + 15 * n * n
 
 
 def state_in(space: Floats, n: int) -> Floats:
     """The state, a view of the working space."""
-    return space[44 * n : 45 * n]
+    return space[38 * n : 39 * n]
 
 
 @kernel
 def march(
     times: Any,
     tolerance: float,
+    reading: float,
     orders: tuple[int, int],
     size: Any,
     system: Any,
+    least: Any,
     space: Any,
     places: Any,
-    progress: Any,
     out: Any,
     largest: Any,
     counts: Any,
-) -> int:
-    """Go on to the last of `times`.
+) -> tuple[int, float]:
+    """March from the first to the last of `times`.
 
     Parameters
     ----------
     times : (k,) increasing array
-        None before the time reached.
-    tolerance : float
-        Relative error wanted.
+    tolerance, reading : float
+        Relative error wanted of ends of steps, of readings inside.
     orders : tuple
         Fewest and most stages, of 3, 5, 7.
     size : tuple of length n
     system : NamedTuple
+    least : (n,) array
+        What counts as small of each component.
     space : (room(n),) array
     places : (14 n,) integer array
-        Working space; at first zero but for `state_in(space, n)`.
-    progress : (8,) array
-        TIME reached, what its rounding lost (LATE), next STEP (0: unknown), its STAGES, the OLD stages (0: none), length
-        and error of the step before, and the steps SINCE stages changed; at first zero but for TIME and STAGES.
+        Working space; at first zero but for the start in `state_in(space, n)`.
     out : (k, n) array
         States at `times`.
     largest : (n,) array
-        Largest size of each component on the way; at first what counts as small.
+        Largest size of each component on the way; at first zero.
     counts : (3,) integer array
-        Steps, evaluations, rejected steps; added to.
+        Steps, evaluations, rejected steps; at first zero.
 
     Returns
     -------
-    int
-        DONE, or why not: STUCK, UNDEFINED (not finite) or ENDLESS.
+    outcome, time
+        DONE, or why not: STUCK, UNDEFINED (not finite) or ENDLESS; how far it came, s.
     """
     n, k = len(size), times.size
-    z, w, f, polynomial = address(space, 0), address(space, 7 * n), address(space, 14 * n), address(space, 21 * n)
-    z_part, w_part, scale = address(space, 29 * n), address(space, 36 * n), address(space, 43 * n)
-    state, slope = space[44 * n : 45 * n], space[45 * n : 46 * n]
-    point, other = space[46 * n : 47 * n], space[47 * n : 48 * n]
-    here, slope_at, carry, square = address(space, 44 * n), address(space, 45 * n), address(space, 48 * n), n * n
-    slopes, slopes_at = space[49 * n : 49 * n + square].reshape(n, n), address(space, 49 * n)
-    stack, stack_part = address(space, 49 * n + square), address(space, 49 * n + 8 * square)
+    z, f, g, polynomial = address(space, 0), address(space, 7 * n), address(space, 14 * n), address(space, 21 * n)
+    z_part, scale, carry = address(space, 29 * n), address(space, 36 * n), address(space, 37 * n)
+    state, slope = space[38 * n : 39 * n], space[39 * n : 40 * n]
+    point, other = space[40 * n : 41 * n], space[41 * n : 42 * n]
+    here, slope_at, square = address(space, 38 * n), address(space, 39 * n), n * n
+    slopes, slopes_at = space[42 * n : 42 * n + square].reshape(n, n), address(space, 42 * n)
+    stack, stack_part = address(space, 42 * n + square), address(space, 42 * n + 8 * square)
     exchanges, exchanges_part = address(places, 0), address(places, 7 * n)
-    time, late, step = progress[TIME], progress[LATE], progress[STEP]  # the time is time + late
-    s, old, since = int(progress[STAGES]), int(progress[OLD_STAGES]), int(progress[SINCE])
-    old_step, old_log = progress[OLD_STEP], progress[OLD_LOG]
+    time, late = times[0], 0.0  # the time is their sum
+    s, old, since, old_step, old_log = orders[1], 0, 0, 0.0, 0.0
     end = times[k - 1]
     span = end - time
     for c in range(n):
-        largest[c] = max(largest[c], abs(state[c]))
-    done = 0
-    while done < k and (times[done] - time) - late <= 0.0:
-        out[done] = state
-        done += 1
+        largest[c] = abs(state[c])
+    out[0] = state
+    done = 1
     derivative(time, state, system, slope)
     counts[EVALUATIONS] += 1
-    if step == 0.0:
-        jacobian(time, state, system, slopes)
-        step = max(first_step(here, slope_at, slopes_at, span, size), 10.0 * _SHORTEST * span)
-    loose, crowded = _allowances(tolerance, s)
-    settled, careful, failures, why, outcome = old > 0, True, 0, STUCK, DONE
+    jacobian(time, state, system, slopes)
+    # two marches that grow their steps alike must not begin alike: their difference would tell nothing
+    step = first_step(here, slope_at, slopes_at, span, size) * (tolerance / _BROAD) ** 0.125
+    step = max(step, 10.0 * _SHORTEST * span)
+    goal, dense = max(_NEWTON * tolerance, _ROUNDED), _DENSE * reading
+    loose, longer = _allowances(tolerance, dense, s)
+    crowded, settled, careful, failures, why, outcome = False, False, True, 0, STUCK, DONE
     while done < k:
         left = (end - time) - late
+        free = step * longer if crowded else step  # if only its end counted
+        if crowded != (k - done > 1 and _PART * (k - done) * free > (longer - 1.0) * left):
+            crowded = not crowded
+            step = free / longer if crowded else free
         last = step * 1.0001 >= left
         if last:
             step = left
@@ -143,27 +144,29 @@ def march(
         if counts[STEPS] >= _MOST_STEPS:
             outcome = ENDLESS
             break
-        allowed = _DENSE * tolerance if k - done > 1 and (k - done) * step > crowded * left else loose
+        allowed = min(loose, dense) if crowded else loose
         # the Jacobian is taken where the step is expected to end: a stiff one is needed right there
-        guess(s, old, 1.0, step / old_step if old > 0 else 0.0, size, polynomial, z, w, point)
+        guess(s, old, 1.0, step / old_step if old > 0 else 0.0, size, polynomial, z, point)
         top = 0.0
         for c in range(n):
             point[c] = state[c] + z[(s - 1) * n + c]
-            top = max(top, largest[c])
+            top = max(top, largest[c], least[c])
         jacobian(time + step if old > 0 else time, point, system, slopes)
         for c in range(n):
-            scale[c] = 1.0 / max(abs(state[c]), abs(point[c]), _FLOOR * largest[c], _SMALL * top, 1e-300)
+            floor = max(_FLOOR * max(largest[c], least[c]), _SMALL * top, 1e-300)
+            scale[c] = 1.0 / max(abs(state[c]), abs(point[c]), floor)
         solved, turns, contraction = NOT_FINITE, 0, 1.0
         if prepare_any(s, step, slopes_at, size, stack, exchanges):
             solved, turns, contraction = collocate_any(
-                s, time, step, here, scale, _NEWTON * tolerance, size, z, w, f, point, other, stack, exchanges, system
+                s, time, step, here, scale, goal, size, z, f, g, point, other, stack, exchanges, system
             )
         counts[EVALUATIONS] += s * turns
         error, log, factor = 0.0, 0.0, 1.0
         if solved == SOLVED:
             for c in range(n):
                 ended = abs(state[c] + z[(s - 1) * n + c])
-                scale[c] = 1.0 / max(abs(state[c]), ended, _FLOOR * largest[c], _SMALL * top, 1e-300)
+                floor = max(_FLOOR * max(largest[c], least[c]), _SMALL * top, 1e-300)
+                scale[c] = 1.0 / max(abs(state[c]), ended, floor)
             error = local_error(
                 s,
                 time,
@@ -194,7 +197,7 @@ def march(
                 if failures > 1 and s > orders[0]:
                     s -= 2
                     since = 0
-                    loose, crowded = _allowances(tolerance, s)
+                    loose, longer = _allowances(tolerance, dense, s)
                 if failures > 2:
                     old = 0
             step *= factor
@@ -214,7 +217,7 @@ def march(
         cut = 0.0
         while done < k - 1 and (last or (times[done] - time) - late < step):
             part = (times[done] - time) - late
-            if error > _DENSE * tolerance and part > 0.0:
+            if error > dense and part > 0.0:
                 turns = part_step(
                     s,
                     time,
@@ -222,13 +225,13 @@ def march(
                     part / step,
                     here,
                     scale,
-                    _NEWTON * tolerance,
+                    goal,
                     slopes_at,
                     size,
                     polynomial,
                     z_part,
-                    w_part,
                     f,
+                    g,
                     point,
                     other,
                     stack_part,
@@ -272,7 +275,5 @@ def march(
         if since >= _STAY and contraction < _EASY and s < orders[1]:
             s += 2
             since = 0
-            loose, crowded = _allowances(tolerance, s)
-    progress[TIME], progress[LATE], progress[STEP], progress[STAGES] = time, late, step, s
-    progress[OLD_STAGES], progress[OLD_STEP], progress[OLD_LOG], progress[SINCE] = old, old_step, old_log, since
-    return outcome
+            loose, longer = _allowances(tolerance, dense, s)
+    return outcome, time

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from synth.integrators.radau_dense import extrapolate
-from synth.integrators.radau_newton import SOLVED, collocate, prepare, project
+from synth.integrators.radau_newton import SOLVED, collocate, prepare
 from synth.kernels.compiled import kernel
 
 _S3, _S5, _S7 = (0,) * 3, (0,) * 5, (0,) * 7
@@ -31,8 +31,8 @@ def collocate_any(
     goal: float,
     size: Any,
     z: Any,
-    w: Any,
     f: Any,
+    g: Any,
     point: Any,
     slope: Any,
     stack: Any,
@@ -41,14 +41,14 @@ def collocate_any(
 ) -> tuple[int, int, float]:
     """`radau_newton.collocate` for s stages."""
     if s == 3:
-        return collocate(time, step, state, scale, goal, _S3, size, z, w, f, point, slope, stack, exchanges, system)
+        return collocate(time, step, state, scale, goal, _S3, size, z, f, g, point, slope, stack, exchanges, system)
     if s == 5:
-        return collocate(time, step, state, scale, goal, _S5, size, z, w, f, point, slope, stack, exchanges, system)
-    return collocate(time, step, state, scale, goal, _S7, size, z, w, f, point, slope, stack, exchanges, system)
+        return collocate(time, step, state, scale, goal, _S5, size, z, f, g, point, slope, stack, exchanges, system)
+    return collocate(time, step, state, scale, goal, _S7, size, z, f, g, point, slope, stack, exchanges, system)
 
 
 @kernel
-def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, w: Any, point: Any) -> None:
+def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, point: Any) -> None:
     """First guess of a step from the polynomial of another one of `old` stages (0: none).
 
     It starts at the share `begin` of that one, and is `ratio` times as long.
@@ -56,15 +56,8 @@ def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: A
     if old == 0:
         for i in range(s * len(size)):
             z[i] = 0.0
-            w[i] = 0.0
-        return
-    extrapolate(s, old, begin, ratio, size, polynomial, z, point)
-    if s == 3:
-        project(_S3, size, z, w)
-    elif s == 5:
-        project(_S5, size, z, w)
     else:
-        project(_S7, size, z, w)
+        extrapolate(s, old, begin, ratio, size, polynomial, z, point)
 
 
 @kernel
@@ -80,8 +73,8 @@ def part_step(
     size: Any,
     polynomial: Any,
     z: Any,
-    w: Any,
     f: Any,
+    g: Any,
     point: Any,
     slope: Any,
     stack: Any,
@@ -94,9 +87,9 @@ def part_step(
     """
     if not prepare_any(s, part, jacobian, size, stack, exchanges):
         return 0
-    guess(s, s, 0.0, share, size, polynomial, z, w, point)
+    guess(s, s, 0.0, share, size, polynomial, z, point)
     outcome, turns, _ = collocate_any(
-        s, time, part, state, scale, goal, size, z, w, f, point, slope, stack, exchanges, system
+        s, time, part, state, scale, goal, size, z, f, g, point, slope, stack, exchanges, system
     )
     for c in range(len(size)):
         point[c] = z[(s - 1) * len(size) + c]

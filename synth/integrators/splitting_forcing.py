@@ -9,7 +9,6 @@ import numpy as np
 from synth.phase import Floats, Phasors, phasors, turns
 from synth.systems.harmonic_motion import Harmonics
 
-_FINE = 1 << 192
 _NEAR = 0.05  # of n: nearer harmonics are counted from rest, since their forced motion grows without bound
 
 
@@ -32,7 +31,7 @@ class Forcing:
         amplitude, *pieces, phase = motion.table
         parts = zip(*pieces, strict=True)
         turn = Fraction("6.283185307179586476925286766559005768394338798750211641949889184615632812572")
-        exact = [_dyadic(sum((Fraction(float(part)) for part in row), Fraction(0)) * turn) for row in parts]
+        exact = [sum((Fraction(float(part)) for part in row), Fraction(0)) * turn for row in parts]
         self.rate = np.array([float(rate) for rate in exact])
         self.turns = turns(exact, step)
         self.step = float(step)
@@ -82,11 +81,6 @@ class Forcing:
             angle = angle + extra.real.reshape(angle.shape)
             rate = rate + speed.real.reshape(rate.shape)
         return angle, rate
-
-
-def _dyadic(value: Fraction) -> Fraction:
-    """The nearest fraction of 2^192, as `turns` wants it."""
-    return Fraction(round(value * _FINE), _FINE)
 
 
 def _expm1_over(detuning: complex, time: Floats) -> Phasors:

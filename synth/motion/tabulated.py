@@ -25,6 +25,7 @@ import numpy as np
 from data_schemas.errors import SceneError
 from data_schemas.scene_motion import TabulatedMotion
 from synth.motion.harmonic_sum import Comb, HarmonicSum
+from synth.motion.jumps import first_jump
 from synth.motion.table_file import read_table
 from synth.phase import Floats, rational_turns
 
@@ -48,7 +49,7 @@ def tabulated(term: TabulatedMotion, duration: float) -> HarmonicSum:
     Raises
     ------
     SceneError
-        If the table does not cover the record, or is uneven and should be band-limited.
+        If the table does not cover the record, jumps, or is uneven and should be band-limited.
     """
     seconds, values = read_table(term)
     begin = term.begin if term.begin is not None else float(seconds[0])
@@ -56,6 +57,12 @@ def tabulated(term: TabulatedMotion, duration: float) -> HarmonicSum:
         raise SceneError(
             f"{term.file}: covers {seconds[0]:g} to {seconds[-1]:g} s, the record needs {begin:g} to "
             f"{begin + duration:g} s; shorten the scene's duration or set motion.begin"
+        )
+    jump = first_jump(seconds, values)
+    if jump is not None:
+        raise SceneError(
+            f"{term.file}: jumps by {values[jump + 1] - values[jump]:.3g} m/s^2 between {seconds[jump]:g} and "
+            f"{seconds[jump + 1]:g} s; a motion between readings must be smooth: read finer steps, or mend or cut it"
         )
     if term.interpolation == "spline":
         seconds, values = _resampled(seconds, values)

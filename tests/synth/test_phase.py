@@ -24,6 +24,16 @@ def test_angles_are_exact_after_a_year_of_steps(step: Fraction) -> None:
             assert abs(off - mpmath.nint(off)) * 2 * mpmath.pi < 9e-16
 
 
+def test_any_fraction_will_do() -> None:
+    """2 pi in decimals: nearly a whole turn a second; its denominator is no power of two."""
+    given = Fraction("6.2831853071795864769252867665590057683943")
+    step, index = Fraction(1, 3), np.array([1, 2, 3, 300_000])
+    near = Fraction(round(given * 2**200), 2**200)
+    np.testing.assert_array_equal(turns([given], step).angles(index), turns([near], step).angles(index))
+    np.testing.assert_allclose(turns([given], step).angles(index)[0, 2:], 0.0, rtol=0, atol=1e-12)
+    assert turns([given], step).angles(index)[0, 0] == pytest.approx(2 * math.pi / 3, abs=1e-15)
+
+
 def test_plain_double_phases_would_not_do() -> None:
     """The reason for the module: after an hour the product w t is off by more than 1e-13 somewhere."""
     step, index = Fraction(1, 20), np.arange(71_000, 72_000)

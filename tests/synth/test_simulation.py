@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -49,6 +50,22 @@ def test_terms_add(make_scene: Maker) -> None:
     for name in ("theta", "horizontal_acceleration"):
         total = sum(each[f"truth/{name}"].values for each in apart)
         np.testing.assert_allclose(together[f"truth/{name}"].values, total, rtol=0, atol=1e-15)
+
+
+def test_four_months_read_each_half_hour(make_scene: Maker) -> None:
+    """The swing's phase after 1e7 swings, from the exact product of the doubles; damping is seen from afar too."""
+    start = {"kind": "free", "amplitude": 0.01, "phase": 0.3}
+    pendulum = {"label": "1", "period": 1.0, "damping_rate": 1e-8, "start": start}
+    recording = {"sampling_rate": "1/2000"}
+    scene = make_scene(pendulums=[pendulum], motion=[], duration=1e7, gravity=9.81, recording=recording)
+    _, truth = simulate(scene)
+    times = truth["time"].values
+    assert times[-1] == 1e7 - 2000
+    with mpmath.workdps(50):
+        rate, gamma = mpmath.mpf(2 * np.pi), mpmath.mpf(1e-8)
+        own = mpmath.sqrt(rate**2 - gamma**2)
+        exact = [float(mpmath.exp(-gamma * int(t)) * mpmath.cos(own * int(t) + mpmath.mpf(0.3))) for t in times]
+    np.testing.assert_allclose(truth["truth/theta"].values[0], 0.01 * np.array(exact), rtol=0, atol=1e-16)
 
 
 def test_same_seed_same_bits(make_scene: Maker) -> None:

@@ -70,13 +70,6 @@ def test_answers_to_powers_of_time(square: float, loss: float, interval: float, 
             assert found == pytest.approx([answer(0), answer(1)], rel=1e-13, abs=1e-16)
 
 
-def test_guess_continues_slow_polynomials() -> None:
-    made = weights(39.4, 0.0, 0.5)
-    now, after = NODE**3, (NODE + 1.0) ** 3
-    guess = now @ made.guess.reshape(2, NODES, NODES)
-    np.testing.assert_allclose(guess, after @ made.inner.reshape(2, NODES, NODES), atol=1e-6)  # amplifies rounding
-
-
 def test_aligned_copies_begin_a_cache_line() -> None:
     values = np.arange(30.0).reshape(3, 10)
     for _ in range(5):

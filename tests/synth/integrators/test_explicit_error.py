@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from test_explicit import BEAM_A, BEAM_B, BEAM_C, START_A, START_B, START_C
 
+from data_schemas.errors import RefusedError
 from synth.integrators.explicit import integrate
 from synth.integrators.explicit_error import TIGHTEST, instants, refine
 from synth.integrators.explicit_run import run
@@ -106,6 +107,53 @@ def test_chaos_is_named_by_the_estimate() -> None:
     long = integrate(system, start, [0.0, 300.0], tolerance=1e-9)
     assert short.estimated_error < 1e-6
     assert long.estimated_error > 0.01
+
+
+def separatrix_error(frequency: float, times: Floats, states: Floats) -> float:
+    """From the bottom at the rate 2n: tan(theta/4) = tanh(n t/2), up to the top and no further."""
+    turns = frequency * times
+    angle, rate = 4.0 * np.arctan(np.tanh(0.5 * turns)), 2.0 * frequency / np.cosh(np.minimum(turns, 700.0))
+    exact = np.stack([angle, rate], axis=1)
+    return float(np.max(np.abs(states - exact) / np.max(np.abs(states), axis=0)))
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10, 1e-13])
+@pytest.mark.parametrize("end", [1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 100.0])
+@pytest.mark.parametrize("frequency", [0.7, 1.0, 3.1, 6.25, 9.3])
+def test_separatrix_is_right_or_told(frequency: float, end: float, tolerance: float) -> None:
+    """Errors grow as e^{nt}, all marches may fall to one side: the answer is near, or its estimate is large.
+
+    An estimate may be ten thousand times the error here: where rounding is about to decide, it is drawn but once.
+    """
+    times = np.linspace(0.0, end, 401)
+    try:
+        found = integrate(plain(frequency), [0.0, 2.0 * frequency], times, tolerance=tolerance)
+    except RefusedError as refusal:
+        reason = str(refusal)
+    else:
+        reason = ""
+    if reason:
+        assert "top of a swing" in reason
+        return
+    error = separatrix_error(frequency, times, found.states)
+    assert error <= 10.0 * found.estimated_error
+    assert found.estimated_error <= max(1e4 * error, 1e-13)
+
+
+def test_separatrix_is_told_in_short() -> None:
+    times = np.linspace(0.0, 10.0, 101)
+    found = integrate(plain(6.25), [0.0, 12.5], times, tolerance=1e-4)
+    assert separatrix_error(6.25, times, found.states) > 0.1
+    assert found.estimated_error > 0.1
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-10, 1e-13])
+def test_at_rest_at_the_top_is_refused_by_name(tolerance: float) -> None:
+    """The double next to pi is 1.2e-16 off it: rounding, not the motion, decides when and where it falls."""
+    with pytest.raises(RefusedError, match="top of a swing where rounding decides"):
+        integrate(plain(6.25), [math.pi, 0.0], np.linspace(0.0, 20.0, 401), tolerance=tolerance)
 
 
 def test_instants_of_comparison_do_not_beat() -> None:

@@ -36,13 +36,13 @@ def _step(system: Any, time: float, state: Floats, step: float, stages: int) -> 
     """Outcome and increments at the nodes of one step solved to rounding."""
     n = state.size
     count, size = (0,) * stages, (0,) * n
-    z, w, f, point, slope, stack, exchanges = _space(stages, n)
+    z, f, g, point, slope, stack, exchanges = _space(stages, n)
     slopes = np.zeros((n, n))
     jacobian(time, state, system, slopes)
     assert prepare(step, slopes.ravel(), count, size, stack, exchanges)
     scale = 1.0 / np.maximum(np.abs(state), 1e-3)
     outcome, _, _ = collocate(
-        time, step, state, scale, 1e-15, count, size, z, w, f, point, slope, stack, exchanges, system
+        time, step, state, scale, 1e-15, count, size, z, f, g, point, slope, stack, exchanges, system
     )
     return outcome, z.reshape(stages, n)
 

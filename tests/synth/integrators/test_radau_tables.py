@@ -44,6 +44,11 @@ def test_coefficients_are_those_of_the_definition(tableau: Tableau) -> None:
         nodes, matrix = _definition(tableau.nodes.tolist())
         inverse = mpmath.inverse(matrix)
         assert all(abs(nodes[i] - float(tableau.nodes[i])) <= ROUNDED for i in range(stages))
+        assert all(
+            abs(inverse[i, j] - float(tableau.inverse[i, j])) <= ROUNDED * abs(inverse[i, j])
+            for i in range(stages)
+            for j in range(stages)
+        )
         modes = mpmath.matrix(stages, stages)
         for k, rate in enumerate(tableau.rates):
             near = mpmath.mpc(rate)

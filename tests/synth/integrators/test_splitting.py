@@ -121,6 +121,19 @@ def test_mirror_image_bitwise() -> None:
     np.testing.assert_array_equal(splitting.integrate(image, -start, times, tolerance=1e-6).states, -one)
 
 
+@pytest.mark.compiled
+@pytest.mark.parametrize("end", [2.0, 5.0, 10.0, 20.0])
+@pytest.mark.parametrize("frequency", [0.7, 3.1, 6.25])
+def test_separatrix_is_right_or_told(frequency: float, end: float) -> None:
+    """From the bottom at the rate 2n: tan(theta/4) = tanh(n t/2); beyond n t = 36 rounding decides where it falls."""
+    times = np.linspace(0.0, end, 201)
+    found = splitting.integrate(plain(frequency), [0.0, 2.0 * frequency], times, tolerance=1e-10)
+    exact = 4.0 * np.arctan(np.tanh(0.5 * frequency * times))
+    error = np.max(np.abs(found.states[:, 0] - exact)) / np.max(np.abs(found.states[:, 0]))
+    assert error <= 10.0 * found.estimated_error
+    assert found.estimated_error <= max(1e3 * error, 1e-12)
+
+
 @pytest.mark.parametrize(
     ("system", "times", "reason"),
     [

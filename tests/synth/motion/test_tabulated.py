@@ -154,6 +154,17 @@ def test_table_that_cannot_be_used(tmp_path: Path, text: str, parts: dict[str, o
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("interpolation", ["band-limited", "spline"])
+def test_table_that_jumps(tmp_path: Path, interpolation: str) -> None:
+    seconds = np.arange(301) / 5.0
+    path = _written(tmp_path, _rows(seconds, 0.3 * np.sin(0.9 * seconds) + (seconds > 20.0)))
+    term = TabulatedMotion.model_validate({"kind": "tabulated", "file": path, "interpolation": interpolation})
+    with pytest.raises(SceneError, match=r"jumps by 1\.\d* m/s\^2 between 20 and 20\.2 s") as caught:
+        tabulated(term, 40.0)
+    assert path in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.parametrize("name", ["absent.csv", "absent.nc", "hollow.nc"])
 def test_table_that_is_not_there(tmp_path: Path, name: str) -> None:
     (tmp_path / "hollow.nc").write_bytes(b"not netCDF")

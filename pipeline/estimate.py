@@ -60,6 +60,8 @@ class Estimate:
         The correction of the phase speed, rad s-1.
     finite_arc : float
         Part of the correction that is due to the finite arc, rad s-1.
+    acceleration_reduced : bool
+        Whether the support's acceleration was reduced as it acts on real pendulums.
     """
 
     frequency: float
@@ -72,6 +74,7 @@ class Estimate:
     phase_correction: Floats | None = None
     speed_correction: Floats | None = None
     finite_arc: float = 0.0
+    acceleration_reduced: bool = False
 
 
 def budget(envelope: Envelope, fit: NarrowbandFit, ratio: float, damping_difference: float) -> Budget:

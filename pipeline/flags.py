@@ -64,6 +64,8 @@ def _unresolved(prepared: Prepared, value: Gravity) -> bool:
 
 def _accelerated(prepared: Prepared, estimate: Estimate, value: Gravity) -> bool:
     """Browne's `<x''^2>/(2 g)` with x'' = -g psi, against sigma; only where the pendulums are taken for real ones."""
+    if estimate.acceleration_reduced:
+        return False
     if prepared.observation.restoring != "sine" and estimate.finite_arc == 0.0:
         return False
     slow = prepared.blocks.slow[0]

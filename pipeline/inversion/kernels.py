@@ -116,7 +116,7 @@ def expand_large(
 
 @summing_kernel
 def interval_integrals(series: Floats, tap_real: Floats, tap_imag: Floats, real: Floats, imag: Floats) -> None:
-    """Integrals over the intervals of n samples, (n - 1,), by eight taps; the series reaches 3 samples beyond each end."""
+    """Integrals over the intervals of n samples, (n - 1,), by eight taps; the series has 3 more samples at each end."""
     a0, a1, a2, a3, a4, a5, a6, a7 = tap_real
     b0, b1, b2, b3, b4, b5, b6, b7 = tap_imag
     count = real.size

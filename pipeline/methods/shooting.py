@@ -26,4 +26,5 @@ def estimate(prepared: Prepared) -> Estimate:
         damping_rate=found.damping_rate,
         samples=found.samples,
         residual_colour=found.colour,
+        acceleration_reduced=True,
     )

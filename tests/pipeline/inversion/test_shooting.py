@@ -14,6 +14,7 @@ from pipeline.inversion.prepare import Inverted, invert
 from pipeline.methods import method
 from pipeline.observation import Observation
 from pipeline.prepared import prepare
+from pipeline.reduction import reduce_by
 
 
 def error(seen: Observation) -> tuple[float, float, Inverted]:
@@ -124,6 +125,14 @@ def test_stated_error_in_noise(recorded: bool) -> None:
         sigmas.append(sigma)
     assert np.sqrt(np.mean(np.square(offs))) / np.mean(sigmas) == pytest.approx(1.0, abs=0.35)
     assert abs(np.mean(offs)) < 3.0 * np.mean(sigmas) / np.sqrt(40)
+
+
+def test_what_it_reduces_is_not_flagged() -> None:
+    reduced = {
+        name: reduce_by(name, prepare(observe(300.0, 0.04, heave=True)), 0.0) for name in ("shooting", "general")
+    }
+    assert "acceleration-not-reduced" in reduced["general"].flags
+    assert "acceleration-not-reduced" not in reduced["shooting"].flags
 
 
 def test_refusals() -> None:

@@ -52,6 +52,15 @@ def _cosine_less_one(p: float) -> float:
     return p * (-0.5 + p * (1 / 24 + p * (-1 / 720 + p * even)))
 
 
+@kernel
+def _expanded(
+    d: float, sine: float, less: float, lever: float, curvature: float, held_square: float
+) -> tuple[float, float]:
+    """Value and slope at d of `held^2 d - lever sin d - curvature (cos d - 1)`; `less` = cos d - 1."""
+    value = held_square * d - lever * sine - curvature * less
+    return value, held_square - lever * (1.0 + less) + curvature * sine
+
+
 @summing_kernel
 def expand_small(
     about: Floats,
@@ -82,9 +91,9 @@ def expand_small(
         tangent = t * _sine_over(tt) * secant
         sine, less = d * _sine_over(dd), _cosine_less_one(dd)
         stiff = square * (pull[k] * secant)
-        lever = stiff + curvature[k] * tangent - shift
-        constant[k] = held_square * d - lever * sine - curvature[k] * less
-        slope[k] = held_square - lever * (1.0 + less) + curvature[k] * sine
+        constant[k], slope[k] = _expanded(
+            d, sine, less, stiff + curvature[k] * tangent - shift, curvature[k], held_square
+        )
         by_frequency[k] = 2.0 / frequency * stiff * sine
 
 
@@ -109,8 +118,7 @@ def expand_large(
         less = -2.0 * half * half
         stiff = square * (pull[k] / math.cos(t))
         lever = stiff + curvature[k] * math.tan(t) - shift
-        constant[k] = held_square * d - lever * sine - curvature[k] * less
-        slope[k] = held_square - lever * (1.0 + less) + curvature[k] * sine
+        constant[k], slope[k] = _expanded(d, sine, less, lever, curvature[k], held_square)
         by_frequency[k] = 2.0 / frequency * stiff * sine
 
 

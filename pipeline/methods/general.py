@@ -20,8 +20,15 @@ from pipeline.prepared import Prepared
 ROUNDS = 2  # the acceleration's phase turns with n2, which it shifts by 1e-3 at most
 
 
+DENIED = 0.5  # residual power without the acceleration over that with it, below which the record denies it
+
+
 def estimate(prepared: Prepared) -> Estimate:
-    """Correct by (38) with model speeds; arc terms are left out where the record says `restoring = linear`."""
+    """Correct by (38) with model speeds; arc terms are left out where the record says `restoring = linear`.
+
+    The support's acceleration is reduced as it acts on real pendulums, unless the record does not state `restoring`
+    and its residual is far smaller without: linear pendulums do not feel it.
+    """
     found = phases(prepared)
     envelope, seen = found.envelope, prepared.observation
     frequency = prepared.fine.frequency
@@ -30,12 +37,19 @@ def estimate(prepared: Prepared) -> Estimate:
     slow = prepared.slow_motion
     told = (envelope.time >= slow.begin) & (envelope.time <= slow.end)
     found = replace(found, weight=np.where(told, found.weight, 0.0))
-    for _ in range(ROUNDS):
+
+    def turned(frequency: float, gained: Floats | None) -> Estimate:
         speed = model_speed(envelope, frequency, prepared, arc=True)
-        gained = slow.phase(slow.gamma(frequency), frequency, envelope.time)
         plain = model_speed(envelope, frequency, prepared, arc=False)
-        made = corrected(prepared, found, speed, speed - plain, gained)
+        return corrected(prepared, found, speed, speed - plain, gained)
+
+    for _ in range(ROUNDS):
+        made = turned(frequency, slow.phase(slow.gamma(frequency), frequency, envelope.time))
         frequency = made.frequency
+    if seen.restoring is None:
+        still = turned(prepared.fine.frequency, None)
+        if still.noise**2 * still.residual_colour < DENIED * made.noise**2 * made.residual_colour:
+            return still
     return made
 
 

@@ -1,23 +1,37 @@
-"""`auto`: the cheapest adequate method, chosen from what the record says and, where it does not say, from residuals."""
+"""`auto`: the cheapest adequate method, chosen from what the record says and, where it does not say, from residuals.
+
+What the record states of `restoring` is obeyed. Where it states nothing, the linear and the nonlinear identity are both
+fitted: the smaller residual decides; where it is not decisively smaller what parts them goes into sigma. Linear
+pendulums are left to `projection`. Of real ones `general` is taken where what its formulas neglect is small beside
+its sigma, else `shooting`, which neglects nothing.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.arrays import Complexes, Floats
-from pipeline.harmonics.envelope import fill
-from pipeline.harmonics.narrowband import running_integral
+from data_schemas.errors import RefusedError
+from pipeline.methods import method
 from pipeline.methods.phases import passes_zero
-from pipeline.prepared import Prepared
-from pipeline.projection.sampling import problem
-from pipeline.projection.solve import ProjectionFit, fit_projection
+from pipeline.methods.projection import residual_colour
+from pipeline.prepared import Prepared, slow_variance
+from pipeline.projection.sampling import linear_fit
+
+if TYPE_CHECKING:
+    from pipeline.inversion.prepare import Inverted
+    from pipeline.projection.solve import ProjectionFit
 
 DECISIVE = 5.0  # difference of log likelihood: odds of 150 to 1
-NEGLIGIBLE_ARC = 0.01  # mGal
-TOLD = 0.1  # 1 sigma of the third harmonic, as a share of what a sine law makes, from which it tells
-FLOOR = 1e-5  # of the difference's amplitude: what the separated harmonics leave of the arcs is not told below it
+NEGLIGIBLE = 0.01  # mGal
+NEGLIGIBLE_SHARE = 0.1  # of sigma
+FLOOR = 1e-8  # of the difference's amplitude: smaller residuals are rounding
+SPARSE_FLOOR = 1e-5  # the same where the separated harmonics take the place of the exact inversion
+ARC_LEFT, ACCELERATION_LEFT = 1e-4, 5e-4  # shares of both effects that `general` leaves, measured on simulated records
+COLOURED = 3.0  # power of a residual near the swing over white from which it shows what a method lacks
+MILLIGAL = 1e-5  # m s-2
 
 
 @dataclass(frozen=True)
@@ -30,89 +44,133 @@ class Choice:
 
 
 def choose(prepared: Prepared) -> Choice:
-    """Choose for a record.
-
-    What the record states of `restoring` is obeyed. Where it states nothing, the exact linear identity is fitted
-    twice: to the difference as it is, and to the difference less its response to the finite arcs. The smaller residual
-    decides; where it is not decisively smaller the arcs' share goes into sigma.
-    """
+    """Choose for a record."""
     seen = prepared.observation
     if seen.restoring == "linear":
         return Choice("projection", "the record says restoring = linear: the linear identity is exact")
-    envelope = prepared.sliding
-    inside = (seen.time >= envelope.time[0]) & (seen.time <= envelope.time[-1])
-    shown = np.where(inside, seen.difference, np.nan)
-    linear = _fit(replace(prepared, observation=replace(seen, difference=shown)))
-    arc = linear
-    for _ in range(3):  # the arcs' response turns with the frequency that it helps to find
-        bent = shown - arc_response(prepared, arc.frequency, arc.damping_rate)
-        arc = _fit(replace(prepared, observation=replace(seen, difference=bent)))
-    change = abs(arc.frequency - linear.frequency)
-    shift = 2e5 * seen.reference_gravity * change / prepared.nominal
-    if shift < NEGLIGIBLE_ARC:
-        return Choice("projection", f"the finite arc amounts to {shift:.4f} mGal only: the linear identity is adequate")
-    real = "projection" if passes_zero(np.abs(prepared.blocks.difference)) else "general"
+    from pipeline.inversion.prepare import invert
+
+    try:
+        still = invert(prepared, look_for_heave=False)
+    except RefusedError:
+        return _without_inversion(prepared)
+    linear = linear_fit(prepared)
+    change = abs(still.frequency - linear.frequency)
+    fits = not _coloured(still.noise, still.colour, prepared)
+    if _milligal(change, prepared) < NEGLIGIBLE and fits:
+        return _negligible(_milligal(change, prepared))
     if seen.restoring == "sine":
-        return Choice(real, "the record says restoring = sine" + _beats(real))
-    share, error = third_harmonic(linear.residual, prepared)
-    if error < TOLD:
-        seen_share = f"{share:.2f} of a real pendulum's third harmonic is there"
-        return Choice(real if share > 0.5 else "projection", seen_share + (_beats(real) if share > 0.5 else ""))
-    floor = FLOOR * float(np.nanmax(np.abs(prepared.blocks.difference)))
-    likelihood = linear.samples * float(np.log(np.hypot(arc.noise, floor) / np.hypot(linear.noise, floor)))
+        return _real(prepared, "the record says restoring = sine", heaved=not fits and seen.vertical is None)
+    likelihood = _common_likelihood(linear, still, prepared)
+    if likelihood <= 0.0 or not _coloured(linear.noise, residual_colour(linear, prepared), prepared):
+        return _decided(prepared, likelihood, change, heaved=not fits and seen.vertical is None)
+    # neither fits: real pendulums in a heave that is not recorded leave such a residual, linear ones nothing;
+    # heave that is told from the phase pays for its freedom (Akaike 1974)
+    heaved = invert(prepared)
+    change = abs(heaved.frequency - linear.frequency)
+    return _decided(
+        prepared, _common_likelihood(linear, heaved, prepared) + heaved.freedom, change, heaved=heaved.heave is not None
+    )
+
+
+def _negligible(shift: float) -> Choice:
+    return Choice(
+        "projection",
+        f"the finite arc and the support's motion amount to {shift:.4f} mGal only: the linear identity is adequate",
+    )
+
+
+def _decided(prepared: Prepared, likelihood: float, change: float, *, heaved: bool = False) -> Choice:
+    """By the log likelihood of linear over real pendulums; `change` of n2 is at stake, rad s-1."""
     told = f"log likelihood ratio {abs(likelihood):.3g}"
     doubt = 0.0 if abs(likelihood) > DECISIVE else change
     hardly = "hardly " if doubt else ""
     if likelihood > 0.0:
         return Choice("projection", f"linear pendulums leave the {hardly}smaller residual ({told})", doubt)
-    return Choice(real, f"finite arcs leave the {hardly}smaller residual ({told})" + _beats(real), doubt)
+    return _real(prepared, f"real pendulums leave the {hardly}smaller residual ({told})", doubt, heaved=heaved)
 
 
-def _beats(method: str) -> str:
-    if method == "general":
-        return ""
-    return "; the amplitude passes near zero, where only exact forms hold: the finite arc is not reduced"
+def _real(prepared: Prepared, why: str, doubt: float = 0.0, *, heaved: bool = False) -> Choice:
+    """`general` where it is adequate, else `shooting`; `heaved`: the residual shows more than arcs and swell."""
+    if heaved:
+        return Choice("shooting", f"{why}; the phase shows a heave that is not recorded", doubt)
+    if passes_zero(np.abs(prepared.blocks.difference)):
+        return Choice("shooting", f"{why}; the amplitude passes near zero, where a phase means nothing", doubt)
+    left = left_by_general(prepared)
+    if left >= NEGLIGIBLE:
+        return Choice("shooting", f"{why}; in this motion general may err by {left:.2g} mGal", doubt)
+    try:
+        general = method("general")(prepared)
+    except RefusedError:
+        return Choice("shooting", f"{why}; general declines the record", doubt)
+    sigma = _milligal(general.sigma, prepared)
+    if _coloured(general.noise, general.residual_colour, prepared) and left > NEGLIGIBLE_SHARE * sigma:
+        return Choice("shooting", f"{why}; general leaves a residual with structure near the swing", doubt)
+    return Choice("general", f"{why}; general errs by less than {max(left, 1e-4):.1g} mGal in this motion", doubt)
 
 
-def _fit(prepared: Prepared) -> ProjectionFit:
-    rough = prepared.rough
-    return fit_projection(problem(prepared), rough.frequency, rough.damping_rate, prepared.known_damping is None)
+def left_by_general(prepared: Prepared) -> float:
+    """What `general` may leave of the finite arcs and of the support's acceleration, mGal."""
+    envelope, gravity = prepared.blocks, prepared.observation.reference_gravity
+    second = envelope.first - envelope.difference
+    largest = float(np.nanmax(np.maximum(np.abs(envelope.first), np.abs(second))))
+    # an arc's effect on the difference is the larger the smaller the difference is
+    share = largest / float(np.nanmedian(np.abs(envelope.difference)))
+    arc = gravity * largest**2 / 8.0 * max(share, 1.0)
+    browne = 0.5 * gravity * slow_variance(prepared)
+    return float(np.hypot(ARC_LEFT * arc, ACCELERATION_LEFT * browne)) / MILLIGAL
 
 
-def arc_response(prepared: Prepared, frequency: float, gamma: float) -> Floats:
-    """What the finite arcs add to the difference, rad, at the samples within the envelope's span; zero at its start."""
+def _coloured(noise: float, colour: float, prepared: Prepared) -> bool:
+    from pipeline.inversion.prepare import HEAVE_FLOOR
+
+    amplitude = float(np.nanmedian(np.abs(prepared.blocks.difference)))
+    return colour > COLOURED and noise > HEAVE_FLOOR * amplitude
+
+
+def _likelihood(linear: float, real: float, samples: int, floor: float, prepared: Prepared) -> float:
+    """Log likelihood of linear pendulums over that of real ones, from the residuals, rad."""
+    least = floor * float(np.nanmax(np.abs(prepared.blocks.difference)))
+    return samples * float(np.log(np.hypot(real, least) / np.hypot(linear, least)))
+
+
+def _common_likelihood(linear: ProjectionFit, real: Inverted, prepared: Prepared) -> float:
+    """As `_likelihood`, over the readings that both fits used."""
+    both = np.isfinite(real.residual) & np.isfinite(linear.residual)
+    straight, bent = (float(np.sqrt(np.mean(np.square(each.residual[both])))) for each in (linear, real))
+    return _likelihood(straight, bent, int(both.sum()), FLOOR, prepared)
+
+
+def _without_inversion(prepared: Prepared) -> Choice:
+    """Too few readings a swing for the nonlinear identity: the linear one, with and without the arcs' response."""
+    from pipeline.arc_response import arc_response
+
     seen, envelope = prepared.observation, prepared.sliding
-    forcing = arc_forcing(envelope.first, envelope.difference, frequency)
-    mu = complex(-gamma, frequency - envelope.carrier)
-    growth = np.exp(mu * (envelope.time - envelope.time[0]))
-    response = growth * running_integral(forcing / growth, envelope.hop)
-    at = np.clip(seen.time, envelope.time[0], envelope.time[-1])
-    smooth = np.interp(at, envelope.time, response.real) + 1j * np.interp(at, envelope.time, response.imag)
-    return np.asarray((smooth * np.exp(1j * envelope.carrier * seen.time)).real)
+    inside = (seen.time >= envelope.time[0]) & (seen.time <= envelope.time[-1])
+    shown = np.where(inside, seen.difference, np.nan)
+    linear = linear_fit(replace(prepared, observation=replace(seen, difference=shown)))
+    arc = linear
+    for _ in range(3):  # the arcs' response turns with the frequency that it helps to find
+        bent = shown - arc_response(prepared, arc.frequency, arc.damping_rate)
+        arc = linear_fit(replace(prepared, observation=replace(seen, difference=bent)))
+    change = abs(arc.frequency - linear.frequency)
+    browne = 0.5 * seen.reference_gravity * slow_variance(prepared) / MILLIGAL
+    shift = float(np.hypot(_milligal(change, prepared), browne))
+    if shift < NEGLIGIBLE:
+        return _negligible(shift)
+    real = "projection" if passes_zero(np.abs(prepared.blocks.difference)) else "general"
+    beats = "" if real == "general" else "; the amplitude passes near zero, where only exact forms hold"
+    sparse = f"; too few readings a swing for shooting{beats}"
+    if seen.restoring == "sine":
+        return Choice(real, f"the record says restoring = sine{sparse}")
+    likelihood = _likelihood(linear.noise, arc.noise, linear.samples, SPARSE_FLOOR, prepared)
+    told = f"log likelihood ratio {abs(likelihood):.3g}"
+    doubt = 0.0 if abs(likelihood) > DECISIVE else change
+    hardly = "hardly " if doubt else ""
+    if likelihood > 0.0:
+        return Choice("projection", f"linear pendulums leave the {hardly}smaller residual ({told})", doubt)
+    return Choice(real, f"finite arcs leave the {hardly}smaller residual ({told}){sparse}", doubt)
 
 
-def third_harmonic(residual: Floats, prepared: Prepared) -> tuple[float, float]:
-    """How much of the third harmonic `-(A^3/192) cos 3 phi` of real pendulums a residual holds, and its 1 sigma.
-
-    0 for linear pendulums, 1 for the sine law; sigma is infinite where the sampling cannot show it.
-    """
-    seen, envelope = prepared.observation, prepared.sliding
-    if residual.size != seen.time.size:
-        return 0.0, np.inf
-    first, second = fill(envelope.first), fill(envelope.first - envelope.difference)
-    cube = first**3 - second**3
-    smooth = np.interp(seen.time, envelope.time, cube.real) + 1j * np.interp(seen.time, envelope.time, cube.imag)
-    pattern = -(smooth * np.exp(3j * envelope.carrier * seen.time)).real / 192.0
-    present = np.isfinite(residual)
-    power = float(np.sum(pattern[present] ** 2))
-    noise = float(np.std(residual[present]))
-    if power == 0.0:
-        return 0.0, np.inf
-    return float(np.sum(pattern[present] * residual[present]) / power), noise / float(np.sqrt(power))
-
-
-def arc_forcing(first: Complexes, difference: Complexes, frequency: float) -> Complexes:
-    """`-(i n/16) (|Z1|^2 Z1 - |Z2|^2 Z2)`: the finite arc as a forcing of the difference, rad s-1."""
-    first, difference = fill(first), fill(difference)
-    second = first - difference
-    return np.asarray(-1j * frequency / 16.0 * (np.abs(first) ** 2 * first - np.abs(second) ** 2 * second))
+def _milligal(change: float, prepared: Prepared) -> float:
+    return 2.0 * prepared.observation.reference_gravity * change / prepared.nominal / MILLIGAL

@@ -34,6 +34,16 @@ MEANINGS = {
 UNDECIDED = "restoring-undecided"
 """Raised by `auto` alone: neither the record nor its residual tells linear pendulums from real ones."""
 MEANINGS[UNDECIDED] = "linear or real pendulums? the arcs' share is in sigma; state instrument attribute restoring"
+SENSORS = {
+    "traces-exchanged": "the first pendulum's trace and the difference's stood in each other's place; put right",
+    "traces-sign": "the first trace has the wrong sign (or the two periods are exchanged); put right as a sign",
+    "traces-time-offset": "the first trace is late or early against the difference; put right, see the attributes",
+    "traces-time-offset-or-damping": "the first trace is late or early, or the damping of the two differs, which is "
+    "not stated; put right as a time offset, which serves either",
+    "traces-gain": "the first trace's scale is wrong (or n1-n2 is); put right, see the attributes",
+}
+"""Raised before any method, by `pipeline.sensors`."""
+MEANINGS.update(SENSORS)
 _DECAY = 3e-6  # s-1: one per cent of it as a difference costs about 0.01 mGal at a relative period difference of 1e-4
 
 

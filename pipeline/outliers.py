@@ -51,7 +51,8 @@ def reject_outliers(series: Floats, step: float, frequency: float) -> tuple[Floa
     # the usual record: one pass that keeps nothing shows that nothing is wild and nothing missing
     if beyond(series, filter_taps, limit) == 0:
         return series, 0, scale / gain
-    work = fill_gaps(series, step, frequency, noise=np.inf)  # any bridge will do to look across
+    # a poor bridge would make its neighbours look wild
+    work = fill_gaps(series, step, frequency, noise=scale / gain if np.isfinite(scale) else np.inf)
     if work is series:
         work = series.copy()
     rejected = np.zeros(series.size, dtype=bool)

@@ -177,15 +177,20 @@ class Prepared:
         return self.observation.frequency_ratio * self.rough.frequency
 
     def theta_error(self, shared: Budget, fallback: float) -> float:
+        """1-sigma of n2 from the first pendulum, rad s-1; `shared` has the sensitivities, see `theta_error_of`."""
+        return self.theta_error_of(shared.noise_theta, fallback)
+
+    def theta_error_of(self, sensitivity: float, fallback: float) -> float:
         """1-sigma of n2 from the first pendulum, rad s-1: its reading noise and what its bridged gaps may hide.
 
-        `shared` has the sensitivities, `fallback` is the noise taken where neither neighbours nor the record tell, rad.
+        `sensitivity` is that to its white noise, s-1; `fallback` the noise taken where neither neighbours nor the
+        record tell, rad.
         """
         stated = self.observation.sigma_theta
         noise = self.noise_theta if np.isfinite(self.noise_theta) else fallback if stated is None else stated
         samples = (1.0 - self.bridged) * self.observation.theta.size
         # noise adds up as the root of the number of samples, the error of a bridge as the number
-        return shared.noise_theta * float(np.hypot(noise, self.bridges / np.sqrt(samples)))
+        return sensitivity * float(np.hypot(noise, self.bridges / np.sqrt(samples)))
 
     @cached_property
     def rough_budget(self) -> Budget:
@@ -238,6 +243,12 @@ def prepare(observation: Observation) -> Prepared:
         bridged=1.0 - (readings - rejected) / theta.size,
         bridges=bridges,
     )
+
+
+def slow_variance(prepared: Prepared) -> float:
+    """Mean square of the first pendulum's slow motion, rad2; what is not its swing, whatever the sampling."""
+    swing = 0.5 * float(np.nanmean(np.abs(prepared.blocks.first) ** 2))
+    return max(float(np.nanvar(prepared.observation.theta)) - swing, 0.0)
 
 
 def require_swing(envelope: Envelope) -> None:

@@ -64,10 +64,12 @@ def process(
         from pipeline.period.result import period_result
 
         return period_result(record, requested, started)
-    from pipeline.prepared import prepare
     from pipeline.reduction import reduce_by
     from pipeline.result import build_result
+    from pipeline.sensors.examination import examine
 
-    prepared = prepare(observe(record, pair))
-    reductions = [reduce_by(name, prepared, gain_uncertainty) for name in requested]
-    return build_result(record, prepared, reductions, started)
+    found = examine(observe(record, pair))
+    reductions = [reduce_by(name, found.prepared, gain_uncertainty, found) for name in requested]
+    result = build_result(record, found.prepared, reductions, started)
+    result.attrs.update(found.attributes)
+    return result

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from pipeline.flags import UNDECIDED, flags
 from pipeline.gravity import Gravity, gravity
 from pipeline.methods import method
 from pipeline.prepared import CAPTURE, Prepared
+
+if TYPE_CHECKING:
+    from pipeline.sensors.examination import Examination
 
 
 @dataclass(frozen=True)
@@ -29,8 +33,8 @@ class Reduction:
     elapsed: float
 
 
-def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float) -> Reduction:
-    """Run a method (`auto` chooses one) and complete it with gravity and flags."""
+def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float, sensors: Examination | None = None) -> Reduction:
+    """Run a method (`auto` chooses one) and complete it with gravity and flags; `sensors` is what led to `prepared`."""
     started = time.perf_counter()
     chosen, reason, doubt = name, "", 0.0
     try:
@@ -40,14 +44,15 @@ def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float) -> Reducti
             choice = choose(prepared)
             chosen, reason, doubt = choice.method, choice.reason, choice.doubt
         estimate = method(chosen)(prepared)
-        if doubt:
-            estimate = replace(estimate, sigma=float(np.hypot(estimate.sigma, doubt)))
+        unsure = float(np.hypot(doubt, 0.0 if sensors is None else sensors.doubt))
+        if unsure:
+            estimate = replace(estimate, sigma=float(np.hypot(estimate.sigma, unsure)))
         _require_capture(estimate, prepared)
     except RefusedError as refusal:
         elapsed = time.perf_counter() - started
         return Reduction(name, chosen, reason, None, None, (), str(refusal), elapsed)
     value = gravity(estimate, prepared.observation, prepared.rough_budget, gain_uncertainty)
-    raised = (*flags(prepared, estimate, value), *((UNDECIDED,) if doubt else ()))
+    raised = (*flags(prepared, estimate, value), *((UNDECIDED,) if doubt else ()), *(sensors.flags if sensors else ()))
     return Reduction(name, chosen, reason, estimate, value, raised, "", time.perf_counter() - started)
 
 

@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from pipeline.benchmarks import bars_accuracy, bars_integrators, bars_speed, bars_statistics, bars_suites
+from pipeline.benchmarks import (
+    bars_accuracy,
+    bars_integrators,
+    bars_inversion,
+    bars_speed,
+    bars_statistics,
+    bars_suites,
+)
 from pipeline.benchmarks.bar import Row
 
 
@@ -14,5 +21,6 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     yield from bars_accuracy.rows()
     yield from bars_suites.rows()
     yield from bars_statistics.rows(quick=quick)
+    yield from bars_inversion.rows(quick=quick)
     yield from bars_speed.rows(quick=quick)
     yield from bars_integrators.rows(quick=quick)

@@ -68,9 +68,10 @@ def two_pendulums(
     damping_rates: tuple[float, float] = (0.0, 0.0),
     gravity: float = GRAVITY,
     duration: float | None = None,
+    restoring: str = "linear",
     **recording: Any,
 ) -> Scene:
-    """Two linear pendulums on a moving support.
+    """Two pendulums, linear unless said otherwise, on a moving support.
 
     Parameters
     ----------
@@ -82,6 +83,8 @@ def two_pendulums(
         Free harmonics at the start, rad.
     duration : float, optional
         s; half an hour by default.
+    restoring : str
+        "linear", or "sine" for real pendulums.
     recording
         Fields of the scene's recording.
     """
@@ -93,6 +96,7 @@ def two_pendulums(
             "duration": DURATION if duration is None else duration,
             "gravity": gravity,
             "reference_gravity": REFERENCE,
+            "restoring": restoring,
             "pendulums": [
                 {
                     "label": label,

@@ -19,6 +19,7 @@ import numpy as np
 import data_schemas
 from pipeline.benchmarks.clock import command, median_ratio, rounds
 from pipeline.benchmarks.scenes import GRAVITY, linear
+from pipeline.benchmarks.scenes_real import real
 from pipeline.benchmarks.trials import outcome
 from pipeline.estimate import Estimate
 from pipeline.methods import method
@@ -34,6 +35,7 @@ SIZES = (45000, 45001)
 def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
     """Yield one row a timed thing: ms, its rival's ms, and their ratio."""
     yield from estimation(quick=quick)
+    yield from inversion(quick=quick)
     yield from start_up(quick=quick)
 
 
@@ -57,8 +59,23 @@ def estimation(*, quick: bool) -> Iterator[dict[str, Any]]:
             yield row | {"error_mgal": error if name == "projection" else None}
 
 
-def _estimate(seen: Observation) -> Estimate:
-    return method("projection")(prepare(seen))
+def inversion(*, quick: bool) -> Iterator[dict[str, Any]]:
+    """Nonlinear inversion and its closed form on real pendulums in swell, against the same rival."""
+    scene = real()
+    whole = observe(simulate(scene)[0])
+    size = SIZES[0]
+    seen = replace(whole, time=whole.time[:size], theta=whole.theta[:size], difference=whole.difference[:size])
+    names = ("shooting", "general")
+    calls: dict[str, Callable[[], Any]] = {"rival": hilbert(seen)}
+    calls |= {name: partial(_estimate, seen, name) for name in names}
+    taken = rounds(calls, repeats=7 if quick else 15, batch=5)
+    for name in names:
+        row = _row(f"{name}, {size} samples", "hilbert + unwrap + polyfit", taken[name], taken["rival"])
+        yield row | {"error_mgal": abs(outcome(reduce_by(name, prepare(seen), 0.0), scene.gravity).error)}
+
+
+def _estimate(seen: Observation, name: str = "projection") -> Estimate:
+    return method(name)(prepare(seen))
 
 
 def _reduce(seen: Observation) -> Reduction:

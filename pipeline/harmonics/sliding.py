@@ -8,12 +8,14 @@ solved on those present, so a gap is never filled.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
 
 from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics.envelope import Envelope, window_length
+from synth.kernels.compiled import summing_kernel
 
 Series = tuple[Floats, Floats]
 """Times and values."""
@@ -53,7 +55,7 @@ def sliding_envelope(
     if step is not None:
         half = max(8, round(0.5 * length / step))
         every = max(1, round(hop / step))
-        centres, fit, coverage, filters = _uniform(np.stack([first, difference]), step, half, every, frequency)
+        centres, fit, coverage, filters = _uniform((first, difference), step, half, every, frequency)
         hop, half_length = every * step, half * step
         taps = filters[0] - 1j * filters[1]
     else:
@@ -94,30 +96,69 @@ def _kaiser(x: Floats) -> Floats:
 
 
 def _noise_gain(half_length: float, step: float, frequency: float) -> float:
-    half = max(8, round(half_length / step))
-    tau = np.arange(-half, half + 1) * step
-    basis = _basis(tau, half * step, frequency)
-    weighted = _kaiser(tau / (half * step))[:, None] * basis
-    return float(0.5 * np.sum(np.linalg.solve(basis.T @ weighted, weighted.T)[:2] ** 2))
+    filters = _complete_window(max(8, round(half_length / step)), step, frequency)[2]
+    return float(0.5 * np.sum(filters[:2] ** 2))
 
 
-def _uniform(
-    series: Floats, step: float, half: int, every: int, frequency: float
-) -> tuple[Floats, Floats, Floats, Floats]:
+@functools.lru_cache(maxsize=64)
+def _complete_window(half: int, step: float, frequency: float) -> tuple[Floats, Floats, Floats]:
+    """Basis (2 half + 1, 8), weight, and the taps (8, 2 half + 1) of a window without gaps."""
     tau = np.arange(-half, half + 1) * step
     basis = _basis(tau, half * step, frequency)
     weight = _kaiser(tau / (half * step))
     weighted = weight[:, None] * basis
-    windows = np.lib.stride_tricks.sliding_window_view(series, 2 * half + 1, axis=1)[:, ::every]
-    centres = (np.arange(windows.shape[1]) * every + half) * step
-    filters = np.linalg.solve(basis.T @ weighted, weighted.T)
-    fit = windows @ filters.T
-    coverage = np.ones(fit.shape[:2])
-    products = (weighted[:, :, None] * basis[:, None, :]).reshape(tau.size, TERMS * TERMS)
-    for which in range(2):
-        broken = np.flatnonzero(np.isnan(fit[which, :, 0]))
+    return basis, weight, np.linalg.solve(basis.T @ weighted, weighted.T)
+
+
+EVEN, ODD = (0, 3, 4, 6), (1, 2, 5, 7)
+"""Rows of the taps that are even and odd about the centre, like the functions they belong to."""
+
+
+@summing_kernel
+def fit_windows(series: Floats, even: Floats, odd: Floats, every: int, out: Floats) -> None:
+    """`out[i, k]`: taps i, even ones (4, half + 1) from the centre, odd ones (4, half) beside it, at window k."""
+    half = odd.shape[1]
+    e0, e1, e2, e3 = even[0], even[1], even[2], even[3]
+    o0, o1, o2, o3 = odd[0], odd[1], odd[2], odd[3]
+    reverse = series[::-1].copy()  # loops index forward only
+    last = series.size - 1
+    for k in range(out.shape[1]):
+        centre = every * k + half
+        middle = series[centre]
+        after, before = series[centre + 1 : centre + 1 + half], reverse[last - centre + 1 : last - centre + 1 + half]
+        s0, s1, s2, s3 = e0[0] * middle, e1[0] * middle, e2[0] * middle, e3[0] * middle
+        d0 = d1 = d2 = d3 = 0.0
+        for m in range(half):
+            both, apart = after[m] + before[m], after[m] - before[m]
+            s0 += e0[m + 1] * both
+            s1 += e1[m + 1] * both
+            s2 += e2[m + 1] * both
+            s3 += e3[m + 1] * both
+            d0 += o0[m] * apart
+            d1 += o1[m] * apart
+            d2 += o2[m] * apart
+            d3 += o3[m] * apart
+        out[0, k], out[3, k], out[4, k], out[6, k] = s0, s1, s2, s3
+        out[1, k], out[2, k], out[5, k], out[7, k] = d0, d1, d2, d3
+
+
+def _uniform(
+    series: Sequence[Floats], step: float, half: int, every: int, frequency: float
+) -> tuple[Floats, Floats, Floats, Floats]:
+    basis, weight, filters = _complete_window(half, step, frequency)
+    count = (series[0].size - 2 * half - 1) // every + 1
+    centres = (np.arange(count) * every + half) * step
+    even, odd = filters[EVEN, half:].copy(), filters[ODD, half + 1 :].copy()
+    coverage = np.ones((2, count))
+    transposed = np.empty((2, TERMS, count))
+    fit = transposed.transpose(0, 2, 1)
+    for which, values in enumerate(series):
+        fit_windows(values, even, odd, every, transposed[which])
+        broken = np.flatnonzero(np.isnan(transposed[which, 0]))
         if broken.size:
-            part = windows[which, broken]
+            weighted = weight[:, None] * basis
+            products = (weighted[:, :, None] * basis[:, None, :]).reshape(weight.size, TERMS * TERMS)
+            part = np.lib.stride_tricks.sliding_window_view(values, 2 * half + 1)[::every][broken]
             present = np.isfinite(part)
             coverage[which, broken] = present @ weight / weight.sum()
             normal = (present.astype(np.float64) @ products).reshape(-1, TERMS, TERMS)

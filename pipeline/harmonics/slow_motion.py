@@ -12,6 +12,7 @@ limit the swing about psi has the stiffness `n^2 Gamma`,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -57,8 +58,14 @@ class SlowMotion:
 
     def gamma(self, frequency: float) -> Floats:
         """Gamma at the instants."""
+        upright, turned = self._parts
+        return np.asarray(upright + turned / frequency**2)
+
+    @cached_property
+    def _parts(self) -> tuple[Floats, Floats]:
+        """(1 + zeta)/cos psi and tan psi psi''."""
         up = 1.0 if self.zeta is None else 1.0 + self.zeta
-        return np.asarray(up / np.cos(self.angle) + np.tan(self.angle) * self.curvature / frequency**2)
+        return np.asarray(up / np.cos(self.angle)), np.asarray(np.tan(self.angle) * self.curvature)
 
     @property
     def end(self) -> float:
@@ -75,6 +82,22 @@ class SlowMotion:
         return np.asarray(np.interp(time, own, gained) + mean * time)
 
 
+@lru_cache(maxsize=64)
+def _taps(step: float, frequency: float) -> tuple[int, Floats | None, Floats, Floats]:
+    """How many samples make one coarse one, by what taps (None: by none), and the coarse low-pass and curvature."""
+    every = max(1, int(2.0 * np.pi / (frequency * step) / COARSE))
+    coarse = every * step
+    edge, stop = PASS * frequency, STOP * frequency
+    first = None
+    if every > 1:
+        # what folds onto the pass band must be gone
+        reach = reach_of(2.0 * np.pi / coarse - 2.0 * edge, step, REJECTION)
+        first = windowed(np.pi / coarse, reach, step, REJECTION)[0]
+        first = first / first.sum()
+    low, _, bend = windowed(0.5 * (edge + stop), reach_of(stop - edge, coarse, REJECTION), coarse, REJECTION)
+    return every, first, low / low.sum(), bend - bend.sum() / low.sum() * low
+
+
 def slow_motion(theta: Floats, vertical: Floats | None, step: float, frequency: float, gravity: float) -> SlowMotion:
     """Separate the slow motion.
 
@@ -87,24 +110,15 @@ def slow_motion(theta: Floats, vertical: Floats | None, step: float, frequency: 
     step, frequency, gravity : float
         s, rad s-1, m s-2.
     """
-    every = max(1, int(2.0 * np.pi / (frequency * step) / COARSE))
-    coarse = every * step
-    edge, stop = PASS * frequency, STOP * frequency
-    first = None
-    if every > 1:
-        # what folds onto the pass band must be gone
-        reach = reach_of(2.0 * np.pi / coarse - 2.0 * edge, step, REJECTION)
-        first = windowed(np.pi / coarse, reach, step, REJECTION)[0]
-    second = reach_of(stop - edge, coarse, REJECTION)
-    low, _, bend = windowed(0.5 * (edge + stop), second, coarse, REJECTION)
-    bend = bend - bend.sum() / low.sum() * low
+    every, first, low, bend = _taps(step, frequency)
+    coarse, second = every * step, low.size // 2
     begin = 0.0 if first is None else step * (first.size // 2)
 
     def thinned(series: Floats) -> Floats:
         if first is None:
             return series
         out = np.empty((series.size - first.size) // every + 1)
-        thin(series, first / first.sum(), every, out)
+        thin(series, first, every, out)
         return out
 
     def filtered(series: Floats, taps: Floats) -> Floats:
@@ -116,7 +130,7 @@ def slow_motion(theta: Floats, vertical: Floats | None, step: float, frequency: 
     return SlowMotion(
         begin=begin + coarse * second,
         step=coarse,
-        angle=filtered(moved, low / low.sum()),
+        angle=filtered(moved, low),
         curvature=filtered(moved, bend),
-        zeta=None if vertical is None else filtered(thinned(vertical), low / low.sum()) / gravity,
+        zeta=None if vertical is None else filtered(thinned(vertical), low) / gravity,
     )

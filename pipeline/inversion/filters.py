@@ -3,7 +3,7 @@
 The nonlinear terms need theta1 and theta1'' + 2 gamma1 theta1'. Noise would enter them squared: differentiated over the
 whole band of a 25 Hz record it shifts gravity by half a milligal. Both filters have a linear phase, are windowed
 sincs (Kaiser), and are corrected so that their gain is exact, with its slope and curvature, at zero and at the
-pendulum's frequency, where nearly all of the motion is.
+pendulum's frequency, and at that of swell, where nearly all of the motion is.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from pipeline.arrays import Floats
 
 PASS, STOP = 3.0, 6.0  # times the swing's frequency: the nonlinear terms make lines up to the third
+SWELL = 0.3  # of the swing's frequency: the upper end of swell
 REJECTION = 150.0  # dB
 
 
@@ -35,8 +36,8 @@ class Filters(NamedTuple):
 
 
 @functools.lru_cache(maxsize=16)
-def design(frequency: float, step: float, damping_rate: float) -> Filters:
-    """Design both filters.
+def design(frequency: float, step: float, damping_rate: float, notch: bool = False) -> Filters:
+    """Design both filters; with a notch, the curvature's is deaf at three times the swing, where most of its noise is.
 
     Parameters
     ----------
@@ -55,10 +56,17 @@ def design(frequency: float, step: float, damping_rate: float) -> Filters:
     turn = frequency * step
     age = np.arange(-reach, reach + 1, dtype=np.float64)
     window = np.kaiser(age.size, shape_of(REJECTION))
-    low = _exact(low, age, turn, window, (1.0, 0.0), (1.0, 0.0, 0.0))
+    low = _exact(low, age, turn, window, (1.0, 0.0), 1.0, (1.0, 0.0, 0.0))
     square = step**-2
     bend = _exact(
-        bend, age, turn, window, (0.0, 2.0 * square), (-(turn**2) * square, 2.0 * turn * square, 2.0 * square)
+        bend,
+        age,
+        turn,
+        window,
+        (0.0, 2.0 * square),
+        -((SWELL * turn) ** 2) * square,
+        (-(turn**2) * square, 2.0 * turn * square, 2.0 * square),
+        (PASS, 0.0) if notch else None,
     )
     curvature = bend - 2.0 * damping_rate * slope  # odd, and the taps are correlated with theta, not convolved
     return Filters(low, curvature, reach, float(low @ low), float(low @ curvature))
@@ -93,24 +101,31 @@ def _exact(
     turn: float,
     window: Floats,
     at_zero: tuple[float, float],
+    at_swell: float,
     at_swing: tuple[float, float, float],
+    elsewhere: tuple[float, float] | None = None,
 ) -> Floats:
-    """Smallest change (in the window's weight) of even taps that meets five conditions.
+    """Smallest change (in the window's weight) of even taps that meets six conditions, or seven.
 
-    With H(w) = sum h cos(w k): H(0) and -H''(0); H, -H' and -H'' at the swing.
+    With H(w) = sum h cos(w k): H(0) and -H''(0); H at the swell; H, -H' and -H'' at the swing; H at so many times the
+    swing.
     """
     reach = float(age[-1])
     conditions = np.stack(
         [
             np.ones(age.size),
             (age / reach) ** 2,
+            np.cos(SWELL * turn * age),
             np.cos(turn * age),
             age / reach * np.sin(turn * age),
             (age / reach) ** 2 * np.cos(turn * age),
         ]
     )
-    scale = reach ** -np.array([0.0, 2.0, 0.0, 1.0, 2.0])
-    wanted = np.array([*at_zero, *at_swing]) * scale
+    scale = reach ** -np.array([0.0, 2.0, 0.0, 0.0, 1.0, 2.0])
+    wanted = np.array([*at_zero, at_swell, *at_swing]) * scale
+    if elsewhere is not None:
+        conditions = np.concatenate([conditions, np.cos(elsewhere[0] * turn * age)[None]])
+        wanted = np.append(wanted, elsewhere[1])
     weighted = conditions * window
     change = weighted.T @ np.linalg.solve(conditions @ weighted.T, wanted - conditions @ taps)
     return np.asarray(taps + change)

@@ -16,16 +16,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from data_schemas.errors import RefusedError
 from pipeline.arrays import Complexes, Floats
 from pipeline.inversion.solve import InversionFit, Iteration, solve
 
 if TYPE_CHECKING:
     from pipeline.inversion.prepare import Inverted
     from pipeline.prepared import Prepared
+    from pipeline.projection.solve import ProjectionFit
 
 PASS, STOP = 0.25, 0.55  # of the swing's frequency: heave of a ship lies below a quarter of it
 ROUNDS = 4  # each leaves a sixtieth of what lacked
 SWEEPS = 4
+GAP_ROUNDS = 8  # each leaves less than half of what lacks in a gap of 0.6 s
+MOST_HEAVE = 0.5  # of gravity
 _SETTLED = 1e-12
 _CALIBRATION = 0.1  # relative 1-sigma uncertainty of the noise that is taken off
 
@@ -58,13 +62,47 @@ def band(count: int, step: float, frequency: float) -> Band:
 
 
 def lacking_speed(model: Floats, residual: Floats, frequency: float, step: float, low: Band) -> Floats:
-    """Phase speed that the model lacks, rad s-1, in the band; residual NaN = missing."""
+    """Phase speed that the model lacks, rad s-1, in the band; residual NaN = missing.
+
+    Across a gap the phase goes on as its band allows (Papoulis 1975).
+    """
     carrier = np.exp(-1j * frequency * step * np.arange(model.size))
+    swing = low.low(model * carrier)
     present = np.isfinite(residual)
-    lack = low.low(np.where(present, residual, 0.0) * carrier)
-    swing = low.low(np.where(present, model, 0.0) * carrier)
-    phase = (lack / swing).imag
+    lack = np.where(present, residual, 0.0)
+    phase = np.asarray((low.low(lack * carrier) / swing).imag)
+    if not present.all():
+        turned = -2.0 * swing[~present] * np.conj(carrier[~present])
+        for _ in range(GAP_ROUNDS):
+            lack[~present] = phase[~present] * turned.imag  # Re(i phase swing)
+            phase = np.asarray((low.low(lack * carrier) / swing).imag)
     return np.asarray(np.gradient(phase, step))
+
+
+def gap_error(residual: Floats, zeta: Floats, frequency: float, step: float) -> float:
+    """1 sigma of n2, rad s-1, from gaps longer than the band can bridge.
+
+    A gap hides a step of the phase of about its length times a third of what heave does to the phase speed, and
+    a step in mid-record tilts the phase by 3/2 of it over the length.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], np.isnan(residual).astype(np.int8), [0]))))
+    lengths = (edges[1::2] - edges[::2]) * step - np.pi / (0.5 * (PASS + STOP) * frequency)
+    steps = 0.5 * frequency * float(np.std(zeta)) * lengths[lengths > 0.0] / 3.0
+    return 1.5 * float(np.sqrt(np.sum(steps**2))) / (residual.size * step)
+
+
+def window_leak(zeta: Floats) -> float:
+    """1 sigma of the mean under a Hann window of a zeta that has none in the long run.
+
+    A line of k cycles in the record leaves at most 1/(pi k (k^2 - 1)) of itself, half of that (in mean square) over
+    all phases; lines are told apart under the same window.
+    """
+    count = zeta.size
+    window = np.sin(np.pi * (np.arange(count) + 0.5) / count) ** 2
+    # of a line in a Hann window three bins hold 3/2 of its power
+    lines = 4.0 / count * np.abs(np.fft.rfft(window * zeta))[2:] / np.sqrt(1.5)
+    cycles = np.arange(2, lines.size + 2)
+    return float(np.sqrt(0.5 * np.sum((lines / (np.pi * cycles * (cycles**2 - 1.0))) ** 2)))
 
 
 def noise_power(inverse_square: float, noise: float, frequency: float, low: Band, rounds: int) -> float:
@@ -77,9 +115,17 @@ def noise_power(inverse_square: float, noise: float, frequency: float, low: Band
     return 2.0 * noise**2 * inverse_square * power
 
 
-def with_heave(prepared: Prepared, iteration: Iteration, fit: InversionFit, fit_damping: bool) -> Inverted:
-    """Go on from a fit without heave: find zeta, and n2 from its vanishing mean."""
-    from pipeline.inversion.prepare import Inverted, theta_sigma
+def with_heave(
+    prepared: Prepared, iteration: Iteration, fit: InversionFit, start: ProjectionFit, fit_damping: bool
+) -> Inverted:
+    """Go on from a fit without heave: find zeta, and n2 from its vanishing mean.
+
+    Raises
+    ------
+    RefusedError
+        No heave of a ship explains what the model lacks.
+    """
+    from pipeline.inversion.prepare import Inverted, numerical_error, theta_sigma, whole_residual
 
     step, count = iteration.motion.step, iteration.about.size
     low = band(count, step, iteration.frequency)
@@ -101,6 +147,11 @@ def with_heave(prepared: Prepared, iteration: Iteration, fit: InversionFit, fit_
             iteration.improve(found.change)
             if abs(found.change[2]) < _SETTLED * iteration.frequency:
                 break
+        if float(np.abs(zeta).max()) > MOST_HEAVE:
+            raise RefusedError(
+                "difference: its residual has structure that neither arcs nor heave explain; "
+                "check instrument/restoring and the traces"
+            )
     frequency = iteration.frequency
     noise = prepared.noise_difference if np.isfinite(prepared.noise_difference) else found.noise
     carrier = np.exp(-1j * frequency * step * np.arange(count))
@@ -124,10 +175,16 @@ def with_heave(prepared: Prepared, iteration: Iteration, fit: InversionFit, fit_
                 own**2
                 + theta_sigma(prepared, iteration, influence, noise) ** 2
                 + (_CALIBRATION * (frequency - corrected)) ** 2
+                + (0.5 * frequency * window_leak(zeta)) ** 2
+                + numerical_error(iteration) ** 2
+                + gap_error(residual, zeta, frequency, step) ** 2
             )
         ),
         noise=found.noise,
         colour=1.0,
         samples=int(gram[4, 4]),
         heave=float(np.sqrt(max(float(np.var(zeta)) - 4.0 * taken / frequency**2, 0.0))),
+        start=start,
+        residual=whole_residual(prepared, iteration, fit.limit),
+        freedom=float(low.gain.sum()) * count / low.padded,
     )

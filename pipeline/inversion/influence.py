@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arrays import Floats
-from synth.kernels.compiled import kernel
+from pipeline.inversion.kernels import cosine_less_one, sine_over
+from synth.kernels.compiled import kernel, summing_kernel
 
 
 @kernel
@@ -23,6 +24,41 @@ def adjoint(influence: Floats, slope: Floats, turn: complex, oscillation: float,
         out[k] = state.imag * unit
 
 
+@summing_kernel
+def through(
+    back: Floats,
+    theta: Floats,
+    curvature: Floats,
+    about: Floats,
+    stiffness: Floats,
+    linear: tuple[float, float, float],
+    curve: tuple[float, float, float, float],
+    out: Floats,
+) -> None:
+    """What theta1 does to the forcing, turned into d n2 by `back`; all arrays (n,).
+
+    linear: the step, and factors of `back` and of its next less its last value; curve: taps of `step r d^2/dt^2`.
+    """
+    count = out.size
+    bent = np.zeros(count + 6)
+    step, straight, turned = linear
+    c0, c1, c2, c3 = curve
+    for k in range(count):
+        d, t = about[k], theta[k]
+        dd, tt = d * d, t * t
+        secant = 1.0 / (1.0 + cosine_less_one(tt))
+        tangent = t * sine_over(tt) * secant
+        sine = d * sine_over(dd)
+        lever = (stiffness[k] * tangent + curvature[k] * secant) * secant * sine
+        bent[k + 3] = (cosine_less_one(dd) + tangent * sine) * back[k]
+        out[k] = (straight + step * lever) * back[k]
+    b0, b1, b2, b3, b4, b5, b6 = bent, bent[1:], bent[2:], bent[3:], bent[4:], bent[5:], bent[6:]
+    for k in range(count):
+        out[k] += (c0 * b3[k] + c1 * (b2[k] + b4[k])) + (c2 * (b1[k] + b5[k]) + c3 * (b0[k] + b6[k]))
+    for k in range(1, count - 1):
+        out[k] += turned * (back[k + 1] - back[k - 1])
+
+
 def theta_influence(
     influence: Floats,
     slope: Floats,
@@ -34,6 +70,9 @@ def theta_influence(
     eigenvalue: complex,
     ratio: float,
     frequency: float,
+    damping_difference: float,
+    out: Floats | None = None,
+    deaf: bool = False,
 ) -> Floats:
     """d n2 / d theta1 at every sample, s-1.
 
@@ -45,16 +84,29 @@ def theta_influence(
         Time-varying stiffness s-2, first pendulum, n2^2 w, difference, as the inversion has them.
     stiffness : (n,) array
         n2^2 (1 + zeta), s-2.
+    deaf : bool
+        Whether the filter of the curvature has a notch at the third harmonic.
     """
     back = np.empty(influence.size)
     adjoint(influence, slope, complex(np.exp(eigenvalue * step)), eigenvalue.imag, step, back)
-    sine, less, secant = np.sin(about), np.cos(about) - 1.0, 1.0 / np.cos(theta)
-    tangent = np.tan(theta)
-    direct = (stiffness * secant * tangent + curvature * secant**2) * sine
-    through_curvature = (less + tangent * sine) * back
-    r = ratio**-2
-    bent = np.zeros(back.size)
-    bent[1:-1] = (through_curvature[2:] - 2.0 * through_curvature[1:-1] + through_curvature[:-2]) / step**2
-    linear = -(1.0 - r) * frequency**2 * back  # back swings at n2: its second derivative is -n2^2 of it
-    # what the model gains, the residual loses
-    return np.asarray(-step * (linear - direct * back - r * bent))
+    out = np.empty(back.size) if out is None else out
+    r, turn = ratio**-2, frequency * step
+    # back swings at n2: its second derivative is -n2^2 of it, and its first is told by a difference
+    drag = 2.0 * (-eigenvalue.real * (1.0 - r) - r * damping_difference)
+    linear = (step, step * (1.0 - r) * frequency**2, 0.5 * drag * turn / np.sin(turn))
+    through(back, theta, curvature, about, stiffness, linear, curve(turn, r / step, deaf), out)
+    return out
+
+
+def curve(turn: float, scale: float, deaf: bool = False) -> tuple[float, float, float, float]:
+    """Taps 0, 1, 2, 3 of a symmetric second difference, right at zero and at one, two and three times `turn` rad.
+
+    deaf: at three times it is nought.
+    """
+    rates = turn * np.arange(4.0)
+    matrix = np.stack([np.ones(4), *(2.0 * np.cos(rates * k) for k in (1, 2, 3))], axis=-1)
+    wanted = -scale * rates**2
+    if deaf:
+        wanted[3] = 0.0
+    one, two, three, four = np.linalg.solve(matrix, wanted)
+    return float(one), float(two), float(three), float(four)

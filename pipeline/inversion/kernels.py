@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 
-from pipeline.arrays import Floats
+import numpy as np
+
+from pipeline.arrays import Complexes, Floats
 from synth.kernels.compiled import kernel, summing_kernel
 
 BLOCK = 512
+LEAST_TURNS = 64
 COLUMNS = 6  # start (angle, rate), n2, gamma2, offset, residual
 SMALL = 0.5  # rad, up to which the polynomials below are right to rounding
 
@@ -39,14 +42,32 @@ def filter_both(theta: Floats, low: Floats, curvature: Floats, out_low: Floats, 
 
 
 @kernel
-def _sine_over(p: float) -> float:
+def turning(envelope: Complexes, begin: float, hop: float, rate: float, step: float, out: Floats) -> None:
+    """`out[k] = Re[envelope(t) exp(i rate t)]`, t = k step; the envelope (m,) at begin, begin + hop, ..., straight
+    between, steady beyond its ends.
+    """
+    last = envelope.size - 1
+    turn = np.exp(1j * rate * step)
+    carrier = 1.0 + 0.0j
+    for k in range(out.size):
+        if k % LEAST_TURNS == 0:  # a product of many factors drifts
+            carrier = np.exp(1j * rate * step * k)
+        place = min(max((k * step - begin) / hop, 0.0), float(last))
+        before = min(int(place), last - 1)
+        share = place - before
+        out[k] = (((1.0 - share) * envelope[before] + share * envelope[before + 1]) * carrier).real
+        carrier *= turn
+
+
+@kernel
+def sine_over(p: float) -> float:
     """sin(x)/x of p = x^2, |x| < 0.5."""
     even = 1 / 362880 + p * (-1 / 39916800 + p * (1 / 6227020800))
     return 1.0 + p * (-1 / 6 + p * (1 / 120 + p * (-1 / 5040 + p * even)))
 
 
 @kernel
-def _cosine_less_one(p: float) -> float:
+def cosine_less_one(p: float) -> float:
     """cos(x) - 1 of p = x^2, |x| < 0.5."""
     even = 1 / 40320 + p * (-1 / 3628800 + p * (1 / 479001600 - p * (1 / 87178291200)))
     return p * (-0.5 + p * (1 / 24 + p * (-1 / 720 + p * even)))
@@ -87,9 +108,9 @@ def expand_small(
     for k in range(about.size):
         d, t = about[k], theta[k]
         dd, tt = d * d, t * t
-        secant = 1.0 / (1.0 + _cosine_less_one(tt))
-        tangent = t * _sine_over(tt) * secant
-        sine, less = d * _sine_over(dd), _cosine_less_one(dd)
+        secant = 1.0 / (1.0 + cosine_less_one(tt))
+        tangent = t * sine_over(tt) * secant
+        sine, less = d * sine_over(dd), cosine_less_one(dd)
         stiff = square * (pull[k] * secant)
         constant[k], slope[k] = _expanded(
             d, sine, less, stiff + curvature[k] * tangent - shift, curvature[k], held_square
@@ -168,32 +189,28 @@ def recursion(
     p0 = p1 = p2 = p3 = 0.0
     angle, tangent_angle, tangent_rate, tangent_frequency = out[0], out[1], out[2], out[3]
     for k in range(count):
-        y0 = d0 * unit + response[k]
-        y1, y2, y3 = d1 * unit, d2 * unit, d3 * unit
-        angle[k], tangent_angle[k], tangent_rate[k], tangent_frequency[k] = y0, y1, y2, y3
+        angle[k] = d0 * unit + response[k]
+        tangent_angle[k], tangent_rate[k], tangent_frequency[k] = d1 * unit, d2 * unit, d3 * unit
         if k == count - 1:
             break
+        # the stiffness now joins the rotation, so that a step waits for two products of the last alone
         q = slope[k]
-        s0, s1, s2 = q * (y0 - about[k]), q * y1, q * y2
-        s3 = q * y3 - by_frequency[k]
-        real = er * c0 - ei * d0 + (a0 * s0 + a1 * p0) + integral_real[k]
-        d0 = er * d0 + ei * c0 + (b0 * s0 + b1 * p0) + integral_imag[k]
-        c0 = real
-        real = er * c1 - ei * d1 + (a0 * s1 + a1 * p1)
-        d1 = er * d1 + ei * c1 + (b0 * s1 + b1 * p1)
-        c1 = real
-        real = er * c2 - ei * d2 + (a0 * s2 + a1 * p2)
-        d2 = er * d2 + ei * c2 + (b0 * s2 + b1 * p2)
-        c2 = real
-        real = er * c3 - ei * d3 + (a0 * s3 + a1 * p3)
-        d3 = er * d3 + ei * c3 + (b0 * s3 + b1 * p3)
-        c3 = real
-        p0, p1, p2, p3 = s0, s1, s2, s3
+        pull = q * unit
+        turn_real, turn_imag = a0 * pull - ei, b0 * pull + er
+        s0, s3 = q * (response[k] - about[k]), -by_frequency[k]
+        r0, i0 = a0 * s0 + (a1 * p0 + integral_real[k]), b0 * s0 + (b1 * p0 + integral_imag[k])
+        r1, i1, r2, i2 = a1 * p1, b1 * p1, a1 * p2, b1 * p2
+        r3, i3 = a0 * s3 + a1 * p3, b0 * s3 + b1 * p3
+        p0, p1, p2, p3 = s0 + pull * d0, pull * d1, pull * d2, s3 + pull * d3
+        c0, d0 = (turn_real * d0 + r0) + er * c0, (turn_imag * d0 + i0) + ei * c0
+        c1, d1 = (turn_real * d1 + r1) + er * c1, (turn_imag * d1 + i1) + ei * c1
+        c2, d2 = (turn_real * d2 + r2) + er * c2, (turn_imag * d2 + i2) + ei * c2
+        c3, d3 = (turn_real * d3 + r3) + er * c3, (turn_imag * d3 + i3) + ei * c3
 
 
 @summing_kernel
 def moments(difference: Floats, out: Floats, offset: float, threshold: float, gram: Floats) -> int:
-    """Gram matrix (6, 6), upper triangle, of (start angle, start rate, n2, gamma2, 1, residual).
+    """Gram matrix (6, 6) of (start angle, start rate, n2, gamma2, 1, residual).
 
     The tangent by gamma2 is `-t d`, t from -1 to 1 over the record. NaN and residuals beyond the threshold have no
     weight; returns how many lie beyond it.
@@ -256,7 +273,22 @@ def moments(difference: Floats, out: Floats, offset: float, threshold: float, gr
         gram[4, 4] += n1
         gram[4, 5] += e1
         gram[5, 5] += ee
+    for i in range(6):
+        for j in range(i):
+            gram[i, j] = gram[j, i]
     return beyond
+
+
+@summing_kernel
+def combined(out: Floats, weights: Floats, about: Floats, difference: Floats, influence: Floats) -> None:
+    """`influence` = sum of weights times (start angle, start rate, n2, gamma2, 1); 0 where nothing was read."""
+    count = about.size
+    unit = 2.0 / (count - 1)
+    a, b, c = out[1], out[2], out[3]
+    angle, rate, frequency, damping, offset = weights
+    for k in range(count):
+        value = (angle * a[k] + rate * b[k]) + (frequency * c[k] - damping * (k * unit - 1.0) * about[k]) + offset
+        influence[k] = value if difference[k] == difference[k] else 0.0
 
 
 @summing_kernel

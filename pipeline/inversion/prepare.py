@@ -7,15 +7,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.arrays import Floats
+from pipeline.harmonics.envelope import fill
+from pipeline.inversion import kernels
 from pipeline.inversion.influence import theta_influence
 from pipeline.inversion.solve import Grid, InversionFit, Iteration, Motion, Readings, fit_inversion
+from pipeline.methods.phases import passes_zero
 from pipeline.methods.projection import residual_colour
-from pipeline.prepared import Prepared
-from pipeline.projection.sampling import FINE_ANGLE, MOST_ANGLE, problem
-from pipeline.projection.solve import ProjectionFit, fit_projection
+from pipeline.prepared import Prepared, slow_variance
+from pipeline.projection.sampling import FINE_ANGLE, MOST_ANGLE, linear_fit
+from pipeline.projection.solve import ProjectionFit
 
+BETWEEN_MARKS = (1e-3, 1e-2)
+"""Shares of what sway and recorded heave do to n2 that are lost where the first pendulum is read twice a swing: between
+marks its swing is told from minutes, and what modulates it within seconds is not. Measured on simulated records."""
+LEAST_COLOUR = 0.3  # of white noise at half-second marks it is 0.5 to 1
+HEAVE_RATE = 1.0  # rad s-1, the fastest heave that is reckoned with where it can only be guessed at
+NOISY = 3e-4  # reading noise of the first pendulum over its swing, from which its third harmonic is better reckoned
 HEAVE_COLOUR = 3.0  # power of the residual near the swing over white from which heave is looked for
 HEAVE_FLOOR = 1e-5  # of the amplitude: a smaller residual shows no heave
+RIPPLE, COARSE, ORDER = 3e-9, 5e-6, 8
+"""Numerical error, in parts of the strength of the nonlinear terms: the filters' ripple, and the quadrature's, which
+grows with that power of the swing's turn between samples; measured on simulated records (five motions, six rates)."""
 
 
 @dataclass(frozen=True)
@@ -27,13 +39,19 @@ class Inverted:
     frequency, damping_rate : float
         n2 at infinitesimal arc, rad s-1; gamma2, s-1.
     sigma : float
-        1-sigma of n2 from the noise of both traces, rad s-1.
+        1-sigma of n2 from the noise of both traces and from the numerical method, rad s-1.
     noise, colour : float
         1-sigma residual, rad; its power near the swing over that of white noise.
     samples : int
         Readings of the difference that were used.
     heave : float or None
         Root mean square of zeta told from the phase; None where it was recorded or nothing of it shows.
+    start : ProjectionFit
+        The linear identity on the same record, roughly.
+    residual : array
+        Of the nonlinear identity, rad, laid out as that of `start`; NaN = missing, wild, or beyond the filters' reach.
+    freedom : float
+        Free parameters that heave told from the phase took.
     """
 
     frequency: float
@@ -43,9 +61,12 @@ class Inverted:
     colour: float
     samples: int
     heave: float | None
+    start: ProjectionFit
+    residual: Floats
+    freedom: float = 0.0
 
 
-def invert(prepared: Prepared) -> Inverted:
+def invert(prepared: Prepared, *, look_for_heave: bool = True) -> Inverted:
     """Invert the nonlinear identity.
 
     Raises
@@ -53,43 +74,102 @@ def invert(prepared: Prepared) -> Inverted:
     RefusedError
         Too few samples a swing or in all, or no swing at the nominal period.
     """
-    seen, rough = prepared.observation, prepared.rough
+    seen = prepared.observation
+    held = linear_fit(prepared, rounds=1)
+    iteration = begin(prepared, held)
     fit_damping = prepared.known_damping is None
-    held = fit_projection(problem(prepared), rough.frequency, rough.damping_rate, fit_damping)
-    grid = make_grid(prepared)
-    motion = Motion(
-        grid.theta,
-        vertical_on(grid, prepared),
-        grid.step,
-        held.frequency,
-        seen.frequency_ratio,
-        held.damping_rate + seen.damping_difference,
-        theta_noise(prepared),
-    )
-    iteration = Iteration(grid, motion, held, seen.frequency_ratio, seen.damping_difference, prepared.gravity_of)
     fit = fit_inversion(iteration, fit_damping=fit_damping)
-    colour = _colour(prepared, held, iteration, fit)
+    motion = iteration.motion
+    residual = whole_residual(prepared, iteration, fit.limit)
+    shown = replace(held, frequency=fit.frequency, noise=fit.noise, samples=fit.samples, residual=residual)
+    colour = residual_colour(shown, prepared)
     swing = float(np.abs(iteration.start))
     dense = seen.step is None or seen.step * prepared.nominal <= MOST_ANGLE
-    if motion.vertical is None and dense and colour > HEAVE_COLOUR and fit.noise > HEAVE_FLOOR * swing:
+    shows = colour > HEAVE_COLOUR and fit.noise > HEAVE_FLOOR * swing
+    if look_for_heave and motion.vertical is None and dense and shows:
         from pipeline.inversion.heave import with_heave
 
-        return with_heave(prepared, iteration, fit, fit_damping)
+        if not passes_zero(np.abs(prepared.blocks.difference)):  # heave is told from a phase
+            return with_heave(prepared, iteration, fit, held, fit_damping)
     influence = least_squares_influence(iteration, fit)
     return Inverted(
         frequency=fit.frequency,
         damping_rate=fit.damping_rate,
         sigma=float(
-            np.hypot(
-                fit.noise_gain * fit.noise * np.sqrt(max(colour, 1.0)),
-                theta_sigma(prepared, iteration, influence, fit.noise),
+            np.sqrt(
+                (fit.noise_gain * fit.noise) ** 2 * max(colour, 1.0)
+                + theta_sigma(prepared, iteration, influence, fit.noise) ** 2
+                + numerical_error(iteration) ** 2
+                + (0.0 if dense else error_between_marks(prepared, iteration, fit, colour)) ** 2
             )
         ),
         noise=fit.noise,
         colour=colour,
         samples=fit.samples,
         heave=None,
+        start=held,
+        residual=residual,
     )
+
+
+def begin(
+    prepared: Prepared, held: ProjectionFit, theta: Floats | None = None, damping_difference: float | None = None
+) -> Iteration:
+    """The iteration before its first sweep; another first pendulum on the grid, or damping difference, may be given."""
+    seen, grid = prepared.observation, make_grid(prepared)
+    apart = seen.damping_difference if damping_difference is None else damping_difference
+    if theta is not None:
+        grid = replace(grid, theta=theta)
+    motion = Motion(
+        grid.theta,
+        vertical_on(grid, prepared),
+        grid.step,
+        held.frequency,
+        seen.frequency_ratio,
+        held.damping_rate + apart,
+        theta_noise(prepared),
+        third_harmonic(prepared, grid),
+    )
+    return Iteration(grid, motion, held, seen.frequency_ratio, apart, prepared.gravity_of)
+
+
+def third_harmonic(prepared: Prepared, grid: Grid) -> Floats | None:
+    """`-(A^3/192) cos 3 phi` of the first pendulum's swing on the grid, rad; None where it is read as well as reckoned.
+
+    A real pendulum's own; from the envelope of adjoining blocks.
+    """
+    envelope = prepared.blocks
+    swing = fill(envelope.first)
+    if theta_noise(prepared) < NOISY * float(np.median(np.abs(swing))):
+        return None
+    third = np.empty(grid.theta.size)
+    begin = float(envelope.time[0])
+    kernels.turning(swing**3 / -192.0, begin, envelope.hop, 3.0 * envelope.carrier, grid.step, third)
+    return third
+
+
+def numerical_error(iteration: Iteration) -> float:
+    """What filters and quadrature may do to n2, rad s-1."""
+    slope = iteration.slope
+    strength = float(np.sqrt(slope @ slope / slope.size)) / (2.0 * iteration.frequency)
+    return strength * (RIPPLE + COARSE * (iteration.frequency * iteration.motion.step) ** ORDER)
+
+
+def error_between_marks(prepared: Prepared, iteration: Iteration, fit: InversionFit, colour: float) -> float:
+    """What the motion between marks may hide, 1 sigma of n2, rad s-1."""
+    frequency, stated = fit.frequency, prepared.observation.sigma_difference
+    sway_share, heave_share = BETWEEN_MARKS
+    sway = 0.25 * frequency * slow_variance(prepared)  # half of Browne's <psi^2>/2
+    if iteration.motion.vertical is not None:
+        zeta = iteration.motion.vertical / prepared.gravity_of(frequency)
+        return float(np.hypot(sway_share * sway, heave_share * 0.125 * frequency * np.var(zeta)))
+    # heave that nobody recorded turns the phase to and fro: what the residual has above the stated noise may be it, and
+    # all of it where little of it lies at the swing itself
+    chance = 1.0 + 3.0 * float(np.sqrt(2.0 / fit.samples))
+    white = 0.0 if colour < LEAST_COLOUR else fit.noise
+    excess = max(fit.noise**2 - (white if stated is None else stated) ** 2 * chance, 0.0)
+    turned = 2.0 * excess / float(np.nanmean(np.abs(prepared.blocks.difference) ** 2))
+    return float(np.hypot(sway_share * sway, 0.5 * HEAVE_RATE**2 / frequency * turned))
 
 
 def make_grid(prepared: Prepared) -> Grid:
@@ -131,12 +211,8 @@ def theta_noise(prepared: Prepared) -> float:
 
 def least_squares_influence(iteration: Iteration, fit: InversionFit) -> Floats:
     """d n2 / d (reading of the difference) on the grid, s-1; zero where there is none."""
-    angle, rate, frequency = iteration.columns[1:]
-    age = np.linspace(-1.0, 1.0, angle.size)
-    start_angle, start_rate, own, damping, offset = fit.weights
-    influence = start_angle * angle + start_rate * rate + own * frequency - damping * age * iteration.about + offset
-    influence[np.isnan(iteration.difference)] = 0.0
-    return np.asarray(influence)
+    kernels.combined(iteration.columns, fit.weights, iteration.about, iteration.difference, iteration.influence)
+    return iteration.influence
 
 
 def theta_sigma(prepared: Prepared, iteration: Iteration, influence: Floats, fallback: float) -> float:
@@ -153,17 +229,21 @@ def theta_sigma(prepared: Prepared, iteration: Iteration, influence: Floats, fal
         iteration.eigenvalue,
         prepared.observation.frequency_ratio,
         iteration.frequency,
+        prepared.observation.damping_difference,
+        iteration.through,
+        deaf=motion.third,
     )
-    scale = float(np.sqrt(np.sum(through**2)))
+    scale = float(np.sqrt(through @ through))
     # the grid may hold more points than were read: noise of the readings between them is shared
-    scale *= np.sqrt(through.size / max(np.isfinite(prepared.observation.theta).sum(), 1))
-    return prepared.theta_error(replace(prepared.rough_budget, noise_theta=scale), fallback)
+    scale *= float(np.sqrt(through.size / max(int(np.isfinite(prepared.observation.theta).sum()), 1)))
+    return prepared.theta_error_of(scale, fallback)
 
 
-def _colour(prepared: Prepared, held: ProjectionFit, iteration: Iteration, fit: InversionFit) -> float:
+def whole_residual(prepared: Prepared, iteration: Iteration, limit: float) -> Floats:
+    """Residual at every sample of the record or of the finer grid, rad; NaN = missing, wild, or beyond the filters."""
     seen = prepared.observation
     residual = iteration.residual()
-    residual[np.abs(residual) > fit.limit] = np.nan
+    residual[np.abs(residual) > limit] = np.nan
     if seen.step is None:
         whole = np.full(seen.time.size, np.nan)
         whole[np.flatnonzero(np.isfinite(seen.difference))[iteration.within]] = residual
@@ -171,6 +251,4 @@ def _colour(prepared: Prepared, held: ProjectionFit, iteration: Iteration, fit: 
         inside = iteration.motion.inside
         whole = np.full(inside.stop + inside.start, np.nan)
         whole[inside] = residual
-    return residual_colour(
-        replace(held, frequency=fit.frequency, noise=fit.noise, samples=fit.samples, residual=whole), prepared
-    )
+    return whole

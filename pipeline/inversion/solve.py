@@ -27,7 +27,7 @@ from pipeline.projection.taps import NODES, continuation, stencil, taps
 
 ITERATIONS = 12
 LEAST_SAMPLES_A_SWING = 7.5
-_SETTLED = 1e-12  # of the frequency
+_SETTLED = 1e-9  # of the frequency: what is left after such a step is a thousandth of it at most, 2e-6 mGal
 _FLOOR = 1e-6  # of the amplitude: what departs less is rounding and quadrature, not a wild reading
 _NEAR = 1e-3  # rad over half the record
 _RIDGE = 1e-14
@@ -77,6 +77,9 @@ class Motion:
         n2 about which the filters are exact, n1/n2, gamma1.
     noise : float
         White reading noise of theta, rad (0 where not known).
+    third : (n,) array, optional
+        The third harmonic of theta's swing, rad, where it is known better than read: noise there comes back to the
+        swing nine times as strong, and more of it than of any other.
     """
 
     def __init__(
@@ -88,6 +91,7 @@ class Motion:
         ratio: float,
         damping_rate: float,
         noise: float,
+        third: Floats | None = None,
     ) -> None:
         swing = 2.0 * np.pi / (frequency * step)
         if swing < LEAST_SAMPLES_A_SWING:
@@ -95,12 +99,15 @@ class Motion:
                 f"time: {swing:.1f} readings a swing are too few for the nonlinear terms; give at least "
                 f"{LEAST_SAMPLES_A_SWING:g}, or use projection"
             )
-        filters = design(frequency * ratio, step, damping_rate)
+        filters = design(frequency * ratio, step, damping_rate, third is not None)
         count = theta.size - 2 * filters.reach
         self.step, self.inside = step, slice(filters.reach, filters.reach + count)
         self.heave: Floats | None = None  # zeta found by `heave.py`
         self.low, self.curvature = np.empty((2, count))
         kernels.filter_both(theta, filters.low, filters.curvature, self.low, self.curvature)
+        self.third = third is not None
+        if third is not None:
+            self.curvature -= (3.0 * frequency * ratio) ** 2 * third[self.inside]
         self.curvature *= ratio**-2
         # mean of 1/cos and of theta1 w over the noise that the filters let pass
         self.shift = noise**2 * (0.5 * frequency**2 * filters.noise_low + filters.noise_product * ratio**-2)
@@ -200,25 +207,31 @@ class Iteration:
         self.difference = grid.difference[motion.inside]
         count = self.difference.size
         self.half = 0.5 * (count - 1) * grid.step
-        self._wide = np.empty(count + 6)  # the constant part, continued by three samples at each end
-        self._terms = (self._wide[3:-3], np.empty(count), np.empty(count))
-        self.columns = np.empty((4, count))
-        self._integral, self._gram = np.empty((2, count - 1)), np.empty((kernels.COLUMNS, kernels.COLUMNS))
+        # one piece of memory: the C library keeps what it was once given back in a large piece, and clears it no more
+        work = np.empty(12 * count + 6)
+        self.columns = work[: 4 * count].reshape(4, count)
+        self._integral = work[4 * count : 6 * count].reshape(2, count)[:, : count - 1]
+        self._terms = (work[8 * count + 3 : 9 * count + 3], work[6 * count : 7 * count], work[7 * count : 8 * count])
+        self._wide = work[8 * count : 9 * count + 6]  # the constant part, continued by three samples at each end
+        self.about, self.influence, self.through = work[9 * count + 6 :].reshape(3, count)
+        self._gram = np.empty((kernels.COLUMNS, kernels.COLUMNS))
         self._hold_damping()
         begin = motion.inside.start * grid.step
         self.start = complex(held.coefficient[1], held.coefficient[0]) * np.exp(self.eigenvalue * begin)
-        self.about = self.difference - self.offset
+        np.subtract(self.difference, self.offset, out=self.about)
         missing = np.isnan(self.about)
         if missing.any():
             age = np.flatnonzero(missing) * grid.step
             self.about[missing] = self._response[missing] + (self.start * np.exp(self.eigenvalue * age)).imag
+        # a later model departs from the readings by little
+        self._small = motion.small and max(-self.about.min(), self.about.max()) < 0.9 * kernels.SMALL
         self._readings: Readings | None = None
         if grid.readings is not None:
             self._place(grid.readings, begin)
         self._expand()
         # n2 with which the nonlinear pull does the work that the held frequency did
-        work = float(np.sum(self._terms[0] * self.about)) / float(np.sum(self.about**2))
-        self.frequency = float(self._held / np.sqrt(1.0 - work / self._held**2))
+        pull = float(self._terms[0] @ self.about) / float(self.about @ self.about)
+        self.frequency = float(self._held / np.sqrt(1.0 - pull / self._held**2))
 
     def _place(self, readings: Readings, begin: float) -> None:
         from pipeline.projection.uneven import from_grid
@@ -234,11 +247,13 @@ class Iteration:
         self._linear.respond(self._held, self.damping_rate)
         self._response = self._linear.response[self.motion.inside]
         self.eigenvalue = complex(-self.damping_rate, oscillation(self._held, self.damping_rate))
+        weights = taps(self._cardinal, self.eigenvalue, self.motion.step)
+        self._taps = weights.real.copy(), weights.imag.copy()
+        self._past = past_taps(self.eigenvalue, self.motion.step)
 
     def _expand(self) -> None:
         motion = self.motion
-        small = motion.small and max(-self.about.min(), self.about.max()) < kernels.SMALL
-        (kernels.expand_small if small else kernels.expand_large)(
+        (kernels.expand_small if self._small else kernels.expand_large)(
             self.about,
             motion.low,
             motion.curvature,
@@ -258,12 +273,11 @@ class Iteration:
         """Expand, and run the recursion."""
         self._expand()
         constant, slope, by_frequency = self._terms
-        step, eigenvalue = self.motion.step, self.eigenvalue
-        weights = taps(self._cardinal, eigenvalue, step)
+        eigenvalue = self.eigenvalue
         real, imaginary = self._integral
-        onward = continuation(self._held, step)
+        onward = continuation(self._held, self.motion.step)
         self._wide[2::-1], self._wide[-3:] = constant[NODES - 1 :: -1] @ onward, constant[-NODES:] @ onward
-        kernels.interval_integrals(self._wide, weights.real.copy(), weights.imag.copy(), real, imaginary)
+        kernels.interval_integrals(self._wide, *self._taps, real, imaginary)
         kernels.recursion(
             real,
             imaginary,
@@ -271,9 +285,9 @@ class Iteration:
             self.about,
             self._response,
             by_frequency,
-            complex(np.exp(eigenvalue * step)),
+            complex(np.exp(eigenvalue * self.motion.step)),
             eigenvalue.imag,
-            past_taps(eigenvalue, step),
+            self._past,
             self.start,
             self.columns,
         )
@@ -283,7 +297,7 @@ class Iteration:
         if self._readings is not None:
             return self._uneven_moments(self._readings, limit)
         beyond = kernels.moments(self.difference, self.columns, self.offset, limit, self._gram)
-        return np.triu(self._gram) + np.triu(self._gram, 1).T, beyond
+        return self._gram, beyond
 
     def _uneven_moments(self, readings: Readings, limit: float) -> tuple[Floats, int]:
         model, angle, rate, frequency = self.at_readings(self.columns)
@@ -313,6 +327,13 @@ class Iteration:
             self._hold_damping()
         if not np.isfinite(self.frequency) or abs(self.damping_rate) > 0.1 * self._held:
             raise RefusedError("difference: no swing near the nominal period; check instrument/period and the traces")
+
+    def adopt(self, other: Iteration) -> None:
+        """Take over the parameters, and the angle to expand about, of an iteration on the same grid."""
+        self.damping_rate = other.damping_rate
+        self._hold_damping()
+        self.start, self.frequency, self.offset = other.start, other.frequency, other.offset
+        self.about[:] = other.about
 
     def residual(self) -> Floats:
         """Readings less the model, rad, NaN = missing."""

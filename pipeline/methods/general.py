@@ -10,11 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.arrays import Floats
+from pipeline.arrays import Complexes, Floats
 from pipeline.estimate import Estimate
 from pipeline.harmonics.envelope import Envelope
 from pipeline.methods.phases import corrected, phases
-from pipeline.phase_speed import difference_speed_by_phase
 from pipeline.prepared import Prepared
 
 ROUNDS = 2  # the acceleration's phase turns with n2, which it shifts by 1e-3 at most
@@ -59,17 +58,12 @@ def model_speed(envelope: Envelope, frequency: float, prepared: Prepared, *, arc
     first, share = envelope.first, envelope.share
     second = first - envelope.difference
     rates = np.zeros(2) if seen.damping_rate is None else seen.damping_rate
-    bend = 1.0 / 16.0 if arc else 0.0
-    speed_1 = seen.frequency_ratio * frequency * (1.0 - bend * np.abs(first) ** 2)
-    speed_2 = frequency * (1.0 - bend * np.abs(second) ** 2)
-    return (
-        difference_speed_by_phase(
-            speed_1,
-            speed_2,
-            np.abs(share),
-            np.angle(share),
-            -rates[0],
-            -rates[1],
-        )
-        - frequency
-    )
+    bend = frequency / 16.0 if arc else 0.0
+    speed_2 = frequency - bend * _square(second)
+    apart = seen.frequency_ratio * (frequency - bend * _square(first)) - speed_2
+    # (38) with (a1/a) e^{i (phi1 - phi)} = Z1/D
+    return np.asarray(speed_2 - frequency + apart * share.real - (rates[0] - rates[1]) * share.imag)
+
+
+def _square(harmonic: Complexes) -> Floats:
+    return np.asarray(harmonic.real**2 + harmonic.imag**2)

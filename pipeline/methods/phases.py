@@ -11,7 +11,7 @@ from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
 from pipeline.harmonics.envelope import Envelope
-from pipeline.harmonics.narrowband import regression, running_integral
+from pipeline.harmonics.narrowband import running_integral
 from pipeline.outliers import MOST_ANGLE
 from pipeline.prepared import LEAST_EXPLAINED, Prepared, require_swing
 
@@ -101,21 +101,22 @@ def corrected(
     time = envelope.time[present]
     weight = found.weight[present]
 
-    def slope(correction: Floats | float) -> float:
-        return regression(time, (found.phase - correction)[present], weight)
-
+    lever = weight * (time - (weight @ time) / weight.sum())
+    lever /= lever @ time  # what each phase does to the slope of the weighted straight line
+    plain = float(lever @ found.phase[present])
     shift = None if speed is None else integrate(speed, envelope.hop)
     if shift is not None and gained is not None:
         shift = shift + gained
-    oscillation = envelope.carrier + slope(0.0 if shift is None else shift)
-    arc = 0.0 if finite_arc is None else slope(0.0) - slope(integrate(finite_arc, envelope.hop))
+    residual = (found.phase if shift is None else found.phase - shift)[present]
+    slant = float(lever @ residual)
+    oscillation = envelope.carrier + slant
+    arc = 0.0 if finite_arc is None else float(lever @ integrate(finite_arc, envelope.hop)[present])
     gamma = prepared.fine.damping_rate
-    residual = (found.phase - (0.0 if shift is None else shift))[present]
-    slant = regression(time, residual, weight)
     residual = residual - slant * time
-    residual = residual - np.average(residual, weights=weight)
+    residual = residual - (weight @ residual) / weight.sum()
+    size = envelope.difference[present]
     scatter = np.full(envelope.time.size, np.nan)
-    scatter[present] = 2.0 * np.square(residual) * np.abs(envelope.difference[present]) ** 2  # quadrature alone: twice
+    scatter[present] = 2.0 * np.square(residual) * (size.real**2 + size.imag**2)  # quadrature alone: twice
     quadrature = component_variance(scatter, envelope)
     return with_noise(
         prepared,
@@ -123,7 +124,7 @@ def corrected(
         quadrature,
         bridging=0.0 if speed is None else bridging_error(speed, envelope),
         frequency=float(np.hypot(oscillation, gamma)),
-        uncorrected=float(np.hypot(envelope.carrier + slope(0.0), gamma)),
+        uncorrected=float(np.hypot(envelope.carrier + plain, gamma)),
         damping_rate=gamma,
         phase_correction=shift,
         speed_correction=speed,

@@ -7,14 +7,14 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.estimate import Estimate
 from pipeline.prepared import LEAST_EXPLAINED, Prepared
-from pipeline.projection.sampling import problem
-from pipeline.projection.solve import ProjectionFit, fit_projection
+from pipeline.projection.sampling import linear_fit
+from pipeline.projection.solve import ProjectionFit
 
 
 def estimate(prepared: Prepared) -> Estimate:
     """Fit n2 with n1/n2 held, the damping held where the record states it."""
     rough = prepared.rough
-    fit = fit_projection(problem(prepared), rough.frequency, rough.damping_rate, prepared.known_damping is None)
+    fit = linear_fit(prepared)
     colour = residual_colour(fit, prepared)
     swing = 0.5 * float(np.vdot(rough.model, rough.model).real) / rough.model.size
     explained = swing / (swing + fit.noise**2)

@@ -5,10 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.prepared import Prepared
-from pipeline.projection.solve import Problem, UniformProblem
+from pipeline.projection.solve import Problem, ProjectionFit, UniformProblem, fit_projection
 
 MOST_ANGLE = 0.5 * np.pi  # swing between samples up to which the eight-point quadrature holds
 FINE_ANGLE = 0.8  # swing between samples of the finer grid that marks are brought to
+
+
+def linear_fit(prepared: Prepared, **options: int) -> ProjectionFit:
+    """The linear identity fitted to a record, the damping held where it is stated; see `fit_projection`."""
+    start = prepared.rough
+    free = prepared.known_damping is None
+    return fit_projection(problem(prepared), start.frequency, start.damping_rate, free, **options)
 
 
 def problem(prepared: Prepared) -> Problem:

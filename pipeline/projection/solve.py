@@ -139,7 +139,9 @@ def oscillation(frequency: float, gamma: float) -> float:
     return float(np.sqrt(frequency**2 - gamma**2))
 
 
-def fit_projection(problem: Problem, frequency: float, gamma: float, fit_damping: bool) -> ProjectionFit:
+def fit_projection(
+    problem: Problem, frequency: float, gamma: float, fit_damping: bool, rounds: int = _ITERATIONS
+) -> ProjectionFit:
     """Fit the exact linear identity.
 
     Parameters
@@ -148,12 +150,14 @@ def fit_projection(problem: Problem, frequency: float, gamma: float, fit_damping
         The samples.
     frequency, gamma : float
         Start, within a fraction of a turn over the record; gamma2 is held unless `fit_damping`.
+    rounds : int
+        At most so many; one is enough for a start of the nonlinear identity.
     """
     half = problem.half
     coefficient = np.zeros(3)
     limit, rejected, settled = np.inf, 0, False
     problem.respond(frequency, gamma)
-    for _ in range(_ITERATIONS):
+    for last in range(rounds - 1, -1, -1):
         gram, beyond = problem.moments(frequency, gamma, coefficient, limit)
         if settled and beyond == rejected:
             break  # the same samples as before
@@ -167,6 +171,8 @@ def fit_projection(problem: Problem, frequency: float, gamma: float, fit_damping
         gamma += small.damping_change
         if not np.isfinite(frequency) or abs(gamma) > 0.1 * frequency:
             raise RefusedError("difference: no swing near the nominal period; check instrument/period and the traces")
+        if last == 0:
+            break
         new_limit = max(REJECTION * small.noise, _FLOOR * abs(complex(*coefficient[:2])))
         settled = max(abs(small.frequency_change), abs(small.damping_change)) * half <= _SETTLED
         if not settled:

@@ -13,6 +13,7 @@ from pipeline.benchmarks import (
     bars,
     bars_accuracy,
     bars_integrators,
+    bars_inversion,
     bars_speed,
     bars_statistics,
     bars_suites,
@@ -39,6 +40,10 @@ def few(short: float, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bars_statistics, "QUICK_EFFICIENCY", 1)
     monkeypatch.setattr(bars_statistics, "QUICK_COVERAGE", 4)
     monkeypatch.setattr(bars_statistics, "CLEAN", 4)
+    monkeypatch.setattr(bars_inversion, "QUICK_EFFICIENCY", 1)
+    monkeypatch.setattr(bars_inversion, "QUICK_COVERAGE", 4)
+    monkeypatch.setattr(bars_inversion, "UNRECORDED", 1)
+    monkeypatch.setattr(bars_inversion, "DAMPED", 1)
 
 
 @pytest.mark.usefixtures("few")

@@ -185,7 +185,7 @@ def test_auto_on_linear_pendulums_is_within_a_hundredth_milligal(write: bool, am
 
 def test_auto_says_when_arcs_are_negligible_and_when_they_cannot_be_told() -> None:
     tiny, _ = simulate(eps=1e-4, free=((1e-4, 0.4), (1e-4, 2.2)), write_restoring=False, motion=[])
-    assert "finite arc amounts to" in row(tiny, "auto")["choice_reason"]
+    assert "motion amount to" in row(tiny, "auto")["choice_reason"]
     noisy, _ = simulate(eps=1e-4, write_restoring=False, noise=3e-4, motion=[], free=((0.02, 0.4), (0.02, 2.2)))
     undecided = row(noisy, "auto")
     assert "hardly smaller" in undecided["choice_reason"]

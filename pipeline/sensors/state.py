@@ -1,0 +1,86 @@
+"""A record with an identity fitted to it, and whether what it says of the first trace stands out of its noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.prepared import Prepared
+from pipeline.projection.sampling import linear_fit
+from pipeline.sensors.departures import DELAY, GAIN, Departures, fit_departures, probes
+from pipeline.sensors.models import Fitted, linear, nonlinear
+
+SIGNIFICANT = 4.0  # sigmas
+NEGLIGIBLE = 0.01  # mGal
+VISIBLE = 1e-5  # of the amplitude: a smaller residual tells of nothing
+ABOVE_WHITE = 1.2  # residual over the noise that neighbouring readings leave unexplained
+COLOURED = 3.0  # power near the swing over white, from which a residual is not noise
+
+
+@dataclass(frozen=True)
+class State:
+    """A record, the identity fitted to it, and what it says of the first trace."""
+
+    prepared: Prepared
+    real: bool
+    fitted: Fitted
+    found: Departures
+
+    @staticmethod
+    def of(prepared: Prepared, real: bool | None = None) -> State:
+        """By the law given, by that of the record, or by the one that leaves less beside the departures."""
+        stated = prepared.observation.restoring
+        if real is None and stated is not None:
+            real = stated == "sine"
+        states = []
+        for law in (False, True) if real is None else (real,):
+            fitted = (nonlinear if law else linear)(prepared, linear_fit(prepared))
+            states.append(State(prepared, law, fitted, fit(prepared, fitted, [DELAY, GAIN])))
+        return min(states, key=lambda state: state.left)
+
+    @property
+    def left(self) -> float:
+        """1-sigma residual beside the departures, rad."""
+        count = np.isfinite(self.fitted.residual).sum()
+        return self.fitted.noise * float(np.sqrt(max(1.0 - self.found.explained / count, 1e-30)))
+
+
+def fit(prepared: Prepared, fitted: Fitted, wanted: list[int]) -> Departures:
+    """Departures of a fitted record."""
+    seen = prepared.observation
+    noise = prepared.noise_theta if np.isfinite(prepared.noise_theta) else (seen.sigma_theta or fitted.noise)
+    return fit_departures(
+        fitted.residual,
+        fitted.tangents,
+        probes(fitted.model, max(wanted) + 1),
+        wanted,
+        (fitted.noise, noise),
+        (fitted.eigenvalue, prepared.whole_step, 1.0 - seen.frequency_ratio**-2),
+    )
+
+
+def stands_out(state: State) -> bool:
+    """Whether delay or gain is out of the noise and matters."""
+    seen, found = state.prepared.observation, state.found
+    # an error of n1 - n2 within its stated uncertainty looks like a gain
+    apart = max(abs(seen.frequency_ratio - 1.0), 1e-12)
+    gain_sigma = np.hypot(found.sigma[GAIN], np.hypot(*seen.period_relative_uncertainty) / apart)
+    far = (
+        abs(found.value[GAIN]) > SIGNIFICANT * gain_sigma or abs(found.value[DELAY]) > SIGNIFICANT * found.sigma[DELAY]
+    )
+    return bool(milligal(np.abs(found.effect).sum(), state.prepared) > NEGLIGIBLE and far)
+
+
+def milligal(change: float, prepared: Prepared) -> float:
+    """Size of a change of n2 (rad s-1) in gravity."""
+    return abs(2e5 * prepared.observation.reference_gravity * float(change) / prepared.nominal)
+
+
+def unexplained(state: State) -> bool:
+    """Whether the residual shows more than the readings' noise."""
+    prepared, noise = state.prepared, state.fitted.noise
+    if noise < VISIBLE * float(np.nanmedian(np.abs(prepared.blocks.difference))):
+        return False
+    white = prepared.noise_difference
+    return state.fitted.colour > COLOURED or bool(noise > ABOVE_WHITE * white)

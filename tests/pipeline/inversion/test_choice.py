@@ -1,0 +1,100 @@
+"""`auto` on real pendulums: what it takes, why, and that it is as right as what it takes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from exact_pair import Pair, swell
+from heavy_pair import G, observe
+from test_shooting import thinned
+
+from pipeline.choice import choose, left_by_general
+from pipeline.observation import Observation
+from pipeline.prepared import prepare
+from pipeline.reduction import reduce_by
+
+
+def noisy(seen: Observation, noise: float, seed: int = 1) -> Observation:
+    random = np.random.default_rng(seed)
+    theta, difference = (s + random.normal(0.0, noise, s.size) for s in (seen.theta, seen.difference))
+    return replace(seen, theta=theta, difference=difference)
+
+
+@pytest.mark.parametrize("restoring", ["sine", None])
+@pytest.mark.parametrize("noise", [0.0, 1e-4])
+def test_real_pendulums_in_a_seaway_are_left_to_shooting(restoring: str | None, noise: float) -> None:
+    prepared = prepare(noisy(observe(300.0, 0.1, heave=True, restoring=restoring), noise))
+    auto, shooting = (reduce_by(name, prepared, 0.0) for name in ("auto", "shooting"))
+    assert auto.method == "shooting"
+    assert "general may err by" in auto.reason
+    assert auto.gravity is not None
+    assert shooting.gravity is not None
+    assert auto.gravity.gravity == shooting.gravity.gravity
+    assert abs(auto.gravity.gravity - G) * 1e5 < 4.0 * auto.gravity.sigma
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("restoring", ["sine", None])
+@pytest.mark.parametrize("noise", [0.0, 1e-4])
+def test_heave_that_nobody_recorded_is_seen(restoring: str | None, noise: float) -> None:
+    """`general`, which it took before, errs by a hundred milligals."""
+    prepared = prepare(noisy(observe(900.0, 0.1, heave=True, recorded=False, restoring=restoring), noise))
+    auto = reduce_by("auto", prepared, 0.0)
+    assert auto.method == "shooting"
+    assert "heave that is not recorded" in auto.reason
+    assert auto.gravity is not None
+    assert abs(auto.gravity.gravity - G) * 1e5 < max(4.0 * auto.gravity.sigma, 0.05)
+
+
+def linear(noise: float, size: float = 0.03, **changes: object) -> Observation:
+    pair = Pair.apart(1e-4, damping=(2e-4, 1.6e-4), forcing=swell(8, size))
+    time = np.arange(3000) * 0.1
+    return noisy(pair.observe(time, step=0.1, **({"restoring": None} | changes)), noise)
+
+
+@pytest.mark.parametrize("noise", [0.0, 2e-5, 1e-4])
+def test_linear_pendulums_keep_the_projection(noise: float) -> None:
+    """Nothing stated, and a residual of white noise: no heave is looked for in it."""
+    prepared = prepare(linear(noise))
+    auto, projection = (reduce_by(name, prepared, 0.0) for name in ("auto", "projection"))
+    assert auto.method == "projection"
+    assert auto.gravity is not None
+    assert projection.gravity is not None
+    assert auto.gravity.gravity == projection.gravity.gravity
+    assert "log likelihood ratio" in auto.reason
+
+
+def test_too_few_readings_a_swing_for_shooting() -> None:
+    """Five readings a swing: the formulas are all there is, and the reason says so."""
+    prepared = prepare(thinned(observe(300.0, 0.1, heave=False), slice(None, None, 2), 0.2))
+    chosen = choose(prepared)
+    assert chosen.method == "general"
+    assert "too few readings a swing" in chosen.reason
+    unstated = choose(prepare(thinned(observe(300.0, 0.1, heave=False, restoring=None), slice(None, None, 2), 0.2)))
+    assert unstated.method in ("general", "projection")
+    assert "residual" in unstated.reason
+
+
+def test_linear_pendulums_with_few_readings_a_swing() -> None:
+    seen = linear(0.0)
+    rows = slice(None, None, 2)
+    assert choose(prepare(thinned(seen, rows, 0.2))).method == "projection"
+    still = Pair.apart(1e-4, free=(1e-4 + 0j, 2e-5j)).observe(np.arange(1500) * 0.2, step=0.2, restoring=None)
+    assert "linear identity is adequate" in choose(prepare(still)).reason
+
+
+def test_what_general_leaves_grows_with_motion_and_arc() -> None:
+    calm = prepare(linear(0.0, 0.01, restoring="sine"))
+    rough = prepare(observe(300.0, 0.1, heave=False))
+    assert 0.0 < left_by_general(calm) < left_by_general(rough)
+
+
+def test_real_pendulums_through_zero() -> None:
+    """A phase means nothing there, and the linear identity errs by the arcs."""
+    seen = observe(300.0, 0.1, heave=False)
+    time = seen.time
+    vanishing = seen.difference * (1.0 - time / 150.0)
+    chosen = choose(prepare(replace(seen, difference=vanishing)))
+    assert chosen.method == "shooting"

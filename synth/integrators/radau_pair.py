@@ -43,6 +43,8 @@ class Run(NamedTuple):
     """One march."""
 
     tolerance: float
+    orders: tuple[int, int]
+    """Fewest and most stages."""
     states: Floats
     """(k, n) at the instants asked for."""
     largest: Floats
@@ -87,6 +89,10 @@ class Problem(NamedTuple):
         missed = _MARGIN * relative_error(difference, np.maximum(fine.largest, self.least))
         return Pair(fine, error, missed, evaluations)
 
+    def begun(self, start: Floats, times: Floats) -> Problem:
+        """The same from another state and at other times."""
+        return self._replace(start=start, times=times)
+
     def run(self, tolerance: float, reading: float, orders: tuple[int, int]) -> Run:
         """March once; RefusedError where it comes to a stop."""
         n = self.start.size
@@ -102,7 +108,7 @@ class Problem(NamedTuple):
             difficulty = getattr(self.system, "difficulty", None)
             reason = (difficulty(state) if difficulty else None) or _REASONS[outcome]
             raise RefusedError(f"radau: stopped at t = {time:.6g} s after {counts[STEPS]} steps: {reason}")
-        return Run(tolerance, states, largest, counts)
+        return Run(tolerance, orders, states, largest, counts)
 
 
 def swing_of_bobs(system: Any, start: Floats) -> Floats:

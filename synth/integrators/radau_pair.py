@@ -29,6 +29,7 @@ NEAR = 30.0
 """Times looser up to which an earlier march serves as the second one."""
 _COARSEST = 1e-5
 _MARGIN = 0.5  # the difference is the error of the looser march
+_PARTED = 0.03  # marches that differ by more have parted, and either may be wrong by all of the motion
 _ROUNDED = 2.0**-52  # by each step, at random
 
 _REASONS = {
@@ -85,7 +86,8 @@ class Problem(NamedTuple):
             evaluations += int(former.counts[EVALUATIONS])
         difference = np.abs(fine.states - former.states).max(axis=0)
         rounding = _ROUNDED * math.sqrt(1.0 + fine.counts[STEPS])
-        error = _MARGIN * relative_error(difference, fine.largest) + rounding
+        apart = relative_error(difference, fine.largest)
+        error = (_MARGIN * apart if apart < _PARTED else 1.0 + apart) + rounding
         missed = _MARGIN * relative_error(difference, np.maximum(fine.largest, self.least))
         return Pair(fine, error, missed, evaluations)
 

@@ -27,7 +27,7 @@ def needs(scene: Scene) -> tuple[str, ...]:
     --------
     >>> from data_schemas.scene import load_scene
     >>> from synth.shipped import scene_path
-    >>> needs(load_scene(scene_path("demo")))
+    >>> needs(load_scene(scene_path("linear")))
     ('the linear law', 'a fixed support')
     """
     pendulums = scene.pendulums

@@ -16,7 +16,7 @@ from pipeline.cli.tables import print_json, print_table
 SUITES = {
     "corrections": (
         "pipeline.benchmarks.corrections",
-        "residual of every method on every kind of scene, in mGal",
+        "what every method leaves (mGal) and costs, on every kind of record; -o resumes",
     ),
     "paper": ("pipeline.benchmarks.paper", "the source paper's own figures, reproduced"),
     "stability": (
@@ -43,6 +43,7 @@ suites:
 _EXAMPLES = """\
 examples:
   isochrony benchmark corrections --quick
+  isochrony benchmark corrections -o out/      tables, pictures; run again, it goes on where it was interrupted
   isochrony benchmark bars --json > bars.jsonl
 
 exit status: 0; 1 if some rows do not pass and some do; 3 if none passes"""

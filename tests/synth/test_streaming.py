@@ -205,7 +205,7 @@ from synth import scene_path, simulate_to
 from synth.recording import clock
 clock._LARGEST = clock._FEWEST
 kill = lambda done, total: os.kill(os.getpid(), signal.SIGKILL) if done > total / 2 else None
-simulate_to(load_scene(scene_path("demo")), {str(tmp_path / "a.nc")!r}, {str(tmp_path / "b.nc")!r}, progress=kill)
+simulate_to(load_scene(scene_path("linear")), {str(tmp_path / "a.nc")!r}, {str(tmp_path / "b.nc")!r}, progress=kill)
 """
     done = subprocess.run([sys.executable, "-c", program], check=False)
     assert done.returncode == -signal.SIGKILL
@@ -218,7 +218,7 @@ from data_schemas import load_scene
 from data_schemas.scene import Scene
 from synth import scene_path, simulate_to
 changes, duration = {changes}, float(sys.argv[1])
-scene = load_scene(scene_path("demo")).model_dump() | {{"duration": duration, "restoring": {restoring!r}}}
+scene = load_scene(scene_path("linear")).model_dump() | {{"duration": duration, "restoring": {restoring!r}}}
 scene["recording"] |= changes
 print(simulate_to(Scene.model_validate(scene), "day.record.nc", "day.truth.nc"))
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)

@@ -26,6 +26,10 @@ SUITES = {
     "integrators": ("pipeline.benchmarks.integrators", "propagators against general integrators: time and error"),
     "speed": ("pipeline.benchmarks.speed", "estimation and the command line against what they replace or import"),
     "leave-out": ("pipeline.benchmarks.leave_out", "what `process` imports and spends, method by method"),
+    "terms": (
+        "pipeline.benchmarks.cost_of_terms",
+        "what a scene pays for its terms: run, compile and start-up time, modules",
+    ),
     "bars": ("pipeline.benchmarks.bars", "every promised accuracy and speed: bar, value, limit, pass"),
 }
 _LISTED = "\n".join(f"  {name:<12} {text}" for name, (_, text) in SUITES.items())

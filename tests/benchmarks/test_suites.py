@@ -82,6 +82,7 @@ def test_bars_name_the_rows_of_a_suite_that_fail(monkeypatch: pytest.MonkeyPatch
         (paper, "claim"),
         (bars_suites.stability, "record"),
         (leave_out, "method"),
+        (bars_suites.cost_of_terms, "terms"),
     ):
         made: list[dict[str, Any]] = [
             {key: "bad", "pass": False},
@@ -91,7 +92,7 @@ def test_bars_name_the_rows_of_a_suite_that_fail(monkeypatch: pytest.MonkeyPatch
         monkeypatch.setattr(suite, "run", lambda *, quick, folder, made=made: iter(made))
     rows = list(bars_suites.rows())
     found = [(row["value"], row["unit"], row["pass"]) for row in rows if "motions" not in row["bar"]]
-    assert found == [(1.0, "bad", False)] * 4
+    assert found == [(1.0, "bad", False)] * 5
     assert [row["value"] for row in rows if "motions" in row["bar"]] == [0.0]  # no row is one
 
 

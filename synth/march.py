@@ -135,7 +135,7 @@ def _picard(plan: Plan, clock: Clock) -> Iterator[_Angles]:
         np.array([response.damping_rate for response in plan.responses]),
         np.array([start_state(response, plan.motion.angular_frequency) for response in plan.responses]),
         plan.motion,
-        plan.vertical,
+        plan.lift,
         plan.gravity,
         plan.times,
     )

@@ -33,6 +33,7 @@ def needs(scene: Scene) -> tuple[str, ...]:
     pendulums = scene.pendulums
     drives = {each.escapement.kind for each in pendulums if each.escapement is not None}
     vertical = any(term.axis == "vertical" and term.kind != "still" for term in scene.motion)
+    vertical |= scene.conditions.temperature_amplitude > 0  # acts as a vertical motion that no instrument feels
     asked = {
         LINEAR if scene.restoring == "linear" else SINE: True,
         OVERDAMPED: any(each.damping_rate >= _HARDLY_SWINGS * frequency(scene, each) for each in pendulums),

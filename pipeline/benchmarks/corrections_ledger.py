@@ -47,9 +47,9 @@ class Circumstances:
     course: float = 90.0
 
     def period_change(self) -> float:
-        """By how much the periods differ from those of the calibration, s."""
+        """By how much the periods differ from those stated, at the calibration's temperature and in vacuum, s."""
         warm = self.temperature_coefficient * (self.temperature - self.temperature_reference)
-        return warm + self.density_coefficient * (self.air_density / self.air_density_reference - 1.0)
+        return warm + self.density_coefficient * self.air_density / self.air_density_reference
 
     def gravity_change(self, gravity: float, frequency: float) -> float:
         """By how much the gravity that the pendulums feel differs from that of the place, m s-2."""

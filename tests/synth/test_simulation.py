@@ -191,7 +191,7 @@ def test_scene_is_what_it_promises(name: str) -> None:
 
 
 def test_unknown_shipped_scene() -> None:
-    with pytest.raises(SceneError, match="there are: clocks-on-beam, demo, escapement, "):
+    with pytest.raises(SceneError, match="there are: clocks-on-beam, cruise, demo, "):
         synth.scene_path("absent")
 
 

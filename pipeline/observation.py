@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -291,6 +292,26 @@ def _solve(combination: Floats, wanted: Floats, name: str) -> Floats:
         )
     weights[np.abs(weights) < 1e-12] = 0.0
     return weights
+
+
+def noise_covariance(record: DataTree, pairs: Sequence[str]) -> Floats:
+    """Covariance of the white reading noise of several differences, (pairs, pairs), rad2 or in any unit.
+
+    Traces that state no uncertainty count as equally noisy.
+    """
+    traces = record["record"].dataset
+    labels = [str(label) for label in traces["pendulum"].values]
+    combination = np.asarray(traces["combination"].values, dtype=np.float64)
+    unit = np.eye(len(labels))
+    rows = []
+    for pair in pairs:
+        first, second = _choose_pair(labels, combination, pair)
+        rows.append(_solve(combination, unit[labels.index(first)] - unit[labels.index(second)], pair))
+    sigma = _uncertainty(traces, len(combination))
+    weights = np.stack(rows)
+    if sigma is not None and np.isfinite(sigma).all() and (sigma > 0.0).all():
+        weights = weights * sigma
+    return np.asarray(weights @ weights.T)
 
 
 def _combine(weights: Floats, elongation: Floats) -> Floats:

@@ -13,6 +13,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from data_schemas.errors import SceneError
 from data_schemas.scene_checks import check_physics
+from data_schemas.scene_conditions import Conditions
 from data_schemas.scene_faults import one_line
 from data_schemas.scene_fields import Number, Section, quantity
 from data_schemas.scene_motion import Motion
@@ -66,6 +67,7 @@ class Scene(Section):
     support: Support = quantity(
         FixedSupport(), "", "what the pendulums hang on: kind = 'fixed', 'beam', 'frame' or 'board'"
     )
+    conditions: Conditions = quantity(Conditions(), "", "heat, air, tilt, turn, the ship's way, base stations")
     recording: Recording = quantity(Recording(), "", "what is written down of the motion")
     simulation: Simulation = quantity(Simulation(), "", "how exactly the motion is computed, and by what")
 

@@ -7,14 +7,43 @@ from typing import TYPE_CHECKING
 
 from data_schemas.scene_pendulum import FreeStart, Pendulum
 from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
+from data_schemas.scene_way import lightening
 
 if TYPE_CHECKING:
     from data_schemas.scene import Scene
 
 
+def period(scene: Scene, pendulum: Pendulum) -> float:
+    """Period of a pendulum at reference gravity under the scene's conditions, in the middle of the record, s."""
+    given = scene.conditions
+    value = pendulum.period + pendulum.drift * 0.5 * scene.duration / 86400.0
+    if given.temperature is not None:
+        value += pendulum.temperature_coefficient * (given.temperature - given.temperature_reference)
+    if given.air_density is not None:
+        value += pendulum.density_coefficient * given.air_density / given.air_density_reference
+    return value
+
+
+def _in_plane(scene: Scene) -> float:
+    """Gravity along the plane of swing that does not turn, m/s^2."""
+    given, gravity = scene.conditions, scene.gravity
+    if given.speed is not None and given.course is not None and given.latitude is not None:
+        gravity -= lightening(given.latitude, given.speed, given.course)
+    return gravity * math.cos(given.tilt) if given.tilt else gravity
+
+
+def felt_gravity(scene: Scene) -> float:
+    """What accelerations of the support compare with: gravity less what tilt, turn and the ship's way take, m/s^2."""
+    turn = scene.conditions.yaw_rate or 0.0
+    lengths = [scene.reference_gravity * (period(scene, each) / (2 * math.pi)) ** 2 for each in scene.pendulums]
+    return _in_plane(scene) - (turn**2 * sum(lengths) / len(lengths) if turn else 0.0)
+
+
 def frequency(scene: Scene, pendulum: Pendulum) -> float:
-    """Circular frequency at infinitesimal arc on a rigid support at the scene's gravity, rad/s."""
-    return 2 * math.pi / pendulum.period * math.sqrt(scene.gravity / scene.reference_gravity)
+    """Circular frequency at infinitesimal arc on a rigid support at the scene's gravity and conditions, rad/s."""
+    own = 2 * math.pi / period(scene, pendulum) * math.sqrt(_in_plane(scene) / scene.reference_gravity)
+    turn = scene.conditions.yaw_rate or 0.0
+    return math.sqrt(own**2 - turn**2) if turn else own
 
 
 def check_physics(scene: Scene) -> None:
@@ -25,6 +54,7 @@ def check_physics(scene: Scene) -> None:
     """
     if scene.restoring == "linear" and any(term.axis == "vertical" for term in scene.motion):
         raise ValueError("a vertical motion acts on real pendulums only; set restoring = 'sine'")
+    _check_conditions(scene)
     for each in scene.pendulums:
         own = frequency(scene, each)
         if isinstance(each.start, FreeStart) and each.damping_rate >= own:
@@ -42,6 +72,27 @@ def check_physics(scene: Scene) -> None:
         case BoardSupport():
             _check_sine(scene)
             _check_board(scene, scene.support)
+
+
+_ONE_METAL = 1e-3  # of the relative change of period: n1/n2 then stays within 1e-7 at 10 K
+
+
+def _check_conditions(scene: Scene) -> None:
+    given = scene.conditions
+    if scene.support.kind != "fixed" and (given != type(given)() or any(each.drift for each in scene.pendulums)):
+        raise ValueError("conditions act on pendulums on a fixed support only; remove them, or the support")
+    for each in scene.pendulums:
+        if period(scene, each) <= 0.5 * each.period or (given.yaw_rate or 0.0) * each.period > 1.0:
+            raise ValueError(f"conditions: {each.label!r} would hardly swing; make coefficients or yaw_rate smaller")
+    if given.temperature_amplitude:
+        if scene.restoring != "sine":
+            raise ValueError("conditions.temperature_amplitude acts on real pendulums only; set restoring = 'sine'")
+        shares = [each.temperature_coefficient / period(scene, each) for each in scene.pendulums]
+        if max(shares) - min(shares) > _ONE_METAL * max(abs(share) for share in shares):
+            raise ValueError(
+                "conditions.temperature_amplitude needs pendulums of one metal; give temperature coefficients in"
+                " proportion to the periods"
+            )
 
 
 def _check_sine(scene: Scene) -> None:

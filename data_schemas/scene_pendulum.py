@@ -79,6 +79,14 @@ class Pendulum(Section):
         ..., "s", "full period at infinitesimal arc, on a rigid support and at reference_gravity", ge=0.01, le=100
     )
     mass: Number | None = quantity(None, "kg", "mass of the bob; a beam or a frame needs it", gt=0, le=1e6)
+    temperature_coefficient: Number = quantity(0.0, "s K-1", "what a kelvin more adds to the period", ge=-1e-2, le=1e-2)
+    density_coefficient: Number = quantity(
+        0.0, "s", "what air of conditions.air_density_reference adds to the period in vacuum", ge=-1, le=1
+    )
+    drift: Number = quantity(
+        0.0, "s day-1", "what a day adds to the period, from the record's start on; the record states none of it",
+        ge=-1e-2, le=1e-2,
+    )  # fmt: skip
     damping_rate: Number = quantity(
         0.0, "s-1", "rate gamma at which the free amplitude decays, exp(-gamma t)", ge=0, le=1e4
     )

@@ -15,6 +15,7 @@ _SPELLINGS = {
     "m s-1": ("m/s", "m s^-1", "m s**-1", "m.s-1"),
     "s-1": ("1/s", "s^-1", "s**-1", "Hz"),
     "rad s-1": ("rad/s", "rad s^-1", "rad s**-1", "rad.s-1", "radian s-1", "radians per second"),
+    "m2 s-4": ("m2/s4", "m^2/s^4", "m2 s^-4", "m**2 s**-4"),
     "rad2": ("rad^2", "rad**2"),
     "kg m-3": ("kg/m3", "kg/m^3", "kg m^-3", "kg m**-3"),
     "s day-1": ("s/day", "s d-1", "s/d"),

@@ -13,7 +13,7 @@ from typing import Any
 
 from .variable import Variable
 from .variables_record import FILM, INSTRUMENT, RECORD
-from .variables_result import CORRECTION, GRAVITY, PERIOD, PHASES
+from .variables_result import CORRECTION, GRAVITY, JOINT, PERIOD, PHASES
 from .variables_truth import TRUTH
 
 __all__ = ["VARIABLES", "Variable", "attributes"]
@@ -36,6 +36,7 @@ _GROUPS: Mapping[str, Mapping[str, Variable]] = {
     "phases": PHASES,
     "correction": CORRECTION,
     "gravity": GRAVITY,
+    "joint": JOINT,
     "period": PERIOD,
 }
 

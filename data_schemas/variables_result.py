@@ -22,6 +22,37 @@ PHASES: dict[str, Variable] = {
     "phase_qc": Variable(_COMPONENT_TIME, "u2", "1", "quality flags of the phase", attrs=flag_attributes()),
 }
 
+_PAIR = ("method", "pair")
+JOINT: dict[str, Variable] = {
+    "method": Variable(_METHOD, "str", "1", "name of the method", required=True),
+    "pair": Variable(("pair",), "str", "1", "fictitious pendulum: difference of two neighbours", required=True),
+    "gravity": Variable(
+        _METHOD, "f8", "m s-2", "gravity of all pairs, weighted", required=True, limit="positive", missing=True
+    ),
+    "gravity_sigma": Variable(
+        _METHOD,
+        "f8",
+        "mGal",
+        "standard deviation of the weighted gravity",
+        required=True,
+        limit="not negative",
+        missing=True,
+    ),
+    "consistency": Variable(
+        _METHOD,
+        "f8",
+        "1",
+        "root of chi squared for each pair too many, about 1 where pairs agree",
+        limit="not negative",
+        missing=True,
+    ),
+    "pair_gravity": Variable(_PAIR, "f8", "m s-2", "gravity of a pair", limit="positive", missing=True),
+    "pair_sigma": Variable(
+        _PAIR, "f8", "mGal", "standard deviation of the gravity of a pair", limit="not negative", missing=True
+    ),
+    "weight": Variable(_PAIR, "f8", "1", "weight of a pair in the weighted gravity"),
+}
+
 CORRECTION: dict[str, Variable] = {
     "method": Variable(_METHOD, "str", "1", "name of the method", required=True),
     "phase_speed_correction": Variable(
@@ -51,10 +82,27 @@ GRAVITY: dict[str, Variable] = {
     "entry": Variable(("entry",), "str", "1", "name of the correction"),
     "value": Variable(_ENTRY, "f8", "mGal", "correction of gravity, added", missing=True),
     "sigma": Variable(
-        _ENTRY, "f8", "mGal", "standard deviation of the correction", limit="not negative", missing=True
+        _ENTRY, "f8", "mGal", "standard deviation of the correction; NaN where an input states none",
+        limit="not negative", missing=True,
+    ),
+    "value_period": Variable(
+        _ENTRY, "f8", "1e-7 s", "correction of the full period of the second pendulum, added", missing=True
     ),
     "applied": Variable(_ENTRY, "u1", "1", "1 where the correction is in the gravity of the method"),
     "reason": Variable(_ENTRY, "str", "1", "why the correction was applied or not"),
+    "input": Variable(_ENTRY, "str", "1", "variables of the record that the correction was made from"),
+    "formula": Variable(("entry",), "str", "1", "formula of the correction"),
+    "formula_source": Variable(("entry",), "str", "1", "where the formula comes from"),
+    "noise_sigma": Variable(
+        _METHOD, "f8", "mGal", "standard deviation of gravity from the readings alone", limit="not negative",
+        missing=True,
+    ),
+    "uncorrected": Variable(_METHOD, "f8", "m s-2", "gravity before any correction", missing=True),
+    "normal_gravity": Variable(
+        (), "f8", "m s-2", "normal gravity of GRS80 at the latitude, at the height or, below the sea, at its surface"
+    ),
+    "free_air_anomaly": Variable(_METHOD, "f8", "mGal", "free-air anomaly", missing=True),
+    "bouguer_anomaly": Variable(_METHOD, "f8", "mGal", "simple Bouguer anomaly, the sea as rock", missing=True),
     "flag": _FLAG,
 }  # fmt: skip
 

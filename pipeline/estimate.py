@@ -62,6 +62,8 @@ class Estimate:
         Part of the correction that is due to the finite arc, rad s-1.
     acceleration_reduced : bool
         Whether the support's acceleration was reduced as it acts on real pendulums.
+    heave : float or None
+        Root mean square of z''/g that was told from the phase; None where it was recorded or none shows.
     """
 
     frequency: float
@@ -75,6 +77,7 @@ class Estimate:
     speed_correction: Floats | None = None
     finite_arc: float = 0.0
     acceleration_reduced: bool = False
+    heave: float | None = None
 
 
 def budget(envelope: Envelope, fit: NarrowbandFit, ratio: float, damping_difference: float) -> Budget:

@@ -29,6 +29,8 @@ MEANINGS = {
     "residual-not-white": "the residual has structure near the pendulum's frequency; sigma is widened by it",
     "gravity-implausible": "gravity outside 9.75 to 9.85 m/s2; check instrument/period and reference_gravity",
     "acceleration-not-reduced": "the support's acceleration changes the period of real pendulums and is not reduced",
+    "correction-without-uncertainty": "a correction larger than sigma is made from inputs that state no uncertainty; "
+    "sigma takes it as exact",
     "damping-difference-assumed": "no damping is stated and the pendulums decay; their difference is taken as zero",
 }
 UNDECIDED = "restoring-undecided"
@@ -60,6 +62,9 @@ def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
         "gravity-implausible": not IMPLAUSIBLE[0] < value.gravity < IMPLAUSIBLE[1],
         "damping-difference-assumed": seen.damping_rate is None and _decays(prepared, estimate),
         "acceleration-not-reduced": _accelerated(prepared, estimate, value),
+        "correction-without-uncertainty": any(
+            entry.applied and np.isnan(entry.sigma) and abs(entry.value) > value.sigma for entry in value.given.values()
+        ),
         **_noise(prepared, estimate, float(np.nanmedian(amplitude))),
     }
     return [name for name in MEANINGS if raised.get(name)]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from data_schemas.errors import RecordError, UsageError
 from pipeline.arrays import Floats
+from pipeline.base_stations import Tie, tie
+from pipeline.conditions import Constants, by_air, by_temperature, refuse_impossible
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -53,6 +56,15 @@ class Observation:
         "sine", "linear", or None where the record does not say.
     vertical : (n,) array or None
         Recorded vertical acceleration of the support, m s-2, up positive, its gaps bridged.
+    constants : mapping
+        What else /instrument states, by name; of pendulums those of the pair. A temperature with a course within the
+        record is its mean here, the course is `temperature_course`.
+    course_time : (m,) array or None
+        Times of a course within the record, by its own clock, s.
+    tie : Tie or None
+        Periods from base stations.
+    period_change : (2,) array or None
+        Relative change of the two periods from the stated ones under the record's conditions.
     """
 
     first: str
@@ -71,11 +83,29 @@ class Observation:
     chronometer_rate: float
     restoring: str | None
     vertical: Floats | None = None
+    constants: Constants = field(default_factory=dict)
+    course_time: Floats | None = None
+    tie: Tie | None = None
+    period_change: Floats | None = None
 
     @property
     def frequency_ratio(self) -> float:
-        """n1/n2, which does not depend on gravity and is therefore held when n2 is fitted."""
-        return float(self.frequency_reference[0] / self.frequency_reference[1])
+        """n1/n2 under the record's conditions; it does not depend on gravity and is held when n2 is fitted."""
+        frequency = self.frequency_reference
+        if self.period_change is not None:
+            frequency = frequency / (1.0 + self.period_change)
+        if "yaw_rate" in self.constants:
+            frequency = np.sqrt(frequency**2 - float(self.constants["yaw_rate"]) ** 2)
+        return float(frequency[0] / frequency[1])
+
+    def felt_gravity(self, frequency: float) -> float:
+        """Gravity that makes the second pendulum swing so (rad s-1, in the record's own time) as it is, m s-2.
+
+        Tilt, rate of turn and the ship's way are in it: it is what accelerations of the support compare with.
+        """
+        stretched = 1.0 if self.period_change is None else 1.0 + float(self.period_change[1])
+        clock = 1.0 + self.chronometer_rate / 86400.0
+        return self.reference_gravity * (frequency * stretched / (clock * float(self.frequency_reference[1]))) ** 2
 
     @property
     def damping_difference(self) -> float:
@@ -155,31 +185,51 @@ def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
         raise RecordError(
             "instrument/period: missing; gravity needs the period of each pendulum at instrument/reference_gravity"
         )
-    constants = record["instrument"].dataset
-    if "reference_gravity" not in constants:
+    stored = record["instrument"].dataset
+    if "reference_gravity" not in stored:
         raise RecordError("instrument/reference_gravity: missing; give the gravity at which the periods hold, m s-2")
-    known = [str(label) for label in constants["pendulum"].values]
+    known = [str(label) for label in stored["pendulum"].values]
     for label in pendulums:
         if label not in known:
             raise RecordError(f"instrument/pendulum: no constants for pendulum '{label}'; it knows {', '.join(known)}")
-    rows = [known.index(label) for label in pendulums]
-
-    def column(name: str) -> Floats | None:
-        return np.asarray(constants[name].values, dtype=np.float64)[rows] if name in constants else None
-
-    period = column("period")
-    assert period is not None
-    uncertainty = column("period_uncertainty")
-    rate = constants["chronometer_rate"].values if "chronometer_rate" in constants else 0.0
+    constants = _constants(stored, [known.index(label) for label in pendulums])
+    period = np.asarray(constants["period"])
+    gravity = float(constants["reference_gravity"])
+    time = np.asarray(record.dataset["time"].values, dtype=np.float64)
+    tied = tie(constants, 0.5 * float(time[0] + time[-1]), gravity)
+    uncertainty = constants["period_uncertainty"] / period if "period_uncertainty" in constants else np.zeros(2)
+    longer = by_temperature(constants) + by_air(constants) + (0.0 if tied is None else tied.period - period)
+    refuse_impossible(constants, period, longer)
     restoring = record["instrument"].attrs.get("restoring")
     return {
         "frequency_reference": 2.0 * np.pi / period,
-        "damping_rate": column("damping_rate"),
-        "reference_gravity": float(constants["reference_gravity"].values),
-        "period_relative_uncertainty": np.zeros(len(rows)) if uncertainty is None else uncertainty / period,
-        "chronometer_rate": float(rate),
+        "damping_rate": constants.get("damping_rate"),
+        "reference_gravity": gravity,
+        "period_relative_uncertainty": uncertainty if tied is None else tied.relative_uncertainty,
+        "chronometer_rate": float(constants.get("chronometer_rate", 0.0)),
         "restoring": None if restoring is None else str(restoring),
+        "constants": constants,
+        "course_time": time if "temperature_course" in constants else None,
+        "tie": tied,
+        "period_change": longer / period if longer.any() else None,
     }
+
+
+def _constants(stored: Any, rows: list[int]) -> dict[str, Any]:
+    """Numbers of /instrument by name, of the pendulums those of the given rows; courses in time as mean and course."""
+    constants: dict[str, Any] = {}
+    for name, variable in stored.data_vars.items():
+        if variable.dtype.kind not in "fiu":
+            continue
+        values = np.asarray(variable.values, dtype=np.float64)
+        if "time" in variable.dims:
+            constants[f"{name}_course"] = values
+            constants[str(name)] = float(values.mean())
+        elif "pendulum" in variable.dims:
+            constants[str(name)] = values.take(rows, axis=variable.dims.index("pendulum"))
+        else:
+            constants[str(name)] = values if values.ndim else float(values)
+    return constants
 
 
 def uniform_grid(time: Floats, series: Floats) -> tuple[Floats, float | None, Floats]:
@@ -242,6 +292,26 @@ def _solve(combination: Floats, wanted: Floats, name: str) -> Floats:
         )
     weights[np.abs(weights) < 1e-12] = 0.0
     return weights
+
+
+def noise_covariance(record: DataTree, pairs: Sequence[str]) -> Floats:
+    """Covariance of the white reading noise of several differences, (pairs, pairs), rad2 or in any unit.
+
+    Traces that state no uncertainty count as equally noisy.
+    """
+    traces = record["record"].dataset
+    labels = [str(label) for label in traces["pendulum"].values]
+    combination = np.asarray(traces["combination"].values, dtype=np.float64)
+    unit = np.eye(len(labels))
+    rows = []
+    for pair in pairs:
+        first, second = _choose_pair(labels, combination, pair)
+        rows.append(_solve(combination, unit[labels.index(first)] - unit[labels.index(second)], pair))
+    sigma = _uncertainty(traces, len(combination))
+    weights = np.stack(rows)
+    if sigma is not None and np.isfinite(sigma).all() and (sigma > 0.0).all():
+        weights = weights * sigma
+    return np.asarray(weights @ weights.T)
 
 
 def _combine(weights: Floats, elongation: Floats) -> Floats:

@@ -72,9 +72,8 @@ class Prepared:
         return float(self.observation.frequency_reference[1])
 
     def gravity_of(self, frequency: float) -> float:
-        """Gravity of a trial n2 (rad s-1, in the record's own time), m s-2."""
-        clock = 1.0 + self.observation.chronometer_rate / 86400.0
-        return self.observation.reference_gravity * (frequency / (clock * self.nominal)) ** 2
+        """Gravity of a trial n2 (rad s-1, in the record's own time) as the pendulums feel it, m s-2."""
+        return self.observation.felt_gravity(frequency)
 
     @property
     def known_damping(self) -> float | None:

@@ -30,7 +30,8 @@ def process(
     method : str or sequence of str
         From `pipeline.METHODS`.
     pair : str, optional
-        "A-B": which two of the record's pendulums form the difference.
+        "A-B": which two of the record's pendulums form the difference. Without it the first difference that is recorded
+        is taken; of three pendulums and more all neighbouring pairs are reduced too, and weighed (group `joint`).
     gain_uncertainty : float
         Relative 1-sigma uncertainty of the first pendulum's scale.
 
@@ -72,4 +73,10 @@ def process(
     reductions = [reduce_by(name, found.prepared, gain_uncertainty, found) for name in requested]
     result = build_result(record, found.prepared, reductions, started)
     result.attrs.update(found.attributes)
+    if pair is None and record["record"].sizes["pendulum"] > 2:
+        from pipeline.joint import join
+
+        result["joint"] = join(
+            record, lambda each: process(record, method=method, pair=each, gain_uncertainty=gain_uncertainty)
+        )
     return result

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from xarray import DataTree
 
-_PACKAGES = ("isochrony", "numpy", "scipy", "numba", "h5py", "h5netcdf", "xarray")
+_PACKAGES = ("isochrony", "numpy", "scipy", "numba", "h5py", "h5netcdf", "xarray", "boule")
 
 
 @functools.cache

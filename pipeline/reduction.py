@@ -51,7 +51,7 @@ def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float, sensors: E
     except RefusedError as refusal:
         elapsed = time.perf_counter() - started
         return Reduction(name, chosen, reason, None, None, (), str(refusal), elapsed)
-    value = gravity(estimate, prepared.observation, prepared.rough_budget, gain_uncertainty)
+    value = gravity(estimate, prepared, gain_uncertainty)
     raised = (*flags(prepared, estimate, value), *((UNDECIDED,) if doubt else ()), *(sensors.flags if sensors else ()))
     return Reduction(name, chosen, reason, estimate, value, raised, "", time.perf_counter() - started)
 

@@ -10,6 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from data_schemas.variables import attributes
+from pipeline.anomaly import anomalies
+from pipeline.conditions import Constants
+from pipeline.ledger.book import CORRECTIONS
+from pipeline.ledger.entry import MGAL
 from pipeline.methods import PHASE_METHODS
 from pipeline.prepared import Prepared
 from pipeline.provenance import provenance
@@ -79,7 +83,7 @@ def build_result(record: DataTree, prepared: Prepared, reductions: Sequence[Redu
         },
         {"method": methods},
     )
-    gravity = _gravity(reductions, components, methods)
+    gravity = _gravity(reductions, components, methods, seen.constants)
     tree = DataTree.from_dict(
         {
             "/": Dataset(coords={"time": ("time", envelope.time + seen.start, time_attributes)}),
@@ -117,11 +121,9 @@ def unwrapped(harmonics: np.ndarray) -> np.ndarray:
     return phase
 
 
-def _gravity(reductions: Sequence[Reduction], components: list[str], methods: list[str]) -> Any:
+def _gravity(reductions: Sequence[Reduction], components: list[str], methods: list[str], constants: Constants) -> Any:
     nan = float("nan")
-    entries = next(
-        (list(r.gravity.ledger) for r in reductions if r.gravity), ["non_isochronism", "finite_arc", "chronometer"]
-    )
+    entries = [module.NAME for module in CORRECTIONS]
 
     def column(pick: Any, missing: Any = nan) -> np.ndarray:
         return np.array([pick(r) if r.gravity else missing for r in reductions])
@@ -139,8 +141,15 @@ def _gravity(reductions: Sequence[Reduction], components: list[str], methods: li
         "frequency": (("method", "pendulum"), column(lambda r: r.gravity.frequency, (nan, nan))),
         "value": (("method", "entry"), ledger("value", nan)),
         "sigma": (("method", "entry"), ledger("sigma", nan)),
+        "value_period": (("method", "entry"), ledger("value", nan) * column(_period_for_milligal)[:, None]),
         "applied": (("method", "entry"), ledger("applied", False).astype(np.uint8)),
         "reason": (("method", "entry"), ledger("reason", "the method refused").astype(object)),
+        "input": (("method", "entry"), ledger("input_names", "").astype(object)),
+        "formula": ("entry", _text(module.FORMULA for module in CORRECTIONS)),
+        "formula_source": ("entry", _text(module.SOURCE for module in CORRECTIONS)),
+        "noise_sigma": ("method", column(lambda r: r.gravity.noise)),
+        "uncorrected": ("method", column(lambda r: r.gravity.uncorrected)),
+        **anomalies(constants, column(lambda r: r.gravity.gravity)),
         "requested": ("method", _text(r.requested for r in reductions)),
         "resolved": ("method", _text(r.method for r in reductions)),
         "status": ("method", _text("ok" if r.gravity else "refused" for r in reductions)),
@@ -159,6 +168,13 @@ def _gravity(reductions: Sequence[Reduction], components: list[str], methods: li
     if raised:
         variables["flag"] = ("flag", _text(raised))
     return _dataset("gravity", variables, coordinates)
+
+
+def _period_for_milligal(reduction: Reduction) -> float:
+    """Change of the full period of the second pendulum, 1e-7 s, that a milligal stands for: dT = -T dg/2g."""
+    value = reduction.gravity
+    assert value is not None  # asked for methods that gave one
+    return float(-np.pi / value.frequency[1] * MGAL / value.gravity * 1e7)
 
 
 def _labels(reductions: Sequence[Reduction]) -> list[str]:

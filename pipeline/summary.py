@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from xarray import DataTree
+    from xarray import Dataset, DataTree
 
 
 def summaries(result: DataTree) -> list[dict[str, Any]]:
@@ -36,6 +36,10 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
                 "frequency_rad_s": dict(zip(pendulums, map(float, row["frequency"].values), strict=True)),
                 "difference_frequency_rad_s": float(row["difference_frequency"]),
                 "corrections_mgal": dict(zip(entries, map(float, row["value"].values), strict=True)),
+                "uncorrected_m_s2": float(row["uncorrected"]),
+                "noise_sigma_mgal": float(row["noise_sigma"]),
+                "ledger": ledger(row),
+                **{f"{name}_mgal": float(row[name]) for name in ("free_air_anomaly", "bouguer_anomaly") if name in row},
                 "sensitivity_mgal": {
                     "frequency_difference_1e-7": float(row["sensitivity_frequency_difference"]),
                     "gain_1_percent": float(row["sensitivity_gain"]),
@@ -44,6 +48,42 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
                 "choice_reason": str(row["choice_reason"].values) or None,
                 "samples_used": int(row["samples_used"]),
                 "elapsed_s": float(row["elapsed"]),
+                **({"joint": joint(result["joint"].dataset.isel(method=k))} if "joint" in result.children else {}),
             }
         )
     return rows
+
+
+def joint(row: Dataset) -> dict[str, Any]:
+    """What all pairs of three pendulums and more tell together, by one method."""
+    pairs = [str(pair) for pair in row["pair"].values]
+    return {
+        "gravity_m_s2": float(row["gravity"]),
+        "gravity_sigma_mgal": float(row["gravity_sigma"]),
+        "consistency": float(row["consistency"]),
+        "pairs": {
+            pair: {
+                "gravity_m_s2": float(row["pair_gravity"][k]),
+                "gravity_sigma_mgal": float(row["pair_sigma"][k]),
+                "weight": float(row["weight"][k]),
+            }
+            for k, pair in enumerate(pairs)
+        },
+    }
+
+
+def ledger(row: Dataset) -> list[dict[str, Any]]:
+    """Entries of one method, in the order in which they were added."""
+    fields = {"value_mgal": "value", "sigma_mgal": "sigma", "period_1e-7_s": "value_period"}
+    return [
+        {
+            "entry": str(row["entry"].values[k]),
+            **{key: float(row[name].values[k]) for key, name in fields.items()},
+            "applied": bool(row["applied"].values[k]),
+            "reason": str(row["reason"].values[k]),
+            "input": str(row["input"].values[k]).split(),
+            "formula": str(row["formula"].values[k]),
+            "formula_source": str(row["formula_source"].values[k]),
+        }
+        for k in range(row.sizes["entry"])
+    ]

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.scene import Scene
+from data_schemas.scene_checks import felt_gravity
 from data_schemas.scene_pendulum import FreeStart, ImpulseEscapement, Pendulum, VanDerPolEscapement
 from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
 from synth.motion.harmonic_sum import HarmonicSum
@@ -95,9 +96,8 @@ def assemble(scene: Scene, frequencies: Sequence[float], motion: HarmonicSum, ve
     terms = _terms(pendulums)
     sideways, upwards = _harmonics(motion), _harmonics(vertical)
     own = np.array(frequencies)
-    swing = np.array(
-        [_start(each, n, motion, scene.gravity) for each, n in zip(pendulums, frequencies, strict=True)]
-    ).ravel()
+    gravity = felt_gravity(scene)
+    swing = np.array([_start(each, n, motion, gravity) for each, n in zip(pendulums, frequencies, strict=True)]).ravel()
     support = scene.support
     if isinstance(support, BoardSupport):
         from synth.systems.metronomes import Metronomes
@@ -109,7 +109,7 @@ def assemble(scene: Scene, frequencies: Sequence[float], motion: HarmonicSum, ve
         from synth.systems.driven_pendulums import DrivenPendulums
 
         law = Sine() if scene.restoring == "sine" else Linear()
-        system = DrivenPendulums(own, scene.gravity, law, sideways, upwards, terms)
+        system = DrivenPendulums(own, gravity, law, sideways, upwards, terms)
         return Assembly(system, swing, _kicks(system, pendulums, np.ones(own.size)))
     masses = np.array([float(each.mass or 0.0) for each in pendulums])
     lengths = np.array([scene.reference_gravity * (each.period / (2 * np.pi)) ** 2 for each in pendulums])

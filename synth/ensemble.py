@@ -72,11 +72,11 @@ def simulate_ensemble(
     --------
     >>> from data_schemas.scene import load_scene
     >>> from synth import scene_path
-    >>> demo = load_scene(scene_path("demo"))
-    >>> for number, record, truth in simulate_ensemble(demo, 2, vary={"gravity": (9.7, 9.9)}):
+    >>> linear = load_scene(scene_path("linear"))
+    >>> for number, record, truth in simulate_ensemble(linear, 2, vary={"gravity": (9.7, 9.9)}):
     ...     print(number, record.attrs["record_id"], 9.7 < float(truth["truth/gravity"]) < 9.9)
-    1 demo-0001 True
-    2 demo-0002 True
+    1 linear-0001 True
+    2 linear-0002 True
     """
     if workers < 1:
         raise UsageError(f"workers = {workers}: give 1 or more")

@@ -57,10 +57,10 @@ def members(scene: Scene, count: int, *, seed: int | None = None, vary: Vary | N
     --------
     >>> from data_schemas.scene import load_scene
     >>> from synth import scene_path
-    >>> demo = load_scene(scene_path("demo"))
-    >>> [one.record_id for one in members(demo, 2)]
-    ['demo-0001', 'demo-0002']
-    >>> one, two = members(demo, 2, vary={"pendulums.0.start.phase": (0.0, 6.28)})
+    >>> linear = load_scene(scene_path("linear"))
+    >>> [one.record_id for one in members(linear, 2)]
+    ['linear-0001', 'linear-0002']
+    >>> one, two = members(linear, 2, vary={"pendulums.0.start.phase": (0.0, 6.28)})
     >>> one.pendulums[0].start.phase != two.pendulums[0].start.phase
     True
     """

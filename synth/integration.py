@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib import import_module
 
 import numpy as np
@@ -10,8 +10,8 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from data_schemas.scene_simulation import Propagator
 from synth.assembly import Assembly
-from synth.integrators.trajectory import Trajectory
 from synth.phase import Floats
+from synth.recording.clock import Clock
 
 _MODULES: dict[Propagator, str] = {
     "beam-collocation": "synth.integrators.collocation",
@@ -19,14 +19,20 @@ _MODULES: dict[Propagator, str] = {
     "radau": "synth.integrators.radau",
     "splitting": "synth.integrators.splitting",
 }
-_TIGHTEST = 1e-15
-_REPEATS = 2
-_AIM = 0.3  # of the tolerance, when an integrator is asked again
+_STREAMS: dict[Propagator, str] = {
+    "beam-collocation": "synth.integrators.collocation_stream",
+    "explicit": "synth.integrators.explicit_stream",
+    "radau": "synth.integrators.radau_stream",
+}
+_AT_ONCE = 1 << 18
+"""Moments up to which a record is integrated in one piece; longer ones are marched twice and not held."""
+
+Found = tuple[Iterator[Floats], float, Propagator]
 
 
 def integrated(
-    assembly: Assembly, propagators: Sequence[Propagator], seconds: Floats, tolerance: float | None, aim: float
-) -> tuple[Floats, float, Propagator]:
+    assembly: Assembly, propagators: Sequence[Propagator], parts: Sequence[Clock], tolerance: float
+) -> Found:
     """Integrate by the first of the propagators that does not refuse.
 
     Parameters
@@ -35,17 +41,15 @@ def integrated(
         What moves.
     propagators
         In the order to be tried.
-    seconds : (k,)
-        True time of the moments, increasing, none before t = 0.
-    tolerance : float or None
-        Error wanted, relative: a propagator whose error is estimated to be larger is asked again for less.
-    aim : float
-        What to ask for where no error is named.
+    parts : sequence of Clock
+        The moments, portion by portion, in order of time, none before t = 0.
+    tolerance : float
+        Error wanted, relative.
 
     Returns
     -------
-    rows : (pendulums or pendulums + 1, k) float64
-        As `Assembly.rows` gives them.
+    rows : iterator of (pendulums or pendulums + 1, k) float64
+        As `Assembly.rows` gives them: one piece, or one for each part.
     estimated_error : float
         Of the worst component, relative to its largest size.
     propagator : str
@@ -56,41 +60,36 @@ def integrated(
     RefusedError
         If all refuse; the message holds every reason.
     """
-    times = seconds * assembly.time_scale
-    begins = times[0] == 0.0
+    long = sum(part.count for part in parts) > _AT_ONCE
     reasons = []
     for name in propagators:
         try:
-            found = _run(name, assembly, times if begins else np.concatenate([[0.0], times]), tolerance, aim)
+            if long and name in _STREAMS:
+                return _streamed(name, assembly, parts, tolerance)
+            return _whole(name, assembly, parts, tolerance)
         except RefusedError as refusal:
             reasons.append(str(refusal))
-            continue
-        return assembly.rows(found.states[0 if begins else 1 :]), found.estimated_error, name
     raise RefusedError("; ".join(reasons))
 
 
-def _run(name: Propagator, assembly: Assembly, times: Floats, tolerance: float | None, aim: float) -> Trajectory:
-    asked = aim if tolerance is None else tolerance
-    best = _once(name, assembly, times, asked)
-    for repeat in range(_REPEATS):
-        if tolerance is None or best.estimated_error <= tolerance or asked <= _TIGHTEST:
-            break
-        asked = max(_TIGHTEST, asked * _AIM * tolerance / best.estimated_error)
-        asked = min(asked, aim) if repeat == _REPEATS - 1 else asked
-        try:
-            found = _once(name, assembly, times, asked)
-        except RefusedError:  # what there is holds, with the error that is estimated for it
-            break
-        if found.estimated_error < best.estimated_error:
-            best = found
-    return best
-
-
-def _once(name: Propagator, assembly: Assembly, times: Floats, tolerance: float) -> Trajectory:
+def _whole(name: Propagator, assembly: Assembly, parts: Sequence[Clock], tolerance: float) -> Found:
+    times = np.concatenate([part.true_seconds for part in parts]) * assembly.time_scale
+    begins = times[0] == 0.0
+    instants = times if begins else np.concatenate([[0.0], times])
     if assembly.kicks is not None:
         from synth.integrators.events import integrate_with_events
 
-        return integrate_with_events(assembly.system, assembly.start, times, assembly.kicks, tolerance=tolerance)[0]
-    integrate = import_module(_MODULES[name]).integrate  # one, and no other
-    found: Trajectory = integrate(assembly.system, assembly.start, times, tolerance=tolerance)
-    return found
+        found = integrate_with_events(assembly.system, assembly.start, instants, assembly.kicks, tolerance=tolerance)[0]
+    else:
+        integrate = import_module(_MODULES[name]).integrate  # one, and no other
+        found = integrate(assembly.system, assembly.start, instants, tolerance=tolerance)
+    return iter([assembly.rows(found.states[0 if begins else 1 :])]), found.estimated_error, name
+
+
+def _streamed(name: Propagator, assembly: Assembly, parts: Sequence[Clock], tolerance: float) -> Found:
+    chunks = (part.true_seconds * assembly.time_scale for part in parts)
+    span = (0.0, parts[-1].true_end * assembly.time_scale)
+    event = {} if assembly.kicks is None else {"event": assembly.kicks}
+    stream = import_module(_STREAMS[name]).stream
+    found = stream(assembly.system, assembly.start, chunks, span, tolerance=tolerance, **event)
+    return (assembly.rows(piece.states) for piece in found.pieces), found.estimated_error, name

@@ -135,7 +135,7 @@ def _picard(plan: Plan, clock: Clock) -> Iterator[_Angles]:
         np.array([response.damping_rate for response in plan.responses]),
         np.array([start_state(response, plan.motion.angular_frequency) for response in plan.responses]),
         plan.motion,
-        plan.vertical,
+        plan.lift,
         plan.gravity,
         plan.times,
     )
@@ -156,14 +156,14 @@ def _picard(plan: Plan, clock: Clock) -> Iterator[_Angles]:
 
 
 def _integrated(plan: Plan, clock: Clock) -> Iterator[_Angles]:
-    """By a general integrator, which needs the whole record at once."""
+    """By a general integrator."""
     from synth.integration import integrated  # only here: it brings numba
 
     choice = plan.choice
     able = [choice.propagator, *choice.instead] if choice.integrates else choice.instead
-    moments = Clock(clock.times, slice(None), clock.scale).true_seconds
-    rows, error, name = integrated(plan.assembly(), able, moments, plan.tolerance, choice.aim)
-    begin = 0
-    for part in clock.portions(len(plan.frequencies)):
-        yield _Angles(rows[:, begin : begin + part.times.count], error, NAMES[name])
-        begin += part.times.count
+    moments = Clock(clock.times, slice(None), clock.scale)
+    parts = list(moments.portions(len(plan.frequencies)))
+    asked = choice.aim if plan.tolerance is None else plan.tolerance
+    pieces, error, name = integrated(plan.assembly(), able, parts, asked)
+    for portion in recut(pieces, (part.count for part in parts)):
+        yield _Angles(portion, error, NAMES[name])

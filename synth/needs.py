@@ -27,12 +27,13 @@ def needs(scene: Scene) -> tuple[str, ...]:
     --------
     >>> from data_schemas.scene import load_scene
     >>> from synth.shipped import scene_path
-    >>> needs(load_scene(scene_path("demo")))
+    >>> needs(load_scene(scene_path("linear")))
     ('the linear law', 'a fixed support')
     """
     pendulums = scene.pendulums
     drives = {each.escapement.kind for each in pendulums if each.escapement is not None}
     vertical = any(term.axis == "vertical" and term.kind != "still" for term in scene.motion)
+    vertical |= scene.conditions.temperature_amplitude > 0  # acts as a vertical motion that no instrument feels
     asked = {
         LINEAR if scene.restoring == "linear" else SINE: True,
         OVERDAMPED: any(each.damping_rate >= _HARDLY_SWINGS * frequency(scene, each) for each in pendulums),

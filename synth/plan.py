@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 from data_schemas.errors import RefusedError, SceneError
 from data_schemas.scene import Scene
-from data_schemas.scene_checks import frequency
+from data_schemas.scene_checks import felt_gravity, frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
 from synth.choice import NAMES, Choice, chosen_at_sight, chosen_by_rates
+from synth.conditions import stiffening
 from synth.motion.harmonic_sum import HarmonicSum, add
 from synth.motion.harmonics import harmonics
 from synth.motion.near_resonant import near_resonant
@@ -35,9 +36,11 @@ class Plan:
     Attributes
     ----------
     gravity : float
-        m/s^2
+        What accelerations compare with, m/s^2.
     motion, vertical : HarmonicSum
         Horizontal and vertical acceleration of the ship; an empty sum where it is still.
+    lift : HarmonicSum
+        The vertical one with what acts like it: a temperature that changes within the record.
     frequencies, damping_rates : tuple of float
         n in rad/s at infinitesimal arc on a rigid support, gamma in 1/s.
     responses : tuple of Response
@@ -55,6 +58,7 @@ class Plan:
     gravity: float
     motion: HarmonicSum
     vertical: HarmonicSum
+    lift: HarmonicSum
     frequencies: tuple[float, ...]
     damping_rates: tuple[float, ...]
     responses: tuple[Response, ...]
@@ -80,19 +84,23 @@ def plan(scene: Scene, clock: Clock) -> Plan:
     frequencies = [frequency(scene, pendulum) for pendulum in scene.pendulums]
     motion, vertical = (_motion(scene, frequencies, clock, axis) for axis in ("horizontal", "vertical"))
 
+    course = stiffening(scene)
+    lift = vertical if course is None else add([vertical, course])
+
     @functools.cache
     def assembly() -> Assembly:
         from synth.assembly import assemble
 
         try:
-            return assemble(scene, frequencies, motion, vertical)
+            return assemble(scene, frequencies, motion, lift)
         except RefusedError as refusal:
             raise SceneError(str(refusal)) from None
 
     return Plan(
-        scene.gravity,
+        felt_gravity(scene),
         motion,
         vertical,
+        lift,
         tuple(frequencies),
         tuple(pendulum.damping_rate for pendulum in scene.pendulums),
         _responses(scene, frequencies, motion),
@@ -107,7 +115,7 @@ def _responses(scene: Scene, frequencies: list[float], motion: HarmonicSum) -> t
     pairs = list(zip(scene.pendulums, frequencies, strict=True))
     if scene.support.kind != "fixed" or any(each.damping_rate >= own for each, own in pairs):
         return ()
-    return tuple(respond(own, each.damping_rate, each.start, motion, scene.gravity) for each, own in pairs)
+    return tuple(respond(own, each.damping_rate, each.start, motion, felt_gravity(scene)) for each, own in pairs)
 
 
 def _choice(scene: Scene, assembly: Callable[[], Assembly], fastest_swing: float) -> Choice:

@@ -44,7 +44,7 @@ def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:
     --------
     >>> from data_schemas.scene import load_scene
     >>> from synth import scene_path
-    >>> record, truth = simulate(load_scene(scene_path("demo")))
+    >>> record, truth = simulate(load_scene(scene_path("linear")))
     >>> record["record/elongation"].sizes["time"]
     45000
     """

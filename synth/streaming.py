@@ -107,7 +107,7 @@ def simulate_to(
     >>> from data_schemas.scene import load_scene
     >>> from synth import scene_path
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     simulate_to(load_scene(scene_path("demo")), f"{folder}/demo.record.nc", f"{folder}/demo.truth.nc")
+    ...     simulate_to(load_scene(scene_path("linear")), f"{folder}/linear.record.nc", f"{folder}/linear.truth.nc")
     45000
     """
     clock = set_clock(scene)

@@ -1,15 +1,15 @@
-"""Bars that are whole suites: the pattern of the table of residuals, the paper's claims, stability, imports."""
+"""Bars that are whole suites: table of residuals, the paper's claims, stability, what is left out."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pipeline.benchmarks import corrections, leave_out, paper, stability
+from pipeline.benchmarks import corrections_cases, cost_of_terms, leave_out, paper, stability
 from pipeline.benchmarks.bar import Row, at_most
 
 SUITES: tuple[tuple[Any, Mapping[str, str]], ...] = (
-    (corrections, {"case": "table of residuals: cases whose pattern is not reproduced"}),
+    (corrections_cases, {"case": "table of residuals: cases whose pattern is not reproduced"}),
     (paper, {"claim": "paper: claims that are not reproduced"}),
     (
         stability,
@@ -19,6 +19,7 @@ SUITES: tuple[tuple[Any, Mapping[str, str]], ...] = (
         },
     ),
     (leave_out, {"method": "process: methods that import what they do not use"}),
+    (cost_of_terms, {"terms": "simulate: scenes that load what belongs to terms they leave out"}),
 )
 """Suite -> key of its rows that names a case, and what a case that fails means."""
 

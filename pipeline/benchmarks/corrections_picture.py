@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FLOOR = 1e-9  # mGal: rounding of gravity itself
-_LABELS = 1.06  # of the longest time: where labels begin
+_LABELS = 1.25  # of the longest time: where labels begin
 _WHOLE = 1.0  # mGal: what a survey at sea would notice
 _MET = 1e-2  # mGal: the bar of the right methods
 
@@ -53,7 +53,7 @@ def draw(errors: Mapping[str, Mapping[str, float]], times: Mapping[str, float], 
 def _scale(axes: Axes, low: float, high: float) -> None:
     axes.set_xlim(low, high)
     axes.set_ylim(FLOOR / 6.0, 5e4)
-    ticks = [tick for tick in (1, 2, 3, 5, 10, 20, 30, 50, 100, 200, 500) if low <= tick <= high]
+    ticks = [tick for tick in (1, 2, 5, 10, 20, 50, 100, 200, 500) if low <= tick <= high]
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.set_xticks([], minor=True)
     axes.set_yticks([10.0**power for power in range(-9, 5, 2)])
@@ -64,7 +64,7 @@ def _scale(axes: Axes, low: float, high: float) -> None:
 def _points(axes: Axes, found: Mapping[str, float], times: Mapping[str, float]) -> None:
     drawn = {name: max(abs(error), FLOOR) for name, error in found.items() if np.isfinite(error)}
     refused = [name for name in found if name not in drawn]
-    heights = _apart({name: float(np.log10(error)) for name, error in drawn.items()})
+    heights = apart({name: float(np.log10(error)) for name, error in drawn.items()})
     for name, error in drawn.items():
         colour = GREEN if error <= _MET else VERMILION if error >= _WHOLE else BLUE
         axes.plot(times[name], error, "o", color=colour, markersize=6, markeredgecolor="white", zorder=3)
@@ -76,7 +76,14 @@ def _points(axes: Axes, found: Mapping[str, float], times: Mapping[str, float]) 
             fontsize=8,
             color=colour,
             va="center",
-            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.5, "shrinkA": 1, "shrinkB": 3},
+            arrowprops={
+                "arrowstyle": "-",
+                "color": colour,
+                "linewidth": 0.5,
+                "shrinkA": 1,
+                "shrinkB": 3,
+                "relpos": (0.0, 0.5),
+            },
         )
     if refused:
         axes.text(
@@ -90,7 +97,7 @@ def _points(axes: Axes, found: Mapping[str, float], times: Mapping[str, float]) 
         )
 
 
-def _apart(heights: Mapping[str, float], least: float = 0.62) -> dict[str, float]:
+def apart(heights: Mapping[str, float], least: float = 0.62) -> dict[str, float]:
     """Move labels up, the lowest first, until none stands on another (decades)."""
     placed: dict[str, float] = {}
     last = -np.inf
@@ -125,7 +132,8 @@ def _explain(axes: Axes) -> None:
         "panteleev   (27), integrated, then regressed\n"
         "general   (38) with the model's phase speeds\n"
         "complex   complex form of (27)\n"
-        "projection   exact linear identity\n\n"
+        "projection   exact linear identity\n"
+        "shooting   exact identity, here the linear one\n\n"
         "Run time: observation to gravity, kernels compiled,\nmedian of several rounds in which methods take turns.",
         transform=axes.transAxes,
         fontsize=9,

@@ -1,4 +1,4 @@
-"""The benchmarks' own scenes: two linear pendulums under swell, one function a kind.
+"""The benchmarks' own scenes: two pendulums under swell, one function a kind.
 
 None of them is a record that the project was handed: bars are measured on what is made here.
 """
@@ -69,9 +69,10 @@ def two_pendulums(
     gravity: float = GRAVITY,
     duration: float | None = None,
     restoring: str = "linear",
+    seed: int = 0,
     **recording: Any,
 ) -> Scene:
-    """Two pendulums, linear unless said otherwise, on a moving support.
+    """Two pendulums on a moving support.
 
     Parameters
     ----------
@@ -83,8 +84,9 @@ def two_pendulums(
         Free harmonics at the start, rad.
     duration : float, optional
         s; half an hour by default.
-    restoring : str
-        "linear", or "sine" for real pendulums.
+    restoring : {"linear", "sine"}
+    seed : int
+        Of all chance in the scene.
     recording
         Fields of the scene's recording.
     """
@@ -93,10 +95,11 @@ def two_pendulums(
     return Scene.model_validate(
         {
             "record_id": record_id,
+            "seed": seed,
+            "restoring": restoring,
             "duration": DURATION if duration is None else duration,
             "gravity": gravity,
             "reference_gravity": REFERENCE,
-            "restoring": restoring,
             "pendulums": [
                 {
                     "label": label,

@@ -108,7 +108,7 @@ def error_of(case: Case, name: str, states: Floats) -> tuple[float, float]:
         given = case.figure(states)
     else:
         given = states if states.shape[1] == len(case.judged) else states[:, list(case.judged)]
-    size = np.nanmax(np.abs(true), axis=0)
+    size = np.max(np.abs(true), axis=0, where=np.isfinite(true), initial=0.0)  # rates may be unknown
     difference = np.abs(given - true) / np.where(size > 0.0, size, 1.0)
     worst = float(np.max(difference[np.isfinite(true)], initial=0.0))
     if name == expected.SIMULATE:

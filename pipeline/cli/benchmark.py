@@ -16,7 +16,7 @@ from pipeline.cli.tables import print_json, print_table
 SUITES = {
     "corrections": (
         "pipeline.benchmarks.corrections",
-        "residual of every method on every kind of scene, in mGal",
+        "what every method leaves (mGal) and costs, on every kind of record; -o resumes",
     ),
     "paper": ("pipeline.benchmarks.paper", "the source paper's own figures, reproduced"),
     "stability": (
@@ -26,6 +26,10 @@ SUITES = {
     "integrators": ("pipeline.benchmarks.integrators", "propagators against general integrators: time and error"),
     "speed": ("pipeline.benchmarks.speed", "estimation and the command line against what they replace or import"),
     "leave-out": ("pipeline.benchmarks.leave_out", "what `process` imports and spends, method by method"),
+    "terms": (
+        "pipeline.benchmarks.cost_of_terms",
+        "what a scene pays for its terms: run, compile and start-up time, modules",
+    ),
     "bars": ("pipeline.benchmarks.bars", "every promised accuracy and speed: bar, value, limit, pass"),
 }
 _LISTED = "\n".join(f"  {name:<12} {text}" for name, (_, text) in SUITES.items())
@@ -39,6 +43,7 @@ suites:
 _EXAMPLES = """\
 examples:
   isochrony benchmark corrections --quick
+  isochrony benchmark corrections -o out/      tables, pictures; run again, it goes on where it was interrupted
   isochrony benchmark bars --json > bars.jsonl
 
 exit status: 0; 1 if some rows do not pass and some do; 3 if none passes"""

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 _MILLIGAL = 1e-5  # m s-2
 
 _DESCRIPTION = """\
-Simulate a ship record that ships with the package, process it by every method, and compare with the truth.
+Simulate a scene that ships with the package (real pendulums in a heaving submarine, noisy readings), process the
+record by every method, and compare with the truth: the paper's formulas beside the corrected formula and the exact
+inversion.
 
 Prints one row a method: gravity in m/s2, its error and its sigma in mGal (1e-5 m/s2), the run time in ms.
 Writes demo.record.nc, demo.truth.nc, demo.result.nc and the picture isochrony-demo.png into a folder; run
@@ -62,7 +64,9 @@ def run(options: argparse.Namespace) -> int:
         data_schemas.write(tree, folder / f"demo.{kind}.nc", overwrite=True)
     gravity = float(truth["truth"]["gravity"])
     print(f"true gravity {gravity:.8f} m/s2; {_describe(record)}\n")
-    _print_table(summaries(result), gravity)
+    rows = summaries(result)
+    _print_table(rows, gravity)
+    _print_flags(rows)
     print(f"\n{_alone(result)}")
     print(_EXPLANATION)
     _draw(record, result, gravity, folder)
@@ -71,9 +75,18 @@ def run(options: argparse.Namespace) -> int:
 
 _EXPLANATION = (
     "The difference of two pendulums in one frame sheds the ship's motion; what is left of it, as their\n"
-    "periods differ, is the non-isochronism that `panteleev`, `complex` and `projection` remove.\n"
-    "`uncorrected` leaves it in; `vening-meinesz` lets the swell back in with the raw first pendulum."
+    "periods differ, is the non-isochronism that the paper's formula (27) removes. Real arcs and the ship's\n"
+    "acceleration shift the period as well: only `general` and `shooting` reduce them."
 )
+_KINDS = {
+    "uncorrected": "slope of the phase",
+    "vening-meinesz": "formula (9)",
+    "panteleev": "paper's formula (27)",
+    "general": "corrected formula (38)",
+    "complex": "(27), complex form",
+    "projection": "exact for linear pendulums",
+    "shooting": "exact inversion",
+}
 
 
 def _folder(name: str) -> Path:
@@ -94,6 +107,7 @@ def _describe(record: DataTree) -> str:
 
 _COLUMNS = (
     Column("method", 14, right=False),
+    Column("what it is", 26, right=False),
     Column("gravity m/s2", 12),
     Column("error mGal", 12),
     Column("sigma mGal", 10),
@@ -110,21 +124,35 @@ def _print_table(rows: list[dict[str, Any]], gravity: float) -> None:
             continue
         error = (row["gravity_m_s2"] - gravity) / _MILLIGAL
         cells = (
-            f"{row['gravity_m_s2']:.8f}", f"{error:+.4f}", f"{row['gravity_sigma_mgal']:.4f}",
-            f"{1e3 * row['elapsed_s']:.1f}",
+            _KINDS.get(row["method"], ""), f"{row['gravity_m_s2']:.8f}", f"{error:+.4f}",
+            f"{row['gravity_sigma_mgal']:.4f}", f"{1e3 * row['elapsed_s']:.1f}",
         )  # fmt: skip
         print_row(_COLUMNS, [row["method"], *cells])
+
+
+def _print_flags(rows: list[dict[str, Any]]) -> None:
+    """Name what the results themselves say is to be distrusted: a flagged sigma does not promise the truth."""
+    raised: dict[str, list[str]] = {}
+    for row in rows:
+        for flag in row["flags"]:
+            raised.setdefault(flag, []).append(row["method"])
+    if raised:
+        print("\nflags that the results carry:")
+        for flag, methods in raised.items():
+            print(f"  {flag}: {', '.join(methods)}")
 
 
 def _alone(result: DataTree) -> str:
     """Say what one pendulum by itself would have shown: its phase speed from moment to moment, as gravity."""
     import numpy as np
 
+    from pipeline.plots.result import best_method
+
     phases = result["phases"].dataset
     label = str(phases["component"].values[0])
     speed = np.asarray(phases["phase_speed"].values, dtype=np.float64)[0]
     table = result["gravity"].dataset
-    row = [str(name) for name in table["method"].values].index("projection")
+    row = [str(name) for name in table["method"].values].index(best_method(result) or "uncorrected")
     frequency, gravity = float(table["frequency"].values[row, 0]), float(table["gravity"].values[row])
     # dg/g = 2 dn/n
     wander = 2.0 * gravity * (speed / frequency - 1.0) / _MILLIGAL

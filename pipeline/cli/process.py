@@ -34,6 +34,12 @@ Each record gives a table row per method and one result file with all methods: g
 mGal (1e-5 m/s2), the corrections that were added in mGal, and flags that name what to distrust. A record with
 a single trace gives its full period at infinitesimal arc in s.
 
+For a single record the ledger follows: every correction in mGal and in 1e-7 s of the full period, always added,
+with its sigma and what it was made from; what the record gives no input for is listed as not applied, never
+assumed. The inputs are variables of /instrument (`isochrony schema record`): chronometer_rate, temperature,
+air_density, tilt_mean_square, yaw_rate, transverse_acceleration_mean_square, latitude, speed, course, and
+base_time, base_gravity, base_period of base stations before and after; X_uncertainty is the sigma of X.
+
 methods:
 {_METHOD_LIST}
   all             every one of the above but auto"""
@@ -66,6 +72,7 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
     parser.add_argument("-o", dest="out", metavar="PATH", help="result file, or folder for several records")
     parser.add_argument("--force", action="store_true", help="overwrite existing results")
     parser.add_argument("--no-output", action="store_true", help="write no result file, only print")
+    parser.add_argument("--ledger", action="store_true", help="print the ledger of several records too")
     parser.add_argument("--json", action="store_true", help="JSON Lines instead of a table")
     return parser
 
@@ -81,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
         placed = place(inputs, options.out, ".result.nc")
         refuse_clashes(inputs, placed, force=options.force)
         outputs = list(placed)
-    printer = SummaryPrinter(inputs, as_json=options.json)
+    printer = SummaryPrinter(inputs, as_json=options.json, with_ledger=options.ledger or len(inputs) == 1)
     good = 0
     for path, output in _with_progress(list(zip(inputs, outputs, strict=True))):
         try:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pipeline.cli.ledger_table import print_ledger
 from pipeline.cli.outputs import stem
 from pipeline.cli.tables import Column, print_header, print_json, print_row
 
@@ -15,7 +16,16 @@ _KEYS = (
     "gravity_sigma_mgal", "frequency_rad_s", "difference_frequency_rad_s", "corrections_mgal",
     "sensitivity_mgal", "flags", "samples_used", "elapsed_s",
 )  # fmt: skip
-_SHORT = {"non_isochronism": "non-isochronism", "finite_arc": "arc"}
+_MOST_SHOWN = 4  # corrections on the line of a record; more are added up
+_SHORT = {
+    "non_isochronism": "non-isochronism",
+    "finite_arc": "arc",
+    "horizontal_acceleration": "horizontal",
+    "vertical_acceleration": "vertical",
+    "transverse_acceleration": "transverse",
+    "air_density": "air",
+    "base_tie": "base",
+}
 
 
 def failure(path: Path, requested: str, status: str, error: str) -> dict[str, Any]:
@@ -33,8 +43,9 @@ class SummaryPrinter:
     kind changes.
     """
 
-    def __init__(self, inputs: Sequence[Path], *, as_json: bool) -> None:
+    def __init__(self, inputs: Sequence[Path], *, as_json: bool, with_ledger: bool = False) -> None:
         self._as_json = as_json
+        self._with_ledger = with_ledger and not as_json
         self._width = max(len(stem(path)) for path in inputs)
         self._headed: list[Column] = []
 
@@ -48,6 +59,9 @@ class SummaryPrinter:
                 print(f"isochrony: {' '.join(str(row['error']).split())}", file=sys.stderr, flush=True)
             elif not self._as_json:
                 self._show_line(row)
+        if self._with_ledger:
+            print_ledger(rows)
+            self._headed = []
 
     def _show_line(self, row: Mapping[str, Any]) -> None:
         single = "period_s" in row
@@ -75,6 +89,8 @@ class SummaryPrinter:
         )
         flags = ", ".join(row["flags"]) or "none"
         print_row(columns, [*lead, *value, _number(1e3 * row["elapsed_s"], ".1f"), flags])
+        if row.get("joint"):
+            print(f"    {_joint(row['joint'])}", flush=True)
         if row["requested_method"] == "auto" and row.get("choice_reason"):
             print(f"    auto: {row['choice_reason']}", flush=True)
 
@@ -98,6 +114,17 @@ def _small(value: float | None) -> str:
     return _number(value, ".4f" if value is None or abs(value) >= 1e-3 else ".1e")
 
 
+def _joint(found: Mapping[str, Any]) -> str:
+    pairs = ", ".join(
+        f"{pair} {_number(one['gravity_m_s2'], '.8f')} +- {_small(one['gravity_sigma_mgal'])}"
+        for pair, one in found["pairs"].items()
+    )
+    together = f"{_number(found['gravity_m_s2'], '.8f')} +- {_small(found['gravity_sigma_mgal'])} mGal"
+    return f"all pairs: {together}, consistency {_number(found['consistency'], '.2f')} ({pairs})"
+
+
 def _corrections(entries: Mapping[str, float | None]) -> str:
     parts = [f"{_SHORT.get(name, name)} {_number(value, '+.4f')}" for name, value in entries.items() if value]
+    if len(parts) > _MOST_SHOWN:
+        return f"{sum(value or 0.0 for value in entries.values()):+.4f} in {len(parts)} corrections"
     return ", ".join(parts) or "none"

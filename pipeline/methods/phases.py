@@ -129,6 +129,7 @@ def corrected(
         phase_correction=shift,
         speed_correction=speed,
         finite_arc=-arc,
+        acceleration_reduced=gained is not None,
     )
 
 

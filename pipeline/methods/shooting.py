@@ -27,4 +27,5 @@ def estimate(prepared: Prepared) -> Estimate:
         samples=found.samples,
         residual_colour=found.colour,
         acceleration_reduced=True,
+        heave=found.heave,
     )

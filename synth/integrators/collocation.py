@@ -8,13 +8,13 @@ looser limits and shorter intervals; the difference is the estimate.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from data_schemas.errors import RefusedError
-from synth.integrators.collocation_run import COARSEST, COMPANION, FINEST, Problem, run
+from synth.integrators.collocation_run import COARSEST, COMPANION, FINEST, Problem, Run, run
 from synth.integrators.explicit import checked, with_checks
 from synth.integrators.trajectory import Trajectory, relative_error
 from synth.kernels.collocation_remainder import NODES
@@ -73,15 +73,34 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
     ((2, 6), True)
     """
     first, instants = checked(start, times, tolerance)
+    every = with_checks(instants)
+    made = refined(system, first, every, tolerance)
+    found = made.states if every.size == instants.size else made.states[np.searchsorted(every, instants)]
+    return Trajectory(instants, found, made.error, made.steps, made.evaluations, made.rejected)
+
+
+class Refined(NamedTuple):
+    """The best run of several, how good it is, and what all cost."""
+
+    problem: Problem
+    run: Run
+    states: Floats
+    error: float
+    steps: int
+    evaluations: int
+    rejected: int
+
+
+def refined(system: Any, start: Floats, times: Floats, tolerance: float) -> Refined:
+    """Run twice, and where the error is larger than was asked for, with tighter limits once more."""
     check_collocates(system)
     problem = Problem.of(system)
-    every = with_checks(instants)
-    local = local_tolerance(tolerance, every, problem.longest)
-    states, result = run(problem, first, every, limits_for(local))
+    local = local_tolerance(tolerance, times, problem.longest)
+    states, result = run(problem, start, times, limits_for(local))
     error = math.inf
     counts = np.zeros(3, dtype=np.int64)
     for _ in range(2):
-        rough, companion = run(problem, first, every, limits_for(_LOOSER * local), COMPANION, result.depth)
+        rough, companion = run(problem, start, times, limits_for(_LOOSER * local), COMPANION, result.depth)
         for each in (result, companion):
             counts += [each.report[2], NODES * each.report[1], each.rejected]
         share = _SHARE if local > _ALIKE else 1.0
@@ -89,9 +108,8 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
         if error <= tolerance or local <= FINEST[0]:
             break
         local = max(FINEST[0], local * min(0.1, 0.3 * tolerance / error))
-        states, result = run(problem, first, every, limits_for(local))
-    found = states if every.size == instants.size else states[np.searchsorted(every, instants)]
-    return Trajectory(instants, found, error, int(counts[0]), int(counts[1]), int(counts[2]))
+        states, result = run(problem, start, times, limits_for(local))
+    return Refined(problem, result, states, error, *counts.tolist())
 
 
 def difference(states: Floats, others: Floats) -> float:

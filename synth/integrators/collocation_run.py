@@ -20,6 +20,7 @@ from synth.phase import Floats, Integers
 from synth.propagators.picard_nodes import FINE, continuation, gauss_nodes, legendre_tail
 
 _MOST_LEVELS = 17  # the shortest intervals are 256 times shorter than the longest
+_FARTHEST = 10.0  # rad a component may turn in an interval
 _PILOT = 12  # intervals on which a length is tried
 _OVERHEAD = 1.5  # what an interval costs beyond its turns, in turns
 _STRETCH = 512  # intervals between looks at longer ones
@@ -70,6 +71,18 @@ class Problem:
         swings = square[system.first_angle // 2 :]
         half = math.pi / math.sqrt(max(float(np.mean(np.abs(swings))), 1e-300))
         return cls(system, square, loss, excess_of(parts, square, loss), mirror_of(system, len(parts)), longest or half)
+
+    def shallowest(self, ladder: Ladder) -> int:
+        """Depth of the longest intervals in which no component turns further than the weights are exact for."""
+        fastest = math.sqrt(float(np.abs(self.square).max()))
+        lengths = (float(ladder[depth % 2]) / (1 << depth // 2) * self.longest for depth in range(_MOST_LEVELS))
+        for depth, length in enumerate(lengths):
+            if fastest * length <= _FARTHEST:
+                return depth
+        name = type(self.system).__name__
+        raise RefusedError(
+            f"collocation, {name}: stiff, its fastest part turns {fastest:.3g} rad a second; use the propagator radau"
+        )
 
     def level(self, depth: int, ladder: Ladder) -> Level:
         """Intervals so many steps down a ladder; two steps halve them."""
@@ -172,7 +185,7 @@ def chosen(here: Run, ladder: Ladder = LADDER) -> int:
     """Depth of the intervals that are cheapest on the first swings, counted in turns a second."""
     none = np.empty(0), np.empty((0, 2 * len(here.state)))
     cheapest, best = math.inf, _MOST_LEVELS - 1
-    for depth in range(_MOST_LEVELS):
+    for depth in range(here.problem.shallowest(ladder), _MOST_LEVELS):
         level, trial = here.problem.level(depth, ladder), here.copy()
         if trial.go(level, _PILOT, *none):
             turns = int(trial.report[1] - here.report[1])

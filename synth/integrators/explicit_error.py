@@ -9,7 +9,7 @@ in chaos. Where two marches have nothing to do with each other any more, their d
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,9 @@ import numpy as np
 from synth.integrators.explicit_march import MOST_STEPS
 from synth.integrators.explicit_run import Run, StiffError, run
 from synth.integrators.trajectory import relative_error
+from synth.kernels.compiled import kernel
 from synth.phase import Floats, Integers
+from synth.systems.dispatch import derivative
 
 RATIO = 1e4
 """Usual ratio of the local tolerances of two marches that are compared."""
@@ -39,6 +41,7 @@ _VISIBLE = 0.1  # share of the tolerance below which rounding need not be known
 _CAUTION = 2.0  # since errors are only nearly proportional to the tolerance
 _LUCK = 4.0  # since noise is drawn once
 _COMPARED = 200  # instants
+_MOMENT = 0.01  # of a step, in which the driving force changes evenly
 _FEW = 0.01  # outputs that may fall between the kicks of two runs
 _AIM = 0.5  # of the tolerance
 _FURTHER = 1e-3  # on the local tolerance, where two marches went different ways
@@ -106,7 +109,35 @@ def refine(system: Any, event: Any, start: Floats, times: Floats, tolerance: flo
         rough, fine = fine, run(system, event, start, times, local)
         probe = made.probe if made.linear else _probe(system, event, start, rough, fine, few, tolerance)
         made = judged([*made.runs, fine], probe, few)
-    return made if made.linear else judged(made.runs, _shaken(system, event, start, made.runs[-1], few), few)
+    if not made.linear:
+        made = judged(made.runs, _shaken(system, event, start, made.runs[-1], few), few)
+    return replace(made, rounding=made.rounding + clock_rounding(system, made.runs[-1], few))
+
+
+def clock_rounding(system: Any, fine: Run, few: Floats) -> float:
+    """What a driven motion makes of time being a double, relative: each step is driven as of a slightly other time."""
+    span, steps = float(few[-1] - few[0]), float(fine.counts[0])
+    if steps == 0.0:
+        return 0.0
+    states = fine.states[np.searchsorted(fine.times, few)]
+    moment = _MOMENT * span / steps
+    change = np.zeros(states.shape[1])
+    _change(system, few, states, moment, change)
+    rounded = 0.5 * ROUNDING * float(np.max(np.abs(few)))
+    return _LUCK * rounded * span / np.sqrt(steps) * relative_error(change[None, :], fine.scale)
+
+
+@kernel
+def _change(system: Any, times: Floats, states: Floats, moment: float, out: Floats) -> None:
+    """Root mean square by which the derivative at a given state changes with time alone, a second."""
+    here, aside = np.empty_like(out), np.empty_like(out)
+    for k in range(times.size):
+        derivative(times[k], states[k], system, here)
+        derivative(times[k] + moment, states[k], system, aside)
+        for i in range(out.size):
+            out[i] += (aside[i] - here[i]) ** 2
+    for i in range(out.size):
+        out[i] = np.sqrt(out[i] / times.size) / moment
 
 
 def instants(begin: float, end: float) -> Floats:

@@ -7,8 +7,7 @@ the last of them once more. So the error is known, and every refusal made, befor
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,34 +18,8 @@ from synth.integrators.events_kick import Crossings, Escapement
 from synth.integrators.explicit import checked
 from synth.integrators.explicit_error import Refinement, refine
 from synth.integrators.explicit_run import Walk
-from synth.phase import Floats, Integers
-
-
-class Piece(NamedTuple):
-    """States at one chunk of times, and the events up to its end."""
-
-    states: Floats
-    """(k, n)."""
-    events: Floats
-    """(events,) times, s."""
-    watches: Integers
-    """(events,) number of the crossing watched for, from 0."""
-
-
-@dataclass(frozen=True)
-class Stream:
-    """Iterate over it once for the pieces."""
-
-    pieces: Iterator[Piece]
-    estimated_error: float
-    """As of a `Trajectory`."""
-    steps: int
-    evaluations: int
-    rejected: int
-    """Of all marches made beforehand."""
-
-    def __iter__(self) -> Iterator[Piece]:
-        return self.pieces
+from synth.integrators.trajectory import Piece, Stream
+from synth.phase import Floats
 
 
 def stream(

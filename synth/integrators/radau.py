@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from data_schemas.errors import RefusedError, UsageError
-from synth.integrators.radau_pair import COMPANION, NEAR, Problem, swing_of_bobs
+from synth.integrators.radau_pair import COMPANION, NEAR, Pair, Problem, swing_of_bobs
 from synth.integrators.trajectory import Trajectory
 from synth.phase import Floats
 
@@ -75,11 +75,30 @@ def integrate(
     1.999333371
     """
     state, instants = np.array(start, dtype=np.float64), np.array(times, dtype=np.float64)
-    _check(state, instants, tolerance)
-    problem = Problem(system, state, instants, swing_of_bobs(system, state), stages)
+    made = refined(system, state, instants, tolerance, stages)
+    steps, _, rejected = made.pair.fine.counts.tolist()
+    return Trajectory(instants, made.pair.fine.states, made.pair.error, steps, made.evaluations, rejected)
+
+
+class Refined(NamedTuple):
+    """The best pair of marches, the tolerance of its readings, and what all cost."""
+
+    problem: Problem
+    pair: Pair
+    reading: float
+    evaluations: int
+
+
+def refined(
+    system: Any, start: Floats, times: Floats, tolerance: float, stages: tuple[int, int] | None = None
+) -> Refined:
+    """March in pairs until the error is what was asked for, three at most."""
+    _check(start, times, tolerance)
+    problem = Problem(system, start, times, swing_of_bobs(system, start), stages)
     local = reading = min(_LOOSE, tolerance / _USUAL)
-    latest = best = problem.pair(local, reading)
-    evaluations = best.evaluations
+    latest = problem.pair(local, reading)
+    best = Refined(problem, latest, reading, 0)
+    evaluations = latest.evaluations
     for _ in range(_AGAIN):
         if latest.missed <= tolerance or local <= _FINEST:
             break
@@ -91,9 +110,9 @@ def integrate(
         except RefusedError:  # steps too short for this: what there is holds, with the error that is estimated for it
             break
         evaluations += latest.evaluations
-        best = min(best, latest, key=lambda pair: pair.error)
-    steps, _, rejected = best.fine.counts.tolist()
-    return Trajectory(instants, best.fine.states, best.error, steps, evaluations, rejected)
+        if latest.error < best.pair.error:
+            best = Refined(problem, latest, reading, 0)
+    return best._replace(evaluations=evaluations)
 
 
 def _check(start: Floats, times: Floats, tolerance: float) -> None:

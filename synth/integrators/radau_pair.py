@@ -29,6 +29,7 @@ NEAR = 30.0
 """Times looser up to which an earlier march serves as the second one."""
 _COARSEST = 1e-5
 _MARGIN = 0.5  # the difference is the error of the looser march
+_PARTED = 0.03  # marches that differ by more have parted, and either may be wrong by all of the motion
 _ROUNDED = 2.0**-52  # by each step, at random
 
 _REASONS = {
@@ -43,6 +44,8 @@ class Run(NamedTuple):
     """One march."""
 
     tolerance: float
+    orders: tuple[int, int]
+    """Fewest and most stages."""
     states: Floats
     """(k, n) at the instants asked for."""
     largest: Floats
@@ -83,9 +86,14 @@ class Problem(NamedTuple):
             evaluations += int(former.counts[EVALUATIONS])
         difference = np.abs(fine.states - former.states).max(axis=0)
         rounding = _ROUNDED * math.sqrt(1.0 + fine.counts[STEPS])
-        error = _MARGIN * relative_error(difference, fine.largest) + rounding
+        apart = relative_error(difference, fine.largest)
+        error = (_MARGIN * apart if apart < _PARTED else 1.0 + apart) + rounding
         missed = _MARGIN * relative_error(difference, np.maximum(fine.largest, self.least))
         return Pair(fine, error, missed, evaluations)
+
+    def begun(self, start: Floats, times: Floats) -> Problem:
+        """The same from another state and at other times."""
+        return self._replace(start=start, times=times)
 
     def run(self, tolerance: float, reading: float, orders: tuple[int, int]) -> Run:
         """March once; RefusedError where it comes to a stop."""
@@ -102,7 +110,7 @@ class Problem(NamedTuple):
             difficulty = getattr(self.system, "difficulty", None)
             reason = (difficulty(state) if difficulty else None) or _REASONS[outcome]
             raise RefusedError(f"radau: stopped at t = {time:.6g} s after {counts[STEPS]} steps: {reason}")
-        return Run(tolerance, states, largest, counts)
+        return Run(tolerance, orders, states, largest, counts)
 
 
 def swing_of_bobs(system: Any, start: Floats) -> Floats:

@@ -8,6 +8,8 @@ Plain sums of products may be reordered, by name (`summing_kernel`).
 
 Numba's cache watches only the file of the function that was called: a kernel edited in another file would
 silently run old code. The cache folder is therefore named by a hash of all kernel sources and versions.
+What is compiled for types of other packages (a system from a user's script) is not kept: whoever lacks that script
+could not read the index any more.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+from numba.core import caching, types
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -67,6 +70,29 @@ def _prune(base: Path) -> None:
         shutil.rmtree(stale, ignore_errors=True)
 
 
+_Cache: Any = caching.FunctionCache
+
+
+class _OwnCache(_Cache):  # type: ignore[misc]  # Numba is untyped
+    """Keeps what is compiled for types of this project alone."""
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the machine code of one signature, or not."""
+        if all(_is_own(argument) for argument in getattr(sig, "args", sig)):
+            super().save_overload(sig, data)
+
+
+def _is_own(argument: Any) -> bool:
+    """Whether an argument's type can be named without anybody else's module."""
+    kinds: Any = types
+    if isinstance(argument, kinds.BaseNamedTuple):
+        named = argument.instance_class.__module__.split(".")[0] in _PACKAGES
+        return named and all(_is_own(each) for each in argument.types)
+    if isinstance(argument, kinds.BaseTuple):
+        return all(_is_own(each) for each in argument.types)
+    return True
+
+
 def kernel(function: Function) -> Function:
     """Compile a numeric kernel on its first call; plain Python under `NUMBA_DISABLE_JIT=1`."""
     return _compile(function, fastmath=False)
@@ -88,7 +114,8 @@ def _compile(function: Function, fastmath: bool | set[str]) -> Function:
     before = config.CACHE_DIR
     config.CACHE_DIR = str(cache_folder())
     try:
-        compiled = numba.njit(cache=True, fastmath=fastmath, error_model="numpy", nogil=True)(function)
+        compiled: Any = numba.njit(fastmath=fastmath, error_model="numpy", nogil=True)(function)
+        compiled._cache = _OwnCache(function)  # as `cache=True` does, with a choice of what to keep
     finally:
         config.CACHE_DIR = before
     return cast(Function, compiled)

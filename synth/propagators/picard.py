@@ -32,7 +32,11 @@ from synth.propagators.picard_march import Equations, march
 from synth.propagators.picard_readings import EvenReadings, UnevenReadings
 from synth.propagators.uneven import UnevenTimes
 
-_REACH = 4.0  # longest interval times the fastest of n + w, rad: 16 nodes then resolve r to 1e-15 of theta
+_REACH = (6.0, 4.0)
+"""Intervals to try, times the fastest of n + w, rad: in 4 rad 16 nodes resolve r to 1e-15 of theta, in 6 where the
+fastest harmonics are weak,"""
+_READ = 4.3
+"""and times n, rad: the angle between nodes is then told to 2e-15."""
 
 
 @dataclass(frozen=True)
@@ -124,27 +128,31 @@ class PicardPlan:
             As `elongation`.
         """
         if isinstance(self.times, EvenTimes):
-            even = EvenReadings.among(self.times.step, self.times.count, self._longest())
-            for swing in march(self._equations(), even):
+            step, count = self.times.step, self.times.count
+            for swing in march(self._equations(), [EvenReadings.among(step, count, each) for each in self._longest()]):
                 yield Swing(*swing)
             return
         seconds = self.times.seconds
         if seconds.size and seconds[0] >= 0 and np.all(seconds[1:] > seconds[:-1]):  # a clock's: no copies in order
-            for swing in march(self._equations(), UnevenReadings.among(seconds, self.times.scale, self._longest())):
+            scale = self.times.scale
+            uneven = [UnevenReadings.among(seconds, scale, each) for each in self._longest()]
+            for swing in march(self._equations(), uneven):
                 yield Swing(*swing)
             return
         order = np.argsort(seconds, kind="stable")
         before = int(np.searchsorted(seconds[order], 0.0))
         for plan, picked in ((self._reversed(), order[:before][::-1]), (self, order[before:])):
-            uneven = UnevenReadings.among(np.abs(seconds[picked]), self.times.scale, self._longest())
+            after = np.abs(seconds[picked])
+            uneven = [UnevenReadings.among(after, self.times.scale, each) for each in plan._longest()]
             for index, theta, error in march(plan._equations(), uneven):
                 yield Swing(picked[index], theta, error)
 
-    def _longest(self) -> float:
+    def _longest(self) -> list[float]:
         fastest = max(
             float(np.max(motion.angular_frequency, initial=0.0)) for motion in (self.horizontal, self.vertical)
         )
-        return _REACH / (float(np.max(self.frequencies)) + fastest)
+        own = float(np.max(self.frequencies))
+        return [min(reach / (own + fastest), _READ / own) for reach in _REACH]
 
     def _reversed(self) -> PicardPlan:
         """The same motion with time running backwards."""

@@ -6,7 +6,7 @@ stride that iteration or the nodes cannot manage is taken again from its start i
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -107,8 +107,12 @@ class _Level:
         return horizontal[: self._pendulums], vertical, rest[0], drive
 
 
-def march(equations: Equations, readings: EvenReadings | UnevenReadings) -> Iterator[tuple[slice, Floats, float]]:
+def march(
+    equations: Equations, readings: Sequence[EvenReadings | UnevenReadings]
+) -> Iterator[tuple[slice, Floats, float]]:
     """Yield which readings, angles (pendulums, readings) and estimated error of stride after stride.
+
+    The first stride is tried in intervals of several lengths, longest first; later ones halve what it took.
 
     Raises
     ------
@@ -116,7 +120,8 @@ def march(equations: Equations, readings: EvenReadings | UnevenReadings) -> Iter
         If intervals of a thousandth of the planned length are still too long.
     """
     shown = len(equations.frequencies)
-    levels = [_Level(equations, readings, shown)] if readings.intervals else []
+    lengths = list(readings)
+    levels = [_Level(equations, lengths.pop(0), shown)] if lengths[0].intervals else []
     state = np.zeros((shown, 4))
     state[:, 0], state[:, 2] = equations.start
     remainder = np.zeros((shown, NODES))
@@ -142,6 +147,9 @@ def march(equations: Equations, readings: EvenReadings | UnevenReadings) -> Iter
             if depth and calm >= patience:
                 depth, done, calm = depth - 1, done // 2, 0
                 remainder = np.zeros_like(remainder)
+        elif done == 0 and depth == 0 and lengths:
+            levels = [_Level(equations, lengths.pop(0), shown)]
+            remainder = np.zeros_like(remainder)
         else:
             if depth == _MOST_HALVINGS:
                 raise _refused(done * float(level.readings.interval), float(level.readings.interval))

@@ -13,6 +13,7 @@ from data_schemas.contents import Contents, Entry, Group
 from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION, Kind
 from data_schemas.scene import Scene
 from data_schemas.variables import attributes
+from synth.conditions import stated
 from synth.march import Course
 from synth.recording.clock import Clock
 from synth.recording.defects import Defects
@@ -60,7 +61,9 @@ def observe(scene: Scene, clock: Clock, course: Course, defects: Defects) -> Con
     return {
         "": root(scene, clock, "record", {}),
         "record": described("record", record, traces | labels),
-        "instrument": described("instrument", _instrument(scene), labels, restoring),
+        "instrument": described(
+            "instrument", _instrument(scene) | stated(scene, clock.true_seconds), labels, restoring
+        ),
     }
 
 
@@ -74,8 +77,6 @@ def _instrument(scene: Scene) -> dict[str, Any]:
             ("pendulum",),
             np.array([each.damping_rate for each in scene.pendulums]),
         )
-    if scene.recording.chronometer_rate:
-        instrument["chronometer_rate"] = ((), scene.recording.chronometer_rate)
     return instrument
 
 

@@ -17,7 +17,7 @@ from pipeline.benchmarks import (
     bars_speed,
     bars_statistics,
     bars_suites,
-    corrections,
+    corrections_cases,
     leave_out,
     paper,
     probe,
@@ -35,7 +35,7 @@ def test_registered_suite_can_be_run(suite: str) -> None:
 @pytest.fixture
 def few(short: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """One swell, one seed where many are meant."""
-    monkeypatch.setattr(corrections, "SWELLS", (24,))
+    monkeypatch.setattr(corrections_cases, "SWELLS", (24,))
     monkeypatch.setattr(bars_accuracy, "GAP_SEEDS", 1)
     monkeypatch.setattr(bars_statistics, "QUICK_EFFICIENCY", 1)
     monkeypatch.setattr(bars_statistics, "QUICK_COVERAGE", 4)
@@ -49,26 +49,28 @@ def few(short: float, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("few")
 def test_corrections_yields_cases_and_times(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("matplotlib")
-    chosen = corrections.cases()[1::3]
-    monkeypatch.setattr(corrections, "cases", lambda: chosen)
-    monkeypatch.setattr(corrections, "COLUMNS", ("uncorrected", "projection", corrections.AVERAGED, "panteleev"))
+    chosen = corrections_cases.cases()[1::3]
+    monkeypatch.setattr(corrections_cases, "cases", lambda: chosen)
+    monkeypatch.setattr(
+        corrections_cases, "COLUMNS", ("uncorrected", "projection", corrections_cases.AVERAGED, "panteleev")
+    )
     for case in chosen:
         case.right.clear()
         case.wrong.clear()
     chosen[1].right["projection"] = 0.0  # nothing is that right
-    rows = list(corrections.run(quick=True, folder=tmp_path))
+    rows = list(corrections_cases.run(quick=True, folder=tmp_path))
     assert [row["unit"] for row in rows] == ["mGal", "mGal", "ms"]
     assert [row["pass"] for row in rows] == [True, False, None]
     assert (tmp_path / "corrections.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_pattern_is_refused_where_a_wrong_method_is_right_or_a_right_one_declines() -> None:
-    case = corrections.Case("x", lambda seed: pytest.fail("not made"), {"projection": 1e-3}, {"uncorrected": 5.0})
+    case = corrections_cases.Case("x", lambda seed: pytest.fail("not made"), {"projection": 1e-3}, {"uncorrected": 5.0})
     found = {"projection": 1e-4, "uncorrected": 9.0}
-    assert corrections.agrees(case, found, found)
-    assert not corrections.agrees(case, found, found | {"uncorrected": 1.0})
-    assert not corrections.agrees(case, found | {"projection": 1e-2}, found)
-    assert not corrections.agrees(case, found | {"general": np.nan}, found)
+    assert corrections_cases.agrees(case, found, found)
+    assert not corrections_cases.agrees(case, found, found | {"uncorrected": 1.0})
+    assert not corrections_cases.agrees(case, found | {"projection": 1e-2}, found)
+    assert not corrections_cases.agrees(case, found | {"general": np.nan}, found)
 
 
 @pytest.mark.usefixtures("few")
@@ -83,10 +85,11 @@ def test_bars_of_accuracy_and_statistics_are_yielded(monkeypatch: pytest.MonkeyP
 
 def test_bars_name_the_rows_of_a_suite_that_fail(monkeypatch: pytest.MonkeyPatch) -> None:
     for suite, key in (
-        (corrections, "case"),
+        (corrections_cases, "case"),
         (paper, "claim"),
         (bars_suites.stability, "record"),
         (leave_out, "method"),
+        (bars_suites.cost_of_terms, "terms"),
     ):
         made: list[dict[str, Any]] = [
             {key: "bad", "pass": False},
@@ -96,7 +99,7 @@ def test_bars_name_the_rows_of_a_suite_that_fail(monkeypatch: pytest.MonkeyPatch
         monkeypatch.setattr(suite, "run", lambda *, quick, folder, made=made: iter(made))
     rows = list(bars_suites.rows())
     found = [(row["value"], row["unit"], row["pass"]) for row in rows if "motions" not in row["bar"]]
-    assert found == [(1.0, "bad", False)] * 4
+    assert found == [(1.0, "bad", False)] * 5
     assert [row["value"] for row in rows if "motions" in row["bar"]] == [0.0]  # no row is one
 
 
@@ -169,5 +172,5 @@ def test_every_claim_of_the_paper_is_reproduced() -> None:
 
 @pytest.mark.compiled
 def test_table_of_residuals_has_its_pattern() -> None:
-    rows = list(corrections.run(quick=True, folder=None))
+    rows = list(corrections_cases.run(quick=True, folder=None))
     assert [row["case"] for row in rows if row["pass"] is False] == []

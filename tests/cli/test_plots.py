@@ -113,9 +113,18 @@ def test_the_corrected_phase_speed_is_measured_plus_correction_as_gravity():
     axes = result_figure(made_result()).axes[2]
     before, after = (line.get_ydata() for line in axes.lines[:2])
     # made_result leaks 3e-4 rad/s into the difference and takes all of it but 2e-6 off again:
-    # 2 g dn/n = 94.6 mGal; means of 40 s of a beat of 126 s keep sin(1)/1 = 0.84 of it
-    assert np.ptp(before[100:-100]) / 2 == pytest.approx(94.6 * np.sin(1.0), rel=0.02)
+    # 2 g dn/n = 94.6 mGal; means of 40 s, twice, of a beat of 126 s keep (sin(1)/1)^2 = 0.71 of it
+    assert np.ptp(before[100:-100]) / 2 == pytest.approx(94.6 * np.sin(1.0) ** 2, rel=0.02)
     assert np.abs(after[100:-100]).max() < 1.0
+
+
+def test_the_line_drawn_is_of_a_method_that_the_best_one_bears_out():
+    result = made_result()
+    labels = [text.get_text() for text in result_figure(result).axes[2].get_legend().get_texts()]
+    assert labels == ["before the correction", "after it (panteleev)"]
+    result["gravity"]["gravity"].values[METHODS.index("panteleev")] += 2e-5  # 2 mGal from the best one
+    labels = [text.get_text() for text in result_figure(result).axes[2].get_legend().get_texts()]
+    assert labels == ["before the correction", "after it (complex)"]
 
 
 def test_errors_of_methods_are_drawn_where_they_are():

@@ -48,12 +48,14 @@ def test_a_record_gives_a_table_and_a_result_beside_it(run, tmp_path, record_pat
     before = record_path.read_bytes()
     outcome = run("process", record_path, "--method", "projection")
     assert outcome.status == 0, outcome.err
-    heading, row = outcome.out.splitlines()
+    heading, row, blank, *ledger = outcome.out.splitlines()
     headings = ["record", "method", "gravity m/s2", "sigma mGal", "corrections mGal", "time ms", "flags"]
     assert re.split("  +", heading) == headings
     assert row.split()[:2] == ["ship", "projection"]
     # the swing is made at GRAVITY without noise: the table's last digit is 1e-8 m/s2, a thousandth of a mGal
     assert abs(float(row.split()[2]) - GRAVITY) < 2e-8
+    assert blank == ""
+    assert ledger[0].startswith("ledger of projection")
     assert data_schemas.validate(tmp_path / "ship.result.nc") == []
     assert record_path.read_bytes() == before
 

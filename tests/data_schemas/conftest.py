@@ -17,6 +17,7 @@ _LABELS = {
     "component": ["1", "2", "1-2"],
     "method": ["panteleev", "projection"],
     "entry": ["non_isochronism", "finite_arc"],
+    "base": ["before", "after"],
     "flag": ["beats through zero"],
 }
 _LENGTHS = {"time": 40, "mark": 3, "cycle": 4} | {name: len(labels) for name, labels in _LABELS.items()}

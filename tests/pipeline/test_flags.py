@@ -73,6 +73,14 @@ def heavier(factor: float) -> xr.DataTree:
     return changed(record, "instrument", "period", record["instrument"]["period"].values * factor, ("pendulum",))
 
 
+def losing(size: float) -> xr.DataTree:
+    """A chronometer whose rate, without an uncertainty, is so many sigmas of gravity: 22.7 mGal for 1 s a day."""
+    record = plain()
+    return changed(
+        record, "instrument", "chronometer_rate", size * row(record, "projection")["gravity_sigma_mgal"] / 22.7
+    )
+
+
 CASES: dict[str, tuple[Callable[[], xr.DataTree], Callable[[], xr.DataTree]]] = {
     "beats-through-zero": (lambda: beating(-0.15), lambda: beating(-0.3)),  # 0.09 and 0.17
     "short-record": (
@@ -86,6 +94,7 @@ CASES: dict[str, tuple[Callable[[], xr.DataTree], Callable[[], xr.DataTree]]] = 
     "residual-not-white": (lambda: coloured(2.5e-5), lambda: coloured(3e-6)),
     "gravity-implausible": (lambda: heavier(1.0099), lambda: heavier(1.0005)),
     "acceleration-not-reduced": (lambda: swaying(0.02), lambda: swaying(0.003)),
+    "correction-without-uncertainty": (lambda: losing(1.1), lambda: losing(0.9)),
     "damping-difference-assumed": (lambda: decaying(2e-4), lambda: decaying(0.0)),
 }
 

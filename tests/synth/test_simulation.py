@@ -166,7 +166,7 @@ def test_pendulum_that_hardly_swings(make_scene: Maker) -> None:
     assert truth.attrs["propagator"].startswith("explicit")
 
 
-IN_CLOSED_FORM = {"demo", "ship"}
+IN_CLOSED_FORM = {"linear", "ship"}
 
 
 @pytest.mark.parametrize(
@@ -180,15 +180,18 @@ def test_shipped_scenes(name: str) -> None:
     assert record.attrs["record_id"] == name
 
 
-def test_demo_is_what_it_promises() -> None:
-    scene = load_scene(synth.scene_path("demo"))
+@pytest.mark.parametrize("name", ["demo", "linear"])
+def test_scene_is_what_it_promises(name: str) -> None:
+    scene = load_scene(synth.scene_path(name))
     first, second = (pendulum.period for pendulum in scene.pendulums)
     assert (second - first) / first == pytest.approx(1e-4, rel=1e-3)
     assert scene.count == 45_000
+    assert scene.restoring == ("linear" if name == "linear" else "sine")
+    assert {term.axis for term in scene.motion} >= ({"vertical"} if name == "demo" else {"horizontal"})
 
 
 def test_unknown_shipped_scene() -> None:
-    with pytest.raises(SceneError, match="there are: clocks-on-beam, demo, escapement, "):
+    with pytest.raises(SceneError, match="there are: clocks-on-beam, cruise, demo, "):
         synth.scene_path("absent")
 
 

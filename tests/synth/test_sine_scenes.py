@@ -114,7 +114,7 @@ def test_linear_scenes_do_not_pay_for_the_sine_law() -> None:
     """A process of its own: no numba, no scipy for a linear scene."""
     words = (
         "import sys, synth; from data_schemas.scene import load_scene;"
-        "synth.simulate(load_scene(synth.scene_path('demo')));"
+        "synth.simulate(load_scene(synth.scene_path('linear')));"
         "print([name for name in ('numba', 'scipy') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)

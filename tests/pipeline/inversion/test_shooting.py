@@ -129,10 +129,11 @@ def test_stated_error_in_noise(recorded: bool) -> None:
 
 def test_what_it_reduces_is_not_flagged() -> None:
     reduced = {
-        name: reduce_by(name, prepare(observe(300.0, 0.04, heave=True)), 0.0) for name in ("shooting", "general")
+        name: reduce_by(name, prepare(observe(300.0, 0.04, heave=True)), 0.0)
+        for name in ("shooting", "general", "projection")
     }
-    assert "acceleration-not-reduced" in reduced["general"].flags
-    assert "acceleration-not-reduced" not in reduced["shooting"].flags
+    assert "acceleration-not-reduced" in reduced["projection"].flags
+    assert all("acceleration-not-reduced" not in reduced[name].flags for name in ("shooting", "general"))
 
 
 def test_refusals() -> None:

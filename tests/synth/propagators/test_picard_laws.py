@@ -151,11 +151,12 @@ def test_convergence_order(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(picard_error, "_RESOLVED", np.inf)  # else intervals are halved at once
     monkeypatch.setattr(picard_error, "LARGE", np.inf)
     plan = make([(0.5, 0.0)], SWELL, HEAVE, times=EvenTimes(Fraction(1, 8), 161))
-    monkeypatch.setattr(picard, "_REACH", 0.26 * (N + 1.4))  # intervals of a quarter of a second
+    monkeypatch.setattr(picard, "_READ", np.inf)
+    monkeypatch.setattr(picard, "_REACH", [0.26 * (N + 1.4)])  # intervals of a quarter of a second
     exact = plan.elongation()[0]
     within, ends = [], []
     for longest in (1.0, 0.5):
-        monkeypatch.setattr(picard, "_REACH", 1.001 * longest * (N + 1.4))
+        monkeypatch.setattr(picard, "_REACH", [1.001 * longest * (N + 1.4)])
         theta, estimate = plan.elongation()
         error = np.abs(theta - exact)[0]
         within.append(float(np.max(error)))

@@ -13,9 +13,17 @@ from typing import Any
 
 
 class Sink(io.FileIO):
-    """A file of bytes; what goes wrong is kept in `fault`, and nothing is written after that."""
+    """A file of bytes; what goes wrong is kept in `fault`, and nothing is written after that.
+
+    What could not be written is remembered and read back: HDF5 trusts what it reads, and what it has written but finds to
+    be something else makes it crash. Memory for that is bounded by what is written until somebody asks for the fault.
+    """
 
     fault: BaseException | None = None
+
+    def __init__(self, path: Any, mode: str) -> None:
+        super().__init__(path, mode)
+        self._lost: list[tuple[int, bytes]] = []
 
     def check(self) -> None:
         """Raise what went wrong, if anything did."""
@@ -25,6 +33,7 @@ class Sink(io.FileIO):
     def write(self, data: Any, /) -> int:
         """Write all bytes, at once or in parts."""
         view = memoryview(data).cast("B")
+        at = self.tell()
 
         def write_all() -> None:
             left = view
@@ -32,6 +41,21 @@ class Sink(io.FileIO):
                 left = left[super(Sink, self).write(left) :]
 
         self._kept(write_all)
+        if self.fault is not None:
+            self._lost.append((at, bytes(view)))
+        return len(view)
+
+    def readinto(self, buffer: Any, /) -> int:
+        """Fill a buffer with what was written, to the disk or not; zeros beyond the end."""
+        view = memoryview(buffer).cast("B")
+        begin, known = self.tell(), 0
+        while known < len(view) and (more := super().readinto(view[known:])):
+            known += more
+        view[known:] = bytes(len(view) - known)
+        for at, data in self._lost:
+            first, last = max(at, begin), min(at + len(data), begin + len(view))
+            if first < last:
+                view[first - begin : last - begin] = data[first - at : last - at]
         return len(view)
 
     def truncate(self, size: int | None = None, /) -> int:

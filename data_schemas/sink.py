@@ -15,8 +15,8 @@ from typing import Any
 class Sink(io.FileIO):
     """A file of bytes; what goes wrong is kept in `fault`, and nothing is written after that.
 
-    What could not be written is remembered and read back: HDF5 trusts what it reads, and what it has written but finds to
-    be something else makes it crash. Memory for that is bounded by what is written until somebody asks for the fault.
+    What could not be written is remembered and read back: HDF5 trusts what it reads, and crashes on what is not as it
+    wrote it. Memory for that is bounded by what is written until somebody asks for the fault.
     """
 
     fault: BaseException | None = None

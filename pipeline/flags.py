@@ -35,6 +35,9 @@ MEANINGS = {
 }
 UNDECIDED = "restoring-undecided"
 """Raised by `auto` alone: neither the record nor its residual tells linear pendulums from real ones."""
+LINEAR_FITS = "linear-fits-better"
+"""Raised by `shooting` alone, asked for by name, where no law is stated and heave was told from the phase."""
+MEANINGS[LINEAR_FITS] = "linear pendulums explain the record better; state instrument attribute restoring"
 MEANINGS[UNDECIDED] = "linear or real pendulums? the arcs' share is in sigma; state instrument attribute restoring"
 SENSORS = {
     "traces-exchanged": "the first pendulum's trace and the difference's stood in each other's place; put right",

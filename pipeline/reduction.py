@@ -10,9 +10,10 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.estimate import Estimate
-from pipeline.flags import UNDECIDED, flags
+from pipeline.flags import LINEAR_FITS, UNDECIDED, flags
 from pipeline.gravity import Gravity, gravity
 from pipeline.methods import method
+from pipeline.outliers import MOST_ANGLE
 from pipeline.prepared import CAPTURE, Prepared
 
 if TYPE_CHECKING:
@@ -53,7 +54,23 @@ def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float, sensors: E
         return Reduction(name, chosen, reason, None, None, (), str(refusal), elapsed)
     value = gravity(estimate, prepared, gain_uncertainty)
     raised = (*flags(prepared, estimate, value), *((UNDECIDED,) if doubt else ()), *(sensors.flags if sensors else ()))
+    if name == "shooting" and _linear_fits(prepared, estimate):
+        raised = (*raised, LINEAR_FITS)
     return Reduction(name, chosen, reason, estimate, value, raised, "", time.perf_counter() - started)
+
+
+def _linear_fits(prepared: Prepared, real: Estimate) -> bool:
+    """Whether linear pendulums explain the record better, where heave told from the phase feigns what arcs would do.
+
+    Of sparse readings, which hide a third harmonic, it is asked too.
+    """
+    seen = prepared.observation
+    sparse = seen.step is None or seen.step * prepared.nominal > MOST_ANGLE
+    if seen.restoring is not None or not (sparse or real.heave is not None):
+        return False
+    from pipeline.choice import choose
+
+    return choose(prepared).method == "projection"
 
 
 def _require_capture(estimate: Estimate, prepared: Prepared) -> None:

@@ -11,6 +11,7 @@ from heavy_pair import G, observe
 from test_shooting import thinned
 
 from pipeline.choice import choose, left_by_general
+from pipeline.flags import LINEAR_FITS
 from pipeline.observation import Observation
 from pipeline.prepared import prepare
 from pipeline.reduction import reduce_by
@@ -98,3 +99,22 @@ def test_real_pendulums_through_zero() -> None:
     vanishing = seen.difference * (1.0 - time / 150.0)
     chosen = choose(prepare(replace(seen, difference=vanishing)))
     assert chosen.method == "shooting"
+
+
+def test_shooting_by_name_says_that_linear_pendulums_fit_better() -> None:
+    """Heave told from the phase makes them look real, hundreds of milligals off, and the residual says nothing."""
+    mistaken = reduce_by("shooting", prepare(linear(2e-5)), 0.0)
+    assert mistaken.gravity is not None
+    assert abs(mistaken.gravity.gravity - G) * 1e5 > 20.0
+    assert LINEAR_FITS in mistaken.flags
+    assert LINEAR_FITS not in reduce_by("shooting", prepare(linear(2e-5, restoring="sine")), 0.0).flags
+    sparse = linear(2e-5)
+    every = slice(None, None, 4)
+    marks = replace(sparse, step=0.4, **{k: getattr(sparse, k)[every] for k in ("time", "theta", "difference")})
+    assert LINEAR_FITS in reduce_by("shooting", prepare(marks), 0.0).flags
+
+
+@pytest.mark.compiled
+def test_shooting_by_name_on_real_pendulums_is_not_doubted() -> None:
+    real = prepare(noisy(observe(900.0, 0.1, heave=True, recorded=False, restoring=None), 2e-5))
+    assert LINEAR_FITS not in reduce_by("shooting", real, 0.0).flags

@@ -58,7 +58,7 @@ LAYOUTS: Mapping[Kind, Layout] = {
     ),
     "result": Layout(
         "isochrony-result",
-        {"phases": False, "correction": False, "gravity": False, "period": False},
+        {"phases": False, "correction": False, "gravity": False, "joint": False, "period": False},
         {
             **_COMMON,
             "input_sha256": True,

@@ -18,6 +18,7 @@ _LABELS = {
     "method": ["panteleev", "projection"],
     "entry": ["non_isochronism", "finite_arc"],
     "base": ["before", "after"],
+    "pair": ["1-2", "2-3"],
     "flag": ["beats through zero"],
 }
 _LENGTHS = {"time": 40, "mark": 3, "cycle": 4} | {name: len(labels) for name, labels in _LABELS.items()}

@@ -10,11 +10,17 @@ import numpy as np
 
 from pipeline.arrays import Floats
 
-CANDIDATES = ((11, 3.0, 1.5), (9, 1.5, 5.0), (11, 1.0, 1.2), (5, 3.0, 2.0), (1, 12.0, 1.0))
-"""Degree of the slow part, seconds of record on each side, and times by which errors exceed what leverage and misfit
-predict, root mean square, on simulated seas at gaps of 0.6 to 6 s: the first averages noise, the next two follow swell
-and a swing that heave modulates, the last does not swing across a long gap."""
-MOST_GAP = 2.0  # of the seconds on each side, for any but the last
+CANDIDATES = (
+    (11, 3.0, 6.0, 1.5),
+    (9, 1.5, 1.0, 5.0),
+    (11, 1.0, 2.0, 1.2),
+    (5, 3.0, 6.0, 2.0),
+    (1, 12.0, np.inf, 1.0),
+)
+"""Degree of the slow part, seconds of record on each side, and the longest gap, s: the first averages noise, the next
+two follow swell and a swing that heave modulates, the last does not swing across a long gap. Then the times by which
+errors exceed what leverage and misfit predict, root mean square, on simulated seas; across longer gaps a short fit errs
+by ten times that, and its misfit does not show it."""
 GOOD = 2.0  # times the noise: a first fit that errs no more is taken without trying the others
 
 
@@ -88,8 +94,8 @@ def bridge(series: Floats, step: float, frequency: float, noise: float = 0.0) ->
 
 
 def candidates(gap: float) -> tuple[tuple[int, float, float], ...]:
-    """Those fits whose polynomials do not swing across a gap of so many seconds."""
-    return tuple(each for each in CANDIDATES if gap <= MOST_GAP * each[1] or each == CANDIDATES[-1])
+    """Degree, seconds and excess of the fits that can be trusted across a gap of so many seconds."""
+    return tuple((degree, side, beyond) for degree, side, longest, beyond in CANDIDATES if gap <= longest)
 
 
 def _growth(leverage: float) -> float:

@@ -231,9 +231,9 @@ def prepare(observation: Observation) -> Prepared:
                 "record/elongation: the first pendulum has a gap too long to bridge; split the record there"
             )
         whole = filled
-        # a slow error in a bridge acts on the swing for about a radian, however long the bridge is
-        swing = 1.0 / (nominal * step)
-        bridges = float(np.sqrt(sum((min(length, swing) * error) ** 2 for length, error in spans)))
+        # an error in a bridge acts on the swing for about a radian; what further radians do adds up at random
+        radian = 1.0 / (nominal * step)
+        bridges = float(np.sqrt(sum(length * min(length, radian) * error**2 for length, error in spans)))
     return Prepared(
         observation=observation if theta is observation.theta else replace(observation, theta=theta),
         whole=whole,

@@ -167,7 +167,7 @@ def draw_growth(grown: Sequence[Growth], path: str | os.PathLike[str]) -> None:
             kept = (each.errors > 0.0) & (each.swings >= 1.0)
             colour = COLOURS.get(each.method, GREY)
             axes.plot(each.swings[kept], each.errors[kept], color=colour, linewidth=2.0)
-            words = f"{each.method}, p = {each.exponent:.2f}"
+            words = f"{each.method}, p = {round(each.exponent, 2) + 0.0:.2f}"
             place = (float(each.swings[kept][0]), float(each.errors[kept][-1]))
             axes.annotate(
                 words, place, xytext=(2, 5), textcoords="offset points", fontsize=8.5, color=colour, fontweight="bold"

@@ -67,7 +67,9 @@ def test_the_suite_writes_what_it_yields(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(integrators, "rows", lambda *given, **words: [each.row("nothing", 0.0) for each in points()])
     monkeypatch.setattr(ensemble_race, "race", lambda *, quick: ("many", "nothing", points()))
     monkeypatch.setattr(growth, "grown", lambda *, quick: iter(grown()))
-    monkeypatch.setattr(bars_integrators, "judged", lambda found: iter([{"bar": "b", "value": 1.0}]))
+    monkeypatch.setattr(
+        bars_integrators, "judged", lambda found: iter([{"bar": "b", "value": 1.0, "limit": ">= 5", "pass": False}])
+    )
     yielded = list(integrators.run(quick=True, folder=tmp_path))
     names = {path.name for path in tmp_path.iterdir()}
     assert {"a-problem.png", "growth.png", "work-precision.csv", "growth.csv", "honesty.csv", "bars.csv"} <= names
@@ -77,3 +79,6 @@ def test_the_suite_writes_what_it_yields(tmp_path: Path, monkeypatch: pytest.Mon
     assert sum(len(table) for table in written) == len(yielded)
     assert len(written[0]) == 2 * len(points())
     assert len(list(integrators.run(quick=True, folder=None))) == len(yielded)
+    # short problems are told, not judged
+    assert yielded[-1]["pass"] is None
+    assert list(integrators.run(quick=False, folder=None))[-1]["pass"] is False

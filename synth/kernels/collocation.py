@@ -21,6 +21,9 @@ POINTS = NODES + 2
 MOST_TURNS = 20
 """Picard iterations after which an interval counts as too long."""
 
+HOPELESS = 1e20
+"""Square of a change of r, rad, from which iteration runs away."""
+
 _SPLIT = 134217729.0  # 2^27 + 1
 
 
@@ -92,11 +95,14 @@ def march(
                     remainder_small(theta, vertical, horizontal, drive, p, i, known, now)
                 else:
                     remainder_general(theta, vertical, horizontal, drive, p, i, known, now)
-            if turns >= unchecked:
+            if turns >= unchecked or turns == 2:  # the second tells whether iteration runs away
                 agree = True
                 for p in range(pendulums):
                     limit = stop * stop * max(report[p, 3], floor[p])
-                    agree &= not _change(known, p) > limit
+                    change = _change(known, p)
+                    if change > HOPELESS:
+                        return i
+                    agree &= not change > limit
             for p in range(pendulums):
                 _couple(inner, known, now, p, base, theta)
         unchecked = max(turns - 1, 1)

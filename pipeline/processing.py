@@ -76,7 +76,9 @@ def process(
     if pair is None and record["record"].sizes["pendulum"] > 2:
         from pipeline.joint import join
 
-        result["joint"] = join(
-            record, lambda each: process(record, method=method, pair=each, gain_uncertainty=gain_uncertainty)
-        )
+        def reduce(each: str) -> DataTree:
+            done = f"{found.prepared.observation.first}-{found.prepared.observation.second}" == each
+            return result if done else process(record, method=method, pair=each, gain_uncertainty=gain_uncertainty)
+
+        result["joint"] = join(record, reduce)
     return result

@@ -18,7 +18,7 @@ from pipeline.observation import Observation
 from pipeline.prepared import Prepared, prepare
 from pipeline.projection.sampling import MOST_ANGLE
 from pipeline.sensors.departures import DAMPING, DELAY, GAIN
-from pipeline.sensors.roles import in_their_places
+from pipeline.sensors.roles import in_their_places, trimmed
 from pipeline.sensors.shifting import advanced
 from pipeline.sensors.state import NEGLIGIBLE, SIGNIFICANT, State, fit, milligal, stands_out, unexplained
 
@@ -197,14 +197,4 @@ def corrected(seen: Observation, prepared: Prepared, delay: float, gain: float) 
         at = np.clip(np.arange(theta.size) + round(delay / step), 0, theta.size - 1)
         missing = missing[at]
     theta[missing] = np.nan
-    known = np.flatnonzero(np.isfinite(theta))
-    within = slice(known[0], known[-1] + 1)
-    begin = float(seen.time[within][0])
-    return replace(
-        seen,
-        start=seen.start + begin,
-        time=seen.time[within] - begin,
-        theta=theta[within],
-        difference=seen.difference[within],
-        vertical=None if seen.vertical is None else seen.vertical[within],
-    )
+    return trimmed(replace(seen, theta=theta))

@@ -53,16 +53,27 @@ def in_their_places(prepared: Prepared) -> tuple[Observation, bool]:
 
 def exchanged(seen: Observation) -> Observation:
     """The observation whose traces were taken for each other."""
-    known = np.flatnonzero(np.isfinite(seen.difference))
+    return trimmed(
+        replace(
+            seen,
+            theta=seen.difference,
+            difference=seen.theta,
+            sigma_theta=seen.sigma_difference,
+            sigma_difference=seen.sigma_theta,
+        )
+    )
+
+
+def trimmed(seen: Observation) -> Observation:
+    """The observation from the first to the last reading of its first pendulum, which is not extrapolated."""
+    known = np.flatnonzero(np.isfinite(seen.theta))
     within = slice(known[0], known[-1] + 1)
     begin = float(seen.time[within][0])
     return replace(
         seen,
         start=seen.start + begin,
         time=seen.time[within] - begin,
-        theta=seen.difference[within],
-        difference=seen.theta[within],
-        sigma_theta=seen.sigma_difference,
-        sigma_difference=seen.sigma_theta,
+        theta=seen.theta[within],
+        difference=seen.difference[within],
         vertical=None if seen.vertical is None else seen.vertical[within],
     )

@@ -1,0 +1,1 @@
+"""Photographic film: from the scan of a pendulum record to numbers."""

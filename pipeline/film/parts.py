@@ -1,0 +1,202 @@
+"""What the stages of reading a film hand to each other.
+
+Pixels count from the image's edges: pixel i reaches from i to i + 1 and has its centre at i + 0.5. Rows run along the
+film with time, columns across it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class Scan(Protocol):
+    """An opened image of a film, turned so that rows run with time and lines are dark; read piece by piece.
+
+    Attributes
+    ----------
+    rows, columns : int
+        Size, px.
+    full_scale : int
+        Value of the lightest pixel: 255 or 65535.
+    scale : float or None
+        Size of a pixel on the film, mm; None if neither the file nor the user says.
+    """
+
+    @property
+    def rows(self) -> int: ...
+    @property
+    def columns(self) -> int: ...
+    @property
+    def full_scale(self) -> int: ...
+    @property
+    def scale(self) -> float | None: ...
+
+    def read(self, first: int, stop: int) -> NDArray[Any]:
+        """Rows `first` to `stop`, (stop - first, columns), uint8 or uint16; only what lies in the image."""
+        ...
+
+
+class Emulsion(Protocol):
+    """How light became pixels: background and inverse characteristic curve of one film."""
+
+    def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
+        """Relative exposure of rows from `first` on, 0 on blank film, 1 on the axis of a line at rest."""
+        ...
+
+    def noise(self, exposure: NDArray[np.float32]) -> NDArray[np.float32]:
+        """1 sigma of the grain in units of exposure, at that exposure."""
+        ...
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What may be known of the traces before the film is read; None where nothing is.
+
+    Attributes
+    ----------
+    count : int or None
+        Number of traces.
+    positions : (traces,) array or None
+        Resting places across the film, px.
+    amplitudes : (traces,) array or None
+        Of the swing, px.
+    rows_per_swing : float or None
+        Rows in one full period.
+    spot : float or None
+        1 sigma of the spot, px.
+    seeds : (seeds, 3) array or None
+        Trace number, row and column of points clicked by a user.
+    """
+
+    count: int | None = None
+    positions: Floats | None = None
+    amplitudes: Floats | None = None
+    rows_per_swing: float | None = None
+    spot: float | None = None
+    seeds: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Traces as read, row by row.
+
+    Attributes
+    ----------
+    position : (traces, rows) array
+        Column of each trace where it crosses the centre line of each row, px, one reading a row, not smoothed; NaN where
+        not accepted.
+    sigma : (traces, rows) array
+        1 sigma of the reading along the row, px.
+    course : (traces, rows) array
+        The tracker's smooth curve, px, known also across marks and crossings; NaN where the trace is lost.
+    slope, curvature : (traces, rows) array
+        First and second derivative of the course by rows, px px-1 and px px-2.
+    brightness : (traces, rows) array
+        Exposure of the line over that expected of its slope: 1 in the open, 0 in a gap of the shutter.
+    qc : (traces, rows) array of uint16
+        The record's flags: gap, saturated, ambiguous, lost, overlap, single_direction.
+    rows_per_swing : float
+        Rows in one full period, of the whole film.
+    spot : float
+        1 sigma of the spot on the scan, px.
+    """
+
+    position: Floats
+    sigma: Floats
+    course: Floats
+    slope: Floats
+    curvature: Floats
+    brightness: Floats
+    qc: NDArray[np.uint16]
+    rows_per_swing: float
+    spot: float
+
+
+@dataclass(frozen=True)
+class Marking:
+    """How the chronometer marked the film.
+
+    Attributes
+    ----------
+    interval : float
+        Time between marks, s.
+    gap : float or None
+        How long the shutter was closed, s; None: measured.
+    minute_code : float or None
+        Delay of the second gap at each full minute, s; None: looked for.
+    speed : float or None
+        Nominal rows per second; None: told from the marks.
+    """
+
+    interval: float = 0.5
+    gap: float | None = None
+    minute_code: float | None = None
+    speed: float | None = None
+
+
+@dataclass(frozen=True)
+class TimeAxis:
+    """When each row was exposed.
+
+    Attributes
+    ----------
+    index : (marks,) array of int64
+        Numbers of the marks found, in units of the interval; the first full minute found is a multiple of a minute.
+    row : (marks,) array
+        Their rows at `column` 0 of trace offset 0, px.
+    row_sigma : (marks,) array
+        1 sigma, px.
+    shear : float
+        Rows by which the image lags per column (tangent of the skew).
+    offset : (traces,) array
+        Rows by which each trace lies later along the film than the first.
+    row_of_trace : (traces, marks) array
+        Row of each mark's gap on each trace as measured, NaN where not found, px.
+    interval : float
+        Time between marks, s.
+    seconds : (rows,) array
+        Time of the centre of each row at column 0 of the first trace, s; NaN outside the marks' reach.
+    seconds_sigma : (rows,) array
+        1 sigma, s.
+    flags : tuple of str
+        What to distrust.
+    """
+
+    index: NDArray[np.int64]
+    row: Floats
+    row_sigma: Floats
+    shear: float
+    offset: Floats
+    row_of_trace: Floats
+    interval: float
+    seconds: Floats
+    seconds_sigma: Floats
+    flags: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Strobe:
+    """Places of the traces at the marks, read in the gaps alone.
+
+    Attributes
+    ----------
+    index : (marks,) array of int64
+        Numbers of the marks.
+    position : (traces, marks) array
+        Column of each trace at the middle of the gap, px; NaN where not read.
+    sigma : (traces, marks) array
+        1 sigma, px.
+    qc : (traces, marks) array of uint16
+        The record's flags.
+    """
+
+    index: NDArray[np.int64]
+    position: Floats
+    sigma: Floats
+    qc: NDArray[np.uint16]

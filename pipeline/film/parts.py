@@ -29,13 +29,24 @@ class Scan(Protocol):
     """
 
     @property
-    def rows(self) -> int: ...
+    def rows(self) -> int:
+        """Rows of the image."""
+        ...
+
     @property
-    def columns(self) -> int: ...
+    def columns(self) -> int:
+        """Columns of the image."""
+        ...
+
     @property
-    def full_scale(self) -> int: ...
+    def full_scale(self) -> int:
+        """Value of the lightest pixel."""
+        ...
+
     @property
-    def scale(self) -> float | None: ...
+    def scale(self) -> float | None:
+        """Size of a pixel on the film, mm."""
+        ...
 
     def read(self, first: int, stop: int) -> NDArray[Any]:
         """Rows `first` to `stop`, (stop - first, columns), uint8 or uint16; only what lies in the image."""
@@ -89,8 +100,8 @@ class Tracks:
     Attributes
     ----------
     position : (traces, rows) array
-        Column of each trace where it crosses the centre line of each row, px, one reading a row, not smoothed; NaN where
-        not accepted.
+        Column of each trace where it crosses the centre line of each row, px, one reading a row, not smoothed; NaN
+        where not accepted.
     sigma : (traces, rows) array
         1 sigma of the reading along the row, px.
     course : (traces, rows) array

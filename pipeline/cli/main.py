@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 
 from data_schemas.errors import IsochronyError, UsageError
-from pipeline.cli import benchmark, demo, import_csv, plot, process, schema, simulate, validate
+from pipeline.cli import benchmark, demo, expose, import_csv, plot, process, schema, simulate, validate
 from pipeline.cli.parser import Parser, did_you_mean
 
 _VERBS = {
@@ -21,6 +21,7 @@ _VERBS = {
     "process": process,
     "benchmark": benchmark,
     "plot": plot,
+    "expose": expose,
     "import": import_csv,
     "validate": validate,
     "schema": schema,
@@ -37,6 +38,7 @@ examples:
   isochrony demo                                 a ship record made and processed, with a table and a picture
   isochrony simulate ship.toml                   ship.record.nc and ship.truth.nc
   isochrony process ship.record.nc               gravity, and ship.result.nc beside the record
+  isochrony expose ship.record.nc --film typical ship.film.tif, as a camera would have made it
   isochrony import swing.csv --period 1.029 --gravity 9.81
   isochrony plot ship.result.nc -o ship.png
 

@@ -12,13 +12,14 @@ import sys
 from collections.abc import Sequence
 
 from data_schemas.errors import IsochronyError, UsageError
-from pipeline.cli import benchmark, demo, import_csv, plot, process, schema, simulate, validate
+from pipeline.cli import benchmark, demo, digitise, import_csv, plot, process, schema, simulate, validate
 from pipeline.cli.parser import Parser, did_you_mean
 
 _VERBS = {
     "demo": demo,
     "simulate": simulate,
     "process": process,
+    "digitise": digitise,
     "benchmark": benchmark,
     "plot": plot,
     "import": import_csv,

@@ -33,12 +33,15 @@ class OpenScan:
         The files, in order.
     notes : tuple of str
         What was told from the image and might be wrong.
+    is_turned : bool
+        Whether it was found upside down and turned by half a turn.
     """
 
     image: Image
     scale: float | None
     paths: tuple[Path, ...]
     notes: tuple[str, ...] = ()
+    is_turned: bool = False
 
     @property
     def rows(self) -> int:
@@ -62,7 +65,7 @@ class OpenScan:
     def upside_down(self) -> OpenScan:
         """The same scan turned by half a turn."""
         notes = (*self.notes, "the scan lay upside down and was turned")
-        return OpenScan(Turned(self.image, True, True), self.scale, self.paths, notes)
+        return OpenScan(Turned(self.image, True, True), self.scale, self.paths, notes, True)
 
 
 def open_scan(

@@ -24,7 +24,7 @@ def check(tree: xr.DataTree, schema: Kind) -> list[str]:
     Parameters
     ----------
     tree : xarray.DataTree
-    schema : {"record", "truth", "result"}
+    schema : {"record", "truth", "result", "film-truth"}
         What it is meant to be.
 
     Returns

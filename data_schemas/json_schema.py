@@ -28,12 +28,12 @@ _ATTRIBUTE = {
 }
 
 
-def json_schema(name: Literal["scene", "record", "truth", "result"]) -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of a scene, or of the header of a record, truth or result.
+def json_schema(name: Literal["scene", "record", "truth", "result", "film-truth"]) -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of a scene, or of the header of a record, truth, result or film's truth.
 
     Parameters
     ----------
-    name : {"scene", "record", "truth", "result"}
+    name : {"scene", "record", "truth", "result", "film-truth"}
 
     Returns
     -------

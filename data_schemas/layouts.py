@@ -1,4 +1,4 @@
-"""The three kinds of file: which groups and which attributes each must and may hold."""
+"""The four kinds of file: which groups and which attributes each must and may hold."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal
 VERSION = "1"  # of the layouts, as stored in the attribute schema_version
 CONVENTIONS = "CF-1.11"
 
-Kind = Literal["record", "truth", "result"]
+Kind = Literal["record", "truth", "result", "film-truth"]
 
 
 @dataclass(frozen=True)
@@ -69,5 +69,11 @@ LAYOUTS: Mapping[Kind, Layout] = {
         },
         one_of=("gravity", "period"),
         json_attrs=("configuration", "versions"),
+    ),
+    "film-truth": Layout(
+        "isochrony-film-truth",
+        {"slices": True, "marks": True},
+        {**_COMMON, "film": True, "seed": True, "scene": False},
+        json_attrs=("film", "scene"),
     ),
 }

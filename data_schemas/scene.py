@@ -16,6 +16,7 @@ from data_schemas.scene_checks import check_physics
 from data_schemas.scene_conditions import Conditions
 from data_schemas.scene_faults import one_line
 from data_schemas.scene_fields import Number, Section, quantity
+from data_schemas.scene_film import Film
 from data_schemas.scene_motion import Motion
 from data_schemas.scene_pendulum import Pendulum
 from data_schemas.scene_recording import Recording, Seed, Trace
@@ -69,6 +70,7 @@ class Scene(Section):
     )
     conditions: Conditions = quantity(Conditions(), "", "heat, air, tilt, turn, the ship's way, base stations")
     recording: Recording = quantity(Recording(), "", "what is written down of the motion")
+    film: Film | None = quantity(None, "", "the film to which `expose` writes the traces; `simulate` makes none")
     simulation: Simulation = quantity(Simulation(), "", "how exactly the motion is computed, and by what")
 
     @field_validator("start_time")

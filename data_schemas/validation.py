@@ -7,7 +7,7 @@ from pathlib import Path
 
 from .checking import faults
 from .contents import Contents, shown
-from .errors import FileError, SceneError
+from .errors import FileError, RecordError, SceneError
 from .layouts import LAYOUTS, Kind
 from .reading import load
 
@@ -18,7 +18,7 @@ def validate(path: str | os.PathLike[str]) -> list[str]:
     Parameters
     ----------
     path : path
-        A record, truth or result; or a scene, told by its suffix ``.toml``.
+        A record, truth or result; or, told by its suffix ``.toml``, a scene or the description of a film.
 
     Returns
     -------
@@ -26,7 +26,7 @@ def validate(path: str | os.PathLike[str]) -> list[str]:
         ``path: group/name: what is wrong; what to do``.
     """
     if Path(path).suffix == ".toml":
-        return _scene_faults(path)
+        return _description_faults(path) if _describes_film(path) else _scene_faults(path)
     try:
         contents = load(path)
     except FileError as error:
@@ -34,6 +34,27 @@ def validate(path: str | os.PathLike[str]) -> list[str]:
     kind, found = _kind(contents)
     found += [] if kind is None else faults(contents, kind)
     return [f"{shown(path, 400)}: {fault}" for fault in dict.fromkeys(found)]
+
+
+def _describes_film(path: str | os.PathLike[str]) -> bool:
+    import tomllib
+
+    from .film_description import is_description
+
+    try:
+        return is_description(tomllib.loads(Path(path).read_bytes().decode()))
+    except (OSError, ValueError):
+        return False
+
+
+def _description_faults(path: str | os.PathLike[str]) -> list[str]:
+    from .film_description import load_description
+
+    try:
+        load_description(path)
+    except (RecordError, FileError) as error:
+        return [str(error)]
+    return []
 
 
 def _scene_faults(path: str | os.PathLike[str]) -> list[str]:

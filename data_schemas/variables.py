@@ -1,8 +1,8 @@
 """The one table of every variable a file may hold: dimensions, number type, unit, meaning and allowed range.
 
 A key is ``group/name`` (``record/elongation``); a variable of the root has its bare name (``time``). The rows
-live in one file a kind (`variables_record`, `variables_truth`, `variables_result`); a new variable is one row
-there.
+live in one file a kind (`variables_record`, `variables_truth`, `variables_film_truth`, `variables_result`); a new
+variable is one row there.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Any
 
 from .variable import Variable
+from .variables_film_truth import MARKS, SLICES
 from .variables_record import FILM, INSTRUMENT, RECORD
 from .variables_result import CORRECTION, GRAVITY, JOINT, PERIOD, PHASES
 from .variables_truth import TRUTH
@@ -33,6 +34,8 @@ _GROUPS: Mapping[str, Mapping[str, Variable]] = {
     "instrument": INSTRUMENT,
     "film": FILM,
     "truth": TRUTH,
+    "slices": SLICES,
+    "marks": MARKS,
     "phases": PHASES,
     "correction": CORRECTION,
     "gravity": GRAVITY,

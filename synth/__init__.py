@@ -1,7 +1,8 @@
 """The simulator: a scene becomes a record and its truth.
 
 `simulate` is the one entry, `simulate_to` its way straight to files; `simulate_ensemble` and
-`write_ensemble` make many members of a scene. `scenes` and `scene_path` give the scenes that ship with the package.
+`write_ensemble` make many members of a scene; `expose`
+puts a record or a scene on photographic film. `scenes` and `scene_path` give the scenes that ship with the package.
 Nothing is imported before it is used.
 """
 
@@ -13,13 +14,32 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from synth.ensemble import simulate_ensemble
     from synth.ensemble_files import write_ensemble
+    from synth.film.exposing import expose, expose_to, film_truth_path
+    from synth.film.named import films, load_film
     from synth.shipped import scene_path, scenes
     from synth.simulation import simulate
     from synth.streaming import simulate_to
 
-__all__ = ["scene_path", "scenes", "simulate", "simulate_ensemble", "simulate_to", "write_ensemble"]
+__all__ = [
+    "expose",
+    "expose_to",
+    "film_truth_path",
+    "films",
+    "load_film",
+    "scene_path",
+    "scenes",
+    "simulate",
+    "simulate_ensemble",
+    "simulate_to",
+    "write_ensemble",
+]
 
 _HOMES = {
+    "expose": "synth.film.exposing",
+    "expose_to": "synth.film.exposing",
+    "film_truth_path": "synth.film.exposing",
+    "films": "synth.film.named",
+    "load_film": "synth.film.named",
     "simulate": "synth.simulation",
     "simulate_to": "synth.streaming",
     "simulate_ensemble": "synth.ensemble",

@@ -12,13 +12,25 @@ import sys
 from collections.abc import Sequence
 
 from data_schemas.errors import IsochronyError, UsageError
-from pipeline.cli import benchmark, demo, digitise, import_csv, plot, process, schema, simulate, validate
+from pipeline.cli import (
+    benchmark,
+    demo,
+    digitise,
+    expose,
+    import_csv,
+    plot,
+    process,
+    schema,
+    simulate,
+    validate,
+)
 from pipeline.cli.parser import Parser, did_you_mean
 
 _VERBS = {
     "demo": demo,
     "simulate": simulate,
     "process": process,
+    "expose": expose,
     "digitise": digitise,
     "benchmark": benchmark,
     "plot": plot,
@@ -38,6 +50,7 @@ examples:
   isochrony demo                                 a ship record made and processed, with a table and a picture
   isochrony simulate ship.toml                   ship.record.nc and ship.truth.nc
   isochrony process ship.record.nc               gravity, and ship.result.nc beside the record
+  isochrony expose ship.record.nc --film typical ship.film.tif, as a camera would have made it
   isochrony import swing.csv --period 1.029 --gravity 9.81
   isochrony plot ship.result.nc -o ship.png
 

@@ -68,7 +68,8 @@ def run(options: argparse.Namespace) -> int:
     import synth
 
     simulate_ensemble.check_options(options)
-    path, out = _find(options.scene, options.out, options.ensemble is None)
+    ending = "record.nc" if options.ensemble is None else "ensemble"
+    path, out = find_scene(options.scene, options.out, ending)
     if options.json and not options.explain:
         raise UsageError("simulate: --json goes with --explain; add it, or leave --json out")
     if options.explain:
@@ -109,7 +110,7 @@ def _tolerance(word: str) -> float:
     return value
 
 
-def _find(name: str, out: str | None, is_single: bool) -> tuple[Path, str | None]:
+def find_scene(name: str, out: str | None, ending: str) -> tuple[Path, str | None]:
     """Path of the scene, and `-o`: outputs of a shipped scene go to the present folder, not the package."""
     path = Path(name)
     if path.is_file() or path.suffix or path.parent != Path("."):
@@ -117,4 +118,4 @@ def _find(name: str, out: str | None, is_single: bool) -> tuple[Path, str | None
     import synth
 
     shipped = Path(synth.scene_path(name))
-    return shipped, out if out is not None else f"./{name}.{'record.nc' if is_single else 'ensemble'}"
+    return shipped, out if out is not None else f"./{name}.{ending}"

@@ -89,8 +89,8 @@ def join(images: Sequence[Image], paths: Sequence[Path]) -> Joined:
         if found is None or not found.is_certain:
             why = "no overlap found" if found is None or found.match < 0.5 else "the overlap fits at several places"
             raise FileError(
-                f"{paths[number]}: {why} with the end of {paths[number - 1].name}; give the strips in the order of time, "
-                "each overlapping the one before by some 200 rows or more"
+                f"{paths[number]}: {why} with the end of {paths[number - 1].name}; give the strips in the order of "
+                "time, each overlapping the one before by some 200 rows or more"
             )
         before = parts[-1]
         cosine, sine = math.cos(before.turn), math.sin(before.turn)

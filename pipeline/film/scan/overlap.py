@@ -1,7 +1,7 @@
 """Where one strip of a film lies on the strip before it: the same lines and the same grain, found by correlation.
 
-Swings look alike: a strip laid one swing too far fits almost as well. Places that fit over the whole overlap that they imply
-are tried pixel by pixel, and the best must be better than all others by far.
+Swings look alike: a strip laid one swing too far fits almost as well. Places that fit over the whole overlap that
+they imply are tried pixel by pixel, and the best must be better than all others by far.
 """
 
 from __future__ import annotations

@@ -1,0 +1,149 @@
+"""What the observer knows of a film: written beside the image, read with it. NAME.film.toml beside NAME.film.tif."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ValidationError, create_model, model_validator
+
+from data_schemas.errors import FileError, RecordError
+from data_schemas.scene_faults import one_line
+from data_schemas.scene_fields import Label, Number, Section, TraceName, quantity
+from data_schemas.variables_record import INSTRUMENT
+
+KIND = "film-description"
+_LARGEST = 1 << 20  # bytes; a description is a page
+
+
+def _of_instrument(*dims: str) -> dict[str, Any]:
+    """Fields for the instrument's variables of some dimensions, from the one table."""
+    return {
+        name: (Number | None, quantity(None, row.units, row.long_name))
+        for name, row in INSTRUMENT.items()
+        if row.dims == dims and row.dtype == "f8"
+    }
+
+
+class DescribedTrace(Section):
+    """A trace as the observer knows it."""
+
+    name: TraceName = quantity(..., "", "name of the trace")
+    combination: dict[str, Number] = quantity(..., "1", "factor of each pendulum by label", min_length=1)
+    lever: Number | None = quantity(None, "mm rad-1", "optical lever: deflection on the film per elongation", gt=0)
+    position: Number | None = quantity(None, "mm", "place across the film at rest, from the left edge", ge=0)
+    amplitude: Number | None = quantity(None, "mm", "nominal amplitude of the swing on the film", gt=0)
+
+
+class _LabelledPendulum(Section):
+    label: Label = quantity(..., "", "label of the pendulum")
+
+
+DescribedPendulum: Any = create_model(
+    "DescribedPendulum", __base__=_LabelledPendulum, __doc__="A pendulum.", **_of_instrument("pendulum")
+)
+DescribedInstrument: Any = create_model(
+    "DescribedInstrument", __base__=Section, __doc__="Conditions of all pendulums.", **_of_instrument()
+)
+
+
+class FilmDescription(Section):
+    """What is known of a film without looking at it. What is left out is not known.
+
+    Traces stand as they lie from the left to the right at rest, or with their positions.
+
+    Examples
+    --------
+    >>> trace = {"name": "1", "combination": {"1": 1.0}}
+    >>> known = FilmDescription(record_id="a", traces=[trace], pendulums=[{"label": "1", "period": 1.01}])
+    >>> FilmDescription.model_validate(known.model_dump()) == known
+    True
+    """
+
+    kind: Literal["film-description"] = quantity(KIND, "", "says what this file is")
+    record_id: Annotated[str, Field(strict=True)] = quantity("film", "", "identifier of the record", max_length=100)
+    title: Annotated[str, Field(strict=True)] = quantity("", "", "what the film shows", max_length=400)
+    start_time: Annotated[str, Field(strict=True)] = quantity(
+        "2000-01-01T00:00:00Z", "", "date and time from which the record counts its seconds; a full minute",
+        max_length=40,
+    )  # fmt: skip
+    speed: Number | None = quantity(None, "mm s-1", "nominal speed of the film", gt=0)
+    dpi: Number | None = quantity(None, "inch-1", "pixels of the scan to the inch", gt=0)
+    mark_interval: Number = quantity(0.5, "s", "time between the chronometer's marks", gt=0)
+    gap: Number | None = quantity(None, "s", "how long the shutter is closed at a mark", ge=0)
+    minute_code: Number | None = quantity(
+        None, "s", "how long after each full minute the shutter closes a second time; 0: never", ge=0
+    )
+    restoring: Literal["sine", "linear"] = quantity("sine", "", "restoring law of the pendulums")
+    traces: tuple[DescribedTrace, ...] = quantity(..., "", "the traces", min_length=1)
+    pendulums: tuple[DescribedPendulum, ...] = quantity(..., "", "the pendulums", min_length=1)
+    instrument: DescribedInstrument = quantity(DescribedInstrument(), "", "conditions of all pendulums")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        labels = [each.label for each in self.pendulums]
+        names = [each.name for each in self.traces]
+        if len(set(labels)) < len(labels) or len(set(names)) < len(names):
+            raise ValueError("traces and pendulums must have different names")
+        for trace in self.traces:
+            for label in trace.combination:
+                if label not in labels:
+                    raise ValueError(
+                        f"trace {trace.name!r} names the pendulum {label!r}; there are {', '.join(labels)}"
+                    )
+        return self
+
+
+def description_path(film: str | os.PathLike[str]) -> Path:
+    """Where the description of a film is kept: beside its image.
+
+    Examples
+    --------
+    >>> description_path("a/ship.film.tif").name, description_path("a/scan.png").name
+    ('ship.film.toml', 'scan.film.toml')
+    """
+    path = Path(film)
+    return path.with_name(film_stem(path) + ".film.toml")
+
+
+def film_stem(film: str | os.PathLike[str]) -> str:
+    """Name of a film without folder and endings.
+
+    Examples
+    --------
+    >>> film_stem("a/ship.v2.film.tif"), film_stem("scan.png")
+    ('ship.v2', 'scan')
+    """
+    return Path(film).with_suffix("").name.removesuffix(".film")
+
+
+def is_description(content: object) -> bool:
+    """Whether the content of a TOML file says that it is a description."""
+    return isinstance(content, dict) and content.get("kind") == KIND
+
+
+def load_description(path: str | os.PathLike[str]) -> FilmDescription:
+    """Read a description.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, or is not TOML.
+    RecordError
+        With one line that names the file, every faulty key, its value and what is allowed.
+    """
+    import tomllib
+
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            content = tomllib.loads(file.read(_LARGEST).decode("utf-8"))
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({error.strerror}); give a film's description in TOML") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise FileError(f"{path}: is not TOML: {' '.join(str(error).split())}") from None
+    try:
+        return FilmDescription.model_validate(content)
+    except ValidationError as error:
+        raise RecordError(f"{path}: {one_line(error, FilmDescription)}") from None

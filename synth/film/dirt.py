@@ -1,0 +1,144 @@
+"""Dust, scratches, handwriting and a torn end: what chance and people leave on a film. All sizes are assumed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from data_schemas.errors import UsageError
+from data_schemas.scene_film import Film
+from synth.film.geometry import Geometry
+from synth.film.pixels import STRIP, Pixels
+from synth.film.stroke_kernel import draw_strokes
+from synth.phase import Floats
+from synth.seeds import generator
+
+_LONGEST = 5.0  # mm of a fibre of dust: it must not reach beyond the next strip
+_INK, _SCRAPED, _SPECK = 1.0, 0.03, 1.2  # densities
+
+
+class Dirt:
+    """All dirt of a film.
+
+    Parameters
+    ----------
+    film : Film
+    geometry : Geometry
+    seed : int
+
+    Raises
+    ------
+    UsageError
+        More of the film is torn off than there is.
+    """
+
+    def __init__(self, film: Film, geometry: Geometry, seed: int) -> None:
+        if film.torn_end and film.torn_end * geometry.pixels >= geometry.length:
+            raise UsageError(
+                f"film.torn_end = {film.torn_end:g} mm leaves nothing of a film of"
+                f" {geometry.length / geometry.pixels:.4g} mm; make it shorter"
+            )
+        self._film, self._geometry, self._seed = film, geometry, seed
+        strokes = [_scratches(film, geometry, seed), _handwriting(film, geometry, seed)]
+        self._strokes = np.concatenate([each for each in strokes if each is not None] or [np.empty((0, 6))])
+        reach = self._strokes[:, 4] + 1.0
+        self._top = self._strokes[:, [0, 2]].min(axis=1) - reach
+        self._bottom = self._strokes[:, [0, 2]].max(axis=1) + reach
+        self._dust: dict[int, Floats] = {}
+        self._tear = _tear(film, geometry, seed) if film.torn_end else None
+
+    def soil(self, image: Pixels, first: int) -> None:
+        """Change the density of some rows, the first of which is number `first`, in place."""
+        if self._film.dust:
+            number = first // STRIP
+            self._dust = {
+                k: self._dust[k] if k in self._dust else self._specks(k) for k in range(number - 1, number + 2)
+            }
+            for specks in self._dust.values():
+                draw_strokes(image, first, specks)
+        if self._strokes.size:
+            draw_strokes(image, first, self._strokes[(self._bottom >= first) & (self._top <= first + len(image))])
+        if self._tear is not None:
+            self._tear_off(image, first, self._tear)
+
+    def _specks(self, number: int) -> Floats:
+        """Dust of one strip: most of it round, some of it light, some of it fibres."""
+        chance = generator(self._seed, f"film dust {number}")
+        pixels, columns = self._geometry.pixels, self._geometry.columns
+        area = STRIP * columns / (100.0 * pixels) ** 2
+        count = int(chance.poisson(self._film.dust * area))
+        row, column = (number + chance.random(count)) * STRIP, chance.random(count) * columns
+        radius = np.clip(chance.lognormal(math.log(0.08), 0.6, count), 0.02, 1.0)
+        length = radius * chance.random(count)
+        fibre = chance.random(count) < 0.15
+        length[fibre] = np.minimum(chance.exponential(1.5, count)[fibre], _LONGEST)
+        radius[fibre] = 0.03
+        angle = chance.uniform(0.0, math.pi, count)
+        density = np.where(chance.random(count) < 0.5, _SPECK, _SCRAPED)
+        ends = row + length * pixels * np.sin(angle), column + length * pixels * np.cos(angle)
+        return np.stack([row, column, *ends, radius * pixels, density], axis=1)
+
+    def _tear_off(self, image: Pixels, first: int, tear: Floats) -> None:
+        """Nothing is left of the paper beyond the tear: the scanner's lid shows."""
+        map_ = self._geometry
+        if (first + len(image) - map_.corner[0]) + map_.width < float(np.min(tear)):
+            return
+        y = np.arange(first, first + len(image), dtype=np.float64)[:, None] + 0.5 - map_.corner[0]
+        x = np.arange(map_.columns, dtype=np.float64) + 0.5 - map_.corner[1]
+        along = y * math.cos(map_.turn) + x * math.sin(map_.turn)
+        across = x * math.cos(map_.turn) - y * math.sin(map_.turn)
+        image[along > np.interp(across, np.arange(tear.size), tear)] = 0.0
+
+
+def _scratches(film: Film, geometry: Geometry, seed: int) -> Floats | None:
+    """Thin strokes along the film, a little bent; most scrape silver off."""
+    if not film.scratches:
+        return None
+    chance = generator(seed, "film scratches")
+    pixels = geometry.pixels
+    count = int(chance.poisson(film.scratches * geometry.length / pixels / 1000.0))
+    bends = 4
+    length = chance.exponential(40.0, count)[:, None] / bends * pixels
+    angle = np.cumsum(chance.normal(0.0, 0.04, (count, bends)), axis=1)
+    row = np.cumsum(np.column_stack([chance.random(count) * geometry.rows, length * np.cos(angle)]), axis=1)
+    column = np.cumsum(np.column_stack([chance.random(count) * geometry.columns, length * np.sin(angle)]), axis=1)
+    radius = np.repeat(chance.uniform(0.01, 0.04, count) * pixels, bends)
+    density = np.repeat(np.where(chance.random(count) < 0.7, _SCRAPED, _INK), bends)
+    ends = (row[:, :-1], column[:, :-1], row[:, 1:], column[:, 1:])
+    return np.stack([*(each.ravel() for each in ends), radius, density], axis=1)
+
+
+def _handwriting(film: Film, geometry: Geometry, seed: int) -> Floats | None:
+    """Notes in ink: loops that run on, of chance heights, somewhere on the film and nearly across it."""
+    if not film.handwriting:
+        return None
+    chance = generator(seed, "film handwriting")
+    pixels = geometry.pixels
+    notes = []
+    for _ in range(film.handwriting):
+        loops = int(chance.integers(8, 24))
+        turns = np.linspace(0.0, loops, 16 * loops + 1)
+        height = np.interp(turns, np.arange(loops + 1), chance.choice([1.0, 1.2, 2.2], loops + 1)) * 1.5
+        right = 1.6 * turns + 0.8 * np.sin(2 * np.pi * turns) * np.interp(
+            turns, np.arange(loops + 1), chance.uniform(0.5, 1.5, loops + 1)
+        )
+        up = height * np.cos(2 * np.pi * turns)
+        angle = chance.normal(0.0, 0.1)
+        row = chance.random() * geometry.rows + pixels * (right * math.sin(angle) - up * math.cos(angle))
+        column = (chance.random() * 0.8) * geometry.columns + pixels * (right * math.cos(angle) + up * math.sin(angle))
+        pen = np.full(row.size - 1, 0.15 * pixels)
+        notes.append(np.stack([row[:-1], column[:-1], row[1:], column[1:], pen, np.full(pen.size, _INK)], axis=1))
+    return np.concatenate(notes)
+
+
+def _tear(film: Film, geometry: Geometry, seed: int) -> Floats:
+    """Where the paper ends, px along it, for every pixel across it: a slant, and a jagged walk at every millimetre."""
+    chance = generator(seed, "film torn end")
+    points = max(int(film.paper_width), 2)
+    walk = np.cumsum(chance.normal(0.0, 0.4, points)) + chance.normal(0.0, 0.1) * np.arange(points)
+    walk -= np.max(walk)  # what is left is nowhere longer than is said
+    across = np.linspace(0.0, geometry.width, points)
+    end = geometry.length - (film.torn_end - walk) * geometry.pixels
+    edge: Floats = np.interp(np.arange(int(geometry.width) + 1), across, end)
+    return edge

@@ -1,0 +1,107 @@
+"""What is written beside a film: what the observer knows of it, and what he does not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from data_schemas.contents import Contents, Entry, Group
+from data_schemas.film_description import DescribedInstrument, FilmDescription
+from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION
+from data_schemas.scene_film import Film
+from data_schemas.variables import attributes
+from synth.film.layout import Layout
+from synth.film.shutter import Marks
+from synth.film.source import Source
+from synth.film.strips import Crossings
+from synth.phase import Floats
+from synth.recording.observe import described, label_array
+
+
+def description_of(source: Source, film: Film, layout: Layout) -> FilmDescription:
+    """What the observer knows: the camera as it is meant to be, and the instrument as the record states it."""
+    traces = [
+        {
+            "name": name,
+            "combination": {
+                label: float(weight) for label, weight in zip(source.pendulums, weights, strict=True) if weight
+            },
+            "lever": float(layout.lever[k]),
+            "position": float(layout.position[k]),
+        }
+        for k, (name, weights) in enumerate(zip(source.traces, source.combination, strict=True))
+    ]
+    labels = [str(each) for each in source.instrument.get("pendulum", source.pendulums)]
+    known = {name: np.asarray(value) for name, value in source.instrument.items() if name != "pendulum"}
+    per_pendulum = {
+        name: value for name, value in known.items() if value.shape == (len(labels),) and name[:5] != "base_"
+    }
+    pendulums = [
+        {"label": label, **{name: float(value[k]) for name, value in per_pendulum.items()}}
+        for k, label in enumerate(labels)
+        if label in source.pendulums
+    ]
+    scalars = {
+        name: float(value)
+        for name, value in known.items()
+        if value.shape == () and name in DescribedInstrument.model_fields
+    }
+    return FilmDescription.model_validate(
+        {
+            "record_id": source.record_id, "title": source.title, "start_time": source.start_time,
+            "speed": film.speed, "dpi": film.dpi, "mark_interval": film.mark_interval, "gap": film.gap,
+            "minute_code": film.minute_code, "restoring": source.restoring, "traces": traces, "pendulums": pendulums,
+            "instrument": scalars,
+        }
+    )  # fmt: skip
+
+
+class TruthOfFilm:
+    """Lays out the truth of a film, portion by portion."""
+
+    def __init__(self, source: Source, film: Film, layout: Layout, marks: Marks, mark_rows: Floats, seed: int) -> None:
+        scene = {} if source.scene is None else {"scene": source.scene.model_dump_json()}
+        self._attrs = {
+            "Conventions": CONVENTIONS,
+            "schema": LAYOUTS["film-truth"].schema,
+            "schema_version": VERSION,
+            "record_id": source.record_id,
+            "title": source.title,
+            "history": f"exposed with seed {seed}",
+            "source": "model",
+            "film": film.model_dump_json(),
+            "seed": seed,
+            **scene,
+        }
+        self._units = f"seconds since {source.start_time}"
+        self._labels = {"trace": label_array(source.traces)}
+        one = ("trace",)
+        self._places = {
+            "optical_lever": (one, layout.lever),
+            "position": (one, layout.position),
+            "offset": (one, layout.offset),
+        }
+        marked = {
+            "mark_time": marks.time,
+            "mark_row": mark_rows,
+            "minute": marks.minute,
+            "missing": marks.missing,
+            "spurious": marks.spurious,
+        }
+        self._marks = described("marks", {name: (("mark",), value) for name, value in marked.items()}, {})
+
+    def portion(self, time: Floats, found: Crossings) -> Contents:
+        """The truth of some rows, given the times of their centre lines at the left edge, (rows,) s."""
+        slices: dict[str, Any] = {
+            "exposure_time": found.time,
+            "elongation": found.elongation,
+            "column": found.column,
+            "slope": found.slope,
+        }
+        both = {name: (("trace", "time"), value) for name, value in slices.items()}
+        return {
+            "": Group(dict(self._attrs), {"time": Entry(("time",), time, attributes("time") | {"units": self._units})}),
+            "slices": described("slices", self._places | both, self._labels),
+            "marks": self._marks,
+        }

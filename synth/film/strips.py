@@ -1,0 +1,181 @@
+"""The image strip by strip: each from the course of the traces around it, in any order, always the same bits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schemas.scene_film import Film
+from synth.film.course import Course
+from synth.film.dirt import Dirt
+from synth.film.emulsion import SCANNER_RANGE, develop, scan
+from synth.film.geometry import Geometry
+from synth.film.layout import Layout
+from synth.film.pixels import STRIP, Pixels
+from synth.film.spot_kernels import REACH, cross_rows, draw_line
+from synth.film.transport import Transport
+from synth.phase import Floats
+from synth.seeds import generator
+
+NODE = 1.0 / 128  # s: a cubic then errs by 1e-9 of a swing of 1 s
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """Where the traces cross the centre lines of a strip's rows, (traces, rows) each: s, rad, px, px/px."""
+
+    time: Floats
+    elongation: Floats
+    column: Floats
+    slope: Floats
+
+
+class Exposure:
+    """The latent image of a film, strip by strip in order.
+
+    Parameters
+    ----------
+    film, geometry, transport, layout
+    course : Course
+        Asked for in order of time.
+    begin, end, step : float
+        Of the source, s.
+    """
+
+    def __init__(
+        self, film: Film, geometry: Geometry, transport: Transport, layout: Layout, course: Course,
+        begin: float, end: float, node: float,
+    ) -> None:  # fmt: skip
+        self._geometry, self._transport, self._layout, self._course = geometry, transport, layout, course
+        self._begin, self._end, self._node = begin, end, node
+        self._last_node = math.ceil((end - begin) / node)
+        self._sigma = film.spot * geometry.pixels
+        self._weight = film.speed * geometry.pixels * math.sqrt(2 * math.pi) * self._sigma
+        span = int(2 * REACH * self._sigma) + 4
+        self._across = np.empty(span)
+        corners = [(u, o) for u in (0.0, film.paper_width) for o in layout.offset]
+        reaches = [geometry.row[2] * u + geometry.row[1] * o for u, o in corners]
+        self._lead, self._lag = min(reaches), max(reaches)
+
+    def strip(self, number: int) -> tuple[Pixels, Crossings]:
+        """Exposure of the strip's rows, (rows, columns), and the crossings of its centre lines."""
+        first = number * STRIP
+        rows = min(STRIP, self._geometry.rows - first)
+        image = np.zeros((rows, self._geometry.columns), np.float32)
+        traces = self._layout.position.size
+        found = Crossings(*(np.full((traces, rows), np.nan) for _ in range(4)))
+        nodes = self._nodes(first, first + rows)
+        if nodes.size < 2:
+            return image, found
+        swing, swing_rate = self._course.at(nodes)
+        travel, speed = self._transport.travel(nodes), self._transport.speed(nodes)
+        place, map_ = self._layout, self._geometry
+        for k in range(traces):
+            along, across = travel + place.offset[k], place.position[k] + place.lever[k] * swing[k]
+            across_rate = place.lever[k] * swing_rate[k]
+            row, column = map_.rows_of(along, across), map_.columns_of(along, across)
+            row_rate = map_.row[1] * speed + map_.row[2] * across_rate
+            column_rate = map_.column[1] * speed + map_.column[2] * across_rate
+            light = place.light[k].between(float(nodes[0]), float(nodes[-1]))
+            draw_line(
+                image, first, nodes, row, row_rate, column, column_rate, light.begin, light.end, light.factor,
+                self._sigma, self._weight, self._across,
+            )  # fmt: skip
+            cross_rows(
+                first, nodes, row, row_rate, column, column_rate, swing[k], swing_rate[k],
+                found.time[k], found.column[k], found.slope[k], found.elongation[k],
+            )  # fmt: skip
+        return image, found
+
+    def _nodes(self, first: int, stop: int) -> Floats:
+        """Times of the nodes between which any light falls on some rows."""
+        reach = REACH * self._sigma + 2.0
+        constant, along, _ = self._geometry.row
+        ends = np.array([first - reach - self._lag, stop + reach - self._lead])
+        earliest, latest = self._transport.time_at((ends - constant) / along)
+        begin = max(math.floor((earliest - self._begin) / self._node) - 1, 0)
+        end = min(math.ceil((latest - self._begin) / self._node) + 1, self._last_node)
+        return np.minimum(self._begin + np.arange(begin, end + 1) * self._node, self._end)
+
+
+class Development:
+    """What a latent image becomes, strip by strip: silver, dirt, grain, the scanner's light; before its blur."""
+
+    def __init__(self, film: Film, geometry: Geometry, dirt: Dirt, seed: int) -> None:
+        self._film, self._geometry, self._dirt, self._seed = film, geometry, dirt, seed
+        middle = (np.arange(geometry.columns) + 0.5) / geometry.columns * 2.0 - 1.0
+        self._brightness = (1.0 - film.vignette * middle**2).astype(np.float32)
+        self._noise = np.zeros((min(STRIP, geometry.rows), geometry.columns), np.float32)
+
+    def strip(self, number: int, image: Pixels) -> Pixels:
+        """Light from the strip, 0 to 1, in the place of its exposure."""
+        film, map_, rows = self._film, self._geometry, len(image)
+        first = number * STRIP
+        left, right = map_.paper_edges(first, first + rows)
+        rise = film.fog_gradient / map_.width * math.cos(map_.turn)
+        down = np.arange(first, first + rows) + 0.5 - map_.corner[0]
+        at_left = (0.5 - map_.corner[1]) * math.cos(map_.turn) - down * math.sin(map_.turn)
+        fog = film.fog + film.fog_gradient * (at_left / map_.width - 0.5)
+        develop(
+            image, np.round(left).astype(np.int64), np.round(right).astype(np.int64), np.maximum(fog, 0.0), rise,
+            film.density_max, film.half_exposure, film.gamma,
+        )  # fmt: skip
+        self._dirt.soil(image, first)
+        noise = self._noise[:rows]
+        if film.grain:
+            generator(self._seed, f"film grain {number}").standard_normal(out=noise, dtype=np.float32)
+        grain = np.float32(film.grain * film.dpi / 300.0)
+        scan(image, noise, grain, np.float32(-math.log(10.0) / SCANNER_RANGE), self._brightness)
+        if film.polarity == "positive":
+            np.subtract(np.float32(1.0), image, out=image)
+        return image
+
+
+def blurred(strips: Iterator[Pixels], sigma: float) -> Iterator[Pixels]:
+    """Blur an image that comes strip by strip, px; its edges go on as they are.
+
+    Yields
+    ------
+    (rows, columns) float32
+        Strips of the same sizes.
+    """
+    if not sigma:
+        yield from strips
+        return
+    from scipy.ndimage import gaussian_filter1d
+
+    radius = math.ceil(4.0 * sigma)
+
+    def along(image: Pixels, axis: int) -> Pixels:
+        done: Pixels = gaussian_filter1d(image, sigma, axis=axis, mode="nearest", radius=radius)
+        return done
+
+    above: Pixels | None = None
+    here = along(next(strips), 1)
+    while True:
+        coming = next(strips, None)
+        below = None if coming is None else along(coming, 1)
+        top = np.repeat(here[:1], radius, axis=0) if above is None else above
+        if below is None:
+            under = np.repeat(here[-1:], radius, axis=0)
+        else:
+            under = below[:radius]
+            if len(under) < radius:
+                under = np.concatenate([under, np.repeat(under[-1:], radius - len(under), axis=0)])
+        yield along(np.concatenate([top, here, under]), 0)[radius : radius + len(here)]
+        if below is None:
+            return
+        above, here = here[-radius:], below
+
+
+def quantised(image: Pixels, bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """Light, 0 to 1, as whole numbers of a number of bits."""
+    top = np.float32(2**bits - 1)
+    image *= top
+    np.rint(image, out=image)
+    np.clip(image, np.float32(0.0), top, out=image)
+    return image.astype(np.uint8) if bits == 8 else image.astype(np.uint16)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,8 +47,9 @@ def align(
     -------
     Alignment
     """
-    from scipy.ndimage import gaussian_filter, map_coordinates
+    import scipy.ndimage
 
+    images: Any = scipy.ndimage
     overlap = min(before.rows - round(row), strip.rows)
     first = max(0, (overlap - _ROWS) // 2)
     rows, columns = min(_ROWS, overlap), strip.columns
@@ -62,15 +63,15 @@ def align(
     shift_row = row + first - start + turn * middle_column
     shift_column = column - turn * (middle_row + first)
     for width in widths:
-        smooth = gaussian_filter(old, width)
+        smooth = images.gaussian_filter(old, width)
         slope_down, slope_across = np.gradient(smooth)
-        wanted = gaussian_filter(new, width)[8 : rows - 8 : 2, 8 : columns - 8 : 2]
+        wanted = images.gaussian_filter(new, width)[8 : rows - 8 : 2, 8 : columns - 8 : 2]
         for _ in range(_STEPS):
             about_row, about_column = down - middle_row, across - middle_column
             at = np.stack([down + shift_row + turn * about_column, across + shift_column - turn * about_row])
             inside = (at[0] >= 0) & (at[0] <= old.shape[0] - 1) & (at[1] >= 0) & (at[1] <= old.shape[1] - 1)
             found, by_row, by_column = (
-                map_coordinates(each, at, order=1, mode="nearest")[inside]
+                images.map_coordinates(each, at[:, inside], order=1, mode="nearest")
                 for each in (smooth, slope_down, slope_across)
             )
             if found.size < 100:  # drawn away from the overlap: no match

@@ -23,6 +23,9 @@ STEEP = 2.0  # slope from which the spot does not lengthen a gap along the rows
 DIM, DARK = 0.5, 0.55  # of the line's light; share of a gap's expected darkness from which it is fitted
 BACK = 0.35  # of the line's light, on both sides of a gap
 VISIBLE = 0.3  # darkness expected in the middle of a gap, from which one is looked for
+BLACK, BRIGHT = 0.25, 0.75  # of the line's light, within and beside a gap from which the width is learned
+SHORTEST, LONGEST = 0.004, 0.15  # of a swing, how long the shutter may close
+LEAST_LIGHT = 0.06  # of a line's nominal light, below which there is none
 SAMPLE = 8  # pieces in which the width is learned
 LEAST_RUNS = 12
 DEEPEST, LEAST_DEPTH, MOST_MISFIT = 1.5, 0.5, 2.5
@@ -92,14 +95,15 @@ def learned_width(scan: Scan, emulsion: Emulsion, tracks: Tracks) -> float:
             rows = int(begin) + (np.arange(light.size) + 0.5) / steps
             lean = np.abs(tracks.slope[trace][np.minimum(rows.astype(int), scan.rows - 1)])
             runs.extend(_dark_runs(light, lean) / steps)
-    inside = np.array([run for run in runs if 0.004 < run / tracks.rows_per_swing < 0.15])
+    inside = np.sort([run for run in runs if SHORTEST < run / tracks.rows_per_swing < LONGEST])
     if inside.size < LEAST_RUNS:
         raise RefusedError(
             f"film: {inside.size} gaps in the traces, too few to tell how long the shutter closed; "
             "state the gap and the rows per second, or check that the film bears time marks"
         )
-    middle = float(np.median(inside))
-    return float(np.median(inside[np.abs(inside - middle) < 0.4 * middle]))
+    within = np.searchsorted(inside, 1.25 * inside) - np.arange(inside.size)
+    start = int(np.argmax(within))
+    return float(np.median(inside[start : start + within[start]]))
 
 
 def _dark_runs(light: Floats, lean: Floats) -> Floats:
@@ -110,11 +114,13 @@ def _dark_runs(light: Floats, lean: Floats) -> Floats:
         return np.empty(0)
     ahead, behind = light[edge], light[edge + 1]
     cross = edge + (DIM - ahead) / (behind - ahead)
-    down = dark[edge + 1]
-    pairs = np.flatnonzero(down[:-1] & ~down[1:])
-    good = np.array([np.nanmin(lean[edge[p] : edge[p + 1] + 2]) > STEEP for p in pairs], dtype=bool)
-    length = cross[pairs + 1] - cross[pairs]
-    return np.asarray(length[good & np.isfinite(length)])
+    lengths = []
+    for which in np.flatnonzero(dark[edge + 1])[:-1]:
+        low, high = edge[which] + 1, edge[which + 1] + 1
+        beside = np.concatenate([light[max(low - (high - low), 0) : low], light[high : 2 * high - low]])
+        if lean[low:high].min() > STEEP and light[low:high].mean() < BLACK and beside.mean() > BRIGHT:
+            lengths.append(cross[which + 1] - cross[which])
+    return np.array(lengths)
 
 
 def _relative(
@@ -137,8 +143,8 @@ def _relative(
             at.append(0.5 * (low + high))
     if not level:
         return np.full_like(light, np.nan), dark
-    rest = np.maximum(np.interp(np.arange(light.size), at, level), 0.05)
-    return light / rest, dark
+    rest = np.interp(np.arange(light.size), at, level)
+    return np.where(rest > LEAST_LIGHT, light / np.maximum(rest, LEAST_LIGHT), np.nan), dark
 
 
 def _candidates(
@@ -150,7 +156,7 @@ def _candidates(
     low, high = max(begin - MARGIN // 2, 0), min(stop + MARGIN // 2, first + exposure.shape[0])
     light, dark = _relative(exposure, first, low, high, tracks, trace, width, steps)
     known = np.isfinite(light)
-    light = np.where(known, np.minimum(light, 1.5), 1.0)
+    light = np.where(known, np.minimum(light, 1.5), 0.0)
     span = max(int(round(width * steps)), 1)
     score = np.where(dark > VISIBLE, uniform_filter1d(1.0 - light, span) / np.maximum(dark, VISIBLE), 0.0)
     half = max(int(round(0.5 * span)), 1)

@@ -11,25 +11,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from data_schemas.appending import Appended
-from data_schemas.errors import UsageError
+from data_schemas.errors import FileError, UsageError
 from data_schemas.film_description import description_path, film_stem
 from data_schemas.scene import Scene
 from data_schemas.scene_film import Film
 from data_schemas.shield import shielded
 from data_schemas.toml_text import toml_text
-from data_schemas.writing import write_text
-from synth.film.course import Course
-from synth.film.dirt import Dirt
-from synth.film.geometry import geometry_of
+from data_schemas.writing import may_write, reason, write_text
 from synth.film.image_file import ImageFile
-from synth.film.layout import dark_stretches, lay_out, refuse_doubling
 from synth.film.named import film_of
 from synth.film.pixels import STRIP, Pixels
-from synth.film.shutter import set_marks
+from synth.film.plan import plan_film
 from synth.film.sidecars import TruthOfFilm, description_of
 from synth.film.source import source_of
-from synth.film.strips import NODE, Development, Exposure, blurred, quantised
-from synth.film.transport import Transport
+from synth.film.strips import blurred, quantised
 from synth.phase import Floats
 
 if TYPE_CHECKING:
@@ -136,22 +131,16 @@ def expose_to(
     target = Path(path)
     if target.suffix.lower() not in (".tif", ".tiff"):
         raise UsageError(f"{target}: films are written as TIFF; end the name with .tif")
+    for one in (target, description_path(target), film_truth_path(target)):
+        _refuse_existing(one, overwrite)
     film = film_of(film, source)
     if seed is None:
         seed = film.seed if film.seed is not None else source.seed if isinstance(source, Scene) else 0
     given = source_of(source)
-    layout = lay_out(given, film)
-    transport = Transport(film, given.begin, given.end, seed)
-    geometry = geometry_of(film, transport.length, layout.offset)
-    refuse_doubling(given, film, layout, geometry)
-    marks = set_marks(film, given.begin, given.end, seed)
-    layout = layout.lit(film, marks, given.begin, given.end, dark_stretches(given))
-    node = min(NODE, given.step)
-    exposure = Exposure(film, geometry, transport, layout, Course(given, node), given.begin, given.end, node)
-    development = Development(film, geometry, Dirt(film, geometry, seed), seed)
-    mark_rows = geometry.row_at_left(transport.travel(marks.time))
-    truth = TruthOfFilm(given, film, layout, marks, mark_rows, seed)
-    text = toml_text(description_of(given, film, layout).model_dump())
+    plan = plan_film(given, film, seed)
+    exposure, development = plan.exposure(), plan.development()
+    truth, transport, geometry = TruthOfFilm(plan), plan.transport, plan.geometry
+    text = toml_text(description_of(plan).model_dump())
     made = Exposed(
         geometry.rows, geometry.columns, geometry.length / geometry.pixels / 1000.0, given.traces,
         target, description_path(target), film_truth_path(target),
@@ -186,3 +175,16 @@ def expose_to(
             kept.publish()
             image.publish()
     return made
+
+
+def _refuse_existing(path: Path, overwrite: bool) -> None:
+    """Refuse before the work what would be refused after it.
+
+    Raises
+    ------
+    FileError
+    """
+    try:
+        may_write(Path(os.path.realpath(path)), path, overwrite)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written, {reason(error)}") from error

@@ -9,18 +9,16 @@ import numpy as np
 from data_schemas.contents import Contents, Entry, Group
 from data_schemas.film_description import DescribedInstrument, FilmDescription
 from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION
-from data_schemas.scene_film import Film
 from data_schemas.variables import attributes
-from synth.film.layout import Layout
-from synth.film.shutter import Marks
-from synth.film.source import Source
+from synth.film.plan import FilmPlan
 from synth.film.strips import Crossings
 from synth.phase import Floats
 from synth.recording.observe import described, label_array
 
 
-def description_of(source: Source, film: Film, layout: Layout) -> FilmDescription:
+def description_of(plan: FilmPlan) -> FilmDescription:
     """What the observer knows: the camera as it is meant to be, and the instrument as the record states it."""
+    source, film, layout = plan.source, plan.film, plan.layout
     traces = [
         {
             "name": name,
@@ -60,7 +58,8 @@ def description_of(source: Source, film: Film, layout: Layout) -> FilmDescriptio
 class TruthOfFilm:
     """Lays out the truth of a film, portion by portion."""
 
-    def __init__(self, source: Source, film: Film, layout: Layout, marks: Marks, mark_rows: Floats, seed: int) -> None:
+    def __init__(self, plan: FilmPlan) -> None:
+        source, layout, marks = plan.source, plan.layout, plan.marks
         scene = {} if source.scene is None else {"scene": source.scene.model_dump_json()}
         self._attrs = {
             "Conventions": CONVENTIONS,
@@ -68,10 +67,10 @@ class TruthOfFilm:
             "schema_version": VERSION,
             "record_id": source.record_id,
             "title": source.title,
-            "history": f"exposed with seed {seed}",
+            "history": f"exposed with seed {plan.seed}",
             "source": "model",
-            "film": film.model_dump_json(),
-            "seed": seed,
+            "film": plan.film.model_dump_json(),
+            "seed": plan.seed,
             **scene,
         }
         self._units = f"seconds since {source.start_time}"
@@ -84,7 +83,7 @@ class TruthOfFilm:
         }
         marked = {
             "mark_time": marks.time,
-            "mark_row": mark_rows,
+            "mark_row": plan.geometry.row_at_left(plan.transport.travel(marks.time)),
             "minute": marks.minute,
             "missing": marks.missing,
             "spurious": marks.spurious,

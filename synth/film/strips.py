@@ -16,7 +16,7 @@ from synth.film.emulsion import SCANNER_RANGE, develop, scan
 from synth.film.geometry import Geometry
 from synth.film.layout import Layout
 from synth.film.pixels import STRIP, Pixels
-from synth.film.spot_kernels import REACH, cross_rows, draw_line
+from synth.film.spot_kernels import REACH, cross_rows, draw_line, spot_table
 from synth.film.transport import Transport
 from synth.phase import Floats
 from synth.seeds import generator
@@ -56,7 +56,7 @@ class Exposure:
         self._sigma = film.spot * geometry.pixels
         self._weight = film.speed * geometry.pixels * math.sqrt(2 * math.pi) * self._sigma
         span = int(2 * REACH * self._sigma) + 4
-        self._across = np.empty(span)
+        self._table, self._across = spot_table(self._sigma), np.empty(span)
         corners = [(u, o) for u in (0.0, film.paper_width) for o in layout.offset]
         reaches = [geometry.row[2] * u + geometry.row[1] * o for u, o in corners]
         self._lead, self._lag = min(reaches), max(reaches)
@@ -83,7 +83,7 @@ class Exposure:
             light = place.light[k].between(float(nodes[0]), float(nodes[-1]))
             draw_line(
                 image, first, nodes, row, row_rate, column, column_rate, light.begin, light.end, light.factor,
-                self._sigma, self._weight, self._across,
+                self._sigma, self._weight, self._table, self._across,
             )  # fmt: skip
             cross_rows(
                 first, nodes, row, row_rate, column, column_rate, swing[k], swing_rate[k],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from data_schemas.errors import UsageError
 from pipeline.cli.parser import number, one_of
@@ -14,28 +14,39 @@ if TYPE_CHECKING:
     from data_schemas.film_description import FilmDescription
     from pipeline.film.knowledge import FilmOptions
 
-_NUMBERS = [
+_FOR_READING = [
     ("--dpi", "N", "pixels per inch, where the image does not say or is wrong"),
-    ("--lever", "MM_PER_RAD", "optical lever (assumed 2000)"),
     ("--mark-interval", "S", "time between the chronometer's marks (assumed 0.5)"),
     ("--speed", "MM_S", "nominal speed of the film"),
+]
+_TRACE = "trace and its pendulums, from the left to the right at rest; repeatable"
+_NUMBERS = [
+    ("--lever", "MM_PER_RAD", "optical lever (assumed 2000)"),
     ("--gravity", "M_S2", "gravity at which the periods hold"),
 ]
 _REPEATABLE = [
-    ("--trace", "NAME[:A[-B]]", "trace and its pendulums, from the left to the right at rest"),
     ("--combination", "TRACE=A[-B]", "pendulums of a trace whose name does not say them"),
     ("--period", "[LABEL=]SECONDS", "full period of a pendulum"),
 ]
 
 
 def add_film_options(parser: argparse.ArgumentParser) -> None:
-    """List the options."""
+    """List the options of reading a film and of making a record of it."""
+    add_reading_options(parser)
     add = parser.add_argument
-    add("--description", metavar="FILE", help="what is known of the film (TOML; default NAME.film.toml beside it)")
     for option, name, text in _NUMBERS:
         add(option, type=number(option, above=0.0), metavar=name, help=text)
     for option, name, text in _REPEATABLE:
         add(option, action="append", default=[], metavar=name, help=f"{text}; repeatable")
+
+
+def add_reading_options(parser: Any) -> None:
+    """List the options of reading a film."""
+    add = parser.add_argument
+    add("--description", metavar="FILE", help="what is known of the film (TOML; default NAME.film.toml beside it)")
+    for option, name, text in _FOR_READING:
+        add(option, type=number(option, above=0.0), metavar=name, help=text)
+    add("--trace", action="append", default=[], metavar="NAME[:A[-B]]", help=_TRACE)
     turns = ("auto", "0", "90", "180", "270")
     add(
         "--orientation",
@@ -65,18 +76,24 @@ def add_film_options(parser: argparse.ArgumentParser) -> None:
 
 
 def film_options(options: argparse.Namespace) -> FilmOptions:
-    """The options as the reading takes them."""
-    from pipeline.film.knowledge import FilmOptions
+    """All options, as `make_record` takes them."""
+    from dataclasses import replace
 
-    return FilmOptions(
+    return replace(
+        reading_options(options),
         lever=options.lever,
-        mark_interval=options.mark_interval,
-        speed=options.speed,
-        dpi=options.dpi,
-        traces=tuple(options.trace),
         combinations=pairs("digitise", "--combination", options.combination),
         periods=periods("digitise", options.period),
         gravity=options.gravity,
+    )
+
+
+def reading_options(options: argparse.Namespace) -> FilmOptions:
+    """What matters for reading the film."""
+    from pipeline.film.knowledge import FilmOptions
+
+    return FilmOptions(
+        mark_interval=options.mark_interval, speed=options.speed, dpi=options.dpi, traces=tuple(options.trace)
     )
 
 

@@ -17,7 +17,7 @@ from data_schemas.film_description import (
 from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.reading import READINGS, Progress, Reading, read_film
 from pipeline.film.record import make_record
-from pipeline.film.scan.opening import open_scan
+from pipeline.film.scan.opening import OpenScan, open_scan
 from pipeline.film.scan.options import ScanOptions
 
 if TYPE_CHECKING:
@@ -100,10 +100,22 @@ def read(
     """Read the image of a film, without making a record of it (see `digitise`)."""
     if reading not in READINGS:
         raise UsageError(f"reading '{reading}': give one of {', '.join(READINGS)}")
+    scan, known = open_film(paths, description, options or FilmOptions(), orientation=orientation, lines=lines)
+    return read_film(scan, known, reading=reading, rate=rate, jobs=jobs, progress=progress), known
+
+
+def open_film(
+    paths: Paths,
+    description: FilmDescription | None,
+    options: FilmOptions,
+    *,
+    orientation: str = "auto",
+    lines: str = "auto",
+) -> tuple[OpenScan, Known]:
+    """Open the image of a film with what is known of it: as given, or as described beside it."""
     first = Path(paths if isinstance(paths, str | os.PathLike) else paths[0] if len(paths) else "")
     beside = description_path(first)
     if description is None and beside.is_file():
         description = load_description(beside)
-    known = Known(description, options or FilmOptions())
-    scan = open_scan(paths, ScanOptions(dpi=known.dpi, orientation=orientation, lines=lines))
-    return read_film(scan, known, reading=reading, rate=rate, jobs=jobs, progress=progress), known
+    known = Known(description, options)
+    return open_scan(paths, ScanOptions(dpi=known.dpi, orientation=orientation, lines=lines)), known

@@ -91,19 +91,25 @@ def read_film(
     RecordError
         Nothing says how large a pixel is.
     """
-    from pipeline.film.emulsion import measure_emulsion
-    from pipeline.film.marks import time_axis
-    from pipeline.film.strobe import read_at_marks
-    from pipeline.film.tracking import track
+    from pipeline.film.emulsion.film_emulsion import FilmEmulsion
+    from pipeline.film.emulsion.measure import measure_emulsion
+    from pipeline.film.marks.axis import time_axis
+    from pipeline.film.marks.minutes import TimeReversedError
+    from pipeline.film.strobe.reading import read_at_marks
+    from pipeline.film.tracking.track import track
 
     expected, marking = known.expected(scan.scale), known.marking(scan.scale)
-    while True:
+
+    def read_time() -> tuple[FilmEmulsion, Tracks, TimeAxis]:
         emulsion = measure_emulsion(scan)
-        tracks = track(scan, emulsion, expected=expected, progress=progress)
-        axis = time_axis(scan, emulsion, tracks, marking)
-        if "time_reversed" not in axis.flags or scan.is_turned:
-            break
+        tracks = track(scan, emulsion, expected=expected, progress=_stage(progress, "traces"))
+        return emulsion, tracks, time_axis(scan, emulsion, tracks, marking)
+
+    try:
+        emulsion, tracks, axis = read_time()
+    except TimeReversedError:
         scan = scan.upside_down()
+        emulsion, tracks, axis = read_time()
     strobe = read_at_marks(scan, emulsion, tracks, axis)
     scale, note = film_scale(scan.scale, known.speed, axis)
     notes = [*scan.notes, *([note] if note else []), *_speed_notes(axis, scale, known.speed)]
@@ -114,6 +120,11 @@ def read_film(
     if not np.isfinite(samples.column).any():
         raise RefusedError(f"nothing of the film could be read by the {kind} reading; look at it with isochrony plot")
     return Reading(scan, tracks, axis, strobe, samples, kind, scale, difference, tuple(notes))
+
+
+def _stage(progress: Progress | None, stage: str) -> Callable[[int, int], None] | None:
+    """The progress of one stage."""
+    return None if progress is None else lambda done, total: progress(stage, done, total)
 
 
 def at_marks(strobe: Strobe, axis: TimeAxis) -> Samples:

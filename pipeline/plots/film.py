@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _STRIP = 30.0  # s of film a strip, if that makes no more than the most
 _MOST_STRIPS = 12
-_WIDTH = 15.0  # inches
+_WIDTH, _HEIGHT = 15.0, 20.0  # inches, of all strips
 _DOTS = 1750  # across a strip
 _FINE = 2.0  # rows to a dot up to which single readings are drawn
 _TRACES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
@@ -139,7 +139,7 @@ def _sheet(title: str, subtitle: str, strips: Sequence[Strip]) -> tuple[Figure, 
     """An empty figure with a panel for each strip, as high as the film is wide, within reason."""
     strip = strips[0]
     true = (_WIDTH - 1.0) * (strip.right - strip.left) / (strip.stop - strip.first)
-    height = float(np.clip(true, 1.5, 5.0 if len(strips) > 1 else 8.0))
+    height = float(np.clip(true, 1.5, np.clip(_HEIGHT / len(strips), 1.8, 9.0)))
     figure = sheet(title, subtitle, _WIDTH, 1.15 + len(strips) * (height + 0.45))
     grid = figure.add_gridspec(len(strips), 1)
     axes = [panel(figure, grid[row, 0], "", "", "column") for row in range(len(strips))]
@@ -168,7 +168,7 @@ def _draw_traces(axes: Axes, reading: Reading, strip: Strip) -> None:
         color = _TRACES[trace % len(_TRACES)]
         axes.plot(rows, tracks.course[trace, part], color=color, linewidth=0.5, alpha=0.55)
         if fine:
-            size = float(np.clip(2.0 * _DOTS / (strip.stop - strip.first), 0.8, 4.0))
+            size = float(np.clip(2.5 * _DOTS / (strip.stop - strip.first), 0.8, 5.0))
             axes.plot(rows, tracks.position[trace, part], ".", color=color, markersize=size, markeredgewidth=0)
     if reading.kind == "strobe" or (strip.stop - strip.first) * 4 <= _DOTS:
         _draw_strobe(axes, reading, strip)
@@ -276,4 +276,6 @@ def _legend(figure: Figure, reading: Reading) -> None:
         for name, color in _FLAGS.items()
         if raised & ELONGATION_FLAGS[name]
     ]
-    figure.legend(handles=handles, loc="upper right", ncols=len(handles), fontsize=8.5, frameon=False)
+    # at most five to a row: they share the height with the heading
+    columns = -(-len(handles) // 2) if len(handles) > 5 else len(handles)
+    figure.legend(handles=handles, loc="upper right", ncols=columns, fontsize=8.5, frameon=False, borderaxespad=0.4)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import io
 from pathlib import Path
 
-from data_schemas.errors import FileError
+from data_schemas.errors import FileError, UsageError
 from pipeline.film.scan.image import ImageFile
 
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -21,9 +22,14 @@ def open_image(path: Path) -> ImageFile:
     ------
     FileError
         It cannot be read, is no image, or is damaged.
+    UsageError
+        What reads images is not installed.
     """
     with open_binary(path) as stream:
         magic = stream.read(8)
+    for needed in ("tifffile", "PIL"):
+        if importlib.util.find_spec(needed) is None:
+            raise UsageError(f"reading films needs {needed}, which is not installed; pip install 'isochrony[film]'")
     if magic[:4] in _TIFF:
         from pipeline.film.scan.tiff import open_tiff
 

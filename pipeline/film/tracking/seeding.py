@@ -12,6 +12,7 @@ from pipeline.film.tracking.seeds import propose
 from pipeline.film.tracking.turning_points import turning_points
 
 MOST_PROPOSALS = 4000
+CERTAIN = 6  # power of the share against the length of the way: two traces taken for one swing are a long way
 NOISE = 3.5  # sigma of the smoothed paper from which on it counts as darker than its sides
 SAME = 2.5  # spots of distance across the line under which two swings are one
 
@@ -84,7 +85,7 @@ def find_swings(
     out = np.empty((MOST_PROPOSALS, 8))
     count = propose(smooth, points, spot, least, shortest, longest, out)
     found = [Swing(first + each[0], each[1:7].copy(), float(each[7])) for each in out[:count]]
-    found.sort(key=lambda swing: -swing.share * swing.amplitude * swing.state[5])  # the longest way on dark paper
+    found.sort(key=lambda swing: -(swing.share**CERTAIN) * swing.amplitude * swing.state[5])
     return _apart(found, spot)
 
 

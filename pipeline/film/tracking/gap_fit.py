@@ -13,14 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.tracking.line_profile import MOST_NODES, nodes_of, profile
+from pipeline.film.tracking.line_profile import MOST_NODES, REACH, along_film, light_nodes, nodes_of, profile
 from synth.kernels.compiled import kernel
 
 Integers = NDArray[np.int64]
 Floats32 = NDArray[np.float32]
 
 ROUNDS = 5
-STEP = 0.02  # rows, of the derivatives
+STEP = 0.01  # rows, half the stretch of light at an edge
+MOST_ROWS = 96
 ABOUT = 3.0  # spots beyond the gap
 MIDDLE_PRIOR, LENGTH_PRIOR = 0.5, 1.0  # rows, 1 sigma
 LONGEST = 12.0  # spots
@@ -55,80 +56,96 @@ def fit_gaps(
     traces = states.shape[1]
     spot, shear, table_step = optics[0], optics[1], optics[2]
     top = table.shape[1] - 2
-    nodes, out = np.empty((2, MOST_NODES)), np.empty((2, columns))
-    exposure = np.empty((4, columns))  # others, itself, itself moved, itself longer
-    trial = np.empty((1, 2))
+    nodes = np.empty((2, MOST_NODES))
+    parts = np.empty((MOST_ROWS, 2, columns))  # exposure in the open of the rows about a gap, without and with it
+    edges = np.empty((2, 2, columns))  # what the light at its two edges would leave
+    bounds = np.empty((MOST_ROWS, 2), np.int64)
+    empty = np.empty((0, 2))
     for k in range(traces):
         for n in range(gap_of[k], gap_of[k + 1]):
             middle, length = 0.5 * (gaps[n, 0] + gaps[n, 1]), gaps[n, 1] - gaps[n, 0]
             middle_start, length_start = middle, length
             sigma[n] = MIDDLE_PRIOR
+            begin = max(0, int(middle - 0.5 * length - ABOUT * spot) - first)
+            stop = min(rows, int(middle + 0.5 * length + ABOUT * spot) + 1 - first, begin + MOST_ROWS)
+            for i in range(begin, stop):
+                row = first + i + 0.5
+                slot = i - begin
+                bounds[slot, 0], bounds[slot, 1] = 0, 0
+                if known[k, i] == 0:
+                    continue
+                others = gaps[gap_of[k] : n]
+                count = nodes_of(states[i, k], spot, shear, others, row, nodes)
+                low, high, least = 1e9, -1e9, 0.01 * nodes[1, 0] * math.exp(0.5 * REACH * REACH)
+                for j in range(count):
+                    if nodes[1, j] >= least:
+                        low, high = min(low, nodes[0, j]), max(high, nodes[0, j])
+                if not (low > -1e6 and high < 1e6):
+                    continue
+                left, right = max(0, int(low - 3.0 * spot)), min(columns, int(high + 3.0 * spot) + 1)
+                size = right - left
+                if size < 4:
+                    continue
+                bounds[slot, 0], bounds[slot, 1] = left, right
+                part = parts[slot, :, :size]
+                profile(nodes, count, 0.0, spot, left, part)
+                for j in range(size):
+                    part[0, j] *= lamp[k, i]
+                later = gaps[n + 1 : gap_of[k + 1]]
+                if later.shape[0] > 0 and later[0, 0] < row + REACH * spot:
+                    take_gaps(states[i, k], spot, shear, later, row, left, -lamp[k, i], nodes, part, edges[0, :, :size])
+                for other in range(traces):
+                    if other == k or known[other, i] == 0:
+                        continue
+                    here, there = states[i, k, 0] + states[i, k, 3], states[i, other, 0] + states[i, other, 3]
+                    swing = abs(states[i, other, 3]) + abs(states[i, other, 4])
+                    if abs(here - there) > size + REACH * spot * (2.0 + abs(states[i, other, 5]) * swing):
+                        continue
+                    count = nodes_of(
+                        states[i, other], spot, shear, gaps[gap_of[other] : gap_of[other + 1]], row, nodes
+                    )
+                    profile(nodes, count, 0.0, spot, left, edges[0, :, :size])
+                    for j in range(size):
+                        part[0, j] += lamp[other, i] * edges[0, 0, j]
             for _ in range(ROUNDS):
-                mm, ml = 1.0 / MIDDLE_PRIOR**2, 0.0
-                ll = 1.0 / LENGTH_PRIOR**2
+                mm, ml, ll = 1.0 / MIDDLE_PRIOR**2, 0.0, 1.0 / LENGTH_PRIOR**2
                 rm = (middle_start - middle) / MIDDLE_PRIOR**2
                 rl = (length_start - length) / LENGTH_PRIOR**2
-                begin = max(0, int(middle - 0.5 * length - ABOUT * spot) - first)
-                stop = min(rows, int(middle + 0.5 * length + ABOUT * spot) + 1 - first)
                 for i in range(begin, stop):
-                    if known[k, i] == 0:
-                        continue
-                    row = first + i + 0.5
-                    low, high = 1e9, -1e9
-                    for kind in range(1, 4):
-                        shift, growth = (STEP if kind == 2 else 0.0), (STEP if kind == 3 else 0.0)
-                        trial[0, 0] = middle + shift - 0.5 * (length + growth)
-                        trial[0, 1] = middle + shift + 0.5 * (length + growth)
-                        count = nodes_of(states[i, k], spot, shear, trial, 0, row, nodes)
-                        if kind == 1:
-                            for j in range(count):
-                                if abs(j - count // 2) < 0.4 * count:
-                                    low, high = min(low, nodes[0, j]), max(high, nodes[0, j])
-                            left = max(0, int(low - 3.0 * spot))
-                            right = min(columns, int(high + 3.0 * spot) + 1)
-                            size = right - left
-                            if size < 4:
-                                break
-                        for j in range(count):  # the trace's other gaps stay as they are
-                            for other in range(max(gap_of[k], n - 2), min(gap_of[k + 1], n + 3)):
-                                if other != n and gaps[other, 0] < row + 6 * spot and gaps[other, 1] > row - 6 * spot:
-                                    along = row + (2.0 * j / (count - 1) - 1.0) * 4.0 * spot
-                                    if along > gaps[other, 0] and along < gaps[other, 1]:
-                                        nodes[1, j] = 0.0
-                        profile(nodes, count, 0.0, spot, left, out[:, :size])
-                        for j in range(size):
-                            exposure[kind, j] = lamp[k, i] * out[0, j]
+                    slot = i - begin
+                    left, size = bounds[slot, 0], bounds[slot, 1] - bounds[slot, 0]
                     if size < 4:
                         continue
+                    row = first + i + 0.5
+                    closed = parts[slot, :, :size]
+                    dark_from = along_film(states[i, k], shear, middle - 0.5 * length - row)
+                    dark_to = along_film(states[i, k], shear, middle + 0.5 * length - row)
+                    reach = 1.5 * REACH * spot
+                    dark_from, dark_to = max(-reach, min(reach, dark_from)), max(-reach, min(reach, dark_to))
+                    count = 0
+                    if dark_to > dark_from:
+                        count = light_nodes(states[i, k], spot, shear, dark_from, dark_to, 1.0, nodes, 0)
+                    lost = edges[0, :, :size]
+                    profile(nodes, count, 0.0, spot, left, lost)
                     for j in range(size):
-                        exposure[0, j] = 0.0
-                    for other in range(traces):
-                        if other == k or known[other, i] == 0:
-                            continue
-                        here, there = states[i, k, 0] + states[i, k, 3], states[i, other, 0] + states[i, other, 3]
-                        swing = abs(states[i, other, 5]) * 4.0 * spot * (abs(states[i, other, 3]) + abs(states[i, other, 4]))
-                        if abs(here - there) > size + swing:
-                            continue
-                        count = nodes_of(
-                            states[i, other], spot, shear, gaps[gap_of[other] : gap_of[other + 1]], 0, row, nodes
-                        )
-                        profile(nodes, count, 0.0, spot, left, out[:, :size])
-                        for j in range(size):
-                            exposure[0, j] += lamp[other, i] * out[0, j]
+                        closed[1, j] = max(closed[0, j] - lamp[k, i] * lost[0, j], 0.0)
+                    light_nodes(states[i, k], spot, shear, dark_from - STEP, dark_from + STEP, 0.5 / STEP, nodes, 0)
+                    profile(nodes, 2, 0.0, spot, left, edges[0, :, :size])
+                    light_nodes(states[i, k], spot, shear, dark_to - STEP, dark_to + STEP, 0.5 / STEP, nodes, 0)
+                    profile(nodes, 2, 0.0, spot, left, edges[1, :, :size])
                     for j in range(size):
-                        total = exposure[0, j] + exposure[1, j]
-                        place = total / table_step
+                        place = closed[1, j] / table_step
                         index = min(int(place), top)
                         share = min(place - index, 1.0)
                         dark = table[0, index] + share * (table[0, index + 1] - table[0, index])
-                        rate = table[1, index] + share * (table[1, index + 1] - table[1, index])
+                        rate = lamp[k, i] * (table[1, index] + share * (table[1, index + 1] - table[1, index]))
                         residual = darkness[i, left + j] - dark
                         weight = 1.0 / (optics[3] + optics[4] * dark)
                         size_of = abs(residual) * math.sqrt(weight)
                         if size_of > HUBER:
                             weight *= HUBER / size_of
-                        dm = rate * (exposure[2, j] - exposure[1, j]) / STEP
-                        dl = rate * (exposure[3, j] - exposure[1, j]) / STEP
+                        dm = rate * (edges[0, 0, j] - edges[1, 0, j])
+                        dl = -0.5 * rate * (edges[0, 0, j] + edges[1, 0, j])
                         mm += weight * dm * dm
                         ml += weight * dm * dl
                         ll += weight * dl * dl
@@ -142,3 +159,30 @@ def fit_gaps(
                 if abs(step_m) < 0.01 and abs(step_l) < 0.03:
                     break
             gaps[n, 0], gaps[n, 1] = middle - 0.5 * length, middle + 0.5 * length
+
+
+@kernel
+def take_gaps(
+    state: Floats,
+    spot: float,
+    shear: float,
+    gaps: Floats,
+    row: float,
+    left: int,
+    factor: float,
+    nodes: Floats,
+    part: Floats,
+    work: Floats,
+) -> None:
+    """Take the light of closed stretches out of a row's exposure."""
+    reach = REACH * spot
+    for g in range(gaps.shape[0]):
+        if gaps[g, 0] > row + reach:
+            break
+        begin = max(-reach, along_film(state, shear, gaps[g, 0] - row))
+        stop = min(reach, along_film(state, shear, gaps[g, 1] - row))
+        if stop > begin:
+            count = light_nodes(state, spot, shear, begin, stop, factor, nodes, 0)
+            profile(nodes, count, 0.0, spot, left, work)
+            for j in range(work.shape[1]):
+                part[0, j] += work[0, j]

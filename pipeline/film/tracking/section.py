@@ -16,7 +16,6 @@ from pipeline.film.tracking.seeding import SAME, Swing, find_swings
 LEAST_USED = 0.6  # share of rows read by which a seed proves true
 LEAST_SWINGS = 1.6
 PERIOD_SLACK = 0.12
-MOST_TRIED = 24
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ def read_section(
     if seeds is None:
         seeds = find_swings(darkness, first, optics.spot, float(np.sqrt(optics.grain[0])), period)
     alone: list[tuple[Swing, Piece]] = []
-    for seed in seeds[:MOST_TRIED]:
+    for seed in seeds:
         if alone and abs(seed.period / alone[0][0].period - 1.0) > PERIOD_SLACK:
             continue
         if any(_on(seed, piece, first, optics.spot) for _, piece in alone):

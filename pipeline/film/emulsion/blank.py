@@ -15,12 +15,12 @@ from pipeline.arrays import Floats
 from pipeline.film.parts import Scan
 from synth.kernels.compiled import kernel
 
-STRIP_ROWS = 32
+STRIP_ROWS = 16
 MOST_STRIPS = 48
 BLOCK_COLUMNS = 64
 CLIP = 2.0  # sigma; a normal distribution cut there has this much smaller a sigma:
 CLIPPED_SIGMA = 0.8796
-ROUNDS = 5
+ROUNDS = 4
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ def exposures(
     nodes, out, gaps = np.empty((2, MOST_NODES)), np.empty((2, columns)), np.empty((0, 2))
     count = 0
     for n in range(rows.size):
-        number = nodes_of(states[n], window_spot, shear, gaps, 0, 0.0, nodes)
+        number = nodes_of(states[n], window_spot, shear, gaps, 0.0, nodes)
         low, high, least = 1e9, -1e9, 0.01 * nodes[1, number // 2]
         for i in range(number):
             if nodes[1, i] > least:
@@ -54,7 +54,7 @@ def exposures(
         size = stop - first
         if size < 4 or count + size > exposure.size:
             continue
-        number = nodes_of(states[n], spot, shear, gaps, 0, 0.0, nodes)
+        number = nodes_of(states[n], spot, shear, gaps, 0.0, nodes)
         profile(nodes, number, 0.0, spot, first, out[:, :size])
         for i in range(size):
             exposure[count] = lamp[n] * out[0, i]
@@ -145,7 +145,7 @@ def _open_rows(section: Section, trace: int, spot: float) -> tuple[NDArray[np.in
     rows = np.arange(place.size)
     read = np.isfinite(place)
     half = max(4, round(0.25 * section.period))
-    lamp = np.array([_median(light[max(0, i - half) : i + half + 1]) for i in rows])
+    lamp = _running_median(light, half)
     doubtful = ~read | (light < LACKING * lamp)
     near = np.convolve(doubtful, np.ones(2 * NEAR_GAP + 1), mode="same") > 0.5
     slope = section.states[:, trace, 1] - section.states[:, trace, 5] * section.states[:, trace, 4]
@@ -160,6 +160,14 @@ def _open_rows(section: Section, trace: int, spot: float) -> tuple[NDArray[np.in
         chosen = chosen[np.linspace(0, chosen.size - 1, MOST_ROWS).astype(int)]
     typical = _median(lamp[chosen]) if chosen.size else 1.0
     return chosen, lamp[chosen] / max(typical, 1e-6)
+
+
+def _running_median(light: Floats, half: int) -> Floats:
+    """Median of what is known within `half` rows."""
+    wide = np.lib.stride_tricks.sliding_window_view(np.pad(light, half, constant_values=np.nan), 2 * half + 1)
+    ordered = np.sort(wide, axis=1)  # NaN last
+    count = np.isfinite(ordered).sum(axis=1)
+    return np.where(count > 0, ordered[np.arange(light.size), np.maximum(count - 1, 0) // 2], 1.0)
 
 
 def _median(values: Floats) -> float:
@@ -188,7 +196,9 @@ def measure_shear(section: Section) -> float:
         fast = [f(n * angle) * g for n in (1, 2) for f in (np.cos, np.sin) for g in (np.ones_like(t), t)][:6]
         columns = np.column_stack([np.sin(2 * angle), np.cos(2 * angle), slow, *fast[:4]])
         weight = 1.0 / np.sqrt(1.0 + slope**2)
-        answer, *_ = np.linalg.lstsq(columns * weight[:, None], section.place[k][read] * weight, rcond=None)
+        weighted = columns * weight[:, None]
+        normal = weighted.T @ weighted + 1e-9 * np.eye(columns.shape[1])
+        answer = np.linalg.solve(normal, weighted.T @ ((section.place[k][read] - state[read, 0]) * weight))
         values.append(2.0 * answer[0] / (frequency * amplitude**2))
         weights.append((frequency * amplitude**2) ** 2 * rows.size)
     return float(np.average(values, weights=weights)) if values else 0.0

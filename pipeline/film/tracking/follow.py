@@ -22,6 +22,7 @@ SEEN = 4.0  # sigma of the brightness from which on there is a line
 MISFIT = 6.0  # mean square residual from which on something else lies on the line
 LAMP_MEMORY = 0.03  # a row
 GIVEN_UP = 0.25  # share of good rows of late under which a trace is lost
+SETTLED = 0.08
 DEGENERATE = 25.0  # growth of the variance by another trace from which on a row says nothing
 
 
@@ -106,7 +107,7 @@ def follow(
             prior,
             gaps,
             gap_of,
-            3,
+            SETTLED,
             found,
             nodes,
             counts,

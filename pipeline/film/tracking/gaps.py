@@ -63,3 +63,9 @@ def as_table(gaps: list[Gaps]) -> tuple[Floats, NDArray[np.int64]]:
     """First and last row of all gaps, trace after trace (n, 2), and where each trace's begin (traces + 1,)."""
     rows = [np.stack([each.middle - 0.5 * each.length, each.middle + 0.5 * each.length], axis=1) for each in gaps]
     return np.concatenate(rows), np.concatenate([[0], np.cumsum([each.middle.size for each in gaps])]).astype(np.int64)
+
+
+def from_table(rows: Floats, begins: NDArray[np.int64]) -> list[Gaps]:
+    """The gaps of each trace out of `as_table`'s arrays."""
+    parts = [rows[a:b] for a, b in zip(begins[:-1], begins[1:], strict=True)]
+    return [Gaps(part.mean(axis=1), part[:, 1] - part[:, 0]) for part in parts]

@@ -20,7 +20,7 @@ COURSE_SLACK = 0.15  # spots
 DISAGREEMENT = 6.0
 WORST_NORMAL = 0.35  # spots: a reading no better than that is left out
 SHARED = 1.5  # growth of the variance by other traces from which on a row is flagged
-FLOOR = 0.02  # spots, of the normal: what model and calibration leave
+FLOOR = 0.006  # spots, of the normal: what model and calibration leave
 LOST_SWINGS = 0.3
 
 

@@ -19,11 +19,58 @@ from synth.kernels.compiled import kernel
 
 REACH = 4.0  # spots: what lies farther leaves less than 3e-4
 FINENESS = 1.25
-MOST_NODES = 1200
+FULL_NODES, MOST_NODES = 1000, 2000
 
 
 @kernel
-def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, first_gap: int, row: float, nodes: Floats) -> int:
+def finest_step(state: Floats, spot: float) -> float:
+    """Step along the film at which the sum over nodes is as good as the integral."""
+    rate, bend = state[1] - state[5] * state[4], state[2] - state[5] * state[5] * state[3]
+    swing = math.sqrt(state[3] * state[3] + state[4] * state[4])
+    steepest = abs(state[1]) + 3.0 * spot * abs(state[2]) + abs(state[5]) * swing
+    steepest = min(steepest, abs(rate) + 3.0 * spot * abs(bend) + spot * spot * abs(state[5]) ** 3 * swing)
+    return FINENESS * spot / math.sqrt(1.0 + steepest * steepest)
+
+
+@kernel
+def light_nodes(
+    state: Floats, spot: float, shear: float, begin: float, stop: float, factor: float, nodes: Floats, count: int
+) -> int:
+    """Add the nodes of one stretch, `begin` to `stop` along the film from this row, to the `count` there are."""
+    step = finest_step(state, spot)
+    number = min(max(int((stop - begin) / step) + 1, 2), nodes.shape[1] - count)
+    step = (stop - begin) / number
+    along = begin + 0.5 * step
+    c, s = math.cos(state[5] * step), math.sin(state[5] * step)
+    start_c, start_s = math.cos(state[5] * along), math.sin(state[5] * along)
+    p, q = state[3] * start_c - state[4] * start_s, state[3] * start_s + state[4] * start_c
+    here = state[0] + state[3]
+    scale = 0.5 / (spot * spot)
+    norm = factor * step / (math.sqrt(2.0 * math.pi) * spot)
+    for i in range(number):
+        column = state[0] + along * (state[1] + 0.5 * along * state[2]) + p
+        p, q = p * c - q * s, p * s + q * c
+        away = along + shear * (column - here)
+        nodes[0, count + i] = column
+        nodes[1, count + i] = norm * math.exp(-away * away * scale)
+        along += step
+    return count + number
+
+
+@kernel
+def along_film(state: Floats, shear: float, rows: float) -> float:
+    """How far along the film from this row's crossing the trace falls `rows` rows of the image on."""
+    along = rows
+    if shear != 0.0:
+        for _ in range(3):
+            turned = math.cos(state[5] * along) - 1.0
+            moved = along * (state[1] + 0.5 * along * state[2]) + state[3] * turned
+            along = rows - shear * (moved - state[4] * math.sin(state[5] * along))
+    return along
+
+
+@kernel
+def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float, nodes: Floats) -> int:
     """Where the spot was while it lit the row: columns and weights of `nodes` (2, n); returns their number.
 
     Parameters
@@ -31,48 +78,24 @@ def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, first_gap: 
     state : (6,) array
         Of the trace at this row (see `motion`).
     gaps : (n, 2) array
-        First and last row of the shutter's gaps along this trace, rising.
-    first_gap : int
-        First of them that may matter here.
+        First and last row of the shutter's gaps along this trace, rising; what was dark counts negative.
     row : float
         Centre line of this row, px.
     nodes : (2, n) array
         Overwritten.
     """
-    rate, bend = state[1] - state[5] * state[4], state[2] - state[5] * state[5] * state[3]
-    swing = math.sqrt(state[3] * state[3] + state[4] * state[4])
-    steepest = abs(state[1]) + 3.0 * spot * abs(state[2]) + abs(state[5]) * swing
-    steepest = min(steepest, abs(rate) + 3.0 * spot * abs(bend) + spot * spot * abs(state[5]) ** 3 * swing)
-    step = FINENESS * spot / math.sqrt(1.0 + steepest * steepest)
-    length = REACH * spot * (1.0 + abs(shear) * steepest)
-    half = min(int(length / step) + 1, (MOST_NODES - 1) // 2)
-    step = length / half
-    c, s = math.cos(state[5] * step), math.sin(state[5] * step)
-    angle = -state[5] * length
-    p = state[3] * math.cos(angle) - state[4] * math.sin(angle)
-    q = state[3] * math.sin(angle) + state[4] * math.cos(angle)
-    here = state[0] + state[3]
-    scale = 0.5 / (spot * spot)
-    norm = step / (math.sqrt(2.0 * math.pi) * spot)
-    count = 0
-    before = 0.0
-    for i in range(2 * half + 1):
-        along = -length + i * step
-        column = state[0] + along * (state[1] + 0.5 * along * state[2]) + p
-        p, q = p * c - q * s, p * s + q * c
-        away = along + shear * (column - here)
-        weight = norm * math.exp(-away * away * scale)
-        span = step if i == 0 else away - before
-        before = away
-        g = first_gap
-        while g < gaps.shape[0] and gaps[g, 0] < row + away + span:
-            closed = min(gaps[g, 1], row + away + 0.5 * span) - max(gaps[g, 0], row + away - 0.5 * span)
-            if closed > 0.0:
-                weight *= max(0.0, 1.0 - closed / span)
-            g += 1
-        nodes[0, count] = column
-        nodes[1, count] = weight
-        count += 1
+    steepest = abs(state[1]) + abs(state[5]) * math.sqrt(state[3] * state[3] + state[4] * state[4])
+    reach = REACH * spot * (1.0 + abs(shear) * steepest)
+    count = light_nodes(state, spot, shear, -reach, reach, 1.0, nodes[:, :FULL_NODES], 0)
+    for g in range(gaps.shape[0]):
+        if gaps[g, 1] < row - REACH * spot:
+            continue
+        if gaps[g, 0] > row + REACH * spot:
+            break
+        begin = max(-reach, along_film(state, shear, gaps[g, 0] - row))
+        stop = min(reach, along_film(state, shear, gaps[g, 1] - row))
+        if stop > begin and count < nodes.shape[1] - 2:
+            count = light_nodes(state, spot, shear, begin, stop, -1.0, nodes, count)
     return count
 
 
@@ -84,13 +107,23 @@ def profile(nodes: Floats, count: int, shift: float, spot: float, first: int, ou
     node.
     """
     scale = 0.5 / (spot * spot)
-    reach = REACH * spot
-    bend = math.exp(-2.0 * scale)
     size = out.shape[1]
     for i in range(size):
         out[0, i] = 0.0
         out[1, i] = 0.0
-    for n in range(count):
+    add_profile(nodes, 0, count, shift, spot, first, out)
+    for i in range(size):
+        out[1, i] *= 2.0 * scale
+
+
+@kernel
+def add_profile(nodes: Floats, begin_node: int, count: int, shift: float, spot: float, first: int, out: Floats) -> None:
+    """Add nodes `begin_node` to `count`: exposure, and exposure times distance."""
+    scale = 0.5 / (spot * spot)
+    reach = REACH * spot
+    bend = math.exp(-2.0 * scale)
+    size = out.shape[1]
+    for n in range(begin_node, count):
         column = nodes[0, n] + shift - first
         begin = max(0, int(math.ceil(column - reach - 0.5)))
         stop = min(size, int(math.floor(column + reach - 0.5)) + 1)
@@ -105,5 +138,3 @@ def profile(nodes: Floats, count: int, shift: float, spot: float, first: int, ou
             value *= factor
             factor *= bend
             away += 1.0
-    for i in range(size):
-        out[1, i] *= 2.0 * scale

@@ -12,7 +12,8 @@ from pipeline.arrays import Floats
 from pipeline.film.emulsion.film_emulsion import FilmEmulsion
 from pipeline.film.parts import Scan
 from pipeline.film.tracking.combine import combined
-from pipeline.film.tracking.gaps import as_table, find_gaps, lamp_course
+from pipeline.film.tracking.gap_fit import fit_gaps
+from pipeline.film.tracking.gaps import as_table, find_gaps, from_table, lamp_course
 from pipeline.film.tracking.judgement import judge, openness
 from pipeline.film.tracking.matching import match
 from pipeline.film.tracking.optics import Optics
@@ -147,10 +148,11 @@ def backward(film: Film, ahead: Forward, progress: Callable[[int], None], out: O
             lamps.append(lamp[first - low : stop - low])
         lamp = np.stack(lamps)
         table, gap_of = as_table(gaps)
+        numbers, curve = film.optics.numbers(), film.optics.curve.table()
+        fit_gaps(darkness, first, states, known, lamp, table, gap_of, numbers, curve, np.empty(table.shape[0]))
+        gaps = from_table(table, gap_of)
         reading = np.empty((traces, stop - first, FIELDS))
-        read_piece(
-            darkness, first, states, known, lamp, table, gap_of, film.optics.numbers(), film.optics.curve.table(), reading
-        )
+        read_piece(darkness, first, states, known, lamp, table, gap_of, numbers, curve, reading)
         for k in range(traces):
             share = openness(gaps[k], first, stop - first, film.optics.spot)
             column = np.clip(np.nan_to_num(states[:, k, 0] + states[:, k, 3]), 0, darkness.shape[1] - 1).astype(int)

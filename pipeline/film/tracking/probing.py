@@ -11,12 +11,14 @@ from pipeline.film.emulsion.curve import ToneCurve
 from pipeline.film.tracking.calibrate import calibrate, measure_shear
 from pipeline.film.tracking.optics import Optics
 from pipeline.film.tracking.section import Section, read_section
+from pipeline.film.tracking.seeding import find_swings
 from pipeline.film.tracking.turning_points import spot_size
 
 FIRST_ROWS = 512
 MOST_ROWS = 4096
 PLACES = (0.5, 0.15, 0.85, 0.3, 0.7, 0.02, 0.95)
 SECTION_SWINGS = 8.0
+ASKEW = (0.0, 0.009, -0.009, 0.018, -0.018, 0.027, -0.027)  # rows a column: half a degree and its multiples
 Darkness = Callable[[int, int], NDArray[np.float32]]
 
 
@@ -53,9 +55,10 @@ def probe(
         for first, stop in sections(rows, height):
             piece = darkness(first, stop)
             guess = optics or first_optics(piece, sigma, spot)
-            section = read_section(piece, first, guess, period, count)
-            if section is None:
+            read = _read_askew(piece, first, guess, period, count)
+            if read is None:
                 continue
+            section, guess = read
             if best is None or len(section.swings) > len(best[0].swings):
                 best = section, guess
             if len(best[0].swings) == (count or 2):
@@ -67,10 +70,23 @@ def probe(
         height *= 2
 
 
+def _read_askew(
+    piece: NDArray[np.float32], first: int, guess: Optics, period: float | None, count: int | None
+) -> tuple[Section, Optics] | None:
+    """A section read with the first of several ways the slit may stand to the rows that leads anywhere."""
+    seeds = find_swings(piece, first, guess.spot, float(np.sqrt(guess.grain[0])), period)
+    for askew in ASKEW:
+        optics = guess.with_(shear=guess.shear + askew)
+        section = read_section(piece, first, optics, period, count, seeds)
+        if section is not None:
+            return section, optics
+    return None
+
+
 def refine(section: Section, optics: Optics, count: int | None, fixed: bool) -> tuple[Section, Optics]:
     """Optics fitted to the section, the section read anew with them, and that once more."""
     for _ in range(2):
-        optics = optics.with_(shear=measure_shear(section))
+        optics = optics.with_(shear=optics.shear + measure_shear(section))
         if not fixed:
             optics = calibrate(section, optics)
         again = read_section(section.darkness, section.first, optics, section.period, count)

@@ -16,6 +16,7 @@ from synth.kernels.compiled import kernel
 Integers = NDArray[np.int64]
 Floats32 = NDArray[np.float32]
 FIELDS = 7
+SETTLED = 0.03
 
 
 @kernel
@@ -68,7 +69,7 @@ def read_piece(
             prior,
             gaps,
             gap_of,
-            3,
+            SETTLED,
             found,
             nodes,
             counts,

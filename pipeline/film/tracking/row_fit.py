@@ -23,6 +23,7 @@ Integers = NDArray[np.int64]
 
 OUTLIER = 3.5  # sigma from which on a pixel counts less
 FAINTEST = 0.02
+ROUNDS = 4
 BRIGHTNESS_PRIOR = 0.7
 """1 sigma of what is known of the brightness before, relative."""
 
@@ -61,7 +62,7 @@ def fit_row(
     grain: Floats,
     lamp: Floats,
     prior: Floats,
-    rounds: int,
+    settled: float,
     found: Floats,
     profiles: Floats,
     matrices: Floats,
@@ -84,6 +85,8 @@ def fit_row(
         Brightness to start from.
     prior : (traces,) array
         Variance of the shift as known before, for the sake of the OTHER traces of the group; inf for none.
+    settled : float
+        Last step, over 1.5 spots of the normal, at which to stop.
     found : (traces, 6) array
         Overwritten: shift, its variance, brightness, its variance, mean square residual in units of the noise,
         variance of the shift if the trace lay alone.
@@ -102,7 +105,7 @@ def fit_row(
         value[2 * a + 1] = lamp[members[a]]
     value[2 * g] = 0.0
     offset_variance = 0.25 * grain[0]
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         for a in range(g):
             k = members[a]
             profile(nodes[k], counts[k], value[2 * a], spot, first, profiles[k, :, :size])
@@ -168,7 +171,7 @@ def fit_row(
             value[2 * a + 1] = max(value[2 * a + 1] + other[2 * a + 1], FAINTEST * lamp[members[a]])
             moved = max(moved, abs(step) / limit[a], 0.2 * abs(other[2 * a + 1]) / lamp[members[a]])
         value[2 * g] += other[2 * g]
-        if moved < 0.01:
+        if moved < settled:
             break
     for a in range(g):  # each trace's own reading: the others with what was known of them, itself without
         k = members[a]

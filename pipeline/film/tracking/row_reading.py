@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.tracking.line_profile import nodes_of
+from pipeline.film.tracking.line_profile import REACH, nodes_of
 from pipeline.film.tracking.row_fit import fit_row
 from synth.kernels.compiled import kernel
 
@@ -30,7 +30,7 @@ def read_row(
     prior: Floats,
     gaps: Floats,
     gap_of: Integers,
-    rounds: int,
+    settled: float,
     found: Floats,
     nodes: Floats,
     counts: Integers,
@@ -71,8 +71,8 @@ def read_row(
         near = gap_of[k]
         while near < last and gaps[near, 1] < row - 8.0 * spot:
             near += 1
-        counts[k] = nodes_of(states[k], spot, shear, gaps[near:last], 0, row, nodes[k])
-        low, high, least = 1e9, -1e9, 0.01 * nodes[k, 1, counts[k] // 2]
+        counts[k] = nodes_of(states[k], spot, shear, gaps[near:last], row, nodes[k])
+        low, high, least = 1e9, -1e9, 0.01 * nodes[k, 1, 0] * math.exp(0.5 * REACH * REACH)
         for i in range(counts[k]):
             if nodes[k, 1, i] >= least:
                 low, high = min(low, nodes[k, 0, i]), max(high, nodes[k, 0, i])
@@ -112,7 +112,7 @@ def read_row(
                 optics[3:5],
                 lamp,
                 prior,
-                rounds,
+                settled,
                 found,
                 profiles,
                 matrices,

@@ -16,7 +16,6 @@ from pipeline.film.tracking.seeding import SAME, Swing, find_swings
 LEAST_USED = 0.6  # share of rows read by which a seed proves true
 LEAST_SWINGS = 1.6
 PERIOD_SLACK = 0.12
-MOST_TRIED = 24
 
 
 @dataclass(frozen=True)
@@ -54,13 +53,18 @@ class Section:
 
 
 def read_section(
-    darkness: NDArray[np.float32], first: int, optics: Optics, period: float | None, count: int | None
+    darkness: NDArray[np.float32],
+    first: int,
+    optics: Optics,
+    period: float | None,
+    count: int | None,
+    seeds: list[Swing] | None = None,
 ) -> Section | None:
     """Find the traces of a section and follow them, None if there are none."""
-    sigma = float(np.sqrt(optics.grain[0]))
-    seeds = find_swings(darkness, first, optics.spot, sigma, period)
+    if seeds is None:
+        seeds = find_swings(darkness, first, optics.spot, float(np.sqrt(optics.grain[0])), period)
     alone: list[tuple[Swing, Piece]] = []
-    for seed in seeds[:MOST_TRIED]:
+    for seed in seeds:
         if alone and abs(seed.period / alone[0][0].period - 1.0) > PERIOD_SLACK:
             continue
         if any(_on(seed, piece, first, optics.spot) for _, piece in alone):

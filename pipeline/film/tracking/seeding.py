@@ -12,7 +12,9 @@ from pipeline.film.tracking.seeds import propose
 from pipeline.film.tracking.turning_points import turning_points
 
 MOST_PROPOSALS = 4000
+CERTAIN = 6  # power of the share against the length of the way: two traces taken for one swing are a long way
 NOISE = 3.5  # sigma of the smoothed paper from which on it counts as darker than its sides
+MOST_KEPT = 24
 SAME = 2.5  # spots of distance across the line under which two swings are one
 
 
@@ -46,10 +48,7 @@ class Swing:
 
     def column(self, row: Floats) -> Floats:
         """Place at some rows, px."""
-        along = row - self.row
-        angle = self.state[5] * along
-        slow = self.state[0] + along * (self.state[1] + 0.5 * along * self.state[2])
-        return np.asarray(slow + self.state[3] * np.cos(angle) - self.state[4] * np.sin(angle))
+        return _columns(self.row, self.state, row)[0]
 
     def at(self, row: float) -> Floats:
         """State at another row."""
@@ -84,24 +83,39 @@ def find_swings(
     out = np.empty((MOST_PROPOSALS, 8))
     count = propose(smooth, points, spot, least, shortest, longest, out)
     found = [Swing(first + each[0], each[1:7].copy(), float(each[7])) for each in out[:count]]
-    found.sort(key=lambda swing: -swing.share * swing.amplitude * swing.state[5])  # the longest way on dark paper
+    found.sort(key=lambda swing: -(swing.share**CERTAIN) * swing.amplitude * swing.state[5])
     return _apart(found, spot)
 
 
 def _apart(swings: list[Swing], spot: float) -> list[Swing]:
     """One swing of each trace: the surest."""
-    kept: list[Swing] = []
-    for swing in swings:
-        if not any(same_trace(swing, other, spot) for other in kept):
-            kept.append(swing)
+    if not swings:
+        return []
+    rows, states = np.array([swing.row for swing in swings]), np.array([swing.state for swing in swings])
+    free, kept = np.ones(len(swings), dtype=bool), []
+    while free.any() and len(kept) < MOST_KEPT:
+        best = int(np.argmax(free))
+        free[best] = False
+        kept.append(swings[best])
+        rest = np.flatnonzero(free)
+        free[rest] = ~_same_trace(swings[best], rows[rest], states[rest], spot)
     return kept
 
 
-def same_trace(one: Swing, other: Swing, spot: float) -> bool:
-    """Whether two swings follow one line where both are sure of it, or the one lies too far to tell."""
-    middle = 0.5 * (one.row + other.row)
-    period = min(one.period, other.period)
-    rows = middle + np.linspace(-0.5, 0.5, 41) * period
-    slope = np.gradient(one.column(rows), rows)
-    away = np.abs(one.column(rows) - other.column(rows)) / np.sqrt(1.0 + slope**2)
-    return bool(np.median(away) < SAME * spot)
+def _same_trace(one: Swing, rows: Floats, states: Floats, spot: float) -> NDArray[np.bool_]:
+    """Which of other swings follow one line with `one` for a period about the middle between them."""
+    middle = 0.5 * (one.row + rows)
+    period = np.minimum(one.period, 2.0 * np.pi / states[:, 5])
+    at = middle[:, None] + np.linspace(-0.5, 0.5, 25) * period[:, None]
+    own, slope = _columns(one.row, one.state[:, None, None], at)
+    other, _ = _columns(rows[:, None], states.T[:, :, None], at)
+    return np.asarray(np.median(np.abs(own - other) / np.sqrt(1.0 + slope**2), axis=1) < SAME * spot)
+
+
+def _columns(row: float | Floats, state: Floats, at: Floats) -> tuple[Floats, Floats]:
+    """Place and slope of swings at some rows."""
+    along = at - row
+    m, m1, m2, p, q, w = state
+    c, s = np.cos(w * along), np.sin(w * along)
+    place = m + along * (m1 + 0.5 * along * m2) + p * c - q * s
+    return place, m1 + along * m2 - w * (p * s + q * c)

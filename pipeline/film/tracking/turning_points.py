@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from pipeline.arrays import Floats
 
 DARKEST_SHARE = 0.35
+DARK_SHARE = 0.01
+ALIKE = 0.7
 MOST_POINTS = 200
 
 
@@ -17,20 +19,18 @@ def spot_size(darkness: NDArray[np.float32]) -> float:
     """1 sigma of the spot, px, from how alike rows are that lie close together.
 
     Most of a trace runs steeply across the rows, and its cut along the film is the spot's own profile. The likeness at
-    a distance d falls as exp(-d^2/4 spot^2); the distance 0 holds the grain and is left out.
+    a distance d falls as exp(-d^2/4 spot^2); the distance 0 holds the grain and is left out, and so are the darkest
+    pixels: dirt and turning points, wider than a line.
     """
-    clipped = np.maximum(darkness, 0.0).astype(np.float64)
+    clipped = np.clip(darkness, 0.0, np.quantile(darkness, 1.0 - DARK_SHARE)).astype(np.float64)
     clipped -= clipped.mean()
-    top = max(4, min(24, darkness.shape[0] // 4))
-    likeness = np.array([np.mean(clipped[d:] * clipped[: clipped.shape[0] - d]) for d in range(1, top)])
-    floor = float(np.median(likeness[-max(1, top // 3) :]))
-    likeness -= min(floor, 0.5 * float(likeness[0]))
-    if likeness[0] <= 0.0:
-        return 1.2
-    low = int(np.argmax(likeness < 0.35 * likeness[0])) or likeness.size - 1
-    ratio = max(float(likeness[low] / likeness[0]), 0.02)
-    distance = low + 1.0
-    return float(np.clip(np.sqrt((distance**2 - 1.0) / (-4.0 * np.log(ratio))), 0.6, 40.0))
+    top = max(3, min(100, darkness.shape[0] // 4))
+    nearest = float(np.mean(clipped[1:] * clipped[:-1]))
+    for distance in range(2, top):
+        ratio = float(np.mean(clipped[distance:] * clipped[:-distance])) / max(nearest, 1e-12)
+        if ratio < ALIKE:
+            return float(np.clip(np.sqrt((distance**2 - 1.0) / (-4.0 * np.log(max(ratio, 0.02)))), 0.6, 40.0))
+    return 1.2
 
 
 def turning_points(darkness: NDArray[np.float32], spot: float) -> tuple[NDArray[np.float32], Floats]:
@@ -51,5 +51,18 @@ def turning_points(darkness: NDArray[np.float32], spot: float) -> tuple[NDArray[
     wide = ndimage.uniform_filter1d(smooth, 2 * max(1, round(1.5 * spot)) + 1, axis=0, mode="nearest")
     right = wide[row, np.minimum(column + away, darkness.shape[1] - 1)]
     left = wide[row, np.maximum(column - away, 0)]
-    points = np.stack([row + 0.5, column + 0.5, np.where(left > right, 1.0, -1.0)], axis=1)
+    finer_row = row + 0.5 + _vertex(smooth, row, column, 1, 0)
+    finer_column = column + 0.5 + _vertex(smooth, row, column, 0, 1)
+    points = np.stack([finer_row, finer_column, np.where(left > right, 1.0, -1.0)], axis=1)
     return smooth, points[np.argsort(points[:, 0], kind="stable")]
+
+
+def _vertex(
+    values: NDArray[np.float32], row: NDArray[np.int64], column: NDArray[np.int64], down: int, across: int
+) -> Floats:
+    """By how much a parabola through a peak and its two neighbours culminates beside it, px."""
+    last_row, last_column = values.shape[0] - 1, values.shape[1] - 1
+    before = values[np.maximum(row - down, 0), np.maximum(column - across, 0)].astype(np.float64)
+    after = values[np.minimum(row + down, last_row), np.minimum(column + across, last_column)].astype(np.float64)
+    bend = np.minimum(before + after - 2.0 * values[row, column], -1e-9)
+    return np.asarray(np.clip(0.5 * (before - after) / bend, -0.5, 0.5))

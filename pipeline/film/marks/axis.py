@@ -19,7 +19,7 @@ from pipeline.film.marks.oblique import refined
 from pipeline.film.marks.search import find_gaps, learned_width
 from pipeline.film.parts import Emulsion, Floats, Marking, Scan, TimeAxis, Tracks
 
-ROUNDS = 3  # of drive and shear
+ROUNDS = 2  # of drive and shear
 SPEED_TOLERANCE = 0.25  # of the stated speed
 MANY, LONG, FEW_FALSE = 0.1, 5.0, 0.005  # share of marks missing; s; share of marks that may be false
 
@@ -66,9 +66,10 @@ def axis_of(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, rows: in
         row[trace, at], sigma[trace, at] = gaps.row[member[seen]], gaps.row_sigma[member[seen]]
         column[trace, at] = gaps.column[member[seen]]
     offset, shear = counted.alignment.offset, counted.alignment.shear
+    rough = None
     for _ in range(ROUNDS):
-        found = drive(row - offset[:, None] - shear * column, sigma, marking.interval)
-        offset, shear = refined(row, sigma, column, found)
+        rough = drive(row - offset[:, None] - shear * column, sigma, marking.interval, rough)
+        offset, shear = refined(row, sigma, column, rough)
     found = drive(row - offset[:, None] - shear * column, sigma, marking.interval)
     return _axis(found, counted, row, offset, shear, marking, rows)
 

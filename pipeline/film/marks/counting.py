@@ -16,6 +16,7 @@ SKIP = 8  # events that may be passed over in a row
 MISSED, PASSED = 2.5, 14.0  # prices of a mark missed, of an event that is none
 CHANGE, MOST_CHANGE = (0.002, 0.015), (0.006, 0.04)  # of the relative speed from mark to mark, and over any time
 CAUTION = 1.5  # times what the film shows of both
+FLOOR = 0.06  # px, of an event's row: what a course that is a little wrong does to single gaps
 AROUND = 30  # marks on either side that make the mean speed
 PHASE_MOST = 40.0  # price of a swing that does not fit at all
 WANDER = 0.006  # rad per root of a mark: what swell does to a pendulum's phase
@@ -115,7 +116,7 @@ def counted(rows: Floats, sigma: Floats, phase: Floats, advance: Floats, spread:
     forward, backward, before = np.empty(total), np.empty(total), np.empty(total, dtype=np.int64)
     if total:
         count_marks(
-            rows, sigma, spacing, begin, end, count, price, first_of,
+            rows, np.hypot(sigma, FLOOR), spacing, begin, end, count, price, first_of,
             min(SKIP, rows.size), PASSED, *unsteadiness(rows, spacing), forward, backward, before,
         )  # fmt: skip
     whole = forward + backward

@@ -10,6 +10,7 @@ from pipeline.film.parts import Floats
 from synth.kernels.compiled import kernel
 
 REACH = 3.5  # spots, beyond which there is no light
+STRAIGHT = 4.0  # length of line a row, from which its bend within a spot is nothing
 
 
 @kernel
@@ -27,8 +28,13 @@ def place(course: Floats, slope: Floats, row: float) -> tuple[float, float]:
 
 
 @kernel
-def draw(image: Floats, top: int, left: int, row: float, column: float, weight: float, spot: float) -> None:
-    """Add a Gaussian spot, of density 1/(sqrt(2 pi) spot) at its centre times `weight`, to a piece of the film."""
+def draw(
+    image: Floats, across: Floats, top: int, left: int, row: float, column: float, weight: float, spot: float, sloped: bool
+) -> None:
+    """Add a Gaussian spot, of density 1/(sqrt(2 pi) spot) at its centre times `weight`, to a piece of the film.
+
+    If `sloped`, its derivative by the column is added to `across`.
+    """
     rows, columns = image.shape
     reach = REACH * spot
     first, last = max(0, int(math.ceil(row - reach - 0.5)) - top), min(rows - 1, int(math.floor(row + reach - 0.5)) - top)
@@ -46,10 +52,19 @@ def draw(image: Floats, top: int, left: int, row: float, column: float, weight: 
     fall = math.exp(scale * (2.0 * down + 1.0))
     for y in range(first, last + 1):
         value, ratio = line * start, growth
-        for x in range(low, high + 1):
-            image[y, x] += value
-            value *= ratio
-            ratio *= turn
+        if sloped:
+            lean = -2.0 * scale * away
+            for x in range(low, high + 1):
+                image[y, x] += value
+                across[y, x] += lean * value
+                lean -= 2.0 * scale
+                value *= ratio
+                ratio *= turn
+        else:
+            for x in range(low, high + 1):
+                image[y, x] += value
+                value *= ratio
+                ratio *= turn
         line *= fall
         fall *= turn
 
@@ -71,6 +86,8 @@ def look(exposure: Floats, first: int, row: float, column: float) -> float:
 def light_at_rest(slope: float, curvature: float, spot: float, half: float) -> float:
     """Exposure on the axis of a curved line drawn from `half` rows before the point to `half` after it."""
     steep = math.sqrt(1.0 + slope * slope)
+    if steep > STRAIGHT:
+        return math.erf(half * steep / (1.4142135623730951 * spot)) / steep
     reach = min(half, REACH * spot / steep)
     total, count = 0.0, 9
     step = 2.0 * reach / count

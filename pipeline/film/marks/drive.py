@@ -58,17 +58,22 @@ class Drive:
     likelihood: float
 
 
-def drive(rows: Floats, sigma: Floats, step: float) -> Drive:
+def drive(rows: Floats, sigma: Floats, step: float, before: Drive | None = None) -> Drive:
     """The most likely motion.
 
     Parameters
     ----------
     rows, sigma : (traces, marks) arrays
         Measured, freed of offsets and shear, and 1 sigma; NaN = missing; marks follow each other every `step` s.
+    before : Drive, optional
+        Found of nearly the same rows: its lines stay.
     """
     used = np.isfinite(rows)
-    found = _most_likely(rows, sigma, step, (), used)
-    for _ in range(MOST_LINES):
+    if before is None:
+        found = _most_likely(rows, sigma, step, (), used)
+    else:
+        found = _most_likely(rows, sigma, step, before.lines, used, (before.roughness, np.log(before.floor)))
+    for _ in range(MOST_LINES if before is None else 0):
         line = _line(np.where(used, rows, np.nan), found)
         if line is None:
             break

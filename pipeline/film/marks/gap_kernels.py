@@ -37,7 +37,6 @@ def shade(
     rows, columns = image.shape
     reach = REACH * spot
     row = begin
-    nudge = 0.25 * spot
     while row < end:
         column, lean = place(course, slope, row)
         if math.isnan(column):
@@ -49,10 +48,7 @@ def shade(
         if not math.isnan(column):
             column += shift
             if left - reach < column < left + columns + reach:
-                draw(image, top, left, middle, column, step, spot)
-                if sloped:
-                    draw(across, top, left, middle, column + nudge, 0.5 * step / nudge, spot)
-                    draw(across, top, left, middle, column - nudge, -0.5 * step / nudge, spot)
+                draw(image, across, top, left, middle, column, step, spot, sloped)
         row += step
 
 
@@ -164,8 +160,8 @@ def fit_gap(
         to, _ = place(course, slope, m + 0.5 * w)
         if math.isnan(at) or math.isnan(to):
             return False
-        draw(start, top, left, m - 0.5 * w, at + d, 1.0, spot)
-        draw(stop, top, left, m + 0.5 * w, to + d, 1.0, spot)
+        draw(start, start, top, left, m - 0.5 * w, at + d, 1.0, spot, False)
+        draw(stop, stop, top, left, m + 0.5 * w, to + d, 1.0, spot, False)
         normal[:], right[:] = 0.0, 0.0
         misfit, count = 0.0, 0
         for y in range(rows):

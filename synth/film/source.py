@@ -153,14 +153,15 @@ def _known(record: Contents) -> dict[str, Any]:
 
 
 def _shortest_period(instrument: dict[str, Any], time: Floats, elongation: Floats) -> float:
-    """Of the pendulums as stated, or twice the mean time between passages through the mean, s."""
+    """Of the pendulums as stated, or the usual time between every other passage through the mean, s."""
     if "period" in instrument:
         return float(np.min(instrument["period"]))
     shortest = np.inf
     for row in elongation:
         good = np.isfinite(row)
-        signs = np.signbit(row[good] - np.mean(row[good]))
-        passages = time[good][1:][signs[1:] != signs[:-1]]
+        swing, when = row[good] - np.mean(row[good]), time[good]
+        at = np.flatnonzero(np.signbit(swing[1:]) != np.signbit(swing[:-1]))
+        passages = when[at] - swing[at] * (when[at + 1] - when[at]) / (swing[at + 1] - swing[at])
         if passages.size > 2:
-            shortest = min(shortest, 2.0 * float(np.median(np.diff(passages))))
+            shortest = min(shortest, float(np.median(passages[2:] - passages[:-2])))
     return shortest

@@ -60,7 +60,7 @@ def test_a_line_across_has_its_profile():
 
 @pytest.mark.parametrize("film", [{}, {"skew": 2.0}, {"rotation": -1.0, "skew": 0.5}, {"rotation": 2.0}])
 def test_the_centroid_of_a_row_is_the_truth_and_its_curvature(film):
-    """Light of a row comes from the rows around it too: the centroid is u + s^2 u''/2 + s^4 u''''/8, s^2 = sigma^2 + 1/12."""
+    """Light of a row comes from those around it: the centroid is u + s^2 u''/2 + s^4 u''''/8, s^2 = sigma^2 + 1/12."""
     plan = planned(Film(**SMALL | {"speed": 20.0, **film}), swing(0.008))
     image = latent(plan).astype(float)
     _, _, column, _ = crossings(plan)

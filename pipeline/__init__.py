@@ -7,12 +7,13 @@ from typing import Any
 
 _WHERE = {
     "METHODS": "pipeline.methods",
+    "digitise": "pipeline.film.digitise",
     "process": "pipeline.processing",
     "summaries": "pipeline.summary",
     "observe": "pipeline.observation",
     "Observation": "pipeline.observation",
 }
-__all__ = ["METHODS", "Observation", "observe", "process", "summaries"]
+__all__ = ["METHODS", "Observation", "digitise", "observe", "process", "summaries"]
 
 
 def __getattr__(name: str) -> Any:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from data_schemas.errors import UsageError
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
 from pipeline.cli.parser import number, one_of
+from pipeline.cli.repeated import pairs, periods
 
 _DESCRIPTION = """\
 Turn a text table into a record (netCDF).
@@ -82,9 +81,9 @@ def run(options: argparse.Namespace) -> int:
         columns=tuple(options.column),
         unit=options.unit,
         lever=options.lever,
-        periods=_periods(options.period),
+        periods=periods("import", options.period),
         gravity=options.gravity,
-        combinations=_pairs("--combination", options.combination),
+        combinations=pairs("import", "--combination", options.combination),
     )
     record = import_csv(path, meaning)
     make_folder(output)
@@ -93,21 +92,3 @@ def run(options: argparse.Namespace) -> int:
     time = record.dataset["time"].values
     print(f"{output}: {time.size} samples of {traces} over {time[-1]:.6g} s")
     return 0
-
-
-def _periods(texts: Iterable[str]) -> dict[str, float]:
-    """Label -> seconds; the label "" where none was written."""
-    labelled = _pairs("--period", (text if "=" in text else f"={text}" for text in texts))
-    return {label: number("--period", above=0.0)(value) for label, value in labelled.items()}
-
-
-def _pairs(option: str, texts: Iterable[str]) -> dict[str, str]:
-    pairs: dict[str, str] = {}
-    for text in texts:
-        key, equals, value = text.partition("=")
-        if not equals or not value:
-            raise UsageError(f"import: {option} {text}: write it as {option} NAME=VALUE")
-        if key in pairs:
-            raise UsageError(f"import: {option} names '{key}' twice; give each once")
-        pairs[key] = value
-    return pairs

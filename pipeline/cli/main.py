@@ -12,16 +12,28 @@ import sys
 from collections.abc import Sequence
 
 from data_schemas.errors import IsochronyError, UsageError
-from pipeline.cli import benchmark, demo, expose, import_csv, plot, process, schema, simulate, validate
+from pipeline.cli import (
+    benchmark,
+    demo,
+    digitise,
+    expose,
+    import_csv,
+    plot,
+    process,
+    schema,
+    simulate,
+    validate,
+)
 from pipeline.cli.parser import Parser, did_you_mean
 
 _VERBS = {
     "demo": demo,
     "simulate": simulate,
     "process": process,
+    "expose": expose,
+    "digitise": digitise,
     "benchmark": benchmark,
     "plot": plot,
-    "expose": expose,
     "import": import_csv,
     "validate": validate,
     "schema": schema,

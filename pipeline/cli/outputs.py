@@ -10,16 +10,17 @@ from pathlib import Path
 from data_schemas.errors import UsageError
 
 _ENDINGS = (".record.nc", ".result.nc", ".truth.nc", ".nc", ".toml", ".csv", ".tsv", ".txt", ".dat")
+_IMAGES = (".tif", ".tiff", ".png", ".jpg", ".jpeg")
 
 
 def stem(path: Path) -> str:
     """File name without its folder and its kind.
 
-    >>> stem(Path("a/ship.record.nc")), stem(Path("ship.v2.toml")), stem(Path("ship"))
-    ('ship', 'ship.v2', 'ship')
+    >>> stem(Path("a/ship.record.nc")), stem(Path("ship.v2.toml")), stem(Path("ship")), stem(Path("ship.film.tif"))
+    ('ship', 'ship.v2', 'ship', 'ship')
     """
     name = path.name
-    for ending in _ENDINGS:
+    for ending in (*_ENDINGS, *(f".film{image}" for image in _IMAGES), *_IMAGES):
         if name.endswith(ending) and len(name) > len(ending):
             return name[: -len(ending)]
     return name

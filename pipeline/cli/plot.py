@@ -1,12 +1,16 @@
-"""`isochrony plot`: a record or a result as a picture."""
+"""`isochrony plot`: a record, a result or a film as a picture."""
 
 from __future__ import annotations
 
 import argparse
+import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from data_schemas.errors import UsageError
+from pipeline.cli.film_options import add_reading_options
+from pipeline.cli.image_files import is_image
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
 from pipeline.cli.reading import read_checked, refuse_faults
 
@@ -19,23 +23,30 @@ Draw a file as PNG; no window is opened. Needs the extra `plot` (matplotlib).
 A record: every trace whole (mrad or rad against time), and 20 s of it.
 A result: amplitude of every component, phase speed before and after the correction (as the mGal of gravity it
 stands for), gravity of every method with its sigma.
-A result of a single pendulum: period (s) against amplitude (rad) with the finite-arc law."""
+A result of a single pendulum: period (s) against amplitude (rad) with the finite-arc law.
+A film (TIFF, PNG, JPEG): the image in strips, with what `digitise` reads of it laid over: traces, marks, flags.
+--from and --to show a part of it larger; the options of a film are those of `digitise`."""
 
 _EXAMPLES = """\
 examples:
   isochrony plot ship.record.nc                            ship.record.png
-  isochrony plot ship.result.nc --truth ship.truth.nc -o ship.png"""
+  isochrony plot ship.result.nc --truth ship.truth.nc -o ship.png
+  isochrony plot ship.film.tif --from 60 --to 70           ship.film.png: ten seconds of film"""
 
 
 def add_parser(verbs: Any) -> argparse.ArgumentParser:
     """List the verb and its options."""
     parser: argparse.ArgumentParser = verbs.add_parser(
-        "plot", help="draw a record or a result", description=_DESCRIPTION, epilog=_EXAMPLES
+        "plot", help="draw a record, a result or a film", description=_DESCRIPTION, epilog=_EXAMPLES
     )
-    parser.add_argument("file", metavar="FILE", help="record or result")
+    parser.add_argument("file", metavar="FILE", help="record, result, or image of a film")
     parser.add_argument("-o", dest="out", metavar="PATH", help="PNG, or folder (ends with /); default beside the file")
     parser.add_argument("--truth", metavar="FILE", help="truth of a simulated record: draws its gravity as a line")
     parser.add_argument("--force", action="store_true", help="overwrite an existing picture")
+    film = parser.add_argument_group("of a film")
+    film.add_argument("--from", dest="start", type=_seconds("--from"), metavar="S", help="first moment to draw")
+    film.add_argument("--to", dest="stop", type=_seconds("--to"), metavar="S", help="last moment to draw")
+    add_reading_options(film)
     return parser
 
 
@@ -47,10 +58,17 @@ def run(options: argparse.Namespace) -> int:
 
     require_matplotlib()
     path = Path(options.file)
-    output = place([path], options.out, f"{_kind_ending(path)}.png")[0]
+    is_film = is_image(path)
+    output = place([path], options.out, f"{'.film' if is_film else _kind_ending(path)}.png")[0]
     refuse_clashes([path], [output], force=options.force)
     if output.suffix.lower() != ".png":
         raise UsageError(f"{output}: pictures are written as PNG; end the name with .png")
+    if is_film:
+        from pipeline.cli.plot_film import draw_film
+
+        return draw_film(path, output, options)
+    if options.start is not None or options.stop is not None:
+        raise UsageError("plot: --from and --to go with the image of a film; drop them here")
     tree = data_schemas.read(path)
     kind: Kind = "result" if tree.attrs.get("schema") == "isochrony-result" else "record"
     refuse_faults(path, data_schemas.check(tree, kind))
@@ -66,6 +84,21 @@ def run(options: argparse.Namespace) -> int:
     save(figure, output)
     print(output)
     return 0
+
+
+def _seconds(option: str) -> Callable[[str], float]:
+    """Converter for `type=` that takes any finite number: a film's time may begin before its first full minute."""
+
+    def convert(word: str) -> float:
+        try:
+            value = float(word)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise UsageError(f"{option} wants a number of seconds, not '{word}'")
+        return value
+
+    return convert
 
 
 def true_gravity(path: str) -> float:

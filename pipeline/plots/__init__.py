@@ -7,12 +7,14 @@ from typing import Any
 
 _WHERE = {
     "demo_figure": "pipeline.plots.demo",
+    "film_figure": "pipeline.plots.film",
     "period_figure": "pipeline.plots.period",
     "record_figure": "pipeline.plots.record",
     "result_figure": "pipeline.plots.result",
     "save": "pipeline.plots.canvas",
+    "unread_figure": "pipeline.plots.film",
 }
-__all__ = ["demo_figure", "period_figure", "record_figure", "result_figure", "save"]
+__all__ = ["demo_figure", "film_figure", "period_figure", "record_figure", "result_figure", "save", "unread_figure"]
 
 
 def __getattr__(name: str) -> Any:

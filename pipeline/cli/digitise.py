@@ -1,0 +1,133 @@
+"""`isochrony digitise`: images of films become records."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from data_schemas.errors import IsochronyError, RefusedError, UsageError
+from pipeline.cli.faults import naming
+from pipeline.cli.film_options import add_film_options, description, film_options
+from pipeline.cli.film_progress import film_progress
+from pipeline.cli.outputs import make_folder, place, refuse_clashes, stem
+from pipeline.cli.tables import print_json
+
+_DESCRIPTION = """\
+Read photographic films into records (netCDF): traces followed through crossings and gaps, time from the
+chronometer's marks, angles in rad with their uncertainty and flags.
+
+A film is one image (TIFF, PNG, JPEG; 8 or 16 bit; either way round; lines dark or light), or with --strips
+several overlapping images of one film, in order. Large films should be TIFF: they are read piece by piece.
+What is known of the film stands in NAME.film.toml beside it, or is said by options, which come first; all may
+be left out but what several traces need for gravity (--period and --gravity). A lever or mark interval that
+nobody states is assumed, and said so."""
+
+_EXAMPLES = """\
+examples:
+  isochrony digitise ship.film.tif                         ship.record.nc
+  isochrony digitise scan.png --dpi 300 --trace 1 --trace 1-2 --lever 2000
+                     --period 1=1.0099 --period 2=1.0100 --gravity 9.81
+  isochrony digitise a.tif b.tif c.tif --strips -o ship.record.nc --preview"""
+
+
+def add_parser(verbs: Any) -> argparse.ArgumentParser:
+    """List the verb and its options."""
+    parser: argparse.ArgumentParser = verbs.add_parser(
+        "digitise", help="read photographic films into records", description=_DESCRIPTION, epilog=_EXAMPLES
+    )
+    add = parser.add_argument
+    add("films", metavar="FILM", nargs="+", help="image of a film")
+    add("--strips", action="store_true", help="the images are overlapping strips of one film, in order")
+    add("-o", dest="out", metavar="PATH", help="record file, or folder for several films; default beside the film")
+    add("--force", action="store_true", help="overwrite existing outputs")
+    add("--preview", action="store_true", help="draw what was read where (NAME.film.png beside the record)")
+    add("--json", action="store_true", help="JSON Lines instead of text")
+    add_film_options(parser)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Read every film; a bad one does not stop the others."""
+    films = [[Path(name) for name in options.films]] if options.strips else [[Path(name)] for name in options.films]
+    firsts = [film[0] for film in films]
+    outputs = place(firsts, options.out, ".record.nc")
+    previews = [output.with_name(f"{stem(output)}.film.png") for output in outputs] if options.preview else []
+    every = [path for film in films for path in film]
+    refuse_clashes(every, [*outputs, *previews], force=options.force)
+    if options.preview:
+        from pipeline.plots.canvas import require_matplotlib
+
+        require_matplotlib()
+    film_options(options)  # what cannot be meant is told before any work
+    good = 0
+    for film, output in zip(films, outputs, strict=True):
+        try:
+            row = _one(film, output, options)
+        except IsochronyError as fault:
+            told = naming(film[0], str(fault))
+            if isinstance(fault, UsageError) and len(films) == 1:
+                raise type(fault)(told) from fault
+            row = _failure(film, "refused" if isinstance(fault, RefusedError) else "failed", told)
+        _show(row, as_json=options.json)
+        good += row["status"] == "ok"
+    if good == len(films):
+        return 0
+    return 1 if good else 3
+
+
+def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[str, Any]:
+    """Read one film, write its record, and say what was read."""
+    import time
+
+    import data_schemas
+    from pipeline.film.digitise import read
+    from pipeline.film.record import make_record
+    from pipeline.film.summary import summary
+
+    start = time.perf_counter()
+    with film_progress(film[0].name) as progress:
+        reading, known = read(
+            film,
+            description(options),
+            options=film_options(options),
+            orientation=options.orientation,
+            lines=options.lines,
+            reading=options.reading,
+            rate=options.rate,
+            jobs=options.jobs,
+            progress=progress,
+        )
+    record = make_record(reading, known, stem(film[0]))
+    make_folder(output)
+    data_schemas.write(record, output, overwrite=options.force)
+    if options.preview:
+        from pipeline.plots import film_figure, save
+
+        save(film_figure(reading), output.with_name(f"{stem(output)}.film.png"))
+    row = {"input": str(film[0]), "output": str(output), "status": "ok", "error": None, **summary(record, reading)}
+    row["elapsed_s"] = time.perf_counter() - start
+    return row
+
+
+def _failure(film: list[Path], status: str, error: str) -> dict[str, Any]:
+    return {"record_id": stem(film[0]), "input": str(film[0]), "output": None, "status": status, "error": error}
+
+
+def _show(row: dict[str, Any], *, as_json: bool) -> None:
+    """Print what was read on stdout; what failed, was assumed or is to be distrusted on stderr."""
+    if as_json:
+        print_json(row)
+    if row["status"] != "ok":
+        print(f"isochrony: {' '.join(str(row['error']).split())}", file=sys.stderr, flush=True)
+        return
+    for said in (*row["assumed"], *row["notes"]):
+        print(f"isochrony: {row['input']}: {said}", file=sys.stderr, flush=True)
+    if not as_json:
+        flags = ", ".join(row["flags"]) or "no flags"
+        print(
+            f"{row['output']}: {row['samples']} samples of {', '.join(row['traces'])} over {row['duration_s']:.6g} s, "
+            f"{100.0 * row['accepted_fraction']:.1f} % of the rows read, {row['reading']}; {flags}",
+            flush=True,
+        )

@@ -1,0 +1,112 @@
+"""What the user may say of a film, on the command line: shared by `digitise` and `plot`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from data_schemas.errors import UsageError
+from pipeline.cli.parser import number, one_of
+from pipeline.cli.repeated import pairs, periods
+
+if TYPE_CHECKING:
+    from data_schemas.film_description import FilmDescription
+    from pipeline.film.knowledge import FilmOptions
+
+_FOR_READING = [
+    ("--dpi", "N", "pixels per inch, where the image does not say or is wrong"),
+    ("--mark-interval", "S", "time between the chronometer's marks (assumed 0.5)"),
+    ("--speed", "MM_S", "nominal speed of the film"),
+]
+_TRACE = "trace and its pendulums, from the left to the right at rest; repeatable"
+_NUMBERS = [
+    ("--lever", "MM_PER_RAD", "optical lever (assumed 2000)"),
+    ("--gravity", "M_S2", "gravity at which the periods hold"),
+]
+_REPEATABLE = [
+    ("--combination", "TRACE=A[-B]", "pendulums of a trace whose name does not say them"),
+    ("--period", "[LABEL=]SECONDS", "full period of a pendulum"),
+]
+
+
+def add_film_options(parser: argparse.ArgumentParser) -> None:
+    """List the options of reading a film and of making a record of it."""
+    add_reading_options(parser)
+    add = parser.add_argument
+    for option, name, text in _NUMBERS:
+        add(option, type=number(option, above=0.0), metavar=name, help=text)
+    for option, name, text in _REPEATABLE:
+        add(option, action="append", default=[], metavar=name, help=f"{text}; repeatable")
+
+
+def add_reading_options(parser: Any) -> None:
+    """List the options of reading a film."""
+    add = parser.add_argument
+    add("--description", metavar="FILE", help="what is known of the film (TOML; default NAME.film.toml beside it)")
+    for option, name, text in _FOR_READING:
+        add(option, type=number(option, above=0.0), metavar=name, help=text)
+    add("--trace", action="append", default=[], metavar="NAME[:A[-B]]", help=_TRACE)
+    turns = ("auto", "0", "90", "180", "270")
+    add(
+        "--orientation",
+        type=one_of("orientation", turns),
+        default="auto",
+        metavar="DEGREES",
+        help="turn the image clockwise so that time runs down: auto (default; the long side), 0, 90, 180 or 270",
+    )
+    add(
+        "--lines",
+        type=one_of("kind of lines", ("auto", "dark", "light")),
+        default="auto",
+        metavar="TONE",
+        help="dark on light film, light on dark, or auto (default)",
+    )
+    add(
+        "--reading",
+        type=one_of("reading", ("auto", "continuous", "strobe")),
+        default="auto",
+        metavar="HOW",
+        help="continuous (between the marks), strobe (at the marks alone) or auto (default)",
+    )
+    add(
+        "--rate", type=number("--rate", above=0.0), metavar="HZ", help="samples a second, continuous (default up to 25)"
+    )
+    add("--jobs", type=_jobs, default=1, metavar="N", help="processor cores to use, 1 (default) to 64")
+
+
+def film_options(options: argparse.Namespace) -> FilmOptions:
+    """All options, as `make_record` takes them."""
+    from dataclasses import replace
+
+    return replace(
+        reading_options(options),
+        lever=options.lever,
+        combinations=pairs("digitise", "--combination", options.combination),
+        periods=periods("digitise", options.period),
+        gravity=options.gravity,
+    )
+
+
+def reading_options(options: argparse.Namespace) -> FilmOptions:
+    """What matters for reading the film."""
+    from pipeline.film.knowledge import FilmOptions
+
+    return FilmOptions(
+        mark_interval=options.mark_interval, speed=options.speed, dpi=options.dpi, traces=tuple(options.trace)
+    )
+
+
+def description(options: argparse.Namespace) -> FilmDescription | None:
+    """The description named on the command line, None where none is: then the one beside the film counts."""
+    if options.description is None:
+        return None
+    from data_schemas.film_description import load_description
+
+    return load_description(Path(options.description))
+
+
+def _jobs(word: str) -> int:
+    if not (word.isascii() and word.isdigit() and 1 <= int(word) <= 64):
+        raise UsageError(f"--jobs wants a whole number from 1 to 64, not '{word}'")
+    return int(word)

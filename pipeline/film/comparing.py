@@ -1,0 +1,96 @@
+"""Two readings of one film compared: the phase of each trace by the rows between the marks, and by the marks alone.
+
+Both are taken as departures from the same course, so that what they share (swell, amplitude) drops out. Each half
+minute, the departures are fitted by a line and a swing; the swing across the course's own is the difference in phase.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.film.normal_points import Samples, course_at
+from pipeline.film.parts import Floats, Strobe, TimeAxis, Tracks
+from pipeline.film.row_times import row_times
+
+BLOCK = 30.0  # s
+_FEWEST = 12  # readings in a block: three a term
+MOST_SIGMAS = 3.0
+
+
+@dataclass(frozen=True)
+class PhaseDifference:
+    """Phase by the strobe less phase by the rows between the marks.
+
+    Attributes
+    ----------
+    start : (blocks,) array
+        s, of each half minute.
+    phase, sigma : (traces, blocks) arrays
+        rad, and 1 sigma of both readings' noise; NaN where either has too few readings.
+    """
+
+    start: Floats
+    phase: Floats
+    sigma: Floats
+
+    @property
+    def disagree(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+        """Where the difference is more than three sigma, (traces, blocks)."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.abs(self.phase) > MOST_SIGMAS * self.sigma)
+
+
+def compare(tracks: Tracks, axis: TimeAxis, samples: Samples, strobe: Strobe) -> PhaseDifference:
+    """Phase of every trace each half minute by either reading.
+
+    Parameters
+    ----------
+    samples : Samples
+        The normal points of the rows.
+    strobe : Strobe
+        The readings at the marks.
+    """
+    marks = np.asarray(strobe.index * axis.interval, dtype=np.float64)
+    begin = np.floor(min(samples.time[0], marks[0]) / BLOCK) * BLOCK
+    start = np.arange(begin, max(samples.time[-1], marks[-1]), BLOCK)
+    shape = (tracks.course.shape[0], start.size)
+    phase, sigma = np.full(shape, np.nan), np.full(shape, np.nan)
+    for trace in range(shape[0]):
+        seconds = row_times(tracks, axis, trace)
+        timed = np.flatnonzero(np.isfinite(seconds))
+        if timed.size < 2:
+            continue
+        period = tracks.rows_per_swing * float(seconds[timed[-1]] - seconds[timed[0]]) / float(timed[-1] - timed[0])
+        by_rows = samples.column[trace] - course_at(tracks, axis, trace, seconds, samples.time)
+        by_marks = strobe.position[trace] - course_at(tracks, axis, trace, seconds, marks)
+        for block, first in enumerate(start):
+            fits = [
+                _swing(times, departure, spread, first, period)
+                for times, departure, spread in (
+                    (marks, by_marks, strobe.sigma[trace]),
+                    (samples.time, by_rows, samples.sigma[trace]),
+                )
+            ]
+            course = _swing(samples.time, samples.column[trace], samples.sigma[trace], first, period)
+            if course is None or fits[0] is None or fits[1] is None:
+                continue
+            (cosine, sine), _ = course
+            across = np.array([sine, -cosine]) / (cosine**2 + sine**2)  # d phase / d (cos, sin)
+            phase[trace, block] = across @ (fits[0][0] - fits[1][0])
+            sigma[trace, block] = np.sqrt(across @ (fits[0][1] + fits[1][1]) @ across)
+    return PhaseDifference(start, phase, sigma)
+
+
+def _swing(times: Floats, values: Floats, spread: Floats, first: float, period: float) -> tuple[Floats, Floats] | None:
+    """Coefficients of cos and sin in the half minute from `first`, and their covariance; None with too few readings."""
+    inside = (times >= first) & (times < first + BLOCK) & np.isfinite(values) & (spread > 0.0)
+    if np.count_nonzero(inside) < _FEWEST:
+        return None
+    t = times[inside] - first - 0.5 * BLOCK
+    phase = 2.0 * np.pi / period * t
+    columns = np.stack([np.cos(phase), np.sin(phase), np.ones_like(t), t], axis=1) / spread[inside, None]
+    inverse = np.linalg.pinv(columns.T @ columns)
+    fitted = inverse @ (columns.T @ (values[inside] / spread[inside]))
+    return fitted[:2], np.asarray(inverse[:2, :2], dtype=np.float64)

@@ -1,0 +1,121 @@
+"""`digitise`: the image of a film becomes a record."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from data_schemas.errors import UsageError
+from data_schemas.film_description import (
+    FilmDescription,
+    description_path,
+    film_stem,
+    load_description,
+)
+from pipeline.film.knowledge import FilmOptions, Known
+from pipeline.film.reading import READINGS, Progress, Reading, read_film
+from pipeline.film.record import make_record
+from pipeline.film.scan.opening import OpenScan, open_scan
+from pipeline.film.scan.options import ScanOptions
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
+
+
+def digitise(
+    paths: Paths,
+    description: FilmDescription | None = None,
+    *,
+    options: FilmOptions | None = None,
+    orientation: str = "auto",
+    lines: str = "auto",
+    reading: str = "auto",
+    rate: float | None = None,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> xr.DataTree:
+    """Read the image of a film into a record.
+
+    Parameters
+    ----------
+    paths : path or sequence of path
+        One image (TIFF, PNG, JPEG), or overlapping strips of one film in order.
+    description : FilmDescription, optional
+        What is known of the film; left out: NAME.film.toml beside the image, if it is there.
+    options : FilmOptions, optional
+        What stands before the description: lever, speed, traces, periods and the like.
+    orientation, lines : str
+        See `pipeline.film.scan.ScanOptions`.
+    reading : {"auto", "continuous", "strobe"}
+        Between the marks, or at the marks alone.
+    rate : float, optional
+        Samples a second of the continuous reading; 25 where the film's rows support it.
+    jobs : int
+        Processor cores to use.
+    progress : function, optional
+        Told the stage, how much of it is done, and of how much.
+
+    Returns
+    -------
+    DataTree
+        A record (see `data_schemas`); its group /film says how it was read and what had to be assumed.
+
+    Raises
+    ------
+    UsageError
+        An option that cannot be meant, or several traces without periods.
+    FileError
+        The image cannot be read.
+    RefusedError, RecordError
+        It shows no film that can be read with certainty.
+
+    Examples
+    --------
+    >>> record = digitise("ship.film.tif", options=FilmOptions(traces=["1"]))  # doctest: +SKIP
+    """
+    found, known = read(
+        paths, description, options=options, orientation=orientation, lines=lines, reading=reading, rate=rate,
+        jobs=jobs,
+        progress=progress,
+    )  # fmt: skip
+    return make_record(found, known, film_stem(found.scan.paths[0]))
+
+
+def read(
+    paths: Paths,
+    description: FilmDescription | None = None,
+    *,
+    options: FilmOptions | None = None,
+    orientation: str = "auto",
+    lines: str = "auto",
+    reading: str = "auto",
+    rate: float | None = None,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> tuple[Reading, Known]:
+    """Read the image of a film, without making a record of it (see `digitise`)."""
+    if reading not in READINGS:
+        raise UsageError(f"reading '{reading}': give one of {', '.join(READINGS)}")
+    scan, known = open_film(paths, description, options or FilmOptions(), orientation=orientation, lines=lines)
+    return read_film(scan, known, reading=reading, rate=rate, jobs=jobs, progress=progress), known
+
+
+def open_film(
+    paths: Paths,
+    description: FilmDescription | None,
+    options: FilmOptions,
+    *,
+    orientation: str = "auto",
+    lines: str = "auto",
+) -> tuple[OpenScan, Known]:
+    """Open the image of a film with what is known of it: as given, or as described beside it."""
+    first = Path(paths if isinstance(paths, str | os.PathLike) else paths[0] if len(paths) else "")
+    beside = description_path(first)
+    if description is None and beside.is_file():
+        description = load_description(beside)
+    known = Known(description, options)
+    return open_scan(paths, ScanOptions(dpi=known.dpi, orientation=orientation, lines=lines)), known

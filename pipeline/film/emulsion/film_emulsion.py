@@ -1,0 +1,79 @@
+"""The emulsion of one film: from pixels to darkness above blank, and from there to exposure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Floats
+from pipeline.film.emulsion.blank import Blank, darkness_above, darkness_table
+from pipeline.film.emulsion.curve import HIGHEST_EXPOSURE, ToneCurve
+
+
+@dataclass(frozen=True)
+class FilmEmulsion:
+    """How light became pixels: blank film, grain, characteristic curve.
+
+    Attributes
+    ----------
+    full_scale : int
+        Value of the lightest pixel.
+    blank : Blank
+        Darkness of blank film, place by place.
+    curve : ToneCurve
+        Darkness above blank against exposure.
+    grain : (2,) array
+        Variance of a pixel's darkness on blank film, and its growth per unit of darkness above it.
+    spot : float
+        1 sigma of the spot as the scan shows it, px; 0 where it is not known.
+    """
+
+    full_scale: int
+    blank: Blank
+    curve: ToneCurve
+    grain: Floats
+    spot: float = 0.0
+    _table: NDArray[np.float32] = field(init=False, repr=False)
+    _exposures: NDArray[np.float32] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_table", darkness_table(self.full_scale))
+        steps = np.linspace(0.0, self.curve.darkest, 4096)
+        object.__setattr__(self, "_exposures", self.curve.exposure(steps).astype(np.float32))
+
+    def darkness(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
+        """Darkness above blank film of rows from `first` on, (rows, columns), log10 units."""
+        out = np.empty(pixels.shape, dtype=np.float32)
+        knots = self.blank.rows
+        at = first + np.arange(pixels.shape[0]) + 0.5
+        place = np.clip(np.searchsorted(knots, at) - 1, 0, max(0, knots.size - 2))
+        columns = np.arange(pixels.shape[1]) + 0.5
+        for i in np.unique(place):
+            inside = np.flatnonzero(place == i)
+            a, b = i, min(i + 1, knots.size - 1)
+            span = max(knots[b] - knots[a], 1.0)
+            weight = np.clip((at[inside] - knots[a]) / span, 0.0, 1.0).astype(np.float32)
+            rows = slice(int(inside[0]), int(inside[-1]) + 1)
+            darkness_above(
+                pixels[rows], self._table, self._across(a, columns), self._across(b, columns), weight, out[rows]
+            )
+        return out
+
+    def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
+        """Relative exposure of rows from `first` on, 0 on blank film, 1 on the axis of a line at rest."""
+        scaled = self.darkness(pixels, first) * np.float32((self._exposures.size - 1) / self.curve.darkest)
+        index = np.clip(scaled, 0, self._exposures.size - 1).astype(np.int32)
+        return self._exposures[index]
+
+    def noise(self, exposure: NDArray[np.float32]) -> NDArray[np.float32]:
+        """1 sigma of the grain in units of exposure; on blank film that of the faintest exposure that stands out."""
+        faint = float(self.curve.exposure(np.sqrt(self.grain[0])))
+        value = np.clip(np.asarray(exposure, dtype=np.float64), faint, HIGHEST_EXPOSURE)
+        sigma = np.sqrt(self.grain[0] + self.grain[1] * self.curve.darkness(value))
+        return np.asarray(sigma / np.maximum(self.curve.rate(value), 1e-6), dtype=np.float32)
+
+    def _across(self, strip: int, columns: Floats) -> NDArray[np.float32]:
+        return np.interp(columns, self.blank.columns, self.blank.darkness[strip]).astype(np.float32)

@@ -1,0 +1,44 @@
+"""The emulsion of a film, measured on it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.film.emulsion.blank import darkness_table, measure_blank
+from pipeline.film.emulsion.curve import ToneCurve
+from pipeline.film.emulsion.film_emulsion import FilmEmulsion
+from pipeline.film.parts import Scan
+from pipeline.film.tracking.probing import probe
+
+UNTOLD = ToneCurve(0.6, 0.2, 1.5)
+"""Where nothing swings on the film, from which its curve could be told."""
+
+
+def measure_emulsion(
+    scan: Scan, *, spot: float | None = None, rows_per_swing: float | None = None, count: int | None = None
+) -> FilmEmulsion:
+    """Blank film, grain, characteristic curve and spot, from strips spread over the film.
+
+    Parameters
+    ----------
+    scan : Scan
+        The film, dark lines on light.
+    spot : float, optional
+        1 sigma of the spot, px, to start from.
+    rows_per_swing, count : optional
+        Rows in a full swing and number of traces, if known.
+    """
+    blank = measure_blank(scan, darkness_table(scan.full_scale))
+    plain = FilmEmulsion(scan.full_scale, blank, UNTOLD, np.array([blank.sigma**2, 10.0 * blank.sigma**2]))
+    probed = probe(
+        lambda first, stop: plain.darkness(scan.read(first, stop), first),
+        scan.rows,
+        blank.sigma,
+        spot,
+        rows_per_swing,
+        count,
+    )
+    if probed is None:
+        return plain
+    _, optics = probed
+    return FilmEmulsion(scan.full_scale, blank, optics.curve, optics.grain, optics.spot)

@@ -1,0 +1,140 @@
+"""The time axis of a film: gaps found, brought together, counted, checked, and the paper's motion made of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schemas.errors import RefusedError
+from pipeline.film.marks import checks, counting, swings
+from pipeline.film.marks.alignment import Alignment, aligned
+from pipeline.film.marks.counting import Count
+from pipeline.film.marks.drive import Drive, drive, times_of
+from pipeline.film.marks.events import Events, gathered
+from pipeline.film.marks.gaps import Gaps
+from pipeline.film.marks.minutes import Minutes, code_marks, find_minutes
+from pipeline.film.marks.oblique import refined
+from pipeline.film.marks.search import find_gaps, learned_width
+from pipeline.film.parts import Emulsion, Floats, Marking, Scan, TimeAxis, Tracks
+
+ROUNDS = 2  # of drive and shear
+SPEED_TOLERANCE = 0.25  # of the stated speed
+MANY, LONG, FEW_FALSE = 0.1, 5.0, 0.005  # share of marks missing; s; share of marks that may be false
+
+
+@dataclass(frozen=True)
+class Counted:
+    """Events of a film and the count of marks among them, checked."""
+
+    events: Events
+    count: Count
+    minutes: Minutes
+    alignment: Alignment
+    spacing: float
+
+
+def time_axis(scan: Scan, emulsion: Emulsion, tracks: Tracks, marking: Marking) -> TimeAxis:
+    """When each row of a film was exposed.
+
+    Raises
+    ------
+    RefusedError
+        Marks cannot be found, or their number is not certain.
+    TimeReversedError
+        The film lies upside down.
+    """
+    if marking.gap is not None and marking.speed is not None:
+        width = marking.gap * marking.speed
+    else:
+        width = learned_width(scan, emulsion, tracks)
+    gaps = find_gaps(scan, emulsion, tracks, width)
+    return axis_of(gaps, tracks, marking, width, scan.rows)
+
+
+def axis_of(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, rows: int) -> TimeAxis:
+    """The time axis that gaps make; `width` of a gap and `rows` of the film in px. Raises as `time_axis`."""
+    counted = count_gaps(gaps, tracks, marking, width)
+    traces = len(tracks.course)
+    size = int(counted.count.index[-1]) + 1
+    row, sigma, column = (np.full((traces, size), np.nan) for _ in range(3))
+    for trace in range(traces):
+        member = counted.events.member[trace, counted.count.event]
+        seen = member >= 0
+        at = counted.count.index[seen]
+        row[trace, at], sigma[trace, at] = gaps.row[member[seen]], gaps.row_sigma[member[seen]]
+        column[trace, at] = gaps.column[member[seen]]
+    offset, shear = counted.alignment.offset, counted.alignment.shear
+    rough = None
+    for _ in range(ROUNDS):
+        rough = drive(row - offset[:, None] - shear * column, sigma, marking.interval, rough)
+        offset, shear = refined(row, sigma, column, rough)
+    found = drive(row - offset[:, None] - shear * column, sigma, marking.interval)
+    return _axis(found, counted, row, offset, shear, marking, rows)
+
+
+def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float) -> Counted:
+    """Gaps brought together over the traces and counted; raises as `time_axis`."""
+    traces = len(tracks.course)
+    busiest = int(np.argmax(np.bincount(gaps.trace, minlength=traces)))
+    spacing = counting.spacing_of(gaps.row[gaps.trace == busiest])
+    if marking.speed is not None and abs(spacing / (marking.speed * marking.interval) - 1.0) > SPEED_TOLERANCE:
+        raise RefusedError(
+            f"film: gaps lie {spacing:.1f} rows apart, but {marking.speed:.4g} rows per second and marks every "
+            f"{marking.interval:g} s make {marking.speed * marking.interval:.1f}; state the right speed or interval"
+        )
+    alignment = aligned(gaps, traces, spacing)
+    events = gathered(gaps, alignment, traces, width)
+    # an oblique image bends the swing, but its first harmonic keeps the phase of the swing's middle
+    middle = [float(np.median(gaps.column[gaps.trace == k])) if (gaps.trace == k).any() else 0.0 for k in range(traces)]
+    places = events.row + (alignment.offset + alignment.shear * np.array(middle))[:, None]
+    stretch = swings.stretched(events.row, spacing)
+    phase = swings.phases(tracks, places, stretch)
+    advance, spread = swings.advance(events.row, phase, spacing * stretch)
+    count = counting.counted(events.row, events.row_sigma, phase, advance, spread, spacing)
+    minutes = find_minutes(events, count, marking.interval, marking.minute_code)
+    checks.check_minutes(minutes)
+    checks.check_leads(code_marks(minutes, events, count, marking.interval), events, count)
+    checks.check_swings(count.index, events.row[count.event], phase[:, count.event], advance)
+    return Counted(events, count, minutes, alignment, spacing)
+
+
+def _axis(
+    found: Drive, counted: Counted, row: Floats, offset: Floats, shear: float, marking: Marking, rows: int
+) -> TimeAxis:
+    cycle = round(60.0 / marking.interval)
+    shift = 0 if counted.minutes.residue is None else (-counted.minutes.residue) % cycle
+    seconds, sigma = times_of(found, rows)
+    seen = np.flatnonzero((np.isfinite(row) & found.used).any(axis=0))
+    return TimeAxis(
+        index=(seen + shift).astype(np.int64),
+        row=found.row[seen],
+        row_sigma=found.row_sigma[seen],
+        shear=shear,
+        offset=offset,
+        row_of_trace=row[:, seen],
+        interval=marking.interval,
+        seconds=seconds + shift * marking.interval,
+        seconds_sigma=sigma,
+        flags=_flags(counted, seen, marking),
+    )
+
+
+def _flags(counted: Counted, seen: NDArray[np.int64], marking: Marking) -> tuple[str, ...]:
+    minutes, count, events = counted.minutes, counted.count, counted.events
+    false = events.size - count.index.size - (minutes.seen if minutes.kind == "second gap" else 0)
+    shown = (events.member >= 0).any(axis=1)
+    return tuple(
+        name
+        for name, holds in {
+            "marks-without-minute-code": minutes.residue is None,
+            "marks-direction-unknown": minutes.residue is not None and minutes.kind != "second gap",
+            "marks-offset-unsure": not counted.alignment.sure,
+            "marks-many-missing": seen.size < (1.0 - MANY) * (count.index[-1] + 1),
+            "marks-long-gap": bool((np.diff(seen) * marking.interval > LONG).any()),
+            "marks-false": false > max(2.0, FEW_FALSE * seen.size),
+            "marks-one-trace": int(shown.sum()) == 1 and len(events.member) > 1,
+        }.items()
+        if holds
+    )

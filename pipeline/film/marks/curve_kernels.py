@@ -1,0 +1,143 @@
+"""The trace as a curve on the film, the light of the spot that draws it, and its brightness along it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pipeline.film.parts import Floats
+from synth.kernels.compiled import kernel
+
+REACH = 3.5  # spots, beyond which there is no light
+STRAIGHT = 4.0  # length of line a row, from which its bend within a spot is nothing
+
+
+@kernel
+def place(course: Floats, slope: Floats, row: float) -> tuple[float, float]:
+    """Column of a curve and its slope at a row coordinate (cubic between the rows' centres); NaN beyond its ends."""
+    at = row - 0.5
+    i = int(math.floor(at))
+    if i < 0 or i + 1 >= course.size:
+        return math.nan, math.nan
+    x = at - i
+    a, b, u, v = course[i], course[i + 1], slope[i], slope[i + 1]
+    rise = b - a
+    p, q = 3.0 * rise - 2.0 * u - v, u + v - 2.0 * rise
+    return a + x * (u + x * (p + x * q)), u + x * (2.0 * p + 3.0 * x * q)
+
+
+@kernel
+def draw(
+    image: Floats, across: Floats, top: int, left: int, row: float, column: float, weight: float, spot: float, sloped: bool
+) -> None:
+    """Add a Gaussian spot, of density 1/(sqrt(2 pi) spot) at its centre times `weight`, to a piece of the film.
+
+    If `sloped`, its derivative by the column is added to `across`.
+    """
+    rows, columns = image.shape
+    reach = REACH * spot
+    first, last = max(0, int(math.ceil(row - reach - 0.5)) - top), min(rows - 1, int(math.floor(row + reach - 0.5)) - top)
+    low = max(0, int(math.ceil(column - reach - 0.5)) - left)
+    high = min(columns - 1, int(math.floor(column + reach - 0.5)) - left)
+    if first > last or low > high:
+        return
+    scale = -0.5 / (spot * spot)
+    # Gaussians on a grid by recurrence: two exponentials a line instead of one a pixel
+    turn = math.exp(2.0 * scale)
+    away = low + left + 0.5 - column
+    start, growth = math.exp(scale * away * away), math.exp(scale * (2.0 * away + 1.0))
+    down = first + top + 0.5 - row
+    line = weight * math.exp(scale * down * down) / (2.5066282746310002 * spot)
+    fall = math.exp(scale * (2.0 * down + 1.0))
+    for y in range(first, last + 1):
+        value, ratio = line * start, growth
+        if sloped:
+            lean = -2.0 * scale * away
+            for x in range(low, high + 1):
+                image[y, x] += value
+                across[y, x] += lean * value
+                lean -= 2.0 * scale
+                value *= ratio
+                ratio *= turn
+        else:
+            for x in range(low, high + 1):
+                image[y, x] += value
+                value *= ratio
+                ratio *= turn
+        line *= fall
+        fall *= turn
+
+
+@kernel
+def look(exposure: Floats, first: int, row: float, column: float) -> float:
+    """Exposure between pixels, bilinear; NaN outside the piece of film."""
+    y, x = row - 0.5 - first, column - 0.5
+    i, j = int(math.floor(y)), int(math.floor(x))
+    if i < 0 or j < 0 or i + 1 >= exposure.shape[0] or j + 1 >= exposure.shape[1]:
+        return math.nan
+    a, b = y - i, x - j
+    upper = exposure[i, j] + b * (exposure[i, j + 1] - exposure[i, j])
+    lower = exposure[i + 1, j] + b * (exposure[i + 1, j + 1] - exposure[i + 1, j])
+    return upper + a * (lower - upper)
+
+
+@kernel
+def light_at_rest(slope: float, curvature: float, spot: float, half: float) -> float:
+    """Exposure on the axis of a curved line drawn from `half` rows before the point to `half` after it."""
+    steep = math.sqrt(1.0 + slope * slope)
+    if steep > STRAIGHT:
+        return math.erf(half * steep / (1.4142135623730951 * spot)) / steep
+    reach = min(half, REACH * spot / steep)
+    total, count = 0.0, 9
+    step = 2.0 * reach / count
+    for i in range(count):
+        x = (i + 0.5) * step - reach
+        c = x * (slope + 0.5 * curvature * x)
+        total += math.exp(-0.5 * (x * x + c * c) / (spot * spot))
+    return total * step / (2.5066282746310002 * spot)
+
+
+@kernel
+def brightness_along(
+    exposure: Floats,
+    first: int,
+    course: Floats,
+    slope: Floats,
+    curvature: Floats,
+    begin: int,
+    steps: int,
+    spot: float,
+    width: float,
+    out: Floats,
+    dark: Floats,
+) -> None:
+    """Exposure on the line over that expected of its slope and bend, at `steps` places a row.
+
+    Parameters
+    ----------
+    exposure : (rows, columns) float32 array
+        A piece of the film whose first row is `first`.
+    course, slope, curvature : (all rows,) arrays
+        The trace, px.
+    begin : int
+        First row wanted.
+    width : float
+        Of a gap, rows.
+    out, dark : (rows wanted * steps,) arrays
+        Brightness, NaN where the trace or the film ends; share of the light that a gap centred there would take.
+    """
+    for k in range(out.size):
+        row = begin + (k + 0.5) / steps
+        column, lean = place(course, slope, row)
+        out[k], dark[k] = math.nan, 0.0
+        if math.isnan(column):
+            continue
+        steep = math.sqrt(1.0 + lean * lean)
+        dr, dc = -lean * 0.6 * spot / steep, 0.6 * spot / steep  # across the line
+        value = look(exposure, first, row, column)
+        value += look(exposure, first, row + dr, column + dc) + look(exposure, first, row - dr, column - dc)
+        bend = curvature[min(int(row), course.size - 1)]
+        whole = light_at_rest(lean, bend, spot, 1e3)
+        out[k] = value / (2.67 * whole)  # 1 + 2 exp(-0.18)
+        dark[k] = light_at_rest(lean, bend, spot, 0.5 * width) / whole

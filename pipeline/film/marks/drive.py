@@ -1,0 +1,224 @@
+"""The paper's motion, row against time, from all marks: smooth speed and the lines of wow that the film itself shows.
+
+A Gaussian process: twice integrated random walk of the acceleration for drift and walk, and damped rotating pairs at the
+frequencies that stand out of what is left. Its strength and the floor of the marks' errors are the most likely ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.film.marks.drive_kernels import filter_drive, smooth_drive
+from pipeline.film.parts import Floats
+
+MOST_LINES = 3
+STANDS_OUT = 25.0  # power of a line over that of its surroundings
+SLOWEST, FASTEST = 60.0, 2.2  # s, periods of wow looked for
+COHERENCE = 300.0  # s, over which a line of wow keeps its phase
+OUTLIER = 5.0  # sigmas
+GAINED = 10.0  # fall of -2 log likelihood that a line must bring
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A model of the paper's motion and what it makes of the marks.
+
+    Attributes
+    ----------
+    step : float
+        s between the marks.
+    roughness : float
+        Standard deviation of the speed's third derivative's white noise, as its natural logarithm.
+    floor : float
+        Error that all marks have beside the measured one, px.
+    lines : tuple of (float, float)
+        Circular frequency, rad s-1, and amplitude, px, of lines of wow.
+    row, speed, acceleration : (marks,) arrays
+        At every mark from the first to the last, px, px s-1, px s-2.
+    row_sigma : (marks,) array
+        1 sigma of the row, px.
+    used : (traces, marks) array of bool
+        Which of the measured rows were believed.
+    likelihood : float
+        -2 log likelihood.
+    """
+
+    step: float
+    roughness: float
+    floor: float
+    lines: tuple[tuple[float, float], ...]
+    row: Floats
+    speed: Floats
+    acceleration: Floats
+    row_sigma: Floats
+    used: NDArray[np.bool_]
+    likelihood: float
+
+
+def drive(rows: Floats, sigma: Floats, step: float, before: Drive | None = None) -> Drive:
+    """The most likely motion.
+
+    Parameters
+    ----------
+    rows, sigma : (traces, marks) arrays
+        Measured, freed of offsets and shear, and 1 sigma; NaN = missing; marks follow each other every `step` s.
+    before : Drive, optional
+        Found of nearly the same rows: its lines stay.
+    """
+    used = np.isfinite(rows)
+    if before is None:
+        found = _most_likely(rows, sigma, step, (), used)
+    else:
+        found = _most_likely(rows, sigma, step, before.lines, used, (before.roughness, np.log(before.floor)))
+    for _ in range(MOST_LINES if before is None else 0):
+        line = _line(np.where(used, rows, np.nan), found)
+        if line is None:
+            break
+        better = _most_likely(rows, sigma, step, (*found.lines, line), used)
+        if found.likelihood - better.likelihood < GAINED:
+            break
+        found = better
+    for _ in range(3):
+        left = (rows - found.row) / np.sqrt(sigma**2 + found.floor**2 + found.row_sigma**2)
+        good = np.isfinite(rows) & ~(np.abs(left) > OUTLIER)
+        if np.array_equal(good, used):
+            break
+        used = good
+        found = _most_likely(rows, sigma, step, found.lines, used, (found.roughness, np.log(found.floor)))
+    return found
+
+
+def _most_likely(
+    rows: Floats,
+    sigma: Floats,
+    step: float,
+    lines: tuple[tuple[float, float], ...],
+    used: NDArray[np.bool_],
+    guess: tuple[float, float] | None = None,
+) -> Drive:
+    from scipy.optimize import minimize
+
+    seen = np.where(used, rows, np.nan)
+    start = np.array(guess if guess is not None else (np.log(0.3), np.log(0.03)))
+
+    def price(at: Floats) -> float:
+        rough, floor = np.clip(at, (-12.0, np.log(2e-3)), (8.0, np.log(3.0)))
+        return _run(seen, sigma, step, float(rough), float(np.exp(floor)), lines, used, False).likelihood + float(
+            np.sum((at - [rough, floor]) ** 2)
+        )
+
+    first = np.stack([start, start + [1.5, 0.0], start + [0.0, 0.5]])
+    best = minimize(price, start, method="Nelder-Mead", options={"initial_simplex": first, "xatol": 0.1, "fatol": 0.3})
+    rough, floor = np.clip(best.x, (-12.0, np.log(2e-3)), (8.0, np.log(3.0)))
+    return _run(seen, sigma, step, float(rough), float(np.exp(floor)), lines, used, True)
+
+
+def _run(
+    seen: Floats,
+    sigma: Floats,
+    step: float,
+    rough: float,
+    floor: float,
+    lines: tuple[tuple[float, float], ...],
+    used: NDArray[np.bool_],
+    smooth: bool,
+) -> Drive:
+    """Filter, and if asked smooth, with given parameters."""
+    n, marks = 3 + 2 * len(lines), seen.shape[1]
+    move, noise, sees = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+    move[:3, :3] = [[1.0, step, 0.5 * step**2], [0.0, 1.0, step], [0.0, 0.0, 1.0]]
+    noise[:3, :3] = np.exp(2.0 * rough) * np.array(
+        [
+            [step**5 / 20, step**4 / 8, step**3 / 6],
+            [step**4 / 8, step**3 / 3, step**2 / 2],
+            [step**3 / 6, step**2 / 2, step],
+        ]
+    )
+    sees[0] = 1.0
+    middle = np.nanmean(np.where(np.isfinite(seen).any(axis=0), seen, 0.0), axis=0)
+    known = np.flatnonzero(np.isfinite(seen).any(axis=0))
+    pace = (middle[known[-1]] - middle[known[0]]) / max((known[-1] - known[0]) * step, step)
+    start = np.zeros(n)
+    start[:2] = middle[known[0]] - known[0] * step * pace, pace
+    before = np.zeros((n, n))
+    before[0, 0], before[1, 1], before[2, 2] = (0.5 * pace) ** 2 + 1.0, (0.2 * pace) ** 2, (0.1 * pace) ** 2
+    for k, (turn, size) in enumerate(lines):
+        at = slice(3 + 2 * k, 5 + 2 * k)
+        decay = np.exp(-step / COHERENCE)
+        cos, sin = np.cos(turn * step), np.sin(turn * step)
+        move[at, at] = decay * np.array([[cos, sin], [-sin, cos]])
+        noise[at, at] = 0.5 * size**2 * (1.0 - decay**2) * np.eye(2)
+        before[at, at] = size**2 * np.eye(2)
+        sees[3 + 2 * k] = 1.0
+    state, ahead = np.empty((marks, n)), np.empty((marks, n))
+    spread, ahead_spread = np.empty((marks, n, n)), np.empty((marks, n, n))
+    likelihood = filter_drive(
+        move, noise, sees, start, before, seen, sigma**2 + floor**2, state, spread, ahead, ahead_spread
+    )
+    if smooth:
+        smooth_drive(move, state, spread, ahead, ahead_spread)
+    speed, acceleration = state[:, 1].copy(), state[:, 2].copy()
+    for k, (turn, _) in enumerate(lines):
+        speed += turn * state[:, 4 + 2 * k]
+        acceleration -= turn**2 * state[:, 3 + 2 * k]
+    variance = np.einsum("i,kij,j->k", sees, spread, sees)
+    return Drive(
+        step, rough, floor, lines, state @ sees, speed, acceleration, np.sqrt(np.maximum(variance, 0.0)), used, likelihood
+    )
+
+
+def _line(rows: Floats, found: Drive) -> tuple[float, float] | None:
+    """The line that stands out most of what smooth motion leaves: circular frequency and amplitude; None if none does."""
+    marks = rows.shape[1]
+    if marks * found.step < 2.0 * SLOWEST / 3.0:
+        return None
+    calm = replace(found, roughness=min(found.roughness, np.log(0.02)))
+    still = _run(rows, np.full_like(rows, 0.05), found.step, calm.roughness, 0.05, found.lines, found.used, True)
+    left = found.row - still.row
+    left = left - left.mean()
+    power = np.abs(np.fft.rfft(left * np.hanning(marks), 4 * marks)) ** 2
+    turn = 2.0 * np.pi * np.arange(power.size) / (4 * marks * found.step)
+    inside = np.flatnonzero((turn > 2.0 * np.pi / SLOWEST) & (turn < 2.0 * np.pi / FASTEST))
+    if inside.size < 16:
+        return None
+    top = inside[int(np.argmax(power[inside] * turn[inside] ** 2))]
+    around = inside[(np.abs(inside - top) > 12) & (np.abs(np.log(turn[inside] / turn[top])) < 0.7)]
+    if around.size < 8 or power[top] < STANDS_OUT * np.median(power[around]):
+        return None
+    a, b, c = np.log(power[top - 1 : top + 2])
+    place = top + 0.5 * (a - c) / (a - 2.0 * b + c)
+    size = 2.0 * np.sqrt(power[top]) / np.hanning(marks).sum()
+    return float(2.0 * np.pi * place / (4 * marks * found.step)), float(size)
+
+
+def times_of(found: Drive, rows: int) -> tuple[Floats, Floats]:
+    """Time since the first mark of the centre of each row, and 1 sigma, s; NaN beyond the marks.
+
+    Between marks the motion is the polynomial of degree five that has row, speed and acceleration at both.
+    """
+    fine = 16
+    x = np.arange(fine) / fine
+    h = found.step
+    r0, r1 = found.row[:-1, None], found.row[1:, None]
+    v0, v1 = found.speed[:-1, None] * h, found.speed[1:, None] * h
+    a0, a1 = found.acceleration[:-1, None] * h * h, found.acceleration[1:, None] * h * h
+    c3 = 10 * (r1 - r0) - 6 * v0 - 4 * v1 - 1.5 * a0 + 0.5 * a1
+    c4 = -15 * (r1 - r0) + 8 * v0 + 7 * v1 + 1.5 * a0 - a1
+    c5 = 6 * (r1 - r0) - 3 * (v0 + v1) - 0.5 * (a0 - a1)
+    curve = r0 + x * (v0 + x * (0.5 * a0 + x * (c3 + x * (c4 + x * c5))))
+    at = np.concatenate([curve.ravel(), found.row[-1:]])
+    when = np.arange(at.size) * (h / fine)
+    centre = np.arange(rows) + 0.5
+    inside = (centre >= at[0]) & (centre <= at[-1])
+    seconds = np.full(rows, np.nan)
+    from scipy.interpolate import CubicSpline
+
+    forward = np.maximum.accumulate(at + 1e-9 * np.arange(at.size))
+    seconds[inside] = CubicSpline(forward, when)(centre[inside])
+    marks = np.arange(found.row.size) * h
+    sigma = np.full(rows, np.nan)
+    sigma[inside] = np.interp(seconds[inside], marks, found.row_sigma / np.maximum(found.speed, 1e-9))
+    return seconds, sigma

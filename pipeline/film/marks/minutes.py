@@ -1,0 +1,161 @@
+"""The minute code: what repeats at every full minute, and whether the count of marks agrees with it.
+
+At each full minute the chronometer closes the shutter otherwise than at other marks: again a little later, for a longer
+or shorter time, or not at all. The code need not be known; whatever comes back every minute and nowhere else is one.
+Read backwards, a second gap comes before the minute's mark instead of after it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schemas.errors import RefusedError
+from pipeline.film.marks.counting import Count
+from pipeline.film.marks.events import Events
+from pipeline.film.parts import Floats
+
+TOLERANCE = 0.03  # of the marks' interval, of the second gap's place
+SHARE = 0.4  # of the minutes at which a code must be seen to be believed
+LEAST = 2
+LONGER = 0.3  # of the gap's width, by which a minute's gap differs
+OWN = 6.0  # sigmas of a gap's width
+
+
+class TimeReversedError(RefusedError):
+    """The film lies upside down: its minute code reads backwards."""
+
+
+@dataclass(frozen=True)
+class Minutes:
+    """Where full minutes were found.
+
+    Attributes
+    ----------
+    residue : int or None
+        Number, modulo the marks of a minute, of the full minutes' marks; None: no code was found.
+    kind : str
+        "second gap", "gap length", "missing mark" or "none".
+    delay : float
+        Of the second gap, s; NaN for other codes.
+    seen, against : int
+        Codes that agree with the count, and codes that do not.
+    """
+
+    residue: int | None
+    kind: str
+    delay: float
+    seen: int
+    against: int
+
+
+def places(events: Events, count: Count) -> Floats:
+    """Place of every event in units of the marks' interval, by interpolation between the marks counted."""
+    row = events.row[count.event]
+    out = np.interp(events.row, row, count.index.astype(np.float64))
+    near = np.searchsorted(row, events.row)
+    gap = np.diff(count.index, prepend=count.index[0], append=count.index[-1])
+    out[(events.row < row[0]) | (events.row > row[-1])] = np.nan
+    out[(near < gap.size) & (gap[np.minimum(near, gap.size - 1)] > 3)] = np.nan  # too far from the next mark to tell
+    return out
+
+
+def find_minutes(events: Events, count: Count, interval: float, delay: float | None) -> Minutes:
+    """The minute code of a film whose marks were counted; `delay` (s) of the second gap if known.
+
+    Raises
+    ------
+    TimeReversedError
+        The code reads backwards.
+    """
+    cycle = round(60.0 / interval)
+    if abs(cycle * interval - 60.0) > 1e-6 or cycle < 4:
+        return Minutes(None, "none", float("nan"), 0, 0)
+    place = places(events, count)
+    other = np.ones(events.size, dtype=bool)
+    other[count.event] = False
+    place = place[other & np.isfinite(place)]
+    spread = max((count.index[-1] - count.index[0]) / cycle, 1.0)
+    sides = _second_gaps(place, cycle, interval, delay)
+    ahead, behind = sides
+    enough = max(LEAST, SHARE * spread * 0.5)
+    if max(ahead.seen, behind.seen) >= enough:
+        if delay is not None and behind.seen > ahead.seen + 2 * ahead.against:
+            raise TimeReversedError(
+                f"film: the minute code reads backwards ({behind.seen} of its second gaps come before the minute's mark, "
+                f"{ahead.seen} after it): the film lies upside down; turn the scan by 180 degrees"
+            )
+        return ahead
+    longer = _odd_lengths(events, count, cycle, spread)
+    if longer is not None:
+        return longer
+    missing = _missing(count, cycle, spread)
+    return missing if missing is not None else replace(ahead, residue=None, kind="none") if ahead.seen < LEAST else ahead
+
+
+def _second_gaps(place: Floats, cycle: int, interval: float, delay: float | None) -> tuple[Minutes, Minutes]:
+    """The same residue's second gaps, read forwards and backwards."""
+    part = place - np.floor(place)
+    if delay is None:
+        # the fraction and minute's mark at which most events come
+        best, shift = 0, 0.0
+        for centre in np.arange(0.06, 0.95, 0.02):
+            near = np.abs(part - centre) < TOLERANCE
+            number = np.floor(place[near]).astype(np.int64) % cycle
+            top = int(np.bincount(number, minlength=1).max()) if number.size else 0
+            if top > best:
+                best, shift = top, float(np.median(part[near]))
+        fractions = (shift, np.nan)
+    else:
+        fractions = ((delay / interval) % 1.0, (-delay / interval) % 1.0)
+    found = []
+    for sign, fraction in zip((1.0, -1.0), fractions, strict=True):
+        near = np.abs(part - fraction) < TOLERANCE
+        whole = np.floor(place[near]) if delay is None else np.round(place[near] - sign * delay / interval)
+        number = whole.astype(np.int64) % cycle
+        tally = np.bincount(number, minlength=cycle)
+        residue = int(np.argmax(tally))
+        seen = int(tally[residue])
+        away = (number - residue + cycle // 2) % cycle - cycle // 2
+        against = int(((away != 0) & (np.abs(away) <= 5)).sum())  # slips are small; false gaps lie anywhere
+        late = delay if delay is not None else fraction * interval
+        found.append(Minutes(residue, "second gap", float(late), seen, against))
+    return found[0], found[1]
+
+
+def _odd_lengths(events: Events, count: Count, cycle: int, spread: float) -> Minutes | None:
+    width, sigma = events.width[count.event], events.width_sigma[count.event]
+    away = width - np.median(width)
+    odd = (np.abs(away) > LONGER * np.median(width)) & (np.abs(away) > OWN * sigma)
+    return _repeated(count.index[odd], cycle, spread, "gap length")
+
+
+def _missing(count: Count, cycle: int, spread: float) -> Minutes | None:
+    absent = np.setdiff1d(np.arange(count.index[0], count.index[-1]), count.index)
+    return _repeated(absent, cycle, spread, "missing mark")
+
+
+def _repeated(index: NDArray[np.int64], cycle: int, spread: float, kind: str) -> Minutes | None:
+    tally = np.bincount(index % cycle, minlength=cycle)
+    residue = int(np.argmax(tally))
+    seen = int(tally[residue])
+    usual = float(np.median(tally))
+    if seen < max(LEAST + 1, 2 * SHARE * spread) or seen < usual + 6.0 * np.sqrt(usual + 1.0):
+        return None
+    near = [(residue + k) % cycle for k in (-2, -1, 1, 2)]
+    return Minutes(residue, kind, float("nan"), seen, int(max(tally[near].max() - usual - 3.0 * np.sqrt(usual + 1.0), 0)))
+
+
+def code_marks(minutes: Minutes, events: Events, count: Count, interval: float) -> Floats:
+    """Numbers of the full minutes' marks whose codes were seen and agree with the count."""
+    if minutes.residue is None:
+        return np.empty(0)
+    cycle = round(60.0 / interval)
+    if minutes.kind != "second gap":
+        return np.asarray(count.index[count.index % cycle == minutes.residue], dtype=np.float64)
+    place = places(events, count) - minutes.delay / interval
+    whole = np.round(place)
+    good = (np.abs(place - whole) < TOLERANCE) & (np.mod(whole, cycle) == minutes.residue)
+    return np.asarray(whole[good])

@@ -1,0 +1,37 @@
+"""A film's exposure, piece by piece, so that none holds the image."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.film.parts import Emulsion, Floats, Scan
+
+ROWS = 1024  # of a piece
+MARGIN = 24  # rows read on either side, so that a gap at a seam is seen whole
+LIGHTEST, GRAIN_STEPS = 2.5, 320  # exposure up to which the grain is tabulated
+
+
+def pieces(scan: Scan, emulsion: Emulsion) -> Iterator[tuple[int, int, int, NDArray[np.float32]]]:
+    """Rows `begin` to `stop` one after the other: (begin, stop, first row of the exposure, exposure with margins)."""
+    for begin in range(0, scan.rows, ROWS):
+        stop = min(begin + ROWS, scan.rows)
+        first = max(begin - MARGIN, 0)
+        yield begin, stop, first, exposed(scan, emulsion, first, min(stop + MARGIN, scan.rows))
+
+
+def exposed(scan: Scan, emulsion: Emulsion, first: int, stop: int) -> NDArray[np.float32]:
+    """Exposure of some rows, (rows, columns), contiguous."""
+    pixels: NDArray[Any] = scan.read(first, stop)
+    return np.ascontiguousarray(emulsion.exposure(pixels, first), dtype=np.float32)
+
+
+def grain(emulsion: Emulsion) -> tuple[Floats, float]:
+    """1 sigma of the exposure of a pixel at evenly spaced exposures from 0 on, and their spacing."""
+    light = np.linspace(0.0, LIGHTEST, GRAIN_STEPS + 1)
+    sigma = np.asarray(emulsion.noise(light.astype(np.float32)), dtype=np.float64)
+    known = np.isfinite(sigma) & (sigma > 0.0)
+    return np.interp(light, light[known], sigma[known]), LIGHTEST / GRAIN_STEPS

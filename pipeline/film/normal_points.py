@@ -1,0 +1,167 @@
+"""Normal points: the readings of the rows between two instants as one sample at the instant, no reading used twice.
+
+A sample is the course at its instant plus the mean departure of the rows' readings from the course. The course is the
+tracker's smooth curve, whose prior holds a frequency; what of it survives in a sample is second order in the row's
+distance from the instant. To keep that out of the phase, the departures are first described by a harmonic with slow
+changes over two swings (`departure`): of the description too only second order survives, and its noise with it, so
+that the noise of the samples stays white.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schemas.variables_record import ELONGATION_FLAGS
+from pipeline.film.departure import block_length, describe, terms
+from pipeline.film.parts import Floats, TimeAxis, Tracks
+from pipeline.film.row_times import row_times, time_at
+
+LOST = np.uint16(ELONGATION_FLAGS["lost"])
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Places of all traces at common instants.
+
+    Attributes
+    ----------
+    time : (samples,) array
+        s, by the chronometer.
+    column : (traces, samples) array
+        px; NaN where no row was accepted.
+    sigma : (traces, samples) array
+        1 sigma of the reading, px; NaN where there is none.
+    qc : (traces, samples) array of uint16
+        The record's flags.
+    """
+
+    time: Floats
+    column: Floats
+    sigma: Floats
+    qc: NDArray[np.uint16]
+
+
+def normal_points(tracks: Tracks, axis: TimeAxis, rate: float) -> Samples:
+    """Samples at whole multiples of 1/rate, from the readings of each row.
+
+    Parameters
+    ----------
+    tracks : Tracks
+    axis : TimeAxis
+    rate : float
+        Samples a second.
+
+    Returns
+    -------
+    Samples
+        From the first instant that any trace reaches to the last; empty where the axis knows no time.
+    """
+    known = axis.seconds[np.isfinite(axis.seconds)]
+    if known.size == 0:
+        empty = np.empty((tracks.course.shape[0], 0))
+        return Samples(np.empty(0), empty, empty, empty.astype(np.uint16))
+    first, last = int(np.ceil(known[0] * rate)), int(np.floor(known[-1] * rate))
+    number = np.arange(first, last + 1)
+    shape = (tracks.course.shape[0], number.size)
+    column, sigma, qc = np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape, LOST)
+    for trace in range(shape[0]):
+        _fill(tracks, axis, trace, number, rate, column[trace], sigma[trace], qc[trace])
+    return Samples(number / rate, column, sigma, qc)
+
+
+def _fill(
+    tracks: Tracks,
+    axis: TimeAxis,
+    trace: int,
+    number: NDArray[np.int64],
+    rate: float,
+    column: Floats,
+    sigma: Floats,
+    qc: NDArray[np.uint16],
+) -> None:
+    """Write the samples of one trace."""
+    seconds = row_times(tracks, axis, trace)
+    timed = np.flatnonzero(np.isfinite(seconds))
+    if timed.size < 2:
+        return
+    samples = np.full(seconds.size, -1)  # of each row
+    samples[timed] = np.rint(seconds[timed] * rate).astype(np.int64) - number[0]
+    samples[(samples < 0) | (samples >= number.size)] = -1
+    accepted = (samples >= 0) & np.isfinite(tracks.position[trace] - tracks.course[trace])
+    rows = np.flatnonzero(accepted)
+    rows = rows[np.argsort(samples[rows], kind="stable")]  # shear may turn steep strokes back in time
+    weight = tracks.sigma[trace][rows] ** -2.0
+    departure = tracks.position[trace][rows] - tracks.course[trace][rows]
+
+    period = tracks.rows_per_swing * float(seconds[timed[-1]] - seconds[timed[0]]) / float(timed[-1] - timed[0])
+    length = block_length(period, rate)
+    start, span = (number[0] - 0.5) / rate, length / rate
+    block = np.arange(number.size) // length
+    coefficients = describe(
+        seconds[rows] - start, departure, weight, block[samples[rows]], int(block[-1]) + 1, period, span
+    )
+
+    def smooth(times: Floats, blocks: NDArray[np.int64]) -> Floats:
+        return np.asarray(np.sum(terms(times - start, blocks, period, span) * coefficients[blocks], axis=1))
+
+    rest = weight * (departure - smooth(seconds[rows], block[samples[rows]]))
+    weights = np.bincount(samples[rows], weight, number.size)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = np.bincount(samples[rows], rest, number.size) / weights
+        column[:] = course_at(tracks, axis, trace, seconds, number / rate) + smooth(number / rate, block) + mean
+        sigma[:] = np.where(np.isfinite(column), weights**-0.5, np.nan)
+    _combine_flags(tracks.qc[trace], samples, accepted, np.isfinite(column), qc)
+
+
+def course_at(tracks: Tracks, axis: TimeAxis, trace: int, seconds: Floats, instants: Floats) -> Floats:
+    """Column of a trace's course at any instants, px; NaN where the trace or its time is not known.
+
+    Parameters
+    ----------
+    seconds : (rows,) array
+        Time of the trace at each row (see `row_times`).
+    instants : (n,) array
+        s.
+    """
+    timed = np.flatnonzero(np.isfinite(seconds))
+    ordered = np.maximum.accumulate(seconds[timed])
+    row = np.interp(instants, ordered, timed + 0.5, left=np.nan, right=np.nan)
+    # Shear makes time curved within a row: one step of Newton after the straight line.
+    speed = np.interp(instants, 0.5 * (ordered[1:] + ordered[:-1]), np.diff(timed) / np.maximum(np.diff(ordered), 1e-9))
+    row += speed * (instants - time_at(axis, trace, row, _between_rows(tracks, trace, row)))
+    return _between_rows(tracks, trace, row)
+
+
+def _between_rows(tracks: Tracks, trace: int, row: Floats) -> Floats:
+    """Course at any places along the film: Hermite's quintic between the centres of two rows."""
+    place = row - 0.5
+    low = np.clip(np.floor(np.nan_to_num(place)).astype(np.int64), 0, tracks.course.shape[1] - 2)
+    u = place - low
+    (c0, c1), (s0, s1), (k0, k1) = (
+        (each[trace][low], each[trace][low + 1]) for each in (tracks.course, tracks.slope, tracks.curvature)
+    )
+    rise, steeper, bent = c1 - c0 - s0 - 0.5 * k0, s1 - s0 - k0, k1 - k0
+    return np.asarray(
+        c0 + u * s0 + 0.5 * u * u * k0
+        + u**3 * (10.0 * rise - 4.0 * steeper + 0.5 * bent)
+        + u**4 * (-15.0 * rise + 7.0 * steeper - bent)
+        + u**5 * (6.0 * rise - 3.0 * steeper + 0.5 * bent)
+    )  # fmt: skip
+
+
+def _combine_flags(
+    rows: NDArray[np.uint16],
+    samples: NDArray[np.int64],
+    accepted: NDArray[np.bool_],
+    good: NDArray[np.bool_],
+    qc: NDArray[np.uint16],
+) -> None:
+    """A sample carries the flags of its accepted rows; one without any those of all its rows, or lost."""
+    of_accepted, of_all = np.zeros(qc.size, dtype=np.uint16), np.zeros(qc.size, dtype=np.uint16)
+    inside = samples >= 0
+    np.bitwise_or.at(of_all, samples[inside], rows[inside])
+    np.bitwise_or.at(of_accepted, samples[accepted], rows[accepted])
+    qc[:] = np.where(good, of_accepted, np.where(of_all == 0, LOST, of_all))

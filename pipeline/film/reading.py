@@ -1,0 +1,159 @@
+"""The reading of a film in one screen: emulsion, traces, time, places at the marks, samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from data_schemas.errors import RefusedError
+from pipeline.film.comparing import PhaseDifference, compare
+from pipeline.film.film_scale import film_scale, rows_per_second
+from pipeline.film.knowledge import Known
+from pipeline.film.normal_points import Samples, normal_points
+from pipeline.film.parts import Strobe, TimeAxis, Tracks
+from pipeline.film.scan.opening import OpenScan
+
+Progress = Callable[[str, int, int], None]
+"""Told the stage, how much of it is done, and of how much."""
+
+READINGS = ("auto", "continuous", "strobe")
+RATES = (25.0, 20.0, 12.5, 10.0)  # Hz; more than eight samples a swing
+_ROWS_PER_SAMPLE = 1.2  # fewer leave samples without a row
+_LEAST_ACCEPTED = 0.5  # of the rows; a film of which less can be read between the marks is too slow for it
+_SPEED_TOLERANCE = 0.1
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What was read of a film.
+
+    Attributes
+    ----------
+    scan : OpenScan
+        As it was read: turned, if it lay upside down.
+    tracks : Tracks
+    axis : TimeAxis
+    strobe : Strobe
+    samples : Samples
+        Of the chosen reading.
+    kind : str
+        The chosen reading: "continuous" or "strobe".
+    scale : float
+        Size of a pixel, mm.
+    difference : PhaseDifference or None
+        Between the two readings, where both are there.
+    notes : tuple of str
+        What was believed and might be wrong, one sentence each.
+    """
+
+    scan: OpenScan
+    tracks: Tracks
+    axis: TimeAxis
+    strobe: Strobe
+    samples: Samples
+    kind: str
+    scale: float
+    difference: PhaseDifference | None
+    notes: tuple[str, ...]
+
+
+def read_film(
+    scan: OpenScan,
+    known: Known,
+    *,
+    reading: str = "auto",
+    rate: float | None = None,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> Reading:
+    """Read a film.
+
+    Parameters
+    ----------
+    scan : OpenScan
+    known : Known
+        What is known of the film; nothing need be.
+    reading : {"auto", "continuous", "strobe"}
+        Between the marks, or at the marks alone; auto takes the first where the film is fast enough.
+    rate : float, optional
+        Samples a second between the marks; the highest of 25, 20, 12.5 and 10 that the film's rows support.
+    jobs : int
+        Processor cores to use.
+    progress : function, optional
+        Told the stage and how far it is.
+
+    Raises
+    ------
+    RefusedError
+        The film shows no trace, or no time, that can be trusted.
+    RecordError
+        Nothing says how large a pixel is.
+    """
+    from pipeline.film.emulsion.film_emulsion import FilmEmulsion
+    from pipeline.film.emulsion.measure import measure_emulsion
+    from pipeline.film.marks.axis import time_axis
+    from pipeline.film.marks.minutes import TimeReversedError
+    from pipeline.film.strobe.reading import read_at_marks
+    from pipeline.film.tracking.track import track
+
+    expected, marking = known.expected(scan.scale), known.marking(scan.scale)
+
+    def read_time() -> tuple[FilmEmulsion, Tracks, TimeAxis]:
+        emulsion = measure_emulsion(scan)
+        tracks = track(scan, emulsion, expected=expected, progress=_stage(progress, "traces"))
+        return emulsion, tracks, time_axis(scan, emulsion, tracks, marking)
+
+    try:
+        emulsion, tracks, axis = read_time()
+    except TimeReversedError:
+        scan = scan.upside_down()
+        emulsion, tracks, axis = read_time()
+    strobe = read_at_marks(scan, emulsion, tracks, axis)
+    scale, note = film_scale(scan.scale, known.speed, axis)
+    notes = [*scan.notes, *([note] if note else []), *_speed_notes(axis, scale, known.speed)]
+    between = normal_points(tracks, axis, rate or _rate(axis))
+    difference = compare(tracks, axis, between, strobe) if between.time.size and strobe.index.size else None
+    kind = _choose(reading, tracks, axis)
+    samples = between if kind == "continuous" else at_marks(strobe, axis)
+    if not np.isfinite(samples.column).any():
+        raise RefusedError(f"nothing of the film could be read by the {kind} reading; look at it with isochrony plot")
+    return Reading(scan, tracks, axis, strobe, samples, kind, scale, difference, tuple(notes))
+
+
+def _stage(progress: Progress | None, stage: str) -> Callable[[int, int], None] | None:
+    """The progress of one stage."""
+    return None if progress is None else lambda done, total: progress(stage, done, total)
+
+
+def at_marks(strobe: Strobe, axis: TimeAxis) -> Samples:
+    """The places at the marks as samples."""
+    return Samples(np.asarray(strobe.index * axis.interval, dtype=np.float64), strobe.position, strobe.sigma, strobe.qc)
+
+
+def accepted_fraction(tracks: Tracks, axis: TimeAxis) -> float:
+    """Part of the rows within the marks' reach that was accepted, of all traces together."""
+    timed = np.isfinite(axis.seconds)
+    return float(np.isfinite(tracks.position[:, timed]).mean()) if timed.any() else 0.0
+
+
+def _rate(axis: TimeAxis) -> float:
+    """The highest usual rate that leaves a row for every sample."""
+    rows = rows_per_second(axis)
+    return next((rate for rate in RATES if rows >= _ROWS_PER_SAMPLE * rate), RATES[-1])
+
+
+def _choose(reading: str, tracks: Tracks, axis: TimeAxis) -> str:
+    if reading != "auto":
+        return reading
+    fast = rows_per_second(axis) >= _ROWS_PER_SAMPLE * RATES[-1]
+    return "continuous" if fast and accepted_fraction(tracks, axis) >= _LEAST_ACCEPTED else "strobe"
+
+
+def _speed_notes(axis: TimeAxis, scale: float, nominal: float | None) -> list[str]:
+    """A warning where the marks contradict the nominal speed: dpi or mark interval may be another."""
+    speed = rows_per_second(axis) * scale
+    if nominal is None or not abs(speed / nominal - 1.0) > _SPEED_TOLERANCE:
+        return []
+    return [f"the marks give {speed:.3g} mm/s, not {nominal:g}; check --dpi, --mark-interval and --speed"]

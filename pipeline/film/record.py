@@ -1,0 +1,206 @@
+"""What was read of a film becomes a record of the contract: angles, uncertainty, flags, and where they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from data_schemas.errors import UsageError
+from data_schemas.film_description import DescribedTrace, FilmDescription
+from data_schemas.layouts import CONVENTIONS, VERSION
+from data_schemas.variables import VARIABLES, attributes
+from pipeline.film.film_scale import rows_per_second
+from pipeline.film.knowledge import Known, default_traces
+from pipeline.film.matching import match
+from pipeline.film.parts import Floats
+from pipeline.film.reading import Reading, accepted_fraction
+from pipeline.film.scan.files import sha256
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_DEFAULT_START = "2000-01-01T00:00:00Z"
+
+
+def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
+    """Turn a reading into a record.
+
+    Parameters
+    ----------
+    reading : Reading
+    known : Known
+        Names the traces and states the instrument.
+    name : str
+        Identifier where the description gives none.
+
+    Returns
+    -------
+    DataTree
+        A record. Elongations count from each trace's mean place, as the film shows no vertical.
+
+    Raises
+    ------
+    RecordError
+        The traces found are not those described.
+    UsageError
+        Several traces, but no periods or no gravity at which they hold.
+    """
+    import xarray as xr
+
+    traces = known.traces or default_traces(reading.samples.column.shape[0])
+    rest, swing = places(reading)
+    order = match(traces, rest * reading.scale, swing * reading.scale)
+    lever = np.array([known.lever(trace) for trace in traces])
+    radians = reading.scale / lever[:, None]
+    pendulums = known.pendulums(traces)
+    labels = [str(each.label) for each in pendulums]
+    combination = np.array([[trace.combination.get(label, 0.0) for label in labels] for trace in traces])
+    groups = {
+        "/": _root(reading, known, name),
+        "/record": _dataset(
+            "record",
+            {
+                "combination": combination,
+                "elongation": (reading.samples.column[order] - rest[order, None]) * radians,
+                "elongation_uncertainty": reading.samples.sigma[order] * radians,
+                "elongation_qc": reading.samples.qc[order],
+            },
+            {"trace": [trace.name for trace in traces], "pendulum": labels},
+        ),
+        "/film": _film(reading, known, traces, lever, rest[order]),
+    }
+    instrument = _instrument(known, pendulums, needed=len(traces) > 1)
+    if instrument is not None:
+        groups["/instrument"] = instrument
+    return xr.DataTree.from_dict(groups)
+
+
+def places(reading: Reading) -> tuple[Floats, Floats]:
+    """Mean column of each trace, and amplitude of its swing, (traces,) px."""
+    columns = reading.samples.column
+    empty = ~np.any(np.isfinite(columns), axis=1, keepdims=True)
+    filled = np.where(empty, 0.0, columns)
+    return np.nanmean(filled, axis=1), np.sqrt(2.0) * np.nanstd(filled, axis=1)
+
+
+def _root(reading: Reading, known: Known, name: str) -> xr.Dataset:
+    import xarray as xr
+
+    description = known.description
+    start = _DEFAULT_START if description is None else description.start_time
+    files = ", ".join(path.name for path in reading.scan.paths)
+    time = {**attributes("time"), "units": f"seconds since {start}"}
+    return xr.Dataset(
+        coords={"time": ("time", reading.samples.time, time)},
+        attrs={
+            "Conventions": CONVENTIONS,
+            "schema": "isochrony-record",
+            "schema_version": VERSION,
+            "record_id": _stated(description, "record_id") or name,
+            "title": _stated(description, "title") or f"pendulum record read from {files}",
+            "history": f"read by isochrony from {files}: {reading.kind} reading",
+            "source": f"{files}; seconds count from a full minute of the chronometer, which one the film does not say",
+        },
+    )
+
+
+def _stated(description: FilmDescription | None, name: str) -> str:
+    stated = description is not None and name in description.model_fields_set
+    return str(getattr(description, name)) if stated else ""
+
+
+def _film(reading: Reading, known: Known, traces: Sequence[DescribedTrace], lever: Floats, rest: Floats) -> xr.Dataset:
+    gap = known.marking(None).gap
+    values = {
+        "optical_lever": lever,
+        "speed": rows_per_second(reading.axis) * reading.scale,
+        "mark_interval": reading.axis.interval,
+        "gap": gap,
+        "scale": reading.scale,
+        "source_file": ", ".join(path.name for path in reading.scan.paths),
+        "source_sha256": ", ".join(sha256(path) for path in reading.scan.paths),
+    }
+    film = _dataset(
+        "film",
+        {name: value for name, value in values.items() if value is not None},
+        {"trace": [trace.name for trace in traces]},
+    )
+    film.attrs = {**findings(reading), "resting_column": rest, "assumed": "; ".join(known.assumptions(traces))}
+    return film
+
+
+def findings(reading: Reading) -> dict[str, Any]:
+    """What a reader of the record should know of the reading, as attributes of /film."""
+    axis = reading.axis
+    timed = np.isfinite(axis.seconds)
+    found: dict[str, Any] = {
+        "reading": reading.kind,
+        "elongation_zero": "mean place of each trace on the film; its place under the vertical is not known",
+        "accepted_fraction": accepted_fraction(reading.tracks, axis),
+        "marks_found": int(axis.index.size),
+        "skew": float(np.degrees(np.arctan(axis.shear))),
+        "trace_offset": axis.offset * reading.scale,
+        "time_sigma": float(np.sqrt(np.mean(axis.seconds_sigma[timed] ** 2))) if timed.any() else float("nan"),
+        "flags": ", ".join(flags(reading)),
+        "notes": "; ".join(reading.notes),
+    }
+    if reading.difference is not None:
+        difference = reading.difference
+        found["reading_difference_start"] = difference.start
+        found["reading_difference_disagrees"] = difference.disagree.any(axis=0).astype(np.uint8)
+    return found
+
+
+def flags(reading: Reading) -> list[str]:
+    """What to distrust: the time axis's flags, and readings that contradict each other."""
+    found = list(reading.axis.flags)
+    if reading.difference is not None and reading.difference.disagree.any():
+        found.append("readings_disagree")
+    return found
+
+
+def _instrument(known: Known, pendulums: Sequence[Any], *, needed: bool) -> xr.Dataset | None:
+    """Constants of the instrument; None where nothing is known of it nor needed."""
+    description = known.description
+    values: dict[str, Any] = {}
+    if description is not None:
+        values.update({key: value for key, value in description.instrument.model_dump().items() if value is not None})
+    for key in type(pendulums[0]).model_fields:
+        stated = [getattr(each, key) for each in pendulums]
+        if key != "label" and None not in stated:
+            values[key] = np.array(stated, dtype=np.float64)
+    if known.options.gravity is not None:
+        values["reference_gravity"] = known.options.gravity
+    if needed:
+        for each in pendulums:
+            if each.period is None:
+                raise UsageError(
+                    f"pendulum {each.label} has no period, which gravity needs; add --period {each.label}=SECONDS, "
+                    "or say with --trace what the traces are"
+                )
+        if "reference_gravity" not in values:
+            raise UsageError("the gravity at which the periods hold is missing; add --gravity, in m/s2")
+    if not values:
+        return None
+    instrument = _dataset("instrument", values, {"pendulum": [str(each.label) for each in pendulums]})
+    if description is not None and "restoring" in description.model_fields_set:
+        instrument.attrs["restoring"] = description.restoring
+    return instrument
+
+
+def _dataset(group: str, variables: Mapping[str, Any], labels: Mapping[str, list[str]]) -> xr.Dataset:
+    """A group's dataset, its dimensions and attributes from the table of variables."""
+    import xarray as xr
+
+    def entry(name: str, value: Any) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
+        key = f"{group}/{name}"
+        dims = VARIABLES[key].dims
+        also = [each for each in VARIABLES[key].also if len(each) == np.ndim(value)]
+        return dims if len(dims) == np.ndim(value) else also[0], value, attributes(key)
+
+    return xr.Dataset(
+        {name: entry(name, value) for name, value in variables.items()},
+        coords={name: entry(name, np.array(values)) for name, values in labels.items()},
+    )

@@ -1,0 +1,122 @@
+"""Overlapping strips of one film as one image, each turned and shifted onto the first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from data_schemas.errors import FileError
+from pipeline.film.scan.image import Image, Pixels
+from pipeline.film.scan.overlap import place
+from pipeline.film.scan.resampling import resample
+
+_EXACT = 0.02  # px: a placement this close to whole pixels is taken for them
+_MARGIN = 3  # rows that cubic convolution reaches beyond
+_SLAB = 1024  # rows resampled at a time
+
+
+@dataclass(frozen=True)
+class Part:
+    """A strip in the frame of the first strip, which is the film's.
+
+    Attributes
+    ----------
+    image : Image
+    row, column, turn : float
+        Where its first pixel lies, px, and how it is turned, rad (see `Placement`).
+    first : int
+        Row of the film from which on this strip is read.
+    """
+
+    image: Image
+    row: float
+    column: float
+    turn: float
+    first: int
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the strip lies on whole pixels."""
+        off = max(abs(self.row - round(self.row)), abs(self.column - round(self.column)))
+        return off + abs(self.turn) * max(self.image.rows, self.image.columns) < _EXACT
+
+
+@dataclass(frozen=True)
+class Joined:
+    """Strips as one image, as wide as the first."""
+
+    parts: tuple[Part, ...]
+    rows: int
+
+    @property
+    def columns(self) -> int:
+        """Columns of the image."""
+        return self.parts[0].image.columns
+
+    @property
+    def full_scale(self) -> int:
+        """Value of the lightest pixel."""
+        return self.parts[0].image.full_scale
+
+    def read(self, first: int, stop: int) -> Pixels:
+        """Rows `first` to `stop`."""
+        pixels = np.empty((stop - first, self.columns), dtype=np.uint8 if self.full_scale == 255 else np.uint16)
+        ends = [*(part.first for part in self.parts[1:]), self.rows]
+        for part, end in zip(self.parts, ends, strict=True):
+            for a in range(max(first, part.first), min(stop, end), _SLAB):
+                b = min(a + _SLAB, stop, end)
+                _fill(part, a, pixels[a - first : b - first])
+        return pixels
+
+
+def join(images: Sequence[Image], paths: Sequence[Path]) -> Joined:
+    """Lay strips on each other.
+
+    Raises
+    ------
+    FileError
+        Two strips do not overlap, or not certainly at one place only.
+    """
+    if len({image.full_scale for image in images}) > 1:
+        raise FileError(f"{paths[0]}: the strips have 8 and 16 bits; save them alike")
+    parts = [Part(images[0], 0.0, 0.0, 0.0, 0)]
+    for number in range(1, len(images)):
+        found = place(images[number - 1], images[number])
+        if found is None or not found.is_certain:
+            why = "no overlap found" if found is None or found.match < 0.5 else "the overlap fits at several places"
+            raise FileError(
+                f"{paths[number]}: {why} with the end of {paths[number - 1].name}; give the strips in the order of "
+                "time, each overlapping the one before by some 200 rows or more"
+            )
+        before = parts[-1]
+        cosine, sine = math.cos(before.turn), math.sin(before.turn)
+        row = before.row + found.row * cosine + found.column * sine
+        column = before.column + found.column * cosine - found.row * sine
+        seam = math.ceil(0.5 * (row + before.row + before.image.rows))
+        parts.append(Part(images[number], row, column, before.turn + found.turn, max(before.first + 1, seam)))
+    last = parts[-1]
+    drop = min(0.0, last.turn * parts[0].image.columns)
+    return Joined(tuple(parts), math.floor(last.row + last.image.rows + drop))
+
+
+def _fill(part: Part, first: int, wanted: Pixels) -> None:
+    """Rows of the film from `first` on, from one strip."""
+    cosine, sine = math.cos(part.turn), math.sin(part.turn)
+    # the film's (first, 0) in the strip
+    row = (first - part.row) * cosine + part.column * sine
+    column = (first - part.row) * sine - part.column * cosine
+    tilt = abs(part.turn) * wanted.shape[1]
+    low = max(0, math.floor(row - tilt) - _MARGIN)
+    high = min(part.image.rows, math.ceil(row + wanted.shape[0] + tilt) + _MARGIN)
+    low = min(low, part.image.rows - 1)
+    source = part.image.read(low, max(high, low + 1))
+    if not part.is_exact:
+        resample(source, wanted, row - low, column, cosine, sine, float(part.image.full_scale))
+        return
+    down = np.clip(np.arange(wanted.shape[0]) + round(row) - low, 0, source.shape[0] - 1)
+    across = np.clip(np.arange(wanted.shape[1]) + round(column), 0, source.shape[1] - 1)
+    wanted[:] = source[np.ix_(down, across)]

@@ -1,0 +1,141 @@
+"""One image file, or several overlapping strips, as one scan whose rows run with time and whose lines are dark."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from data_schemas.errors import FileError, UsageError
+from pipeline.film.scan.files import open_image
+from pipeline.film.scan.image import Image, ImageFile, Pixels
+from pipeline.film.scan.lines import Inverted, lines_are_light
+from pipeline.film.scan.options import ScanOptions
+from pipeline.film.scan.turning import CLOCKWISE, UPRIGHT, Turn, Turned, turned
+
+_MM_PER_INCH = 25.4
+_UNSAID = (1.0, 72.0, 96.0)  # pixels per inch that programs write where they know nothing; no film is scanned so
+_SQUARE = 0.01  # largest relative difference of pixels' two sides
+
+
+@dataclass(frozen=True)
+class OpenScan:
+    """A scan of a film (see `pipeline.film.parts.Scan`).
+
+    Attributes
+    ----------
+    image : Image
+        Its rows, all turning and joining done.
+    scale : float or None
+        Size of a pixel on the film, mm.
+    paths : tuple of Path
+        The files, in order.
+    notes : tuple of str
+        What was told from the image and might be wrong.
+    is_turned : bool
+        Whether it was found upside down and turned by half a turn.
+    """
+
+    image: Image
+    scale: float | None
+    paths: tuple[Path, ...]
+    notes: tuple[str, ...] = ()
+    is_turned: bool = False
+
+    @property
+    def rows(self) -> int:
+        """Rows of the scan."""
+        return self.image.rows
+
+    @property
+    def columns(self) -> int:
+        """Columns of the scan."""
+        return self.image.columns
+
+    @property
+    def full_scale(self) -> int:
+        """Value of the lightest pixel."""
+        return self.image.full_scale
+
+    def read(self, first: int, stop: int) -> Pixels:
+        """Rows `first` to `stop`, (stop - first, columns); only what lies in the scan."""
+        return self.image.read(max(0, first), min(self.rows, stop))
+
+    def upside_down(self) -> OpenScan:
+        """The same scan turned by half a turn."""
+        notes = (*self.notes, "the scan lay upside down and was turned")
+        return OpenScan(Turned(self.image, True, True), self.scale, self.paths, notes, True)
+
+
+def open_scan(
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], options: ScanOptions | None = None
+) -> OpenScan:
+    """Open the image of a film; nothing but a few slabs of rows is read.
+
+    Parameters
+    ----------
+    paths : path or sequence of path
+        One image (TIFF, PNG, JPEG; 8 or 16 bit; grey or colour), or overlapping strips of one film in order.
+    options : ScanOptions, optional
+        What the user says of them.
+
+    Raises
+    ------
+    UsageError
+        No file is named.
+    FileError
+        A file cannot be read, is no image, or strips do not overlap.
+    """
+    options = options or ScanOptions()
+    named = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    if not named:
+        raise UsageError("no film is named; give the image of a film, or its strips in order")
+    files = [open_image(Path(name)) for name in named]
+    notes: list[str] = []
+    turns = [_turn(file, options) for file in files]
+    images = [turned(file, turn) for file, turn in zip(files, turns, strict=True)]
+    if options.lines == "light" or (options.lines == "auto" and lines_are_light(images[0])):
+        images = [Inverted(image) for image in images]
+        notes += ["lines are light on dark film"] * (options.lines == "auto")
+    scale = _scale(files, options, notes)
+    image = images[0]
+    if len(images) > 1:
+        from pipeline.film.scan.joining import join
+
+        image = join(images, [Path(name) for name in named])
+    return OpenScan(image, scale, tuple(Path(name) for name in named), tuple(notes))
+
+
+def _turn(file: ImageFile, options: ScanOptions) -> Turn:
+    """From the rows of the file to rows in time."""
+    upright = UPRIGHT[file.upright]
+    if options.orientation != "auto":
+        return upright.then(CLOCKWISE[int(options.orientation)])
+    rows, columns = (file.columns, file.rows) if upright.transposed else (file.rows, file.columns)
+    return upright.then(CLOCKWISE[90 if columns > rows else 0])
+
+
+def _scale(files: Sequence[ImageFile], options: ScanOptions, notes: list[str]) -> float | None:
+    """Size of a pixel on the film, mm, from the option or the files' tags."""
+    if options.dpi is not None:
+        return _MM_PER_INCH / options.dpi
+    stated = set()
+    for file in files:
+        if file.resolution is None or not all(10.0 <= value <= 20_000.0 for value in file.resolution):
+            return None
+        down, across = file.resolution
+        if any(abs(down - unsaid) < 0.5 for unsaid in _UNSAID):
+            notes.append(f"{down:g} dpi in the file's tags are taken for none at all")
+            return None
+        if abs(down / across - 1.0) > _SQUARE:
+            raise FileError(
+                f"{file.path}: {across:g} pixels per inch across and {down:g} down; only square pixels can be read, "
+                "scale the image or say --dpi"
+            )
+        stated.add(round(down, 1))
+    if len(stated) > 1:
+        raise FileError(
+            f"strips of {', '.join(f'{dpi:g}' for dpi in sorted(stated))} dpi cannot be one film; say --dpi"
+        )
+    return _MM_PER_INCH / stated.pop()

@@ -1,0 +1,1 @@
+"""Traces read at the chronometer marks alone, by the edges of the gaps."""

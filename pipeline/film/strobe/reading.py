@@ -1,0 +1,107 @@
+"""Traces read at the marks, the historic way: where each line breaks off and begins again.
+
+The place is the middle of the gap on the curve, by its two ends; no row enters, so neither does the paper's motion: the
+time is the chronometer's own. On steep strokes an end is sharp and the place good to a tenth of a pixel; in turning
+points the gap takes most of the line away and the place is that of what is left around it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.film.marks.gaps import Gaps
+from pipeline.film.marks.pieces import pieces
+from pipeline.film.marks.search import CERTAIN, DEEPEST, LEAST_DEPTH, MOST_MISFIT, fitted, learned_width
+from pipeline.film.parts import Emulsion, Floats, Scan, Strobe, TimeAxis, Tracks
+
+GAP, AMBIGUOUS, LOST, OVERLAP = 1, 16, 32, 64  # of the record's flags
+WIDTH_PRIOR = 0.06  # of the gap's width, 1 sigma
+BEND = 0.07  # px, 1 sigma of the course's error across the line that is no shift: it tells where the line is flat
+CROSSING = 6.0  # spots across the lines, within which another trace may hide a gap
+UNCERTAIN = 0.25  # of the depth, 1 sigma beyond which a gap cannot be told
+
+
+def read_at_marks(scan: Scan, emulsion: Emulsion, tracks: Tracks, axis: TimeAxis) -> Strobe:
+    """Place of every trace at every mark from the first to the last, also where the search had missed it.
+
+    Parameters
+    ----------
+    axis : TimeAxis
+        Tells where to look; its times are not used.
+
+    Raises
+    ------
+    RefusedError
+        There are too few gaps to tell how long the shutter closed.
+    """
+    index, row = _expected(axis)
+    usual = learned_width(scan, emulsion, tracks)
+    pace = np.gradient(row, index * axis.interval)
+    pace /= np.median(pace)
+    where = np.full((len(tracks.course), index.size), np.nan)
+    lean = np.full_like(where, np.nan)
+    for trace in range(len(where)):
+        where[trace], lean[trace] = _on_trace(tracks, trace, row + axis.offset[trace], axis.shear)
+    width = usual * pace * (1.0 + axis.shear * np.nan_to_num(lean))
+    results = []
+    for begin, stop, first, exposure in pieces(scan, emulsion):
+        trace, mark = np.nonzero((where >= begin) & (where < stop))
+        _, out = fitted(exposure, first, emulsion, tracks, trace, where[trace, mark], width[trace, mark], WIDTH_PRIOR)
+        results.append((trace, mark, out))
+    trace = np.concatenate([each[0] for each in results])
+    mark = np.concatenate([each[1] for each in results])
+    return _strobe(index, where, tracks, trace, mark, Gaps.of(trace, np.concatenate([each[2] for each in results])))
+
+
+def _expected(axis: TimeAxis) -> tuple[NDArray[np.int64], Floats]:
+    """All numbers from the first mark to the last, and their rows at column 0 of the first trace."""
+    index = np.arange(axis.index[0], axis.index[-1] + 1)
+    known = np.flatnonzero(np.isfinite(axis.seconds))
+    row = np.interp(index * axis.interval, axis.seconds[known], known + 0.5)
+    row[axis.index - index[0]] = axis.row
+    return index, row
+
+
+def _on_trace(tracks: Tracks, trace: int, row: Floats, shear: float) -> tuple[Floats, Floats]:
+    """Rows and slopes of a trace where it meets oblique lines through `row` at column 0."""
+    course, slope = tracks.course[trace], tracks.slope[trace]
+    centres = np.arange(course.size) + 0.5
+    at = row + shear * float(np.nanmedian(course)) if np.isfinite(course).any() else row.copy()
+    for _ in range(8):
+        column = np.interp(at, centres, course)
+        at = at + (row + shear * column - at) / (1.0 - shear * np.interp(at, centres, slope))
+    inside = (at > 0.5) & (at < course.size - 0.5) & np.isfinite(at)
+    return np.where(inside, at, np.nan), np.where(inside, np.interp(at, centres, slope), np.nan)
+
+
+def _strobe(
+    index: NDArray[np.int64], where: Floats, tracks: Tracks, trace: NDArray[np.int64], mark: NDArray[np.int64], gaps: Gaps
+) -> Strobe:
+    position, sigma = np.full(where.shape, np.nan), np.full(where.shape, np.nan)
+    qc = np.where(np.isfinite(where), GAP, LOST).astype(np.uint16)
+    fit = np.isfinite(gaps.row)
+    certain = fit & (gaps.depth_sigma < UNCERTAIN)
+    closed = certain & (gaps.depth > LEAST_DEPTH) & (gaps.depth < DEEPEST)
+    closed &= np.abs(gaps.depth - 1.0) < CERTAIN * gaps.depth_sigma + 0.1
+    clean = gaps.misfit < MOST_MISFIT
+    crossed = _crossed(tracks, trace, where[trace, mark])
+    good = closed & clean
+    doubt = np.where(good, 0, np.where(~certain & crossed, OVERLAP, np.where(certain & closed, AMBIGUOUS, GAP)))
+    qc[trace, mark] = doubt
+    position[trace[good], mark[good]] = gaps.column[good]
+    bend = BEND / np.sqrt(1.0 + gaps.slope[good] ** 2)
+    sigma[trace[good], mark[good]] = np.hypot(gaps.column_sigma[good], bend)
+    return Strobe(index=index, position=position, sigma=sigma, qc=qc)
+
+
+def _crossed(tracks: Tracks, trace: NDArray[np.int64], row: Floats) -> NDArray[np.bool_]:
+    """Whether another trace's line passes near a place of a trace."""
+    near = np.clip(np.nan_to_num(row, nan=0.0).astype(np.int64), 0, tracks.course.shape[1] - 1)
+    own, lean = tracks.course[trace, near], tracks.slope[trace, near]
+    out = np.zeros(trace.size, dtype=bool)
+    for other in range(len(tracks.course)):
+        away = np.abs(tracks.course[other, near] - own)
+        steep = np.sqrt(1.0 + np.maximum(np.abs(lean), np.abs(tracks.slope[other, near])) ** 2)
+        out |= (other != trace) & (away < CROSSING * tracks.spot * steep)
+    return out

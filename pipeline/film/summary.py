@@ -1,0 +1,43 @@
+"""What was read of a film, in one JSON object."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.film.film_scale import rows_per_second
+from pipeline.film.reading import Reading, accepted_fraction
+from pipeline.film.record import flags
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+
+def summary(record: DataTree, reading: Reading) -> dict[str, Any]:
+    """Numbers of a reading and of its record, plain.
+
+    Keys: record_id, traces, samples, duration_s, reading, accepted_fraction, missing_fraction (of the samples, by
+    trace), marks, speed_mm_s, scale_mm_px, skew_degrees, time_sigma_s, flags, notes, assumed.
+    """
+    traces, film = record["record"].dataset, record["film"].dataset
+    labels = [str(label) for label in traces["trace"].values]
+    missing = np.isnan(traces["elongation"].values).mean(axis=1)
+    time = record.dataset["time"].values
+    return {
+        "record_id": record.attrs["record_id"],
+        "traces": labels,
+        "samples": int(time.size),
+        "duration_s": float(time[-1] - time[0]),
+        "reading": reading.kind,
+        "accepted_fraction": accepted_fraction(reading.tracks, reading.axis),
+        "missing_fraction": {label: float(part) for label, part in zip(labels, missing, strict=True)},
+        "marks": int(reading.axis.index.size),
+        "speed_mm_s": rows_per_second(reading.axis) * reading.scale,
+        "scale_mm_px": reading.scale,
+        "skew_degrees": film.attrs["skew"],
+        "time_sigma_s": film.attrs["time_sigma"],
+        "flags": flags(reading),
+        "notes": list(reading.notes),
+        "assumed": [part for part in str(film.attrs["assumed"]).split("; ") if part],
+    }

@@ -1,0 +1,204 @@
+"""Spot, slit, characteristic curve and grain told from a section whose traces have been followed.
+
+A line's exposure follows from its slope alone (dwell time), and slopes run from 0 at the turning points to the steepest
+in the middle: the same film shows the same emulsion at all exposures, and the darkness of the pixels against the
+exposure that the spot must have left there is the characteristic curve.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Floats
+from pipeline.film.emulsion.curve import ToneCurve
+from pipeline.film.tracking.line_profile import MOST_NODES, nodes_of, profile
+from pipeline.film.tracking.optics import Optics
+from pipeline.film.tracking.section import Section
+from synth.kernels.compiled import kernel
+
+NEAR_GAP = 5  # rows beside one that lacks light
+LACKING = 0.9
+MOST_ROWS = 260
+ROUNDS = 12
+HUBER = 3.0
+LEAST_ROWS = 12
+SHEAR_SWINGS = 1.5
+
+
+@kernel
+def exposures(
+    darkness: NDArray[np.float32],
+    rows: NDArray[np.int64],
+    states: Floats,
+    lamp: Floats,
+    spot: float,
+    window_spot: float,
+    shear: float,
+    exposure: Floats,
+    seen: Floats,
+) -> int:
+    """Exposure that the model leaves on the pixels about some rows of a trace, and their darkness; their number."""
+    columns = darkness.shape[1]
+    nodes, out, gaps = np.empty((2, MOST_NODES)), np.empty((2, columns)), np.empty((0, 2))
+    count = 0
+    for n in range(rows.size):
+        number = nodes_of(states[n], window_spot, shear, gaps, 0.0, nodes)
+        low, high, least = 1e9, -1e9, 0.01 * nodes[1, number // 2]
+        for i in range(number):
+            if nodes[1, i] > least:
+                low, high = min(low, nodes[0, i]), max(high, nodes[0, i])
+        if not (low > -1e6 and high < 1e6):
+            continue
+        first, stop = max(0, int(low - 4.0 * window_spot)), min(columns, int(high + 4.0 * window_spot))
+        size = stop - first
+        if size < 4 or count + size > exposure.size:
+            continue
+        number = nodes_of(states[n], spot, shear, gaps, 0.0, nodes)
+        profile(nodes, number, 0.0, spot, first, out[:, :size])
+        for i in range(size):
+            exposure[count] = lamp[n] * out[0, i]
+            seen[count] = darkness[rows[n], first + i]
+            count += 1
+    return count
+
+
+def calibrate(section: Section, optics: Optics) -> Optics:
+    """Optics fitted to a section; the ones given where the section says too little."""
+    chosen = [_open_rows(section, k, optics.spot) for k in range(section.place.shape[0])]
+    if sum(rows.size for rows, _ in chosen) < LEAST_ROWS:
+        return optics
+    states, rows, lamp = [], [], []
+    for k, (trace_rows, trace_lamp) in enumerate(chosen):
+        state = section.states[trace_rows, k].copy()
+        state[:, 0] += section.place[k, trace_rows] - state[:, 0] - state[:, 3]
+        states.append(state)
+        rows.append(trace_rows)
+        lamp.append(trace_lamp)
+    fitted = _Fit(section.darkness, np.concatenate(rows), np.concatenate(states), np.concatenate(lamp), optics)
+    return fitted.solve()
+
+
+class _Fit:
+    """Gauss-Newton for spot, darkest, middle and contrast (their logarithms), with pixels far off weighed down."""
+
+    def __init__(
+        self, darkness: NDArray[np.float32], rows: NDArray[np.int64], states: Floats, lamp: Floats, optics: Optics
+    ) -> None:
+        self.pixels, self.rows, self.states, self.lamp, self.optics = darkness, rows, states, lamp, optics
+        reach = 8.0 * optics.spot + 8.0
+        steep = np.abs(states[:, 1] - states[:, 5] * states[:, 4])
+        room = int(np.sum(np.minimum(darkness.shape[1], reach * (4.0 + 2.0 * steep))))
+        self.exposure, self.seen = np.empty(room), np.empty(room)
+
+    def model(self, unknowns: Floats) -> Floats:
+        """Darkness of the chosen pixels."""
+        spot, darkest, middle, contrast = np.exp(unknowns)
+        count = exposures(
+            self.pixels,
+            self.rows,
+            self.states,
+            self.lamp,
+            spot,
+            self.optics.spot,
+            self.optics.shear,
+            self.exposure,
+            self.seen,
+        )
+        return ToneCurve(darkest, middle, contrast).darkness(self.exposure[:count])
+
+    def solve(self) -> Optics:
+        """Optics that fit best."""
+        curve, grain = self.optics.curve, self.optics.grain
+        unknowns = np.log([self.optics.spot, curve.darkest, curve.middle, curve.contrast])
+        for _ in range(ROUNDS):
+            dark = self.model(unknowns)
+            residual = self.seen[: dark.size] - dark
+            weight = 1.0 / (grain[0] + grain[1] * dark)
+            size = np.abs(residual) * np.sqrt(weight)
+            weight = weight * np.where(size > HUBER, HUBER / np.maximum(size, 1e-9), 1.0)
+            jacobian = np.stack([(self.model(unknowns + each) - dark) / 1e-4 for each in 1e-4 * np.eye(4)], axis=1)
+            normal = jacobian.T @ (weight[:, None] * jacobian) + 1e-3 * np.eye(4)
+            step = np.linalg.solve(normal, jacobian.T @ (weight * residual))
+            unknowns = unknowns + np.clip(step, -0.3, 0.3)
+            grain = _grain(residual, dark, self.optics.grain)
+            if np.max(np.abs(step)) < 1e-3:
+                break
+        spot, darkest, middle, contrast = (float(each) for each in np.exp(unknowns))
+        return self.optics.with_(spot=spot, curve=ToneCurve(darkest, middle, contrast), grain=grain)
+
+
+def _grain(residual: Floats, dark: Floats, before: Floats) -> Floats:
+    """Variance of a pixel on blank film, and its growth with darkness, from what the fit leaves."""
+    edges = np.quantile(dark, np.linspace(0.0, 1.0, 13))
+    place = np.clip(np.searchsorted(edges, dark, side="right") - 1, 0, 11)
+    spread = np.array([1.4826 * np.median(np.abs(residual[place == i])) for i in range(12) if np.any(place == i)])
+    middle = np.array([dark[place == i].mean() for i in range(12) if np.any(place == i)])
+    blank = float(before[0])
+    growth = float(np.sum((spread**2 - blank) * middle) / max(float(np.sum(middle**2)), 1e-12))
+    return np.array([blank, max(growth, 0.0)])
+
+
+def _open_rows(section: Section, trace: int, spot: float) -> tuple[NDArray[np.int64], Floats]:
+    """Rows of a trace away from gaps and other traces, and the lamp's brightness there."""
+    place, light = section.place[trace], section.brightness[trace]
+    rows = np.arange(place.size)
+    read = np.isfinite(place)
+    half = max(4, round(0.25 * section.period))
+    lamp = _running_median(light, half)
+    doubtful = ~read | (light < LACKING * lamp)
+    near = np.convolve(doubtful, np.ones(2 * NEAR_GAP + 1), mode="same") > 0.5
+    slope = section.states[:, trace, 1] - section.states[:, trace, 5] * section.states[:, trace, 4]
+    reach = spot * (8.0 + 7.0 * np.abs(slope))
+    for other in range(section.place.shape[0]):
+        if other != trace:
+            rate = section.states[:, other, 1] - section.states[:, other, 5] * section.states[:, other, 4]
+            apart = np.abs(section.states[:, other, [0, 3]].sum(axis=1) - section.states[:, trace, [0, 3]].sum(axis=1))
+            near |= apart < reach + spot * (8.0 + 7.0 * np.abs(rate))
+    chosen = rows[~near]
+    if chosen.size > MOST_ROWS:
+        chosen = chosen[np.linspace(0, chosen.size - 1, MOST_ROWS).astype(int)]
+    typical = _median(lamp[chosen]) if chosen.size else 1.0
+    return chosen, lamp[chosen] / max(typical, 1e-6)
+
+
+def _running_median(light: Floats, half: int) -> Floats:
+    """Median of what is known within `half` rows."""
+    wide = np.lib.stride_tricks.sliding_window_view(np.pad(light, half, constant_values=np.nan), 2 * half + 1)
+    ordered = np.sort(wide, axis=1)  # NaN last
+    count = np.isfinite(ordered).sum(axis=1)
+    return np.where(count > 0, ordered[np.arange(light.size), np.maximum(count - 1, 0) // 2], 1.0)
+
+
+def _median(values: Floats) -> float:
+    kept = values[np.isfinite(values)]
+    return float(np.median(kept)) if kept.size else 1.0
+
+
+def measure_shear(section: Section) -> float:
+    """Rows by which the image lags per column, from the readings' second harmonic; 0 where it cannot be told.
+
+    With the slit askew by k rows a column, x(r) = A cos(w (r - k x)) = A cos(wr) + k w A^2/2 sin(2 wr) + ...
+    """
+    values, weights = [], []
+    for k in range(section.place.shape[0]):
+        state = section.states[:, k]
+        read = np.isfinite(section.place[k]) & np.isfinite(state[:, 0])
+        frequency = float(np.median(state[read, 5])) if read.any() else 0.0
+        rows = np.arange(read.size)[read]
+        if frequency <= 0.0 or rows.size < SHEAR_SWINGS * 2.0 * np.pi / frequency:
+            continue
+        angle = np.arctan2(state[read, 4], state[read, 3])
+        amplitude = float(np.median(np.hypot(state[read, 3], state[read, 4])))
+        slope = state[read, 1] - state[read, 5] * state[read, 4]
+        t = (rows - rows.mean()) / (0.5 * rows.size)
+        slow = np.polynomial.polynomial.polyvander(t, max(3, int(rows.size * frequency / np.pi)))
+        fast = [f(n * angle) * g for n in (1, 2) for f in (np.cos, np.sin) for g in (np.ones_like(t), t)][:6]
+        columns = np.column_stack([np.sin(2 * angle), np.cos(2 * angle), slow, *fast[:4]])
+        weight = 1.0 / np.sqrt(1.0 + slope**2)
+        weighted = columns * weight[:, None]
+        normal = weighted.T @ weighted + 1e-9 * np.eye(columns.shape[1])
+        answer = np.linalg.solve(normal, weighted.T @ ((section.place[k][read] - state[read, 0]) * weight))
+        values.append(2.0 * answer[0] / (frequency * amplitude**2))
+        weights.append((frequency * amplitude**2) ** 2 * rows.size)
+    return float(np.average(values, weights=weights)) if values else 0.0

@@ -1,0 +1,98 @@
+"""Which readings to accept, and the flags of those that are not, or not wholly, to be trusted."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schemas.variables_record import ELONGATION_FLAGS
+from pipeline.arrays import Floats
+from pipeline.film.tracking.combine import BOTH
+from pipeline.film.tracking.gaps import Gaps
+from pipeline.film.tracking.optics import Optics
+
+LEAST_OPEN = 0.7  # share of the light let through under which a row counts as lying in a gap
+SEEN = 4.0
+LEAST_LIGHT, MOST_LIGHT = 0.5, 1.8  # of the lamp's
+MISFIT = 4.0
+OUTLIER = 5.0
+COURSE_SLACK = 0.15  # spots
+DISAGREEMENT = 6.0
+WORST_NORMAL = 0.35  # spots: a reading no better than that is left out
+SHARED = 1.5  # growth of the variance by other traces from which on a row is flagged
+FLOOR = 0.006  # spots, of the normal: what model and calibration leave
+LOST_SWINGS = 0.3
+
+
+def openness(gaps: Gaps, first: int, rows: int, spot: float) -> Floats:
+    """Share of a trace's light that the shutter let through to each row."""
+    from scipy.special import ndtr
+
+    share = np.ones(rows)
+    for middle, length in zip(gaps.middle, gaps.length, strict=True):
+        a, b = int(max(0, middle - length - 5 * spot - first)), int(min(rows, middle + length + 5 * spot - first + 1))
+        away = first + np.arange(a, b) + 0.5 - middle
+        if a >= b:
+            continue
+        share[a:b] -= ndtr((away + 0.5 * length) / spot) - ndtr((away - 0.5 * length) / spot)
+    return share
+
+
+def judge(
+    reading: Floats,
+    states: Floats,
+    course_variance: Floats,
+    disagreement: Floats,
+    known: NDArray[np.uint8],
+    open_share: Floats,
+    lamp: Floats,
+    black: NDArray[np.bool_],
+    optics: Optics,
+) -> tuple[Floats, Floats, NDArray[np.uint16]]:
+    """Position and sigma of one trace's rows, NaN where not accepted, and their flags.
+
+    Parameters
+    ----------
+    reading : (rows, 7) array
+        Of `reading.read_piece`.
+    states, course_variance, disagreement, known : (rows, ...) arrays
+        Of `combine.combined`.
+    open_share, lamp : (rows,) arrays
+        Light let through by the shutter, and brightness in the open.
+    black : (rows,) array
+        Where the darkest pixel by the line can be no darker.
+    """
+    shift, variance, light, light_variance, misfit, alone, slope = reading.T
+    stretch = 1.0 + slope**2
+    flag = ELONGATION_FLAGS
+    followed = known > 0
+    seen = followed & (light > SEEN * np.sqrt(light_variance)) & (light > LEAST_LIGHT * lamp)
+    gap = followed & (open_share < LEAST_OPEN)
+    unsure = followed & (disagreement > DISAGREEMENT)
+    allowed = variance + course_variance + (COURSE_SLACK * optics.spot) ** 2 * stretch
+    shared = followed & (variance > SHARED * alone)
+    wild = (misfit > MISFIT) | (shift**2 > OUTLIER**2 * allowed) | (light > MOST_LIGHT * lamp)
+    wide = variance > WORST_NORMAL**2 * optics.spot**2 * stretch
+    accepted = seen & ~gap & ~unsure & ~wild & ~wide & ~black
+    qc = np.zeros(shift.size, dtype=np.uint16)
+    qc |= np.where(gap, flag["gap"], 0).astype(np.uint16)
+    qc |= np.where(followed & black, flag["saturated"], 0).astype(np.uint16)
+    qc |= np.where(unsure, flag["ambiguous"], 0).astype(np.uint16)
+    qc |= np.where(followed & shared, flag["overlap"], 0).astype(np.uint16)
+    qc |= np.where(followed & (known != BOTH), flag["single_direction"], 0).astype(np.uint16)
+    qc |= np.where(followed & ~gap & ~shared & ~accepted & ~unsure & ~black, flag["outlier"], 0).astype(np.uint16)
+    position = np.where(accepted, states[:, 0] + states[:, 3] + shift, np.nan)
+    sigma = np.sqrt(variance * np.maximum(1.0, misfit) + (FLOOR * optics.spot) ** 2 * stretch)
+    return position, np.where(accepted, sigma, np.nan), qc
+
+
+def flag_lost(position: Floats, course: Floats, qc: NDArray[np.uint16], period: float) -> None:
+    """Where a trace was followed without being read for long it is lost: course NaN, in place."""
+    read = np.isfinite(position)
+    half = max(4, round(LOST_SWINGS * period))
+    total = np.concatenate([[0], np.cumsum(read)])
+    rows = np.arange(read.size)
+    near = total[np.minimum(rows + half + 1, read.size)] - total[np.maximum(rows - half, 0)]
+    lost = ~np.isfinite(course) | (near == 0)
+    course[lost] = np.nan
+    qc[lost] = ELONGATION_FLAGS["lost"]

@@ -1,0 +1,140 @@
+"""Exposure that a moving spot leaves on one row of the film.
+
+The spot is a Gaussian of the same width along and across the film, and film darkens by how long it is lit. So a row
+gets from each stretch of the trace near it the cut through a Gaussian,
+
+    E(u) = int ds open(s) g(r - r(s)) exp(-(u - x(s))^2 / 2 spot^2),   g of area 1 and width `spot`,
+
+which is 1 on the axis of a line at rest, 1/sqrt(1 + slope^2) on that of a straight line, and exact also where the
+trace turns within the spot, near its other stroke, and beside a gap of the shutter. Steps are fine enough (1.25
+spots along the trace) that the sum of Gaussians is as good as the integral: 1e-5.
+"""
+
+from __future__ import annotations
+
+import math
+
+from pipeline.arrays import Floats
+from synth.kernels.compiled import kernel
+
+REACH = 4.0  # spots: what lies farther leaves less than 3e-4
+FINENESS = 1.25
+FULL_NODES, MOST_NODES = 1000, 2000
+
+
+@kernel
+def finest_step(state: Floats, spot: float) -> float:
+    """Step along the film at which the sum over nodes is as good as the integral."""
+    rate, bend = state[1] - state[5] * state[4], state[2] - state[5] * state[5] * state[3]
+    swing = math.sqrt(state[3] * state[3] + state[4] * state[4])
+    steepest = abs(state[1]) + 3.0 * spot * abs(state[2]) + abs(state[5]) * swing
+    steepest = min(steepest, abs(rate) + 3.0 * spot * abs(bend) + spot * spot * abs(state[5]) ** 3 * swing)
+    return FINENESS * spot / math.sqrt(1.0 + steepest * steepest)
+
+
+@kernel
+def light_nodes(
+    state: Floats, spot: float, shear: float, begin: float, stop: float, factor: float, nodes: Floats, count: int
+) -> int:
+    """Add the nodes of one stretch, `begin` to `stop` along the film from this row, to the `count` there are."""
+    step = finest_step(state, spot)
+    number = min(max(int((stop - begin) / step) + 1, 2), nodes.shape[1] - count)
+    step = (stop - begin) / number
+    along = begin + 0.5 * step
+    c, s = math.cos(state[5] * step), math.sin(state[5] * step)
+    start_c, start_s = math.cos(state[5] * along), math.sin(state[5] * along)
+    p, q = state[3] * start_c - state[4] * start_s, state[3] * start_s + state[4] * start_c
+    here = state[0] + state[3]
+    scale = 0.5 / (spot * spot)
+    norm = factor * step / (math.sqrt(2.0 * math.pi) * spot)
+    for i in range(number):
+        column = state[0] + along * (state[1] + 0.5 * along * state[2]) + p
+        p, q = p * c - q * s, p * s + q * c
+        away = along + shear * (column - here)
+        nodes[0, count + i] = column
+        nodes[1, count + i] = norm * math.exp(-away * away * scale)
+        along += step
+    return count + number
+
+
+@kernel
+def along_film(state: Floats, shear: float, rows: float) -> float:
+    """How far along the film from this row's crossing the trace falls `rows` rows of the image on."""
+    along = rows
+    if shear != 0.0:
+        for _ in range(3):
+            turned = math.cos(state[5] * along) - 1.0
+            moved = along * (state[1] + 0.5 * along * state[2]) + state[3] * turned
+            along = rows - shear * (moved - state[4] * math.sin(state[5] * along))
+    return along
+
+
+@kernel
+def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float, nodes: Floats) -> int:
+    """Where the spot was while it lit the row: columns and weights of `nodes` (2, n); returns their number.
+
+    Parameters
+    ----------
+    state : (6,) array
+        Of the trace at this row (see `motion`).
+    gaps : (n, 2) array
+        First and last row of the shutter's gaps along this trace, rising; what was dark counts negative.
+    row : float
+        Centre line of this row, px.
+    nodes : (2, n) array
+        Overwritten.
+    """
+    steepest = abs(state[1]) + abs(state[5]) * math.sqrt(state[3] * state[3] + state[4] * state[4])
+    reach = REACH * spot * (1.0 + abs(shear) * steepest)
+    count = light_nodes(state, spot, shear, -reach, reach, 1.0, nodes[:, :FULL_NODES], 0)
+    for g in range(gaps.shape[0]):
+        if gaps[g, 1] < row - REACH * spot:
+            continue
+        if gaps[g, 0] > row + REACH * spot:
+            break
+        begin = max(-reach, along_film(state, shear, gaps[g, 0] - row))
+        stop = min(reach, along_film(state, shear, gaps[g, 1] - row))
+        if stop > begin and count < nodes.shape[1] - 2:
+            count = light_nodes(state, spot, shear, begin, stop, -1.0, nodes, count)
+    return count
+
+
+@kernel
+def profile(nodes: Floats, count: int, shift: float, spot: float, first: int, out: Floats) -> None:
+    """Add up what the nodes leave on pixels `first` on: exposure and its derivative by the shift, out (2, n).
+
+    Neighbouring values of a Gaussian differ by a factor that itself changes by a constant factor: two exponentials a
+    node.
+    """
+    scale = 0.5 / (spot * spot)
+    size = out.shape[1]
+    for i in range(size):
+        out[0, i] = 0.0
+        out[1, i] = 0.0
+    add_profile(nodes, 0, count, shift, spot, first, out)
+    for i in range(size):
+        out[1, i] *= 2.0 * scale
+
+
+@kernel
+def add_profile(nodes: Floats, begin_node: int, count: int, shift: float, spot: float, first: int, out: Floats) -> None:
+    """Add nodes `begin_node` to `count`: exposure, and exposure times distance."""
+    scale = 0.5 / (spot * spot)
+    reach = REACH * spot
+    bend = math.exp(-2.0 * scale)
+    size = out.shape[1]
+    for n in range(begin_node, count):
+        column = nodes[0, n] + shift - first
+        begin = max(0, int(math.ceil(column - reach - 0.5)))
+        stop = min(size, int(math.floor(column + reach - 0.5)) + 1)
+        if begin >= stop:
+            continue
+        away = begin + 0.5 - column
+        value = nodes[1, n] * math.exp(-away * away * scale)
+        factor = math.exp(-(2.0 * away + 1.0) * scale)
+        for i in range(begin, stop):
+            out[0, i] += value
+            out[1, i] += value * away
+            value *= factor
+            factor *= bend
+            away += 1.0

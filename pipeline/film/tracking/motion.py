@@ -1,0 +1,94 @@
+"""Motion of a trace along the film, and the Kalman filter's steps.
+
+State of a trace at the row it crosses: place m of the slow part, its rate m1 and the rate's rate m2 (all by rows),
+rotating pair p, q and its frequency w (rad per row), so that, s rows on,
+
+    x(s) = m + m1 s + m2 s^2/2 + p cos(w s) - q sin(w s).
+
+Where the line of the slit lies askew to the rows (`shear` rows per column), s runs along the film and the light of s
+falls on row s + shear (x(s) - x(0)).
+"""
+
+from __future__ import annotations
+
+import math
+
+from pipeline.arrays import Floats
+from synth.kernels.compiled import kernel
+
+STATES = 6
+
+
+@kernel
+def advance(state: Floats, covariance: Floats, noise: Floats, rows: float, shear: float, work: Floats) -> None:
+    """Carry a state and its covariance on by `rows` (+1 or -1) rows of the image.
+
+    Parameters
+    ----------
+    state, covariance : (6,), (6, 6) arrays
+        Overwritten.
+    noise : (3,) array
+        Growth a row of the variance of m2, of w and of p and q.
+    work : (2, 6, 6) array
+    """
+    step = rows
+    if shear != 0.0:  # the step along the film that moves the trace by whole rows of the image
+        for _ in range(4):
+            c, s = math.cos(state[5] * step), math.sin(state[5] * step)
+            moved = state[1] * step + 0.5 * state[2] * step * step + state[3] * (c - 1.0) - state[4] * s
+            step = rows - shear * moved
+    c, s = math.cos(state[5] * step), math.sin(state[5] * step)
+    p, q = state[3] * c - state[4] * s, state[3] * s + state[4] * c
+    state[0] += state[1] * step + 0.5 * state[2] * step * step
+    state[1] += state[2] * step
+    state[3], state[4] = p, q
+    half = work[0]
+    for j in range(6):  # F P
+        half[0, j] = covariance[0, j] + step * (covariance[1, j] + 0.5 * step * covariance[2, j])
+        half[1, j] = covariance[1, j] + step * covariance[2, j]
+        half[2, j] = covariance[2, j]
+        half[3, j] = c * covariance[3, j] - s * covariance[4, j] - q * step * covariance[5, j]
+        half[4, j] = s * covariance[3, j] + c * covariance[4, j] + p * step * covariance[5, j]
+        half[5, j] = covariance[5, j]
+    for i in range(6):  # (F P) F'
+        covariance[i, 0] = half[i, 0] + step * (half[i, 1] + 0.5 * step * half[i, 2])
+        covariance[i, 1] = half[i, 1] + step * half[i, 2]
+        covariance[i, 2] = half[i, 2]
+        covariance[i, 3] = c * half[i, 3] - s * half[i, 4] - q * step * half[i, 5]
+        covariance[i, 4] = s * half[i, 3] + c * half[i, 4] + p * step * half[i, 5]
+        covariance[i, 5] = half[i, 5]
+    grow = abs(step)
+    covariance[2, 2] += noise[0] * grow
+    covariance[5, 5] += noise[1] * grow
+    covariance[3, 3] += noise[2] * grow
+    covariance[4, 4] += noise[2] * grow
+
+
+@kernel
+def slope_of(state: Floats, shear: float) -> float:
+    """Columns per row of the image at the row the state belongs to."""
+    rate = state[1] - state[5] * state[4]
+    return rate / (1.0 + shear * rate)
+
+
+@kernel
+def place_variance(state: Floats, covariance: Floats, shear: float) -> float:
+    """Variance of the column at which the trace crosses the row."""
+    gain = 1.0 + shear * (state[1] - state[5] * state[4])
+    return (covariance[0, 0] + 2.0 * covariance[0, 3] + covariance[3, 3]) / (gain * gain)
+
+
+@kernel
+def correct(state: Floats, covariance: Floats, shift: float, variance: float, shear: float, work: Floats) -> None:
+    """Take in a reading that lies `shift` columns from the state's own, with its variance."""
+    gain = 1.0 + shear * (state[1] - state[5] * state[4])
+    seen, spread = shift * gain, variance * gain * gain
+    column = work[0, 0]
+    for i in range(6):
+        column[i] = covariance[i, 0] + covariance[i, 3]
+    total = column[0] + column[3] + spread
+    for i in range(6):
+        state[i] += column[i] / total * seen
+    for i in range(6):
+        for j in range(6):
+            covariance[i, j] -= column[i] * column[j] / total

@@ -1,0 +1,96 @@
+"""A first look at the film: sections here and there, what swings on them, and with what spot and curve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.film.emulsion.curve import ToneCurve
+from pipeline.film.tracking.calibrate import calibrate, measure_shear
+from pipeline.film.tracking.optics import Optics
+from pipeline.film.tracking.section import Section, read_section
+from pipeline.film.tracking.seeding import find_swings
+from pipeline.film.tracking.turning_points import spot_size
+
+FIRST_ROWS = 512
+MOST_ROWS = 4096
+PLACES = (0.5, 0.15, 0.85, 0.3, 0.7, 0.02, 0.95)
+SECTION_SWINGS = 8.0
+ASKEW = (0.0, 0.009, -0.009, 0.018, -0.018, 0.027, -0.027)  # rows a column: half a degree and its multiples
+Darkness = Callable[[int, int], NDArray[np.float32]]
+
+
+def first_optics(darkness: NDArray[np.float32], sigma: float, spot: float | None) -> Optics:
+    """What a piece of film shows of spot and curve before any trace is known."""
+    width = spot or spot_size(darkness)
+    darkest = 1.1 * float(np.quantile(darkness, 1.0 - min(2e-4, 20.0 / darkness.size)))
+    return Optics(width, 0.0, ToneCurve(max(darkest, 3.0 * sigma), 0.2, 1.5), np.array([sigma**2, 10.0 * sigma**2]))
+
+
+def sections(rows: int, height: int) -> Iterator[tuple[int, int]]:
+    """Pieces to look at, the likeliest first."""
+    seen: list[int] = []
+    for place in PLACES:
+        first = int(np.clip(round(place * rows - 0.5 * height), 0, max(0, rows - height)))
+        if all(abs(first - other) >= height for other in seen):
+            seen.append(first)
+            yield first, min(rows, first + height)
+
+
+def probe(
+    darkness: Darkness,
+    rows: int,
+    sigma: float,
+    spot: float | None = None,
+    period: float | None = None,
+    count: int | None = None,
+    optics: Optics | None = None,
+) -> tuple[Section, Optics] | None:
+    """The section that shows most traces, and optics fitted to it; None if nothing swings on the film."""
+    height = round(SECTION_SWINGS * period) if period else FIRST_ROWS
+    while True:
+        best: tuple[Section, Optics] | None = None
+        for first, stop in sections(rows, height):
+            piece = darkness(first, stop)
+            guess = optics or first_optics(piece, sigma, spot)
+            read = _read_askew(piece, first, guess, period, count)
+            if read is None:
+                continue
+            section, guess = read
+            if best is None or len(section.swings) > len(best[0].swings):
+                best = section, guess
+            if len(best[0].swings) == (count or 2):
+                break
+        if best is not None:
+            return refine(*best, count, fixed=optics is not None)
+        if period or height >= min(rows, MOST_ROWS):
+            return None
+        height *= 2
+
+
+def _read_askew(
+    piece: NDArray[np.float32], first: int, guess: Optics, period: float | None, count: int | None
+) -> tuple[Section, Optics] | None:
+    """A section read with the first of several ways the slit may stand to the rows that leads anywhere."""
+    seeds = find_swings(piece, first, guess.spot, float(np.sqrt(guess.grain[0])), period)
+    for askew in ASKEW:
+        optics = guess.with_(shear=guess.shear + askew)
+        section = read_section(piece, first, optics, period, count, seeds)
+        if section is not None:
+            return section, optics
+    return None
+
+
+def refine(section: Section, optics: Optics, count: int | None, fixed: bool) -> tuple[Section, Optics]:
+    """Optics fitted to the section, the section read anew with them, and that once more."""
+    for _ in range(2):
+        optics = optics.with_(shear=optics.shear + measure_shear(section))
+        if not fixed:
+            optics = calibrate(section, optics)
+        again = read_section(section.darkness, section.first, optics, section.period, count)
+        if again is None or len(again.swings) < len(section.swings):
+            break
+        section = again
+    return section, optics

@@ -1,0 +1,96 @@
+"""Traces of a film, row by row: the recipe."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from data_schemas.errors import RefusedError
+from pipeline.film.emulsion.film_emulsion import FilmEmulsion
+from pipeline.film.parts import Expected, Scan, Tracks
+from pipeline.film.tracking.judgement import flag_lost
+from pipeline.film.tracking.optics import Optics
+from pipeline.film.tracking.passes import Film, Outcome, backward, forward
+from pipeline.film.tracking.probing import probe
+from pipeline.film.tracking.section import Section, read_section
+
+NOTHING = (
+    "no swinging trace found on the film: lines that turn at regular intervals are looked for, dark on light, with rows"
+    " running along time; check the orientation and polarity of the scan, or give period and traces"
+)
+
+
+def track(
+    scan: Scan,
+    emulsion: FilmEmulsion,
+    *,
+    expected: Expected | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Tracks:
+    """Find the traces of a film, follow them both ways and read them row by row.
+
+    Parameters
+    ----------
+    scan, emulsion
+        Of `measure_emulsion`.
+    expected : Expected, optional
+        What is known beforehand.
+    progress : callable, optional
+        Called with rows done and rows to do.
+
+    Raises
+    ------
+    RefusedError
+        Nothing swings on the film, or fewer traces than were expected.
+    """
+    expected = expected or Expected()
+    sigma = float(np.sqrt(emulsion.grain[0]))
+    given = Optics(emulsion.spot, 0.0, emulsion.curve, emulsion.grain) if emulsion.spot else None
+
+    def darkness(first: int, stop: int) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
+        return emulsion.darkness(scan.read(first, stop), first)
+
+    probed = probe(darkness, scan.rows, sigma, expected.spot, expected.rows_per_swing, expected.count, given)
+    if probed is None:
+        raise RefusedError(NOTHING)
+    section, optics = probed
+    traces = len(section.swings)
+    if expected.count is not None and traces < expected.count:
+        raise RefusedError(
+            f"count is {expected.count} traces but {traces} were found on the film: give the number that swing on it"
+        )
+    film = Film(scan, emulsion, optics, section.period)
+    begin = _first_section(film, section)
+    total = 2 * scan.rows
+    tell = (lambda done: progress(done, total)) if progress is not None else (lambda done: None)
+    ahead = forward(film, begin, tell)
+    blank = float(emulsion.blank.darkness.max())
+    out = Outcome.empty(traces, scan.rows, optics.shear, float(np.log10(emulsion.full_scale / 0.75)) - blank)
+    backward(film, ahead, tell, out)
+    for k in range(traces):
+        flag_lost(out.position[k], out.course[k], out.qc[k], film.period)
+    return Tracks(
+        out.position,
+        out.sigma,
+        out.course,
+        out.slope,
+        out.curvature,
+        out.brightness,
+        out.qc,
+        film.period,
+        optics.spot,
+    )
+
+
+def _first_section(film: Film, probed: Section) -> Section:
+    """The first section of the film on which all traces are found."""
+    height = round(6.0 * film.period)
+    for first, _ in film.pieces:
+        if first >= probed.first:
+            break
+        piece = film.darkness(first, min(film.scan.rows, first + height))
+        section = read_section(piece, first, film.optics, film.period, len(probed.swings))
+        if section is not None and len(section.swings) == len(probed.swings):
+            return section
+    return probed

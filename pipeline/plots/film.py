@@ -1,0 +1,281 @@
+"""A film and what was read of it: the image in strips, one under the other, with traces, marks and flags on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from data_schemas.errors import UsageError
+from data_schemas.variables_record import ELONGATION_FLAGS
+from pipeline.plots.canvas import GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, panel, sheet
+from pipeline.plots.film_image import picture
+from pipeline.plots.series import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from pipeline.film.parts import Scan
+    from pipeline.film.reading import Reading
+
+_STRIP = 30.0  # s of film a strip, if that makes no more than the most
+_MOST_STRIPS = 12
+_WIDTH, _HEIGHT = 15.0, 20.0  # inches, of all strips
+_DOTS = 1750  # across a strip
+_FINE = 2.0  # rows to a dot up to which single readings are drawn
+_TRACES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
+_FLAGS = {
+    "ambiguous": VERMILION,
+    "lost": PURPLE,
+    "single_direction": ORANGE,
+    "overlap": SKY,
+    "gap": GREY,
+    "saturated": GREEN,
+}
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A piece of film: rows `first` to `stop`, columns `left` to `right`."""
+
+    first: int
+    stop: int
+    left: int
+    right: int
+
+
+def film_figure(reading: Reading, start: float | None = None, stop: float | None = None) -> Figure:
+    """Draw a film and what was read of it, time to the right.
+
+    Parameters
+    ----------
+    reading : Reading
+    start, stop : float, optional
+        Part of the film, s by the chronometer; all of it by default.
+
+    Raises
+    ------
+    UsageError
+        The film shows nothing of that time.
+    """
+    first, last = _rows(reading, start, stop)
+    strips = _strips(reading.scan, first, last, _reach(reading, first, last), _seconds_per_row(reading))
+    title = "Film, and what was read of it"
+    figure, axes = _sheet(title, _subtitle(reading), strips)
+    for place, strip in zip(axes, strips, strict=True):
+        _draw_image(place, reading.scan, strip)
+        _draw_traces(place, reading, strip)
+        _draw_marks(place, reading, strip)
+        _draw_flags(place, reading, strip)
+        _label_time(place, reading, strip)
+    _legend(figure, reading)
+    return figure
+
+
+def unread_figure(scan: Scan, why: str) -> Figure:
+    """Draw a film that could not be read, and say why.
+
+    Parameters
+    ----------
+    scan : Scan
+    why : str
+        One line.
+    """
+    strips = _strips(scan, 0, scan.rows, (0, scan.columns), 0.0)
+    figure, axes = _sheet("Film, not read", why if len(why) < 190 else why[:187] + "...", strips)
+    for place, strip in zip(axes, strips, strict=True):
+        _draw_image(place, scan, strip)
+        place.set_xlabel("row")
+    return figure
+
+
+def _rows(reading: Reading, start: float | None, stop: float | None) -> tuple[int, int]:
+    """Rows of a part of the time."""
+    if start is None and stop is None:
+        return 0, reading.scan.rows
+    seconds = reading.axis.seconds
+    known = np.flatnonzero(np.isfinite(seconds))
+    begin, end = (float(seconds[known[0]]), float(seconds[known[-1]])) if known.size else (0.0, 0.0)
+    inside = known[
+        (seconds[known] >= (begin if start is None else start)) & (seconds[known] <= (end if stop is None else stop))
+    ]
+    if inside.size < 8:
+        raise UsageError(f"the film reaches from {begin:.1f} to {end:.1f} s; give --from and --to within it")
+    return int(inside[0]), int(inside[-1]) + 1
+
+
+def _seconds_per_row(reading: Reading) -> float:
+    known = np.flatnonzero(np.isfinite(reading.axis.seconds))
+    if known.size < 2:
+        return 0.0
+    return float(np.ptp(reading.axis.seconds[known[[0, -1]]]) / (known[-1] - known[0]))
+
+
+def _reach(reading: Reading, first: int, last: int) -> tuple[int, int]:
+    """Columns that the traces reach in some rows, with a margin."""
+    course = reading.tracks.course[:, first:last]
+    places = np.concatenate(
+        [course[np.isfinite(course)], reading.strobe.position[np.isfinite(reading.strobe.position)]]
+    )
+    if places.size == 0:
+        return 0, reading.scan.columns
+    low, high = np.percentile(places, [0.05, 99.95])
+    margin = 0.06 * (high - low) + 30.0
+    return max(0, int(low - margin)), min(reading.scan.columns, int(high + margin))
+
+
+def _strips(scan: Scan, first: int, last: int, columns: tuple[int, int], seconds_per_row: float) -> list[Strip]:
+    length = _STRIP / seconds_per_row if seconds_per_row > 0.0 else 1800.0
+    count = int(np.clip(np.ceil((last - first) / length - 0.05), 1, _MOST_STRIPS))
+    edges = np.linspace(first, last, count + 1).astype(int)
+    return [Strip(int(a), int(b), *columns) for a, b in pairwise(edges)]
+
+
+def _sheet(title: str, subtitle: str, strips: Sequence[Strip]) -> tuple[Figure, list[Axes]]:
+    """An empty figure with a panel for each strip, as high as the film is wide, within reason."""
+    strip = strips[0]
+    true = (_WIDTH - 1.0) * (strip.right - strip.left) / (strip.stop - strip.first)
+    height = float(np.clip(true, 1.5, np.clip(_HEIGHT / len(strips), 1.8, 9.0)))
+    figure = sheet(title, subtitle, _WIDTH, 1.15 + len(strips) * (height + 0.45))
+    grid = figure.add_gridspec(len(strips), 1)
+    axes = [panel(figure, grid[row, 0], "", "", "column") for row in range(len(strips))]
+    for place in axes:
+        place.grid(False)
+    return figure, axes
+
+
+def _draw_image(axes: Axes, scan: Scan, strip: Strip) -> None:
+    grey = picture(scan, strip.first, strip.stop, strip.left, strip.right, _DOTS)
+    extent = (strip.first, strip.stop, strip.left, strip.right)
+    axes.imshow(
+        grey.T, origin="lower", extent=extent, aspect="auto", cmap="gray", vmin=0.0, vmax=1.0, interpolation="none"
+    )
+    axes.set_xlim(strip.first, strip.stop)
+    axes.set_ylim(strip.left - 0.06 * (strip.right - strip.left), strip.right)
+
+
+def _draw_traces(axes: Axes, reading: Reading, strip: Strip) -> None:
+    """Readings as dots where there is room for them, else as lines; the course thin through the gaps."""
+    tracks = reading.tracks
+    rows = np.arange(strip.first, strip.stop) + 0.5
+    part = slice(strip.first, strip.stop)
+    fine = (strip.stop - strip.first) <= _FINE * _DOTS
+    for trace in range(tracks.course.shape[0]):
+        color = _TRACES[trace % len(_TRACES)]
+        axes.plot(rows, tracks.course[trace, part], color=color, linewidth=0.5, alpha=0.55)
+        if fine:
+            size = float(np.clip(2.5 * _DOTS / (strip.stop - strip.first), 0.8, 5.0))
+            axes.plot(rows, tracks.position[trace, part], ".", color=color, markersize=size, markeredgewidth=0)
+    if reading.kind == "strobe" or (strip.stop - strip.first) * 4 <= _DOTS:
+        _draw_strobe(axes, reading, strip)
+
+
+def _draw_strobe(axes: Axes, reading: Reading, strip: Strip) -> None:
+    """Places read at the marks, as rings."""
+    strobe = reading.strobe
+    for trace in range(strobe.position.shape[0]):
+        rows = _rows_of(
+            reading, np.asarray(strobe.index * reading.axis.interval, dtype=np.float64), trace, strobe.position[trace]
+        )
+        shown = (rows >= strip.first) & (rows < strip.stop)
+        axes.plot(
+            rows[shown], strobe.position[trace][shown], "o", markersize=4, fillstyle="none", markeredgewidth=0.8,
+            color=_TRACES[trace % len(_TRACES)],
+        )  # fmt: skip
+
+
+def _rows_of(reading: Reading, seconds: Floats, trace: int, column: Floats) -> Floats:
+    """Rows at which a trace showed some instants."""
+    known = np.flatnonzero(np.isfinite(reading.axis.seconds))
+    if known.size < 2:
+        return np.full(seconds.shape, np.nan)
+    at = np.interp(seconds, reading.axis.seconds[known], known + 0.5, left=np.nan, right=np.nan)
+    return np.asarray(at + reading.axis.offset[trace] + reading.axis.shear * column)
+
+
+def _draw_marks(axes: Axes, reading: Reading, strip: Strip) -> None:
+    """Marks as ticks along the upper edge, full minutes long and named."""
+    axis = reading.axis
+    per_minute = round(60.0 / axis.interval)
+    top, span = strip.right, strip.right - strip.left
+    shown = (axis.row >= strip.first) & (axis.row < strip.stop)
+    axes.vlines(axis.row[shown], top - 0.02 * span, top, color="black", linewidth=0.6)
+    for row, index in zip(axis.row[shown], axis.index[shown], strict=True):
+        if index % per_minute == 0:
+            axes.vlines(row, top - 0.07 * span, top, color="black", linewidth=1.6)
+            label = f" {index * axis.interval / 60.0:g} min"
+            axes.text(row, top - 0.01 * span, label, fontsize=8.5, va="top", fontweight="bold", clip_on=True)
+
+
+def _draw_flags(axes: Axes, reading: Reading, strip: Strip) -> None:
+    """Each trace's flags as a bar along the lower edge."""
+    from matplotlib.colors import to_rgb
+
+    tracks, span = reading.tracks, 0.055 * (strip.right - strip.left)
+    count = tracks.qc.shape[0]
+    for trace in range(count):
+        qc = tracks.qc[trace, strip.first : strip.stop]
+        blocks = np.array_split(qc, min(_DOTS, qc.size))
+        colors = np.ones((1, len(blocks), 3))
+        for number, block in enumerate(blocks):
+            worst = np.bitwise_or.reduce(block)
+            name = next((name for name in _FLAGS if worst & ELONGATION_FLAGS[name]), None)
+            if name is not None:
+                colors[0, number] = to_rgb(_FLAGS[name])
+        low = strip.left - 0.06 * (strip.right - strip.left) + trace * span / count
+        extent = (strip.first, strip.stop, low, low + span / count)
+        axes.imshow(colors, origin="lower", extent=extent, aspect="auto", interpolation="none")
+        axes.axhline(low + span / count, color=_TRACES[trace % len(_TRACES)], linewidth=0.6)
+    axes.set_xlim(strip.first, strip.stop)
+    axes.set_ylim(strip.left - 0.06 * (strip.right - strip.left), strip.right)
+
+
+def _label_time(axes: Axes, reading: Reading, strip: Strip) -> None:
+    """Seconds along the lower edge; rows where no time is known."""
+    seconds = reading.axis.seconds[strip.first : strip.stop]
+    known = np.flatnonzero(np.isfinite(seconds))
+    if known.size < 2:
+        axes.set_xlabel("row")
+        return
+    from matplotlib.ticker import MaxNLocator
+
+    ticks = MaxNLocator(15, steps=[1, 2, 5, 10]).tick_values(float(seconds[known[0]]), float(seconds[known[-1]]))
+    ticks = ticks[(ticks >= seconds[known[0]]) & (ticks <= seconds[known[-1]])]
+    rows = np.interp(ticks, seconds[known], known + strip.first + 0.5)
+    axes.set_xticks(rows, [f"{tick:g} s" for tick in ticks])
+
+
+def _subtitle(reading: Reading) -> str:
+    from pipeline.film.reading import accepted_fraction
+    from pipeline.film.record import flags
+
+    named = ", ".join(path.name for path in reading.scan.paths)
+    raised = ", ".join(flags(reading)) or "no flags"
+    part = 100.0 * accepted_fraction(reading.tracks, reading.axis)
+    return (
+        f"{named} · {part:.1f} % of the rows read · {reading.axis.index.size} marks · {reading.kind} reading · {raised}"
+    )
+
+
+def _legend(figure: Figure, reading: Reading) -> None:
+    """Colours of traces and flags, beside the heading."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Any] = [
+        Line2D([], [], color=_TRACES[trace % len(_TRACES)], label=f"trace {trace + 1} from the left")
+        for trace in np.argsort([np.nanmean(course) for course in reading.tracks.course])
+    ]
+    raised = int(np.bitwise_or.reduce(reading.tracks.qc, axis=None))
+    handles += [
+        Patch(color=color, label=name.replace("_", " "))
+        for name, color in _FLAGS.items()
+        if raised & ELONGATION_FLAGS[name]
+    ]
+    # at most five to a row: they share the height with the heading
+    columns = -(-len(handles) // 2) if len(handles) > 5 else len(handles)
+    figure.legend(handles=handles, loc="upper right", ncols=columns, fontsize=8.5, frameon=False, borderaxespad=0.4)

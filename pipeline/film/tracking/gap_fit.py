@@ -124,14 +124,14 @@ def fit_gaps(
                     dark_from, dark_to = max(-reach, min(reach, dark_from)), max(-reach, min(reach, dark_to))
                     count = 0
                     if dark_to > dark_from:
-                        count = light_nodes(states[i, k], spot, shear, dark_from, dark_to, 1.0, nodes, 0)
+                        count = light_nodes(states[i, k], spot, shear, dark_from, dark_to, 1.0, nodes, 0, MOST_NODES)
                     lost = edges[0, :, :size]
                     profile(nodes, count, 0.0, spot, left, lost)
                     for j in range(size):
                         closed[1, j] = max(closed[0, j] - lamp[k, i] * lost[0, j], 0.0)
-                    light_nodes(states[i, k], spot, shear, dark_from - STEP, dark_from + STEP, 0.5 / STEP, nodes, 0)
+                    light_nodes(states[i, k], spot, shear, dark_from - STEP, dark_from + STEP, 0.5 / STEP, nodes, 0, 2)
                     profile(nodes, 2, 0.0, spot, left, edges[0, :, :size])
-                    light_nodes(states[i, k], spot, shear, dark_to - STEP, dark_to + STEP, 0.5 / STEP, nodes, 0)
+                    light_nodes(states[i, k], spot, shear, dark_to - STEP, dark_to + STEP, 0.5 / STEP, nodes, 0, 2)
                     profile(nodes, 2, 0.0, spot, left, edges[1, :, :size])
                     for j in range(size):
                         place = closed[1, j] / table_step
@@ -182,7 +182,7 @@ def take_gaps(
         begin = max(-reach, along_film(state, shear, gaps[g, 0] - row))
         stop = min(reach, along_film(state, shear, gaps[g, 1] - row))
         if stop > begin:
-            count = light_nodes(state, spot, shear, begin, stop, factor, nodes, 0)
+            count = light_nodes(state, spot, shear, begin, stop, factor, nodes, 0, MOST_NODES)
             profile(nodes, count, 0.0, spot, left, work)
             for j in range(work.shape[1]):
                 part[0, j] += work[0, j]

@@ -34,11 +34,19 @@ def finest_step(state: Floats, spot: float) -> float:
 
 @kernel
 def light_nodes(
-    state: Floats, spot: float, shear: float, begin: float, stop: float, factor: float, nodes: Floats, count: int
+    state: Floats,
+    spot: float,
+    shear: float,
+    begin: float,
+    stop: float,
+    factor: float,
+    nodes: Floats,
+    count: int,
+    most: int,
 ) -> int:
-    """Add the nodes of one stretch, `begin` to `stop` along the film from this row, to the `count` there are."""
+    """Add the nodes of one stretch, `begin` to `stop` along the film from this row, to the `count` there are, `most` in all."""
     step = finest_step(state, spot)
-    number = min(max(int((stop - begin) / step) + 1, 2), nodes.shape[1] - count)
+    number = min(max(int((stop - begin) / step) + 1, 2), most - count)
     step = (stop - begin) / number
     along = begin + 0.5 * step
     c, s = math.cos(state[5] * step), math.sin(state[5] * step)
@@ -86,7 +94,7 @@ def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float,
     """
     steepest = abs(state[1]) + abs(state[5]) * math.sqrt(state[3] * state[3] + state[4] * state[4])
     reach = REACH * spot * (1.0 + abs(shear) * steepest)
-    count = light_nodes(state, spot, shear, -reach, reach, 1.0, nodes[:, :FULL_NODES], 0)
+    count = light_nodes(state, spot, shear, -reach, reach, 1.0, nodes, 0, FULL_NODES)
     for g in range(gaps.shape[0]):
         if gaps[g, 1] < row - REACH * spot:
             continue
@@ -94,8 +102,8 @@ def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float,
             break
         begin = max(-reach, along_film(state, shear, gaps[g, 0] - row))
         stop = min(reach, along_film(state, shear, gaps[g, 1] - row))
-        if stop > begin and count < nodes.shape[1] - 2:
-            count = light_nodes(state, spot, shear, begin, stop, -1.0, nodes, count)
+        if stop > begin and count < MOST_NODES - 2:
+            count = light_nodes(state, spot, shear, begin, stop, -1.0, nodes, count, MOST_NODES)
     return count
 
 
@@ -111,19 +119,9 @@ def profile(nodes: Floats, count: int, shift: float, spot: float, first: int, ou
     for i in range(size):
         out[0, i] = 0.0
         out[1, i] = 0.0
-    add_profile(nodes, 0, count, shift, spot, first, out)
-    for i in range(size):
-        out[1, i] *= 2.0 * scale
-
-
-@kernel
-def add_profile(nodes: Floats, begin_node: int, count: int, shift: float, spot: float, first: int, out: Floats) -> None:
-    """Add nodes `begin_node` to `count`: exposure, and exposure times distance."""
-    scale = 0.5 / (spot * spot)
     reach = REACH * spot
     bend = math.exp(-2.0 * scale)
-    size = out.shape[1]
-    for n in range(begin_node, count):
+    for n in range(count):
         column = nodes[0, n] + shift - first
         begin = max(0, int(math.ceil(column - reach - 0.5)))
         stop = min(size, int(math.floor(column + reach - 0.5)) + 1)
@@ -138,3 +136,5 @@ def add_profile(nodes: Floats, begin_node: int, count: int, shift: float, spot: 
             value *= factor
             factor *= bend
             away += 1.0
+    for i in range(size):
+        out[1, i] *= 2.0 * scale

@@ -13,7 +13,7 @@ from pipeline.film.tracking.optics import Optics
 from pipeline.film.tracking.pieces import Filter, Piece, run, start
 from pipeline.film.tracking.seeding import SAME, Swing, find_swings
 
-LEAST_USED = 0.6  # share of rows read by which a seed proves true
+LEAST_USED = 0.45  # share of rows read by which a seed proves true
 LEAST_SWINGS = 1.6
 PERIOD_SLACK = 0.12
 

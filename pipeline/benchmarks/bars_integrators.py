@@ -12,7 +12,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pipeline.benchmarks import ensemble_race
 from pipeline.benchmarks.bar import Row, at_least, not_measured, reported
 from pipeline.benchmarks.curves import of, own, time_at
-from pipeline.benchmarks.problems import problems
+from pipeline.benchmarks.own import OWN
+from pipeline.benchmarks.problems import Problem, problems
 from pipeline.benchmarks.references import reference
 from pipeline.benchmarks.work_precision import Point, contenders, sweep
 
@@ -26,10 +27,14 @@ def rows(*, quick: bool) -> Iterator[Row]:
     """Measure what the bars need and yield them; quick problems are a tenth as long."""
     found = {}
     for name, problem in problems(quick=quick).items():
-        names = [each for each in contenders(problem) if each in _WANTED or not each[0].isupper() or each == "Radau"]
-        found[name] = sweep(problem, reference(problem), quick=quick, names=names)
+        found[name] = sweep(problem, reference(problem), quick=quick, names=rivals(problem))
     found[ensemble_race.NAME] = ensemble_race.race(quick=quick)[2]
     yield from not_judged(judged(found)) if quick else judged(found)
+
+
+def rivals(problem: Problem) -> list[str]:
+    """All propagators of the project, and the peers that bars are set on."""
+    return [each for each in contenders(problem) if each in OWN or each in _WANTED]
 
 
 def not_judged(rows: Iterator[Row]) -> Iterator[Row]:

@@ -14,7 +14,7 @@ hour at 25 Hz, 1e-4 rad, Theta1 = 10 mrad and (n1-n2)/n2 = 1e-4; a hundred times
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,6 +62,12 @@ class Departures:
         """1 sigma of n2 from their uncertainty, once they are corrected, rad s-1."""
         return float(np.sqrt(np.abs(self.by_unit @ self.covariance @ self.by_unit)))
 
+    def less_certain(self, sigma: Floats) -> Departures:
+        """The same with a further independent 1 sigma, (k,)."""
+        covariance = self.covariance + np.diag(sigma**2)
+        significance = float(self.value @ np.linalg.solve(covariance, self.value))
+        return replace(self, sigma=np.sqrt(np.diag(covariance)), covariance=covariance, significance=significance)
+
 
 def probes(model: Model, count: int) -> Floats:
     """Columns by delay, gain and (count 3) damping difference, (count, n)."""
@@ -80,6 +86,7 @@ def fit_departures(
     wanted: list[int],
     noise: tuple[float, float],
     linear: tuple[complex, float, float],
+    spread: Callable[[Floats], Floats] = np.asarray,
 ) -> Departures:
     """Fit some of the columns to the residual, the identity's own parameters free beside them.
 
@@ -94,9 +101,12 @@ def fit_departures(
     wanted : list of int
         Which of them.
     noise : (2,) tuple
-        White noise of difference and first trace, rad.
+        White noise of the difference's readings and of the first trace on its grid, rad.
     linear : tuple
-        Eigenvalue of the free swing, step, and 1 - (n2/n1)^2, by which noise of the first trace reaches the difference.
+        Eigenvalue of the free swing, step of the first pendulum's grid, and 1 - (n2/n1)^2, by which noise of the first
+        trace reaches the difference.
+    spread : callable
+        Takes a row at the residual's places to the first pendulum's grid.
     """
     both = np.concatenate([columns[wanted], tangents])
     used = np.isfinite(residual) & np.isfinite(both).all(axis=0)
@@ -110,9 +120,10 @@ def fit_departures(
     size = len(wanted)
     covariance = noise[0] ** 2 * rows[:size] @ rows[:size].T
     eigenvalue, step, apart = linear
-    through = np.empty((size, left.size))
-    turn, still = complex(np.exp(eigenvalue * step)), np.zeros(left.size)
-    for row, out in zip(rows[:size], through, strict=True):
+    spread_rows = [spread(row) for row in rows[:size]]
+    through = np.empty((size, spread_rows[0].size))
+    turn, still = complex(np.exp(eigenvalue * step)), np.zeros(through.shape[1])
+    for row, out in zip(spread_rows, through, strict=True):
         adjoint(row, still, turn, eigenvalue.imag, step, out)
     through *= step * apart * eigenvalue.imag**2
     covariance += noise[1] ** 2 * through @ through.T

@@ -16,8 +16,8 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.observation import Observation
 from pipeline.prepared import Prepared, prepare
-from pipeline.projection.sampling import MOST_ANGLE
 from pipeline.sensors.departures import DAMPING, DELAY, GAIN
+from pipeline.sensors.places import Places
 from pipeline.sensors.roles import in_their_places, trimmed
 from pipeline.sensors.shifting import advanced
 from pipeline.sensors.state import NEGLIGIBLE, SIGNIFICANT, State, fit, milligal, stands_out, unexplained
@@ -82,8 +82,6 @@ def examine(seen: Observation) -> Examination:
     RefusedError
         The record cannot be prepared, or its difference is none.
     """
-    if seen.step is None or seen.step * float(seen.frequency_reference[1]) > MOST_ANGLE:
-        return Examination(prepare(seen))
     prepared = prepare(seen)
     placed, swapped = in_their_places(prepared)
     if swapped:
@@ -190,11 +188,14 @@ def _followed(prepared: Prepared, real: bool, sign: float, start: float) -> tupl
 
 def corrected(seen: Observation, prepared: Prepared, delay: float, gain: float) -> Observation:
     """The observation with its first trace advanced by the delay and divided by the gain (with its sign)."""
-    step, frequency = prepared.whole_step, prepared.nominal
-    theta = advanced(prepared.whole, step, delay, frequency) / gain
+    if not delay:
+        return trimmed(replace(seen, theta=prepared.observation.theta / gain))
+    places = Places.of(prepared)
+    theta = places.at_readings(advanced(places.theta, places.step, delay, prepared.nominal)) / gain
     missing = np.isnan(prepared.observation.theta)
-    if missing.any() and delay:
-        at = np.clip(np.arange(theta.size) + round(delay / step), 0, theta.size - 1)
+    if missing.any():
+        # a reading comes from about `delay` later
+        at = np.searchsorted(seen.time, seen.time + delay - 0.5 * places.step).clip(0, theta.size - 1)
         missing = missing[at]
     theta[missing] = np.nan
     return trimmed(replace(seen, theta=theta))

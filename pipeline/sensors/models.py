@@ -1,4 +1,8 @@
-"""The difference as either identity makes it of the first trace, its tangents, and what is left of the readings."""
+"""The difference as either identity makes it of the first trace, its tangents, and what is left of the readings.
+
+All three lie at the readings of the difference where its times are uneven, else on the grid of the first pendulum, at
+marks a finer one than was read, where the residual is missing between the marks.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ from pipeline.arrays import Floats
 from pipeline.prepared import Prepared
 from pipeline.projection.solve import ProjectionFit, UniformProblem, oscillation
 from pipeline.sensors.departures import Model
+from pipeline.sensors.places import Places
 from pipeline.sensors.shifting import advanced
 
 _NUDGE = 1e-7  # of the frequency, for central differences
@@ -23,6 +28,8 @@ class Fitted:
     ----------
     model : callable
         See `departures.Model`.
+    places : Places
+        The grid of the first pendulum and where the rows lie.
     tangents : (p, n) array
         By n2, the start, the offset and, where it is fitted, gamma2; any units but that of n2, rad s-1.
     residual : (n,) array
@@ -34,6 +41,7 @@ class Fitted:
     """
 
     model: Model
+    places: Places
     tangents: Floats
     residual: Floats
     noise: float
@@ -57,19 +65,19 @@ def linear(prepared: Prepared, fit: ProjectionFit) -> Fitted:
     """The linear identity, from its fit to the record."""
     from pipeline.methods.projection import residual_colour
 
-    seen, step = prepared.observation, prepared.whole_step
-    theta, gamma, frequency = prepared.whole, fit.damping_rate, fit.frequency
+    seen, places = prepared.observation, Places.of(prepared)
+    theta, step, gamma, frequency = places.theta, places.step, fit.damping_rate, fit.frequency
 
     def response(series: Floats, n: float, apart: float, decay: float = gamma) -> Floats:
         problem = UniformProblem(series, series, step, prepared.nominal, seen.frequency_ratio, apart)
         problem.respond(n, decay)
-        return problem.response
+        return places.at_rows(problem.response)
 
     def model(delay: float, gain: float, apart: float) -> Floats:
         trace = read(theta, step, frequency, delay, gain)
         return response(trace, frequency, seen.damping_difference + apart)
 
-    time = np.arange(theta.size) * step
+    time = places.time
     lam = complex(-gamma, oscillation(frequency, gamma))
     turn = np.exp(lam * time)
     free = complex(fit.coefficient[1], fit.coefficient[0]) * turn  # its imaginary part is the free swing
@@ -82,6 +90,7 @@ def linear(prepared: Prepared, fit: ProjectionFit) -> Fitted:
         rows.append((up - down) / (2.0 * nudge) - time * free.imag)
     return Fitted(
         model=model,
+        places=places,
         tangents=np.stack(rows),
         residual=fit.residual,
         noise=fit.noise,
@@ -106,15 +115,21 @@ def nonlinear(prepared: Prepared, fit: ProjectionFit) -> Fitted:
     iteration = begin(prepared, fit)
     found = fit_inversion(iteration, fit_damping=prepared.known_damping is None)
     inside, apart_now = iteration.motion.inside, prepared.observation.damping_difference
+    places = Places.of(prepared)
     columns, plain, frequency = iteration.columns[1:], iteration.about.copy(), iteration.frequency
     tilt = iteration.damping_rate
 
+    def rows_of(inner: Floats) -> Floats:
+        whole = np.full(places.theta.size, np.nan)
+        whole[inside] = inner
+        return places.at_rows(whole)
+
     def model(delay: float, gain: float, apart: float) -> Floats:
-        trace = read(prepared.whole, prepared.whole_step, frequency, delay, gain)
+        trace = read(places.theta, places.step, frequency, delay, gain)
         other = begin(prepared, replace(fit, damping_rate=tilt), trace, apart_now + apart)
         other.adopt(iteration)
         other.sweep()
-        return np.asarray(other.columns[0].copy())
+        return rows_of(other.columns[0])
 
     rows = [columns[2], columns[0], columns[1], np.ones(plain.size)]
     if prepared.known_damping is None:
@@ -123,8 +138,9 @@ def nonlinear(prepared: Prepared, fit: ProjectionFit) -> Fitted:
     shown = replace(fit, frequency=found.frequency, noise=found.noise, samples=found.samples, residual=residual)
     return Fitted(
         model=model,
-        tangents=np.stack(rows),
-        residual=residual[inside],
+        places=places,
+        tangents=np.stack([rows_of(row) for row in rows]),
+        residual=residual,
         noise=found.noise,
         colour=residual_colour(shown, prepared),
         frequency=found.frequency,

@@ -13,8 +13,9 @@ from pipeline.sensors.models import Fitted, linear, nonlinear
 
 SIGNIFICANT = 4.0  # sigmas
 NEGLIGIBLE = 0.01  # mGal
-VISIBLE = 1e-5  # of the amplitude: a smaller residual tells of nothing
+VISIBLE, VISIBLE_AT_MARKS = 1e-5, 1e-4  # of the amplitude: a smaller residual tells of nothing
 ABOVE_WHITE = 1.2  # residual over the noise that neighbouring readings leave unexplained
+BETWEEN_MARKS = 3e-4  # of the first pendulum's swing as told from readings twice a swing; measured: 1e-4 and less
 COLOURED = 3.0  # power near the swing over white, from which a residual is not noise
 
 
@@ -50,14 +51,19 @@ def fit(prepared: Prepared, fitted: Fitted, wanted: list[int]) -> Departures:
     """Departures of a fitted record."""
     seen = prepared.observation
     noise = prepared.noise_theta if np.isfinite(prepared.noise_theta) else (seen.sigma_theta or fitted.noise)
-    return fit_departures(
+    found = fit_departures(
         fitted.residual,
         fitted.tangents,
         probes(fitted.model, max(wanted) + 1),
         wanted,
-        (fitted.noise, noise),
-        (fitted.eigenvalue, prepared.whole_step, 1.0 - seen.frequency_ratio**-2),
+        (fitted.noise, noise * fitted.places.thinness),
+        (fitted.eigenvalue, fitted.places.step, 1.0 - seen.frequency_ratio**-2),
+        fitted.places.spread,
     )
+    if not fitted.places.between_readings:
+        return found
+    units = np.array([1.0 / fitted.frequency, 1.0, fitted.frequency])[wanted]
+    return found.less_certain(BETWEEN_MARKS * units)
 
 
 def stands_out(state: State) -> bool:
@@ -80,7 +86,8 @@ def milligal(change: float, prepared: Prepared) -> float:
 def unexplained(state: State) -> bool:
     """Whether the residual shows more than the readings' noise."""
     prepared, noise = state.prepared, state.fitted.noise
-    if noise < VISIBLE * float(np.nanmedian(np.abs(prepared.blocks.difference))):
+    visible = VISIBLE_AT_MARKS if state.fitted.places.between_readings else VISIBLE
+    if noise < visible * float(np.nanmedian(np.abs(prepared.blocks.difference))):
         return False
     white = prepared.noise_difference
     return state.fitted.colour > COLOURED or bool(noise > ABOVE_WHITE * white)

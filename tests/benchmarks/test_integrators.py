@@ -196,3 +196,10 @@ def test_tolerances_fit_methods_and_problems() -> None:
     assert set(OWN) < set(contenders(SHORT["beam"]))
     assert "CyRK RADAU" not in contenders(SHORT["beam"])
     assert "CyRK RADAU" in contenders(EVERY["stiff beam"])
+
+
+@pytest.mark.parametrize("name", problems(quick=True))
+def test_bars_ask_every_propagator(name: str) -> None:
+    asked = bars_integrators.rivals(problems(quick=True)[name])
+    assert set(OWN) <= set(asked)
+    assert "heyoka" in asked

@@ -11,8 +11,9 @@ from made_records import changed, error, row, simulate
 
 import synth
 from data_schemas.errors import RefusedError
+from data_schemas.scene_recording import Recording
 from pipeline import process
-from pipeline.benchmarks.scenes_real import real_heave
+from pipeline.benchmarks.scenes_real import real, real_heave
 from pipeline.flags import SENSORS
 from pipeline.observation import Observation, observe
 from pipeline.prepared import prepare
@@ -21,6 +22,7 @@ from pipeline.reduction import reduce_by
 from pipeline.sensors.departures import DELAY, GAIN, fit_departures, probes
 from pipeline.sensors.examination import Examination, examine
 from pipeline.sensors.models import linear
+from pipeline.sensors.places import Places
 from pipeline.sensors.roles import in_their_places
 from pipeline.sensors.shifting import advanced
 
@@ -154,11 +156,53 @@ def test_gaps_stay_gaps() -> None:
     assert found.delay == pytest.approx(0.13, abs=1e-4)
 
 
-def test_marks_and_uneven_times_are_not_examined() -> None:
-    record, _ = simulate(marks=True, duration=320.0)
-    result = process(record, method="projection")
-    assert np.isnan(result.attrs["first_trace_delay_sigma_s"])
-    assert result.attrs["first_trace_delay_s"] == 0.0
+def seen_otherwise(at: str, late: float, noise: float = 0.0, pair: Pair = PAIR) -> Observation:
+    """As `wrong`, read twice a swing or at uneven times."""
+    random = np.random.default_rng(6)
+    step = 0.5 if at == "marks" else None
+    time = np.arange(1600) * 0.5 if at == "marks" else np.sort(TIME + random.uniform(0.0, 0.06, COUNT))
+    theta = pair.elongation(0, time - late) + noise * random.normal(size=time.size)
+    difference = pair.difference(time) + noise * random.normal(size=time.size)
+    return pair.observe(time - time[0], step=step, theta=theta, difference=difference)
+
+
+@pytest.mark.parametrize("at", ["marks", "uneven"])
+@pytest.mark.parametrize("noise", [0.0, 2e-5])
+def test_a_delay_is_found_however_the_record_was_read(at: str, noise: float) -> None:
+    found = examine(seen_otherwise(at, 0.02, noise))
+    assert found.flags == ("traces-time-offset",)
+    assert abs(found.delay - 0.02) < 4.0 * found.delay_sigma + 1e-7
+    off, sigma = left(found)
+    assert abs(off) < 4.0 * sigma + 1e-3
+    clean = examine(seen_otherwise(at, 0.0, noise))
+    assert clean.flags == ()
+    assert clean.delay == 0.0
+
+
+def test_a_grid_at_uneven_times_and_back() -> None:
+    places = Places.of(prepare(seen_otherwise("uneven", 0.0)))
+    swing = np.cos(PAIR.frequency[1] * np.arange(places.theta.size) * places.step)
+    assert np.abs(places.at_rows(swing) - np.cos(PAIR.frequency[1] * places.time)).max() < 1e-9
+    row = np.random.default_rng(1).normal(size=places.time.size)
+    assert places.spread(row).sum() == pytest.approx(row.sum())
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("recording", [{"marks": True}, {"jitter": 0.01}])
+def test_real_pendulums_read_otherwise(recording: dict[str, object]) -> None:
+    scene = real(1e-3, duration=900.0)
+    kept = {"sampling_rate": scene.recording.sampling_rate} if "jitter" in recording else {}
+    record, _ = synth.simulate(scene.model_copy(update={"recording": Recording(**kept, **recording)}))
+    assert set(row(record, "shooting")["flags"]).isdisjoint(SENSORS)
+    values = record["record"]["elongation"].values.copy()
+    values[0] *= 1.02
+    spoilt = changed(record, "record", "elongation", values)
+    value = row(spoilt, "shooting")
+    if "marks" in recording:  # what swell does between the marks may hide it: said, not silent
+        assert {"traces-gain", "residual-not-white"} & set(value["flags"])
+        return
+    assert "traces-gain" in value["flags"]
+    assert abs(value["gravity_m_s2"] - scene.gravity) * 1e5 < 4.0 * value["gravity_sigma_mgal"]
 
 
 def test_the_result_says_what_was_corrected() -> None:

@@ -19,7 +19,7 @@ _NOT_READ = ELONGATION_FLAGS["lost"] | ELONGATION_FLAGS["ambiguous"]
 
 @dataclass(frozen=True)
 class OwnReading:
-    """A reading and its scores; how far its time lies off by whole marks, s; which of its traces is which of truth's."""
+    """A reading and its scores; how far its time lies off by whole marks, s; which trace of truth each of its is."""
 
     reading: Reading
     scores: dict[str, Any]

@@ -60,6 +60,6 @@ def draw(table: Sequence[Mapping[str, Any]], path: str | os.PathLike[str]) -> No
                     axes.plot(*np.array(points).T, color=colour, marker="o", markersize=4.0, label=name)
             if scale == "linear":
                 axes.set_ylim(-0.02, 1.02)
-            if across == 0 and down == 0:
-                axes.legend(fontsize=7.5, frameon=False)
+            if across == 0 and down == 1:
+                axes.legend(fontsize=7.5, frameon=False, loc="lower left")
     save(figure, path)

@@ -46,14 +46,14 @@ class Truth:
 
 
 def order(position: Floats, truth: Truth, rows: slice = slice(None)) -> list[int]:
-    """Which trace each reading follows, most of the film: where traces rest at one place, nobody can tell their names."""
+    """Which reading follows each trace, most of the film: of traces that rest at one place, nobody can tell the names."""
     column = truth.column[:, rows]
 
-    def distance(names: tuple[int, ...]) -> float:
-        error = np.abs(position[list(names)][:, rows] - column)
+    def distance(names: list[int]) -> float:
+        error = np.abs(position[names][:, rows] - column)
         return float(np.median(error[np.isfinite(error)])) if np.isfinite(error).any() else math.inf
 
-    return list(min(permutations(range(len(column))), key=distance))
+    return min((list(names) for names in permutations(range(len(column)))), key=distance)
 
 
 def places(position: Floats, flagged: Flags | None, truth: Truth, rows: slice = slice(None)) -> dict[str, Any]:

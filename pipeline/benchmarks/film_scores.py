@@ -46,7 +46,7 @@ class Truth:
 
 
 def order(position: Floats, truth: Truth, rows: slice = slice(None)) -> list[int]:
-    """Which reading follows each trace, most of the film: of traces that rest at one place, nobody can tell the names."""
+    """Which reading follows each trace, most of the film: of traces that rest at one place, names cannot be told."""
     column = truth.column[:, rows]
 
     def distance(names: list[int]) -> float:

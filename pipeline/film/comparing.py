@@ -2,6 +2,8 @@
 
 Both are taken as departures from the same course, so that what they share (swell, amplitude) drops out. Each half
 minute, the departures are fitted by a line and a swing; the swing across the course's own is the difference in phase.
+The time axis errs alike between two marks, and the course over a few rows: the uncertainty is told from the scatter of
+sums over a second, in which such errors are whole.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from pipeline.film.parts import Floats, Strobe, TimeAxis, Tracks
 from pipeline.film.row_times import row_times
 
 BLOCK = 30.0  # s
+_CLUSTER = 1.0  # s: two marks, a swing
 _FEWEST = 12  # readings in a block: three a term
 MOST_SIGMAS = 3.0
 
@@ -92,5 +95,13 @@ def _swing(times: Floats, values: Floats, spread: Floats, first: float, period: 
     phase = 2.0 * np.pi / period * t
     columns = np.stack([np.cos(phase), np.sin(phase), np.ones_like(t), t], axis=1) / spread[inside, None]
     inverse = np.linalg.pinv(columns.T @ columns)
-    fitted = inverse @ (columns.T @ (values[inside] / spread[inside]))
-    return fitted[:2], np.asarray(inverse[:2, :2], dtype=np.float64)
+    reduced = values[inside] / spread[inside]
+    fitted = inverse @ (columns.T @ reduced)
+    # covariance of White (1980), clustered; never below that of the readings' own noise
+    pulls = columns * (reduced - columns @ fitted)[:, None]
+    sums = np.zeros((round(BLOCK / _CLUSTER), 4))
+    np.add.at(sums, np.minimum(((t + 0.5 * BLOCK) / _CLUSTER).astype(np.int64), len(sums) - 1), pulls)
+    scattered = inverse @ (sums.T @ sums) @ inverse
+    growth = np.maximum(1.0, np.diag(scattered) / np.diag(inverse))
+    covariance = inverse * np.sqrt(np.outer(growth, growth))
+    return fitted[:2], np.asarray(covariance[:2, :2], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Strips cut from one film, shifted and turned, are laid where they belong; strips that fit nowhere, or twice, refused."""
+"""Strips of one film, shifted and turned, are laid where they belong; what fits nowhere, or twice, is refused."""
 
 from __future__ import annotations
 

@@ -10,17 +10,21 @@ from pydantic import Field, ValidationError, create_model, model_validator
 
 from data_schemas.errors import FileError, RecordError
 from data_schemas.scene_faults import one_line
-from data_schemas.scene_fields import Label, Number, Section, TraceName, quantity
+from data_schemas.scene_fields import Number, Section, quantity
 from data_schemas.variables_record import INSTRUMENT
 
 KIND = "film-description"
 _LARGEST = 1 << 20  # bytes; a description is a page
+_LIMITS: dict[str | None, dict[str, float]] = {None: {}, "positive": {"gt": 0}, "not negative": {"ge": 0}}
+
+Text = Annotated[str, Field(strict=True)]
+Name = Annotated[str, Field(strict=True, min_length=1)]  # records of other programs name as they like
 
 
 def _of_instrument(*dims: str) -> dict[str, Any]:
     """Fields for the instrument's variables of some dimensions, from the one table."""
     return {
-        name: (Number | None, quantity(None, row.units, row.long_name))
+        name: (Number | None, quantity(None, row.units, row.long_name, **_LIMITS[row.limit]))
         for name, row in INSTRUMENT.items()
         if row.dims == dims and row.dtype == "f8"
     }
@@ -29,7 +33,7 @@ def _of_instrument(*dims: str) -> dict[str, Any]:
 class DescribedTrace(Section):
     """A trace as the observer knows it."""
 
-    name: TraceName = quantity(..., "", "name of the trace")
+    name: Name = quantity(..., "", "name of the trace")
     combination: dict[str, Number] = quantity(..., "1", "factor of each pendulum by label", min_length=1)
     lever: Number | None = quantity(None, "mm rad-1", "optical lever: deflection on the film per elongation", gt=0)
     position: Number | None = quantity(None, "mm", "place across the film at rest, from the left edge", ge=0)
@@ -37,7 +41,7 @@ class DescribedTrace(Section):
 
 
 class _LabelledPendulum(Section):
-    label: Label = quantity(..., "", "label of the pendulum")
+    label: Name = quantity(..., "", "label of the pendulum")
 
 
 DescribedPendulum: Any = create_model(
@@ -62,12 +66,11 @@ class FilmDescription(Section):
     """
 
     kind: Literal["film-description"] = quantity(KIND, "", "says what this file is")
-    record_id: Annotated[str, Field(strict=True)] = quantity("film", "", "identifier of the record", max_length=100)
-    title: Annotated[str, Field(strict=True)] = quantity("", "", "what the film shows", max_length=400)
-    start_time: Annotated[str, Field(strict=True)] = quantity(
-        "2000-01-01T00:00:00Z", "", "date and time from which the record counts its seconds; a full minute",
-        max_length=40,
-    )  # fmt: skip
+    record_id: Name = quantity("film", "", "identifier of the record")
+    title: Text = quantity("", "", "what the film shows")
+    start_time: Name = quantity(
+        "2000-01-01T00:00:00Z", "", "date and time from which the record counts its seconds; a full minute"
+    )
     speed: Number | None = quantity(None, "mm s-1", "nominal speed of the film", gt=0)
     dpi: Number | None = quantity(None, "inch-1", "pixels of the scan to the inch", gt=0)
     mark_interval: Number = quantity(0.5, "s", "time between the chronometer's marks", gt=0)

@@ -15,7 +15,7 @@ from synth.film.source import Source
 from synth.phase import Floats
 
 _SPOTS = 3.0  # sigmas that must be left to the edge
-_ROOM = 1.02  # between the steepest slope met at samples and that where a line would double back
+_ROOM = 1.05  # between the steepest slope met at samples and that where a line would double back
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,11 @@ def description_of(plan: FilmPlan) -> FilmDescription:
         for k, (name, weights) in enumerate(zip(source.traces, source.combination, strict=True))
     ]
     labels = [str(each) for each in source.instrument.get("pendulum", source.pendulums)]
-    known = {name: np.asarray(value) for name, value in source.instrument.items() if name != "pendulum"}
+    known = {
+        name: np.asarray(value)
+        for name, value in source.instrument.items()
+        if name != "pendulum" and np.all(np.isfinite(value))
+    }
     per_pendulum = {
         name: value for name, value in known.items() if value.shape == (len(labels),) and name[:5] != "base_"
     }

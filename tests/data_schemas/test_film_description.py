@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -108,3 +109,10 @@ def test_films_that_cannot_be(film, told):
 def test_stretches_are_pairs_and_triples():
     film = Film.model_validate({"blackouts": [[1, 2]], "dimmings": [[3, 4, 0.15]]})
     assert (film.blackouts[0].start, film.dimmings[0].factor) == (1.0, 0.15)
+
+
+def test_every_key_of_a_film_is_explained():
+    text = (Path(__file__).parents[2] / "docs" / "film.md").read_text(encoding="utf-8")
+    for name, field in Film.model_fields.items():
+        assert f"| `{name}` | {field.json_schema_extra['unit']} |" in text
+        assert field.description in text

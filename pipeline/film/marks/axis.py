@@ -11,10 +11,10 @@ from data_schemas.errors import RefusedError
 from pipeline.film.marks import checks, counting, swings
 from pipeline.film.marks.alignment import Alignment, aligned
 from pipeline.film.marks.counting import Count
-from pipeline.film.marks.drive import Drive, drive, times_of
+from pipeline.film.marks.drive import Drive, drive, holes_honest, times_of
 from pipeline.film.marks.events import Events, gathered
 from pipeline.film.marks.gaps import Gaps
-from pipeline.film.marks.minutes import Minutes, code_marks, find_minutes
+from pipeline.film.marks.minutes import Minutes, code_marks, find_minutes, repaired
 from pipeline.film.marks.oblique import refined
 from pipeline.film.marks.search import find_gaps, learned_width
 from pipeline.film.parts import Emulsion, Floats, Marking, Scan, TimeAxis, Tracks
@@ -71,6 +71,7 @@ def axis_of(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, rows: in
         rough = drive(row - offset[:, None] - shear * column, sigma, marking.interval, rough)
         offset, shear = refined(row, sigma, column, rough)
     found = drive(row - offset[:, None] - shear * column, sigma, marking.interval)
+    found = holes_honest(row - offset[:, None] - shear * column, sigma, found)
     return _axis(found, counted, row, offset, shear, marking, rows)
 
 
@@ -90,13 +91,17 @@ def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float) -> Co
     middle = [float(np.median(gaps.column[gaps.trace == k])) if (gaps.trace == k).any() else 0.0 for k in range(traces)]
     places = events.row + (alignment.offset + alignment.shear * np.array(middle))[:, None]
     stretch = swings.stretched(events.row, spacing)
-    phase = swings.phases(tracks, places, stretch)
-    advance, spread = swings.advance(events.row, phase, spacing * stretch)
-    count = counting.counted(events.row, events.row_sigma, phase, advance, spread, spacing)
+    phase, doubt = swings.phases(tracks, places, stretch)
+    centred = np.where(doubt < 1e-3, phase, np.nan)
+    advance, spread = swings.advance(events.row, centred, spacing * stretch)
+    count = counting.counted(events.row, events.row_sigma, phase, doubt, advance, spread, spacing)
     minutes = find_minutes(events, count, marking.interval, marking.minute_code)
+    mended = repaired(minutes, events, count, marking.interval)
+    if mended is not count:
+        count, minutes = mended, find_minutes(events, mended, marking.interval, marking.minute_code)
     checks.check_minutes(minutes)
     checks.check_leads(code_marks(minutes, events, count, marking.interval), events, count)
-    checks.check_swings(count.index, events.row[count.event], phase[:, count.event], advance)
+    checks.check_swings(count.index.astype(np.float64), events.row[count.event], centred[:, count.event], advance)
     return Counted(events, count, minutes, alignment, spacing)
 
 

@@ -36,7 +36,7 @@ def list_steps(
 
 @kernel
 def step_price(
-    a: int, b: int, d: int, phase: Floats, advance: Floats, spread: Floats, wander: float, missed: float, passed: float,
+    a: int, b: int, d: int, phase: Floats, doubt: Floats, advance: Floats, spread: Floats, wander: float, missed: float, passed: float,
     most: float,
 ) -> float:
     """Price of one step: marks missed, events passed over, and swings that do not fit."""
@@ -46,7 +46,8 @@ def step_price(
         away = phase[trace, b] - phase[trace, a] - advance[trace] * d
         if math.isfinite(away):
             away -= 2.0 * math.pi * math.floor(away / (2.0 * math.pi) + 0.5)
-            price += min(away * away / (2.0 * spread[trace] ** 2 + wander**2 * d), most)
+            room = 2.0 * spread[trace] ** 2 + wander**2 * d + doubt[trace, a] + doubt[trace, b]
+            price += min(away * away / room, most)
     return price
 
 
@@ -103,6 +104,7 @@ def price_steps(
     end: Whole,
     count: Whole,
     phase: Floats,
+    doubt: Floats,
     advance: Floats,
     spread: Floats,
     wander: float,
@@ -113,4 +115,4 @@ def price_steps(
 ) -> None:
     """Price of every step by itself."""
     for k in range(begin.size):
-        price[k] = step_price(begin[k], end[k], count[k], phase, advance, spread, wander, missed, passed, most)
+        price[k] = step_price(begin[k], end[k], count[k], phase, doubt, advance, spread, wander, missed, passed, most)

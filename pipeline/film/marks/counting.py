@@ -22,6 +22,7 @@ PHASE_MOST = 40.0  # price of a swing that does not fit at all
 WANDER = 0.006  # rad per root of a mark: what swell does to a pendulum's phase
 LEAST_LEAD = 12.0  # of the best count before any other
 LEAST_MARKS = 6
+ALONE = 4  # marks missing on either side of one that nothing vouches for
 WORST = 30.0  # mean price of a step from which nothing was understood
 
 
@@ -87,15 +88,17 @@ def unsteadiness(rows: Floats, spacing: float) -> tuple[float, float]:
     return float(np.clip(near, *CHANGE)), float(np.clip(far, *MOST_CHANGE))
 
 
-def counted(rows: Floats, sigma: Floats, phase: Floats, advance: Floats, spread: Floats, spacing: float) -> Count:
+def counted(
+    rows: Floats, sigma: Floats, phase: Floats, doubt: Floats, advance: Floats, spread: Floats, spacing: float
+) -> Count:
     """The cheapest count of all.
 
     Parameters
     ----------
     rows, sigma : (events,) arrays
         In order, px.
-    phase : (traces, events) array
-        Of the swings, rad; NaN = unknown.
+    phase, doubt : (traces, events) arrays
+        Of the swings, rad, NaN = unknown; variance that each has beside `spread`.
     advance, spread : (traces,) arrays
         By which the phases advance from mark to mark, and 1 sigma of a phase, rad.
     spacing : float
@@ -111,7 +114,7 @@ def counted(rows: Floats, sigma: Floats, phase: Floats, advance: Floats, spread:
     begin, end, count = (np.empty(total, dtype=np.int64) for _ in range(3))
     list_steps(rows, spacing, SLACK, SKIP, begin, end, count)
     price = np.empty(total)
-    price_steps(begin, end, count, phase, advance, spread, WANDER, MISSED, PASSED, PHASE_MOST, price)
+    price_steps(begin, end, count, phase, doubt, advance, spread, WANDER, MISSED, PASSED, PHASE_MOST, price)
     first_of = np.searchsorted(end, np.arange(rows.size + 1))
     forward, backward, before = np.empty(total), np.empty(total), np.empty(total, dtype=np.int64)
     if total:
@@ -141,7 +144,16 @@ def counted(rows: Floats, sigma: Floats, phase: Floats, advance: Floats, spread:
             f"film: the gaps in the traces do not come evenly (about {spacing:.1f} rows apart); "
             "check the interval of the marks, or that this is a pendulum film"
         )
-    return Count(event, index, _leads(steps, begin, end, count, whole, best))
+    return _accompanied(Count(event, index, _leads(steps, begin, end, count, whole, best)))
+
+
+def _accompanied(count: Count) -> Count:
+    """Without marks that stand alone in a hole: any false gap would do as well there."""
+    step = np.diff(count.index)
+    alone = np.concatenate([[False], np.minimum(step[1:], step[:-1]) >= ALONE, [False]])
+    lead, kept = count.lead.copy(), np.flatnonzero(~alone)
+    joined = [float(lead[a:b].min()) for a, b in zip(kept[:-1], kept[1:], strict=True)]
+    return Count(count.event[kept], count.index[kept], np.array(joined))
 
 
 def _leads(
@@ -163,3 +175,10 @@ def _leads(
         if others.size:
             lead[k] = float(whole[others].min()) - best
     return lead
+
+
+def shifted(count: Count, at: int, by: int) -> Count:
+    """The same with so many marks more between mark `at` and the next."""
+    index = count.index.copy()
+    index[at + 1 :] += by
+    return Count(count.event, index, count.lead)

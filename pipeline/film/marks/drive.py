@@ -17,9 +17,13 @@ from pipeline.film.parts import Floats
 MOST_LINES = 3
 STANDS_OUT = 25.0  # power of a line over that of its surroundings
 SLOWEST, FASTEST = 60.0, 2.2  # s, periods of wow looked for
-COHERENCE = 300.0  # s, over which a line of wow keeps its phase
+CALM = -10.0  # roughness that follows nothing faster than `SLOWEST`
+COHERENCE = (1e6, 1e4, 3e2)  # s, over which a line of wow may keep its phase
 OUTLIER = 5.0  # sigmas
+HOLE = 3.0  # s without marks
 GAINED = 10.0  # fall of -2 log likelihood that a line must bring
+
+Lines = tuple[tuple[float, float, float], ...]
 
 
 @dataclass(frozen=True)
@@ -34,8 +38,8 @@ class Drive:
         Standard deviation of the speed's third derivative's white noise, as its natural logarithm.
     floor : float
         Error that all marks have beside the measured one, px.
-    lines : tuple of (float, float)
-        Circular frequency, rad s-1, and amplitude, px, of lines of wow.
+    lines : tuple of (float, float, float)
+        Circular frequency, rad s-1, amplitude, px, and coherence, s, of lines of wow.
     row, speed, acceleration : (marks,) arrays
         At every mark from the first to the last, px, px s-1, px s-2.
     row_sigma : (marks,) array
@@ -49,7 +53,7 @@ class Drive:
     step: float
     roughness: float
     floor: float
-    lines: tuple[tuple[float, float], ...]
+    lines: Lines
     row: Floats
     speed: Floats
     acceleration: Floats
@@ -77,7 +81,9 @@ def drive(rows: Floats, sigma: Floats, step: float, before: Drive | None = None)
         line = _line(np.where(used, rows, np.nan), found)
         if line is None:
             break
-        better = _most_likely(rows, sigma, step, (*found.lines, line), used)
+        guess = (found.roughness, np.log(found.floor))
+        tried = [_most_likely(rows, sigma, step, (*found.lines, (*line, each)), used, guess) for each in COHERENCE]
+        better = min(tried, key=lambda one: one.likelihood)
         if found.likelihood - better.likelihood < GAINED:
             break
         found = better
@@ -91,11 +97,36 @@ def drive(rows: Floats, sigma: Floats, step: float, before: Drive | None = None)
     return found
 
 
+def holes_honest(rows: Floats, sigma: Floats, found: Drive) -> Drive:
+    """The same, with its 1 sigma in long holes as large as errors are where marks are hidden over as long a time.
+
+    The model's own sigma in a hole rests on the form of its motion, not on marks.
+    """
+    seen = np.flatnonzero((np.isfinite(rows) & found.used).any(axis=0))
+    length = int(np.diff(seen).max(initial=0))
+    if length * found.step < HOLE or seen.size < 6 * length:
+        return found
+    hidden = np.zeros(rows.shape[1], dtype=bool)
+    for begin in range(length, rows.shape[1] - length, 3 * length):
+        hidden[begin : begin + length] = True
+    left = found.used & ~hidden
+    blind = _run(np.where(left, rows, np.nan), sigma, found.step, found.roughness, found.floor, found.lines, left, True)
+    holes = hidden & (found.row_sigma < 0.5 * blind.row_sigma)
+    away = (blind.row - found.row)[holes] / blind.row_sigma[holes]
+    if away.size < 3:
+        return found
+    scale = max(1.0, float(np.sqrt(np.mean(away**2))))
+    inside = np.zeros(rows.shape[1], dtype=bool)
+    for begin, stop in zip(seen[:-1], seen[1:], strict=True):
+        inside[begin + 1 : stop] = (stop - begin) * found.step >= HOLE
+    return replace(found, row_sigma=np.where(inside, scale * found.row_sigma, found.row_sigma))
+
+
 def _most_likely(
     rows: Floats,
     sigma: Floats,
     step: float,
-    lines: tuple[tuple[float, float], ...],
+    lines: Lines,
     used: NDArray[np.bool_],
     guess: tuple[float, float] | None = None,
 ) -> Drive:
@@ -122,7 +153,7 @@ def _run(
     step: float,
     rough: float,
     floor: float,
-    lines: tuple[tuple[float, float], ...],
+    lines: Lines,
     used: NDArray[np.bool_],
     smooth: bool,
 ) -> Drive:
@@ -145,9 +176,9 @@ def _run(
     start[:2] = middle[known[0]] - known[0] * step * pace, pace
     before = np.zeros((n, n))
     before[0, 0], before[1, 1], before[2, 2] = (0.5 * pace) ** 2 + 1.0, (0.2 * pace) ** 2, (0.1 * pace) ** 2
-    for k, (turn, size) in enumerate(lines):
+    for k, (turn, size, coherence) in enumerate(lines):
         at = slice(3 + 2 * k, 5 + 2 * k)
-        decay = np.exp(-step / COHERENCE)
+        decay = np.exp(-step / coherence)
         cos, sin = np.cos(turn * step), np.sin(turn * step)
         move[at, at] = decay * np.array([[cos, sin], [-sin, cos]])
         noise[at, at] = 0.5 * size**2 * (1.0 - decay**2) * np.eye(2)
@@ -161,7 +192,7 @@ def _run(
     if smooth:
         smooth_drive(move, state, spread, ahead, ahead_spread)
     speed, acceleration = state[:, 1].copy(), state[:, 2].copy()
-    for k, (turn, _) in enumerate(lines):
+    for k, (turn, _, _) in enumerate(lines):
         speed += turn * state[:, 4 + 2 * k]
         acceleration -= turn**2 * state[:, 3 + 2 * k]
     variance = np.einsum("i,kij,j->k", sees, spread, sees)
@@ -175,8 +206,7 @@ def _line(rows: Floats, found: Drive) -> tuple[float, float] | None:
     marks = rows.shape[1]
     if marks * found.step < 2.0 * SLOWEST / 3.0:
         return None
-    calm = replace(found, roughness=min(found.roughness, np.log(0.02)))
-    still = _run(rows, np.full_like(rows, 0.05), found.step, calm.roughness, 0.05, found.lines, found.used, True)
+    still = _run(rows, np.full_like(rows, 0.05), found.step, CALM, 0.05, found.lines, found.used, True)
     left = found.row - still.row
     left = left - left.mean()
     power = np.abs(np.fft.rfft(left * np.hanning(marks), 4 * marks)) ** 2

@@ -13,13 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
-from pipeline.film.marks.counting import Count
+from pipeline.film.marks.counting import Count, shifted
 from pipeline.film.marks.events import Events
 from pipeline.film.parts import Floats
 
 TOLERANCE = 0.03  # of the marks' interval, of the second gap's place
 SHARE = 0.4  # of the minutes at which a code must be seen to be believed
 LEAST = 2
+NEARBY = 5  # marks by which a count may slip; codes farther off are false gaps
+HOLE = 6  # marks missing in a row, over which a count is mended
 LONGER = 0.3  # of the gap's width, by which a minute's gap differs
 OWN = 6.0  # sigmas of a gap's width
 
@@ -119,7 +121,7 @@ def _second_gaps(place: Floats, cycle: int, interval: float, delay: float | None
         residue = int(np.argmax(tally))
         seen = int(tally[residue])
         away = (number - residue + cycle // 2) % cycle - cycle // 2
-        against = int(((away != 0) & (np.abs(away) <= 5)).sum())  # slips are small; false gaps lie anywhere
+        against = int(((away != 0) & (np.abs(away) <= NEARBY)).sum())  # slips are small; false gaps lie anywhere
         late = delay if delay is not None else fraction * interval
         found.append(Minutes(residue, "second gap", float(late), seen, against))
     return found[0], found[1]
@@ -159,3 +161,32 @@ def code_marks(minutes: Minutes, events: Events, count: Count, interval: float) 
     whole = np.round(place)
     good = (np.abs(place - whole) < TOLERANCE) & (np.mod(whole, cycle) == minutes.residue)
     return np.asarray(whole[good])
+
+
+def repaired(minutes: Minutes, events: Events, count: Count, interval: float) -> Count:
+    """A count mended by its codes: where all codes after some hole are out of step by the same number, and the hole alone.
+
+    Other counts come back as they are.
+    """
+    if minutes.residue is None or minutes.kind != "second gap" or minutes.against < LEAST:
+        return count
+    cycle = round(60.0 / interval)
+    place = places(events, count) - minutes.delay / interval
+    whole = np.round(place)
+    near = np.abs(place - whole) < TOLERANCE
+    number = whole[near]
+    away = np.mod(number - minutes.residue + cycle // 2, cycle) - cycle // 2
+    number, away = number[np.abs(away) <= NEARBY], away[np.abs(away) <= NEARBY]
+    change = np.flatnonzero(np.diff(away))
+    if change.size != 1 or min(change[0] + 1, away.size - change[0] - 1) < LEAST:
+        return count
+    by = int(away[change[0]] - away[change[0] + 1])
+    low, high = number[change[0]], number[change[0] + 1]
+    between = np.flatnonzero((count.index[:-1] >= low) & (count.index[1:] <= high))
+    if between.size == 0:
+        return count
+    steps = np.diff(count.index)[between]
+    order = np.argsort(steps)[::-1]
+    if steps[order[0]] < HOLE or (steps.size > 1 and steps[order[0]] < 2 * steps[order[1]]):
+        return count
+    return shifted(count, int(between[order[0]]), by)

@@ -21,6 +21,7 @@ NEAR_GAP = 5  # rows beside one that lacks light
 LACKING = 0.9
 MOST_ROWS = 260
 ROUNDS = 12
+STEEPEST_GRAIN = 100.0  # growth of the variance over that on blank film, per unit of darkness
 HUBER = 3.0
 LEAST_ROWS = 12
 SHEAR_SWINGS = 1.5
@@ -40,7 +41,7 @@ def exposures(
 ) -> int:
     """Exposure that the model leaves on the pixels about some rows of a trace, and their darkness; their number."""
     columns = darkness.shape[1]
-    nodes, out, gaps = np.empty((2, MOST_NODES)), np.empty((2, columns)), np.empty((0, 2))
+    nodes, out, gaps = np.empty((3, MOST_NODES)), np.empty((3, columns)), np.empty((0, 2))
     count = 0
     for n in range(rows.size):
         number = nodes_of(states[n], window_spot, shear, gaps, 0.0, nodes)
@@ -55,7 +56,7 @@ def exposures(
         if size < 4 or count + size > exposure.size:
             continue
         number = nodes_of(states[n], spot, shear, gaps, 0.0, nodes)
-        profile(nodes, number, 0.0, spot, first, out[:, :size])
+        profile(nodes, number, 0.0, 0.0, spot, first, out[:, :size])
         for i in range(size):
             exposure[count] = lamp[n] * out[0, i]
             seen[count] = darkness[rows[n], first + i]
@@ -66,15 +67,18 @@ def exposures(
 def calibrate(section: Section, optics: Optics) -> Optics:
     """Optics fitted to a section; the ones given where the section says too little."""
     chosen = [_open_rows(section, k, optics.spot) for k in range(section.place.shape[0])]
-    if sum(rows.size for rows, _ in chosen) < LEAST_ROWS:
+    if sum(rows.size for rows, _, _ in chosen) < LEAST_ROWS:
         return optics
     states, rows, lamp = [], [], []
-    for k, (trace_rows, trace_lamp) in enumerate(chosen):
+    for k, (trace_rows, trace_lamp, _) in enumerate(chosen):
         state = section.states[trace_rows, k].copy()
         state[:, 0] += section.place[k, trace_rows] - state[:, 0] - state[:, 3]
         states.append(state)
         rows.append(trace_rows)
         lamp.append(trace_lamp)
+    typical = float(np.median([level for _, _, level in chosen]))
+    curve = optics.curve
+    optics = optics.with_(curve=ToneCurve(curve.darkest, curve.middle / typical, curve.contrast))
     fitted = _Fit(section.darkness, np.concatenate(rows), np.concatenate(states), np.concatenate(lamp), optics)
     return fitted.solve()
 
@@ -136,11 +140,11 @@ def _grain(residual: Floats, dark: Floats, before: Floats) -> Floats:
     middle = np.array([dark[place == i].mean() for i in range(12) if np.any(place == i)])
     blank = float(before[0])
     growth = float(np.sum((spread**2 - blank) * middle) / max(float(np.sum(middle**2)), 1e-12))
-    return np.array([blank, max(growth, 0.0)])
+    return np.array([blank, float(np.clip(growth, 0.0, STEEPEST_GRAIN * blank))])
 
 
-def _open_rows(section: Section, trace: int, spot: float) -> tuple[NDArray[np.int64], Floats]:
-    """Rows of a trace away from gaps and other traces, and the lamp's brightness there."""
+def _open_rows(section: Section, trace: int, spot: float) -> tuple[NDArray[np.int64], Floats, float]:
+    """Rows of a trace away from gaps and other traces, the lamp's brightness there over its median, and that."""
     place, light = section.place[trace], section.brightness[trace]
     rows = np.arange(place.size)
     read = np.isfinite(place)
@@ -159,7 +163,7 @@ def _open_rows(section: Section, trace: int, spot: float) -> tuple[NDArray[np.in
     if chosen.size > MOST_ROWS:
         chosen = chosen[np.linspace(0, chosen.size - 1, MOST_ROWS).astype(int)]
     typical = _median(lamp[chosen]) if chosen.size else 1.0
-    return chosen, lamp[chosen] / max(typical, 1e-6)
+    return chosen, lamp[chosen] / max(typical, 1e-6), typical
 
 
 def _running_median(light: Floats, half: int) -> Floats:

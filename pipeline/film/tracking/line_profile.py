@@ -34,11 +34,19 @@ def finest_step(state: Floats, spot: float) -> float:
 
 @kernel
 def light_nodes(
-    state: Floats, spot: float, shear: float, begin: float, stop: float, factor: float, nodes: Floats, count: int
+    state: Floats,
+    spot: float,
+    shear: float,
+    begin: float,
+    stop: float,
+    factor: float,
+    nodes: Floats,
+    count: int,
+    most: int,
 ) -> int:
-    """Add the nodes of one stretch, `begin` to `stop` along the film from this row, to the `count` there are."""
+    """Add the nodes of one stretch, `begin` to `stop` along the film from this row, to the `count` there are, `most` in all."""
     step = finest_step(state, spot)
-    number = min(max(int((stop - begin) / step) + 1, 2), nodes.shape[1] - count)
+    number = min(max(int((stop - begin) / step) + 1, 2), most - count)
     step = (stop - begin) / number
     along = begin + 0.5 * step
     c, s = math.cos(state[5] * step), math.sin(state[5] * step)
@@ -53,6 +61,7 @@ def light_nodes(
         away = along + shear * (column - here)
         nodes[0, count + i] = column
         nodes[1, count + i] = norm * math.exp(-away * away * scale)
+        nodes[2, count + i] = along
         along += step
     return count + number
 
@@ -71,7 +80,7 @@ def along_film(state: Floats, shear: float, rows: float) -> float:
 
 @kernel
 def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float, nodes: Floats) -> int:
-    """Where the spot was while it lit the row: columns and weights of `nodes` (2, n); returns their number.
+    """Where the spot was while it lit the row; returns the number of nodes.
 
     Parameters
     ----------
@@ -81,12 +90,12 @@ def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float,
         First and last row of the shutter's gaps along this trace, rising; what was dark counts negative.
     row : float
         Centre line of this row, px.
-    nodes : (2, n) array
-        Overwritten.
+    nodes : (3, n) array
+        Overwritten: column, weight, and rows along the film from this row.
     """
     steepest = abs(state[1]) + abs(state[5]) * math.sqrt(state[3] * state[3] + state[4] * state[4])
     reach = REACH * spot * (1.0 + abs(shear) * steepest)
-    count = light_nodes(state, spot, shear, -reach, reach, 1.0, nodes[:, :FULL_NODES], 0)
+    count = light_nodes(state, spot, shear, -reach, reach, 1.0, nodes, 0, FULL_NODES)
     for g in range(gaps.shape[0]):
         if gaps[g, 1] < row - REACH * spot:
             continue
@@ -94,14 +103,14 @@ def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float,
             break
         begin = max(-reach, along_film(state, shear, gaps[g, 0] - row))
         stop = min(reach, along_film(state, shear, gaps[g, 1] - row))
-        if stop > begin and count < nodes.shape[1] - 2:
-            count = light_nodes(state, spot, shear, begin, stop, -1.0, nodes, count)
+        if stop > begin and count < MOST_NODES - 2:
+            count = light_nodes(state, spot, shear, begin, stop, -1.0, nodes, count, MOST_NODES)
     return count
 
 
 @kernel
-def profile(nodes: Floats, count: int, shift: float, spot: float, first: int, out: Floats) -> None:
-    """Add up what the nodes leave on pixels `first` on: exposure and its derivative by the shift, out (2, n).
+def profile(nodes: Floats, count: int, shift: float, tilt: float, spot: float, first: int, out: Floats) -> None:
+    """Add up what the nodes leave on pixels `first` on: exposure, its derivatives by shift and by slope, out (3, n).
 
     Neighbouring values of a Gaussian differ by a factor that itself changes by a constant factor: two exponentials a
     node.
@@ -111,20 +120,12 @@ def profile(nodes: Floats, count: int, shift: float, spot: float, first: int, ou
     for i in range(size):
         out[0, i] = 0.0
         out[1, i] = 0.0
-    add_profile(nodes, 0, count, shift, spot, first, out)
-    for i in range(size):
-        out[1, i] *= 2.0 * scale
-
-
-@kernel
-def add_profile(nodes: Floats, begin_node: int, count: int, shift: float, spot: float, first: int, out: Floats) -> None:
-    """Add nodes `begin_node` to `count`: exposure, and exposure times distance."""
-    scale = 0.5 / (spot * spot)
+        out[2, i] = 0.0
     reach = REACH * spot
     bend = math.exp(-2.0 * scale)
-    size = out.shape[1]
-    for n in range(begin_node, count):
-        column = nodes[0, n] + shift - first
+    for n in range(count):
+        along = nodes[2, n]
+        column = nodes[0, n] + shift + tilt * along - first
         begin = max(0, int(math.ceil(column - reach - 0.5)))
         stop = min(size, int(math.floor(column + reach - 0.5)) + 1)
         if begin >= stop:
@@ -135,6 +136,10 @@ def add_profile(nodes: Floats, begin_node: int, count: int, shift: float, spot: 
         for i in range(begin, stop):
             out[0, i] += value
             out[1, i] += value * away
+            out[2, i] += value * away * along
             value *= factor
             factor *= bend
             away += 1.0
+    for i in range(size):
+        out[1, i] *= 2.0 * scale
+        out[2, i] *= 2.0 * scale

@@ -157,6 +157,7 @@ def run(
 def run_again(filter_: Filter, place: Floats, variance: Floats, followed: NDArray[np.uint8], optics: Optics) -> Piece:
     """A piece once more from the readings that were kept of it, (traces, rows), without the film."""
     piece = Piece.empty(*place.shape)
+    place, variance, followed = (np.ascontiguousarray(each) for each in (place, variance, followed))
     replay(
         filter_.states,
         filter_.covariances,

@@ -13,7 +13,7 @@ from pipeline.film.tracking.optics import Optics
 from pipeline.film.tracking.pieces import Filter, Piece, run, start
 from pipeline.film.tracking.seeding import SAME, Swing, find_swings
 
-LEAST_USED = 0.6  # share of rows read by which a seed proves true
+LEAST_USED = 0.45  # share of rows read by which a seed proves true
 LEAST_SWINGS = 1.6
 PERIOD_SLACK = 0.12
 
@@ -91,7 +91,7 @@ def follow_together(
     swings = [Swing(first + begin + 0.5, piece.states[begin, 0].copy(), 1.0) for piece in pieces]
     swings.sort(key=lambda swing: float(swing.state[0]))
     forward, backward, _ = both_ways(start(swings, first + begin - 0.5), darkness, first, begin, optics)
-    states, _, _, known = combined(forward, backward, optics)
+    states, _, _, _, known = combined(forward, backward, optics)
     used = np.isfinite(backward.variance) & (known > 0)
     middle = first + begin + 0.5
     swings = [Swing(middle, states[begin, k].copy(), 1.0) for k in range(len(swings))]

@@ -9,7 +9,7 @@ import pytest
 
 from data_schemas.errors import RefusedError
 from data_schemas.scene_film import Film
-from pipeline.benchmarks import film, film_bars, film_cases
+from pipeline.benchmarks import film, film_bars, film_cases, film_hard
 from pipeline.benchmarks.film_cases import Case, cases, scene
 
 pytest.importorskip("tifffile")
@@ -70,3 +70,42 @@ def test_speed_is_that_of_the_usual_films() -> None:
     assert (speed["value"], speed["pass"]) == (12.0, True)
     assert (times["value"], times["pass"]) == (24.0, True)
     assert left_out["pass"] is None
+
+
+def test_hard_films_are_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Read, refused, wrong, hardly read: only the wrong one fails, and only the well read one counts."""
+
+    class Found:
+        def __init__(self, accepted: float, wrong: float) -> None:
+            self.scores = {"accepted": accepted, "wrong_unflagged": wrong, "slipped": 0.0}
+
+    answers = iter([Found(0.9, 0.0), RefusedError("no"), Found(0.9, 0.01), Found(0.2, 0.0)])
+
+    def answer(*_: object) -> Found:
+        given = next(answers)
+        if isinstance(given, Exception):
+            raise given
+        return given
+
+    monkeypatch.setattr(film_hard, "_SECONDS", 2.0)
+    monkeypatch.setattr(
+        film_hard, "films", lambda: dict.fromkeys("abcd", Film(speed=1.0, lever=500.0, paper_width=40.0))
+    )
+    monkeypatch.setattr(film_hard, "own_reading", answer)
+    monkeypatch.setattr(film_hard, "_refuses_landscape", lambda folder: True)
+    rows = list(film_hard.rows(tmp_path))
+    assert [row["pass"] for row in rows] == [True, True, False, True, True, False]
+    assert rows[1]["bar"] == "b: refused"
+    assert rows[-1]["value"] == 1.0
+
+
+@pytest.mark.compiled
+def test_touching_traces_touch() -> None:
+    apart = film_hard._touching()
+    assert 15.0 < apart < 30.0
+    assert len(film_hard.films()) == 7
+
+
+@pytest.mark.compiled
+def test_a_landscape_is_no_film(tmp_path: Path) -> None:
+    assert film_hard._refuses_landscape(tmp_path)

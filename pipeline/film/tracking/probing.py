@@ -18,6 +18,7 @@ FIRST_ROWS = 512
 MOST_ROWS = 4096
 PLACES = (0.5, 0.15, 0.85, 0.3, 0.7, 0.02, 0.95)
 SECTION_SWINGS = 8.0
+ENOUGH = 3  # sections with traces, where their number is not given
 ASKEW = (0.0, 0.009, -0.009, 0.018, -0.018, 0.027, -0.027)  # rows a column: half a degree and its multiples
 Darkness = Callable[[int, int], NDArray[np.float32]]
 
@@ -52,16 +53,17 @@ def probe(
     height = round(SECTION_SWINGS * period) if period else FIRST_ROWS
     while True:
         best: tuple[Section, Optics] | None = None
+        seen = 0
         for first, stop in sections(rows, height):
             piece = darkness(first, stop)
             guess = optics or first_optics(piece, sigma, spot)
-            read = _read_askew(piece, first, guess, period, count)
+            read = _read_askew(piece, first, guess, best[0].period if best else period, count)
             if read is None:
                 continue
-            section, guess = read
-            if best is None or len(section.swings) > len(best[0].swings):
-                best = section, guess
-            if len(best[0].swings) == (count or 2):
+            seen += 1
+            if best is None or len(read[0].swings) > len(best[0].swings):
+                best = read
+            if len(best[0].swings) == count or (count is None and seen == ENOUGH):
                 break
         if best is not None:
             return refine(*best, count, fixed=optics is not None)

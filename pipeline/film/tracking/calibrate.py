@@ -23,7 +23,7 @@ MOST_ROWS = 260
 ROUNDS = 12
 STEEPEST_GRAIN = 100.0  # growth of the variance over that on blank film, per unit of darkness
 HUBER = 3.0
-LEAST_ROWS = 12
+LEAST_ROWS = 40
 SHEAR_SWINGS = 1.5
 
 
@@ -82,7 +82,7 @@ def exposures(
 
 def calibrate(section: Section, optics: Optics) -> Optics:
     """Optics fitted to a section; the ones given where the section says too little."""
-    rows, traces, lamp, typical = _open_rows(section, optics.spot)
+    rows, traces, lamp, typical = _chosen_rows(section, optics.spot)
     if rows.size < LEAST_ROWS:
         return optics
     states = section.states[rows].copy()
@@ -161,7 +161,12 @@ def _grain(residual: Floats, dark: Floats, before: Floats) -> Floats:
     return np.array([blank, float(np.clip(growth, 0.0, STEEPEST_GRAIN * blank))])
 
 
-def _open_rows(section: Section, spot: float) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, float]:
+def open_rows(section: Section, spot: float) -> int:
+    """How many rows of a section can tell of spot and curve."""
+    return int(_chosen_rows(section, spot)[0].size)
+
+
+def _chosen_rows(section: Section, spot: float) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, float]:
     """Rows and traces to look at, away from gaps: with the lamp's brightness there for all traces, and its median."""
     traces, size = section.place.shape
     half = max(4, round(0.25 * section.period))

@@ -63,8 +63,9 @@ def read_section(
     period: float | None,
     count: int | None,
     seeds: list[Swing] | None = None,
+    least: float = LEAST_USED,
 ) -> Section | None:
-    """Find the traces of a section and follow them, None if there are none."""
+    """Find the traces of a section and follow them, None if there are none that are read on a `least` share of rows."""
     if seeds is None:
         seeds = find_swings(darkness, first, optics.spot, float(np.sqrt(optics.grain[0])), period)
     proven: list[tuple[Swing, Piece]] = []
@@ -79,11 +80,11 @@ def read_section(
             proven.append(found)
         if count is not None and len(proven) == count:
             break
-    return follow_together(darkness, first, [piece for _, piece in proven], optics) if proven else None
+    return follow_together(darkness, first, [piece for _, piece in proven], optics, least) if proven else None
 
 
 def follow_together(
-    darkness: NDArray[np.float32], first: int, pieces: list[Piece], optics: Optics
+    darkness: NDArray[np.float32], first: int, pieces: list[Piece], optics: Optics, least: float
 ) -> Section | None:
     """Follow traces jointly that were each proven; the worst is left out until all are read for most of their way."""
     while pieces:
@@ -92,7 +93,7 @@ def follow_together(
             pieces = pieces[:-1]
             continue
         section = _followed(darkness, first, pieces, optics, together)
-        if section.share.min() >= LEAST_USED:
+        if section.share.min() >= least:
             return section
         swings = [float(piece.states[section.begin, 0, 0]) for piece in pieces]
         worst = section.swings[int(np.argmin(section.share))].state[0]

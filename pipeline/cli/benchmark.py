@@ -30,6 +30,10 @@ SUITES = {
         "pipeline.benchmarks.cost_of_terms",
         "what a scene pays for its terms: run, compile and start-up time, modules",
     ),
+    "film": (
+        "pipeline.benchmarks.film",
+        "films read: error, flags, speed against grain, speed, dpi, crossings, missing marks, and beside peers",
+    ),
     "bars": ("pipeline.benchmarks.bars", "every promised accuracy and speed: bar, value, limit, pass"),
 }
 _LISTED = "\n".join(f"  {name:<12} {text}" for name, (_, text) in SUITES.items())

@@ -2,6 +2,8 @@
 
 Both are taken as departures from the same course, so that what they share (swell, amplitude) drops out. Each half
 minute, the departures are fitted by a line and a swing; the swing across the course's own is the difference in phase.
+The time axis errs alike between two marks, and the course over a few rows: the uncertainty is told from the scatter of
+sums over two seconds, within which such errors stay.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from pipeline.film.parts import Floats, Strobe, TimeAxis, Tracks
 from pipeline.film.row_times import row_times
 
 BLOCK = 30.0  # s
+_CLUSTER = 2.0  # s: four marks, two swings
 _FEWEST = 12  # readings in a block: three a term
 MOST_SIGMAS = 3.0
 
@@ -63,6 +66,7 @@ def compare(tracks: Tracks, axis: TimeAxis, samples: Samples, strobe: Strobe) ->
         if timed.size < 2:
             continue
         period = tracks.rows_per_swing * float(seconds[timed[-1]] - seconds[timed[0]]) / float(timed[-1] - timed[0])
+        period = _refined(samples, trace, start, period)
         by_rows = samples.column[trace] - course_at(tracks, axis, trace, seconds, samples.time)
         by_marks = strobe.position[trace] - course_at(tracks, axis, trace, seconds, marks)
         for block, first in enumerate(start):
@@ -83,6 +87,26 @@ def compare(tracks: Tracks, axis: TimeAxis, samples: Samples, strobe: Strobe) ->
     return PhaseDifference(start, phase, sigma)
 
 
+def _refined(samples: Samples, trace: int, start: Floats, period: float) -> float:
+    """Period of a trace's swing, s: a small error would turn the phase within half a minute."""
+    for _ in range(2):
+        drift = []
+        for first in start:
+            inside = (samples.time >= first) & (samples.time < first + BLOCK) & np.isfinite(samples.column[trace])
+            if np.count_nonzero(inside) < 2 * _FEWEST:
+                continue
+            t = samples.time[inside] - first - 0.5 * BLOCK
+            phase = 2.0 * np.pi / period * t
+            swing = np.stack([np.cos(phase), np.sin(phase)], axis=1)
+            columns = np.concatenate([swing, t[:, None] * swing, np.ones_like(swing)], axis=1)
+            columns[:, 5] = t
+            a, b, c, d = np.linalg.lstsq(columns, samples.column[trace, inside], rcond=None)[0][:4]
+            drift.append((b * c - a * d) / (a * a + b * b))  # of the phase of a cos + b sin, rad s-1
+        if drift:
+            period /= 1.0 + float(np.median(drift)) * period / (2.0 * np.pi)
+    return period
+
+
 def _swing(times: Floats, values: Floats, spread: Floats, first: float, period: float) -> tuple[Floats, Floats] | None:
     """Coefficients of cos and sin in the half minute from `first`, and their covariance; None with too few readings."""
     inside = (times >= first) & (times < first + BLOCK) & np.isfinite(values) & (spread > 0.0)
@@ -92,5 +116,13 @@ def _swing(times: Floats, values: Floats, spread: Floats, first: float, period: 
     phase = 2.0 * np.pi / period * t
     columns = np.stack([np.cos(phase), np.sin(phase), np.ones_like(t), t], axis=1) / spread[inside, None]
     inverse = np.linalg.pinv(columns.T @ columns)
-    fitted = inverse @ (columns.T @ (values[inside] / spread[inside]))
-    return fitted[:2], np.asarray(inverse[:2, :2], dtype=np.float64)
+    reduced = values[inside] / spread[inside]
+    fitted = inverse @ (columns.T @ reduced)
+    # covariance of White (1980), clustered; never below that of the readings' own noise
+    pulls = columns * (reduced - columns @ fitted)[:, None]
+    sums = np.zeros((round(BLOCK / _CLUSTER), 4))
+    np.add.at(sums, np.minimum(((t + 0.5 * BLOCK) / _CLUSTER).astype(np.int64), len(sums) - 1), pulls)
+    scattered = inverse @ (sums.T @ sums) @ inverse
+    growth = np.maximum(1.0, np.diag(scattered) / np.diag(inverse))
+    covariance = inverse * np.sqrt(np.outer(growth, growth))
+    return fitted[:2], np.asarray(covariance[:2, :2], dtype=np.float64)

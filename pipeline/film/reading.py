@@ -117,8 +117,10 @@ def read_film(
     difference = compare(tracks, axis, between, strobe) if between.time.size and strobe.index.size else None
     kind = _choose(reading, tracks, axis)
     samples = between if kind == "continuous" else at_marks(strobe, axis)
-    if not np.isfinite(samples.column).any():
-        raise RefusedError(f"nothing of the film could be read by the {kind} reading; look at it with isochrony plot")
+    unread = np.flatnonzero(~np.any(np.isfinite(samples.column), axis=1))
+    if unread.size:
+        which = "nothing of the film" if unread.size == len(samples.column) else f"nothing of trace {unread[0] + 1}"
+        raise RefusedError(f"{which} could be read by the {kind} reading; look at it with isochrony plot")
     return Reading(scan, tracks, axis, strobe, samples, kind, scale, difference, tuple(notes))
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.film.marks.gaps import Gaps
 from pipeline.film.parts import Floats
@@ -17,7 +18,8 @@ from pipeline.film.parts import Floats
 FARTHEST = 45.0  # px along the film between two traces
 MOST_SHEAR = 0.035  # tangent: 2 degrees
 BIN = 0.4  # px
-MARGIN, SHARE = 3, 0.004  # gaps, and share of them, by which the best must lead
+UNEVEN = 0.15  # of the marks' spacing
+LEAD_ODD, LEAD, SHARE = 3, 8, 0.08  # odd gaps, gaps, and share of them, by which the best lag must lead
 
 
 @dataclass(frozen=True)
@@ -60,32 +62,68 @@ def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
     reference = gaps.pick(gaps.trace == 0)
     for trace in range(1, traces):
         other = gaps.pick(gaps.trace == trace)
-        low = np.searchsorted(reference.row, other.row - FARTHEST - MOST_SHEAR * np.ptp(gaps.column))
-        high = np.searchsorted(reference.row, other.row + FARTHEST + MOST_SHEAR * np.ptp(gaps.column))
-        count = high - low
-        j = np.repeat(np.arange(other.size), count)
-        i = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(low, count)
-        along, across = other.row[j] - reference.row[i], other.column[j] - reference.column[i]
-        if along.size == 0:
+        i, j = _pairs(reference, other)
+        if i.size == 0:
             sure = False
             continue
-        found = []
-        for step in steps if trace == 1 else np.array([shear]):
-            lag = along - step * across
-            lag = lag[np.abs(lag) <= FARTHEST]
-            bins = np.bincount(((lag + FARTHEST) / BIN).astype(int), minlength=int(2 * FARTHEST / BIN) + 2)
-            both = bins[:-1] + bins[1:]
-            found.append(both)
-        table = np.array(found)
-        which, at = np.unravel_index(int(np.argmax(table)), table.shape)
-        best = table[which, at]
+        tried = steps if trace == 1 else np.array([shear])
+        along, across = other.row[j] - reference.row[i], other.column[j] - reference.column[i]
+        odd = _odd(reference.row, spacing)[i] & _odd(other.row, spacing)[j]
+        table = np.array([_tally(along - step * across) for step in tried])
+        odd_table = np.array([_tally((along - step * across)[odd]) for step in tried])
+        which, at, certain = _chosen(table, odd_table, spacing)
         if trace == 1:
-            shear = float(steps[which])
+            shear = float(tried[which])
         offset[trace] = (at + 1) * BIN - FARTHEST
-        elsewhere = np.abs(np.arange(table.shape[1]) - at) > 0.3 * spacing / BIN
-        second = table[:, elsewhere].max() if elsewhere.any() else 0
-        sure &= bool(best - second >= max(MARGIN, SHARE * best))
+        sure &= certain
     return Alignment(offset, shear, sure)
+
+
+def _pairs(reference: Gaps, other: Gaps) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Gaps of two traces that could be the same closing of the shutter."""
+    slant = MOST_SHEAR * float(np.abs(np.median(other.column) - np.median(reference.column)) + 300.0) if other.size else 0.0
+    low = np.searchsorted(reference.row, other.row - FARTHEST - slant)
+    count = np.searchsorted(reference.row, other.row + FARTHEST + slant) - low
+    j = np.repeat(np.arange(other.size), count)
+    i = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(low, count)
+    return i, j
+
+
+def _odd(rows: Floats, spacing: float) -> NDArray[np.bool_]:
+    """Gaps that do not lie whole numbers of marks from their neighbours: codes and false gaps tell one mark from another."""
+    apart = np.diff(rows) / spacing
+    uneven = (np.abs(apart - np.round(apart)) > UNEVEN) & (apart < 3.0)
+    return np.asarray(np.concatenate([[False], uneven]) | np.concatenate([uneven, [False]]))
+
+
+def _tally(lag: Floats) -> NDArray[np.int64]:
+    """How many lags lie in each two neighbouring bins."""
+    lag = lag[np.abs(lag) <= FARTHEST]
+    bins = np.bincount(((lag + FARTHEST) / BIN).astype(int), minlength=int(2 * FARTHEST / BIN) + 2)
+    return np.asarray(bins[:-1] + bins[1:])
+
+
+def _chosen(table: NDArray[np.int64], odd: NDArray[np.int64], spacing: float) -> tuple[int, int, bool]:
+    """Shear and lag of most agreement, and whether no lag a mark or more away comes near."""
+    lags = (np.arange(table.shape[1]) + 1) * BIN - FARTHEST
+    best_at = int(np.argmax(table.max(axis=0)))
+    peaks = []
+    for turn in range(-int(2 * FARTHEST / spacing) - 1, int(2 * FARTHEST / spacing) + 2):
+        near = np.flatnonzero(np.abs(lags - lags[best_at] - turn * spacing) < 0.3 * spacing)
+        if near.size:
+            which, at = np.unravel_index(int(np.argmax(table[:, near])), (len(table), near.size))
+            at = int(near[at])
+            close = odd[which, max(at - 1, 0) : at + 2]
+            peaks.append((int(table[which, at]), int(close.max()), int(which), at))
+    by_odd = sorted(peaks, key=lambda peak: -peak[1])
+    if len(by_odd) == 1 or by_odd[0][1] - by_odd[1][1] >= LEAD_ODD:
+        return by_odd[0][2], by_odd[0][3], by_odd[0][1] >= LEAD_ODD
+    by_all = sorted(peaks, key=lambda peak: -peak[0])
+    enough = max(LEAD, SHARE * by_all[0][0])
+    if by_all[0][0] - by_all[1][0] >= enough:
+        return by_all[0][2], by_all[0][3], True
+    nearest = min((peak for peak in peaks if by_all[0][0] - peak[0] < enough), key=lambda peak: abs(lags[peak[3]]))
+    return nearest[2], nearest[3], False
 
 
 def _shear_of_one(gaps: Gaps, spacing: float, steps: Floats) -> float:

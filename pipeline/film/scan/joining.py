@@ -11,7 +11,7 @@ import numpy as np
 
 from data_schemas.errors import FileError
 from pipeline.film.scan.image import Image, Pixels
-from pipeline.film.scan.overlap import place
+from pipeline.film.scan.overlap import LEAST_MATCH, place
 from pipeline.film.scan.resampling import resample
 
 _EXACT = 0.02  # px: a placement this close to whole pixels is taken for them
@@ -87,7 +87,11 @@ def join(images: Sequence[Image], paths: Sequence[Path]) -> Joined:
     for number in range(1, len(images)):
         found = place(images[number - 1], images[number])
         if found is None or not found.is_certain:
-            why = "no overlap found" if found is None or found.match < 0.5 else "the overlap fits at several places"
+            why = (
+                "no overlap found"
+                if found is None or found.match < LEAST_MATCH
+                else "the overlap fits at several places"
+            )
             raise FileError(
                 f"{paths[number]}: {why} with the end of {paths[number - 1].name}; give the strips in the order of "
                 "time, each overlapping the one before by some 200 rows or more"
@@ -99,8 +103,9 @@ def join(images: Sequence[Image], paths: Sequence[Path]) -> Joined:
         seam = math.ceil(0.5 * (row + before.row + before.image.rows))
         parts.append(Part(images[number], row, column, before.turn + found.turn, max(before.first + 1, seam)))
     last = parts[-1]
+    end = last.row + last.image.rows
     drop = min(0.0, last.turn * parts[0].image.columns)
-    return Joined(tuple(parts), math.floor(last.row + last.image.rows + drop))
+    return Joined(tuple(parts), round(end) if last.is_exact else math.floor(end + drop))
 
 
 def _fill(part: Part, first: int, wanted: Pixels) -> None:

@@ -26,8 +26,8 @@ _LONGEST = 8192  # rows of overlap that are looked for
 _CANDIDATES = 24
 _TRIED = 16  # of them, aligned roughly
 _FINAL = 3  # of those, aligned finely
-_LEAST_MATCH = 0.5  # correlation of the aligned grey values
-_LEAST_LEAD = 1.5  # by which the second best must be further from a perfect match than the best
+LEAST_MATCH = 0.9  # correlation of the aligned grey values
+_LEAST_LEAD = 2.5  # by which the second best must be further from a perfect match than the best
 _NEAR = 6  # bins of rows that count as the same place
 
 
@@ -56,7 +56,7 @@ class Placement:
     @property
     def is_certain(self) -> bool:
         """Whether the strips match here and nowhere else."""
-        return self.match >= _LEAST_MATCH and 1.0 - self.second >= _LEAST_LEAD * (1.0 - self.match)
+        return self.match >= LEAST_MATCH and 1.0 - self.second >= _LEAST_LEAD * (1.0 - self.match)
 
 
 def place(before: Image, strip: Image) -> Placement | None:

@@ -21,8 +21,9 @@ NEAR_GAP = 5  # rows beside one that lacks light
 LACKING = 0.9
 MOST_ROWS = 260
 ROUNDS = 12
+STEEPEST_GRAIN = 100.0  # growth of the variance over that on blank film, per unit of darkness
 HUBER = 3.0
-LEAST_ROWS = 12
+LEAST_ROWS = 40
 SHEAR_SWINGS = 1.5
 
 
@@ -30,6 +31,7 @@ SHEAR_SWINGS = 1.5
 def exposures(
     darkness: NDArray[np.float32],
     rows: NDArray[np.int64],
+    traces: NDArray[np.int64],
     states: Floats,
     lamp: Floats,
     spot: float,
@@ -38,12 +40,23 @@ def exposures(
     exposure: Floats,
     seen: Floats,
 ) -> int:
-    """Exposure that the model leaves on the pixels about some rows of a trace, and their darkness; their number."""
+    """Exposure that the model leaves on the pixels about some rows of some traces, and their darkness; their number.
+
+    Parameters
+    ----------
+    rows, traces : (n,) arrays
+        Where to look.
+    states, lamp : (n, traces, 6), (n, traces) arrays
+        Of all traces on those rows; a trace with a lamp of 0 is left out.
+    window_spot : float
+        Width of the spot for which the windows are chosen.
+    """
     columns = darkness.shape[1]
-    nodes, out, gaps = np.empty((2, MOST_NODES)), np.empty((2, columns)), np.empty((0, 2))
+    nodes, out, gaps = np.empty((3, MOST_NODES)), np.empty((3, columns)), np.empty((0, 2))
     count = 0
     for n in range(rows.size):
-        number = nodes_of(states[n], window_spot, shear, gaps, 0.0, nodes)
+        own = traces[n]
+        number = nodes_of(states[n, own], window_spot, shear, gaps, 0.0, nodes)
         low, high, least = 1e9, -1e9, 0.01 * nodes[1, number // 2]
         for i in range(number):
             if nodes[1, i] > least:
@@ -54,41 +67,49 @@ def exposures(
         size = stop - first
         if size < 4 or count + size > exposure.size:
             continue
-        number = nodes_of(states[n], spot, shear, gaps, 0.0, nodes)
-        profile(nodes, number, 0.0, spot, first, out[:, :size])
         for i in range(size):
-            exposure[count] = lamp[n] * out[0, i]
-            seen[count] = darkness[rows[n], first + i]
-            count += 1
+            exposure[count + i] = 0.0
+            seen[count + i] = darkness[rows[n], first + i]
+        for k in range(states.shape[1]):
+            if lamp[n, k] > 0.0:
+                number = nodes_of(states[n, k], spot, shear, gaps, 0.0, nodes)
+                profile(nodes, number, 0.0, 0.0, spot, first, out[:, :size])
+                for i in range(size):
+                    exposure[count + i] += lamp[n, k] * out[0, i]
+        count += size
     return count
 
 
 def calibrate(section: Section, optics: Optics) -> Optics:
     """Optics fitted to a section; the ones given where the section says too little."""
-    chosen = [_open_rows(section, k, optics.spot) for k in range(section.place.shape[0])]
-    if sum(rows.size for rows, _ in chosen) < LEAST_ROWS:
+    rows, traces, lamp, typical = _chosen_rows(section, optics.spot)
+    if rows.size < LEAST_ROWS:
         return optics
-    states, rows, lamp = [], [], []
-    for k, (trace_rows, trace_lamp) in enumerate(chosen):
-        state = section.states[trace_rows, k].copy()
-        state[:, 0] += section.place[k, trace_rows] - state[:, 0] - state[:, 3]
-        states.append(state)
-        rows.append(trace_rows)
-        lamp.append(trace_lamp)
-    fitted = _Fit(section.darkness, np.concatenate(rows), np.concatenate(states), np.concatenate(lamp), optics)
-    return fitted.solve()
+    states = section.states[rows].copy()
+    read = section.place[:, rows].T
+    states[:, :, 0] += np.where(np.isfinite(read), read - states[:, :, 0] - states[:, :, 3], 0.0)
+    curve = optics.curve
+    optics = optics.with_(curve=ToneCurve(curve.darkest, curve.middle / typical, curve.contrast))
+    return _Fit(section.darkness, rows, traces, states, lamp, optics).solve()
 
 
 class _Fit:
     """Gauss-Newton for spot, darkest, middle and contrast (their logarithms), with pixels far off weighed down."""
 
     def __init__(
-        self, darkness: NDArray[np.float32], rows: NDArray[np.int64], states: Floats, lamp: Floats, optics: Optics
+        self,
+        darkness: NDArray[np.float32],
+        rows: NDArray[np.int64],
+        traces: NDArray[np.int64],
+        states: Floats,
+        lamp: Floats,
+        optics: Optics,
     ) -> None:
-        self.pixels, self.rows, self.states, self.lamp, self.optics = darkness, rows, states, lamp, optics
-        reach = 8.0 * optics.spot + 8.0
-        steep = np.abs(states[:, 1] - states[:, 5] * states[:, 4])
-        room = int(np.sum(np.minimum(darkness.shape[1], reach * (4.0 + 2.0 * steep))))
+        self.pixels, self.rows, self.traces, self.states, self.lamp = darkness, rows, traces, states, lamp
+        self.optics = optics
+        own = states[np.arange(rows.size), traces]
+        steep = np.abs(own[:, 1] - own[:, 5] * own[:, 4])
+        room = int(np.sum(np.minimum(darkness.shape[1], (8.0 * optics.spot + 8.0) * (4.0 + 2.0 * steep))))
         self.exposure, self.seen = np.empty(room), np.empty(room)
 
     def model(self, unknowns: Floats) -> Floats:
@@ -97,6 +118,7 @@ class _Fit:
         count = exposures(
             self.pixels,
             self.rows,
+            self.traces,
             self.states,
             self.lamp,
             spot,
@@ -136,30 +158,39 @@ def _grain(residual: Floats, dark: Floats, before: Floats) -> Floats:
     middle = np.array([dark[place == i].mean() for i in range(12) if np.any(place == i)])
     blank = float(before[0])
     growth = float(np.sum((spread**2 - blank) * middle) / max(float(np.sum(middle**2)), 1e-12))
-    return np.array([blank, max(growth, 0.0)])
+    return np.array([blank, float(np.clip(growth, 0.0, STEEPEST_GRAIN * blank))])
 
 
-def _open_rows(section: Section, trace: int, spot: float) -> tuple[NDArray[np.int64], Floats]:
-    """Rows of a trace away from gaps and other traces, and the lamp's brightness there."""
-    place, light = section.place[trace], section.brightness[trace]
-    rows = np.arange(place.size)
-    read = np.isfinite(place)
+def open_rows(section: Section, spot: float) -> int:
+    """How many rows of a section can tell of spot and curve."""
+    return int(_chosen_rows(section, spot)[0].size)
+
+
+def _chosen_rows(section: Section, spot: float) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, float]:
+    """Rows and traces to look at, away from gaps: with the lamp's brightness there for all traces, and its median."""
+    traces, size = section.place.shape
     half = max(4, round(0.25 * section.period))
-    lamp = _running_median(light, half)
-    doubtful = ~read | (light < LACKING * lamp)
-    near = np.convolve(doubtful, np.ones(2 * NEAR_GAP + 1), mode="same") > 0.5
-    slope = section.states[:, trace, 1] - section.states[:, trace, 5] * section.states[:, trace, 4]
-    reach = spot * (8.0 + 7.0 * np.abs(slope))
-    for other in range(section.place.shape[0]):
-        if other != trace:
-            rate = section.states[:, other, 1] - section.states[:, other, 5] * section.states[:, other, 4]
-            apart = np.abs(section.states[:, other, [0, 3]].sum(axis=1) - section.states[:, trace, [0, 3]].sum(axis=1))
-            near |= apart < reach + spot * (8.0 + 7.0 * np.abs(rate))
-    chosen = rows[~near]
-    if chosen.size > MOST_ROWS:
-        chosen = chosen[np.linspace(0, chosen.size - 1, MOST_ROWS).astype(int)]
-    typical = _median(lamp[chosen]) if chosen.size else 1.0
-    return chosen, lamp[chosen] / max(typical, 1e-6)
+    lamp = np.stack([_running_median(light, half) for light in section.brightness])
+    doubtful = ~np.isfinite(section.place) | (section.brightness < LACKING * lamp)
+    near = np.stack([np.convolve(each, np.ones(2 * NEAR_GAP + 1), mode="same") > 0.5 for each in doubtful])
+    slope = np.abs(section.states[:, :, 1] - section.states[:, :, 5] * section.states[:, :, 4]).T
+    place = section.states[:, :, [0, 3]].sum(axis=2).T
+    reach = spot * (6.0 + 5.0 * slope)
+    rows, owners = [], []
+    for k in range(traces):
+        open_ = ~near[k]
+        for other in range(traces):
+            if other != k:
+                open_ &= ~near[other] | (np.abs(place[k] - place[other]) > reach[k] + reach[other])
+        chosen = np.flatnonzero(open_)
+        if chosen.size > MOST_ROWS:
+            chosen = chosen[np.linspace(0, chosen.size - 1, MOST_ROWS).astype(int)]
+        rows.append(chosen)
+        owners.append(np.full(chosen.size, k))
+    at = np.concatenate(rows)
+    light = np.where(np.isfinite(section.states[at, :, 0]), lamp[:, at].T, 0.0)
+    typical = max(_median(light[np.arange(at.size), np.concatenate(owners)]), 1e-6)
+    return at, np.concatenate(owners), light / typical, typical
 
 
 def _running_median(light: Floats, half: int) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.tracking.motion import STATES, place_variance, slope_of
+from pipeline.film.tracking.motion import STATES, place_variance, slope_of, slope_variance
 from pipeline.film.tracking.optics import Optics
 from pipeline.film.tracking.pieces import Piece
 from pipeline.film.tracking.row_fit import solve
@@ -30,6 +30,7 @@ def combine(
     shear: float,
     states: Floats,
     variance: Floats,
+    slope_spread: Floats,
     disagreement: Floats,
     known: NDArray[np.uint8],
 ) -> None:
@@ -39,13 +40,14 @@ def combine(
     ----------
     states : (rows, traces, 6) array
         Overwritten: the course.
-    variance, disagreement : (traces, rows) arrays
-        Overwritten: of the course's column; by how many sigma the directions differ in it.
+    variance, slope_spread, disagreement : (traces, rows) arrays
+        Overwritten: variance of the course's column and of its slope; by how many sigma the directions differ in it.
     known : (traces, rows) array
         Overwritten: 1 forward only, 2 backward only, 3 both, 0 none.
     """
     rows, traces = states.shape[:2]
     total, right, change = np.empty((STATES, STATES)), np.empty(STATES), np.empty((STATES, STATES))
+    gain = np.empty((STATES, STATES))
     for i in range(rows):
         for k in range(traces):
             known[k, i] = (FORWARD if forward_followed[k, i] else 0) + (BACKWARD if backward_followed[k, i] else 0)
@@ -55,6 +57,7 @@ def combine(
             for a in range(STATES):
                 states[i, k, a] = one[a]
             variance[k, i] = place_variance(one, spread, shear)
+            slope_spread[k, i] = slope_variance(one, spread)
             if known[k, i] != BOTH:
                 continue
             other = backward_states[i, k]
@@ -73,19 +76,23 @@ def combine(
                     states[i, k, a] += spread[a, b] * right[b]
             for a in range(STATES):
                 for b in range(STATES):
+                    gain[a, b] = 0.0
+                    for c in range(STATES):
+                        gain[a, b] += spread[a, c] * total[c, b]
+            for a in range(STATES):
+                for b in range(STATES):
                     change[a, b] = spread[a, b]
                     for c in range(STATES):
-                        for d in range(STATES):
-                            if a % 3 == 0 and b % 3 == 0:  # all that the column's variance needs
-                                change[a, b] -= spread[a, c] * total[c, d] * spread[d, b]
+                        change[a, b] -= gain[a, c] * spread[c, b]
             variance[k, i] = place_variance(states[i, k], change, shear)
+            slope_spread[k, i] = slope_variance(states[i, k], change)
 
 
-def combined(forward: Piece, backward: Piece, optics: Optics) -> tuple[Floats, Floats, Floats, NDArray[np.uint8]]:
-    """Course (rows, traces, 6), its variance, the directions' disagreement in sigma, and which of them know it."""
+def combined(forward: Piece, backward: Piece, optics: Optics) -> tuple[Floats, Floats, Floats, Floats, NDArray[np.uint8]]:
+    """Course (rows, traces, 6), variances of its place and slope, the directions' disagreement in sigma, and which of them know it."""
     traces, rows = forward.place.shape
     states, known = np.empty((rows, traces, STATES)), np.empty((traces, rows), np.uint8)
-    variance, disagreement = np.empty((traces, rows)), np.empty((traces, rows))
+    variance, slope_spread, disagreement = (np.empty((traces, rows)) for _ in range(3))
     combine(
         forward.states,
         forward.covariances,
@@ -97,7 +104,8 @@ def combined(forward: Piece, backward: Piece, optics: Optics) -> tuple[Floats, F
         optics.shear,
         states,
         variance,
+        slope_spread,
         disagreement,
         known,
     )
-    return states, variance, disagreement, known
+    return states, variance, slope_spread, disagreement, known

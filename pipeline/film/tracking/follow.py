@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
 from pipeline.film.tracking.line_profile import MOST_NODES
-from pipeline.film.tracking.motion import advance, correct, place_variance, slope_of
+from pipeline.film.tracking.motion import advance, correct, place_variance, slope_of, slope_variance
 from pipeline.film.tracking.row_reading import read_row
 from synth.kernels.compiled import kernel
 
@@ -23,6 +23,7 @@ MISFIT = 30.0  # mean square residual from which on something else lies on the l
 LAMP_MEMORY = 0.03  # a row
 GIVEN_UP = 0.25  # share of good rows of late under which a trace is lost
 SETTLED = 0.08
+LEAST_SLOPE_VARIANCE = 1e-8
 DEGENERATE = 25.0  # growth of the variance by another trace from which on a row says nothing
 
 
@@ -77,11 +78,11 @@ def follow(
     rows, columns = darkness.shape
     traces = states.shape[0]
     spot, shear = optics[0], optics[1]
-    found, nodes = np.empty((traces, 6)), np.empty((traces, 2, MOST_NODES))
+    found, nodes = np.empty((traces, 6)), np.empty((traces, 3, MOST_NODES))
     counts, windows = np.empty(traces, np.int64), np.empty((traces, 4), np.int64)
-    profiles = np.empty((traces, 2, columns))
-    matrices, work = np.empty((3, 2 * traces + 8, 2 * traces + 8)), np.empty((2, 6, 6))
-    prior = np.empty(traces)
+    profiles = np.empty((traces, 3, columns))
+    matrices, work = np.empty((3, 3 * traces + 8, 3 * traces + 8)), np.empty((2, 6, 6))
+    prior = np.ones((traces, 2))
     gaps, gap_of = np.empty((0, 2)), np.zeros(traces + 1, np.int64)
     for turn in range(rows):
         i = turn if order > 0 else rows - 1 - turn
@@ -91,7 +92,8 @@ def follow(
             elif begins[k] == i:
                 alive[k] = 1
             if alive[k] != 0:
-                prior[k] = place_variance(states[k], covariances[k], shear)
+                prior[k, 0] = place_variance(states[k], covariances[k], shear)
+                prior[k, 1] = max(slope_variance(states[k], covariances[k]), LEAST_SLOPE_VARIANCE)
             for a in range(6):
                 kept_states[i, k, a] = states[k, a]
                 for b in range(6):
@@ -126,7 +128,7 @@ def follow(
             seen = light * light > SEEN * SEEN * light_variance and found[k, 4] < MISFIT
             dim = max(0.0, 1.0 - light / lamp[k])
             spread = spread * max(1.0, found[k, 4]) + spot * spot * stretch * (1e-3 + 2.25 * dim * dim)
-            limit = GATE * GATE * (prior[k] + spread + SLACK * SLACK * spot * spot * stretch)
+            limit = GATE * GATE * (prior[k, 0] + spread + SLACK * SLACK * spot * spot * stretch)
             good = seen and shift * shift <= limit
             if not found[k, 1] > DEGENERATE * found[k, 5]:
                 quality[k] += quality_memory * ((1.0 if good else 0.0) - quality[k])

@@ -56,9 +56,9 @@ def fit_gaps(
     traces = states.shape[1]
     spot, shear, table_step = optics[0], optics[1], optics[2]
     top = table.shape[1] - 2
-    nodes = np.empty((2, MOST_NODES))
-    parts = np.empty((MOST_ROWS, 2, columns))  # exposure in the open of the rows about a gap, without and with it
-    edges = np.empty((2, 2, columns))  # what the light at its two edges would leave
+    nodes = np.empty((3, MOST_NODES))
+    parts = np.empty((MOST_ROWS, 3, columns))  # exposure in the open of the rows about a gap, without and with it
+    edges = np.empty((2, 3, columns))  # what the light at its two edges would leave
     bounds = np.empty((MOST_ROWS, 2), np.int64)
     empty = np.empty((0, 2))
     for k in range(traces):
@@ -88,7 +88,7 @@ def fit_gaps(
                     continue
                 bounds[slot, 0], bounds[slot, 1] = left, right
                 part = parts[slot, :, :size]
-                profile(nodes, count, 0.0, spot, left, part)
+                profile(nodes, count, 0.0, 0.0, spot, left, part)
                 for j in range(size):
                     part[0, j] *= lamp[k, i]
                 later = gaps[n + 1 : gap_of[k + 1]]
@@ -104,7 +104,7 @@ def fit_gaps(
                     count = nodes_of(
                         states[i, other], spot, shear, gaps[gap_of[other] : gap_of[other + 1]], row, nodes
                     )
-                    profile(nodes, count, 0.0, spot, left, edges[0, :, :size])
+                    profile(nodes, count, 0.0, 0.0, spot, left, edges[0, :, :size])
                     for j in range(size):
                         part[0, j] += lamp[other, i] * edges[0, 0, j]
             for _ in range(ROUNDS):
@@ -126,13 +126,13 @@ def fit_gaps(
                     if dark_to > dark_from:
                         count = light_nodes(states[i, k], spot, shear, dark_from, dark_to, 1.0, nodes, 0, MOST_NODES)
                     lost = edges[0, :, :size]
-                    profile(nodes, count, 0.0, spot, left, lost)
+                    profile(nodes, count, 0.0, 0.0, spot, left, lost)
                     for j in range(size):
                         closed[1, j] = max(closed[0, j] - lamp[k, i] * lost[0, j], 0.0)
                     light_nodes(states[i, k], spot, shear, dark_from - STEP, dark_from + STEP, 0.5 / STEP, nodes, 0, 2)
-                    profile(nodes, 2, 0.0, spot, left, edges[0, :, :size])
+                    profile(nodes, 2, 0.0, 0.0, spot, left, edges[0, :, :size])
                     light_nodes(states[i, k], spot, shear, dark_to - STEP, dark_to + STEP, 0.5 / STEP, nodes, 0, 2)
-                    profile(nodes, 2, 0.0, spot, left, edges[1, :, :size])
+                    profile(nodes, 2, 0.0, 0.0, spot, left, edges[1, :, :size])
                     for j in range(size):
                         place = closed[1, j] / table_step
                         index = min(int(place), top)
@@ -183,6 +183,6 @@ def take_gaps(
         stop = min(reach, along_film(state, shear, gaps[g, 1] - row))
         if stop > begin:
             count = light_nodes(state, spot, shear, begin, stop, factor, nodes, 0, MOST_NODES)
-            profile(nodes, count, 0.0, spot, left, work)
+            profile(nodes, count, 0.0, 0.0, spot, left, work)
             for j in range(work.shape[1]):
                 part[0, j] += work[0, j]

@@ -61,6 +61,7 @@ def light_nodes(
         away = along + shear * (column - here)
         nodes[0, count + i] = column
         nodes[1, count + i] = norm * math.exp(-away * away * scale)
+        nodes[2, count + i] = along
         along += step
     return count + number
 
@@ -79,7 +80,7 @@ def along_film(state: Floats, shear: float, rows: float) -> float:
 
 @kernel
 def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float, nodes: Floats) -> int:
-    """Where the spot was while it lit the row: columns and weights of `nodes` (2, n); returns their number.
+    """Where the spot was while it lit the row; returns the number of nodes.
 
     Parameters
     ----------
@@ -89,8 +90,8 @@ def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float,
         First and last row of the shutter's gaps along this trace, rising; what was dark counts negative.
     row : float
         Centre line of this row, px.
-    nodes : (2, n) array
-        Overwritten.
+    nodes : (3, n) array
+        Overwritten: column, weight, and rows along the film from this row.
     """
     steepest = abs(state[1]) + abs(state[5]) * math.sqrt(state[3] * state[3] + state[4] * state[4])
     reach = REACH * spot * (1.0 + abs(shear) * steepest)
@@ -108,8 +109,8 @@ def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float,
 
 
 @kernel
-def profile(nodes: Floats, count: int, shift: float, spot: float, first: int, out: Floats) -> None:
-    """Add up what the nodes leave on pixels `first` on: exposure and its derivative by the shift, out (2, n).
+def profile(nodes: Floats, count: int, shift: float, tilt: float, spot: float, first: int, out: Floats) -> None:
+    """Add up what the nodes leave on pixels `first` on: exposure, its derivatives by shift and by slope, out (3, n).
 
     Neighbouring values of a Gaussian differ by a factor that itself changes by a constant factor: two exponentials a
     node.
@@ -119,10 +120,12 @@ def profile(nodes: Floats, count: int, shift: float, spot: float, first: int, ou
     for i in range(size):
         out[0, i] = 0.0
         out[1, i] = 0.0
+        out[2, i] = 0.0
     reach = REACH * spot
     bend = math.exp(-2.0 * scale)
     for n in range(count):
-        column = nodes[0, n] + shift - first
+        along = nodes[2, n]
+        column = nodes[0, n] + shift + tilt * along - first
         begin = max(0, int(math.ceil(column - reach - 0.5)))
         stop = min(size, int(math.floor(column + reach - 0.5)) + 1)
         if begin >= stop:
@@ -133,8 +136,10 @@ def profile(nodes: Floats, count: int, shift: float, spot: float, first: int, ou
         for i in range(begin, stop):
             out[0, i] += value
             out[1, i] += value * away
+            out[2, i] += value * away * along
             value *= factor
             factor *= bend
             away += 1.0
     for i in range(size):
         out[1, i] *= 2.0 * scale
+        out[2, i] *= 2.0 * scale

@@ -79,6 +79,14 @@ def place_variance(state: Floats, covariance: Floats, shear: float) -> float:
 
 
 @kernel
+def slope_variance(state: Floats, covariance: Floats) -> float:
+    """Variance of the columns per row, along the film."""
+    w, q = state[5], state[4]
+    own = covariance[1, 1] + w * w * covariance[4, 4] + q * q * covariance[5, 5]
+    return own - 2.0 * w * covariance[1, 4] - 2.0 * q * covariance[1, 5] + 2.0 * w * q * covariance[4, 5]
+
+
+@kernel
 def correct(state: Floats, covariance: Floats, shift: float, variance: float, shear: float, work: Floats) -> None:
     """Take in a reading that lies `shift` columns from the state's own, with its variance."""
     gain = 1.0 + shear * (state[1] - state[5] * state[4])

@@ -138,7 +138,7 @@ def backward(film: Film, ahead: Forward, progress: Callable[[int], None], out: O
         back = run(begun, darkness, first, -1, film.optics, begins)
         alone = (ahead.followed[:, part] == 0) & (back.followed > 0)
         ahead.light[:, part][alone] = back.brightness[alone]
-        states, variance, disagreement, known = combined(forth, back, film.optics)
+        states, variance, slope_variance, disagreement, known = combined(forth, back, film.optics)
         low, high = max(0, first - margin), min(rows, stop + margin)
         wide = max(0, first - 4 * margin), min(rows, stop + 4 * margin)
         lamps, gaps = [], []
@@ -152,7 +152,7 @@ def backward(film: Film, ahead: Forward, progress: Callable[[int], None], out: O
         fit_gaps(darkness, first, states, known, lamp, table, gap_of, numbers, curve, np.empty(table.shape[0]))
         gaps = from_table(table, gap_of)
         reading = np.empty((traces, stop - first, FIELDS))
-        read_piece(darkness, first, states, known, lamp, table, gap_of, numbers, curve, reading)
+        read_piece(darkness, first, states, known, slope_variance, lamp, table, gap_of, numbers, curve, reading)
         for k in range(traces):
             share = openness(gaps[k], first, stop - first, film.optics.spot)
             column = np.clip(np.nan_to_num(states[:, k, 0] + states[:, k, 3]), 0, darkness.shape[1] - 1).astype(int)

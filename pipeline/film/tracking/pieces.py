@@ -93,6 +93,20 @@ class Piece:
         followed = np.zeros((traces, rows), np.uint8)
         return Piece(*numbers, followed, np.zeros((rows, traces, STATES)), np.zeros((rows, traces, STATES, STATES)))
 
+    def of(self, trace: int, rows_behind: int = 0) -> Piece:
+        """One trace of the piece, with rows added behind that were not followed."""
+        more = Piece.empty(1, rows_behind)
+        more.variance[:] = np.inf
+        one = slice(trace, trace + 1)
+        return Piece(
+            np.concatenate([self.place[one], more.place], axis=1),
+            np.concatenate([self.variance[one], more.variance], axis=1),
+            np.concatenate([self.brightness[one], more.brightness], axis=1),
+            np.concatenate([self.followed[one], more.followed], axis=1),
+            np.concatenate([self.states[:, one], more.states]),
+            np.concatenate([self.covariances[:, one], more.covariances]),
+        )
+
 
 def process_noise(state: Floats) -> Floats:
     """Growth a row of the variances of bend, frequency and pair."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.film.emulsion.curve import ToneCurve
-from pipeline.film.tracking.calibrate import calibrate, measure_shear
+from pipeline.film.tracking.calibrate import calibrate, measure_shear, open_rows
 from pipeline.film.tracking.optics import Optics
 from pipeline.film.tracking.section import Section, read_section
 from pipeline.film.tracking.seeding import find_swings
@@ -18,6 +18,9 @@ FIRST_ROWS = 512
 MOST_ROWS = 4096
 PLACES = (0.5, 0.15, 0.85, 0.3, 0.7, 0.02, 0.95)
 SECTION_SWINGS = 8.0
+ENOUGH = 3  # sections with traces
+REFINEMENTS = 3
+SURE = 0.6  # share of rows read, with the film's own optics, by which a trace is one
 ASKEW = (0.0, 0.009, -0.009, 0.018, -0.018, 0.027, -0.027)  # rows a column: half a degree and its multiples
 Darkness = Callable[[int, int], NDArray[np.float32]]
 
@@ -51,23 +54,46 @@ def probe(
     """The section that shows most traces, and optics fitted to it; None if nothing swings on the film."""
     height = round(SECTION_SWINGS * period) if period else FIRST_ROWS
     while True:
-        best: tuple[Section, Optics] | None = None
+        tried: list[tuple[int, int]] = []
+        read: list[tuple[Section, Optics]] = []
         for first, stop in sections(rows, height):
             piece = darkness(first, stop)
             guess = optics or first_optics(piece, sigma, spot)
-            read = _read_askew(piece, first, guess, period, count)
-            if read is None:
-                continue
-            section, guess = read
-            if best is None or len(section.swings) > len(best[0].swings):
-                best = section, guess
-            if len(best[0].swings) == (count or 2):
+            found = _read_askew(piece, first, guess, read[0][0].period if read else period, count)
+            tried.append((first, stop))
+            if found is not None:
+                read.append(found)
+            if len(read) == ENOUGH:
                 break
-        if best is not None:
-            return refine(*best, count, fixed=optics is not None)
+        if read:
+            break
         if period or height >= min(rows, MOST_ROWS):
             return None
         height *= 2
+    section, guess = max(read, key=lambda each: open_rows(each[0], each[1].spot))
+    section, known = refine(section, guess, fixed=optics is not None)
+    for first, stop in tried:
+        if first == section.first or len(section.swings) == count:
+            continue
+        other = read_section(darkness(first, stop), first, known, section.period, count, least=SURE)
+        if other is not None and len(other.swings) > len(section.swings):
+            section = other
+    return section, known
+
+
+def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Optics]:
+    """Optics fitted to the section, the section read anew with them, and so on: a first guess of the curve misleads."""
+    for turn in range(REFINEMENTS):
+        optics = optics.with_(shear=optics.shear + measure_shear(section))
+        if not fixed:
+            optics = calibrate(section, optics)
+        again = read_section(section.darkness, section.first, optics, section.period, None, least=SURE)
+        if again is None:
+            break
+        section = again
+        if fixed and turn == 1:
+            break
+    return section, optics
 
 
 def _read_askew(
@@ -81,16 +107,3 @@ def _read_askew(
         if section is not None:
             return section, optics
     return None
-
-
-def refine(section: Section, optics: Optics, count: int | None, fixed: bool) -> tuple[Section, Optics]:
-    """Optics fitted to the section, the section read anew with them, and that once more."""
-    for _ in range(2):
-        optics = optics.with_(shear=optics.shear + measure_shear(section))
-        if not fixed:
-            optics = calibrate(section, optics)
-        again = read_section(section.darkness, section.first, optics, section.period, count)
-        if again is None or len(again.swings) < len(section.swings):
-            break
-        section = again
-    return section, optics

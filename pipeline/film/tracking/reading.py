@@ -25,6 +25,7 @@ def read_piece(
     first: int,
     states: Floats,
     known: NDArray[np.uint8],
+    slope_variance: Floats,
     lamp: Floats,
     gaps: Floats,
     gap_of: Integers,
@@ -40,8 +41,8 @@ def read_piece(
         Above blank film, from row `first` of the film on.
     states, known : (rows, traces, 6), (traces, rows) arrays
         The course, and where there is one.
-    lamp : (traces, rows) array
-        Brightness in the open.
+    slope_variance, lamp : (traces, rows) arrays
+        Variance of the course's slope; brightness in the open.
     gaps, gap_of, optics, table
         As for `row_reading.read_row`.
     out : (traces, rows, 7) array
@@ -50,14 +51,15 @@ def read_piece(
     """
     rows, columns = darkness.shape
     traces = states.shape[1]
-    found, nodes = np.empty((traces, 6)), np.empty((traces, 2, MOST_NODES))
+    found, nodes = np.empty((traces, 6)), np.empty((traces, 3, MOST_NODES))
     counts, windows = np.empty(traces, np.int64), np.empty((traces, 4), np.int64)
-    profiles = np.empty((traces, 2, columns))
-    matrices = np.empty((3, 2 * traces + 8, 2 * traces + 8))
-    alive, now, prior = np.empty(traces, np.int64), np.empty(traces), np.full(traces, math.inf)
+    profiles = np.empty((traces, 3, columns))
+    matrices = np.empty((3, 3 * traces + 8, 3 * traces + 8))
+    alive, now, prior = np.empty(traces, np.int64), np.empty(traces), np.full((traces, 2), math.inf)
     for i in range(rows):
         for k in range(traces):
             alive[k], now[k] = (1 if known[k, i] else 0), lamp[k, i]
+            prior[k, 1] = max(slope_variance[k, i], 1e-8)
         read_row(
             darkness[i],
             first + i + 0.5,

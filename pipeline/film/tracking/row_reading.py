@@ -57,7 +57,7 @@ def read_row(
     found : (traces, 6) array
         Overwritten; variance inf where a trace is not known or off the image.
     nodes, counts, windows, profiles, matrices
-        Work: (traces, 2, MOST_NODES), (traces,), (traces, 4), (traces, 2, columns), (3, 2 traces + 8, 2 traces + 8).
+        Work: (traces, 3, MOST_NODES), (traces,), (traces, 4), (traces, 3, columns), (3, 3 traces + 8, 3 traces + 8).
     """
     spot, shear = optics[0], optics[1]
     traces, columns = states.shape[0], darkness.size

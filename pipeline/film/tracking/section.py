@@ -16,6 +16,7 @@ from pipeline.film.tracking.seeding import SAME, Swing, find_swings
 LEAST_USED = 0.45  # share of rows read by which a seed proves true
 LEAST_SWINGS = 1.6
 PERIOD_SLACK = 0.12
+LEAST_AMPLITUDE = 3.0  # spots
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,8 @@ class Section:
     ----------
     first : int
         Its first row.
+    begin : int
+        Row of the section at which the swings are given.
     darkness : (rows, columns) array
         Above blank film.
     swings : tuple of Swing
@@ -39,6 +42,7 @@ class Section:
     """
 
     first: int
+    begin: int
     darkness: NDArray[np.float32]
     swings: tuple[Swing, ...]
     states: Floats
@@ -59,50 +63,63 @@ def read_section(
     period: float | None,
     count: int | None,
     seeds: list[Swing] | None = None,
+    least: float = LEAST_USED,
 ) -> Section | None:
-    """Find the traces of a section and follow them, None if there are none."""
+    """Find the traces of a section and follow them, None if there are none that are read on a `least` share of rows."""
     if seeds is None:
         seeds = find_swings(darkness, first, optics.spot, float(np.sqrt(optics.grain[0])), period)
-    alone: list[tuple[Swing, Piece]] = []
+    proven: list[tuple[Swing, Piece]] = []
     for seed in seeds:
-        if alone and abs(seed.period / alone[0][0].period - 1.0) > PERIOD_SLACK:
+        if proven and abs(seed.period / proven[0][0].period - 1.0) > PERIOD_SLACK:
             continue
-        if any(_on(seed, piece, first, optics.spot) for _, piece in alone):
+        pieces = [piece for _, piece in proven]
+        if any(_on(seed, piece, first, optics.spot) for piece in pieces):
             continue
-        proven = _prove(seed, darkness, first, optics)
-        if proven is not None and not any(_coincide(proven[1], piece, optics.spot) for _, piece in alone):
-            alone.append(proven)
-        if count is not None and len(alone) == count:
+        found = _prove(seed, pieces, darkness, first, optics)
+        if found is not None and not any(_coincide(found[1], piece, optics.spot) for piece in pieces):
+            proven.append(found)
+        if count is not None and len(proven) == count:
             break
-    if not alone:
-        return None
-    return follow_together(darkness, first, [piece for _, piece in alone], optics)
+    return follow_together(darkness, first, [piece for _, piece in proven], optics, least) if proven else None
 
 
 def follow_together(
-    darkness: NDArray[np.float32], first: int, pieces: list[Piece], optics: Optics
+    darkness: NDArray[np.float32], first: int, pieces: list[Piece], optics: Optics, least: float
 ) -> Section | None:
-    """Follow traces jointly that were each followed alone."""
-    together = np.all([piece.followed[0] > 0 for piece in pieces], axis=0)
-    if not together.any():
-        return None
-    begin = int(np.argmax(together))
-    begin += int(np.count_nonzero(together[begin:]) // 2)
+    """Follow traces jointly that were each proven; the worst is left out until all are read for most of their way."""
+    while pieces:
+        together = np.all([piece.followed[0] > 0 for piece in pieces], axis=0)
+        if not together.any():
+            pieces = pieces[:-1]
+            continue
+        section = _followed(darkness, first, pieces, optics, together)
+        if section.share.min() >= least:
+            return section
+        swings = [float(piece.states[section.begin, 0, 0]) for piece in pieces]
+        worst = section.swings[int(np.argmin(section.share))].state[0]
+        del pieces[int(np.argmin(np.abs(np.array(swings) - worst)))]
+    return None
+
+
+def _followed(
+    darkness: NDArray[np.float32], first: int, pieces: list[Piece], optics: Optics, together: NDArray[np.bool_]
+) -> Section:
+    begin = int(np.flatnonzero(together)[np.count_nonzero(together) // 2])
     swings = [Swing(first + begin + 0.5, piece.states[begin, 0].copy(), 1.0) for piece in pieces]
     swings.sort(key=lambda swing: float(swing.state[0]))
     forward, backward, _ = both_ways(start(swings, first + begin - 0.5), darkness, first, begin, optics)
-    states, _, _, known = combined(forward, backward, optics)
+    states, _, _, _, known = combined(forward, backward, optics)
     used = np.isfinite(backward.variance) & (known > 0)
-    middle = first + begin + 0.5
-    swings = [Swing(middle, states[begin, k].copy(), 1.0) for k in range(len(swings))]
+    swings = [Swing(first + begin + 0.5, states[begin, k].copy(), 1.0) for k in range(len(swings))]
     return Section(
         first,
+        begin,
         darkness,
         tuple(swings),
         states,
         np.where(used, backward.place, np.nan),
         np.where(used, backward.brightness, np.nan),
-        used.sum(axis=1) / np.maximum((known > 0).sum(axis=1), 1),
+        used.sum(axis=1) / np.maximum((known > 0).sum(axis=1), 0.5 * together.sum()),
     )
 
 
@@ -120,40 +137,30 @@ def both_ways(
     return forward, backward, begun
 
 
-def _prove(seed: Swing, darkness: NDArray[np.float32], first: int, optics: Optics) -> tuple[Swing, Piece] | None:
-    """Follow a seed alone through the section; None if it leads nowhere."""
+def _prove(
+    seed: Swing, others: list[Piece], darkness: NDArray[np.float32], first: int, optics: Optics
+) -> tuple[Swing, Piece] | None:
+    """Follow a seed through the section, beside the traces that are known already; None if it leads nowhere."""
     begin = int(np.clip(round(seed.row - 0.5) - first, 0, darkness.shape[0] - 1))
-    begun = start([seed], first + begin - 0.5)
+    beside = [Swing(first + begin + 0.5, piece.states[begin, 0], 1.0) for piece in others if piece.followed[0, begin]]
+    begun = start([seed, *beside], first + begin - 0.5)
     run(begun, darkness[begin:], first + begin, 1, optics)
     if not begun.alive[0]:  # lost on the way, or the trace ends: back from where the seed was
-        begun = start([seed], first + begin + 0.5)
-        piece = run(begun, darkness[: begin + 1], first, -1, optics)
-        rest = darkness.shape[0] - begin - 1
-        piece = _padded(piece, rest)
+        begun = start([seed, *beside], first + begin + 0.5)
+        piece = run(begun, darkness[: begin + 1], first, -1, optics).of(0, darkness.shape[0] - begin - 1)
     else:
-        begun.restart(0, begun.states[0], float(begun.lamp[0]))
-        piece = run(begun, darkness, first, -1, optics)
+        for k in np.flatnonzero(begun.alive):
+            begun.restart(int(k), begun.states[k], float(begun.lamp[k]))
+        piece = run(begun, darkness, first, -1, optics).of(0)
     followed = piece.followed[0] > 0
     used = np.isfinite(piece.variance[0]) & followed
     if followed.sum() < LEAST_SWINGS * seed.period or used.sum() < LEAST_USED * followed.sum():
         return None
     at = int(np.flatnonzero(followed)[followed.sum() // 2])
-    state = piece.states[at, 0]
-    swing = Swing(first + at + 0.5, state.copy(), float(used.sum() / followed.sum()))
-    if swing.amplitude < 3.0 * optics.spot or abs(swing.period / seed.period - 1.0) > 2.0 * PERIOD_SLACK:
+    swing = Swing(first + at + 0.5, piece.states[at, 0].copy(), float(used.sum() / followed.sum()))
+    if swing.amplitude < LEAST_AMPLITUDE * optics.spot or abs(swing.period / seed.period - 1.0) > 2.0 * PERIOD_SLACK:
         return None
     return swing, piece
-
-
-def _padded(piece: Piece, rows: int) -> Piece:
-    """A piece with rows added behind that were not followed."""
-    more = Piece.empty(1, rows)
-    more.variance[:] = np.inf
-    by_rows = [np.concatenate([a, b], axis=1) for a, b in (
-        (piece.place, more.place), (piece.variance, more.variance), (piece.brightness, more.brightness),
-        (piece.followed, more.followed))]
-    states = np.concatenate([piece.states, more.states])
-    return Piece(*by_rows, states, np.concatenate([piece.covariances, more.covariances]))  # type: ignore[arg-type]
 
 
 def _on(seed: Swing, piece: Piece, first: int, spot: float) -> bool:

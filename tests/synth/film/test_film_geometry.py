@@ -51,6 +51,14 @@ def test_a_swing_over_the_edge_is_refused_with_a_lever_that_fits():
     planned(Film(**SMALL | {"lever": lever}), swing())
 
 
+@pytest.mark.parametrize("position", [4.0, 21.0])
+def test_one_edge_is_enough_to_refuse(position):
+    film = Film(**SMALL, traces=[{"name": "1", "position": position}])
+    with pytest.raises(UsageError, match=r"over the edge of a paper of 25 mm"):
+        planned(film, swing(0.01))
+    planned(film, swing(0.007))
+
+
 def test_a_skew_that_turns_the_line_back_is_refused():
     film = Film(**SMALL, skew=8.0)
     planned(film, swing(0.006))

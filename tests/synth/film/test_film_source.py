@@ -99,6 +99,13 @@ def test_a_scene_is_exposed_without_the_defects_of_its_recording():
     assert source.traces == ("1", "1-2", "2-3")
 
 
+def test_the_traces_are_those_the_scene_names(make_scene):
+    named = make_scene(recording={"traces": [{"name": "sum", "combination": {"1": 1.0, "2": 1.0}}]})
+    source = source_of(named)
+    assert source.traces == ("sum",)
+    assert source.combination.tolist() == [[1.0, 1.0]]
+
+
 def test_a_long_scene_is_simulated_in_portions(monkeypatch):
     scene = data_schemas.load_scene(scene_path("linear")).model_copy(update={"duration": 20.0})
     film = Film(**SMALL | {"lever": 50.0})

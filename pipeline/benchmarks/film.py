@@ -1,0 +1,82 @@
+"""Suite `film`: films of every kind exposed, read, and compared with their truth, beside what others read lines with.
+
+The first table: one row a film and reader; errors are normal to the line, px rms. The second: every promise.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from data_schemas.errors import IsochronyError
+from pipeline.benchmarks import film_bars, film_picture
+from pipeline.benchmarks.csv_table import write
+from pipeline.benchmarks.film_cases import Case, cases
+from pipeline.benchmarks.film_own import own_reading
+from pipeline.benchmarks.film_peers import readings
+from pipeline.benchmarks.film_scores import Truth, order, places
+from pipeline.benchmarks.json_table import write as write_json
+from pipeline.benchmarks.progress import progress
+
+_SECONDS, _QUICK_SECONDS = 300.0, 130.0
+
+NOTHING: dict[str, Any] = {
+    "normal_px": math.nan, "flat_px": math.nan, "accepted": 0.0, "wrong_unflagged": 0.0, "amplitude_bias": math.nan,
+    "crossings": 0, "swaps": 0, "crossing_angle_deg": math.nan,
+}  # fmt: skip
+"""Scores of a film that was refused."""
+
+
+def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
+    """Yield one row a film and reader, then one row a promise.
+
+    Quick: films of two minutes, the ends of each axis, and no promise that needs half an hour of film. With a folder:
+    both tables as CSV and JSON, and a picture.
+    """
+    table: list[dict[str, Any]] = []
+    seconds = _QUICK_SECONDS if quick else _SECONDS
+    with tempfile.TemporaryDirectory() as temporary:
+        for case in progress(list(cases(seconds, quick=quick)), "film"):
+            for row in rows_of(case, Path(temporary) / "case.film.tif"):
+                table.append(row)
+                yield row
+        promises = []
+        for row in film_bars.rows(table, Path(temporary), quick=quick):
+            promises.append(row)
+            yield row
+    if folder is not None:
+        write(folder / "film.csv", table)
+        write(folder / "film-bars.csv", promises)
+        write_json(folder / "film.json", {"films": table, "bars": promises})
+        film_picture.draw(table, folder / "film.png")
+
+
+def rows_of(case: Case, path: Path) -> Iterator[dict[str, Any]]:
+    """Rows of one film: the project's reading, then its peers."""
+    import synth
+    from pipeline.film.digitise import open_film
+    from pipeline.film.knowledge import FilmOptions
+
+    tree = synth.expose(case.scene, case.film, path, overwrite=True)
+    truth = Truth.of(tree)
+    named = {"axis": case.axis, "value": case.value}
+    pixels = truth.column.shape[1] * round(case.film.paper_width * case.film.dpi / 25.4)
+    started = time.process_time()
+    try:
+        found = own_reading(path, truth, case.film.mark_interval)
+        scores, refusal = found.scores, ""
+    except IsochronyError as fault:
+        scores, refusal = dict.fromkeys(("flagged", "single", "mark_px", "time_ms", "slipped"), math.nan), str(fault)
+        scores = NOTHING | scores
+    spent = time.process_time() - started
+    yield {**named, "reader": "isochrony", **scores, "mpx_s": pixels / 1e6 / spent, "refused": refusal}
+    scan, _ = open_film(path, None, FilmOptions())
+    empty = dict.fromkeys(("flagged", "single", "mark_px", "time_ms", "slipped"), math.nan)
+    for name, peer in readings(scan, truth):
+        named_as = order(peer.position, truth, peer.rows)
+        scored = places(peer.position[named_as], None, truth, peer.rows)
+        yield {**named, "reader": name, **scored, **empty, "mpx_s": peer.pixels / 1e6 / peer.seconds, "refused": ""}

@@ -1,0 +1,186 @@
+"""How good a reading of a film is, given its truth: places of the rows, crossings, marks, time, phase."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import permutations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Floats
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+WRONG = 1.0  # px off, normal to the line: five times the error that is promised
+_APART = 3.0  # px between lines beyond which it is told which is which
+_FLAT = 1.0  # slope
+_WINDOW = 30.0  # s of a fit of phase
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a reader of the film does not see, (traces, rows) px and s, and the marks, s and px."""
+
+    column: Floats
+    slope: Floats
+    time: Floats
+    seconds: Floats
+    mark_time: Floats
+    mark_row: Floats
+
+    @classmethod
+    def of(cls, tree: xr.DataTree) -> Truth:
+        """Of the film-truth."""
+        slices, marks = tree["slices"].dataset, tree["marks"].dataset
+        mark = (marks["minute"].values == 0) & (marks["spurious"].values == 0)
+        return cls(
+            slices["column"].values, slices["slope"].values, slices["exposure_time"].values,
+            tree.dataset["time"].values, marks["mark_time"].values[mark], marks["mark_row"].values[mark],
+        )  # fmt: skip
+
+
+def order(position: Floats, truth: Truth, rows: slice = slice(None)) -> list[int]:
+    """Which reading follows each trace, most of the film: of traces that rest at one place, names cannot be told."""
+    column = truth.column[:, rows]
+
+    def distance(names: list[int]) -> float:
+        error = np.abs(position[names][:, rows] - column)
+        return float(np.median(error[np.isfinite(error)])) if np.isfinite(error).any() else math.inf
+
+    return min((list(names) for names in permutations(range(len(column)))), key=distance)
+
+
+def places(position: Floats, flagged: Flags | None, truth: Truth, rows: slice = slice(None)) -> dict[str, Any]:
+    """Errors of the rows' readings, normal to the line, px; readings in the order of the traces they follow.
+
+    Parameters
+    ----------
+    position : (traces, rows) array
+        NaN where nothing was read.
+    flagged : (traces, rows) array or None
+        Where the reader says that it may be wrong.
+    truth : Truth
+    rows : slice
+        What was read of the film.
+    """
+    column, slope, position = truth.column[:, rows], truth.slope[:, rows], position[:, rows]
+    lit = np.isfinite(column)
+    error = (position - column) / np.hypot(1.0, slope)
+    read = lit & np.isfinite(error)
+    silent = read if flagged is None else read & ~flagged[:, rows]
+    flat = read & (np.abs(slope) < _FLAT)
+    crossed, swapped = crossings(position, column)
+    return {
+        "normal_px": rms(error[read]),
+        "flat_px": rms(error[flat]),
+        "accepted": ratio(read.sum(), lit.sum()),
+        "wrong_unflagged": ratio((np.abs(error[silent]) > WRONG).sum(), lit.sum()),
+        "amplitude_bias": bias(position, column, read),
+        "crossings": crossed,
+        "swaps": swapped,
+        "crossing_angle_deg": angle(column, slope),
+    }
+
+
+def rms(values: Floats) -> float:
+    """Root mean square; NaN of nothing."""
+    return float(np.sqrt(np.mean(values**2))) if values.size else math.nan
+
+
+def ratio(part: Any, whole: Any) -> float:
+    """A part of a whole; NaN of nothing."""
+    return float(part) / float(whole) if whole else math.nan
+
+
+def bias(position: Floats, column: Floats, read: Flags) -> float:
+    """Largest relative error of a trace's amplitude: the slope of its readings over the truth, less 1."""
+    slopes = [
+        np.polyfit(true[good] - true[good].mean(), seen[good], 1)[0] - 1.0
+        for seen, true, good in zip(position, column, read, strict=True)
+        if good.sum() > 2
+    ]
+    return float(max(slopes, key=abs)) if slopes else math.nan
+
+
+def crossings(position: Floats, column: Floats) -> tuple[int, int]:
+    """How often neighbouring traces cross, and after how many crossings the reading follows the other trace."""
+    crossed = swapped = 0
+    for k in range(len(column) - 1):
+        apart, seen = column[k] - column[k + 1], position[k] - position[k + 1]
+        known = np.flatnonzero(np.isfinite(apart) & np.isfinite(seen))
+        turns = np.flatnonzero(np.diff(np.signbit(apart[known]))) + 1
+        crossed += turns.size
+        for here in np.split(known, turns):
+            clear = here[np.abs(apart[here]) > _APART]
+            if turns.size and clear.size > 2:
+                swapped += int(np.mean(np.signbit(seen[clear]) != np.signbit(apart[clear])) > 0.5)
+    return crossed, swapped
+
+
+def angle(column: Floats, slope: Floats) -> float:
+    """Median angle at which neighbouring lines cross, degrees; NaN if none does."""
+    found: list[float] = []
+    for k in range(len(column) - 1):
+        apart = column[k] - column[k + 1]
+        at = np.flatnonzero(np.signbit(apart[1:]) != np.signbit(apart[:-1]))
+        at = at[np.isfinite(apart[at]) & np.isfinite(apart[at + 1])]
+        found += np.abs(np.degrees(np.arctan(slope[k, at]) - np.arctan(slope[k + 1, at]))).tolist()
+    return float(np.median(found)) if found else math.nan
+
+
+def timing(seconds: Floats, truth: Truth, interval: float) -> tuple[float, float, float]:
+    """Shift of the time axis by whole marks, its rms error besides, and its largest error besides, s."""
+    error = seconds - truth.seconds
+    inside = np.isfinite(error) & (truth.seconds >= truth.mark_time[0]) & (truth.seconds <= truth.mark_time[-1])
+    if not inside.any():
+        return math.nan, math.nan, math.nan
+    shift = round(float(np.median(error[inside])) / interval) * interval
+    return shift, rms(error[inside] - shift), float(np.max(np.abs(error[inside] - shift)))
+
+
+def marks(index: NDArray[np.int64], row_of_trace: Floats, shift: float, interval: float, truth: Truth) -> float:
+    """Error of the marks' rows on single traces, px rms."""
+    errors = []
+    for k, rows in enumerate(row_of_trace):
+        lit = np.isfinite(truth.time[k])
+        centre = np.flatnonzero(lit) + 0.5
+        found = np.isfinite(rows)
+        expected = np.interp(index[found] * interval - shift, truth.time[k, lit], centre, left=np.nan, right=np.nan)
+        errors.append(rows[found] - expected)
+    error = np.concatenate(errors)
+    return rms(error[np.isfinite(error)])
+
+
+def phase(time: Floats, column: Floats, trace: int, truth: Truth, period: float) -> Floats:
+    """Errors of a trace's phase, rad, one a window of 30 s; NaN where less than half of the window was read.
+
+    Parameters
+    ----------
+    time : (samples,) array
+        s, of the truth's epoch.
+    column : (samples,) array
+        px
+    """
+    from scipy.interpolate import CubicSpline
+
+    lit = np.isfinite(truth.time[trace])
+    true = CubicSpline(truth.time[trace, lit], truth.column[trace, lit], extrapolate=False)(time)
+    good = np.isfinite(true) & np.isfinite(column)
+    every = float(np.median(np.diff(time)))
+    found = []
+    for begin in np.arange(truth.mark_time[0], truth.mark_time[-1] - _WINDOW + 1.0, _WINDOW):
+        here = np.flatnonzero(good & (time >= begin) & (time < begin + _WINDOW))
+        if here.size < 0.5 * _WINDOW / every:
+            found.append(math.nan)
+            continue
+        turn = 2.0 * np.pi * (time[here] - begin) / period
+        terms = np.stack([np.cos(turn), np.sin(turn), np.ones(here.size), turn], axis=1)
+        swing, error = (np.linalg.lstsq(terms, each[here], rcond=None)[0] for each in (true, column - true))
+        found.append(float(np.imag((error[0] - 1j * error[1]) / (swing[0] - 1j * swing[1]))))
+    return np.array(found)

@@ -160,6 +160,7 @@ def backward(film: Film, ahead: Forward, progress: Callable[[int], None], out: O
             position, sigma, qc = judge(
                 reading[k], states[:, k], variance[k], disagreement[k], known[k], share, lamp[k], black, film.optics
             )
+            out.misfit[k, part] = np.where(known[k] > 0, reading[k, :, 4], np.nan)
             out.keep(k, part, position, sigma, qc, states[:, k], known[k] > 0, ahead.light[k, part] / lamp[k])
         progress(rows + rows - first)
 
@@ -186,7 +187,7 @@ def _turn_back(
 
 @dataclass
 class Outcome:
-    """The columns of `Tracks`, filled piece by piece."""
+    """The columns of `Tracks`, filled piece by piece, and the mean square residual of each row's fit."""
 
     position: Floats
     sigma: Floats
@@ -195,6 +196,7 @@ class Outcome:
     curvature: Floats
     brightness: Floats
     qc: NDArray[np.uint16]
+    misfit: Floats
     shear: float
     blackest: float
 
@@ -202,7 +204,8 @@ class Outcome:
     def empty(traces: int, rows: int, shear: float, blackest: float) -> Outcome:
         """Nothing read yet."""
         columns = [np.full((traces, rows), np.nan) for _ in range(6)]
-        return Outcome(*columns, np.zeros((traces, rows), np.uint16), shear, blackest)
+        misfit = np.full((traces, rows), np.nan, np.float32)
+        return Outcome(*columns, np.zeros((traces, rows), np.uint16), misfit, shear, blackest)
 
     def keep(
         self,

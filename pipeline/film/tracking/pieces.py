@@ -16,9 +16,9 @@ from pipeline.film.tracking.seeding import Swing
 
 # Growth a swing of the variance of the slow part's bend (in amplitudes a swing squared), of the frequency (in radians a
 # swing) and of the pair (in amplitudes). The swell of a ship bends the slow part by up to 1.5 A/P^2 within a swing or
-# so and wow of 3 % in 7 s changes the frequency by 0.16 rad/P a swing. A third of that is allowed for: what is left out
-# is slow against the filter's memory, and what is allowed for is paid in noise.
-BEND_GROWTH, FREQUENCY_GROWTH, PAIR_GROWTH = 0.1, 3e-3, 1e-6
+# so, and wow of 3 % in 7 s changes the frequency by 0.16 rad/P a swing. A tenth of that is allowed for: both are slow
+# against the filter's memory of a third of a swing, so that little of them is left out.
+BEND_GROWTH, FREQUENCY_GROWTH, PAIR_GROWTH = 0.01, 1e-3, 1e-6
 FIRST_PLACE, FIRST_RATE, FIRST_BEND, FIRST_FREQUENCY = 0.03, 0.3, 0.5, 0.03
 QUALITY_SWINGS = 0.5
 

@@ -23,7 +23,7 @@ NOTHING = (
 
 
 LEAST_READ = 0.15
-STRANGE = 2.5
+STRANGE = 4.0
 
 
 def track(
@@ -94,11 +94,12 @@ def track(
 def _refuse_strangers(out: Outcome, trace: int) -> None:
     """Refuse a film on which something else lies on a trace for most of its way."""
     known = out.misfit[trace][np.isfinite(out.misfit[trace])]
-    if known.size and float(np.median(known)) > STRANGE:
+    misfit = float(np.quantile(known, 0.75)) if known.size else 0.0
+    if misfit > STRANGE:
         raise RefusedError(
-            f"trace {trace + 1} of the film does not look like one line: the mean square residual is "
-            f"{float(np.median(known)):.1f} times the grain, at most {STRANGE:g} is allowed; another trace may lie on it,"
-            " or the tone curve may be wrong"
+            f"trace {trace + 1} of the film does not look like one line: on a quarter of the rows the mean square residual"
+            f" is over {misfit:.1f} times the grain's, at most {STRANGE:g} is allowed; another trace may lie on it: give"
+            " count, or cut the film where it can be read"
         )
 
 
@@ -110,8 +111,8 @@ def _refuse_unread(out: Outcome) -> None:
     worst = int(np.argmin(read))
     if read[worst] < LEAST_READ * read.max():
         raise RefusedError(
-            f"trace {worst + 1} of the film was found but read on {100.0 * read[worst]:.0f} % of the rows only, the best"
-            f" on {100.0 * read.max():.0f} %: scan again, cut the film where it can be read, or give count and positions"
+            f"trace {worst + 1} of the film was found but read on {100.0 * read[worst]:.0f} % of the rows only, the"
+            f" best on {100.0 * read.max():.0f} %: scan again, cut the film where it can be read, or give count"
         )
 
 

@@ -1,7 +1,7 @@
 """Kalman filter and smoother of the paper's motion from mark to mark.
 
-The state is a row, its speed and acceleration, with white noise in the acceleration's rate, and a rotating pair for each
-line of wow. Every mark may be measured on any of the traces.
+The state is a row, its speed and acceleration, with white noise in the acceleration's rate, and a rotating pair for
+each line of wow. Every mark may be measured on any of the traces.
 """
 
 from __future__ import annotations
@@ -10,14 +10,23 @@ import math
 
 import numpy as np
 
-from pipeline.film.parts import Floats
+from pipeline.arrays import Floats
 from synth.kernels.compiled import kernel
 
 
 @kernel
 def filter_drive(
-    step: Floats, noise: Floats, seen: Floats, start: Floats, start_variance: Floats, rows: Floats, variance: Floats,
-    state: Floats, spread: Floats, ahead: Floats, ahead_spread: Floats,
+    step: Floats,
+    noise: Floats,
+    seen: Floats,
+    start: Floats,
+    start_variance: Floats,
+    rows: Floats,
+    variance: Floats,
+    state: Floats,
+    spread: Floats,
+    ahead: Floats,
+    ahead_spread: Floats,
 ) -> float:
     """Filter forward; returns -2 log likelihood.
 

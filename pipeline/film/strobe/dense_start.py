@@ -71,7 +71,9 @@ def first_shape(
 ) -> tuple[Floats, float]:
     """Curve of the block around row `middle`, and its light (0: none was found)."""
     turn, half = 2.0 * np.pi / period, period
-    near = exposure[max(int(middle - 0.6 * period) - first, 0) : int(middle + 0.6 * period) - first, band.left : band.right]
+    near = exposure[
+        max(int(middle - 0.6 * period) - first, 0) : int(middle + 0.6 * period) - first, band.left : band.right
+    ]
     if near.size == 0:
         return np.zeros(SIZE), 0.0
     # within a swing the turning points are the outermost light

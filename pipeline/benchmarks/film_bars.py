@@ -14,6 +14,7 @@ import numpy as np
 
 from data_schemas.errors import IsochronyError
 from data_schemas.scene_film import Film
+from pipeline.benchmarks import film_hard
 from pipeline.benchmarks.bar import Row, at_least, at_most, holds, not_measured
 from pipeline.benchmarks.clock import tree_environment
 from pipeline.benchmarks.film_cases import GRAIN, crossing, scene
@@ -43,6 +44,7 @@ def rows(table: Sequence[dict[str, Any]], folder: Path, *, quick: bool) -> Itera
             "films of half an hour: accuracy, marks, phase, gravity, memory", "", "the full run makes them"
         )
         return
+    yield from film_hard.rows(folder)
     yield from _accuracy(folder)
     yield from _marks(folder)
     for name, limit in (("typical", 1.0), ("historic-slow", 5.0)):
@@ -73,7 +75,8 @@ def _exposed(film: Film, folder: Path) -> tuple[Path, Truth]:
 def _accuracy(folder: Path) -> Iterator[Row]:
     for words, film, accepted in (
         ("traces apart", Film(grain=GRAIN), 0.83),
-        ("traces crossing", crossing(0.0), 0.78),
+        ("traces crossing, 8 mm apart", crossing(8.0), 0.78),
+        ("traces crossing, resting at one place", crossing(0.0), 0.78),
     ):
         path, truth = _exposed(film, folder)
         try:

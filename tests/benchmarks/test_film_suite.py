@@ -1,0 +1,111 @@
+"""The suite `film` on one short film: every reader gives a row, what is written is there, promises are told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data_schemas.errors import RefusedError
+from data_schemas.scene_film import Film
+from pipeline.benchmarks import film, film_bars, film_cases, film_hard
+from pipeline.benchmarks.film_cases import Case, cases, scene
+
+pytest.importorskip("tifffile")
+READERS = {"isochrony", "column argmax", "centroid", "scipy peak linking"}
+
+
+def test_every_axis_has_its_ends() -> None:
+    quick, full = list(cases(60.0, quick=True)), list(cases(60.0, quick=False))
+    assert {case.axis for case in quick} == {case.axis for case in full}
+    assert len(quick) == 10
+    assert len(full) == 15
+    assert all(case.film.grain == film_cases.GRAIN for case in full if case.axis != "grain")
+
+
+@pytest.mark.compiled
+def test_one_film_is_read_by_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("matplotlib")
+    one = Case("grain", 0.02, scene(60.0), Film(grain=0.02))
+    monkeypatch.setattr(film, "cases", lambda seconds, *, quick: iter([one]))
+    rows = list(film.run(quick=True, folder=tmp_path))
+    table = [row for row in rows if "reader" in row]
+    assert {row["reader"] for row in table} >= READERS
+    ours = table[0]
+    assert ours["refused"] == ""
+    assert ours["normal_px"] < 0.2
+    assert ours["accepted"] > 0.83
+    assert ours["slipped"] == 0.0
+    for row in table[1:3]:  # who looks for the darkest place in its columns gets near it
+        assert ours["normal_px"] < row["normal_px"] < 2.0
+    assert all(np.isfinite(row["mpx_s"]) for row in table)
+    assert {each.name for each in tmp_path.iterdir()} == {"film.csv", "film-bars.csv", "film.json", "film.png"}
+    bars = [row for row in rows if "bar" in row]
+    assert bars[0]["bar"] == "speed of all of digitise, one core"
+
+
+@pytest.mark.compiled
+def test_a_refused_film_has_its_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise RefusedError("no trace")
+
+    monkeypatch.setattr(film, "own_reading", refuse)
+    monkeypatch.setattr(film, "readings", lambda scan, truth: iter(()))
+    (row,) = film.rows_of(Case("grain", 0.02, scene(10.0), Film()), tmp_path / "a.film.tif")
+    assert row["refused"] == "no trace"
+    assert row["accepted"] == 0.0
+
+
+def test_speed_is_that_of_the_usual_films() -> None:
+    def row(axis: str, reader: str, speed: float) -> dict[str, object]:
+        return {"axis": axis, "reader": reader, "mpx_s": speed, "refused": ""}
+
+    table = [
+        row("grain", "isochrony", 12.0),
+        row("grain", "scikit-image route_through_array", 0.5),
+        row("resolution, dpi", "isochrony", 1.0),
+    ]
+    speed, times, left_out = film_bars.rows(table, Path("."), quick=True)
+    assert (speed["value"], speed["pass"]) == (12.0, True)
+    assert (times["value"], times["pass"]) == (24.0, True)
+    assert left_out["pass"] is None
+
+
+def test_hard_films_are_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Read, refused, wrong, hardly read: only the wrong one fails, and only the well read one counts."""
+
+    class Found:
+        def __init__(self, accepted: float, wrong: float) -> None:
+            self.scores = {"accepted": accepted, "wrong_unflagged": wrong, "slipped": 0.0}
+
+    answers = iter([Found(0.9, 0.0), RefusedError("no"), Found(0.9, 0.01), Found(0.2, 0.0)])
+
+    def answer(*_: object) -> Found:
+        given = next(answers)
+        if isinstance(given, Exception):
+            raise given
+        return given
+
+    monkeypatch.setattr(film_hard, "_SECONDS", 2.0)
+    monkeypatch.setattr(
+        film_hard, "films", lambda: dict.fromkeys("abcd", Film(speed=1.0, lever=500.0, paper_width=40.0))
+    )
+    monkeypatch.setattr(film_hard, "own_reading", answer)
+    monkeypatch.setattr(film_hard, "_refuses_landscape", lambda folder: True)
+    rows = list(film_hard.rows(tmp_path))
+    assert [row["pass"] for row in rows] == [True, True, False, True, True, False]
+    assert rows[1]["bar"] == "b: refused"
+    assert rows[-1]["value"] == 1.0
+
+
+@pytest.mark.compiled
+def test_touching_traces_touch() -> None:
+    apart = film_hard._touching()
+    assert 15.0 < apart < 30.0
+    assert len(film_hard.films()) == 7
+
+
+@pytest.mark.compiled
+def test_a_landscape_is_no_film(tmp_path: Path) -> None:
+    assert film_hard._refuses_landscape(tmp_path)

@@ -7,6 +7,7 @@ but perhaps oblique. Nothing is cut off, so that columns keep their numbers.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +19,18 @@ _ROWS = 64  # at each
 _LEAST_STEP = 0.05  # of full scale: what counts as an edge
 _MARGIN = 6  # px of film beside the edge that are overlaid too: its shadow
 _WIDEST = 0.45  # of the columns
-_AGREE = 0.7  # of the places must show an edge
+_FEWEST, _AGREE = 4, 0.7  # places that must show an edge, and part of those where it should be
 _SHARP = 6  # px within which the level changes at an edge
 _ALL_ALONG = 0.9  # of the border's columns are away from the film's level
 _STRAIGHT = 12.0  # px by which edges may depart from a straight line
+
+
+class Edge(NamedTuple):
+    """Column of the film's edge at row 0, its change a row, and the level of the film beside it."""
+
+    start: float
+    slope: float
+    level: float
 
 
 @dataclass(frozen=True)
@@ -31,16 +40,13 @@ class WithoutBorder:
     Attributes
     ----------
     image : Image
-    left, right : (2,) tuples or None
-        Column of the film's edge at row 0, and its change a row; None where there is no border.
-    level : float
-        Of blank film.
+    left, right : Edge or None
+        None where there is no border.
     """
 
     image: Image
-    left: tuple[float, float] | None
-    right: tuple[float, float] | None
-    level: float
+    left: Edge | None
+    right: Edge | None
 
     @property
     def rows(self) -> int:
@@ -61,12 +67,12 @@ class WithoutBorder:
         """Rows `first` to `stop`."""
         pixels = np.array(self.image.read(first, stop))
         rows, columns = np.arange(first, stop)[:, None], np.arange(self.columns)
-        outside = np.zeros(pixels.shape, dtype=np.bool_)
         if self.left is not None:
-            outside |= columns < self.left[0] + self.left[1] * rows + _MARGIN
+            edge = self.left.start + self.left.slope * rows + _MARGIN
+            pixels[columns < edge] = round(self.left.level)
         if self.right is not None:
-            outside |= columns >= self.right[0] + self.right[1] * rows - _MARGIN
-        pixels[outside] = round(self.level)
+            edge = self.right.start + self.right.slope * rows - _MARGIN
+            pixels[columns >= edge] = round(self.right.level)
         return pixels
 
 
@@ -76,27 +82,29 @@ def without_border(image: Image) -> Image:
     profiles = np.array(
         [np.median(image.read(int(a), min(image.rows, int(a) + _ROWS)), axis=0) for a in starts], dtype=np.float64
     )
-    middle = starts + 0.5 * min(_ROWS, image.rows)
-    level = float(np.median(profiles[:, image.columns // 4 : -(image.columns // 4) or None]))
+    middle = np.asarray(starts + 0.5 * min(_ROWS, image.rows), dtype=np.float64)
     left = _edge(profiles, middle, image.full_scale)
     mirrored = _edge(profiles[:, ::-1], middle, image.full_scale)
-    right = None if mirrored is None else (image.columns - mirrored[0], -mirrored[1])
+    right = None if mirrored is None else Edge(image.columns - mirrored.start, -mirrored.slope, mirrored.level)
     if left is None and right is None:
         return image
-    return WithoutBorder(image, left, right, level)
+    return WithoutBorder(image, left, right)
 
 
-def _edge(profiles: NDArray[np.float64], rows: NDArray[np.float64], full_scale: int) -> tuple[float, float] | None:
-    """Straight line through the edges of the profiles: its column at row 0, and its change a row; None without."""
+def _edge(profiles: NDArray[np.float64], rows: NDArray[np.float64], full_scale: int) -> Edge | None:
+    """Straight line through the edges at the left of the profiles; None without."""
     widths = np.array([_width(profile, _LEAST_STEP * full_scale) for profile in profiles])
     seen = widths > 0
-    if np.count_nonzero(seen) < max(3.0, _AGREE * len(profiles)):
+    if np.count_nonzero(seen) < _FEWEST:
         return None
     slope, start = np.polyfit(rows[seen], widths[seen], 1)
     apart = widths[seen] - slope * rows[seen] - start
-    if np.abs(apart).max() > _STRAIGHT:
+    # an oblique border may leave the image, but may not be missing where it should be
+    unseen = slope * rows[~seen] + start > 2.0 * _SHARP
+    if np.abs(apart).max() > _STRAIGHT or np.count_nonzero(unseen) > (1.0 - _AGREE) * rows.size:
         return None
-    return float(start + apart.max()), float(slope)
+    inside = [profile[width + _SHARP : width + 60] for profile, width in zip(profiles[seen], widths[seen], strict=True)]
+    return Edge(float(start + apart.max()), float(slope), float(np.median(np.concatenate(inside))))
 
 
 def _width(profile: NDArray[np.float64], limit: float) -> int:

@@ -42,7 +42,14 @@ def test_border_shows_blank_film_and_the_film_stays(border, tilt):
 def test_one_side_alone():
     covered = without_border(film(left=40.0))
     assert covered.right is None
-    assert covered.left[0] == pytest.approx(40.0, abs=4.0)
+    assert covered.left.start == pytest.approx(40.0, abs=4.0)
+
+
+def test_a_border_that_leaves_the_image_is_overlaid_as_far_as_it_goes():
+    image = film(left=15.0, tilt=-0.03)
+    covered = without_border(image)
+    assert covered.left.slope == pytest.approx(-0.03, abs=0.003)
+    assert np.abs(covered.read(0, ROWS)[:, :60].astype(float) - 205.0).max() < 18.0
 
 
 @pytest.mark.parametrize("vignette", [0.0, 0.15, 0.3])

@@ -97,9 +97,9 @@ def _refuse_strangers(out: Outcome, trace: int) -> None:
     misfit = float(np.quantile(known, 0.75)) if known.size else 0.0
     if misfit > STRANGE:
         raise RefusedError(
-            f"trace {trace + 1} of the film does not look like one line: on a quarter of the rows the mean square residual"
-            f" is over {misfit:.1f} times the grain's, at most {STRANGE:g} is allowed; another trace may lie on it: give"
-            " count, or cut the film where it can be read"
+            f"trace {trace + 1} of the film does not look like one line: on a quarter of its rows the mean square"
+            f" residual is over {misfit:.1f} times the grain's, at most {STRANGE:g} is allowed; another trace may lie on"
+            " it: give count, or cut the film where it can be read"
         )
 
 

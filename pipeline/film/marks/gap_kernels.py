@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.film.marks.curve_kernels import REACH, draw, place
-from pipeline.film.marks.shading_kernels import PARAMETERS, shade, solve, window
+from pipeline.film.marks.shading_kernels import PARAMETERS, clear, shade, solve, window
 from synth.kernels.compiled import kernel
 
 (
@@ -33,10 +33,11 @@ from synth.kernels.compiled import kernel
     SLOPE,
 ) = range(13)
 RESULTS = 13
-TALL, BROAD = 40, 200  # px, the largest piece of film
+STEEPEST = 60.0  # slope of strokes whose gaps fit on a piece of film
 LAYERS = 7
 ROUNDS = 6
 FAINT = 0.02  # of the line's light: pixels with less of another line are used
+MODEL = 0.04  # of the line's light, 1 sigma of what spot and curve are not exactly
 CLIP = 4.0  # sigmas, of a pixel's residual
 
 
@@ -74,13 +75,13 @@ def fit_gap(
     gap, gap_d = layers[2, :rows, :columns], layers[3, :rows, :columns]
     start, stop, far = layers[4, :rows, :columns], layers[5, :rows, :columns], layers[6, :rows, :columns]
     reach = REACH * spot
-    far[:] = 0.0
     near = 0.45 * spacing  # rows: what the line draws later than that may lie in another gap
-    shade(far, far, top, left, course, slope, top - reach, mark - near, 0.0, spot, False)
-    shade(far, far, top, left, course, slope, mark + near, top + rows + reach, 0.0, spot, False)
-    for other in range(courses.shape[0]):
-        if other != trace:
-            shade(far, far, top, left, courses[other], slopes[other], top - reach, top + rows + reach, 0.0, spot, False)
+    clear(layers, 6, 7, rows, columns)
+    for other in range(courses.shape[0] + 1):  # other traces, and before and after `near` this one
+        which = other if other < courses.shape[0] else trace
+        begin = mark + near if other == courses.shape[0] else top - reach
+        end = mark - near if other == trace else top + rows + reach
+        shade(far, far, top, left, courses[which], slopes[which], begin, end, 0.0, spot, False)
     here, lean = place(course, slope, mark)
     sideways = lateral * math.sqrt(1.0 + lean * lean)
     m, w, d, a, b, drawn = mark, width, 0.0, 1.0, 1.0, math.inf
@@ -90,20 +91,9 @@ def fit_gap(
     misfit, count, bright = 0.0, 0, 0.0
     for turn in range(ROUNDS):
         if abs(d - drawn) > 0.02 * math.sqrt(1.0 + lean * lean):
-            line[:], line_d[:] = 0.0, 0.0
-            shade(
-                line,
-                line_d,
-                top,
-                left,
-                course,
-                slope,
-                max(top - reach, mark - near),
-                min(top + rows + reach, mark + near),
-                d,
-                spot,
-                True,
-            )
+            clear(layers, 0, 2, rows, columns)
+            begin, end = max(top - reach, mark - near), min(top + rows + reach, mark + near)
+            shade(line, line_d, top, left, course, slope, begin, end, d, spot, True)
             drawn = d
             bright = 0.0
             for y in range(rows):
@@ -117,15 +107,18 @@ def fit_gap(
                             over += exposure[top - first + y, left + x] * line[y, x]
                             under += line[y, x] ** 2
                 a = b = max(over / under if under > 0.0 else 1.0, 0.05)
-        gap[:], gap_d[:], start[:], stop[:] = 0.0, 0.0, 0.0, 0.0
+        clear(layers, 2, 6, rows, columns)
         shade(gap, gap_d, top, left, course, slope, m - 0.5 * w, m + 0.5 * w, d, spot, True)
-        at, _ = place(course, slope, m - 0.5 * w)
-        to, _ = place(course, slope, m + 0.5 * w)
-        if math.isnan(at) or math.isnan(to):
-            return False
-        draw(start, start, top, left, m - 0.5 * w, at + d, 1.0, spot, False)
-        draw(stop, stop, top, left, m + 0.5 * w, to + d, 1.0, spot, False)
-        normal[:], right[:] = 0.0, 0.0
+        for side in range(2):
+            edge = m + (side - 0.5) * w
+            at, _ = place(course, slope, edge)
+            if math.isnan(at):
+                return False
+            draw(layers[4 + side, :rows, :columns], far, top, left, edge, at + d, 1.0, spot, False)
+        for i in range(PARAMETERS):
+            right[i] = 0.0
+            for j in range(PARAMETERS):
+                normal[i, j] = 0.0
         misfit, count = 0.0, 0
         for y in range(rows):
             for x in range(columns):
@@ -140,6 +133,7 @@ def fit_gap(
                 noise = (
                     grain[g] + (at_grain - g) * (grain[g + 1] - grain[g]) if at_grain < grain.size - 1 else grain[-1]
                 )
+                noise = math.sqrt(noise * noise + (MODEL * a * light) ** 2)
                 left_over = (exposure[top - first + y, left + x] - expected) / noise
                 if math.isnan(left_over):
                     continue
@@ -217,7 +211,11 @@ def fit_gaps(
     out: Floats,
 ) -> None:
     """Fit gaps near the rows `guesses` of `traces` (int64), of `widths` rows, into `out` (gaps, RESULTS)."""
-    layers = np.empty((LAYERS, TALL, BROAD))
+    wide = 0.0
+    for k in range(widths.size):
+        wide = max(wide, widths[k])
+    room = int(28.0 * spot) + 8
+    layers = np.empty((LAYERS, int(wide) + room, int(STEEPEST * wide) + room))
     for k in range(guesses.size):
         fit_gap(
             exposure,

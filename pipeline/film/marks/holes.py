@@ -34,6 +34,6 @@ def holes_honest(rows: Floats, sigma: Floats, found: Drive) -> Drive:
         return found
     scale = max(1.0, float(np.sqrt(np.mean(away**2))))
     inside = np.zeros(rows.shape[1], dtype=bool)
-    for begin, stop in itertools.pairwise(seen):
+    for begin, stop in itertools.pairwise(seen.tolist()):
         inside[begin + 1 : stop] = (stop - begin) * found.step >= HOLE
     return replace(found, row_sigma=np.where(inside, scale * found.row_sigma, found.row_sigma))

@@ -84,10 +84,13 @@ def find_minutes(events: Events, count: Count, interval: float, delay: float | N
     ahead, behind = sides
     enough = max(LEAST, SHARE * spread * 0.5)
     if max(ahead.seen, behind.seen) >= enough:
-        if delay is not None and behind.seen > ahead.seen + 2 * ahead.against:
+        late, early = (ahead.seen, behind.seen) if delay is not None else (ahead.seen, 0)
+        if delay is None and ahead.delay > 0.5 * interval:  # a code follows its minute's mark
+            late, early = 0, ahead.seen
+        if early > late + 2 * ahead.against:
             raise TimeReversedError(
-                f"film: the minute code reads backwards ({behind.seen} of its second gaps come before the minute's "
-                f"mark, {ahead.seen} after it): the film lies upside down; turn the scan by 180 degrees"
+                f"film: the minute code reads backwards ({early} of its second gaps come before the minute's mark, "
+                f"{late} after it): the film lies upside down; turn the scan by 180 degrees, or state the code's delay"
             )
         return ahead
     longer = _odd_lengths(events, count, cycle, spread)

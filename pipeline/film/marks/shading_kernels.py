@@ -14,6 +14,15 @@ FLANK = 8.0  # spots of line on either side of the gap
 
 
 @kernel
+def clear(layers: Floats, first: int, stop: int, rows: int, columns: int) -> None:
+    """Blank the used part of some layers."""
+    for k in range(first, stop):
+        for y in range(rows):
+            for x in range(columns):
+                layers[k, y, x] = 0.0
+
+
+@kernel
 def shade(
     image: Floats,
     across: Floats,

@@ -2,8 +2,9 @@
 
 Over two swings or so a trace is `P(x) + C(x) cos wr + S(x) sin wr` with polynomials P, C, S of the place x in the
 block: drift and swell, amplitude and phase with what the paper's speed does to it. The whole block is drawn, strokes
-beside each other and all, and compared with the film; at points along the curve what is left tells how far the line lies to
-one side, and least squares make of it a better curve (Gauss-Newton with the strokes' overlap left out of the Hessian).
+beside each other and all, and compared with the film; at points along the curve what is left tells how far the line
+lies to one side, and least squares make of it a better curve (Gauss-Newton with the strokes' overlap left out of the
+Hessian).
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.contents import Contents, Entry, Group
-from data_schemas.film_description import DescribedInstrument, FilmDescription
+from data_schemas.film_description import DescribedInstrument, DescribedPendulum, FilmDescription
 from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION
 from data_schemas.variables import attributes
 from synth.film.plan import FilmPlan
@@ -30,24 +30,18 @@ def description_of(plan: FilmPlan) -> FilmDescription:
         }
         for k, (name, weights) in enumerate(zip(source.traces, source.combination, strict=True))
     ]
-    labels = [str(each) for each in source.instrument.get("pendulum", source.pendulums)]
-    known = {
-        name: np.asarray(value)
-        for name, value in source.instrument.items()
-        if name != "pendulum" and np.all(np.isfinite(value))
-    }
-    per_pendulum = {
-        name: value for name, value in known.items() if value.shape == (len(labels),) and name[:5] != "base_"
-    }
+    known = source.instrument
+    labels = [str(each) for each in known.get("pendulum", source.pendulums)]
+    own = [name for name in DescribedPendulum.model_fields if name in known]
     pendulums = [
-        {"label": label, **{name: float(value[k]) for name, value in per_pendulum.items()}}
+        {"label": label, **{name: float(known[name][k]) for name in own}}
         for k, label in enumerate(labels)
         if label in source.pendulums
     ]
     scalars = {
-        name: float(value)
-        for name, value in known.items()
-        if value.shape == () and name in DescribedInstrument.model_fields
+        name: float(known[name])
+        for name in DescribedInstrument.model_fields
+        if name in known and np.ndim(known[name]) == 0
     }
     return FilmDescription.model_validate(
         {

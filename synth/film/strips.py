@@ -1,4 +1,4 @@
-"""The image strip by strip: each from the course of the traces around it, in any order, always the same bits."""
+"""The image strip by strip: each from the course of the traces around it; the same bits however it is cut."""
 
 from __future__ import annotations
 
@@ -42,8 +42,10 @@ class Exposure:
     film, geometry, transport, layout
     course : Course
         Asked for in order of time.
-    begin, end, step : float
+    begin, end : float
         Of the source, s.
+    node : float
+        Time between the nodes of the line, s.
     """
 
     def __init__(

@@ -75,6 +75,23 @@ def test_the_description_says_what_an_observer_knows_and_no_more(tmp_path, scene
         assert hidden not in text
 
 
+def test_the_description_tells_all_that_the_record_tells_of_the_instrument(tmp_path):
+    """Heat, air, the ship's way, labels of base stations: what has one value, or one a pendulum."""
+    scene = data_schemas.load_scene(synth.scene_path("cruise")).model_copy(update={"duration": 10.0})
+    record, _ = synth.simulate(scene)
+    film = Film(lever=100.0, speed=1.0, paper_width=60.0)
+    synth.expose_to(record, film, tmp_path / "a.film.tif")
+    known = load_description(tmp_path / "a.film.toml")
+    told = record["instrument"].dataset
+    for name, value in told.variables.items():
+        if value.dims == ():
+            assert getattr(known.instrument, name) == float(value)
+        elif value.dims == ("pendulum",) and name != "pendulum":
+            assert [getattr(each, name) for each in known.pendulums] == value.values.tolist()
+    assert known.instrument.latitude is not None
+    assert known.pendulums[0].temperature_coefficient is not None
+
+
 @pytest.mark.parametrize("lies", [{}, {"rotation": 1.5}, {"skew": 2.0, "stretch_along": 0.02, "stretch_across": -0.02}])
 @pytest.mark.parametrize("turned", [{}, {"upside_down": True}, {"polarity": "positive"}, {"bits": 16}])
 def test_the_image_is_where_the_truth_says(tmp_path, lies, turned):

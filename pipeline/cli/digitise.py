@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -62,19 +63,36 @@ def run(options: argparse.Namespace) -> int:
         require_matplotlib()
     film_options(options)  # what cannot be meant is told before any work
     good = 0
-    for film, output in zip(films, outputs, strict=True):
-        try:
-            row = _one(film, output, options)
-        except IsochronyError as fault:
-            told = naming(film[0], str(fault))
-            if isinstance(fault, UsageError) and len(films) == 1:
-                raise type(fault)(told) from fault
-            row = _failure(film, "refused" if isinstance(fault, RefusedError) else "failed", told)
+    for row in _rows(films, outputs, options):
         _show(row, as_json=options.json)
         good += row["status"] == "ok"
     if good == len(films):
         return 0
     return 1 if good else 3
+
+
+def _rows(films: list[list[Path]], outputs: list[Path], options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """What was read of each film, in order; several at a time where several cores may be used."""
+    if options.jobs == 1 or len(films) == 1:
+        for film, output in zip(films, outputs, strict=True):
+            try:
+                yield _one(film, output, options)
+            except IsochronyError as fault:
+                if isinstance(fault, UsageError) and len(films) == 1:
+                    raise type(fault)(naming(film[0], str(fault))) from fault
+                yield _failure(film, fault)
+        return
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    alone = argparse.Namespace(**{**vars(options), "jobs": 1})
+    with ProcessPoolExecutor(min(options.jobs, len(films)), mp_context=get_context("spawn")) as pool:
+        begun = [pool.submit(_one, film, output, alone) for film, output in zip(films, outputs, strict=True)]
+        for film, row in zip(films, begun, strict=True):
+            try:
+                yield row.result()
+            except IsochronyError as fault:
+                yield _failure(film, fault)
 
 
 def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[str, Any]:
@@ -111,7 +129,9 @@ def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[st
     return row
 
 
-def _failure(film: list[Path], status: str, error: str) -> dict[str, Any]:
+def _failure(film: list[Path], fault: IsochronyError) -> dict[str, Any]:
+    status = "refused" if isinstance(fault, RefusedError) else "failed"
+    error = naming(film[0], str(fault))
     return {"record_id": stem(film[0]), "input": str(film[0]), "output": None, "status": status, "error": error}
 
 

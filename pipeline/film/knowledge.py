@@ -102,10 +102,10 @@ class Known:
         """What was neither described nor said and had to be assumed, one sentence each."""
         said = []
         if self.options.lever is None and any(trace.lever is None for trace in traces):
-            said.append(f"an optical lever of {ASSUMED_LEVER:g} mm/rad is assumed; --lever says otherwise")
+            said.append(f"an optical lever of {ASSUMED_LEVER:g} mm/rad is assumed (--lever says otherwise)")
         described = self.description is not None and "mark_interval" in self.description.model_fields_set
         if self.options.mark_interval is None and not described:
-            said.append(f"marks every {ASSUMED_INTERVAL:g} s are assumed; --mark-interval says otherwise")
+            said.append(f"marks every {ASSUMED_INTERVAL:g} s are assumed (--mark-interval says otherwise)")
         return said
 
     def marking(self, scale: float | None) -> Marking:

@@ -21,6 +21,7 @@ Progress = Callable[[str, int, int], None]
 READINGS = ("auto", "continuous", "strobe")
 RATES = (25.0, 20.0, 12.5, 10.0)  # Hz; more than eight samples a swing
 _ROWS_PER_SAMPLE = 1.2  # fewer leave samples without a row
+SLOW = 25.0  # rows a second; below it the strokes of a swing lie a dozen rows apart, and the swing is a dense band
 _LEAST_ACCEPTED = 0.5  # of the rows; a film of which less can be read between the marks is too slow for it
 _SPEED_TOLERANCE = 0.1
 
@@ -95,21 +96,31 @@ def read_film(
     from pipeline.film.emulsion.measure import measure_emulsion
     from pipeline.film.marks.axis import time_axis
     from pipeline.film.marks.minutes import TimeReversedError
+    from pipeline.film.strobe.dense import dense_tracks
     from pipeline.film.strobe.reading import read_at_marks
     from pipeline.film.tracking.track import track
 
     expected, marking = known.expected(scan.scale), known.marking(scan.scale)
 
-    def read_time() -> tuple[FilmEmulsion, Tracks, TimeAxis]:
+    def read_time(dense: bool) -> tuple[FilmEmulsion, Tracks, TimeAxis]:
         emulsion = measure_emulsion(scan)
-        tracks = track(scan, emulsion, expected=expected, progress=_stage(progress, "traces"))
+        if dense:
+            tracks = dense_tracks(scan, emulsion, expected)
+        else:
+            tracks = track(scan, emulsion, expected=expected, progress=_stage(progress, "traces"))
         return emulsion, tracks, time_axis(scan, emulsion, tracks, marking)
 
+    is_slow = marking.speed is not None and marking.speed < SLOW
+    dense = reading == "strobe" and is_slow
     try:
-        emulsion, tracks, axis = read_time()
+        emulsion, tracks, axis = read_time(dense)
     except TimeReversedError:
         scan = scan.upside_down()
-        emulsion, tracks, axis = read_time()
+        emulsion, tracks, axis = read_time(dense)
+    except RefusedError:
+        if dense or not is_slow or reading == "continuous":
+            raise
+        emulsion, tracks, axis = read_time(True)
     strobe = read_at_marks(scan, emulsion, tracks, axis)
     scale, note = film_scale(scan.scale, known.speed, axis)
     notes = [*scan.notes, *([note] if note else []), *_speed_notes(axis, scale, known.speed)]
@@ -149,7 +160,7 @@ def _rate(axis: TimeAxis) -> float:
 def _choose(reading: str, tracks: Tracks, axis: TimeAxis) -> str:
     if reading != "auto":
         return reading
-    fast = rows_per_second(axis) >= _ROWS_PER_SAMPLE * RATES[-1]
+    fast = rows_per_second(axis) >= SLOW
     return "continuous" if fast and accepted_fraction(tracks, axis) >= _LEAST_ACCEPTED else "strobe"
 
 

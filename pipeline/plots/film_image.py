@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from pipeline.film.parts import Scan
 
 _HEIGHT = 900  # dots across the film, at most
+_LEAST_CONTRAST = 0.1  # of full scale: the grain of blank film is not stretched to black and white
 
 
 def picture(scan: Scan, first: int, stop: int, left: int, right: int, dots: int) -> NDArray[np.float32]:
@@ -31,5 +32,6 @@ def picture(scan: Scan, first: int, stop: int, left: int, right: int, dots: int)
         shown[a:b] = blocks.mean(axis=(1, 3), dtype=np.float32)
         if down * across > 1:
             shown[a:b] = 0.5 * (shown[a:b] + blocks.min(axis=(1, 3)))
-    dark, blank = np.percentile(shown, [0.2, 60.0])
-    return np.asarray(np.clip(0.08 + 0.87 * (shown - dark) / max(float(blank - dark), 1.0), 0.0, 1.0), dtype=np.float32)
+    dark, blank = np.percentile(shown, [0.05, 60.0])
+    contrast = max(float(blank - dark), _LEAST_CONTRAST * scan.full_scale)
+    return np.asarray(np.clip(0.95 - 0.87 * (blank - shown) / contrast, 0.0, 1.0), dtype=np.float32)

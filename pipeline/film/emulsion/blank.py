@@ -80,9 +80,7 @@ def _clipped_mean(values: Floats) -> tuple[float, float]:
 def _smoothed(level: Floats) -> Floats:
     """Blocks that stand out of their neighbours (handwriting, dirt) take their neighbours' median."""
     padded = np.pad(level, 1, mode="edge")
-    around = np.stack(
-        [padded[i : i + level.shape[0], j : j + level.shape[1]] for i in range(3) for j in range(3)]
-    )
+    around = np.stack([padded[i : i + level.shape[0], j : j + level.shape[1]] for i in range(3) for j in range(3)])
     median = np.median(around, axis=0)
     away = np.abs(level - median)
     return np.where(away > 4.0 * np.median(away) + 1e-4, median, level)
@@ -97,7 +95,7 @@ def darkness_above(
     weight: NDArray[np.float32],
     out: NDArray[np.float32],
 ) -> None:
-    """Darkness above blank film: each row's blank lies between `upper` and `lower` (columns,), `weight` of the latter."""
+    """Darkness above blank film, which lies between `upper` and `lower` (columns,) on a row, `weight` of the latter."""
     for i in range(pixels.shape[0]):
         share = weight[i]
         for j in range(pixels.shape[1]):

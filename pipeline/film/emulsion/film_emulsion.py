@@ -66,7 +66,8 @@ class FilmEmulsion:
         """Relative exposure of rows from `first` on, 0 on blank film, 1 on the axis of a line at rest."""
         scaled = self.darkness(pixels, first) * np.float32((self._exposures.size - 1) / self.curve.darkest)
         index = np.clip(scaled, 0, self._exposures.size - 1).astype(np.int32)
-        return self._exposures[index]
+        found: NDArray[np.float32] = self._exposures[index]
+        return found
 
     def noise(self, exposure: NDArray[np.float32]) -> NDArray[np.float32]:
         """1 sigma of the grain in units of exposure; on blank film that of the faintest exposure that stands out."""
@@ -76,4 +77,7 @@ class FilmEmulsion:
         return np.asarray(sigma / np.maximum(self.curve.rate(value), 1e-6), dtype=np.float32)
 
     def _across(self, strip: int, columns: Floats) -> NDArray[np.float32]:
-        return np.interp(columns, self.blank.columns, self.blank.darkness[strip]).astype(np.float32)
+        level: NDArray[np.float32] = np.interp(columns, self.blank.columns, self.blank.darkness[strip]).astype(
+            np.float32
+        )
+        return level

@@ -1,4 +1,4 @@
-"""How far each trace lies along the film from the first, and how oblique the image is: coarse, by agreement of the gaps.
+"""How far each trace lies along the film from the first, and how oblique the image is: coarsely, as the gaps agree.
 
 A gap shows on all traces at once: at row `r + offset + shear column`. Offsets may exceed the marks' spacing; of all
 offsets and shears the true one brings most gaps together, because missing marks, false gaps and minute codes are the
@@ -81,7 +81,9 @@ def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
 
 def _pairs(reference: Gaps, other: Gaps) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Gaps of two traces that could be the same closing of the shutter."""
-    slant = MOST_SHEAR * float(np.abs(np.median(other.column) - np.median(reference.column)) + 300.0) if other.size else 0.0
+    slant = (
+        MOST_SHEAR * float(np.abs(np.median(other.column) - np.median(reference.column)) + 300.0) if other.size else 0.0
+    )
     low = np.searchsorted(reference.row, other.row - FARTHEST - slant)
     count = np.searchsorted(reference.row, other.row + FARTHEST + slant) - low
     j = np.repeat(np.arange(other.size), count)
@@ -90,7 +92,7 @@ def _pairs(reference: Gaps, other: Gaps) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def _odd(rows: Floats, spacing: float) -> NDArray[np.bool_]:
-    """Gaps that do not lie whole numbers of marks from their neighbours: codes and false gaps tell one mark from another."""
+    """Gaps not whole numbers of marks from their neighbours: codes and false gaps tell one mark from another."""
     apart = np.diff(rows) / spacing
     uneven = (np.abs(apart - np.round(apart)) > UNEVEN) & (apart < 3.0)
     return np.asarray(np.concatenate([[False], uneven]) | np.concatenate([uneven, [False]]))
@@ -107,14 +109,14 @@ def _chosen(table: NDArray[np.int64], odd: NDArray[np.int64], spacing: float) ->
     """Shear and lag of most agreement, and whether no lag a mark or more away comes near."""
     lags = (np.arange(table.shape[1]) + 1) * BIN - FARTHEST
     best_at = int(np.argmax(table.max(axis=0)))
-    peaks = []
+    peaks: list[tuple[int, int, int, int]] = []
     for turn in range(-int(2 * FARTHEST / spacing) - 1, int(2 * FARTHEST / spacing) + 2):
         near = np.flatnonzero(np.abs(lags - lags[best_at] - turn * spacing) < 0.3 * spacing)
         if near.size:
-            which, at = np.unravel_index(int(np.argmax(table[:, near])), (len(table), near.size))
-            at = int(near[at])
+            which, place = divmod(int(np.argmax(table[:, near])), near.size)
+            at = int(near[place])
             close = odd[which, max(at - 1, 0) : at + 2]
-            peaks.append((int(table[which, at]), int(close.max()), int(which), at))
+            peaks.append((int(table[which, at]), int(close.max()), which, at))
     by_odd = sorted(peaks, key=lambda peak: -peak[1])
     if len(by_odd) == 1 or by_odd[0][1] - by_odd[1][1] >= LEAD_ODD:
         return by_odd[0][2], by_odd[0][3], by_odd[0][1] >= LEAD_ODD

@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 from data_schemas.errors import RefusedError
 from pipeline.film.marks import checks, counting, swings
 from pipeline.film.marks.alignment import Alignment, aligned
+from pipeline.film.marks.closing import learned_width
 from pipeline.film.marks.counting import Count
-from pipeline.film.marks.drive import Drive, drive, holes_honest, times_of
+from pipeline.film.marks.drive import Drive, drive
 from pipeline.film.marks.events import Events, gathered
 from pipeline.film.marks.gaps import Gaps
+from pipeline.film.marks.holes import holes_honest
 from pipeline.film.marks.minutes import Minutes, code_marks, find_minutes, repaired
 from pipeline.film.marks.oblique import refined
-from pipeline.film.marks.search import find_gaps, learned_width
+from pipeline.film.marks.search import find_gaps
+from pipeline.film.marks.seconds import times_of
 from pipeline.film.parts import Emulsion, Floats, Marking, Scan, TimeAxis, Tracks
 
 ROUNDS = 2  # of drive and shear

@@ -25,8 +25,8 @@ def check_minutes(minutes: Minutes) -> None:
     """
     if minutes.residue is not None and minutes.against > max(1.0, DISAGREE * minutes.seen):
         raise RefusedError(
-            f"film: {minutes.against} of {minutes.seen + minutes.against} minute codes are out of step with the count of "
-            "marks; cut the film where marks are missing and read the parts one by one"
+            f"film: {minutes.against} of {minutes.seen + minutes.against} minute codes are out of step with the count "
+            "of marks; cut the film where marks are missing and read the parts one by one"
         )
 
 

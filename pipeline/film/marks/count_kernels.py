@@ -11,22 +11,20 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.film.parts import Floats
+from pipeline.arrays import Floats
 from synth.kernels.compiled import kernel
 
 Whole = NDArray[np.int64]
 
 
 @kernel
-def list_steps(
-    row: Floats, spacing: float, slack: float, skip: int, begin: Whole, end: Whole, count: Whole
-) -> int:
+def list_steps(row: Floats, spacing: float, slack: float, skip: int, begin: Whole, end: Whole, count: Whole) -> int:
     """Write all steps that could be meant, by their later event; returns how many (also beyond the arrays' size)."""
     total = 0
     for b in range(1, row.size):
         for a in range(max(0, b - skip), b):
             length = (row[b] - row[a]) / spacing
-            low, high = max(1, int(math.ceil(length / (1.0 + slack)))), int(math.floor(length / (1.0 - slack)))
+            low, high = max(1, math.ceil(length / (1.0 + slack))), math.floor(length / (1.0 - slack))
             for d in range(low, high + 1):
                 if total < begin.size:
                     begin[total], end[total], count[total] = a, b, d
@@ -36,7 +34,16 @@ def list_steps(
 
 @kernel
 def step_price(
-    a: int, b: int, d: int, phase: Floats, doubt: Floats, advance: Floats, spread: Floats, wander: float, missed: float, passed: float,
+    a: int,
+    b: int,
+    d: int,
+    phase: Floats,
+    doubt: Floats,
+    advance: Floats,
+    spread: Floats,
+    wander: float,
+    missed: float,
+    passed: float,
     most: float,
 ) -> float:
     """Price of one step: marks missed, events passed over, and swings that do not fit."""
@@ -53,8 +60,21 @@ def step_price(
 
 @kernel
 def count_marks(
-    row: Floats, sigma: Floats, spacing: float, begin: Whole, end: Whole, count: Whole, price: Floats, first_of: Whole,
-    ends: int, passed: float, change: float, most_change: float, forward: Floats, backward: Floats, before: Whole,
+    row: Floats,
+    sigma: Floats,
+    spacing: float,
+    begin: Whole,
+    end: Whole,
+    count: Whole,
+    price: Floats,
+    first_of: Whole,
+    ends: int,
+    passed: float,
+    change: float,
+    most_change: float,
+    forward: Floats,
+    backward: Floats,
+    before: Whole,
 ) -> None:
     """Least price of all ways up to and including each step, and of all ways after it; the step before it.
 
@@ -79,13 +99,23 @@ def count_marks(
     for k in range(begin.size - 1, -1, -1):
         a = begin[k]
         for j in range(first_of[a], first_of[a + 1]):
-            total = backward[k] + price[k] + turn_price(row, sigma, spacing, begin, end, count, j, k, change, most_change)
+            total = (
+                backward[k] + price[k] + turn_price(row, sigma, spacing, begin, end, count, j, k, change, most_change)
+            )
             backward[j] = min(backward[j], total)
 
 
 @kernel
 def turn_price(
-    row: Floats, sigma: Floats, spacing: float, begin: Whole, end: Whole, count: Whole, j: int, k: int, change: float,
+    row: Floats,
+    sigma: Floats,
+    spacing: float,
+    begin: Whole,
+    end: Whole,
+    count: Whole,
+    j: int,
+    k: int,
+    change: float,
     most_change: float,
 ) -> float:
     """Price of the speed's change from step j to the next, k."""
@@ -95,7 +125,7 @@ def turn_price(
     room = min(change * apart, most_change) ** 2
     noise = (sigma[begin[j]] ** 2 + sigma[end[j]] ** 2) / count[j] ** 2
     noise += (sigma[begin[k]] ** 2 + sigma[end[k]] ** 2) / count[k] ** 2
-    return away * away / (room + noise / spacing**2)
+    return float(away * away / (room + noise / spacing**2))
 
 
 @kernel

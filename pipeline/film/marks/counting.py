@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -152,7 +153,7 @@ def _accompanied(count: Count) -> Count:
     step = np.diff(count.index)
     alone = np.concatenate([[False], np.minimum(step[1:], step[:-1]) >= ALONE, [False]])
     lead, kept = count.lead.copy(), np.flatnonzero(~alone)
-    joined = [float(lead[a:b].min()) for a, b in zip(kept[:-1], kept[1:], strict=True)]
+    joined = [float(lead[a:b].min()) for a, b in itertools.pairwise(kept)]
     return Count(count.event[kept], count.index[kept], np.array(joined))
 
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from pipeline.film.parts import Floats
+from pipeline.arrays import Floats
 from synth.kernels.compiled import kernel
 
 REACH = 3.5  # spots, beyond which there is no light
@@ -17,7 +15,7 @@ STRAIGHT = 4.0  # length of line a row, from which its bend within a spot is not
 def place(course: Floats, slope: Floats, row: float) -> tuple[float, float]:
     """Column of a curve and its slope at a row coordinate (cubic between the rows' centres); NaN beyond its ends."""
     at = row - 0.5
-    i = int(math.floor(at))
+    i = math.floor(at)
     if i < 0 or i + 1 >= course.size:
         return math.nan, math.nan
     x = at - i
@@ -29,7 +27,15 @@ def place(course: Floats, slope: Floats, row: float) -> tuple[float, float]:
 
 @kernel
 def draw(
-    image: Floats, across: Floats, top: int, left: int, row: float, column: float, weight: float, spot: float, sloped: bool
+    image: Floats,
+    across: Floats,
+    top: int,
+    left: int,
+    row: float,
+    column: float,
+    weight: float,
+    spot: float,
+    sloped: bool,
 ) -> None:
     """Add a Gaussian spot, of density 1/(sqrt(2 pi) spot) at its centre times `weight`, to a piece of the film.
 
@@ -37,9 +43,9 @@ def draw(
     """
     rows, columns = image.shape
     reach = REACH * spot
-    first, last = max(0, int(math.ceil(row - reach - 0.5)) - top), min(rows - 1, int(math.floor(row + reach - 0.5)) - top)
-    low = max(0, int(math.ceil(column - reach - 0.5)) - left)
-    high = min(columns - 1, int(math.floor(column + reach - 0.5)) - left)
+    first, last = max(0, math.ceil(row - reach - 0.5) - top), min(rows - 1, math.floor(row + reach - 0.5) - top)
+    low = max(0, math.ceil(column - reach - 0.5) - left)
+    high = min(columns - 1, math.floor(column + reach - 0.5) - left)
     if first > last or low > high:
         return
     scale = -0.5 / (spot * spot)
@@ -73,13 +79,13 @@ def draw(
 def look(exposure: Floats, first: int, row: float, column: float) -> float:
     """Exposure between pixels, bilinear; NaN outside the piece of film."""
     y, x = row - 0.5 - first, column - 0.5
-    i, j = int(math.floor(y)), int(math.floor(x))
+    i, j = math.floor(y), math.floor(x)
     if i < 0 or j < 0 or i + 1 >= exposure.shape[0] or j + 1 >= exposure.shape[1]:
         return math.nan
     a, b = y - i, x - j
     upper = exposure[i, j] + b * (exposure[i, j + 1] - exposure[i, j])
     lower = exposure[i + 1, j] + b * (exposure[i + 1, j + 1] - exposure[i + 1, j])
-    return upper + a * (lower - upper)
+    return float(upper + a * (lower - upper))
 
 
 @kernel

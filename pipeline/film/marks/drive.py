@@ -1,12 +1,12 @@
 """The paper's motion, row against time, from all marks: smooth speed and the lines of wow that the film itself shows.
 
-A Gaussian process: twice integrated random walk of the acceleration for drift and walk, and damped rotating pairs at the
-frequencies that stand out of what is left. Its strength and the floor of the marks' errors are the most likely ones.
+A Gaussian process: a random walk of the acceleration for drift and walk, and damped rotating pairs at the frequencies
+that stand out of what is left. Its strength and the floor of the marks' errors are the most likely ones.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ SLOWEST, FASTEST = 60.0, 2.2  # s, periods of wow looked for
 CALM = -10.0  # roughness that follows nothing faster than `SLOWEST`
 COHERENCE = (1e6, 1e4, 3e2)  # s, over which a line of wow may keep its phase
 OUTLIER = 5.0  # sigmas
-HOLE = 3.0  # s without marks
 GAINED = 10.0  # fall of -2 log likelihood that a line must bring
 
 Lines = tuple[tuple[float, float, float], ...]
@@ -97,31 +96,6 @@ def drive(rows: Floats, sigma: Floats, step: float, before: Drive | None = None)
     return found
 
 
-def holes_honest(rows: Floats, sigma: Floats, found: Drive) -> Drive:
-    """The same, with its 1 sigma in long holes as large as errors are where marks are hidden over as long a time.
-
-    The model's own sigma in a hole rests on the form of its motion, not on marks.
-    """
-    seen = np.flatnonzero((np.isfinite(rows) & found.used).any(axis=0))
-    length = int(np.diff(seen).max(initial=0))
-    if length * found.step < HOLE or seen.size < 6 * length:
-        return found
-    hidden = np.zeros(rows.shape[1], dtype=bool)
-    for begin in range(length, rows.shape[1] - length, 3 * length):
-        hidden[begin : begin + length] = True
-    left = found.used & ~hidden
-    blind = _run(np.where(left, rows, np.nan), sigma, found.step, found.roughness, found.floor, found.lines, left, True)
-    holes = hidden & (found.row_sigma < 0.5 * blind.row_sigma)
-    away = (blind.row - found.row)[holes] / blind.row_sigma[holes]
-    if away.size < 3:
-        return found
-    scale = max(1.0, float(np.sqrt(np.mean(away**2))))
-    inside = np.zeros(rows.shape[1], dtype=bool)
-    for begin, stop in zip(seen[:-1], seen[1:], strict=True):
-        inside[begin + 1 : stop] = (stop - begin) * found.step >= HOLE
-    return replace(found, row_sigma=np.where(inside, scale * found.row_sigma, found.row_sigma))
-
-
 def _most_likely(
     rows: Floats,
     sigma: Floats,
@@ -137,17 +111,17 @@ def _most_likely(
 
     def price(at: Floats) -> float:
         rough, floor = np.clip(at, (-12.0, np.log(2e-3)), (8.0, np.log(3.0)))
-        return _run(seen, sigma, step, float(rough), float(np.exp(floor)), lines, used, False).likelihood + float(
+        return run_drive(seen, sigma, step, float(rough), float(np.exp(floor)), lines, used, False).likelihood + float(
             np.sum((at - [rough, floor]) ** 2)
         )
 
-    first = np.stack([start, start + [1.5, 0.0], start + [0.0, 0.5]])
+    first = start + np.array([[0.0, 0.0], [1.5, 0.0], [0.0, 0.5]])
     best = minimize(price, start, method="Nelder-Mead", options={"initial_simplex": first, "xatol": 0.1, "fatol": 0.3})
     rough, floor = np.clip(best.x, (-12.0, np.log(2e-3)), (8.0, np.log(3.0)))
-    return _run(seen, sigma, step, float(rough), float(np.exp(floor)), lines, used, True)
+    return run_drive(seen, sigma, step, float(rough), float(np.exp(floor)), lines, used, True)
 
 
-def _run(
+def run_drive(
     seen: Floats,
     sigma: Floats,
     step: float,
@@ -197,16 +171,25 @@ def _run(
         acceleration -= turn**2 * state[:, 3 + 2 * k]
     variance = np.einsum("i,kij,j->k", sees, spread, sees)
     return Drive(
-        step, rough, floor, lines, state @ sees, speed, acceleration, np.sqrt(np.maximum(variance, 0.0)), used, likelihood
+        step,
+        rough,
+        floor,
+        lines,
+        state @ sees,
+        speed,
+        acceleration,
+        np.sqrt(np.maximum(variance, 0.0)),
+        used,
+        likelihood,
     )
 
 
 def _line(rows: Floats, found: Drive) -> tuple[float, float] | None:
-    """The line that stands out most of what smooth motion leaves: circular frequency and amplitude; None if none does."""
+    """The line that stands out most of what smooth motion leaves: circular frequency and amplitude, or None."""
     marks = rows.shape[1]
     if marks * found.step < 2.0 * SLOWEST / 3.0:
         return None
-    still = _run(rows, np.full_like(rows, 0.05), found.step, CALM, 0.05, found.lines, found.used, True)
+    still = run_drive(rows, np.full_like(rows, 0.05), found.step, CALM, 0.05, found.lines, found.used, True)
     left = found.row - still.row
     left = left - left.mean()
     power = np.abs(np.fft.rfft(left * np.hanning(marks), 4 * marks)) ** 2
@@ -222,33 +205,3 @@ def _line(rows: Floats, found: Drive) -> tuple[float, float] | None:
     place = top + 0.5 * (a - c) / (a - 2.0 * b + c)
     size = 2.0 * np.sqrt(power[top]) / np.hanning(marks).sum()
     return float(2.0 * np.pi * place / (4 * marks * found.step)), float(size)
-
-
-def times_of(found: Drive, rows: int) -> tuple[Floats, Floats]:
-    """Time since the first mark of the centre of each row, and 1 sigma, s; NaN beyond the marks.
-
-    Between marks the motion is the polynomial of degree five that has row, speed and acceleration at both.
-    """
-    fine = 16
-    x = np.arange(fine) / fine
-    h = found.step
-    r0, r1 = found.row[:-1, None], found.row[1:, None]
-    v0, v1 = found.speed[:-1, None] * h, found.speed[1:, None] * h
-    a0, a1 = found.acceleration[:-1, None] * h * h, found.acceleration[1:, None] * h * h
-    c3 = 10 * (r1 - r0) - 6 * v0 - 4 * v1 - 1.5 * a0 + 0.5 * a1
-    c4 = -15 * (r1 - r0) + 8 * v0 + 7 * v1 + 1.5 * a0 - a1
-    c5 = 6 * (r1 - r0) - 3 * (v0 + v1) - 0.5 * (a0 - a1)
-    curve = r0 + x * (v0 + x * (0.5 * a0 + x * (c3 + x * (c4 + x * c5))))
-    at = np.concatenate([curve.ravel(), found.row[-1:]])
-    when = np.arange(at.size) * (h / fine)
-    centre = np.arange(rows) + 0.5
-    inside = (centre >= at[0]) & (centre <= at[-1])
-    seconds = np.full(rows, np.nan)
-    from scipy.interpolate import CubicSpline
-
-    forward = np.maximum.accumulate(at + 1e-9 * np.arange(at.size))
-    seconds[inside] = CubicSpline(forward, when)(centre[inside])
-    marks = np.arange(found.row.size) * h
-    sigma = np.full(rows, np.nan)
-    sigma[inside] = np.interp(seconds[inside], marks, found.row_sigma / np.maximum(found.speed, 1e-9))
-    return seconds, sigma

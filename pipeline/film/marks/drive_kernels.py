@@ -1,7 +1,7 @@
 """Kalman filter and smoother of the paper's motion from mark to mark.
 
-The state is a row, its speed and acceleration, with white noise in the acceleration's rate, and a rotating pair for each
-line of wow. Every mark may be measured on any of the traces.
+The state is a row, its speed and acceleration, with white noise in the acceleration's rate, and a rotating pair for
+each line of wow. Every mark may be measured on any of the traces.
 """
 
 from __future__ import annotations
@@ -10,14 +10,24 @@ import math
 
 import numpy as np
 
-from pipeline.film.parts import Floats
+from pipeline.arrays import Floats
+from pipeline.film.marks.shading_kernels import solve
 from synth.kernels.compiled import kernel
 
 
 @kernel
 def filter_drive(
-    step: Floats, noise: Floats, seen: Floats, start: Floats, start_variance: Floats, rows: Floats, variance: Floats,
-    state: Floats, spread: Floats, ahead: Floats, ahead_spread: Floats,
+    step: Floats,
+    noise: Floats,
+    seen: Floats,
+    start: Floats,
+    start_variance: Floats,
+    rows: Floats,
+    variance: Floats,
+    state: Floats,
+    spread: Floats,
+    ahead: Floats,
+    ahead_spread: Floats,
 ) -> float:
     """Filter forward; returns -2 log likelihood.
 
@@ -87,22 +97,37 @@ def filter_drive(
 def smooth_drive(step: Floats, state: Floats, spread: Floats, ahead: Floats, ahead_spread: Floats) -> None:
     """Rauch, Tung and Striebel's smoother: `state` and `spread` become those given all marks."""
     marks, n = state.shape
-    half, gain, apart, inner = np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty((n, n))
+    half, gain, other = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
+    inverse, apart = np.empty((n, n)), np.empty(n)
     for k in range(marks - 2, -1, -1):
-        for i in range(n):
-            for j in range(n):
-                half[i, j] = 0.0
-                for m in range(n):
-                    half[i, j] += spread[k, i, m] * step[j, m]
-        gain[:] = half @ np.linalg.inv(ahead_spread[k + 1])
         for i in range(n):
             apart[i] = state[k + 1, i] - ahead[k + 1, i]
             for j in range(n):
-                half[i, j] = spread[k + 1, i, j] - ahead_spread[k + 1, i, j]
+                inverse[i, j] = ahead_spread[k + 1, i, j]
+                other[i, j] = spread[k + 1, i, j] - ahead_spread[k + 1, i, j]
+                half[i, j] = 0.0
+                for m in range(n):
+                    half[i, j] += spread[k, i, m] * step[j, m]
+        if not solve(inverse, np.zeros(n), n):
+            continue
+        multiply(half, inverse, gain, False)
         for i in range(n):
             for j in range(n):
                 state[k, i] += gain[i, j] * apart[j]
-        inner[:] = gain @ half @ gain.T
+        multiply(gain, other, half, False)
+        multiply(half, gain, other, True)
         for i in range(n):
             for j in range(n):
-                spread[k, i, j] += 0.5 * (inner[i, j] + inner[j, i])
+                spread[k, i, j] += 0.5 * (other[i, j] + other[j, i])
+
+
+@kernel
+def multiply(a: Floats, b: Floats, out: Floats, turned: bool) -> None:
+    """Product of two square matrices, the second transposed if `turned`."""
+    n = a.shape[0]
+    for i in range(n):
+        for j in range(n):
+            total = 0.0
+            for m in range(n):
+                total += a[i, m] * (b[j, m] if turned else b[m, j])
+            out[i, j] = total

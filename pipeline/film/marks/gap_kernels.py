@@ -12,100 +12,52 @@ import math
 
 import numpy as np
 
+from pipeline.arrays import Floats
 from pipeline.film.marks.curve_kernels import REACH, draw, place
-from pipeline.film.parts import Floats
+from pipeline.film.marks.shading_kernels import PARAMETERS, clear, shade, solve, window
 from synth.kernels.compiled import kernel
 
-ROW, ROW_SIGMA, COLUMN, COLUMN_SIGMA, LIGHT, LIGHT_SIGMA, DEPTH, DEPTH_SIGMA, WIDTH, WIDTH_SIGMA, SHIFT, MISFIT, SLOPE = range(13)
+(
+    ROW,
+    ROW_SIGMA,
+    COLUMN,
+    COLUMN_SIGMA,
+    LIGHT,
+    LIGHT_SIGMA,
+    DEPTH,
+    DEPTH_SIGMA,
+    WIDTH,
+    WIDTH_SIGMA,
+    SHIFT,
+    MISFIT,
+    SLOPE,
+) = range(13)
 RESULTS = 13
-TALL, BROAD = 40, 200  # px, the largest piece of film
+STEEPEST = 60.0  # slope of strokes whose gaps fit on a piece of film
 LAYERS = 7
-PARAMETERS = 5
 ROUNDS = 6
-STEP = 0.6  # spots between spots drawn
-FLANK = 8.0  # spots of line on either side of the gap
 FAINT = 0.02  # of the line's light: pixels with less of another line are used
+MODEL = 0.04  # of the line's light, 1 sigma of what spot and curve are not exactly
 CLIP = 4.0  # sigmas, of a pixel's residual
 
 
 @kernel
-def shade(
-    image: Floats, across: Floats, top: int, left: int, course: Floats, slope: Floats,
-    begin: float, end: float, shift: float, spot: float, sloped: bool,
-) -> None:
-    """Draw a curve from row `begin` to `end`; if `sloped`, also the derivative of its light by a shift across."""
-    rows, columns = image.shape
-    reach = REACH * spot
-    row = begin
-    while row < end:
-        column, lean = place(course, slope, row)
-        if math.isnan(column):
-            row += 0.5
-            continue
-        step = min(STEP * spot / math.sqrt(1.0 + lean * lean), end - row)
-        middle = row + 0.5 * step
-        column, lean = place(course, slope, middle)
-        if not math.isnan(column):
-            column += shift
-            if left - reach < column < left + columns + reach:
-                draw(image, across, top, left, middle, column, step, spot, sloped)
-        row += step
-
-
-@kernel
-def solve(normal: Floats, right: Floats, size: int) -> bool:
-    """Gauss-Jordan in place: `normal` becomes its inverse, `right` the solution; False if singular."""
-    for i in range(size):
-        pivot = normal[i, i]
-        if not pivot > 0.0:
-            return False
-        for j in range(size):
-            if j != i:
-                factor = normal[j, i] / pivot
-                for k in range(size):
-                    if k != i:
-                        normal[j, k] -= factor * normal[i, k]
-                right[j] -= factor * right[i]
-                normal[j, i] = -factor
-        for k in range(size):
-            if k != i:
-                normal[i, k] /= pivot
-        right[i] /= pivot
-        normal[i, i] = 1.0 / pivot
-    return True
-
-
-@kernel
-def window(course: Floats, slope: Floats, mark: float, width: float, spot: float, box: Floats) -> bool:
-    """Bounding box (first row, last, first column, last) of a gap and its flanks, and the rows where they begin, end."""
-    box[0], box[1], box[2], box[3] = 1e9, -1e9, 1e9, -1e9
-    for side in range(2):
-        sign = 2.0 * side - 1.0
-        row, way, inside = mark, 0.0, 0.5 * width
-        while True:
-            column, lean = place(course, slope, row)
-            if math.isnan(column):
-                return False
-            box[0], box[1] = min(box[0], row), max(box[1], row)
-            box[2], box[3] = min(box[2], column), max(box[3], column)
-            if way >= FLANK * spot:
-                break
-            step = STEP * spot / math.sqrt(1.0 + lean * lean)
-            if inside > 0.0:
-                step = min(step, inside)
-                inside -= step
-            else:
-                way += STEP * spot
-            row += sign * step
-    pad = 2.5 * spot
-    box[0], box[1], box[2], box[3] = box[0] - pad, box[1] + pad, box[2] - pad, box[3] + pad
-    return True
-
-
-@kernel
 def fit_gap(
-    exposure: Floats, first: int, courses: Floats, slopes: Floats, trace: int, mark: float, width: float, spot: float,
-    grain: Floats, grain_step: float, lateral: float, width_prior: float, spacing: float, layers: Floats, out: Floats,
+    exposure: Floats,
+    first: int,
+    courses: Floats,
+    slopes: Floats,
+    trace: int,
+    mark: float,
+    width: float,
+    spot: float,
+    grain: Floats,
+    grain_step: float,
+    lateral: float,
+    width_prior: float,
+    spacing: float,
+    layers: Floats,
+    out: Floats,
 ) -> bool:
     """Fit one gap; False, with `out` NaN, where it cannot be done."""
     for k in range(out.size):
@@ -114,22 +66,22 @@ def fit_gap(
     box = np.empty(4)
     if not window(course, slope, mark, width, spot, box):
         return False
-    top, left = max(int(math.floor(box[0])), first), max(int(math.floor(box[2])), 0)
-    rows = min(int(math.ceil(box[1])), first + exposure.shape[0]) - top
-    columns = min(int(math.ceil(box[3])), exposure.shape[1]) - left
+    top, left = max(math.floor(box[0]), first), max(math.floor(box[2]), 0)
+    rows = min(math.ceil(box[1]), first + exposure.shape[0]) - top
+    columns = min(math.ceil(box[3]), exposure.shape[1]) - left
     if rows < 4 or columns < 4 or rows > layers.shape[1] or columns > layers.shape[2]:
         return False
     line, line_d = layers[0, :rows, :columns], layers[1, :rows, :columns]
     gap, gap_d = layers[2, :rows, :columns], layers[3, :rows, :columns]
     start, stop, far = layers[4, :rows, :columns], layers[5, :rows, :columns], layers[6, :rows, :columns]
     reach = REACH * spot
-    far[:] = 0.0
     near = 0.45 * spacing  # rows: what the line draws later than that may lie in another gap
-    shade(far, far, top, left, course, slope, top - reach, mark - near, 0.0, spot, False)
-    shade(far, far, top, left, course, slope, mark + near, top + rows + reach, 0.0, spot, False)
-    for other in range(courses.shape[0]):
-        if other != trace:
-            shade(far, far, top, left, courses[other], slopes[other], top - reach, top + rows + reach, 0.0, spot, False)
+    clear(layers, 6, 7, rows, columns)
+    for other in range(courses.shape[0] + 1):  # other traces, and before and after `near` this one
+        which = other if other < courses.shape[0] else trace
+        begin = mark + near if other == courses.shape[0] else top - reach
+        end = mark - near if other == trace else top + rows + reach
+        shade(far, far, top, left, courses[which], slopes[which], begin, end, 0.0, spot, False)
     here, lean = place(course, slope, mark)
     sideways = lateral * math.sqrt(1.0 + lean * lean)
     m, w, d, a, b, drawn = mark, width, 0.0, 1.0, 1.0, math.inf
@@ -139,8 +91,9 @@ def fit_gap(
     misfit, count, bright = 0.0, 0, 0.0
     for turn in range(ROUNDS):
         if abs(d - drawn) > 0.02 * math.sqrt(1.0 + lean * lean):
-            line[:], line_d[:] = 0.0, 0.0
-            shade(line, line_d, top, left, course, slope, max(top - reach, mark - near), min(top + rows + reach, mark + near), d, spot, True)
+            clear(layers, 0, 2, rows, columns)
+            begin, end = max(top - reach, mark - near), min(top + rows + reach, mark + near)
+            shade(line, line_d, top, left, course, slope, begin, end, d, spot, True)
             drawn = d
             bright = 0.0
             for y in range(rows):
@@ -154,15 +107,18 @@ def fit_gap(
                             over += exposure[top - first + y, left + x] * line[y, x]
                             under += line[y, x] ** 2
                 a = b = max(over / under if under > 0.0 else 1.0, 0.05)
-        gap[:], gap_d[:], start[:], stop[:] = 0.0, 0.0, 0.0, 0.0
+        clear(layers, 2, 6, rows, columns)
         shade(gap, gap_d, top, left, course, slope, m - 0.5 * w, m + 0.5 * w, d, spot, True)
-        at, _ = place(course, slope, m - 0.5 * w)
-        to, _ = place(course, slope, m + 0.5 * w)
-        if math.isnan(at) or math.isnan(to):
-            return False
-        draw(start, start, top, left, m - 0.5 * w, at + d, 1.0, spot, False)
-        draw(stop, stop, top, left, m + 0.5 * w, to + d, 1.0, spot, False)
-        normal[:], right[:] = 0.0, 0.0
+        for side in range(2):
+            edge = m + (side - 0.5) * w
+            at, _ = place(course, slope, edge)
+            if math.isnan(at):
+                return False
+            draw(layers[4 + side, :rows, :columns], far, top, left, edge, at + d, 1.0, spot, False)
+        for i in range(PARAMETERS):
+            right[i] = 0.0
+            for j in range(PARAMETERS):
+                normal[i, j] = 0.0
         misfit, count = 0.0, 0
         for y in range(rows):
             for x in range(columns):
@@ -174,7 +130,10 @@ def fit_gap(
                 expected = a * light - b * gap[y, x]
                 at_grain = max(expected, 0.0) / grain_step
                 g = min(int(at_grain), grain.size - 2)
-                noise = grain[g] + (at_grain - g) * (grain[g + 1] - grain[g]) if at_grain < grain.size - 1 else grain[-1]
+                noise = (
+                    grain[g] + (at_grain - g) * (grain[g + 1] - grain[g]) if at_grain < grain.size - 1 else grain[-1]
+                )
+                noise = math.sqrt(noise * noise + (MODEL * a * light) ** 2)
                 left_over = (exposure[top - first + y, left + x] - expected) / noise
                 if math.isnan(left_over):
                     continue
@@ -236,13 +195,42 @@ def fit_gap(
 
 @kernel
 def fit_gaps(
-    exposure: Floats, first: int, courses: Floats, slopes: Floats, traces: Floats, guesses: Floats, widths: Floats,
-    spot: float, grain: Floats, grain_step: float, lateral: float, width_prior: float, spacing: float, out: Floats,
+    exposure: Floats,
+    first: int,
+    courses: Floats,
+    slopes: Floats,
+    traces: Floats,
+    guesses: Floats,
+    widths: Floats,
+    spot: float,
+    grain: Floats,
+    grain_step: float,
+    lateral: float,
+    width_prior: float,
+    spacing: float,
+    out: Floats,
 ) -> None:
     """Fit gaps near the rows `guesses` of `traces` (int64), of `widths` rows, into `out` (gaps, RESULTS)."""
-    layers = np.empty((LAYERS, TALL, BROAD))
+    wide = 0.0
+    for k in range(widths.size):
+        wide = max(wide, widths[k])
+    room = int(28.0 * spot) + 8
+    layers = np.empty((LAYERS, int(wide) + room, int(STEEPEST * wide) + room))
     for k in range(guesses.size):
         fit_gap(
-            exposure, first, courses, slopes, traces[k], guesses[k], widths[k], spot,
-            grain, grain_step, lateral, width_prior, spacing, layers, out[k],
+            exposure,
+            first,
+            courses,
+            slopes,
+            traces[k],
+            guesses[k],
+            widths[k],
+            spot,
+            grain,
+            grain_step,
+            lateral,
+            width_prior,
+            spacing,
+            layers,
+            out[k],
         )

@@ -50,7 +50,9 @@ class Gaps:
     @staticmethod
     def of(trace: NDArray[np.int64], fitted: Floats) -> Gaps:
         """From what `gap_kernels.fit_gaps` returns, (gaps, RESULTS)."""
-        names = {field.name: getattr(gap_kernels, field.name.upper()) for field in fields(Gaps) if field.name != "trace"}
+        names = {
+            field.name: getattr(gap_kernels, field.name.upper()) for field in fields(Gaps) if field.name != "trace"
+        }
         return Gaps(trace=trace, **{name: fitted[:, at].copy() for name, at in names.items()})
 
     def pick(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Gaps:

@@ -84,17 +84,22 @@ def find_minutes(events: Events, count: Count, interval: float, delay: float | N
     ahead, behind = sides
     enough = max(LEAST, SHARE * spread * 0.5)
     if max(ahead.seen, behind.seen) >= enough:
-        if delay is not None and behind.seen > ahead.seen + 2 * ahead.against:
+        late, early = (ahead.seen, behind.seen) if delay is not None else (ahead.seen, 0)
+        if delay is None and ahead.delay > 0.5 * interval:  # a code follows its minute's mark
+            late, early = 0, ahead.seen
+        if early > late + 2 * ahead.against:
             raise TimeReversedError(
-                f"film: the minute code reads backwards ({behind.seen} of its second gaps come before the minute's mark, "
-                f"{ahead.seen} after it): the film lies upside down; turn the scan by 180 degrees"
+                f"film: the minute code reads backwards ({early} of its second gaps come before the minute's mark, "
+                f"{late} after it): the film lies upside down; turn the scan by 180 degrees, or state the code's delay"
             )
         return ahead
     longer = _odd_lengths(events, count, cycle, spread)
     if longer is not None:
         return longer
     missing = _missing(count, cycle, spread)
-    return missing if missing is not None else replace(ahead, residue=None, kind="none") if ahead.seen < LEAST else ahead
+    return (
+        missing if missing is not None else replace(ahead, residue=None, kind="none") if ahead.seen < LEAST else ahead
+    )
 
 
 def _second_gaps(place: Floats, cycle: int, interval: float, delay: float | None) -> tuple[Minutes, Minutes]:
@@ -147,7 +152,9 @@ def _repeated(index: NDArray[np.int64], cycle: int, spread: float, kind: str) ->
     if seen < max(LEAST + 1, 2 * SHARE * spread) or seen < usual + 6.0 * np.sqrt(usual + 1.0):
         return None
     near = [(residue + k) % cycle for k in (-2, -1, 1, 2)]
-    return Minutes(residue, kind, float("nan"), seen, int(max(tally[near].max() - usual - 3.0 * np.sqrt(usual + 1.0), 0)))
+    return Minutes(
+        residue, kind, float("nan"), seen, int(max(tally[near].max() - usual - 3.0 * np.sqrt(usual + 1.0), 0))
+    )
 
 
 def code_marks(minutes: Minutes, events: Events, count: Count, interval: float) -> Floats:
@@ -164,7 +171,7 @@ def code_marks(minutes: Minutes, events: Events, count: Count, interval: float) 
 
 
 def repaired(minutes: Minutes, events: Events, count: Count, interval: float) -> Count:
-    """A count mended by its codes: where all codes after some hole are out of step by the same number, and the hole alone.
+    """A count mended by its codes, where all of them after a single hole are out of step by the same number.
 
     Other counts come back as they are.
     """

@@ -7,12 +7,15 @@ import numpy as np
 from pipeline.film.marks.drive import Drive
 from pipeline.film.parts import Floats
 
+ENOUGH = 24  # marks seen on several traces
+
 
 def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple[Floats, float]:
     """Offsets of the traces, the first one's 0, and shear, by least squares.
 
-    Where several traces show a mark its row is free, so that nothing of theirs is taken for the paper's motion; where
-    one does, its row is held to the motion found: now left and now right of its middle it tells the shear.
+    Of marks that several traces show, the row is free, so that nothing of theirs is taken for the paper's motion. If
+    there are too few of those, rows are held to the motion found: a trace now left and now right of its middle tells
+    the shear.
 
     Parameters
     ----------
@@ -30,6 +33,8 @@ def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple
     terms[traces] = np.where(used, columns, 0.0)
     terms[traces + 1] = np.where(used, rows - found.row, 0.0)
     several = used.sum(axis=0) > 1
+    if several.sum() >= ENOUGH:
+        weight[:, ~several] = 0.0
     total = np.maximum(weight.sum(axis=0), 1e-300)
     mean = np.einsum("km,pkm->pm", weight, terms) / total
     terms[:, :, several] -= mean[:, None, several]

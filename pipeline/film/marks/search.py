@@ -7,27 +7,23 @@ nothing else to be seen (dust, scratches and other traces' lines leave a misfit)
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schemas.errors import RefusedError
 from pipeline.film.marks.curve_kernels import brightness_along
 from pipeline.film.marks.gap_kernels import RESULTS, fit_gaps
 from pipeline.film.marks.gaps import Gaps
-from pipeline.film.marks.pieces import MARGIN, exposed, grain, pieces
+from pipeline.film.marks.pieces import MARGIN, grain, pieces
 from pipeline.film.parts import Emulsion, Floats, Scan, Tracks
 
 LATERAL = 0.1  # px, 1 sigma of the tracker's course across the line
 WIDTH_PRIOR = 0.12  # of the width, 1 sigma: wow, drift and shear change it
-STEEP = 2.0  # slope from which the spot does not lengthen a gap along the rows
-DIM, DARK = 0.5, 0.55  # of the line's light; share of a gap's expected darkness from which it is fitted
+DARK = 0.55  # share of a gap's expected darkness from which it is fitted
 BACK = 0.35  # of the line's light, on both sides of a gap
 VISIBLE = 0.3  # darkness expected in the middle of a gap, from which one is looked for
-BLACK, BRIGHT = 0.25, 0.75  # of the line's light, within and beside a gap from which the width is learned
-SHORTEST, LONGEST = 0.004, 0.15  # of a swing, how long the shutter may close
 LEAST_LIGHT = 0.06  # of a line's nominal light, below which there is none
-SAMPLE = 8  # pieces in which the width is learned
-LEAST_RUNS = 12
 DEEPEST, LEAST_DEPTH, MOST_MISFIT = 1.5, 0.5, 2.5
 CERTAIN = 4.0  # sigmas
 
@@ -77,54 +73,15 @@ def fitted(
     return traces, out
 
 
-def learned_width(scan: Scan, emulsion: Emulsion, tracks: Tracks) -> float:
-    """Rows for which the shutter closes, by the dark runs on steep strokes of some pieces of the film.
-
-    Raises
-    ------
-    RefusedError
-        Too few of them.
-    """
-    steps = steps_a_row(tracks, tracks.spot)
-    length = min(scan.rows, 640)
-    runs: list[float] = []
-    for begin in np.unique(np.linspace(0, scan.rows - length, SAMPLE).astype(int)):
-        exposure = exposed(scan, emulsion, int(begin), int(begin) + length)
-        for trace in range(tracks.course.shape[0]):
-            light, _ = _relative(exposure, int(begin), int(begin), int(begin) + length, tracks, trace, 1.0, steps)
-            rows = int(begin) + (np.arange(light.size) + 0.5) / steps
-            lean = np.abs(tracks.slope[trace][np.minimum(rows.astype(int), scan.rows - 1)])
-            runs.extend(_dark_runs(light, lean) / steps)
-    inside = np.sort([run for run in runs if SHORTEST < run / tracks.rows_per_swing < LONGEST])
-    if inside.size < LEAST_RUNS:
-        raise RefusedError(
-            f"film: {inside.size} gaps in the traces, too few to tell how long the shutter closed; "
-            "state the gap and the rows per second, or check that the film bears time marks"
-        )
-    within = np.searchsorted(inside, 1.25 * inside) - np.arange(inside.size)
-    start = int(np.argmax(within))
-    return float(np.median(inside[start : start + within[start]]))
-
-
-def _dark_runs(light: Floats, lean: Floats) -> Floats:
-    """Lengths, in samples, of whole runs of darkness on steep strokes; ends interpolated."""
-    dark = light < DIM
-    edge = np.flatnonzero(dark[1:] != dark[:-1])
-    if edge.size < 2:
-        return np.empty(0)
-    ahead, behind = light[edge], light[edge + 1]
-    cross = edge + (DIM - ahead) / (behind - ahead)
-    lengths = []
-    for which in np.flatnonzero(dark[edge + 1])[:-1]:
-        low, high = edge[which] + 1, edge[which + 1] + 1
-        beside = np.concatenate([light[max(low - (high - low), 0) : low], light[high : 2 * high - low]])
-        if lean[low:high].min() > STEEP and light[low:high].mean() < BLACK and beside.mean() > BRIGHT:
-            lengths.append(cross[which + 1] - cross[which])
-    return np.array(lengths)
-
-
-def _relative(
-    exposure: NDArray[np.float32], first: int, begin: int, stop: int, tracks: Tracks, trace: int, width: float, steps: int
+def relative_light(
+    exposure: NDArray[np.float32],
+    first: int,
+    begin: int,
+    stop: int,
+    tracks: Tracks,
+    trace: int,
+    width: float,
+    steps: int,
 ) -> tuple[Floats, Floats]:
     """Brightness along a trace over that of its surroundings, and how dark the middle of a gap would be."""
     light, dark = np.empty((stop - begin) * steps), np.empty((stop - begin) * steps)
@@ -136,7 +93,7 @@ def _relative(
     count = max(light.size // chunk, 1)
     bounds = np.linspace(0, light.size, count + 1).astype(int)
     level, at = [], []
-    for low, high in zip(bounds[:-1], bounds[1:], strict=True):
+    for low, high in itertools.pairwise(bounds):
         known = light[low:high][np.isfinite(light[low:high])]
         if known.size > 0.3 * (high - low):
             level.append(float(np.median(known)))
@@ -148,20 +105,27 @@ def _relative(
 
 
 def _candidates(
-    exposure: NDArray[np.float32], first: int, begin: int, stop: int, tracks: Tracks, trace: int, width: float, steps: int
+    exposure: NDArray[np.float32],
+    first: int,
+    begin: int,
+    stop: int,
+    tracks: Tracks,
+    trace: int,
+    width: float,
+    steps: int,
 ) -> Floats:
     """Rows in `begin` to `stop` at which a gap may lie on a trace."""
     from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
     low, high = max(begin - MARGIN // 2, 0), min(stop + MARGIN // 2, first + exposure.shape[0])
-    light, dark = _relative(exposure, first, low, high, tracks, trace, width, steps)
+    light, dark = relative_light(exposure, first, low, high, tracks, trace, width, steps)
     known = np.isfinite(light)
     light = np.where(known, np.minimum(light, 1.5), 0.0)
-    span = max(int(round(width * steps)), 1)
+    span = max(round(width * steps), 1)
     score = np.where(dark > VISIBLE, uniform_filter1d(1.0 - light, span) / np.maximum(dark, VISIBLE), 0.0)
-    half = max(int(round(0.5 * span)), 1)
+    half = max(round(0.5 * span), 1)
     beside = uniform_filter1d(light, half)
-    away = int(round(0.85 * span))
+    away = round(0.85 * span)
     left, right = np.roll(beside, away), np.roll(beside, -away)
     top = (score == maximum_filter1d(score, 2 * half + 1)) & (score > DARK) & (left > BACK) & (right > BACK) & known
     top[:away], top[-away:] = False, False

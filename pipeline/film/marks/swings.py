@@ -58,7 +58,9 @@ def _nearest_whole(course: Floats, rows: NDArray[np.int64], half: int) -> NDArra
         return np.full(rows.size, -1, dtype=np.int64)
     after = np.minimum(np.searchsorted(whole, rows), whole.size - 1)
     before = np.maximum(after - 1, 0)
-    return np.asarray(np.where(np.abs(whole[after] - rows) <= np.abs(whole[before] - rows), whole[after], whole[before]))
+    return np.asarray(
+        np.where(np.abs(whole[after] - rows) <= np.abs(whole[before] - rows), whole[after], whole[before])
+    )
 
 
 def stretched(rows: Floats, spacing: float) -> Floats:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from data_schemas.errors import FileError, UsageError
+from pipeline.film.scan.border import WithoutBorder, without_border
 from pipeline.film.scan.files import open_image
 from pipeline.film.scan.image import Image, ImageFile, Pixels
 from pipeline.film.scan.lines import Inverted, lines_are_light
@@ -95,6 +96,10 @@ def open_scan(
     notes: list[str] = []
     turns = [_turn(file, options) for file in files]
     images = [turned(file, turn) for file, turn in zip(files, turns, strict=True)]
+    covered = [without_border(image) for image in images]
+    if any(isinstance(image, WithoutBorder) for image in covered):
+        notes.append("a border beside the film was found and overlaid")
+    images = covered
     if options.lines == "light" or (options.lines == "auto" and lines_are_light(images[0])):
         images = [Inverted(image) for image in images]
         notes += ["lines are light on dark film"] * (options.lines == "auto")

@@ -7,6 +7,7 @@ film's middle and carried on, swing by swing, to both ends; neighbouring blocks 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ PIECE = 1024  # rows read at once
 MARGIN = 3.0  # swings read on either side of a piece
 STARTS = 9  # places tried for the first block
 ROOM = np.array([6.0, 8.0, 6.0, 4.0, 12.0, 8.0, 3.0, 12.0, 8.0, 3.0])  # px, from block to block
-ROUNDS = 3
+ROUNDS = 2
 LIT, DIM = 0.5, 0.06  # share of points lit, and light, from which a block is believed
 PATIENCE = 2  # blocks carried on blindly before the trace is looked for anew
 USUAL_SPOT = 1.2  # px: 0.1 mm at 300 dpi
@@ -111,7 +112,9 @@ class _Course:
             self._load(middle, way)
             shape = carried(shape, float(way), blind > 0)
             tried = shape.copy()
-            fit_block(self.piece, self.first, tried, middle, self.period, turn, self.spot, ROOM, ROUNDS, self.canvas, quality)
+            fit_block(
+                self.piece, self.first, tried, middle, self.period, turn, self.spot, ROOM, ROUNDS, self.canvas, quality
+            )
             good = quality[2] > LIT and quality[0] > DIM
             if not good and blind >= PATIENCE:
                 tried, light = first_shape(
@@ -189,7 +192,7 @@ def _blended(one: _Course, rows: int) -> tuple[Floats, Floats, Floats, Floats]:
     return out[0], out[1], out[2], out[3]
 
 
-def _values(shape: Floats, away: Floats, half: float, turn: float) -> Floats:
+def _values(shape: Floats, away: NDArray[np.floating[Any]], half: float, turn: float) -> Floats:
     """Column, slope and curvature of a block's curve, (3, n)."""
     x = away / half
     rotation = np.exp(1j * turn * away)

@@ -1,9 +1,10 @@
 """Dense bands of slow films: a few swings of a trace fitted to the film as one curve.
 
-Over two swings or so a trace is `P(x) + C(x) cos wr + S(x) sin wr` with polynomials P, C, S of the place x in the block:
-drift and swell, amplitude and phase with what the paper's speed does to it. The whole block is drawn, strokes beside
-each other and all, and compared with the film; at points along the curve what is left tells how far the line lies to
-one side, and least squares make of it a better curve (Gauss-Newton with the strokes' overlap left out of the Hessian).
+Over two swings or so a trace is `P(x) + C(x) cos wr + S(x) sin wr` with polynomials P, C, S of the place x in the
+block: drift and swell, amplitude and phase with what the paper's speed does to it. The whole block is drawn, strokes
+beside each other and all, and compared with the film; at points along the curve what is left tells how far the line
+lies to one side, and least squares make of it a better curve (Gauss-Newton with the strokes' overlap left out of the
+Hessian).
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ import math
 
 import numpy as np
 
+from pipeline.arrays import Floats
 from pipeline.film.marks.curve_kernels import draw, look
-from pipeline.film.marks.gap_kernels import solve
-from pipeline.film.parts import Floats
+from pipeline.film.marks.shading_kernels import solve
 from synth.kernels.compiled import kernel
 
 CUBIC, QUADRATIC = 4, 3
@@ -57,8 +58,17 @@ def light_along(
 
 @kernel
 def fit_block(
-    exposure: Floats, first: int, shape: Floats, middle: float, half: float, turn: float, spot: float, room: Floats,
-    rounds: int, canvas: Floats, quality: Floats,
+    exposure: Floats,
+    first: int,
+    shape: Floats,
+    middle: float,
+    half: float,
+    turn: float,
+    spot: float,
+    room: Floats,
+    rounds: int,
+    canvas: Floats,
+    quality: Floats,
 ) -> None:
     """Better a block's curve.
 
@@ -89,10 +99,10 @@ def fit_block(
             column, _slope = swing(shape, middle, half, turn, row)
             low, high = min(low, column), max(high, column)
             row += 0.5
-        top = max(int(math.floor(middle - half - reach)), first)
-        left = max(int(math.floor(low - reach)), 0)
-        rows = min(int(math.ceil(middle + half + reach)), first + exposure.shape[0]) - top
-        columns = min(int(math.ceil(high + reach)), exposure.shape[1]) - left
+        top = max(math.floor(middle - half - reach), first)
+        left = max(math.floor(low - reach), 0)
+        rows = min(math.ceil(middle + half + reach), first + exposure.shape[0]) - top
+        columns = min(math.ceil(high + reach), exposure.shape[1]) - left
         if rows < 8 or columns < 8 or rows > canvas.shape[0] or columns > canvas.shape[1]:
             quality[:] = 0.0
             return

@@ -11,6 +11,7 @@ from pipeline.film.parts import Floats
 from pipeline.film.strobe.dense_kernels import SIZE, fit_block, light_along
 
 LEAST_LIGHT = 0.25  # of a band's mean light over all columns, at its edges
+BLANK = 5.0  # percent of the columns, at least, that no trace reaches
 NARROWEST = 12  # columns
 SHORTEST, LONGEST = 6.0, 120.0  # rows in a swing
 ROOM = np.array([30.0, 30.0, 10.0, 4.0, 30.0, 15.0, 3.0, 30.0, 15.0, 3.0])  # px, of a shape about a guess
@@ -30,7 +31,7 @@ class Band:
 def bands(exposure: NDArray[np.float32], count: int | None) -> list[Band]:
     """Bands of columns in which a piece of film shows light, the brightest `count` of them, from left to right."""
     profile = np.convolve(exposure.mean(axis=0), np.ones(7) / 7.0, "same")
-    profile = profile - np.median(profile)
+    profile = profile - np.percentile(profile, BLANK)
     lit = profile > LEAST_LIGHT * np.percentile(profile[profile > 0.1 * profile.max()], 50)
     edge = np.flatnonzero(np.diff(np.concatenate([[False], lit, [False]]).astype(np.int8)))
     found: list[Band] = []
@@ -71,7 +72,9 @@ def first_shape(
 ) -> tuple[Floats, float]:
     """Curve of the block around row `middle`, and its light (0: none was found)."""
     turn, half = 2.0 * np.pi / period, period
-    near = exposure[max(int(middle - 0.6 * period) - first, 0) : int(middle + 0.6 * period) - first, band.left : band.right]
+    near = exposure[
+        max(int(middle - 0.6 * period) - first, 0) : int(middle + 0.6 * period) - first, band.left : band.right
+    ]
     if near.size == 0:
         return np.zeros(SIZE), 0.0
     # within a swing the turning points are the outermost light

@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.film.marks.closing import learned_width
 from pipeline.film.marks.gaps import Gaps
 from pipeline.film.marks.pieces import pieces
-from pipeline.film.marks.search import CERTAIN, DEEPEST, LEAST_DEPTH, MOST_MISFIT, fitted, learned_width
+from pipeline.film.marks.search import CERTAIN, DEEPEST, LEAST_DEPTH, MOST_MISFIT, fitted
 from pipeline.film.parts import Emulsion, Floats, Scan, Strobe, TimeAxis, Tracks
 
 GAP, AMBIGUOUS, LOST, OVERLAP = 1, 16, 32, 64  # of the record's flags
@@ -41,16 +42,15 @@ def read_at_marks(scan: Scan, emulsion: Emulsion, tracks: Tracks, axis: TimeAxis
     pace /= np.median(pace)
     where = np.full((len(tracks.course), index.size), np.nan)
     lean = np.full_like(where, np.nan)
-    for trace in range(len(where)):
-        where[trace], lean[trace] = _on_trace(tracks, trace, row + axis.offset[trace], axis.shear)
+    for k in range(len(where)):
+        where[k], lean[k] = _on_trace(tracks, k, row + axis.offset[k], axis.shear)
     width = usual * pace * (1.0 + axis.shear * np.nan_to_num(lean))
     results = []
     for begin, stop, first, exposure in pieces(scan, emulsion):
-        trace, mark = np.nonzero((where >= begin) & (where < stop))
-        _, out = fitted(exposure, first, emulsion, tracks, trace, where[trace, mark], width[trace, mark], WIDTH_PRIOR)
-        results.append((trace, mark, out))
-    trace = np.concatenate([each[0] for each in results])
-    mark = np.concatenate([each[1] for each in results])
+        which, at = np.nonzero((where >= begin) & (where < stop))
+        _, out = fitted(exposure, first, emulsion, tracks, which, where[which, at], width[which, at], WIDTH_PRIOR)
+        results.append((which, at, out))
+    trace, mark = (np.concatenate([each[part] for each in results]).astype(np.int64) for part in (0, 1))
     return _strobe(index, where, tracks, trace, mark, Gaps.of(trace, np.concatenate([each[2] for each in results])))
 
 
@@ -76,7 +76,12 @@ def _on_trace(tracks: Tracks, trace: int, row: Floats, shear: float) -> tuple[Fl
 
 
 def _strobe(
-    index: NDArray[np.int64], where: Floats, tracks: Tracks, trace: NDArray[np.int64], mark: NDArray[np.int64], gaps: Gaps
+    index: NDArray[np.int64],
+    where: Floats,
+    tracks: Tracks,
+    trace: NDArray[np.int64],
+    mark: NDArray[np.int64],
+    gaps: Gaps,
 ) -> Strobe:
     position, sigma = np.full(where.shape, np.nan), np.full(where.shape, np.nan)
     qc = np.where(np.isfinite(where), GAP, LOST).astype(np.uint16)

@@ -168,7 +168,7 @@ def open_rows(section: Section, spot: float) -> int:
 
 def _chosen_rows(section: Section, spot: float) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, float]:
     """Rows and traces to look at, away from gaps: with the lamp's brightness there for all traces, and its median."""
-    traces, size = section.place.shape
+    traces = section.place.shape[0]
     half = max(4, round(0.25 * section.period))
     lamp = np.stack([_running_median(light, half) for light in section.brightness])
     doubtful = ~np.isfinite(section.place) | (section.brightness < LACKING * lamp)

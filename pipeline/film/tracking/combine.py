@@ -88,8 +88,10 @@ def combine(
             slope_spread[k, i] = slope_variance(states[i, k], change)
 
 
-def combined(forward: Piece, backward: Piece, optics: Optics) -> tuple[Floats, Floats, Floats, Floats, NDArray[np.uint8]]:
-    """Course (rows, traces, 6), variances of its place and slope, the directions' disagreement in sigma, and which of them know it."""
+def combined(
+    forward: Piece, backward: Piece, optics: Optics
+) -> tuple[Floats, Floats, Floats, Floats, NDArray[np.uint8]]:
+    """Course (rows, traces, 6), variances of place and slope, disagreement in sigma, and which directions know it."""
     traces, rows = forward.place.shape
     states, known = np.empty((rows, traces, STATES)), np.empty((traces, rows), np.uint8)
     variance, slope_spread, disagreement = (np.empty((traces, rows)) for _ in range(3))

@@ -60,7 +60,6 @@ def fit_gaps(
     parts = np.empty((MOST_ROWS, 3, columns))  # exposure in the open of the rows about a gap, without and with it
     edges = np.empty((2, 3, columns))  # what the light at its two edges would leave
     bounds = np.empty((MOST_ROWS, 2), np.int64)
-    empty = np.empty((0, 2))
     for k in range(traces):
         for n in range(gap_of[k], gap_of[k + 1]):
             middle, length = 0.5 * (gaps[n, 0] + gaps[n, 1]), gaps[n, 1] - gaps[n, 0]
@@ -101,9 +100,7 @@ def fit_gaps(
                     swing = abs(states[i, other, 3]) + abs(states[i, other, 4])
                     if abs(here - there) > size + REACH * spot * (2.0 + abs(states[i, other, 5]) * swing):
                         continue
-                    count = nodes_of(
-                        states[i, other], spot, shear, gaps[gap_of[other] : gap_of[other + 1]], row, nodes
-                    )
+                    count = nodes_of(states[i, other], spot, shear, gaps[gap_of[other] : gap_of[other + 1]], row, nodes)
                     profile(nodes, count, 0.0, 0.0, spot, left, edges[0, :, :size])
                     for j in range(size):
                         part[0, j] += lamp[other, i] * edges[0, 0, j]

@@ -7,6 +7,7 @@ centre of gravity the gap's middle.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,5 +68,5 @@ def as_table(gaps: list[Gaps]) -> tuple[Floats, NDArray[np.int64]]:
 
 def from_table(rows: Floats, begins: NDArray[np.int64]) -> list[Gaps]:
     """The gaps of each trace out of `as_table`'s arrays."""
-    parts = [rows[a:b] for a, b in zip(begins[:-1], begins[1:], strict=True)]
+    parts = [rows[a:b] for a, b in pairwise(begins)]
     return [Gaps(part.mean(axis=1), part[:, 1] - part[:, 0]) for part in parts]

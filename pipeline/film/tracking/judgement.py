@@ -14,9 +14,10 @@ from pipeline.film.tracking.optics import Optics
 LEAST_OPEN = 0.7  # share of the light let through under which a row counts as lying in a gap
 SEEN = 4.0
 LEAST_LIGHT, MOST_LIGHT = 0.5, 1.8  # of the lamp's
+PARTIAL, PARTIAL_SIGMA = 0.85, 3.0  # less light than that, and a part of the line is missing: it begins or ends there
 MISFIT = 4.0
-OUTLIER = 5.0
-COURSE_SLACK = 0.15  # spots
+OUTLIER = 4.5
+COURSE_SLACK = 0.06  # spots
 DISAGREEMENT = 6.0
 WORST_NORMAL = 0.35  # spots: a reading no better than that is left out
 SHARED = 1.5  # growth of the variance by other traces from which on a row is flagged
@@ -66,7 +67,8 @@ def judge(
     stretch = 1.0 + slope**2
     flag = ELONGATION_FLAGS
     followed = known > 0
-    seen = followed & (light > SEEN * np.sqrt(light_variance)) & (light > LEAST_LIGHT * lamp)
+    whole = np.maximum(LEAST_LIGHT * lamp, PARTIAL * lamp - PARTIAL_SIGMA * np.sqrt(light_variance))
+    seen = followed & (light > SEEN * np.sqrt(light_variance)) & (light > whole)
     gap = followed & (open_share < LEAST_OPEN)
     unsure = followed & (disagreement > DISAGREEMENT)
     allowed = variance + course_variance + (COURSE_SLACK * optics.spot) ** 2 * stretch

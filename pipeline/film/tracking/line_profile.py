@@ -44,7 +44,7 @@ def light_nodes(
     count: int,
     most: int,
 ) -> int:
-    """Add the nodes of one stretch, `begin` to `stop` along the film from this row, to the `count` there are, `most` in all."""
+    """Add the nodes of a stretch, `begin` to `stop` along the film from this row, to `count`; never over `most`."""
     step = finest_step(state, spot)
     number = min(max(int((stop - begin) / step) + 1, 2), most - count)
     step = (stop - begin) / number
@@ -126,8 +126,8 @@ def profile(nodes: Floats, count: int, shift: float, tilt: float, spot: float, f
     for n in range(count):
         along = nodes[2, n]
         column = nodes[0, n] + shift + tilt * along - first
-        begin = max(0, int(math.ceil(column - reach - 0.5)))
-        stop = min(size, int(math.floor(column + reach - 0.5)) + 1)
+        begin = max(0, math.ceil(column - reach - 0.5))
+        stop = min(size, math.floor(column + reach - 0.5) + 1)
         if begin >= stop:
             continue
         away = begin + 0.5 - column

@@ -6,12 +6,11 @@ have moved the slow part. What the pendulums keep are their amplitudes and the p
 
 from __future__ import annotations
 
-from itertools import permutations
+from itertools import combinations, permutations
 
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.film.tracking.pieces import Filter
 from pipeline.film.tracking.section import Section
 
 AMPLITUDE, PLACE, PHASE, COMMON = 0.06, 0.5, 0.25, 1.5  # 1 sigma: of the amplitude (twice), radians
@@ -20,9 +19,7 @@ WORST = 40.0
 MOST_TRACES = 6
 
 
-def match(
-    section: Section, begun: Filter, last: list[tuple[float, Floats] | None], first: int
-) -> list[int] | None:
+def match(section: Section, last: list[tuple[float, Floats] | None]) -> list[int] | None:
     """Trace number of each swing of the section, None if it cannot be told; -1 for a swing that is none of them."""
     known = [k for k, each in enumerate(last) if each is not None]
     found = section.swings
@@ -31,8 +28,8 @@ def match(
     cost = []
     size = min(len(found), len(known))
     for chosen in permutations(range(len(found)), size):
-        for names in [tuple(known)] if size == len(known) else list(_subsets(known, size)):
-            cost.append((_cost(section, chosen, names, begun, last), chosen, names))
+        for names in combinations(known, size):
+            cost += [(_cost(section, chosen, names, last), chosen, names)]
     cost.sort(key=lambda each: each[0])
     if cost[0][0] > WORST * size or (len(cost) > 1 and cost[1][0] - cost[0][0] < AMBIGUOUS):
         return None
@@ -42,17 +39,10 @@ def match(
     return result
 
 
-def _subsets(known: list[int], size: int) -> list[tuple[int, ...]]:
-    from itertools import combinations
-
-    return list(combinations(known, size))
-
-
 def _cost(
     section: Section,
     chosen: tuple[int, ...],
     names: tuple[int, ...],
-    begun: Filter,
     last: list[tuple[float, Floats] | None],
 ) -> float:
     total, phases = 0.0, []

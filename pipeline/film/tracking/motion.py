@@ -67,23 +67,24 @@ def advance(state: Floats, covariance: Floats, noise: Floats, rows: float, shear
 @kernel
 def slope_of(state: Floats, shear: float) -> float:
     """Columns per row of the image at the row the state belongs to."""
-    rate = state[1] - state[5] * state[4]
+    rate: float = state[1] - state[5] * state[4]
     return rate / (1.0 + shear * rate)
 
 
 @kernel
 def place_variance(state: Floats, covariance: Floats, shear: float) -> float:
     """Variance of the column at which the trace crosses the row."""
-    gain = 1.0 + shear * (state[1] - state[5] * state[4])
-    return (covariance[0, 0] + 2.0 * covariance[0, 3] + covariance[3, 3]) / (gain * gain)
+    gain: float = 1.0 + shear * (state[1] - state[5] * state[4])
+    return float(covariance[0, 0] + 2.0 * covariance[0, 3] + covariance[3, 3]) / (gain * gain)
 
 
 @kernel
 def slope_variance(state: Floats, covariance: Floats) -> float:
     """Variance of the columns per row, along the film."""
     w, q = state[5], state[4]
-    own = covariance[1, 1] + w * w * covariance[4, 4] + q * q * covariance[5, 5]
-    return own - 2.0 * w * covariance[1, 4] - 2.0 * q * covariance[1, 5] + 2.0 * w * q * covariance[4, 5]
+    own: float = covariance[1, 1] + w * w * covariance[4, 4] + q * q * covariance[5, 5]
+    shared: float = w * covariance[1, 4] + q * covariance[1, 5] - w * q * covariance[4, 5]
+    return own - 2.0 * shared
 
 
 @kernel

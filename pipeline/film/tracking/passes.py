@@ -104,7 +104,7 @@ def _look_again(
     else:
         ahead = min(film.scan.rows, first + max(stop - first, round(SECTION_SWINGS * film.period)))
         section = read_section(film.darkness(first, ahead), first, film.optics, film.period, len(last))
-        names = match(section, begun, last, first) if section is not None else None
+        names = match(section, last) if section is not None else None
     if section is None or names is None:
         return
     for found, k in enumerate(names):
@@ -160,13 +160,12 @@ def backward(film: Film, ahead: Forward, progress: Callable[[int], None], out: O
             position, sigma, qc = judge(
                 reading[k], states[:, k], variance[k], disagreement[k], known[k], share, lamp[k], black, film.optics
             )
+            out.misfit[k, part] = np.where(known[k] > 0, reading[k, :, 4], np.nan)
             out.keep(k, part, position, sigma, qc, states[:, k], known[k] > 0, ahead.light[k, part] / lamp[k])
         progress(rows + rows - first)
 
 
-def _turn_back(
-    begun: Filter, forth: Piece, ahead: Forward, first: int, stop: int, period: float
-) -> NDArray[np.int64]:
+def _turn_back(begun: Filter, forth: Piece, ahead: Forward, first: int, stop: int, period: float) -> NDArray[np.int64]:
     """Rows at which the way back takes up traces that it does not follow but the way along did."""
     traces = begun.alive.size
     begins = np.full(traces, -1)
@@ -186,23 +185,38 @@ def _turn_back(
 
 @dataclass
 class Outcome:
-    """The columns of `Tracks`, filled piece by piece."""
+    """The columns of `Tracks`, filled piece by piece, and the mean square residual of each row's fit."""
 
-    position: Floats
-    sigma: Floats
-    course: Floats
-    slope: Floats
-    curvature: Floats
-    brightness: Floats
+    position: NDArray[np.float64]
+    sigma: NDArray[np.float64]
+    course: NDArray[np.float64]
+    slope: NDArray[np.float64]
+    curvature: NDArray[np.float64]
+    brightness: NDArray[np.float64]
     qc: NDArray[np.uint16]
+    misfit: NDArray[np.float32]
     shear: float
     blackest: float
 
     @staticmethod
     def empty(traces: int, rows: int, shear: float, blackest: float) -> Outcome:
         """Nothing read yet."""
-        columns = [np.full((traces, rows), np.nan) for _ in range(6)]
-        return Outcome(*columns, np.zeros((traces, rows), np.uint16), shear, blackest)
+
+        def column() -> NDArray[np.float64]:
+            return np.full((traces, rows), np.nan)
+
+        return Outcome(
+            column(),
+            column(),
+            column(),
+            column(),
+            column(),
+            column(),
+            np.zeros((traces, rows), np.uint16),
+            np.full((traces, rows), np.nan, np.float32),
+            shear,
+            blackest,
+        )
 
     def keep(
         self,

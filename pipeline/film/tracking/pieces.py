@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,9 @@ from pipeline.film.tracking.seeding import Swing
 
 # Growth a swing of the variance of the slow part's bend (in amplitudes a swing squared), of the frequency (in radians a
 # swing) and of the pair (in amplitudes). The swell of a ship bends the slow part by up to 1.5 A/P^2 within a swing or
-# so and wow of 3 % in 7 s changes the frequency by 0.16 rad/P a swing. A third of that is allowed for: what is left out
-# is slow against the filter's memory, and what is allowed for is paid in noise.
-BEND_GROWTH, FREQUENCY_GROWTH, PAIR_GROWTH = 0.1, 3e-3, 1e-6
+# so, and wow of 3 % in 7 s changes the frequency by 0.16 rad/P a swing. A tenth of that is allowed for: both are slow
+# against the filter's memory of a third of a swing, so that little of them is left out.
+BEND_GROWTH, FREQUENCY_GROWTH, PAIR_GROWTH = 0.01, 1e-3, 1e-6
 FIRST_PLACE, FIRST_RATE, FIRST_BEND, FIRST_FREQUENCY = 0.03, 0.3, 0.5, 0.03
 QUALITY_SWINGS = 0.5
 
@@ -64,8 +64,15 @@ class Filter:
 
     def copy(self) -> Filter:
         """Its own arrays."""
-        arrays = (self.states, self.covariances, self.alive, self.lamp, self.quality, self.noise)
-        return Filter(*(each.copy() for each in arrays), self.memory)
+        return replace(
+            self,
+            states=self.states.copy(),
+            covariances=self.covariances.copy(),
+            alive=self.alive.copy(),
+            lamp=self.lamp.copy(),
+            quality=self.quality.copy(),
+            noise=self.noise.copy(),
+        )
 
     def restart(self, trace: int, state: Floats, lamp: float = 1.0, alive: bool = True) -> None:
         """Follow a trace (again) from a state known about as well as a seed is, at once or when its row comes."""
@@ -77,7 +84,7 @@ class Filter:
 
 @dataclass(frozen=True)
 class Piece:
-    """What the filter made of a piece of film: arrays (traces, rows), and (rows, traces, ...) of before each reading."""
+    """What the filter made of a piece: arrays (traces, rows), and (rows, traces, ...) of before each reading."""
 
     place: Floats
     variance: Floats
@@ -89,9 +96,14 @@ class Piece:
     @staticmethod
     def empty(traces: int, rows: int) -> Piece:
         """Room for a piece."""
-        numbers = [np.empty((traces, rows)) for _ in range(3)]
-        followed = np.zeros((traces, rows), np.uint8)
-        return Piece(*numbers, followed, np.zeros((rows, traces, STATES)), np.zeros((rows, traces, STATES, STATES)))
+        return Piece(
+            np.empty((traces, rows)),
+            np.empty((traces, rows)),
+            np.empty((traces, rows)),
+            np.zeros((traces, rows), np.uint8),
+            np.zeros((rows, traces, STATES)),
+            np.zeros((rows, traces, STATES, STATES)),
+        )
 
     def of(self, trace: int, rows_behind: int = 0) -> Piece:
         """One trace of the piece, with rows added behind that were not followed."""
@@ -171,7 +183,8 @@ def run(
 def run_again(filter_: Filter, place: Floats, variance: Floats, followed: NDArray[np.uint8], optics: Optics) -> Piece:
     """A piece once more from the readings that were kept of it, (traces, rows), without the film."""
     piece = Piece.empty(*place.shape)
-    place, variance, followed = (np.ascontiguousarray(each) for each in (place, variance, followed))
+    place, variance = np.ascontiguousarray(place), np.ascontiguousarray(variance)
+    followed = np.ascontiguousarray(followed)
     replay(
         filter_.states,
         filter_.covariances,

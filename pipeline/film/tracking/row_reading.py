@@ -78,8 +78,8 @@ def read_row(
                 low, high = min(low, nodes[k, 0, i]), max(high, nodes[k, 0, i])
         if not (low > -1e6 and high < 1e6 and low <= high):
             continue
-        windows[k, 0] = max(0, int(math.floor(low - WINDOW * spot)))
-        windows[k, 1] = min(columns, int(math.ceil(high + WINDOW * spot)))
+        windows[k, 0] = max(0, math.floor(low - WINDOW * spot))
+        windows[k, 1] = min(columns, math.ceil(high + WINDOW * spot))
         here = states[k, 0] + states[k, 3]
         if here > 0.0 and here < columns and windows[k, 1] - windows[k, 0] >= 6:
             windows[k, 2] = k

@@ -126,7 +126,7 @@ def _followed(
 def both_ways(
     begun: Filter, darkness: NDArray[np.float32], first: int, begin: int, optics: Optics
 ) -> tuple[Piece, Piece, Filter]:
-    """From row `begin` of a piece to its end, back to its start, and to its end again: forward, backward, at the end."""
+    """From row `begin` to the end of a piece, back to its start and forward: forward, backward, filter at the end."""
     run(begun, darkness[begin:], first + begin, 1, optics)
     for k in np.flatnonzero(begun.alive):
         begun.restart(int(k), begun.states[k], float(begun.lamp[k]))

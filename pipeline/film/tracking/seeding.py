@@ -92,7 +92,8 @@ def _apart(swings: list[Swing], spot: float) -> list[Swing]:
     if not swings:
         return []
     rows, states = np.array([swing.row for swing in swings]), np.array([swing.state for swing in swings])
-    free, kept = np.ones(len(swings), dtype=bool), []
+    free = np.ones(len(swings), dtype=bool)
+    kept: list[Swing] = []
     while free.any() and len(kept) < MOST_KEPT:
         best = int(np.argmax(free))
         free[best] = False

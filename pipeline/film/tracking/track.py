@@ -11,6 +11,7 @@ from pipeline.film.emulsion.film_emulsion import FilmEmulsion
 from pipeline.film.parts import Expected, Scan, Tracks
 from pipeline.film.tracking.judgement import flag_lost
 from pipeline.film.tracking.optics import Optics
+from pipeline.film.tracking.ordering import order
 from pipeline.film.tracking.passes import Film, Outcome, backward, forward
 from pipeline.film.tracking.probing import probe
 from pipeline.film.tracking.section import Section, read_section
@@ -19,6 +20,10 @@ NOTHING = (
     "no swinging trace found on the film: lines that turn at regular intervals are looked for, dark on light, with rows"
     " running along time; check the orientation and polarity of the scan, or give period and traces"
 )
+
+
+LEAST_READ = 0.15
+STRANGE = 4.0
 
 
 def track(
@@ -69,18 +74,46 @@ def track(
     out = Outcome.empty(traces, scan.rows, optics.shear, float(np.log10(emulsion.full_scale / 0.75)) - blank)
     backward(film, ahead, tell, out)
     for k in range(traces):
+        _refuse_strangers(out, k)
         flag_lost(out.position[k], out.course[k], out.qc[k], film.period)
+    _refuse_unread(out)
+    rank = order(out.course, out.slope, expected)
     return Tracks(
-        out.position,
-        out.sigma,
-        out.course,
-        out.slope,
-        out.curvature,
-        out.brightness,
-        out.qc,
+        out.position[rank],
+        out.sigma[rank],
+        out.course[rank],
+        out.slope[rank],
+        out.curvature[rank],
+        out.brightness[rank],
+        out.qc[rank],
         film.period,
         optics.spot,
     )
+
+
+def _refuse_strangers(out: Outcome, trace: int) -> None:
+    """Refuse a film on which something else lies on a trace for most of its way."""
+    known = out.misfit[trace][np.isfinite(out.misfit[trace])]
+    misfit = float(np.quantile(known, 0.75)) if known.size else 0.0
+    if misfit > STRANGE:
+        raise RefusedError(
+            f"trace {trace + 1} of the film does not look like one line: on a quarter of its rows the mean square"
+            f" residual is over {misfit:.1f} times the grain's, at most {STRANGE:g} is allowed; another trace may lie on"
+            " it: give count, or cut the film where it can be read"
+        )
+
+
+def _refuse_unread(out: Outcome) -> None:
+    """Refuse a film on which a trace was found but not read."""
+    read = np.isfinite(out.position).mean(axis=1)
+    if read.max() < LEAST_READ:
+        raise RefusedError(NOTHING)
+    worst = int(np.argmin(read))
+    if read[worst] < LEAST_READ * read.max():
+        raise RefusedError(
+            f"trace {worst + 1} of the film was found but read on {100.0 * read[worst]:.0f} % of the rows only, the"
+            f" best on {100.0 * read.max():.0f} %: scan again, cut the film where it can be read, or give count"
+        )
 
 
 def _first_section(film: Film, probed: Section) -> Section:

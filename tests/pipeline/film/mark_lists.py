@@ -55,9 +55,13 @@ def made(case: Case) -> Made:
     length, step = 60.0 * case.minutes, 0.02
     time = case.start + np.arange(0.0, length + 2.0, step)
     passed = time - case.start
-    rate = 1.0 + case.drift * passed / length + case.wow * np.sin(2 * np.pi * passed / case.wow_period + rng.uniform(0, 6))
+    rate = (
+        1.0 + case.drift * passed / length + case.wow * np.sin(2 * np.pi * passed / case.wow_period + rng.uniform(0, 6))
+    )
     if case.walk:
-        knots = np.convolve(rng.normal(size=int(length) + 20), np.hanning(9) / np.sqrt((np.hanning(9) ** 2).sum()), "same")
+        knots = np.convolve(
+            rng.normal(size=int(length) + 20), np.hanning(9) / np.sqrt((np.hanning(9) ** 2).sum()), "same"
+        )
         rate += case.walk * np.interp(passed, np.arange(knots.size) - 5.0, knots)
     row = 30.0 + case.speed * (np.cumsum(rate) - rate) * step
     end = passed <= length

@@ -1,0 +1,187 @@
+"""From a reading to a record of the contract: angles, names, flags, what was assumed; two readings that disagree."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+from film_stand_ins import LEVER, PERIODS, SCALE, angles, reading
+
+import data_schemas
+from data_schemas.errors import RecordError, UsageError
+from data_schemas.film_description import DescribedTrace, FilmDescription
+from pipeline.film.film_scale import film_scale, rows_per_second
+from pipeline.film.knowledge import ASSUMED_LEVER, FilmOptions, Known
+from pipeline.film.matching import match
+from pipeline.film.record import make_record
+from pipeline.film.summary import summary
+
+TWO = FilmOptions(traces=("1", "1-2"), periods=PERIODS, gravity=9.81)
+
+
+def described(**changes) -> FilmDescription:
+    content = {
+        "record_id": "night",
+        "speed": 5.0,
+        "mark_interval": 0.5,
+        "start_time": "1959-07-01T12:00:00Z",
+        "traces": [
+            {"name": "1", "combination": {"1": 1.0}, "lever": 1500.0, "position": 31.0},
+            {"name": "1-2", "combination": {"1": 1.0, "2": -1.0}, "lever": 2500.0, "position": 95.0},
+        ],
+        "pendulums": [
+            {"label": "1", "period": 1.00966, "damping_rate": 1e-4},
+            {"label": "2", "period": 1.009760966, "damping_rate": 2e-4},
+        ],
+        "instrument": {"reference_gravity": 9.81, "temperature": 290.0},
+        "restoring": "linear",
+    }
+    return FilmDescription.model_validate({**content, **changes})
+
+
+@pytest.mark.parametrize("kind", ["continuous", "strobe"])
+def test_record_is_valid_and_holds_the_angles(tmp_path, kind):
+    record = make_record(reading(tmp_path, kind=kind), Known(None, TWO), "night")
+    assert data_schemas.check(record, "record") == []
+    path = tmp_path / "night.record.nc"
+    data_schemas.write(record, path)
+    assert data_schemas.validate(path) == []
+    time = record.dataset["time"].values
+    traces = record["record"].dataset
+    for k, name in enumerate(("1", "1-2")):
+        true = angles(time)[name]
+        wrong = traces["elongation"].values[k] - (true - true.mean())
+        assert np.nanmax(np.abs(wrong - np.nanmean(wrong))) < 1e-7  # rad: a hundredth of a pixel is 4e-7
+        assert abs(np.nanmean(wrong)) < 1e-5
+    np.testing.assert_array_equal(traces["combination"].values, [[1, 0], [1, -1]])
+    np.testing.assert_allclose(traces["elongation_uncertainty"].values[:, 10], 0.1 * SCALE / LEVER, rtol=0.6)
+    assert record["film"].attrs["reading"] == kind
+
+
+def test_film_group_says_where_it_comes_from_and_what_was_believed(tmp_path):
+    found = reading(tmp_path)
+    record = make_record(found, Known(None, TWO), "night")
+    film = record["film"].dataset
+    assert str(film["source_file"].values) == "night.film.tif"
+    assert str(film["source_sha256"].values) == hashlib.sha256(b"the image").hexdigest()
+    assert float(film["speed"]) == pytest.approx(60.0 * SCALE)
+    assert float(film["scale"]) == SCALE
+    np.testing.assert_array_equal(film["optical_lever"].values, ASSUMED_LEVER)
+    assert "lever of 2000 mm/rad is assumed" in film.attrs["assumed"]
+    assert "marks every 0.5 s are assumed" in film.attrs["assumed"]
+    assert film.attrs["flags"] == "marks-false"
+    assert film.attrs["notes"] == "lines are light on dark film"
+    row = summary(record, found)
+    assert row["accepted_fraction"] == 1.0
+    assert row["missing_fraction"] == {"1": 0.0, "1-2": 0.0}
+    assert len(row["assumed"]) == 2
+
+
+def test_description_names_levers_instrument_and_start(tmp_path):
+    record = make_record(reading(tmp_path), Known(described()), "film")
+    assert data_schemas.check(record, "record") == []
+    assert record.attrs["record_id"] == "night"
+    assert record.dataset["time"].attrs["units"] == "seconds since 1959-07-01T12:00:00Z"
+    np.testing.assert_array_equal(record["film"].dataset["optical_lever"].values, [1500.0, 2500.0])
+    instrument = record["instrument"]
+    np.testing.assert_array_equal(instrument.dataset["damping_rate"].values, [1e-4, 2e-4])
+    assert float(instrument.dataset["temperature"]) == 290.0
+    assert instrument.attrs["restoring"] == "linear"
+    assert record["film"].attrs["assumed"] == ""
+    swing = record["record"].dataset["elongation"].values[0].std()
+    assert swing == pytest.approx(angles(record.dataset["time"].values)["1"].std() * LEVER / 1500.0, rel=1e-6)
+
+
+def test_options_stand_before_the_description(tmp_path):
+    options = FilmOptions(lever=1800.0, periods={"2": 1.02}, gravity=9.80, mark_interval=0.5)
+    record = make_record(reading(tmp_path), Known(described(), options), "film")
+    np.testing.assert_array_equal(record["film"].dataset["optical_lever"].values, 1800.0)
+    np.testing.assert_array_equal(record["instrument"].dataset["period"].values, [1.00966, 1.02])
+    assert float(record["instrument"].dataset["reference_gravity"]) == 9.80
+
+
+def test_traces_are_told_by_their_places_and_else_stand_from_the_left(tmp_path):
+    swapped = described(
+        traces=[
+            {"name": "1", "combination": {"1": 1.0}, "lever": 2000.0, "position": 95.0},
+            {"name": "1-2", "combination": {"1": 1.0, "2": -1.0}, "lever": 2000.0, "position": 31.0},
+        ]
+    )
+    record = make_record(reading(tmp_path, swapped=True), Known(swapped), "film")
+    time = record.dataset["time"].values
+    for k, name in enumerate(("1", "1-2")):
+        true = angles(time)[name]
+        values = record["record"].dataset["elongation"].values[k]
+        assert np.corrcoef(values[np.isfinite(values)], true[np.isfinite(values)])[0, 1] > 0.999
+    record = make_record(reading(tmp_path, swapped=True), Known(None, FilmOptions(traces=("1-2", "1"), periods=PERIODS, gravity=9.8)), "a")  # fmt: skip  # noqa: E501
+    assert [str(label) for label in record["record"].dataset["trace"].values] == ["1-2", "1"]
+
+
+def trace(name: str, position: float | None = None, amplitude: float | None = None) -> DescribedTrace:
+    return DescribedTrace(name=name, combination={name: 1.0}, position=position, amplitude=amplitude)
+
+
+def test_matching_forgives_a_common_shift_and_uses_the_swing():
+    rest, swing = np.array([52.0, 91.0, 20.0]), np.array([10.0, 8.0, 5.0])
+    assert match([trace("a", 10.0), trace("b", 42.0), trace("c", 81.0)], rest, swing) == [2, 0, 1]
+    assert match([trace("a"), trace("b"), trace("c")], rest, swing) == [2, 0, 1]
+    close, sizes = np.array([50.0, 51.0]), np.array([3.0, 12.0])
+    assert match([trace("a", 50.0, 12.0), trace("b", 51.0, 3.0)], close, sizes) == [1, 0]
+    with pytest.raises(RecordError, match="2 traces were found on the film, but 1 described"):
+        match([trace("a")], close, sizes)
+    with pytest.raises(RecordError, match="no trace was found"):
+        match([trace("a")], np.empty(0), np.empty(0))
+
+
+def test_several_traces_need_periods_and_their_gravity(tmp_path):
+    with pytest.raises(UsageError, match=r"pendulum 1 has no period.*--period 1=SECONDS"):
+        make_record(reading(tmp_path), Known(), "night")
+    with pytest.raises(UsageError, match="--gravity"):
+        make_record(reading(tmp_path), Known(None, FilmOptions(traces=("1", "1-2"), periods=PERIODS)), "night")
+    with pytest.raises(UsageError, match="there is no pendulum '3'"):
+        make_record(reading(tmp_path), Known(None, FilmOptions(periods={"3": 1.0})), "night")
+    with pytest.raises(UsageError, match="LABEL=SECONDS"):
+        make_record(reading(tmp_path), Known(None, FilmOptions(periods={"": 1.0})), "night")
+
+
+@pytest.mark.parametrize("text", [":1", "1:"])
+def test_trace_options_are_checked(text):
+    with pytest.raises(UsageError, match="NAME or NAME:COMBINATION"):
+        Known(None, FilmOptions(traces=(text,))).expected(None)
+    with pytest.raises(UsageError, match="twice"):
+        Known(None, FilmOptions(traces=("1", "1"))).expected(None)
+
+
+def test_stages_are_told_what_is_known_in_pixels():
+    known = Known(described())
+    expected, marking = known.expected(SCALE), known.marking(SCALE)
+    assert expected.count == 2
+    np.testing.assert_allclose(expected.positions, [31.0 / SCALE, 95.0 / SCALE])
+    assert expected.amplitudes is None
+    assert marking.speed == pytest.approx(5.0 / SCALE)
+    assert Known().expected(SCALE).count is None
+    assert Known().marking(None).interval == 0.5
+
+
+def test_scale_comes_from_the_marks_where_the_file_is_silent(tmp_path):
+    axis = reading(tmp_path).axis
+    assert rows_per_second(axis) == pytest.approx(60.0)
+    assert film_scale(0.1, 5.0, axis) == (0.1, None)
+    scale, note = film_scale(None, 5.08, axis)
+    assert scale == pytest.approx(25.4 / 300)
+    assert "300 dpi" in note
+    with pytest.raises(RecordError, match="--dpi"):
+        film_scale(None, None, axis)
+
+
+def test_readings_that_agree_are_not_flagged_and_a_late_one_is(tmp_path):
+    agree = reading(tmp_path, noise=0.2, seconds=300.0).difference
+    ratio = (agree.phase / agree.sigma)[np.isfinite(agree.phase)]
+    assert ratio.size == 20
+    assert np.sqrt(np.mean(ratio**2)) < 1.8
+    assert agree.disagree.sum() <= 1
+    late = reading(tmp_path, noise=0.2, seconds=300.0, strobe_late=1e-3).difference
+    # 1 ms of delay is 6.2 mrad of a swing of a second
+    np.testing.assert_allclose(np.nanmean(late.phase), -2 * np.pi / 1.01 * 1e-3, rtol=0.1)
+    assert late.disagree.mean() > 0.8

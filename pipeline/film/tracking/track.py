@@ -98,8 +98,8 @@ def _refuse_strangers(out: Outcome, trace: int) -> None:
     if misfit > STRANGE:
         raise RefusedError(
             f"trace {trace + 1} of the film does not look like one line: on a quarter of its rows the mean square"
-            f" residual is over {misfit:.1f} times the grain's, at most {STRANGE:g} is allowed; another trace may lie on"
-            " it: give count, or cut the film where it can be read"
+            f" residual is over {misfit:.1f} times the grain's, at most {STRANGE:g} is allowed; another trace may lie"
+            " on it: give count, or cut the film where it can be read"
         )
 
 

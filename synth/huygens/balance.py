@@ -1,6 +1,7 @@
 """Harmonic balance: every solution of the six equations (7)-(8), found by elimination and counted by Sturm's theorem.
 
-With w_i = q e^{2i alpha_i}, G_i = A_i^2/4 and g_i = 1 - G_i, (7) says w_i = E_i - i delta g_i, E_i the detuning felt. Put into (8),
+With w_i = q e^{2i alpha_i}, G_i = A_i^2/4 and g_i = 1 - G_i, (7) says w_i = E_i - i delta g_i, E_i the detuning
+felt. Put into (8),
 
     E_i^2 + delta^2 g_i^2 = s,       s = q^2 = (nu d/(2 d0)) sum g_i (1 - g_i),       beta s = (nu/2) sum (1 - g_i) E_i:
 
@@ -8,8 +9,8 @@ three conics in g_1, g_2 whose coefficients are polynomials of beta. They meet o
 polynomial of degree 20 of beta, and since 0 <= s <= nu d/(4 d0), |E_i| <= sqrt(s) shuts beta into an interval.
 All its roots there are isolated in exact arithmetic, and in each all intersections are tried: so none is missed.
 
-Symmetries are divided out: alpha_i counts modulo pi (y_i -> -y_i, of each alone), and q >= 0 fixes where z begins. A clock that
-stands still (A_i = 0) solves the equations of motion but not (7), and is not among them.
+Symmetries are divided out: alpha_i counts modulo pi (y_i -> -y_i, of each alone), and q >= 0 fixes where z begins. A
+clock that stands still (A_i = 0) solves the equations of motion but not (7), and is not among them.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ DEGREE = 20
 _WIDTH = Fraction(1, 1 << 70)  # of a root's bracket
 _LARGEST_SHARE = Fraction(12072, 10000)  # of A^2/4: (g, g) lies within a circle about (1/2, 1/2)
 _ALIKE = 1e-9  # solutions nearer than this share of their size are one
-_SETTLED = 1e-13
+_SETTLED, _ROUNDED = 1e-13, 1e-7  # of a step: small enough; small enough if it no longer shrinks
 _LEAST = 1e-300
 
 
@@ -73,7 +74,7 @@ def solutions(clocks: Clocks, *, shifts: bool = False) -> list[Regime]:
     >>> for regime in solutions(Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))):
     ...     print(round(regime.beta, 4), round(regime.q, 5), round(regime.offset, 3))
     0.0115 0.0 1.571
-    0.0129 0.0022 0.0
+    0.0127 0.00218 0.0
     """
     equations = _Equations(checked(clocks), shifts)
     found: list[Regime] = []
@@ -103,7 +104,10 @@ def residuals(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> Floats
         left.append((own + regime.q) * math.sin(angle) + loss * math.cos(angle))
     cosines = sum(a * a * math.cos(2.0 * x) for a, x in zip(regime.amplitude, regime.alpha, strict=True))
     sines = sum(a * a * math.sin(2.0 * x) for a, x in zip(regime.amplitude, regime.alpha, strict=True))
-    beam = [-regime.beta * regime.q + clocks.coupling / 8.0 * cosines, delta0 * regime.q + clocks.coupling / 8.0 * sines]
+    beam = [
+        -regime.beta * regime.q + clocks.coupling / 8.0 * cosines,
+        delta0 * regime.q + clocks.coupling / 8.0 * sines,
+    ]
     return np.array(left + beam)
 
 
@@ -186,7 +190,9 @@ class _Equations:
         s = feed * (first * (1.0 - first) + second * (1.0 - second))
         third = beta * s - half * ((1.0 - first) * e1 + (1.0 - second) * e2)
         scale = feed if feed > 0.0 else 1.0
-        return np.array([(e1 * e1 + loss * first**2 - s) / scale, (e2 * e2 + loss * second**2 - s) / scale, third / half])
+        return np.array(
+            [(e1 * e1 + loss * first**2 - s) / scale, (e2 * e2 + loss * second**2 - s) / scale, third / half]
+        )
 
     def _slopes(self, point: Floats) -> Floats:
         """Jacobian of `_values`."""
@@ -238,7 +244,7 @@ class _Equations:
 
     def polished(self, point: Floats) -> Floats | None:
         """Newton from a candidate; None where it leads nowhere, or away from this root."""
-        place = point.copy()
+        place, before = point.copy(), math.inf
         with np.errstate(all="ignore"):
             for _ in range(40):
                 matrix = self._slopes(place)
@@ -248,8 +254,11 @@ class _Equations:
                 step = np.linalg.lstsq(matrix / np.where(size > 0.0, size, 1.0), self._values(place), rcond=None)[0]
                 step = step / np.where(size > 0.0, size, 1.0)
                 place = place - step
-                if np.all(np.abs(step) <= _SETTLED * (1e-3 + np.abs(place))):
+                reach = float(np.abs(step / (1e-3 + np.abs(place))).max())
+                # near a fold rounding alone moves the point: a step that no longer shrinks is one
+                if reach <= _SETTLED or (reach <= _ROUNDED and reach > 0.5 * before):
                     break
+                before = reach
             else:
                 return None
         return place

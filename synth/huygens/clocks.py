@@ -22,7 +22,7 @@ class Clocks(NamedTuple):
     --------
     >>> pair = Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))
     >>> pair.detuned(1e-4).detuning
-    (-0.01135, -0.011450000000000002)
+    (-0.01135, -0.01145)
     """
 
     beam_damping: float
@@ -51,14 +51,14 @@ class Clocks(NamedTuple):
         return ReducedBeam(self.beam_damping, self.drive, self.coupling / 8.0, np.array(self.detuning))
 
     def full(self) -> ElasticBeam:
-        """System (1) in units of its own: time s = w0 t/2, mean length and whole mass 1; x is u, phi_i is near Phi0 y_i.
+        """System (1) in units of its own: s = w0 t/2, mean length and whole mass 1; x is u, phi_i is near Phi0 y_i.
 
         Raises
         ------
         UsageError
             If the swing is 0, or so small that the clocks would outweigh the whole.
         """
-        if not 0.0 < self.swing:
+        if not self.swing > 0.0:
             raise UsageError("swing = 0: the full system needs an arc; give Phi0 = S0/l in rad, such as 0.1")
         share = self.coupling / (4.0 * self.swing**2)  # m/(M + 2 m), from m0 = (m/(M + 2 m)) Phi0^2/2
         if not 2.0 * share < 1.0:

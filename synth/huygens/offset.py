@@ -1,4 +1,4 @@
-"""How far a difference of the clocks' rates turns them apart: k = d eta/d chi, by balance, slow flow and orbit; and n <-> chi.
+"""How far a difference of the clocks' rates turns them apart: k = d eta/d chi, by balance and orbit; and n <-> chi.
 
 A clock that is alone n swings a day faster keeps, once synchronised, an advance eta of phase instead. `chi` is the
 difference tau_1 - tau_2 of the clocks when each is alone, `eta` that of their alpha.
@@ -38,7 +38,7 @@ def slope(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> float:
     >>> from synth.huygens.balance import solutions
     >>> pair = Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))
     >>> round(slope(solutions(pair)[1], pair), 1)
-    274.8
+    274.6
     """
     apart = clocks.detuning[0] - clocks.detuning[1]
     ends = []

@@ -1,8 +1,9 @@
 """Periodic orbits of two clocks on a beam by shooting, and their Floquet multipliers.
 
 After half a swing of the clocks the beam is where it was and the clocks are on the other side: with R that mirror,
-`R flow(x, T/2) = x`. Newton's method solves it for x and T/2 with the exact tangents of `flow.carried`; the phase is anchored
-where the first clock turns back (its rate is zero). The multipliers are those of R d flow/dx; of a whole swing, their squares.
+`R flow(x, T/2) = x`. Newton's method solves it for x and T/2 with the exact tangents of `flow.carried`; the phase is
+anchored where the first clock turns back (its rate is zero). The multipliers are those of R d flow/dx; of a whole
+swing, their squares.
 """
 
 from __future__ import annotations
@@ -157,7 +158,9 @@ def _shot(system: Any, guess: Floats, half: float, steps: int) -> tuple[Floats, 
             return state, half, left
         shorter = min(1.0, 0.5 / max(reach, 1e-300))
         state, half = state + shorter * step[:6], half + shorter * float(step[6])
-    raise RefusedError("no periodic orbit near this regime: shooting does not settle; begin from a regime of these clocks")
+    raise RefusedError(
+        "no periodic orbit near this regime: shooting does not settle; begin from a regime of these clocks"
+    )
 
 
 def _multipliers(tangents: Floats, system: Any, state: Floats) -> tuple[complex, ...]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from itertools import pairwise
 from math import gcd
 
 Polynomial = list[int]  # coefficients, lowest power first, the last not zero; [] is zero
@@ -56,7 +57,7 @@ def real_roots(values: Sequence[Fraction], low: Fraction, high: Fraction, width:
 
 
 def sturm_chain(values: Sequence[Fraction]) -> list[Polynomial]:
-    """Sturm's chain of a polynomial with each root once: it, its slope and minus the remainders, over their common divisor.
+    """Sturm's chain of a polynomial with each root once: it, its slope, minus remainders, over their divisor.
 
     Divided out, the chain counts right even at a multiple root.
     """
@@ -110,7 +111,7 @@ def _quotient(dividend: Polynomial, divisor: Polynomial) -> Polynomial:
 def _changes(chain: Sequence[Polynomial], place: Fraction) -> int:
     """Changes of sign along the chain."""
     signs = [sign for sign in (_sign(each, place) for each in chain) if sign]
-    return sum(one != other for one, other in zip(signs, signs[1:], strict=False))
+    return sum(one != other for one, other in pairwise(signs))
 
 
 def _sign(values: Polynomial, place: Fraction) -> int:

@@ -4,7 +4,8 @@
     A_i'     = A_i [ Im(Q e^{2i alpha_i}) + delta (1 - A_i^2/4) ]/2
     Q'       = (i beta - delta0) Q - i (nu/8) sum A_j^2 e^{-2i alpha_j},          ' = d/dz,  u'' = 2 Re(Q e^{2iz})
 
-Averaged over a swing: good to first order in delta, delta0, beta and Q. Its fixed points are `balance.solutions` with shifts.
+Averaged over a swing: good to first order in delta, delta0, beta and Q. Its fixed points are
+`balance.solutions` with shifts.
 """
 
 from __future__ import annotations
@@ -105,7 +106,9 @@ def stability(regime: Regime, clocks: Clocks) -> Stability:
     """
     state = np.array([*regime.alpha, *regime.amplitude, regime.q, 0.0])
     if np.abs(rates(state, regime.beta, clocks)).max() > 1e-9:
-        raise UsageError("the regime is no fixed point of these clocks' slow flow; find it by solutions(..., shifts=True)")
+        raise UsageError(
+            "the regime is no fixed point of these clocks' slow flow; find it by solutions(..., shifts=True)"
+        )
     common = np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [-2.0 * regime.q]])  # alpha + c, Q e^{-2ic}
     others = np.linalg.qr(np.hstack([common, np.eye(6)]))[0][:, 1:]
     found = np.linalg.eigvals(others.T @ slopes(state, regime.beta, clocks) @ others)

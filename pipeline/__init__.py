@@ -1,4 +1,4 @@
-"""Records in, gravity out: the difference pendulum, its phase, the corrections, the uncertainty."""
+"""Records in, gravity out: the difference pendulum, its phase, the corrections, the uncertainty; of clocks, synchrony."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ _WHERE = {
     "METHODS": "pipeline.methods",
     "process": "pipeline.processing",
     "summaries": "pipeline.summary",
+    "synchrony": "pipeline.synchronism.recipe",
     "observe": "pipeline.observation",
     "Observation": "pipeline.observation",
 }
-__all__ = ["METHODS", "Observation", "observe", "process", "summaries"]
+__all__ = ["METHODS", "Observation", "observe", "process", "summaries", "synchrony"]
 
 
 def __getattr__(name: str) -> Any:

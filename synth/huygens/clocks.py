@@ -112,4 +112,5 @@ def of_beam(beam: ElasticBeam, *, full: bool = True) -> Clocks:
 
 def mirrored(states: Floats) -> Floats:
     """States with both clocks on the other side, y_i -> -y_i; the beam stays."""
-    return states * np.array([1.0, 1.0, -1.0, -1.0, -1.0, -1.0])
+    result: Floats = states * np.array([1.0, 1.0, -1.0, -1.0, -1.0, -1.0])
+    return result

@@ -107,8 +107,8 @@ def edge_of_balance(clocks: Clocks) -> float:
     """Largest chi at which quadrature's descendant is there and stable: where it folds, or begins to waver before.
 
     Fixed points of the slow flow lead from quadrature (chi = 0) to the paper's regime (chi = 0 again); psi, which runs
-    from -pi/2 to 0, tells them apart. Where the beam is slower than the slip (small delta0) they waver (a Hopf bifurcation)
-    before the fold.
+    from -pi/2 to 0, tells them apart. Where the beam is slower than the slip (small delta0) they waver (a Hopf
+    bifurcation) before the fold.
 
     Raises
     ------
@@ -170,7 +170,7 @@ class _Family:
                 guess = start.copy()
                 guess[0] += turn
                 guess[4] *= sign
-                found = root(lambda x: self._left(x, psi), guess, tol=1e-13)
+                found = root(self._left, guess, args=(psi,), tol=1e-13)
                 if np.abs(self._left(found.x, psi)).max() < 1e-9 and found.x[5] > 0.0 and min(found.x[1:3]) > 0.5:
                     self._known[psi] = found.x
                     return float(found.x[4] * self._edge)

@@ -37,7 +37,7 @@ SYNCHRONY: dict[str, Variable] = {
     "slip_time": Variable(_SLIP, "f8", "s", "time of a slip"),
     "slip_pair": Variable(_SLIP, "str", "1", "pair that slipped"),
     "amplitude_ratio": Variable(_PAIR, "f8", "1", "amplitude of the first over the second", limit="not negative"),
-    "beam_amplitude": Variable((), "f8", "m", "amplitude of the support's motion with the clocks", limit="not negative"),
+    "beam_amplitude": Variable((), "f8", "m", "amplitude of the support's motion", limit="not negative"),
     "beam_ratio": Variable(
         _CLOCK, "f8", "m rad-1", "amplitude of the support over that of the clock", limit="not negative"
     ),

@@ -1,4 +1,4 @@
-"""Records in, gravity out: the difference pendulum, its phase, the corrections, the uncertainty; of clocks, synchrony."""
+"""Records in, gravity out: the difference pendulum, its phase, the corrections, the uncertainty; synchrony."""
 
 from __future__ import annotations
 

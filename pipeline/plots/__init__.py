@@ -11,8 +11,9 @@ _WHERE = {
     "record_figure": "pipeline.plots.record",
     "result_figure": "pipeline.plots.result",
     "save": "pipeline.plots.canvas",
+    "synchrony_figure": "pipeline.plots.synchrony",
 }
-__all__ = ["demo_figure", "period_figure", "record_figure", "result_figure", "save"]
+__all__ = ["demo_figure", "period_figure", "record_figure", "result_figure", "save", "synchrony_figure"]
 
 
 def __getattr__(name: str) -> Any:

@@ -42,7 +42,7 @@ def allan_deviation(time: Floats, phase: Floats) -> tuple[Floats, Floats]:
         raise UsageError(f"the Allan deviation needs allantools; {REMEDY}")
     import allantools
 
-    part = _longest(np.isfinite(phase).all(axis=0))
+    part = _longest(np.asarray(np.isfinite(phase).all(axis=0)))
     stretch, spacing = phase[:, part], float(time[1] - time[0])
     if stretch.shape[1] < _LEAST:
         return np.empty(0), np.empty((len(phase), 0))

@@ -5,6 +5,7 @@ A beam that yields up and down swings at twice the clocks' frequency, a frame th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ class Beam(NamedTuple):
 
 
 def beam(
-    time: Floats, accelerations: dict[str, Floats], frequency: float, amplitude: Floats, since: float
+    time: Floats, accelerations: Mapping[str, Floats], frequency: float, amplitude: Floats, since: float
 ) -> Beam | None:
     """The larger of what the recorded accelerations show, None if none was recorded.
 
@@ -34,7 +35,7 @@ def beam(
     ----------
     time : (n,) array
         s.
-    accelerations : dict of str to (n,) array
+    accelerations : mapping of str to (n,) array
         As in the record, m s-2; NaN = missing.
     frequency : float
         Of the clocks, rad/s.

@@ -115,7 +115,8 @@ def _followed(
     size = np.abs(harmonic)
     with np.errstate(invalid="ignore", divide="ignore"):
         sigma = sigma / size
-    return _unwrapped(harmonic) + frequency * centres, size, sigma
+    carrier = frequency * centres
+    return _unwrapped(harmonic * np.exp(-1j * carrier)) + carrier, size, sigma
 
 
 def _fit(tau: Floats, seen: Floats, weight: Floats, frequency: float) -> tuple[complex, float]:

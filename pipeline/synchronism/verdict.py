@@ -1,8 +1,8 @@
-"""What two clocks do: locked (and at which angle), drifting, or locked by turns; from when, how often they slipped, how sure.
+"""What two clocks do: locked (at which angle, from when), drifting, or locked by turns; slips; how sure that is.
 
 `psi`, the phase of one less that of the other, is judged on its second half: settled there, or settling, it is locked;
-turning on, it drifts. Where it turns on but waits at one angle much longer than elsewhere (Adler's slips near the edge, or
-long rests between slips), it is intermittent.
+turning on, it drifts. Where it turns on but waits at one angle much longer than elsewhere (Adler's slips near the
+edge, or long rests between slips), it is intermittent.
 """
 
 from __future__ import annotations

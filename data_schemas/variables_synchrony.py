@@ -33,7 +33,7 @@ SYNCHRONY: dict[str, Variable] = {
         _PAIR, "f8", "rad", "standard deviation of the locked angle", limit="not negative", missing=True
     ),
     "lock_time": Variable(_PAIR, "f8", "s", "time from which the pair is locked", missing=True),
-    "slips": Variable(_PAIR, "i8", "1", "whole swings that one gained on the other"),
+    "slips": Variable(_PAIR, "f8", "1", "whole swings that one gained on the other", limit="not negative"),
     "slip_time": Variable(_SLIP, "f8", "s", "time of a slip"),
     "slip_pair": Variable(_SLIP, "str", "1", "pair that slipped"),
     "amplitude_ratio": Variable(_PAIR, "f8", "1", "amplitude of the first over the second", limit="not negative"),

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from xarray import Dataset, DataTree
 
 _MARKS = {0.0: "in phase", 0.25: "quadrature", 0.5: "antiphase", 0.75: "quadrature"}
+_LEAST_REACH = 0.3  # turns either side: so that a named angle is always in sight
 
 
 def synchrony_figure(result: DataTree) -> Figure:
@@ -59,6 +60,9 @@ def _differences(axes: Axes, time: np.ndarray, table: Dataset) -> None:
         if np.isfinite(since):
             axes.axvline(since, color=color, linestyle=":", linewidth=1.0)
     low, high = axes.get_ylim()
+    middle, reach = 0.5 * (low + high), max(0.5 * (high - low), _LEAST_REACH)
+    low, high = middle - reach, middle + reach
+    axes.set_ylim(low, high)
     if high - low < 4.0:
         for whole in range(int(np.floor(low)), int(np.ceil(high)) + 1):
             for part, word in _MARKS.items():

@@ -71,8 +71,8 @@ def phases(time: Floats, elongation: Floats) -> Phases:
     if duration < _LEAST_SWINGS * period:
         raise RefusedError(f"synchrony: {duration / period:.1f} swings are too few; record {_LEAST_SWINGS:g} or more")
     window = max(SWINGS * period, _LEAST_READINGS * spacing)
-    if spacing >= 0.5 * period or window > 0.5 * duration:
-        raise RefusedError("synchrony: readings are further apart than half a swing; record them more often")
+    if window > 0.5 * duration:
+        raise RefusedError(f"synchrony: readings {spacing:g} s apart are too few for {duration:g} s; record more often")
     centres = np.arange(0.5 * window, duration - 0.5 * window + 0.25 * period, period)
     rows = [_followed(time, row, centres, window, each) for row, each in zip(elongation, start, strict=True)]
     turned = np.stack([row[0] for row in rows])

@@ -54,6 +54,7 @@ def synchrony(record: DataTree) -> DataTree:
     labels, elongation = pendulums_of(record)
     recorded = np.asarray(record.dataset["time"].values, dtype=np.float64)
     time = recorded - recorded[0]
+    _refuse_rare(record, float(np.median(np.diff(time))))
     seen = phases(time, elongation)
     pairs = []
     for one, two in combinations(range(len(labels)), 2):
@@ -76,6 +77,14 @@ def synchrony(record: DataTree) -> DataTree:
     stability = allan_deviation(seen.time, seen.phase) if available() else None
     found = Found(labels, seen, pairs, moved, stability, float(recorded[0]))
     return laid_out(record, found, started)
+
+
+def _refuse_rare(record: DataTree, spacing: float) -> None:
+    """Readings further apart than half a swing show another, slower one: nothing in them tells."""
+    shortest = float(np.min(record["instrument"].dataset["period"].values)) if "instrument" in record.children else 0.0
+    if spacing > 0.5 * shortest > 0.0:
+        said = f"readings {spacing:g} s apart are further than half a swing of {shortest:g} s"
+        raise RefusedError(f"synchrony: {said}; record them more often")
 
 
 def pendulums_of(record: DataTree) -> tuple[list[str], Floats]:

@@ -67,7 +67,7 @@ def laid_out(record: DataTree, found: Found, started: float) -> DataTree:
         "locked_angle": np.array([each.angle for each in verdicts]),
         "locked_angle_sigma": np.array([each.angle_sigma for each in verdicts]),
         "lock_time": np.array([each.lock_time + begun for each in verdicts]),
-        "slips": np.array([len(each.slips) for each in verdicts], dtype=np.int64),
+        "slips": np.array([float(len(each.slips)) for each in verdicts]),
         "amplitude_ratio": np.array([each.amplitude_ratio for each in pairs]),
     }
     slips = [(when + found.start, each.name) for each in pairs for when in each.verdict.slips]

@@ -167,7 +167,7 @@ def test_exchanging_the_clocks_turns_the_signs() -> None:
     ("change", "error", "said"),
     [
         (lambda time, rows: (time[:60], rows[:, :60]), RefusedError, "too few; record"),
-        (lambda time, rows: (time[::8], rows[:, ::8]), RefusedError, "read|record them more often"),
+        (lambda time, rows: (time[::8], rows[:, ::8]), RefusedError, "record them more often"),
         (lambda time, rows: (time, np.stack([rows[0], 0.0 * rows[1]])), RefusedError, "does not swing"),
         (lambda time, rows: (time, rows[:1]), RecordError, "no two pendulums apart"),
     ],

@@ -30,6 +30,10 @@ SUITES = {
         "pipeline.benchmarks.cost_of_terms",
         "what a scene pays for its terms: run, compile and start-up time, modules",
     ),
+    "huygens": (
+        "pipeline.benchmarks.huygens",
+        "clocks on a beam: the paper's regime by every way, lock map, basins, what holds; -o resumes",
+    ),
     "bars": ("pipeline.benchmarks.bars", "every promised accuracy and speed: bar, value, limit, pass"),
 }
 _LISTED = "\n".join(f"  {name:<12} {text}" for name, (_, text) in SUITES.items())

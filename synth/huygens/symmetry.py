@@ -17,6 +17,10 @@ from synth.seeds import generator
 
 LIKELY = 1e-6
 """Share of the swing by which a start is moved: far above rounding, far below any reading."""
+CAUTION = (
+    "the clocks are alike and begin alike: they stay so to the last bit, on a motion that may be unstable; start one "
+    "of them a little off, such as 1e-6 of its swing"
+)
 _OWN = ("mass", "length", "detuning", "natural_frequency")
 
 

@@ -39,7 +39,14 @@ def record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> list
 def result_faults(contents: Contents) -> list[str]:
     """Faults of a result beyond the table's: labels that appear twice."""
     found = []
-    for path, name in (("phases", "component"), ("correction", "method"), ("gravity", "method"), ("gravity", "entry")):
+    for path, name in (
+        ("phases", "component"),
+        ("correction", "method"),
+        ("gravity", "method"),
+        ("gravity", "entry"),
+        ("synchrony", "clock"),
+        ("synchrony", "pair"),
+    ):
         labels = _labels(contents, path, name)
         if labels is not None and len(set(labels)) < len(labels):
             found.append(f"{path}/{name}: a label appears twice; give each its own")

@@ -58,7 +58,7 @@ LAYOUTS: Mapping[Kind, Layout] = {
     ),
     "result": Layout(
         "isochrony-result",
-        {"phases": False, "correction": False, "gravity": False, "joint": False, "period": False},
+        {"phases": False, "correction": False, "gravity": False, "joint": False, "period": False, "synchrony": False},
         {
             **_COMMON,
             "input_sha256": True,
@@ -67,7 +67,7 @@ LAYOUTS: Mapping[Kind, Layout] = {
             "command": False,
             "elapsed_s": False,
         },
-        one_of=("gravity", "period"),
+        one_of=("gravity", "period", "synchrony"),
         json_attrs=("configuration", "versions"),
     ),
     "film-truth": Layout(

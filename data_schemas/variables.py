@@ -15,6 +15,7 @@ from .variable import Variable
 from .variables_film_truth import MARKS, SLICES
 from .variables_record import FILM, INSTRUMENT, RECORD
 from .variables_result import CORRECTION, GRAVITY, JOINT, PERIOD, PHASES
+from .variables_synchrony import SYNCHRONY
 from .variables_truth import TRUTH
 
 __all__ = ["VARIABLES", "Variable", "attributes"]
@@ -41,6 +42,7 @@ _GROUPS: Mapping[str, Mapping[str, Variable]] = {
     "gravity": GRAVITY,
     "joint": JOINT,
     "period": PERIOD,
+    "synchrony": SYNCHRONY,
 }
 
 VARIABLES: Mapping[str, Variable] = MappingProxyType(

@@ -1,4 +1,4 @@
-"""Records in, gravity out: the difference pendulum, its phase, the corrections, the uncertainty."""
+"""Records in, gravity out: the difference pendulum, its phase, the corrections, the uncertainty; synchrony."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ _WHERE = {
     "digitise": "pipeline.film.digitise",
     "process": "pipeline.processing",
     "summaries": "pipeline.summary",
+    "synchrony": "pipeline.synchronism.recipe",
     "observe": "pipeline.observation",
     "Observation": "pipeline.observation",
 }
-__all__ = ["METHODS", "Observation", "digitise", "observe", "process", "summaries"]
+__all__ = ["METHODS", "Observation", "digitise", "observe", "process", "summaries", "synchrony"]
 
 
 def __getattr__(name: str) -> Any:

@@ -112,6 +112,8 @@ def _terms(scene: Scene, made: Plan) -> Iterator[tuple[str, str]]:
             count = motion.angular_frequency.size
             of_what = "" if list(kinds) == ["harmonics"] else f": {_and(kinds)}"
             yield f"{axis} motion", f"{count} harmonic{'s' if count > 1 else ''}{of_what}"
+    if made.caution is not None:
+        yield "caution", made.caution
 
 
 def _periods(pendulums: Sequence[Pendulum]) -> str:

@@ -53,6 +53,8 @@ class Plan:
         Error wanted, of the largest angle; None for the least that can be had.
     assembly : callable
         Builds the equations of motion, for general integrators only: it imports the compiler. Once built, they stay.
+    yields : bool
+        Whether the support moves with the pendulums.
     """
 
     gravity: float
@@ -66,11 +68,22 @@ class Plan:
     choice: Choice
     tolerance: float | None
     assembly: Callable[[], Assembly]
+    yields: bool
 
     @property
     def propagator(self) -> str:
         """Its name in the truth, such as "closed form"."""
         return NAMES[self.choice.propagator]
+
+    @property
+    def caution(self) -> str | None:
+        """What to know of a yielding support's start before believing the motion, or None."""
+        if not self.yields:
+            return None
+        from synth.huygens.symmetry import CAUTION, symmetric
+
+        made = self.assembly()
+        return CAUTION if symmetric(made.system, made.start) else None
 
 
 def plan(scene: Scene, clock: Clock) -> Plan:
@@ -108,6 +121,7 @@ def plan(scene: Scene, clock: Clock) -> Plan:
         _choice(scene, assembly, max(frequencies)),
         scene.simulation.tolerance,
         assembly,
+        scene.support.kind != "fixed",
     )
 
 

@@ -50,6 +50,7 @@ def reveal(scene: Scene, clock: Clock, plan: Plan, course: Course, unwrapped: Un
             "propagator": course.propagator,
             "estimated_error": course.estimated_error,
             **({"tolerance": plan.tolerance} if plan.tolerance is not None else {}),
+            **({"caution": plan.caution} if plan.caution is not None else {}),
         },
     )
     labels = {"pendulum": label_array(each.label for each in scene.pendulums)}

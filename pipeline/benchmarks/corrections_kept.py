@@ -17,7 +17,7 @@ from typing import Any
 
 _PACKAGES = ("data_schemas", "synth", "pipeline")
 _NO_NUMBERS = ("cli", "plots", "benchmarks")  # parts of `pipeline` that present what others compute
-_ROWS = ("corrections_grid.py", "trials.py")  # of the benchmarks, what makes the rows that are kept
+_ROWS = ("corrections_grid.py", "huygens_map.py", "trials.py")  # of the benchmarks, what makes the rows that are kept
 
 
 class Kept:

@@ -34,6 +34,10 @@ SUITES = {
         "pipeline.benchmarks.film",
         "films read: error, flags, speed against grain, speed, dpi, crossings, missing marks, and beside peers",
     ),
+    "huygens": (
+        "pipeline.benchmarks.huygens",
+        "clocks on a beam: the paper's regime by every way, lock map, basins, what holds; -o resumes",
+    ),
     "bars": ("pipeline.benchmarks.bars", "every promised accuracy and speed: bar, value, limit, pass"),
 }
 _LISTED = "\n".join(f"  {name:<12} {text}" for name, (_, text) in SUITES.items())

@@ -24,6 +24,7 @@ A record: every trace whole (mrad or rad against time), and 20 s of it.
 A result: amplitude of every component, phase speed before and after the correction (as the mGal of gravity it
 stands for), gravity of every method with its sigma.
 A result of a single pendulum: period (s) against amplitude (rad) with the finite-arc law.
+A result of clocks (process --synchrony): phase differences (turns), amplitudes (rad), Allan deviations.
 A film (TIFF, PNG, JPEG): the image in strips, with what `digitise` reads of it laid over: traces, marks, flags.
 --from and --to show a part of it larger; the options of a film are those of `digitise`."""
 
@@ -53,7 +54,7 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Draw the file and write the picture."""
     import data_schemas
-    from pipeline.plots import period_figure, record_figure, result_figure, save
+    from pipeline.plots import period_figure, record_figure, result_figure, save, synchrony_figure
     from pipeline.plots.canvas import require_matplotlib
 
     require_matplotlib()
@@ -72,12 +73,14 @@ def run(options: argparse.Namespace) -> int:
     tree = data_schemas.read(path)
     kind: Kind = "result" if tree.attrs.get("schema") == "isochrony-result" else "record"
     refuse_faults(path, data_schemas.check(tree, kind))
-    if options.truth is not None and (kind == "record" or "period" in tree.children):
+    if options.truth is not None and (kind == "record" or "gravity" not in tree.children):
         raise UsageError("plot: --truth goes with a result that has a gravity; drop it here")
     if kind == "record":
         figure = record_figure(tree)
     elif "period" in tree.children:
         figure = period_figure(tree)
+    elif "synchrony" in tree.children:
+        figure = synchrony_figure(tree)
     else:
         figure = result_figure(tree, true_gravity=None if options.truth is None else true_gravity(options.truth))
     make_folder(output)

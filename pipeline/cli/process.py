@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from data_schemas.errors import IsochronyError, RefusedError, UsageError
 from pipeline.cli.faults import naming
@@ -14,6 +14,9 @@ from pipeline.cli.outputs import make_folder, place, refuse_clashes
 from pipeline.cli.parser import did_you_mean, number
 from pipeline.cli.reading import read_checked
 from pipeline.cli.summary_rows import SummaryPrinter, failure
+
+if TYPE_CHECKING:
+    from xarray import DataTree
 
 _METHOD_TEXTS = {
     "uncorrected": "slope of the difference pendulum's phase, nothing corrected",
@@ -29,6 +32,11 @@ _METHOD_LIST = "\n".join(f"  {name:<14}  {text}" for name, text in _METHOD_TEXTS
 
 _DESCRIPTION = f"""\
 Gravity from records: the difference of two pendulums, its phase, the corrections, the uncertainty.
+
+With --synchrony the record is read as one of clocks on a common support instead: for each pair its verdict (in
+phase, antiphase, quadrature, other angle, drifting, intermittent) with the confidence, the angle in degrees, from
+when it is locked, slips, and how many swings a day one outruns the other. The file holds phases, amplitudes, the
+Allan deviation of each clock, and the motion of the support where its acceleration was recorded.
 
 Each record gives a table row per method and one result file with all methods: gravity in m/s2, its sigma in
 mGal (1e-5 m/s2), the corrections that were added in mGal, and flags that name what to distrust. A record with
@@ -50,6 +58,7 @@ examples:
   isochrony process ship.record.nc --method panteleev,projection --json
   isochrony process *.record.nc -o results/       one result file a record, in the folder results
   isochrony process three.record.nc --pair 2-3    which two of three pendulums
+  isochrony process clocks.record.nc --synchrony  do these clocks keep step?
 
 exit status: 0 every record gave a value; 1 some did; 3 none did; 2 usage"""
 
@@ -69,6 +78,7 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
         metavar="X",
         help="relative 1-sigma uncertainty of the elongation scale, 0.01 for one per cent (default 0)",
     )
+    parser.add_argument("--synchrony", action="store_true", help="lock, slips and rates of clocks instead of gravity")
     parser.add_argument("-o", dest="out", metavar="PATH", help="result file, or folder for several records")
     parser.add_argument("--force", action="store_true", help="overwrite existing results")
     parser.add_argument("--no-output", action="store_true", help="write no result file, only print")
@@ -79,7 +89,9 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Process every record; a bad one does not stop the others."""
-    requested = _requested(options.method)
+    if options.synchrony and (options.method != "auto" or options.pair is not None or options.ledger):
+        raise UsageError("process: --synchrony gives no gravity; drop --method, --pair and --ledger")
+    requested = "synchrony" if options.synchrony else _requested(options.method)
     inputs = [Path(name) for name in options.records]
     outputs: list[Path | None] = [None] * len(inputs)
     if options.no_output and options.out is not None:
@@ -88,7 +100,7 @@ def run(options: argparse.Namespace) -> int:
         placed = place(inputs, options.out, ".result.nc")
         refuse_clashes(inputs, placed, force=options.force)
         outputs = list(placed)
-    printer = SummaryPrinter(inputs, as_json=options.json, with_ledger=options.ledger or len(inputs) == 1)
+    printer = SummaryPrinter(inputs, as_json=options.json, with_ledger=_with_ledger(options))
     good = 0
     for path, output in _with_progress(list(zip(inputs, outputs, strict=True))):
         try:
@@ -98,7 +110,7 @@ def run(options: argparse.Namespace) -> int:
             if isinstance(fault, UsageError) and len(inputs) == 1:
                 raise UsageError(told) from fault  # such as a pair that the only record does not have
             status = "refused" if isinstance(fault, RefusedError) else "failed"
-            rows = [failure(path, options.method, status, told)]
+            rows = [failure(path, "synchrony" if options.synchrony else options.method, status, told)]
         printer.show(rows)
         good += any(row["status"] == "ok" for row in rows)
     if good == len(inputs):
@@ -112,18 +124,30 @@ def _one(
     import data_schemas
 
     record = read_checked(path, "record")
-    from pipeline.processing import (
-        process,
-    )  # after the check: a bad record is told before the kernels are loaded
     from pipeline.summary import summaries
 
-    result = process(record, method=requested, pair=options.pair, gain_uncertainty=options.gain_uncertainty)
+    result = _reduced(record, requested, options)
     rows = [{**row, "input": str(path), "output": None} for row in summaries(result)]
     if output is not None and any(row["status"] == "ok" for row in rows):
         make_folder(output)
         data_schemas.write(result, output, overwrite=options.force)
         rows = [{**row, "output": str(output)} for row in rows]
     return rows
+
+
+def _reduced(record: DataTree, requested: str | list[str], options: argparse.Namespace) -> DataTree:
+    # imported after the check: a bad record is told before the kernels are loaded
+    if options.synchrony:
+        from pipeline.synchronism.recipe import synchrony
+
+        return synchrony(record)
+    from pipeline.processing import process
+
+    return process(record, method=requested, pair=options.pair, gain_uncertainty=options.gain_uncertainty)
+
+
+def _with_ledger(options: argparse.Namespace) -> bool:
+    return options.ledger or (len(options.records) == 1 and not options.synchrony)
 
 
 def _requested(text: str) -> str | list[str]:

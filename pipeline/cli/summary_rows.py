@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -65,11 +66,9 @@ class SummaryPrinter:
 
     def _show_line(self, row: Mapping[str, Any]) -> None:
         single = "period_s" in row
-        columns = [
-            Column("record", self._width, right=False),
-            Column("method", 14, right=False),
-            *(_PERIOD if single else _GRAVITY),
-        ]
+        pair = row.get("synchrony")
+        kind = _SYNCHRONY if pair else _PERIOD if single else _GRAVITY
+        columns = [Column("record", self._width, right=False), Column("method", 14, right=False), *kind]
         if columns != self._headed:
             print_header(columns)
             self._headed = columns
@@ -79,7 +78,9 @@ class SummaryPrinter:
             print(f"    {row['status']}: {row['error']}", flush=True)
             return
         value = (
-            [_number(row["period_s"], ".8f"), _number(row["period_sigma_s"], ".2g")]
+            _synchrony(pair)
+            if pair
+            else [_number(row["period_s"], ".8f"), _number(row["period_sigma_s"], ".2g")]
             if single
             else [
                 _number(row["gravity_m_s2"], ".8f"),
@@ -102,11 +103,36 @@ _GRAVITY = (
     Column("corrections mGal", 38, right=False),
     *_TAIL,
 )
+_SYNCHRONY = (
+    Column("pair", 6, right=False),
+    Column("verdict", 12, right=False),
+    Column("sure", 5),
+    Column("angle deg", 9),
+    Column("locked s", 9),
+    Column("slips", 5),
+    Column("swings/day", 11),
+    Column("sigma", 8),
+    *_TAIL,
+)
 _PERIOD = (Column("period s", 11), Column("sigma s", 8), *_TAIL)
 
 
 def _number(value: float | None, form: str) -> str:
     return "-" if value is None or value != value else format(value, form)
+
+
+def _synchrony(pair: Mapping[str, Any]) -> list[str]:
+    angle = pair["angle_rad"]
+    return [
+        pair["pair"],
+        pair["verdict"],
+        _number(pair["confidence"], ".3f"),
+        _number(None if angle is None else math.degrees(angle), ".2f"),
+        _number(pair["lock_time_s"], ".1f"),
+        str(pair["slips"]),
+        _number(pair["rate_difference_per_day"], ".3f"),
+        _number(pair["rate_difference_sigma_per_day"], ".2g"),
+    ]
 
 
 def _small(value: float | None) -> str:

@@ -13,8 +13,18 @@ _WHERE = {
     "result_figure": "pipeline.plots.result",
     "save": "pipeline.plots.canvas",
     "unread_figure": "pipeline.plots.film",
+    "synchrony_figure": "pipeline.plots.synchrony",
 }
-__all__ = ["demo_figure", "film_figure", "period_figure", "record_figure", "result_figure", "save", "unread_figure"]
+__all__ = [
+    "demo_figure",
+    "film_figure",
+    "period_figure",
+    "record_figure",
+    "result_figure",
+    "save",
+    "synchrony_figure",
+    "unread_figure",
+]
 
 
 def __getattr__(name: str) -> Any:

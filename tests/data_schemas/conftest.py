@@ -19,9 +19,12 @@ _LABELS = {
     "entry": ["non_isochronism", "finite_arc"],
     "base": ["before", "after"],
     "pair": ["1-2", "2-3"],
+    "clock": ["1", "2"],
     "flag": ["beats through zero"],
 }
-_LENGTHS = {"time": 40, "mark": 3, "cycle": 4} | {name: len(labels) for name, labels in _LABELS.items()}
+_LENGTHS = {"time": 40, "mark": 3, "cycle": 4, "slip": 3, "averaging": 5} | {
+    name: len(labels) for name, labels in _LABELS.items()
+}
 
 
 def complete(kind: str) -> xr.DataTree:

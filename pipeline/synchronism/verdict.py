@@ -1,0 +1,155 @@
+"""What two clocks do: locked (at which angle, from when), drifting, or locked by turns; slips; how sure that is.
+
+`psi`, the phase of one less that of the other, is judged on its second half: settled there, or settling, it is locked;
+turning on, it drifts. Where it turns on but waits at one angle much longer than elsewhere (Adler's slips near the
+edge, or long rests between slips), it is intermittent.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.arrays import Floats
+
+VERDICTS = ("in phase", "antiphase", "quadrature", "other angle", "drifting", "intermittent")
+ANGLE = math.radians(15.0)
+"""Locked angles nearer than this to 0, pi and +-pi/2 bear these names."""
+STEADY = 0.15
+"""rad: what psi may move in half a record and count as locked; slower drift cannot be told from settling."""
+RESTING = 0.5
+"""Length of the mean of e^{i psi} or e^{2i psi} from which slipping clocks count as resting in between."""
+_NEAR = 0.1  # rad about the last angle within which psi counts as arrived
+_BLOCKS = 8
+_TWO_PI = 2.0 * math.pi
+
+
+class Verdict(NamedTuple):
+    """On one pair."""
+
+    state: str
+    """One of `VERDICTS`."""
+    confidence: float
+    """0 to 1: how far the record is from any other verdict, in its own scatter; 0.5 is a toss-up."""
+    angle: float
+    """psi at which they are, or mostly are, locked, in (-pi, pi]; NaN if they drift."""
+    angle_sigma: float
+    """rad; NaN if they drift."""
+    lock_time: float
+    """s from the first instant, from which psi stays; NaN if it does not."""
+    slips: tuple[float, ...]
+    """Times, s, at which one had gained another whole swing on the other."""
+
+
+def judge(time: Floats, psi: Floats, sigma: Floats) -> Verdict:
+    """Judge the phase difference of two clocks.
+
+    Parameters
+    ----------
+    time, psi, sigma : (k,) arrays
+        s, rad unwrapped, rad; NaN = missing. At least 8 known.
+
+    Examples
+    --------
+    >>> t = np.arange(100.0)
+    >>> judge(t, np.pi * (1.0 - np.exp(-t / 10.0)), np.full(100, 1e-3))[:1]
+    ('antiphase',)
+    >>> judge(t, 0.1 * t, np.full(100, 1e-3))[:1]
+    ('drifting',)
+    """
+    present = np.isfinite(psi)
+    time, psi, sigma = time[present], psi[present], sigma[present]
+    slips = slip_times(time, psi)
+    later = time >= 0.5 * (time[0] + time[-1])
+    moved, moved_sigma = _drift(time[later], psi[later])
+    noise = float(np.median(sigma))
+    if abs(moved) <= STEADY and float(np.ptp(psi[later])) <= 2.0 * (STEADY + 4.0 * noise):
+        return _locked(time, psi, noise, moved, moved_sigma, slips)
+    settling = _settling(time[later], psi[later])
+    if settling is not None and abs(moved) < 0.5 * math.pi:
+        return _locked(time, psi, noise, settling, moved_sigma, slips)
+    return _slipping(psi, moved, moved_sigma, slips)
+
+
+def slip_times(time: Floats, psi: Floats) -> tuple[float, ...]:
+    """Times at which psi has moved by another whole turn, either way, since the start or the slip before."""
+    found, base = [], float(psi[0])
+    for instant, angle in zip(time.tolist(), psi.tolist(), strict=True):
+        while abs(angle - base) >= _TWO_PI:
+            base += math.copysign(_TWO_PI, angle - base)
+            found.append(instant)
+    return tuple(found)
+
+
+def _drift(time: Floats, psi: Floats) -> tuple[float, float]:
+    """How far psi moves from one end to the other, and one sigma of it, from means of blocks (noise may be slow)."""
+    blocks = np.array_split(np.arange(time.size), _BLOCKS)
+    middles = np.array([float(time[each].mean()) for each in blocks])
+    means = np.array([float(psi[each].mean()) for each in blocks])
+    x = middles - middles.mean()
+    slope = float(x @ means / (x @ x))
+    left = means - means.mean() - slope * x
+    sigma = math.sqrt(float(left @ left) / (_BLOCKS - 2) / float(x @ x))
+    span = float(time[-1] - time[0])
+    return slope * span, sigma * span
+
+
+def _settling(time: Floats, psi: Floats) -> float | None:
+    """What is left to move if psi slows down as one that settles does, three to one from part to part; else None."""
+    parts = [float(each.mean()) for each in np.array_split(psi, 3)]
+    first, second = parts[1] - parts[0], parts[2] - parts[1]
+    if first * second < 0.0 or abs(second) > abs(first) / 3.0:
+        return None
+    ratio = second / first if first else 0.0
+    return second * ratio / (1.0 - ratio)
+
+
+def _locked(
+    time: Floats, psi: Floats, noise: float, moved: float, moved_sigma: float, slips: tuple[float, ...]
+) -> Verdict:
+    last = psi[time >= time[0] + 0.75 * (time[-1] - time[0])]
+    angle = float(np.median(last))
+    spread = float(np.std(last)) if last.size > 1 else 0.0
+    sigma = max(noise / math.sqrt(last.size), spread / math.sqrt(_BLOCKS))
+    away = np.flatnonzero(np.abs(psi - angle) > _NEAR + 4.0 * max(noise, spread))
+    first = 0 if away.size == 0 else min(int(away[-1]) + 1, time.size - 1)
+    folded = math.remainder(angle, _TWO_PI)
+    names = {"in phase": 0.0, "antiphase": math.pi, "quadrature": 0.5 * math.pi}
+    apart = {name: abs(math.remainder(abs(folded) - place, _TWO_PI)) for name, place in names.items()}
+    state = min(apart, key=lambda name: apart[name])
+    margin = abs(ANGLE - apart[state])
+    if apart[state] > ANGLE:
+        state = "other angle"
+    certain = min(_sure(margin, sigma), _sure(STEADY - abs(moved), moved_sigma))
+    return Verdict(state, certain, folded, sigma, float(time[first] - time[0]), slips)
+
+
+def _slipping(psi: Floats, moved: float, moved_sigma: float, slips: tuple[float, ...]) -> Verdict:
+    whole = _whole_turns(psi)
+    rests = [complex(np.exp(1j * order * whole).mean()) for order in (1, 2)]
+    if len(slips) and max(abs(each) for each in rests) >= RESTING:
+        order = 1 if abs(rests[0]) >= RESTING else 2
+        angle = math.remainder(float(np.angle(rests[order - 1])) / order, _TWO_PI)
+        scatter = math.sqrt(max(-2.0 * math.log(abs(rests[order - 1])), 0.0)) / order
+        certain = _sure(max(map(abs, rests)) - RESTING, 0.3 / math.sqrt(len(slips)))
+        return Verdict("intermittent", certain, angle, scatter, math.nan, slips)
+    certain = _sure(abs(moved) - STEADY, moved_sigma)
+    if slips:
+        certain = min(certain, _sure(RESTING - max(map(abs, rests)), 0.3 / math.sqrt(len(slips))))
+    return Verdict("drifting", certain, math.nan, math.nan, math.nan, slips)
+
+
+def _whole_turns(psi: Floats) -> Floats:
+    """As much of psi from the end back as makes whole turns: a part of one would look like a rest."""
+    turns = math.floor(abs(psi[-1] - psi[0]) / _TWO_PI)
+    if turns == 0:
+        return psi
+    begun = np.flatnonzero(np.abs(psi[-1] - psi) >= turns * _TWO_PI)
+    return psi[begun[-1] :]
+
+
+def _sure(margin: float, sigma: float) -> float:
+    """Probability that a margin with this sigma is above zero."""
+    return 0.5 * (1.0 + math.erf(margin / (math.sqrt(2.0) * max(sigma, 1e-12))))

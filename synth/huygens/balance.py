@@ -1,0 +1,286 @@
+"""Harmonic balance: every solution of the six equations (7)-(8), found by elimination and counted by Sturm's theorem.
+
+With w_i = q e^{2i alpha_i}, G_i = A_i^2/4 and g_i = 1 - G_i, (7) says w_i = E_i - i delta g_i, E_i the detuning
+felt. Put into (8),
+
+    E_i^2 + delta^2 g_i^2 = s,       s = q^2 = (nu d/(2 d0)) sum g_i (1 - g_i),       beta s = (nu/2) sum (1 - g_i) E_i:
+
+three conics in g_1, g_2 whose coefficients are polynomials of beta. They meet only where their resultant vanishes, a
+polynomial of degree 20 of beta, and since 0 <= s <= nu d/(4 d0), |E_i| <= sqrt(s) shuts beta into an interval.
+All its roots there are isolated in exact arithmetic, and in each all intersections are tried: so none is missed.
+
+Symmetries are divided out: alpha_i counts modulo pi (y_i -> -y_i, of each alone), and q >= 0 fixes where z begins. A
+clock that stands still (A_i = 0) solves the equations of motion but not (7), and is not among them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+
+from synth.huygens.clocks import Clocks, checked
+from synth.huygens.conics import Conic, interpolated, resultant
+from synth.huygens.real_roots import real_roots
+from synth.phase import Floats
+
+DEGREE = 20
+"""Of the resultant in beta: 4 times the degrees of the conics' coefficients, 2, 2 and 1."""
+_WIDTH = Fraction(1, 1 << 70)  # of a root's bracket
+_LARGEST_SHARE = Fraction(12072, 10000)  # of A^2/4: (g, g) lies within a circle about (1/2, 1/2)
+_ALIKE = 1e-9  # solutions nearer than this share of their size are one
+_SETTLED, _ROUNDED = 1e-13, 1e-7  # of a step: small enough; small enough if it no longer shrinks
+_LEAST = 1e-300
+
+
+class Regime(NamedTuple):
+    """One synchronous regime, y_i = A_i cos(z - alpha_i), x = -X cos 2z, z = w t/2."""
+
+    beta: float
+    """w0^2/w^2 - 1, w the beam's frequency."""
+    q: float
+    """2X/l, not below 0."""
+    alpha: tuple[float, float]
+    """rad, in (-pi/2, pi/2]."""
+    amplitude: tuple[float, float]
+    """A_i, about 2."""
+
+    @property
+    def offset(self) -> float:
+        """eta = alpha_1 - alpha_2 modulo pi, in (-pi/2, pi/2]: 0 in the paper's regime, +-pi/2 in quadrature."""
+        return _folded(self.alpha[0] - self.alpha[1])
+
+
+def solutions(clocks: Clocks, *, shifts: bool = False) -> list[Regime]:
+    """Return all synchronous regimes of the harmonic balance, by rising beta.
+
+    Parameters
+    ----------
+    clocks : Clocks
+    shifts : bool
+        Whether the detuning felt loses van der Pol's delta^2/8 and the arc's Phi0^2 A_i^2/8, which the paper omits: the
+        solutions are then the fixed points of the slow flow. Without, the equations are those printed, (7)-(8).
+
+    Raises
+    ------
+    UsageError
+        Parameters that cannot be meant.
+
+    Examples
+    --------
+    >>> for regime in solutions(Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))):
+    ...     print(round(regime.beta, 4), round(regime.q, 5), round(regime.offset, 3))
+    0.0115 0.0 1.571
+    0.0127 0.00218 0.0
+    """
+    equations = _Equations(checked(clocks), shifts)
+    found: list[Regime] = []
+    low, high = equations.interval()
+    polynomial = interpolated(lambda beta: resultant(equations.conics(beta)), DEGREE, Fraction(1, 1 << 6))
+    for root in real_roots(polynomial, low, high, _WIDTH) if low < high else []:
+        for point in equations.intersections(float(root)):
+            polished = equations.polished(point)
+            if polished is None:
+                continue
+            regime = equations.regime(polished)
+            if regime is not None and not any(_same(regime, other) for other in found):
+                found.append(regime)
+    if clocks.detuning[0] == clocks.detuning[1]:
+        found += [each for each in equations.quadratures() if not any(_same(each, other) for other in found)]
+    return sorted(found, key=lambda each: (each.beta, each.q, each.offset))
+
+
+def residuals(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> Floats:
+    """What is left of the six equations (7), (7), (8): (6,), as printed with A_i in (8)."""
+    delta, delta0, felt = _numbers(regime.beta, clocks, shifts)
+    left = []
+    for angle, size, (detuning, per_share) in zip(regime.alpha, regime.amplitude, felt, strict=True):
+        share = 0.25 * size * size
+        own, loss = detuning - per_share * share, delta * (1.0 - share)
+        left.append((own - regime.q) * math.cos(angle) - loss * math.sin(angle))
+        left.append((own + regime.q) * math.sin(angle) + loss * math.cos(angle))
+    cosines = sum(a * a * math.cos(2.0 * x) for a, x in zip(regime.amplitude, regime.alpha, strict=True))
+    sines = sum(a * a * math.sin(2.0 * x) for a, x in zip(regime.amplitude, regime.alpha, strict=True))
+    beam = [
+        -regime.beta * regime.q + clocks.coupling / 8.0 * cosines,
+        delta0 * regime.q + clocks.coupling / 8.0 * sines,
+    ]
+    return np.array(left + beam)
+
+
+def followed(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> Regime | None:
+    """The regime of other clocks that lies next to a known one, by Newton's method; None if there is none.
+
+    For continuation in small steps, hundreds of times faster than `solutions`; q must not be 0.
+    """
+    equations = _Equations(checked(clocks), shifts)
+    shares = [1.0 - 0.25 * size * size for size in regime.amplitude]
+    point = equations.polished(np.array([regime.beta, *shares]))
+    return None if point is None else equations.regime(point)
+
+
+def _numbers(beta: float, clocks: Clocks, shifts: bool) -> tuple[float, float, list[tuple[float, float]]]:
+    """delta, delta0, and of each clock the detuning Delta felt at no swing and what a unit of A^2/4 takes from it."""
+    stretch = math.sqrt(1.0 + beta)
+    delta = clocks.drive * stretch
+    less, arc = (0.125 * delta * delta, 0.5 * clocks.swing**2) if shifts else (0.0, 0.0)
+    felt = [((1.0 + beta) * (1.0 + tau) - 1.0 - less, arc) for tau in clocks.detuning]
+    return delta, clocks.beam_damping * stretch, felt
+
+
+def _same(one: Regime, other: Regime) -> bool:
+    near = math.isclose(one.beta, other.beta, rel_tol=0.0, abs_tol=_ALIKE * max(one.q, other.q, 1e-6))
+    turned = max(abs(_folded(one.alpha[i] - other.alpha[i])) for i in (0, 1))
+    return near and turned < 1e3 * _ALIKE and abs(one.amplitude[0] - other.amplitude[0]) < 1e3 * _ALIKE
+
+
+def _folded(angle: float) -> float:
+    turned = math.remainder(angle, math.pi)
+    return turned if turned > -0.5 * math.pi else 0.5 * math.pi
+
+
+class _Equations:
+    """The three conics of one pair of clocks."""
+
+    def __init__(self, clocks: Clocks, shifts: bool) -> None:
+        self.clocks, self.shifts = clocks, shifts
+        exact = Fraction
+        self._drive, self._coupling = exact(clocks.drive), exact(clocks.coupling)
+        self._arc = exact(clocks.swing) ** 2 / 2 if shifts else exact(0)
+        less = self._drive**2 / 8 if shifts else exact(0)
+        self._tuning = [1 + exact(tau) - less for tau in clocks.detuning]
+        self._feed = self._coupling * self._drive / (2 * exact(clocks.beam_damping))  # s = feed sum g (1 - g)
+
+    def interval(self) -> tuple[Fraction, Fraction]:
+        """Where beta can be: |(1 + beta)(1 + tau_i) - 1 - arc G_i| <= sqrt(s), with s <= feed/2 and 0 <= G_i."""
+        reach = Fraction(math.sqrt(float(self._feed) / 2.0) * (1.0 + 1e-12))
+        low = max((1 - reach) / tuning - 1 for tuning in self._tuning)
+        high = min((1 + reach + self._arc * _LARGEST_SHARE) / tuning - 1 for tuning in self._tuning)
+        return max(low, Fraction(-1)), high
+
+    def conics(self, beta: Fraction) -> list[Conic]:
+        """E_1^2 + delta^2 g_1^2 - s, the same of the second, beta s - (nu/2) sum (1 - g_i) E_i; E_i = D_i + arc g_i."""
+        loss = self._drive**2 * (1 + beta)
+        feed, arc, none = self._feed, self._arc, Fraction(0)
+        one, two = ((1 + beta) * tuning - 1 - arc for tuning in self._tuning)
+        square = arc**2 + loss
+        half = self._coupling / 2
+        return [
+            (square + feed, none, feed, 2 * arc * one - feed, -feed, one**2),
+            (feed, none, square + feed, -feed, 2 * arc * two - feed, two**2),
+            (
+                half * arc - beta * feed,
+                none,
+                half * arc - beta * feed,
+                beta * feed - half * (arc - one),
+                beta * feed - half * (arc - two),
+                -half * (one + two),
+            ),
+        ]
+
+    def _values(self, point: Floats) -> Floats:
+        """The three conics, each divided by its own size, at (beta, g_1, g_2)."""
+        beta, first, second = point
+        d1, d2, arc, loss = self._detunings(beta)
+        e1, e2 = d1 + arc * first, d2 + arc * second
+        feed, half = float(self._feed), 0.5 * self.clocks.coupling
+        s = feed * (first * (1.0 - first) + second * (1.0 - second))
+        third = beta * s - half * ((1.0 - first) * e1 + (1.0 - second) * e2)
+        scale = feed if feed > 0.0 else 1.0
+        return np.array(
+            [(e1 * e1 + loss * first**2 - s) / scale, (e2 * e2 + loss * second**2 - s) / scale, third / half]
+        )
+
+    def _slopes(self, point: Floats) -> Floats:
+        """Jacobian of `_values`."""
+        beta, first, second = point
+        d1, d2, arc, loss = self._detunings(beta)
+        e1, e2 = d1 + arc * first, d2 + arc * second
+        r1, r2 = (float(tuning) for tuning in self._tuning)
+        feed, half, drive = float(self._feed), 0.5 * self.clocks.coupling, self.clocks.drive**2
+        s = feed * (first * (1.0 - first) + second * (1.0 - second))
+        s1, s2 = feed * (1.0 - 2.0 * first), feed * (1.0 - 2.0 * second)
+        top = np.array([2.0 * e1 * r1 + drive * first**2, 2.0 * e1 * arc + 2.0 * loss * first - s1, -s2]) / feed
+        middle = np.array([2.0 * e2 * r2 + drive * second**2, -s1, 2.0 * e2 * arc + 2.0 * loss * second - s2]) / feed
+        bottom = np.array(
+            [
+                s - half * ((1.0 - first) * r1 + (1.0 - second) * r2),
+                beta * s1 - half * (arc * (1.0 - first) - e1),
+                beta * s2 - half * (arc * (1.0 - second) - e2),
+            ]
+        )
+        return np.stack([top, middle, bottom / half])
+
+    def _detunings(self, beta: float) -> tuple[float, float, float, float]:
+        """D_1, D_2, arc and delta^2."""
+        arc = float(self._arc)
+        one, two = ((1.0 + beta) * float(tuning) - 1.0 - arc for tuning in self._tuning)
+        return one, two, arc, self.clocks.drive**2 * (1.0 + beta)
+
+    def intersections(self, beta: float) -> Iterator[Floats]:
+        """Real points (beta, g_1, g_2) on the first two conics, nearly: candidates.
+
+        With v_i = g_i + arc D_i/a, a = arc^2 + delta^2, their difference is v_1^2 - v_2^2 = K; with p = v_1 + v_2 and
+        m = v_1 - v_2 that is p m = K, and their sum a quartic in p (or in m).
+        """
+        d1, d2, arc, loss = self._detunings(beta)
+        a, feed = arc * arc + loss, float(self._feed)
+        t1, t2 = arc * d1 / a, arc * d2 / a
+        k = (d2 * d2 - d1 * d1) * loss / (a * a)
+        # a (v1^2 + v2^2)/2 + loss (d1^2 + d2^2)/(2 a) = feed sum [(1 + 2 t_i) v_i - v_i^2 - t_i - t_i^2]
+        square = 0.25 * (a + 2.0 * feed)  # of p^2 + m^2
+        plus, minus = -0.5 * feed * (2.0 + 2.0 * t1 + 2.0 * t2), -feed * (t1 - t2)  # of p, of m
+        rest = loss * (d1 * d1 + d2 * d2) / (2.0 * a) + feed * (t1 + t1 * t1 + t2 + t2 * t2)
+        for own, other, swapped in ((plus, minus, False), (minus, plus, True)):
+            for root in np.roots([square, own, rest, other * k, square * k * k]):
+                # two that meet part into a pair of complex ones by rounding alone: Newton tells
+                p = float(root.real) if abs(root) > _LEAST else 0.0
+                for m in [k / p] if p != 0.0 else [0.0]:
+                    one, two = (m, p) if swapped else (p, m)
+                    yield np.array([beta, 0.5 * (one + two) - t1, 0.5 * (one - two) - t2])
+
+    def polished(self, point: Floats) -> Floats | None:
+        """Newton from a candidate; None where it leads nowhere, or away from this root."""
+        place, before = point.copy(), math.inf
+        with np.errstate(all="ignore"):
+            for _ in range(40):
+                matrix = self._slopes(place)
+                if not np.isfinite(matrix).all():
+                    return None
+                size = np.abs(matrix).max(axis=0)
+                step = np.linalg.lstsq(matrix / np.where(size > 0.0, size, 1.0), self._values(place), rcond=None)[0]
+                step = step / np.where(size > 0.0, size, 1.0)
+                place = place - step
+                reach = float(np.abs(step / (1e-3 + np.abs(place))).max())
+                # near a fold rounding alone moves the point: a step that no longer shrinks is one
+                if reach <= _SETTLED or (reach <= _ROUNDED and reach > 0.5 * before):
+                    break
+                before = reach
+            else:
+                return None
+        return place
+
+    def regime(self, point: Floats) -> Regime | None:
+        """Angles and amplitudes of a point, if these are real ones and q is not 0."""
+        beta, *g = (float(each) for each in point)
+        if not (beta > -1.0 and max(g) < 1.0):
+            return None
+        d1, d2, arc, loss = self._detunings(beta)
+        delta = math.sqrt(loss)
+        phasors = [complex(own + arc * each, -delta * each) for own, each in zip((d1, d2), g, strict=True)]
+        q = math.sqrt(0.5 * (abs(phasors[0]) ** 2 + abs(phasors[1]) ** 2))
+        if q < 1e-9 * math.sqrt(float(self._feed)):
+            return None  # the beam at rest: `quadratures`
+        angles = [_folded(0.5 * math.atan2(each.imag, each.real)) for each in phasors]
+        sizes = [2.0 * math.sqrt(1.0 - each) for each in g]
+        regime = Regime(beta, q, (angles[0], angles[1]), (sizes[0], sizes[1]))
+        scale = max(q, self.clocks.coupling)
+        return regime if np.abs(residuals(regime, self.clocks, shifts=self.shifts)).max() < 1e-9 * scale else None
+
+    def quadratures(self) -> list[Regime]:
+        """The beam at rest, clocks alike a quarter of a swing apart, each as if it were alone: A = 2, E = 0."""
+        beta = float((1 + self._arc) / self._tuning[0] - 1)
+        return [Regime(beta, 0.0, (0.25 * math.pi, -0.25 * math.pi), (2.0, 2.0))]

@@ -1,0 +1,116 @@
+"""Two clocks on one beam in the few numbers that theory speaks of, and the systems that have exactly these."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from data_schemas.errors import UsageError
+from synth.phase import Floats
+from synth.systems.elastic_beam import ElasticBeam
+from synth.systems.reduced_beam import ReducedBeam
+from synth.systems.reduction import reduced
+from synth.systems.resistance import VanDerPolDrive
+
+
+class Clocks(NamedTuple):
+    """Kanunnikov and Lamper's system (2), and what the full system (1) has beyond it.
+
+    Examples
+    --------
+    >>> pair = Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))
+    >>> pair.detuned(1e-4).detuning
+    (-0.01135, -0.01145)
+    """
+
+    beam_damping: float
+    """d0 = eps0/w0, above 0."""
+    drive: float
+    """d = 2 eps/w0, above 0."""
+    coupling: float
+    """nu = 8 mu/l, above 0; in system (2) m0 = mu/l = nu/8."""
+    detuning: tuple[float, float]
+    """tau_i, from 4 w_i^2 = w0^2 (1 + tau_i)."""
+    swing: float = 0.0
+    """Phi0 = S0/l, rad: half the swing of the full system; 0 for system (2)."""
+
+    @property
+    def mean_detuning(self) -> float:
+        """tau."""
+        return 0.5 * (self.detuning[0] + self.detuning[1])
+
+    def detuned(self, difference: float) -> Clocks:
+        """The same clocks about their mean tau, chi = tau_1 - tau_2 apart."""
+        mean = self.mean_detuning
+        return self._replace(detuning=(mean + 0.5 * difference, mean - 0.5 * difference))
+
+    def small(self) -> ReducedBeam:
+        """System (2), its time s = w0 t/2."""
+        return ReducedBeam(self.beam_damping, self.drive, self.coupling / 8.0, np.array(self.detuning))
+
+    def full(self) -> ElasticBeam:
+        """System (1) in units of its own: s = w0 t/2, mean length and whole mass 1; x is u, phi_i is near Phi0 y_i.
+
+        Raises
+        ------
+        UsageError
+            If the swing is 0, or so small that the clocks would outweigh the whole.
+        """
+        if not self.swing > 0.0:
+            raise UsageError("swing = 0: the full system needs an arc; give Phi0 = S0/l in rad, such as 0.1")
+        share = self.coupling / (4.0 * self.swing**2)  # m/(M + 2 m), from m0 = (m/(M + 2 m)) Phi0^2/2
+        if not 2.0 * share < 1.0:
+            least = math.sqrt(0.5 * self.coupling)
+            raise UsageError(f"swing = {self.swing:g}: too small for this coupling; give more than {least:.3g} rad")
+        lengths = 1.0 / (1.0 + np.array(self.detuning))
+        escapement = VanDerPolDrive(np.full(2, self.drive), self.swing / lengths)
+        masses = np.full(2, share)
+        return ElasticBeam(1.0 - 2.0 * share, masses, lengths, 4.0, 2.0 * self.beam_damping, 1.0, escapement)
+
+
+def checked(clocks: Clocks) -> Clocks:
+    """The clocks, or UsageError naming what cannot be meant."""
+    for name in ("beam_damping", "drive", "coupling"):
+        value = getattr(clocks, name)
+        if not 0.0 < value < math.inf:
+            raise UsageError(f"{name} = {value:g}: theory needs a finite number above 0")
+    for value in clocks.detuning:
+        if not -1.0 < value < math.inf:
+            raise UsageError(f"detuning = {value:g}: 4 w_i^2/w0^2 - 1 lies above -1")
+    if not 0.0 <= clocks.swing < math.inf:
+        raise UsageError(f"swing = {clocks.swing:g}: give 0 for system (2), or S0/l in rad")
+    return clocks
+
+
+def of_beam(beam: ElasticBeam, *, full: bool = True) -> Clocks:
+    """Theory's numbers for a beam with two clocks in SI units.
+
+    Parameters
+    ----------
+    beam : ElasticBeam
+        Two pendulums of one mass, each with a van der Pol escapement of one rate and arc.
+    full : bool
+        Whether the arc is kept, for the full system.
+
+    Raises
+    ------
+    RefusedError
+        If system (2) cannot hold the beam.
+    UsageError
+        If there are not two clocks.
+    """
+    made = reduced(beam)
+    system, arcs = made.system, np.asarray(made.angle_scale, dtype=np.float64)
+    if system.detuning.size != 2:
+        raise UsageError(f"{system.detuning.size} pendulums on the beam: the theory is of two clocks")
+    first, second = (float(each) for each in system.detuning)
+    swing = float(np.mean(arcs)) if full else 0.0
+    return Clocks(system.beam_damping, system.drive, 8.0 * system.coupling, (first, second), swing)
+
+
+def mirrored(states: Floats) -> Floats:
+    """States with both clocks on the other side, y_i -> -y_i; the beam stays."""
+    result: Floats = states * np.array([1.0, 1.0, -1.0, -1.0, -1.0, -1.0])
+    return result

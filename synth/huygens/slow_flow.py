@@ -1,0 +1,130 @@
+"""Slow flow: how phases, amplitudes and the beam's swing drift, and whether a synchronous regime of it is stable.
+
+    alpha_i' = [ -Delta_i + delta^2/8 + Phi0^2 A_i^2/8 + Re(Q e^{2i alpha_i}) ]/2
+    A_i'     = A_i [ Im(Q e^{2i alpha_i}) + delta (1 - A_i^2/4) ]/2
+    Q'       = (i beta - delta0) Q - i (nu/8) sum A_j^2 e^{-2i alpha_j},          ' = d/dz,  u'' = 2 Re(Q e^{2iz})
+
+Averaged over a swing: good to first order in delta, delta0, beta and Q. Its fixed points are
+`balance.solutions` with shifts.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from data_schemas.errors import UsageError
+from synth.huygens.balance import Regime
+from synth.huygens.clocks import Clocks
+from synth.phase import Floats
+
+
+def rates(state: Floats, beta: float, clocks: Clocks) -> Floats:
+    """Rates of (alpha_1, alpha_2, A_1, A_2, Re Q, Im Q) per z, (6,).
+
+    Parameters
+    ----------
+    state : (6,) array
+    beta : float
+        Of the frequency that z counts: w0^2/w^2 - 1.
+    clocks : Clocks
+    """
+    stretch = math.sqrt(1.0 + beta)
+    delta, damping = clocks.drive * stretch, clocks.beam_damping * stretch
+    beam = complex(state[4], state[5])
+    change = complex(-damping, beta) * beam
+    result = np.empty(6)
+    for i in range(2):
+        angle, size = float(state[i]), float(state[2 + i])
+        felt = beam * cmath.exp(2j * angle)
+        own = (1.0 + beta) * (1.0 + clocks.detuning[i]) - 1.0 - delta**2 / 8.0 - (clocks.swing * size) ** 2 / 8.0
+        result[i] = 0.5 * (felt.real - own)
+        result[2 + i] = 0.5 * size * (felt.imag + delta * (1.0 - size * size / 4.0))
+        change -= 1j * clocks.coupling / 8.0 * size * size * cmath.exp(-2j * angle)
+    result[4:] = change.real, change.imag
+    return result
+
+
+def slopes(state: Floats, beta: float, clocks: Clocks) -> Floats:
+    """Jacobian of `rates` by the state, (6, 6)."""
+    stretch = math.sqrt(1.0 + beta)
+    delta, damping = clocks.drive * stretch, clocks.beam_damping * stretch
+    beam, matrix = complex(state[4], state[5]), np.zeros((6, 6))
+    matrix[4, 4:], matrix[5, 4:] = (-damping, -beta), (beta, -damping)
+    for i in range(2):
+        size, turn = float(state[2 + i]), cmath.exp(2j * float(state[i]))
+        felt = beam * turn
+        matrix[i, i] = -felt.imag
+        matrix[i, 2 + i] = 0.125 * clocks.swing**2 * size
+        matrix[i, 4:] = 0.5 * turn.real, -0.5 * turn.imag
+        matrix[2 + i, i] = size * felt.real
+        matrix[2 + i, 2 + i] = 0.5 * (felt.imag + delta * (1.0 - 0.75 * size * size))
+        matrix[2 + i, 4:] = 0.5 * size * turn.imag, 0.5 * size * turn.real
+        feed = -1j * clocks.coupling / 8.0 * size * turn.conjugate()  # of Q', a unit of 2 A
+        by_angle, by_size = -2j * size * feed, 2.0 * feed
+        matrix[4:, i] = by_angle.real, by_angle.imag
+        matrix[4:, 2 + i] = by_size.real, by_size.imag
+    return matrix
+
+
+class Stability(NamedTuple):
+    """Verdict on a synchronous regime."""
+
+    growth: float
+    """Largest rate of a perturbation per z, the common phase apart."""
+    exponents: tuple[complex, ...]
+    """All five, per z, the largest first."""
+    stable: bool | None
+    """None where the largest rate is zero to rounding."""
+
+
+def stability(regime: Regime, clocks: Clocks) -> Stability:
+    """Whether a fixed point of the slow flow is stable.
+
+    Parameters
+    ----------
+    regime : Regime
+        From `balance.solutions(clocks, shifts=True)`.
+    clocks : Clocks
+
+    Raises
+    ------
+    UsageError
+        If the regime is no fixed point of these clocks' slow flow.
+
+    Examples
+    --------
+    In system (2) the paper's regime is a saddle, and quadrature attracts:
+
+    >>> from synth.huygens.balance import solutions
+    >>> pair = Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))
+    >>> [(abs(round(each.offset, 2)), stability(each, pair).stable) for each in solutions(pair, shifts=True)]
+    [(1.57, True), (0.0, False)]
+    """
+    state = np.array([*regime.alpha, *regime.amplitude, regime.q, 0.0])
+    if np.abs(rates(state, regime.beta, clocks)).max() > 1e-9:
+        raise UsageError(
+            "the regime is no fixed point of these clocks' slow flow; find it by solutions(..., shifts=True)"
+        )
+    common = np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [-2.0 * regime.q]])  # alpha + c, Q e^{-2ic}
+    others = np.linalg.qr(np.hstack([common, np.eye(6)]))[0][:, 1:]
+    found = np.linalg.eigvals(others.T @ slopes(state, regime.beta, clocks) @ others)
+    ordered = sorted((complex(each) for each in found), key=lambda each: -each.real)
+    growth = ordered[0].real
+    rounding = 1e-12 * max(abs(each) for each in ordered)
+    return Stability(growth, tuple(ordered), None if abs(growth) <= rounding else growth < 0.0)
+
+
+def paper_regime_holds(alpha: float, clocks: Clocks, beta: float) -> bool:
+    """Whether theory finds the paper's regime alpha_1 = alpha_2 stable in the full system.
+
+    Necessary and sufficient to leading order: beta < 0, |beta|/delta0 > 2 delta/Phi0^2, and G > 1/2, that is
+    nu sin^2 2 alpha < delta delta0. Never in system (2), where Phi0 = 0.
+    """
+    stretch = math.sqrt(1.0 + beta)
+    delta, damping = clocks.drive * stretch, clocks.beam_damping * stretch
+    steep = abs(beta) * clocks.swing**2 > 2.0 * delta * damping
+    return beta < 0.0 and steep and clocks.coupling * math.sin(2.0 * alpha) ** 2 < delta * damping

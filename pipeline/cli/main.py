@@ -12,13 +12,14 @@ import sys
 from collections.abc import Sequence
 
 from data_schemas.errors import IsochronyError, UsageError
-from pipeline.cli import benchmark, demo, import_csv, plot, process, schema, simulate, validate
+from pipeline.cli import batch, benchmark, demo, import_csv, plot, process, schema, simulate, validate
 from pipeline.cli.parser import Parser, did_you_mean
 
 _VERBS = {
     "demo": demo,
     "simulate": simulate,
     "process": process,
+    "batch": batch,
     "benchmark": benchmark,
     "plot": plot,
     "import": import_csv,
@@ -37,6 +38,7 @@ examples:
   isochrony demo                                 a ship record made and processed, with a table and a picture
   isochrony simulate ship.toml                   ship.record.nc and ship.truth.nc
   isochrony process ship.record.nc               gravity, and ship.result.nc beside the record
+  isochrony batch cruises/ -o results            the same for thousands, unattended
   isochrony import swing.csv --period 1.029 --gravity 9.81
   isochrony plot ship.result.nc -o ship.png
 

@@ -79,7 +79,8 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Process every record; a bad one does not stop the others."""
-    requested = _requested(options.method)
+    names = requested_methods("process", options.method)
+    requested = names[0] if len(names) == 1 else list(names)
     inputs = [Path(name) for name in options.records]
     outputs: list[Path | None] = [None] * len(inputs)
     if options.no_output and options.out is not None:
@@ -126,18 +127,24 @@ def _one(
     return rows
 
 
-def _requested(text: str) -> str | list[str]:
-    """The methods asked for, checked before any record is read."""
+def requested_methods(verb: str, text: str) -> tuple[str, ...]:
+    """The methods asked for by `--method`, checked before any record is read.
+
+    Raises
+    ------
+    UsageError
+        An unknown one, or one twice.
+    """
     from pipeline.methods import METHODS
 
     every = [name for name in METHODS if name != "auto"]
     names = [name for part in text.split(",") for name in (every if part.strip() == "all" else [part.strip()])]
     for name in names:
         if name not in METHODS:
-            raise UsageError(f"process: unknown method '{name}'{did_you_mean(name, (*METHODS, 'all'))}")
+            raise UsageError(f"{verb}: unknown method '{name}'{did_you_mean(name, (*METHODS, 'all'))}")
     if len(set(names)) < len(names):
-        raise UsageError(f"process: --method {text} names a method twice; name each once")
-    return names[0] if len(names) == 1 else names
+        raise UsageError(f"{verb}: --method {text} names a method twice; name each once")
+    return tuple(names)
 
 
 def _with_progress(jobs: list[Any]) -> Iterable[Any]:

@@ -43,8 +43,14 @@ def warm(methods: Sequence[str], parent: int | None = None) -> None:
     gc.freeze()
 
 
-def small_record() -> DataTree:
-    """Two free pendulums for a minute and a half: the least that every method takes."""
+def small_record(count: int = 2250) -> DataTree:
+    """Two free pendulums at 25 Hz; a minute and a half is the least that every method takes.
+
+    Parameters
+    ----------
+    count : int
+        Readings of each of the two traces.
+    """
     from xarray import Dataset, DataTree
 
     from data_schemas.variables import VARIABLES, attributes
@@ -53,7 +59,7 @@ def small_record() -> DataTree:
         keys = {name: f"{group}/{name}" for name in values}
         return Dataset({name: (VARIABLES[key].dims, values[name], attributes(key)) for name, key in keys.items()})
 
-    time = np.arange(2250) * 0.04
+    time = np.arange(count) * 0.04
     period = np.array([1.00966, 1.009760966])
     swing = 0.01 * np.cos(2.0 * np.pi / period[:, None] * time + np.array([[0.4], [2.2]]))
     labels = np.array(["1", "2"])

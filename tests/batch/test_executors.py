@@ -26,7 +26,7 @@ FAULTS = {"crash": "Crashed", "leave": "Crashed", "hang": "TimedOut", "greedy": 
 DISTINCT = 5
 
 
-def pool(timeout=5.0):
+def pool(timeout=20.0):
     return functools.partial(pooled, workers=2, methods=METHODS, timeout=timeout)
 
 

@@ -65,7 +65,8 @@ def test_a_folder_of_records(run, cruises):
     assert second["gravity_m_s2"] == ""
     result = data_schemas.read(out / "one/a.result.nc")
     assert float(first["gravity_m_s2"]) == float(result["gravity"]["gravity"][0])
-    assert "batch" in json.loads((out / "batch.log.jsonl").read_text().splitlines()[0])["command"]
+    events = [json.loads(line)["event"] for line in (out / "batch.log.jsonl").read_text().splitlines()]
+    assert events == ["begin", "record", "record", "record", "end"]
     summary = data_schemas.read(out / "summary.nc")
     np.testing.assert_array_equal(np.isnan(summary["gravity_m_s2"]), [False, True, False])
     words = summary["status"].attrs["flag_meanings"].split()

@@ -65,7 +65,7 @@ def clustered(
             raise UsageError(f"--scheduler {address}: has no workers; start some with 'dask worker {address}'")
         left = iter(jobs)
         keys: dict[object, Config] = {}
-        waiting = as_completed()
+        waiting = as_completed(loop=client.loop)
 
         def feed(count: int) -> None:
             for _ in range(count):

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from data_schemas.errors import SceneError, UsageError
+from data_schemas.errors import UsageError
 from pipeline.batch.campaign import Job
 from pipeline.batch.config import Config
 from pipeline.batch.inputs import Input, find_inputs
@@ -14,7 +14,6 @@ from pipeline.batch.sweep import MOST, Variant, grid, parse_sweep
 from pipeline.cli.batch_kinds import KINDS, member_of
 
 _MIB = 1 << 20
-_MOST_SCENE = 16 * _MIB  # bytes of a scene that is read before any process guards it
 
 
 def jobs_of(options: argparse.Namespace, folder: Path) -> list[Job]:
@@ -73,12 +72,6 @@ def _check(path: Path, variant: Variant) -> None:
     """Raise `SceneError` now for a sweep that no member of the scene could be made by."""
     import data_schemas
 
-    try:
-        is_plain = path.is_file() and path.stat().st_size <= _MOST_SCENE
-    except OSError:
-        is_plain = False
-    if not is_plain:
-        raise SceneError(f"{path}: is no scene file; give a TOML file of less than {_MOST_SCENE // _MIB} MiB")
     member_of(data_schemas.load_scene(path), 1, variant)
 
 

@@ -172,8 +172,8 @@ def test_misuse_is_refused_before_any_work(run, cruises, words, told):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["none.toml", "--sweep", "gravity=9.8"], "is no scene file"),
-        (["a\0.toml", "--sweep", "gravity=9.8"], "is no scene file"),
+        (["none.toml", "--sweep", "gravity=9.8"], "No such file"),
+        (["a\0.toml", "--sweep", "gravity=9.8"], "null byte"),
         (["linear", "--sweep", "gravty=9.8"], "did you mean 'gravity'"),
         (["linear", "--sweep", "gravity=-1"], "gravity"),
         (["linear", "--repeat", "1000000", "--sweep", "gravity=9.7,9.8"], "more than 1000000 members"),

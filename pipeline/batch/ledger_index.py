@@ -100,7 +100,7 @@ def line_of(content: Mapping[str, Any]) -> bytes:
     Examples
     --------
     >>> line_of({"key": "a"})
-    b'{"key": "a", "crc32": "f9c36cf2"}\\n'
+    b'{"key": "a", "crc32": "5169b140"}\\n'
     >>> content_of(line_of({"key": "a"}))
     {'key': 'a'}
     """

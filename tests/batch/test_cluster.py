@@ -53,7 +53,7 @@ def test_a_local_cluster(small, tmp_path, out):
     LocalCluster = pytest.importorskip("distributed").LocalCluster
     settings = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
     with LocalCluster(**settings, local_directory=str(tmp_path / "dask")) as cluster:
-        check(cluster.scheduler_address, small, tmp_path, out, ["good", "crash", "good"])
+        check(cluster.scheduler_address, small, tmp_path, out, ["good", "crash", "good", "good", "good"])
         odd = config_of(out, "odd")
         coming = clustered([(small, odd)], address=cluster.scheduler_address, methods=METHODS, timeout=None)
         ((one,),) = coming

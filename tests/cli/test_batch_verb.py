@@ -18,8 +18,11 @@ from made_trees import made_record
 from test_process import CONTRACT
 
 import data_schemas
+import synth
 from pipeline.batch.ledger_index import NAME
+from pipeline.batch.outcome import failure
 from pipeline.batch.summary import NAMES
+from pipeline.cli.processors import processors
 
 ROOT = Path(__file__).parents[2]
 SERIAL = ("--method", "projection", "--executor", "serial", "--trusted")
@@ -194,6 +197,46 @@ def test_nothing_of_the_user_s_is_overwritten(run, cruises):
     assert "exists already" in run("batch", "cruises", "-o", "out", *SERIAL).fault
     assert Path("out/two/a.result.nc").read_text() == "precious"
     assert run("batch", "cruises", "-o", cruises / "two/a.record.nc", *SERIAL).status == 2
+
+
+def test_json_of_a_part_has_that_part(run, cruises):
+    outcome = run("batch", "cruises", "-o", "out", *SERIAL, "--json", "--limit", "1")
+    assert [json.loads(line)["status"] for line in outcome.out.splitlines()] == ["ok"]
+
+
+def test_a_scene_as_it_is_is_that_of_simulate_and_process(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scene = Path("short.toml")
+    text = synth.scene_path("linear").read_text(encoding="utf-8").replace("1800.0", "120.0", 1)
+    scene.write_text(text, encoding="utf-8")
+    assert run("batch", scene, "-o", "out", *SERIAL).status == 0
+    run("simulate", scene)
+    (row,) = table(Path("out/summary.csv"))
+    outcome = run("process", "short.record.nc", "--method", "projection", "--json")
+    assert float(row["gravity_m_s2"]) == json.loads(outcome.out)["gravity_m_s2"]
+
+
+@pytest.mark.parametrize(
+    ("words", "where", "wanted"),
+    [
+        (["--jobs", "7"], "pool.pooled", {"workers": 3, "timeout": 600.0}),
+        ([], "pool.pooled", {"workers": min(processors(), 3), "timeout": 600.0}),
+        (["--scheduler", "tcp://x:1", "--timeout", "5"], "cluster.clustered", {"address": "tcp://x:1", "timeout": 5.0}),
+    ],
+)
+def test_who_does_the_work(run, cruises, monkeypatch, words, where, wanted):
+    seen = {}
+
+    def work(jobs, **settings):
+        seen.update(settings)
+        for _, config in jobs:
+            assert config.memory == 100 << 20
+            yield [failure(config.key, "Crashed", "it; died")]
+
+    monkeypatch.setattr(f"pipeline.batch.executors.{where}", work)
+    outcome = run("batch", "cruises", "-o", "out", "--method", "projection", "--memory", "100", *words)
+    assert outcome.status == 3
+    assert seen == {"methods": ("projection",), **wanted}
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])

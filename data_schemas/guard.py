@@ -59,11 +59,22 @@ class Found:
 
 @dataclass
 class Survey:
-    """Everything that passed, in the file's order, and what the rest of the file can hold of text at most."""
+    """Everything that passed, in the file's order, and what it may take.
+
+    Attributes
+    ----------
+    budget : Budget
+    groups, arrays : list of Found
+    declared : int
+        Bytes of all values, unpacked.
+    heap : int
+        Bytes that the rest of the file can hold of text at most.
+    """
 
     budget: Budget
     groups: list[Found] = field(default_factory=list)
     arrays: list[Found] = field(default_factory=list)
+    declared: int = 0
     heap: int = 0
 
 
@@ -112,7 +123,7 @@ def survey(file: h5py.File, size: int, budget: Budget) -> Survey:
         Names the group or variable, without the file's name (`reading` puts it in front).
     """
     found = Survey(budget)
-    declared = stored = 0
+    stored = 0
     root = h5g.open(file.id, b"/")
     waiting = [("", root, 0)]
     seen: set[int] = set()
@@ -132,9 +143,9 @@ def survey(file: h5py.File, size: int, budget: Budget) -> Survey:
                 raise FileError(f"{where}: is a user-defined type, which no schema uses; remove it")
             address = h5o.get_info(child).addr
             _once(seen, address, where)
-            declared += _array(child, where, budget)
+            found.declared += _array(child, where, budget)
             stored += child.get_storage_size()
-            _within(declared, budget.bytes, where, "bytes of values")
+            _within(found.declared, budget.bytes, where, "bytes of values")
             attributes = _attributes(child, where, budget)
             found.arrays.append(Found(path, name, child, attributes, address))
             _within(len(found.arrays), budget.arrays, where, "variables")

@@ -34,13 +34,15 @@ NumbersReader = Callable[[h5d.DatasetID, str], "NDArray[Any]"]
 _DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, SystemError, MemoryError)
 
 
-def read(path: str | os.PathLike[str]) -> xr.DataTree:
+def read(path: str | os.PathLike[str], *, declared: Callable[[int], object] | None = None) -> xr.DataTree:
     """Read a record, truth or result.
 
     Parameters
     ----------
     path : path
         A netCDF-4 file, of this or another program.
+    declared : callable, optional
+        Told how many bytes of values the file declares, after it was looked over and before they are read.
 
     Returns
     -------
@@ -55,14 +57,16 @@ def read(path: str | os.PathLike[str]) -> xr.DataTree:
         The file is missing, damaged, hostile, or does not match its checksum. What it means is not looked at:
         that is `validate`.
     """
-    contents = load(path)
+    contents = load(path, declared=declared)
     try:
         return to_tree(contents)
     except FileError as error:
         raise FileError(f"{shown(path, 400)}: {error}") from error
 
 
-def load(path: str | os.PathLike[str], budget: Budget | None = None) -> Contents:
+def load(
+    path: str | os.PathLike[str], budget: Budget | None = None, *, declared: Callable[[int], object] | None = None
+) -> Contents:
     """The plain content of a file, looked over and verified; what `read` and `validate` share.
 
     Raises
@@ -70,7 +74,7 @@ def load(path: str | os.PathLike[str], budget: Budget | None = None) -> Contents
     FileError
         As `read`.
     """
-    contents = load_raw(path, budget or Budget())
+    contents = load_raw(path, budget or Budget(), declared=declared)
     stored = contents[""].attrs.pop(ATTRIBUTE, None)
     if stored is not None and stored != digest(contents):
         raise FileError(
@@ -83,7 +87,9 @@ def load(path: str | os.PathLike[str], budget: Budget | None = None) -> Contents
         raise FileError(f"{shown(path, 400)}: {error}") from None
 
 
-def load_raw(path: str | os.PathLike[str], budget: Budget) -> Contents:
+def load_raw(
+    path: str | os.PathLike[str], budget: Budget, *, declared: Callable[[int], object] | None = None
+) -> Contents:
     """The content as stored: checksum not verified, nothing unpacked.
 
     Raises
@@ -91,12 +97,14 @@ def load_raw(path: str | os.PathLike[str], budget: Budget) -> Contents:
     FileError
         The file is missing, damaged or hostile.
     """
-    with opened(path, budget) as contents_by:
+    with opened(path, budget, declared=declared) as contents_by:
         return contents_by(_numbers)
 
 
 @contextlib.contextmanager
-def opened(path: str | os.PathLike[str], budget: Budget) -> Iterator[Callable[[NumbersReader], Contents]]:
+def opened(
+    path: str | os.PathLike[str], budget: Budget, *, declared: Callable[[int], object] | None = None
+) -> Iterator[Callable[[NumbersReader], Contents]]:
     """A file that passed the survey, open for reading: give a reader of arrays of numbers, get the content.
 
     Raises
@@ -109,6 +117,8 @@ def opened(path: str | os.PathLike[str], budget: Budget) -> Iterator[Callable[[N
         heaps = sound_heaps(path)
         with h5py.File(path, "r", rdcc_nbytes=CHUNK_CACHE) as file:
             found = survey(file, size, budget)
+            if declared is not None:
+                declared(found.declared)
             yield lambda numbers: _contents(found, lambda one, where: _text(path, one, heaps, where, budget), numbers)
     except FileError as error:
         raise FileError(f"{shown(path, 400)}: {error}") from None

@@ -150,12 +150,23 @@ def give_name(temporary: Path, target: Path, path: str | os.PathLike[str], overw
             raise _exists(path) from None
         except OSError:  # a file system without hard links
             os.replace(temporary, target)
+    sync_folder(target.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Make a folder remember the names in it, also through a power cut.
+
+    Raises
+    ------
+    OSError
+        The file system fails.
+    """
     if os.name == "posix":
-        folder = os.open(target.parent, os.O_RDONLY)
+        descriptor = os.open(folder, os.O_RDONLY)
         try:
-            os.fsync(folder)
+            os.fsync(descriptor)
         finally:
-            os.close(folder)
+            os.close(descriptor)
 
 
 def reason(error: OSError) -> str:

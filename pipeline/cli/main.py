@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 from data_schemas.errors import IsochronyError, UsageError
 from pipeline.cli import (
+    batch,
     benchmark,
     demo,
     digitise,
@@ -32,6 +33,7 @@ _VERBS = {
     "process": process,
     "expose": expose,
     "digitise": digitise,
+    "batch": batch,
     "benchmark": benchmark,
     "plot": plot,
     "import": import_csv,
@@ -50,6 +52,7 @@ examples:
   isochrony demo                                 a ship record made and processed, with a table and a picture
   isochrony simulate ship.toml                   ship.record.nc and ship.truth.nc
   isochrony process ship.record.nc               gravity, and ship.result.nc beside the record
+  isochrony batch cruises/ -o results            the same for thousands, unattended
   isochrony expose ship.record.nc --film typical ship.film.tif, as a camera would have made it
   isochrony import swing.csv --period 1.029 --gravity 9.81
   isochrony plot ship.result.nc -o ship.png

@@ -97,3 +97,14 @@ def whole_number(option: str) -> Callable[[str], int]:
         return int(word)
 
     return convert
+
+
+def positive(option: str) -> Callable[[str], int]:
+    """Converter for `type=` that takes a whole number from 1 to 1000000 (how many of something)."""
+
+    def convert(word: str) -> int:
+        if not (word.isascii() and word.isdigit() and 0 < int(word[:10]) <= 1_000_000):
+            raise UsageError(f"{option} wants a whole number from 1 to 1000000, not '{word}'")
+        return int(word)
+
+    return convert

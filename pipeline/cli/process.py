@@ -91,7 +91,8 @@ def run(options: argparse.Namespace) -> int:
     """Process every record; a bad one does not stop the others."""
     if options.synchrony and (options.method != "auto" or options.pair is not None or options.ledger):
         raise UsageError("process: --synchrony gives no gravity; drop --method, --pair and --ledger")
-    requested = "synchrony" if options.synchrony else _requested(options.method)
+    names = ("synchrony",) if options.synchrony else requested_methods("process", options.method)
+    requested = names[0] if len(names) == 1 else list(names)
     inputs = [Path(name) for name in options.records]
     outputs: list[Path | None] = [None] * len(inputs)
     if options.no_output and options.out is not None:
@@ -150,18 +151,24 @@ def _with_ledger(options: argparse.Namespace) -> bool:
     return options.ledger or (len(options.records) == 1 and not options.synchrony)
 
 
-def _requested(text: str) -> str | list[str]:
-    """The methods asked for, checked before any record is read."""
+def requested_methods(verb: str, text: str) -> tuple[str, ...]:
+    """The methods asked for by `--method`, checked before any record is read.
+
+    Raises
+    ------
+    UsageError
+        An unknown one, or one twice.
+    """
     from pipeline.methods import METHODS
 
     every = [name for name in METHODS if name != "auto"]
     names = [name for part in text.split(",") for name in (every if part.strip() == "all" else [part.strip()])]
     for name in names:
         if name not in METHODS:
-            raise UsageError(f"process: unknown method '{name}'{did_you_mean(name, (*METHODS, 'all'))}")
+            raise UsageError(f"{verb}: unknown method '{name}'{did_you_mean(name, (*METHODS, 'all'))}")
     if len(set(names)) < len(names):
-        raise UsageError(f"process: --method {text} names a method twice; name each once")
-    return names[0] if len(names) == 1 else names
+        raise UsageError(f"{verb}: --method {text} names a method twice; name each once")
+    return tuple(names)
 
 
 def _with_progress(jobs: list[Any]) -> Iterable[Any]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data_schemas.errors import UsageError
 from pipeline.cli.outputs import folder_for_output, stem
+from pipeline.cli.parser import positive
+from pipeline.cli.processors import processors
 from pipeline.cli.simulate_progress import progress
 from pipeline.cli.termination import orderly
 
@@ -24,7 +24,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Options that make an ensemble of it."""
     group = parser.add_argument_group("ensembles")
     group.add_argument(
-        "--ensemble", type=_count("--ensemble"), metavar="N",
+        "--ensemble", type=positive("--ensemble"), metavar="N",
         help="N members, each with a seed of its own, into a folder (-o; default NAME.ensemble)",
     )  # fmt: skip
     group.add_argument(
@@ -32,7 +32,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="let a key of the scene vary evenly, such as pendulums.0.start.phase=0:6.28 (may be given again)",
     )  # fmt: skip
     group.add_argument(
-        "--workers", type=_count("--workers"), metavar="N", help="processes (default: one a processor); same results"
+        "--workers", type=positive("--workers"), metavar="N", help="processes (default: one a processor); same results"
     )
 
 
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace, scene: Scene, path: Path, out: str | None) 
     vary = dict(options.vary or [])
     if len(vary) < len(options.vary or []):
         raise UsageError("--vary names a key twice; name each once")
-    workers = options.workers or max(1, min(_processors(), options.ensemble // _WORTHWHILE))
+    workers = options.workers or max(1, min(processors(), options.ensemble // _WORTHWHILE))
     with orderly(), folder_for_output(folder), progress(name, " members") as draw:
         written = write_ensemble(
             scene,
@@ -70,19 +70,6 @@ def run(options: argparse.Namespace, scene: Scene, path: Path, out: str | None) 
     kept = f", {written.kept} of them kept from before" if written.kept else ""
     print(f"{written.manifest}: {written.made + written.kept} members{kept}")
     return 0
-
-
-def _processors() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _count(option: str) -> Callable[[str], int]:
-    def convert(word: str) -> int:
-        if not (word.isascii() and word.isdigit() and 0 < int(word[:10]) <= 1_000_000):
-            raise UsageError(f"{option} wants a whole number from 1 to 1000000, not '{word}'")
-        return int(word)
-
-    return convert
 
 
 def _range(word: str) -> tuple[str, tuple[float, float]]:

@@ -37,6 +37,11 @@ def failure(path: Path, requested: str, status: str, error: str) -> dict[str, An
     return row
 
 
+def in_order(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A summary with the contract's keys first, in the contract's order."""
+    return {**{key: row[key] for key in _KEYS if key in row}, **row}
+
+
 class SummaryPrinter:
     """Prints each record's summaries as soon as they are known.
 
@@ -54,8 +59,7 @@ class SummaryPrinter:
         """Print the summaries of one record; what failed goes to stderr as one line."""
         for row in rows:
             if self._as_json:
-                known = {key: row[key] for key in _KEYS if key in row}
-                print_json({**known, **row})
+                print_json(in_order(row))
             if row["method"] is None:  # the input as a whole gave nothing
                 print(f"isochrony: {' '.join(str(row['error']).split())}", file=sys.stderr, flush=True)
             elif not self._as_json:

@@ -1,0 +1,88 @@
+"""The course of a batch: what is to be done goes to an executor, what comes back to the ledger."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from data_schemas.shield import shielded
+from pipeline.batch.config import Config
+from pipeline.batch.ledger import Ledger
+from pipeline.batch.log import Log
+from pipeline.batch.outcome import Outcome
+from pipeline.batch.resume import holds
+
+Job = tuple[Path, Config]
+Executor = Callable[[Iterable[Job]], Generator[list[Outcome]]]
+
+
+@dataclass
+class Tally:
+    """How far a batch has come; of `total` inputs `kept` needed nothing to be done."""
+
+    total: int
+    kept: int = 0
+    done: int = 0
+
+
+def run(
+    jobs: Sequence[Job],
+    ledger: Ledger,
+    executor: Executor,
+    log: Log,
+    tally: Tally,
+    *,
+    anew: bool = False,
+    retry_failed: bool = False,
+    limit: int | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> None:
+    """Do all jobs that are not done.
+
+    Parameters
+    ----------
+    jobs : sequence of (Path, Config)
+    ledger : Ledger
+        Of the batch's folder.
+    executor : callable
+        Closed when this ends, however it ends.
+    log : Log
+    tally : Tally
+        Counted as things happen, so that it is right after an interrupt too.
+    anew : bool
+        Do everything, whatever the ledger knows.
+    retry_failed : bool
+        Do what failed again.
+    limit : int, optional
+        Most jobs to do.
+    progress : callable, optional
+        Told how many are done, and of how many.
+
+    Raises
+    ------
+    FileError
+        The ledger or the log cannot be written.
+    """
+    configurations: dict[str, str] = {}
+
+    def undone() -> Iterator[Job]:
+        for path, config in jobs:
+            if not anew and holds(path, config, ledger, retry_failed=retry_failed):
+                tally.kept += 1
+            else:
+                configurations[config.key] = config.sha256
+                yield path, config
+
+    with contextlib.closing(executor(itertools.islice(undone(), limit))) as coming:
+        for outcomes in coming:
+            with shielded():
+                ledger.append(outcomes, configurations)
+                tally.done += len(outcomes)
+            for one in outcomes:
+                del configurations[one.key]
+                log.event("record", key=one.key, status=one.status, error_class=one.error_class, seconds=one.seconds)
+            if progress is not None:
+                progress(tally.done + tally.kept, tally.total)

@@ -1,0 +1,97 @@
+"""What is to be done with one input: everything its result depends on, and where that goes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+Allow = Callable[[int], None]
+"""Told how many bytes of values an input declares, before they are read."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How an input of one kind becomes a record: all that a further kind (a film, a table) has to bring.
+
+    Attributes
+    ----------
+    name : str
+        As told to the user.
+    endings : tuple of str
+        Of its files' names.
+    record : callable
+        From the path, the config and `Allow` to a record in memory; of a module, so that another process finds it.
+    searched : bool
+        Whether folders are searched for it.
+    """
+
+    name: str
+    endings: tuple[str, ...]
+    record: Callable[[Path, Config, Allow], DataTree]
+    searched: bool = True
+
+
+@dataclass(frozen=True)
+class Config:
+    """One job's settings.
+
+    Attributes
+    ----------
+    key : str
+        Name of the job within its batch: that of its output, relative to the batch's folder.
+    output : Path
+        Of the result.
+    kind : Kind
+        Of the input.
+    method : tuple of str
+        As `pipeline.process`.
+    pair : str or None
+        As `pipeline.process`.
+    gain_uncertainty : float
+        As `pipeline.process`.
+    member : int
+        Number of the member of a scene, from 1; 0 for the input as it is.
+    variant : tuple of (str, value)
+        What a sweep sets in a scene.
+    memory : int or None
+        Bytes the process may hold beside twelve times what the input declares; None = no limit.
+    command : str
+        As the user gave it, for the result.
+    """
+
+    key: str
+    output: Path
+    kind: Kind
+    method: tuple[str, ...] = ("auto",)
+    pair: str | None = None
+    gain_uncertainty: float = 0.0
+    member: int = 0
+    variant: tuple[tuple[str, Any], ...] = ()
+    memory: int | None = None
+    command: str = ""
+
+    @cached_property
+    def meaning(self) -> str:
+        """What the numbers of the result depend on beside input and versions, as JSON."""
+        settings = {
+            "kind": self.kind.name,
+            "method": list(self.method),
+            "pair": self.pair,
+            "gain_uncertainty": self.gain_uncertainty,
+            "member": self.member,
+            "variant": dict(self.variant),
+        }
+        return json.dumps(settings, sort_keys=True)
+
+    @cached_property
+    def sha256(self) -> str:
+        """Of `meaning`."""
+        return hashlib.sha256(self.meaning.encode()).hexdigest()

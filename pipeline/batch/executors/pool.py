@@ -1,0 +1,59 @@
+"""Several isolated processes on this machine: the default."""
+
+from __future__ import annotations
+
+import contextlib
+from collections import deque
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from pathlib import Path
+
+from pipeline.batch.config import Config
+from pipeline.batch.executors.isolated import LOOK, Isolated
+from pipeline.batch.outcome import Outcome
+
+
+def pooled(
+    jobs: Iterable[tuple[Path, Config]], *, workers: int, methods: Sequence[str], timeout: float
+) -> Generator[list[Outcome]]:
+    """Outcomes of jobs as they come, from processes that crash, hang and run out of memory alone.
+
+    Parameters
+    ----------
+    jobs : iterable of (Path, Config)
+        Taken one by one as processes become free.
+    workers : int
+        Processes.
+    methods, timeout
+        See `Isolated`.
+
+    Yields
+    ------
+    list of Outcome
+        All that came together; the processes have their next records already.
+    """
+    left = iter(jobs)
+    busy: dict[Future[Outcome], Isolated] = {}
+    with contextlib.ExitStack() as ends:
+        idle = deque(ends.enter_context(Isolated(methods, timeout)) for _ in range(workers))
+        _feed(left, idle, busy)
+        while busy:
+            done = wait(busy, LOOK, FIRST_COMPLETED).done
+            outcomes = []
+            for future in [each for each, child in busy.items() if each in done or child.silent()]:
+                child = busy.pop(future)
+                found = child.outcome(future)
+                if isinstance(found, Outcome):
+                    outcomes.append(found)
+                    idle.append(child)
+                else:
+                    busy[found] = child
+            _feed(left, idle, busy)
+            if outcomes:
+                yield outcomes
+
+
+def _feed(left: Iterator[tuple[Path, Config]], idle: deque[Isolated], busy: dict[Future[Outcome], Isolated]) -> None:
+    while idle and (job := next(left, None)) is not None:
+        child = idle.popleft()
+        busy[child.begin(*job)] = child

@@ -1,0 +1,34 @@
+"""SHA-256 of a file's bytes, and nothing but bytes of an ordinary file."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+
+from data_schemas.contents import shown
+from data_schemas.errors import FileError
+
+_BLOCK = 1 << 20
+
+
+def file_sha256(path: str | os.PathLike[str]) -> str:
+    """Hexadecimal SHA-256 of an ordinary file, read block by block.
+
+    Raises
+    ------
+    FileError
+        There is no such file, it may not be read, or is a folder, a FIFO, a device: nothing that could hang.
+    """
+    total = hashlib.sha256()
+    try:
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        with os.fdopen(descriptor, "rb", buffering=0) as file:
+            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+                raise FileError(f"{shown(path, 400)}: is not an ordinary file; give one")
+            while block := file.read(_BLOCK):
+                total.update(block)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FileError(f"{shown(path, 400)}: {reason}; give the path of a file that can be read") from None
+    return total.hexdigest()

@@ -1,0 +1,54 @@
+"""Bounds the memory of this process while it reads what it cannot trust."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from pipeline.batch.config import Allow
+
+PER_DECLARED = 12
+"""Bytes allowed for each byte of values that an input declares."""
+
+_STATM = Path("/proc/self/statm")
+
+
+@contextlib.contextmanager
+def bounded(fixed: int | None) -> Iterator[Allow]:
+    """Keep this process below `fixed` bytes; once the input says what it declares, `PER_DECLARED` times that is added.
+
+    What the system can limit is address space, of which a process that has compiled code maps hundreds of MiB that it
+    never touches. So the limit is what may be held in memory plus what is mapped and not held now: then an allocation
+    that would pass the bound fails, with a `MemoryError` or the end of the process.
+
+    Parameters
+    ----------
+    fixed : int or None
+        None, or a system without such a limit: unbounded.
+
+    Yields
+    ------
+    callable
+        Told the bytes that the input declares.
+    """
+    if fixed is None or not _STATM.exists():
+        yield lambda _declared: None
+        return
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    mapped, held = (int(word) * os.sysconf("SC_PAGE_SIZE") for word in _STATM.read_text().split()[:2])
+
+    def allow(declared: int) -> None:
+        limit = min(mapped - held + fixed + PER_DECLARED * declared, sys.maxsize)
+        hard = before[1]
+        resource.setrlimit(resource.RLIMIT_AS, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
+
+    try:
+        allow(0)
+        yield allow
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)

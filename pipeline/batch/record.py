@@ -1,0 +1,98 @@
+"""One input to one result file; whatever goes wrong is told, never raised."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from data_schemas.errors import FileError, IsochronyError, RefusedError
+from pipeline.batch.config import Config
+from pipeline.batch.hashing import file_sha256
+from pipeline.batch.limits import bounded
+from pipeline.batch.outcome import Outcome, failure
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+_KEPT = ("requested_method", "method", "status", "error", "gravity_m_s2", "gravity_sigma_mgal", "uncorrected_m_s2",
+         "noise_sigma_mgal", "difference_frequency_rad_s", "period_s", "period_sigma_s", "samples_used")  # fmt: skip
+
+
+def process_record(path: Path, config: Config) -> Outcome:
+    """Make the result of one input and write it; the function that every executor runs.
+
+    Parameters
+    ----------
+    path : Path
+        Of the input.
+    config : Config
+
+    Returns
+    -------
+    Outcome
+        Also of an input that is missing, hostile, damaged or too large, and of a fault of our own.
+    """
+    started = time.perf_counter()
+    digest = None
+    try:
+        digest = file_sha256(path)
+        with bounded(config.memory) as allow:
+            outcome = _made(config, digest, config.kind.record(path, config, allow))
+    except RefusedError as error:
+        outcome = _refused(config.key, str(error), digest)
+    except IsochronyError as error:
+        outcome = failure(config.key, type(error).__name__, str(error), digest)
+    except MemoryError:
+        told = f"{path}: needs more memory than is allowed; give it more (--memory), or split the record"
+        outcome = failure(config.key, "MemoryError", told, digest)
+    except Exception as error:  # ours or a library's: it must cost this record alone, and is told
+        told = f"{path}: internal error: {type(error).__name__}: {error}; please report"
+        outcome = failure(config.key, type(error).__name__, told, digest)
+    return outcome.took(time.perf_counter() - started)
+
+
+def _made(config: Config, digest: str, record: DataTree) -> Outcome:
+    from pipeline.processing import process
+    from pipeline.summary import summaries
+
+    method = config.method[0] if len(config.method) == 1 else list(config.method)
+    result = process(record, method=method, pair=config.pair, gain_uncertainty=config.gain_uncertainty)
+    rows = summaries(result)
+    if not any(row["status"] == "ok" for row in rows):
+        return _refused(config.key, str(rows[0]["error"]), digest)
+    used = json.loads(result.attrs["configuration"])
+    result.attrs["configuration"] = json.dumps(used | json.loads(config.meaning), sort_keys=True)
+    result.attrs["command"] = config.command
+    _write(result, config.output)
+    kept = tuple(_row(row) for row in rows)
+    return Outcome(config.key, "ok", None, None, digest, file_sha256(config.output), kept)
+
+
+def _write(result: DataTree, output: Path) -> None:
+    import data_schemas
+
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{output.parent}: cannot be made, {error.strerror}; choose another folder with -o") from None
+    data_schemas.write(result, output, overwrite=True)
+
+
+def _row(row: dict[str, Any]) -> dict[str, Any]:
+    """What the summary keeps of one method: no more than it needs, for a ledger has a million of them."""
+    kept = {name: _number(row[name]) for name in _KEPT if row.get(name) is not None}
+    kept["correction_mgal"] = _number(sum(value for value in row["corrections_mgal"].values() if value == value))
+    kept["flags"] = " ".join(row["flags"])
+    return {"record_id": row["record_id"]} | kept
+
+
+def _number(value: Any) -> Any:
+    """NaN, which JSON does not have, as None."""
+    return None if isinstance(value, float) and value != value else value
+
+
+def _refused(key: str, error: str, digest: str | None) -> Outcome:
+    told = failure(key, RefusedError.__name__, error, digest)
+    return Outcome(key, "refused", told.error_class, told.error, digest)

@@ -1,0 +1,65 @@
+"""What a batch that goes on need not do again: never because a file exists, but because it is still what it was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from data_schemas.errors import FileError
+from pipeline.batch.config import Config
+from pipeline.batch.hashing import file_sha256
+from pipeline.batch.ledger_index import Index
+
+LEFTOVER = ".isochrony-*.part"
+"""What a killed process leaves of a file that it was writing."""
+
+
+def holds(path: Path, config: Config, ledger: Index, *, retry_failed: bool = False) -> bool:
+    """Whether the ledger's outcome of a job still holds: same input, settings and versions, and the output verifies.
+
+    Parameters
+    ----------
+    path : Path
+        Of the input.
+    config : Config
+    ledger : Index
+    retry_failed : bool
+        Whether what failed is to be done again; what a method refused it would refuse again.
+    """
+    place = ledger.places.get(config.key)
+    if place is None or place.versions != ledger.versions or place.configuration_sha256 != config.sha256:
+        return False
+    if place.status == "failed" and retry_failed:
+        return False
+    if _sha256(path) != place.input_sha256:
+        return False
+    return place.output_sha256 is None or _sha256(config.output) == place.output_sha256
+
+
+def remove_leftovers(folder: Path) -> int:
+    """Remove what killed processes left half-written in a folder and below; nobody else may be writing there.
+
+    Returns
+    -------
+    int
+        How many there were.
+
+    Raises
+    ------
+    FileError
+        One cannot be removed.
+    """
+    count = 0
+    for path in folder.rglob(LEFTOVER):
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise FileError(f"{path}: cannot be removed, {error.strerror}; remove it yourself") from None
+        count += 1
+    return count
+
+
+def _sha256(path: Path) -> str | None:
+    try:
+        return file_sha256(path)
+    except FileError:  # not there, or not a file: nothing has that checksum
+        return None

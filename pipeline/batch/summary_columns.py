@@ -1,0 +1,115 @@
+"""The rows of a summary as the columns of a netCDF table, in memory that hardly grows with their number."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+MOST_NAMED = 10_000
+"""Rows up to which names and reasons are there as text; beyond, they are in the CSV, in the same order."""
+
+TEXTS = {
+    "record_id": "identity of the record",
+    "input": "input file",
+    "output": "result file, below the folder of the batch",
+    "error": "why there is no value",
+    "flags": "flags of the method, separated by blanks",
+}
+CODED = {
+    "status": "what became of the input by this method",
+    "error_class": "kind of the fault",
+    "requested_method": "method that was asked for",
+    "method": "method that was used",
+}
+NUMBERS = {
+    "gravity_m_s2": ("m s-2", "gravity"),
+    "gravity_sigma_mgal": ("mGal", "standard deviation of gravity"),
+    "uncorrected_m_s2": ("m s-2", "gravity without any correction"),
+    "noise_sigma_mgal": ("mGal", "standard deviation of gravity by reading noise alone"),
+    "correction_mgal": ("mGal", "sum of all corrections"),
+    "difference_frequency_rad_s": ("rad s-1", "mean phase speed of the difference, uncorrected"),
+    "period_s": ("s", "full period at infinitesimal arc"),
+    "period_sigma_s": ("s", "standard deviation of the period"),
+    "samples_used": ("1", "samples that were used"),
+}
+
+
+class Columns:
+    """A table that grows by rows.
+
+    Parameters
+    ----------
+    swept : sequence of str
+        Keys of scenes that a sweep set; their columns are called ``sweep KEY``.
+
+    Attributes
+    ----------
+    names : list of str
+        Of all columns, in order.
+    """
+
+    def __init__(self, swept: Sequence[str]) -> None:
+        self._swept: dict[str, list[Any]] = {f"sweep {key}": [] for key in swept}
+        self._texts: dict[str, list[str]] = {name: [] for name in TEXTS}
+        self._codes = {name: array("B") for name in CODED}
+        self._words: dict[str, dict[str, int]] = {name: {} for name in CODED}
+        self._numbers = {name: array("d") for name in NUMBERS}
+        self.names = [*TEXTS, *CODED, *NUMBERS, *self._swept]
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        """Append a row; what it does not have is empty, 0 or NaN."""
+        for name, values in self._swept.items():
+            values.append(row.get(name))
+        for name, texts in self._texts.items():
+            if len(texts) <= MOST_NAMED:
+                texts.append(storable(row.get(name)))
+        for name, codes in self._codes.items():
+            word, known = row.get(name), self._words[name]
+            codes.append(0 if word is None else known.setdefault(word, len(known) + 1))
+        for name, numbers in self._numbers.items():
+            value = row.get(name)
+            numbers.append(np.nan if value is None else value)
+
+    def tree(self) -> DataTree:
+        """The table as it is written."""
+        from xarray import Dataset, DataTree
+
+        variables: dict[str, Any] = {}
+        for name, texts in self._texts.items():
+            if len(texts) <= MOST_NAMED:
+                variables[name] = ("row", np.array(texts, dtype=object), _attributes("1", TEXTS[name]))
+        for name, codes in self._codes.items():
+            words = ["none", *self._words[name]]
+            meanings = {"flag_values": np.arange(len(words), dtype=np.uint8), "flag_meanings": " ".join(words)}
+            variables[name] = ("row", np.array(codes, dtype=np.uint8), _attributes("1", CODED[name]) | meanings)
+        for name, numbers in self._numbers.items():
+            variables[name] = ("row", np.array(numbers), _attributes(*NUMBERS[name]))
+        for name, values in self._swept.items():
+            attrs = _attributes("1", f"{name.partition(' ')[2]} of the scene, in the scene's own unit")
+            if not any(isinstance(value, str) for value in values):
+                stored = np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+                variables[name.replace(" ", "_")] = ("row", stored, attrs)
+            elif len(values) <= MOST_NAMED:
+                variables[name.replace(" ", "_")] = ("row", np.array([*map(storable, values)], dtype=object), attrs)
+        attrs = {"Conventions": "CF-1.11", "schema": "isochrony-summary", "schema_version": "1"}
+        return DataTree(Dataset(variables, attrs=attrs))
+
+
+def storable(value: object) -> str:
+    """A value as text that any file can hold: what is no UTF-8, as in some names of files, is escaped.
+
+    >>> storable(None), storable(2.5), storable("a\\udcff")
+    ('', '2.5', 'a\\\\udcff')
+    """
+    plain = "" if value is None else str(value)
+    return plain.encode("utf-8", "backslashreplace").decode().replace("\0", "?")
+
+
+def _attributes(units: str, long_name: str) -> dict[str, Any]:
+    return {"units": units, "long_name": long_name}

@@ -1,0 +1,182 @@
+"""`isochrony batch`: thousands of records, unattended."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from data_schemas.errors import UsageError
+from pipeline.cli.parser import number, positive
+from pipeline.cli.processors import processors
+
+_DESCRIPTION = """\
+Gravity from many inputs: records (.record.nc), folders and patterns of them, and scenes (.toml), which are
+simulated first, alone or over a grid of values (--sweep, --repeat).
+
+Into the folder of -o go one result an input, named as the input is below the inputs' common folder,
+summary.csv and summary.nc with a row an input and method, ledger.jsonl, which knows what was done, and
+batch.log.jsonl, which tells when. Interrupted or killed, the same command with --resume goes on: it keeps what
+was made of the same input with the same settings and versions and is still as it was written; the summary is
+then the same, bit by bit.
+
+Every input is read and processed in a process of its own, which may hold --memory MiB and twelve times what the
+input declares, for --timeout seconds: what crashes, hangs or deceives costs that input alone. --trusted lifts
+the limit of memory; --executor serial, in this process, wants trusted inputs. --scheduler gives the work to a
+dask cluster whose workers see the same files."""
+
+_EXAMPLES = """\
+examples:
+  isochrony batch cruises/ -o results              every *.record.nc below the folder
+  isochrony batch 'cruises/*/day-*.record.nc' -o results --method projection --jobs 8
+  isochrony batch cruises/ -o results --resume --retry-failed
+  isochrony batch demo --sweep gravity=9.78:9.83:11 --repeat 20 -o campaign
+  isochrony batch cruises/ -o results --scheduler tcp://10.0.0.1:8786
+  isochrony batch cruises/ -o results --resume --dry-run
+
+exit status: 0 every input gave a value; 1 some did; 3 none did; 2 usage; 130 interrupted"""
+
+
+def add_parser(verbs: Any) -> argparse.ArgumentParser:
+    """List the verb and its options."""
+    parser: argparse.ArgumentParser = verbs.add_parser(
+        "batch", help="gravity from thousands of records", description=_DESCRIPTION, epilog=_EXAMPLES
+    )
+    add = parser.add_argument
+    add("inputs", metavar="INPUT", nargs="+", help="record, scene, folder, or pattern in quotes")
+    add("-o", dest="out", metavar="FOLDER", required=True, help="folder of results, summary and ledger")
+    add("--method", default="auto", metavar="NAME[,NAME]", help="method or methods (default auto), see process")
+    add("--pair", metavar="A-B", help="labels of the two pendulums to difference, such as 2-3")
+    add(
+        "--gain-uncertainty",
+        type=number("--gain-uncertainty"),
+        default=0.0,
+        metavar="X",
+        help="relative 1-sigma uncertainty of the elongation scale (default 0)",
+    )
+    add("--force", action="store_true", help="do everything anew, whatever is there")
+    add("--json", action="store_true", help="JSON Lines of all results, in order, at the end")
+    grid = parser.add_argument_group("scenes")
+    grid.add_argument("--sweep", action="append", metavar="KEY=VALUES", help="values A,B,C or LOW:HIGH:COUNT of a key")
+    grid.add_argument(
+        "--repeat", type=positive("--repeat"), metavar="N", help="members a point, each with its own seed"
+    )
+    course = parser.add_argument_group("course")
+    course.add_argument("--resume", action="store_true", help="keep what was done and still holds")
+    course.add_argument("--retry-failed", action="store_true", help="--resume, and do again what failed")
+    course.add_argument("--dry-run", action="store_true", help="tell what would be done, and leave")
+    course.add_argument(
+        "--limit", type=positive("--limit"), metavar="N", help="do at most N inputs, keep the others for later"
+    )
+    work = parser.add_argument_group("work")
+    work.add_argument("--jobs", type=positive("--jobs"), metavar="N", help="processes (default: one a processor)")
+    work.add_argument(
+        "--timeout", type=number("--timeout", above=0.0), default=600.0, metavar="S", help="s an input (600)"
+    )
+    work.add_argument("--memory", type=positive("--memory"), default=512, metavar="MIB", help="MiB a process (512)")
+    work.add_argument("--trusted", action="store_true", help="do not limit memory")
+    work.add_argument("--executor", choices=("pool", "serial"), default="pool", help="pool (default) or serial")
+    work.add_argument("--scheduler", metavar="ADDRESS", help="of a dask cluster, such as tcp://10.0.0.1:8786")
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Do the batch, and tell what became of it."""
+    _check(options)
+    from pipeline.batch.campaign import Tally
+    from pipeline.batch.ledger import Ledger
+    from pipeline.batch.log import Log
+    from pipeline.cli.batch_jobs import jobs_of
+    from pipeline.cli.batch_telling import tell_end, tell_plan
+    from pipeline.cli.outputs import folder_for_output
+    from pipeline.provenance import versions
+
+    folder = Path(options.out)
+    jobs = jobs_of(options, folder)
+    _refuse(options, folder, jobs)
+    if options.dry_run:
+        return tell_plan(jobs, folder, versions(), options)
+    tally = Tally(len(jobs))
+    with folder_for_output(folder), Ledger(folder, versions()) as ledger, Log(folder) as log:
+        log.event("begin", command=sys.argv, inputs=len(jobs), versions=versions())
+        try:
+            _do(options, jobs, ledger, log, tally)
+        except (KeyboardInterrupt, SystemExit) as leaving:
+            log.event("interrupted", done=tally.done, kept=tally.kept)
+            told = f"{tally.done + tally.kept} of {tally.total} inputs are done; the same with --resume goes on"
+            print(f"isochrony: interrupted: {told}", file=sys.stderr)
+            return leaving.code if isinstance(leaving, SystemExit) and isinstance(leaving.code, int) else 130
+        return tell_end(jobs, ledger, folder, tally, log, as_json=options.json)
+
+
+def _do(options: argparse.Namespace, jobs: Any, ledger: Any, log: Any, tally: Any) -> None:
+    from pipeline.batch import campaign
+    from pipeline.batch.resume import remove_leftovers
+    from pipeline.batch.summary import write_summary
+    from pipeline.cli.simulate_progress import progress
+    from pipeline.cli.termination import orderly
+
+    folder = Path(options.out)
+    with orderly(), progress("batch", " records") as draw:
+        remove_leftovers(folder)
+        try:
+            campaign.run(
+                jobs,
+                ledger,
+                _executor(options, jobs),
+                log,
+                tally,
+                anew=options.force,
+                retry_failed=options.retry_failed,
+                limit=options.limit,
+                progress=draw,
+            )
+        finally:
+            remove_leftovers(folder)  # of processes that were ended
+        write_summary(jobs, ledger, folder)
+
+
+def _executor(options: argparse.Namespace, jobs: Any) -> Any:
+    """The executor asked for, as a function of jobs alone."""
+    import functools
+
+    methods = jobs[0][1].method
+    if options.scheduler is not None:
+        from pipeline.batch.executors.cluster import clustered
+
+        return functools.partial(clustered, address=options.scheduler, methods=methods, timeout=options.timeout)
+    if options.executor == "serial":
+        from pipeline.batch.executors.serial import serial
+
+        return serial
+    from pipeline.batch.executors.pool import pooled
+
+    workers = min(options.jobs or processors(), len(jobs))
+    return functools.partial(pooled, workers=workers, methods=methods, timeout=options.timeout)
+
+
+def _check(options: argparse.Namespace) -> None:
+    if options.executor == "serial" and not options.trusted:
+        raise UsageError("batch: --executor serial reads inputs in this process, unguarded; add --trusted if they are")
+    if options.executor == "serial" and (options.scheduler is not None or options.jobs is not None):
+        raise UsageError("batch: --executor serial has one process; leave --jobs and --scheduler out")
+    if options.scheduler is not None and options.jobs is not None:
+        raise UsageError("batch: --jobs is about this machine; with --scheduler the cluster's workers count")
+    if options.force and (options.resume or options.retry_failed):
+        raise UsageError("batch: --force does everything anew, --resume keeps what was done; give one of them")
+
+
+def _refuse(options: argparse.Namespace, folder: Path, jobs: Any) -> None:
+    """Raise `UsageError` where something of the user's, or of a batch begun before, would be overwritten."""
+    from pipeline.batch.ledger_index import NAME
+    from pipeline.batch.summary import NAMES
+    from pipeline.cli.outputs import refuse_clashes
+
+    resumes = options.resume or options.retry_failed
+    begun = (folder / NAME).exists()
+    if begun and not (resumes or options.force or options.dry_run):
+        raise UsageError(f"{folder}: a batch was begun there; go on with --resume, or do it anew with --force")
+    inputs = list(dict.fromkeys(path for path, _ in jobs))
+    outputs = [config.output for _, config in jobs] + [folder / name for name in NAMES]
+    refuse_clashes(inputs, outputs, force=begun or options.force)

@@ -1,0 +1,75 @@
+"""The kinds of input that a batch takes, and how each becomes a record; a further kind is one more row of `KINDS`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.batch.config import Allow, Config, Kind
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+    from data_schemas.scene import Scene
+    from pipeline.batch.sweep import Variant
+
+
+def read_record(path: Path, _config: Config, allow: Allow) -> DataTree:
+    """A record file: looked over, then read.
+
+    Raises
+    ------
+    FileError
+        See `data_schemas.read`.
+    """
+    import data_schemas
+
+    return data_schemas.read(path, declared=allow)
+
+
+def simulate_scene(path: Path, config: Config, allow: Allow) -> DataTree:
+    """A scene, or a member of it: simulated, its truth forgotten.
+
+    Raises
+    ------
+    SceneError
+        See `synth.simulate`.
+    """
+    import data_schemas
+    import synth
+
+    scene = data_schemas.load_scene(path)
+    if config.member:
+        scene = member_of(scene, config.member, config.variant)
+    allow(8 * scene.count * (len(scene.traces) + 1))
+    record, _ = synth.simulate(scene)
+    return record
+
+
+def member_of(scene: Scene, number: int, variant: Variant) -> Scene:
+    """The scene of one point of a grid, with a seed of its own.
+
+    Raises
+    ------
+    SceneError
+        A key that the scene does not have, or a value that is not allowed.
+    """
+    from synth.ensemble_scenes import members
+
+    vary = {key: _constant(value) for key, value in variant}
+    next(members(scene, 1, vary=vary))  # an unknown key is told with the nearest known one
+    from synth.ensemble_scenes import member
+
+    return member(scene, number, vary=vary)
+
+
+def _constant(value: Any) -> Callable[[object], Any]:
+    return lambda _chance: value
+
+
+KINDS = (
+    Kind("record", (".record.nc", ".nc"), read_record),
+    Kind("scene", (".toml",), simulate_scene, searched=False),
+)
+"""All kinds, by the endings of their files."""

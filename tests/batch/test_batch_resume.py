@@ -1,0 +1,98 @@
+"""What is kept: same input, settings, versions, an output as it was written; never because a file exists."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from batch_parts import config_of
+
+from data_schemas.errors import FileError
+from pipeline.batch.ledger import Ledger
+from pipeline.batch.outcome import failure
+from pipeline.batch.record import process_record
+from pipeline.batch.resume import holds, remove_leftovers
+
+
+@pytest.fixture
+def done(small, out, tmp_path):
+    """A job that was done, and its ledger."""
+    path = Path(shutil.copy(small, tmp_path / "a.record.nc"))
+    config = config_of(out, "a")
+    with Ledger(out, "{}") as ledger:
+        ledger.append([process_record(path, config)], {config.key: config.sha256})
+        yield path, config, ledger
+
+
+def test_what_was_done_holds(done):
+    assert holds(*done)
+    assert holds(*done, retry_failed=True)
+
+
+def test_an_output_alone_is_not_enough(done, out):
+    path, config, _ = done
+    os.rename(out / "ledger.jsonl", out / "aside")
+    with Ledger(out, "{}") as empty:
+        assert not holds(path, config, empty)
+
+
+@pytest.mark.parametrize("which", ["input", "output"])
+def test_a_single_bit_of_input_or_output_counts(done, which):
+    path, config, ledger = done
+    target = path if which == "input" else config.output
+    whole = bytearray(target.read_bytes())
+    whole[len(whole) // 2] ^= 1
+    target.write_bytes(whole)
+    assert not holds(path, config, ledger)
+
+
+@pytest.mark.parametrize("which", ["input", "output"])
+def test_what_is_gone_does_not_hold(done, which):
+    path, config, ledger = done
+    (path if which == "input" else config.output).unlink()
+    assert not holds(path, config, ledger)
+
+
+def test_other_settings_and_versions_do_not_hold(done, out):
+    path, _, ledger = done
+    assert not holds(path, config_of(out, "a", gain_uncertainty=0.01), ledger)
+    ledger.versions = "other"
+    assert not holds(path, config_of(out, "a"), ledger)
+
+
+def test_failures_hold_until_they_are_to_be_tried_again(done):
+    path, config, ledger = done
+    for status, again in (("failed", False), ("refused", True)):
+        line = failure(config.key, "RecordError", "bad", ledger.places[config.key].input_sha256)
+        ledger.append([type(line)(line.key, status, "x", "bad", line.input_sha256)], {config.key: config.sha256})
+        assert holds(path, config, ledger)
+        assert holds(path, config, ledger, retry_failed=True) == again
+
+
+def test_an_input_that_was_not_there_and_still_is_not(done):
+    path, config, ledger = done
+    path.unlink()
+    ledger.append([failure(config.key, "FileError", "No such file")], {config.key: config.sha256})
+    assert holds(path, config, ledger)
+
+
+def test_leftovers_of_killed_processes_go_and_nothing_else(out):
+    (out / "deep").mkdir()
+    for name in (".isochrony-1.part", "deep/.isochrony-2.part", "mine.part", "a.result.nc"):
+        (out / name).write_text("")
+    assert remove_leftovers(out) == 2
+    assert sorted(path.name for path in out.rglob("*") if path.is_file()) == ["a.result.nc", "mine.part"]
+
+
+def test_a_leftover_that_stays_is_told(out, monkeypatch):
+    (out / ".isochrony-1.part").write_text("")
+
+    def fail(*_, **__):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(Path, "unlink", fail)
+    with pytest.raises(FileError, match="cannot be removed, Read-only file system; remove it yourself"):
+        remove_leftovers(out)

@@ -1,0 +1,98 @@
+"""The same by dask: what the pool gives, crashes and hangs included; schedulers that are not there are told."""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from batch_parts import METHODS, config_of, numbers_of
+
+from data_schemas.errors import UsageError
+from pipeline.batch.executors.cluster import clustered
+from pipeline.batch.executors.serial import serial
+
+ROOT = Path(__file__).parents[2]
+
+
+# dask's own, and those of sockets it closes when it likes
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+
+def jobs_of(small, tmp_path, out, words):
+    jobs = []
+    for number, word in enumerate(words):
+        path = tmp_path / f"{word}-{number}.record.nc"
+        shutil.copy(small, path)
+        jobs.append((path, config_of(out, f"{number}")))
+    return jobs
+
+
+def check(address, small, tmp_path, out, words):
+    """Good records come out as serially, the bad ones cost themselves alone."""
+    jobs = jobs_of(small, tmp_path, out, words)
+    coming = clustered(jobs, address=address, methods=METHODS, timeout=20.0)
+    outcomes = {one.key: one for batch in coming for one in batch}
+    classes = {"good": None, "crash": "Crashed", "hang": "TimedOut"}
+    assert [outcomes[config.key].error_class for _, config in jobs] == [classes[word] for word in words]
+    path, config = jobs[0]
+    alone = config_of(out / "serial", config.key)
+    ((one,),) = serial([(path, alone)])
+    assert one.rows == outcomes[config.key].rows
+    assert numbers_of(alone.output) == numbers_of(config.output)
+
+
+@pytest.mark.compiled
+def test_a_local_cluster(small, tmp_path, out):
+    """In threads: what is in these processes is seen by coverage; faults of the cluster's own are outcomes too."""
+    LocalCluster = pytest.importorskip("distributed").LocalCluster
+    settings = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
+    with LocalCluster(**settings, local_directory=str(tmp_path / "dask")) as cluster:
+        check(cluster.scheduler_address, small, tmp_path, out, ["good", "crash", "good", "good", "good"])
+        odd = config_of(out, "odd")
+        coming = clustered([(small, odd)], address=cluster.scheduler_address, methods=METHODS, timeout=None)
+        ((one,),) = coming
+        assert one.error_class == "WorkerLost"
+        assert "odd.result.nc: the cluster gave it up: TypeError" in one.error
+        assert list(clustered([], address=cluster.scheduler_address, methods=METHODS, timeout=1.0)) == []
+
+
+@pytest.mark.compiled
+def test_scheduler_and_workers_of_their_own_on_the_loopback(small, tmp_path, out):
+    """As on a cluster: separate processes that know nothing of each other but an address."""
+    env = os.environ | {"PYTHONPATH": f"{ROOT}:{Path(__file__).parent}"}
+    start = functools.partial(subprocess.Popen, env=env, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    here = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
+    with start([sys.executable, "-m", "distributed.cli.dask_scheduler", *here]) as scheduler:
+        processes = [scheduler]
+        try:
+            told = next(line for line in scheduler.stderr if "Scheduler at" in line)
+            address = re.search(r"tcp://127\.0\.0\.1:\d+", told)[0]
+            with pytest.raises(UsageError, match="has no workers; start some with"):
+                next(clustered([(small, config_of(out, "a"))], address=address, methods=METHODS, timeout=5.0))
+            one_each = ["--nworkers", "2", "--nthreads", "1", "--no-dashboard", "--local-directory", str(tmp_path)]
+            processes.append(start([sys.executable, "-m", "distributed.cli.dask_worker", address, *one_each]))
+            next(line for line in processes[1].stderr if "Starting established connection" in line)
+            check(address, small, tmp_path, out, ["good", "hang", "good"])
+        finally:
+            for process in reversed(processes):
+                process.terminate()
+                process.communicate()
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x"])
+def test_a_scheduler_that_does_not_answer_is_told(small, out, address):
+    pytest.importorskip("distributed")
+    with pytest.raises(UsageError, match=f"--scheduler {address}: no scheduler answers"):
+        next(clustered([(small, config_of(out, "a"))], address=address, methods=METHODS, timeout=5.0))
+
+
+def test_without_dask_the_remedy_is_told(small, out, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(UsageError, match=r"install 'isochrony\[cluster\]'"):
+        next(clustered([(small, config_of(out, "a"))], address="tcp://x:1", methods=METHODS, timeout=5.0))

@@ -1,0 +1,46 @@
+"""Scene files made to hang, to exhaust or to trip the parser: each is refused in one line."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from data_schemas import validate
+from data_schemas.errors import SceneError
+from data_schemas.scene import MOST_BYTES, load_scene
+
+
+def large(path):
+    with path.open("wb") as file:
+        file.truncate(MOST_BYTES + 1)
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda path: path.write_text("a = " + "[" * 100_000), "nested too deeply"),
+        (lambda path: path.write_text("a = " + "{b = " * 100_000), "nested too deeply"),
+        (lambda path: path.write_text("a = " + "9" * 5000), "is not TOML: Exceeds the limit"),
+        (lambda path: path.write_bytes(b"\xff\xfe"), "not text in UTF-8"),
+        (lambda path: path.write_text("a = 1\na = 2"), "is not TOML: "),
+        (lambda path: path.symlink_to("/dev/zero"), "not an ordinary file"),
+        (os.mkfifo, "not an ordinary file"),
+        (os.mkdir, "not an ordinary file"),
+        (large, "as no scene is"),
+        (lambda _: None, "No such file"),
+    ],
+)
+def test_it_is_refused_in_one_line(tmp_path, make, told):
+    path = tmp_path / "scene.toml"
+    make(path)
+    with pytest.raises(SceneError, match=told) as refusal:
+        load_scene(path)
+    assert str(refusal.value).startswith(f"{path}: ")
+    assert len(str(refusal.value).splitlines()) == 1
+    assert validate(path) == [str(refusal.value)]
+
+
+def test_a_path_that_no_system_has():
+    with pytest.raises(SceneError, match="null byte"):
+        load_scene("a\0b.toml")

@@ -19,6 +19,7 @@ from pipeline.film.row_times import row_times
 BLOCK = 30.0  # s
 _CLUSTER = 2.0  # s: four marks, two swings
 _FEWEST = 12  # readings in a block: three a term
+_FEWEST_BLOCKS = 6  # for a drift and its scatter
 MOST_SIGMAS = 3.0
 
 
@@ -43,6 +44,33 @@ class PhaseDifference:
         """Where the difference is more than three sigma, (traces, blocks)."""
         with np.errstate(invalid="ignore"):
             return np.asarray(np.abs(self.phase) > MOST_SIGMAS * self.sigma)
+
+
+def clock_uncertainty(difference: PhaseDifference, period: float) -> float | None:
+    """Relative 1 sigma of the time axis's rate, told from how the two readings drift apart; None for a short film.
+
+    The strobe reads at the marks and needs no times between them. Slow errors of the time axis, which no noise of
+    single readings shows, are a drift of its phase against that of the rows, the same on all traces.
+
+    Parameters
+    ----------
+    period : float
+        Of the swing, s.
+    """
+    found, weight = [], []
+    for phase, sigma in zip(difference.phase, difference.sigma, strict=True):
+        seen = np.isfinite(phase) & (sigma > 0.0)
+        if np.count_nonzero(seen) < _FEWEST_BLOCKS:
+            continue
+        start = difference.start[seen]
+        (drift, _), covariance = np.polyfit(start - start.mean(), phase[seen], 1, w=1.0 / sigma[seen], cov=True)
+        found.append(float(drift))
+        weight.append(1.0 / float(covariance[0, 0]))
+    if not found:
+        return None
+    # the traces share the axis, so that their errors are one: the mean drift, and the error of the best of them
+    mean = float(np.average(found, weights=weight))
+    return float(np.hypot(mean, max(weight) ** -0.5)) * period / (2.0 * np.pi)
 
 
 def compare(tracks: Tracks, axis: TimeAxis, samples: Samples, strobe: Strobe) -> PhaseDifference:

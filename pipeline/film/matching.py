@@ -47,8 +47,8 @@ def match(described: Sequence[DescribedTrace], rest: Floats, swing: Floats) -> l
 
     def strangeness(order: Iterable[int]) -> float:
         order = list(order)
-        apart = rest[order] - places
-        cost = float(np.sum((apart - np.median(apart)) ** 2))
+        # a shift of all places alike costs every order the same
+        cost = float(np.sum((rest[order] - places) ** 2))
         for size, found in zip(sizes, order, strict=True):
             if size is not None and swing[found] > 0.0:
                 cost += (_FACTOR * float(np.log(swing[found] / size))) ** 2

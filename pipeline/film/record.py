@@ -11,6 +11,7 @@ from data_schemas.errors import UsageError
 from data_schemas.film_description import DescribedTrace, FilmDescription
 from data_schemas.layouts import CONVENTIONS, VERSION
 from data_schemas.variables import VARIABLES, attributes
+from pipeline.film.comparing import clock_uncertainty
 from pipeline.film.film_scale import rows_per_second
 from pipeline.film.knowledge import Known, default_traces
 from pipeline.film.matching import match
@@ -71,7 +72,7 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
         ),
         "/film": _film(reading, known, traces, lever, rest[order]),
     }
-    instrument = _instrument(known, pendulums, needed=len(traces) > 1)
+    instrument = _instrument(known, pendulums, _rate_uncertainty(reading), needed=len(traces) > 1)
     if instrument is not None:
         groups["/instrument"] = instrument
     return xr.DataTree.from_dict(groups)
@@ -161,7 +162,17 @@ def flags(reading: Reading) -> list[str]:
     return found
 
 
-def _instrument(known: Known, pendulums: Sequence[Any], *, needed: bool) -> xr.Dataset | None:
+def _rate_uncertainty(reading: Reading) -> float | None:
+    """By how much the film's time axis may run wrong, s a day; None at the marks alone, whose times are exact."""
+    if reading.kind == "strobe" or reading.difference is None:
+        return None
+    relative = clock_uncertainty(reading.difference, reading.tracks.rows_per_swing / rows_per_second(reading.axis))
+    return None if relative is None else 86400.0 * relative
+
+
+def _instrument(
+    known: Known, pendulums: Sequence[Any], rate_uncertainty: float | None, *, needed: bool
+) -> xr.Dataset | None:
     """Constants of the instrument; None where nothing is known of it nor needed."""
     description = known.description
     values: dict[str, Any] = {}
@@ -184,6 +195,10 @@ def _instrument(known: Known, pendulums: Sequence[Any], *, needed: bool) -> xr.D
             raise UsageError("the gravity at which the periods hold is missing; add --gravity, in m/s2")
     if not values:
         return None
+    if rate_uncertainty is not None:
+        values.setdefault("chronometer_rate", 0.0)
+        stated_uncertainty = values.get("chronometer_rate_uncertainty", 0.0)
+        values["chronometer_rate_uncertainty"] = float(np.hypot(stated_uncertainty, rate_uncertainty))
     instrument = _dataset("instrument", values, {"pendulum": [str(each.label) for each in pendulums]})
     if description is not None and "restoring" in description.model_fields_set:
         instrument.attrs["restoring"] = description.restoring

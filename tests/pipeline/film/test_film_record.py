@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 
 import numpy as np
@@ -11,6 +12,7 @@ from film_stand_ins import LEVER, PERIODS, SCALE, angles, reading
 import data_schemas
 from data_schemas.errors import RecordError, UsageError
 from data_schemas.film_description import DescribedTrace, FilmDescription
+from pipeline.film.comparing import clock_uncertainty
 from pipeline.film.film_scale import film_scale, rows_per_second
 from pipeline.film.knowledge import ASSUMED_LEVER, FilmOptions, Known
 from pipeline.film.matching import match
@@ -113,8 +115,10 @@ def test_traces_are_told_by_their_places_and_else_stand_from_the_left(tmp_path):
     for k, name in enumerate(("1", "1-2")):
         true = angles(time)[name]
         values = record["record"].dataset["elongation"].values[k]
+        assert abs(np.nanmean(values)) < 1e-6
         assert np.corrcoef(values[np.isfinite(values)], true[np.isfinite(values)])[0, 1] > 0.999
-    record = make_record(reading(tmp_path, swapped=True), Known(None, FilmOptions(traces=("1-2", "1"), periods=PERIODS, gravity=9.8)), "a")  # fmt: skip  # noqa: E501
+    options = FilmOptions(traces=("1-2", "1"), periods=PERIODS, gravity=9.8)
+    record = make_record(reading(tmp_path, swapped=True), Known(None, options), "a")
     assert [str(label) for label in record["record"].dataset["trace"].values] == ["1-2", "1"]
 
 
@@ -185,3 +189,20 @@ def test_readings_that_agree_are_not_flagged_and_a_late_one_is(tmp_path):
     # 1 ms of delay is 6.2 mrad of a swing of a second
     np.testing.assert_allclose(np.nanmean(late.phase), -2 * np.pi / 1.01 * 1e-3, rtol=0.1)
     assert late.disagree.mean() > 0.8
+
+
+def test_a_time_axis_that_drifts_is_an_uncertainty_of_the_chronometer(tmp_path):
+    found = reading(tmp_path, noise=0.2, seconds=600.0)
+    steady = clock_uncertainty(found.difference, 1.01)
+    assert 0.0 < steady < 2e-6
+    drifting = found.difference.phase + 2 * np.pi / 1.01 * 1e-5 * found.difference.start
+    drift = clock_uncertainty(dataclasses.replace(found.difference, phase=drifting), 1.01)
+    assert drift == pytest.approx(1e-5, rel=0.2)
+    record = make_record(found, Known(described(instrument={"reference_gravity": 9.81, "chronometer_rate": 2.0})), "a")
+    instrument = record["instrument"].dataset
+    assert float(instrument["chronometer_rate"]) == 2.0
+    assert float(instrument["chronometer_rate_uncertainty"]) == pytest.approx(86400.0 * steady, rel=0.02)
+    assert data_schemas.check(record, "record") == []
+    at_marks = make_record(reading(tmp_path, seconds=600.0, kind="strobe"), Known(described()), "a")
+    assert "chronometer_rate" not in at_marks["instrument"].dataset
+    assert clock_uncertainty(reading(tmp_path, seconds=60.0).difference, 1.01) is None

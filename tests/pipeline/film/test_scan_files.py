@@ -220,6 +220,13 @@ def test_hostile_files_give_one_clear_line(tmp_path):
         assert ":" in message, name
 
 
+def test_a_file_that_was_cut_off_is_refused_before_anything_is_read(tmp_path):
+    paths = hostile(tmp_path)
+    for name in ("truncated-plain", "truncated-tiff"):
+        with pytest.raises(FileError, match=r"cut off|damaged"):
+            open_scan(paths[name])
+
+
 def test_tiff_cut_or_changed_at_any_byte_never_leaves_with_another_fault(tmp_path):
     good = save(tmp_path / "good.tif", film(64, 40), rowsperstrip=16, compression="zlib").read_bytes()
     rng = np.random.default_rng(1)

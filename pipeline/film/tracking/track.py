@@ -13,7 +13,7 @@ from pipeline.film.tracking.judgement import flag_lost
 from pipeline.film.tracking.optics import Optics
 from pipeline.film.tracking.ordering import order
 from pipeline.film.tracking.passes import Film, Outcome, backward, forward
-from pipeline.film.tracking.probing import probe
+from pipeline.film.tracking.probing import SURE, probe
 from pipeline.film.tracking.section import Section, read_section
 
 NOTHING = (
@@ -77,6 +77,7 @@ def track(
         _refuse_strangers(out, k)
         flag_lost(out.position[k], out.course[k], out.qc[k], film.period)
     _refuse_unread(out)
+    _refuse_doubles(out, optics.spot)
     rank = order(out.course, out.slope, expected)
     return Tracks(
         out.position[rank],
@@ -116,6 +117,19 @@ def _refuse_unread(out: Outcome) -> None:
         )
 
 
+def _refuse_doubles(out: Outcome, spot: float) -> None:
+    """Refuse a film on which two traces are read as one line for most of their way."""
+    for a in range(out.course.shape[0]):
+        for b in range(a):
+            away = np.abs(out.course[a] - out.course[b]) / np.sqrt(1.0 + out.slope[a] ** 2)
+            away = away[np.isfinite(away)]
+            if away.size and float(np.mean(away < spot)) > 0.5:
+                raise RefusedError(
+                    f"traces {b + 1} and {a + 1} of the film lie on each other on {100.0 * np.mean(away < spot):.0f} % of"
+                    " the rows, at most half of them is allowed: give count, or cut the film where they lie apart"
+                )
+
+
 def _first_section(film: Film, probed: Section) -> Section:
     """The first section of the film on which all traces are found."""
     height = round(6.0 * film.period)
@@ -123,7 +137,7 @@ def _first_section(film: Film, probed: Section) -> Section:
         if first >= probed.first:
             break
         piece = film.darkness(first, min(film.scan.rows, first + height))
-        section = read_section(piece, first, film.optics, film.period, len(probed.swings))
+        section = read_section(piece, first, film.optics, film.period, len(probed.swings), least=SURE)
         if section is not None and len(section.swings) == len(probed.swings):
             return section
     return probed

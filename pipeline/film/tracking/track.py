@@ -125,8 +125,8 @@ def _refuse_doubles(out: Outcome, spot: float) -> None:
             away = away[np.isfinite(away)]
             if away.size and float(np.mean(away < spot)) > 0.5:
                 raise RefusedError(
-                    f"traces {b + 1} and {a + 1} of the film lie on each other on {100.0 * np.mean(away < spot):.0f} % of"
-                    " the rows, at most half of them is allowed: give count, or cut the film where they lie apart"
+                    f"traces {b + 1} and {a + 1} of the film lie on each other on more than half of the rows: give"
+                    " count, or cut the film where they lie apart"
                 )
 
 

@@ -9,7 +9,7 @@ from pipeline.film.marks.curve_kernels import REACH, draw, place
 from synth.kernels.compiled import kernel
 
 PARAMETERS = 5
-STEP = 0.8  # spots between spots drawn
+STEP = 1.0  # spots between spots drawn: their sum is even to 1e-8
 FLANK = 8.0  # spots of line on either side of the gap
 
 

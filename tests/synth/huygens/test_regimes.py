@@ -153,3 +153,13 @@ def test_a_chain_outside_its_range() -> None:
         printed(0.3)
     with pytest.raises(UsageError, match="drive = 0"):
         corrected(-0.3, 0.0)
+
+
+def test_equal_clocks_may_stand_unequally() -> None:
+    """In the full system a mirrored pair of regimes lies between in phase and quadrature: v_1 = -v_2, not v_1 = v_2."""
+    found = solutions(Clocks(0.02, 0.01, 1.2e-4, (0.028, 0.028), 0.2), shifts=True)
+    assert len(found) == 4
+    one, other = (each for each in found if 1e-3 < abs(each.offset) < 1.5)
+    assert one.offset == pytest.approx(-other.offset, abs=1e-9)
+    assert one.amplitude == pytest.approx(other.amplitude[::-1], abs=1e-9)
+    assert abs(one.amplitude[0] - one.amplitude[1]) > 1e-3

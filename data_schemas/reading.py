@@ -143,6 +143,8 @@ def _contents(
             raise FileError(f"{where}: is there twice; keep one")
         try:
             values = (text if is_text(one.array.id.get_type()) else numbers)(one.array.id, where)
+        except MemoryError:
+            raise FileError(f"{where}: takes more memory than this process may have; give it more") from None
         except _DAMAGE as error:
             reason = shown(" ".join(str(error).split()), 120)
             raise FileError(f"{where}: its values are damaged ({reason}); restore the file") from error

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,7 +21,8 @@ def bounded(fixed: int | None) -> Iterator[Allow]:
 
     What the system can limit is address space, of which a process that has compiled code maps hundreds of MiB that it
     never touches. So the limit is what may be held in memory plus what is mapped and not held now: then an allocation
-    that would pass the bound fails, with a `MemoryError` or the end of the process.
+    that would pass the bound fails, with a `MemoryError` or the end of the process. What an input declares may be a
+    bomb, a megabyte that unpacks to gigabytes: it never gives more than half of the machine's memory.
 
     Parameters
     ----------
@@ -42,8 +42,10 @@ def bounded(fixed: int | None) -> Iterator[Allow]:
     before = resource.getrlimit(resource.RLIMIT_AS)
     mapped, held = (int(word) * os.sysconf("SC_PAGE_SIZE") for word in _STATM.read_text().split()[:2])
 
+    half = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
+
     def allow(declared: int) -> None:
-        limit = min(mapped - held + fixed + PER_DECLARED * declared, sys.maxsize)
+        limit = mapped - held + max(fixed, min(fixed + PER_DECLARED * declared, half))
         hard = before[1]
         resource.setrlimit(resource.RLIMIT_AS, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
 

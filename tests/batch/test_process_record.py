@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+import zlib
 
+import h5py
 import numpy as np
 import pytest
 from batch_parts import POISON, config_of, numbers_of, write_record
@@ -127,6 +129,24 @@ def test_memory_grows_with_what_is_declared_and_no_further(small, out):
     assert outcome.error_class == "MemoryError"
     assert seen[1] - seen[0] == 12 * (100 << 20)
     assert resource.getrlimit(resource.RLIMIT_AS) == before
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits address space")
+def test_a_bomb_gets_half_of_the_machine_at_most(small, out, tmp_path, monkeypatch):
+    """A gibibyte of zeros in a file of a megabyte, read on a machine that has one."""
+    path = tmp_path / "bomb.record.nc"
+    path.write_bytes(small.read_bytes())
+    with h5py.File(path, "r+") as file:
+        bomb = file.create_dataset("record/bomb", (1 << 27,), "f8", chunks=(1 << 22,), compression=9)
+        packed = zlib.compress(bytes(1 << 25), 9)
+        for start in range(0, 1 << 27, 1 << 22):
+            bomb.id.write_direct_chunk((start,), packed)
+    assert path.stat().st_size < 2 << 20
+    real = os.sysconf
+    monkeypatch.setattr(limits.os, "sysconf", lambda name: (1 << 30) // 4096 if name == "SC_PHYS_PAGES" else real(name))
+    outcome = process_record(path, config_of(out, "a", memory=512 << 20))
+    assert outcome.error_class == "FileError"
+    assert "record/bomb: takes more memory than this process may have; give it more" in outcome.error
 
 
 def test_where_memory_cannot_be_limited_it_is_not(small, out, monkeypatch, tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small_film import (
+from spot_film import (
     CONTRAST,
     DENSEST,
     FOG,

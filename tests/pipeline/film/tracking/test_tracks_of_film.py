@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small_film import PERIOD, Sheet, Swinging, developed, exposure_of, shutter
+from spot_film import PERIOD, Sheet, Swinging, developed, exposure_of, shutter
 
 from data_schemas.errors import RefusedError
 from data_schemas.variables_record import ELONGATION_FLAGS

@@ -7,6 +7,7 @@ so a mean is taken of what lies about the middle, clipped again and again.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,11 +80,16 @@ def _clipped_mean(values: Floats) -> tuple[float, float]:
 
 def _smoothed(level: Floats) -> Floats:
     """Blocks that stand out of their neighbours (handwriting, dirt) take their neighbours' median."""
-    padded = np.pad(level, 1, mode="edge")
+    padded = np.pad(np.pad(level, ((1, 1), (0, 0)), **_edge(level.shape[0])), ((0, 0), (1, 1)), **_edge(level.shape[1]))
     around = np.stack([padded[i : i + level.shape[0], j : j + level.shape[1]] for i in range(3) for j in range(3)])
     median = np.median(around, axis=0)
     away = np.abs(level - median)
     return np.where(away > 4.0 * np.median(away) + 1e-4, median, level)
+
+
+def _edge(size: int) -> dict[str, Any]:
+    """How to go on beyond the edge: along the slope there, so that vignette does not stand out."""
+    return {"mode": "reflect", "reflect_type": "odd"} if size > 1 else {"mode": "edge"}
 
 
 @kernel

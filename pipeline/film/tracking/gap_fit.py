@@ -13,7 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.tracking.line_profile import MOST_NODES, REACH, along_film, light_nodes, nodes_of, profile
+from pipeline.film.tracking.line_profile import (
+    EDGE_FINENESS,
+    MOST_NODES,
+    REACH,
+    along_film,
+    light_nodes,
+    nodes_of,
+    profile,
+)
 from synth.kernels.compiled import kernel
 
 Integers = NDArray[np.int64]
@@ -113,7 +121,7 @@ def fit_gaps(
                     left, size = bounds[slot, 0], bounds[slot, 1] - bounds[slot, 0]
                     if size < 4:
                         continue
-                    row = first + i + 0.5
+                    row, state, fine = first + i + 0.5, states[i, k], EDGE_FINENESS
                     closed = parts[slot, :, :size]
                     dark_from = along_film(states[i, k], shear, middle - 0.5 * length - row)
                     dark_to = along_film(states[i, k], shear, middle + 0.5 * length - row)
@@ -121,14 +129,14 @@ def fit_gaps(
                     dark_from, dark_to = max(-reach, min(reach, dark_from)), max(-reach, min(reach, dark_to))
                     count = 0
                     if dark_to > dark_from:
-                        count = light_nodes(states[i, k], spot, shear, dark_from, dark_to, 1.0, nodes, 0, MOST_NODES)
+                        count = light_nodes(state, spot, shear, dark_from, dark_to, 1.0, nodes, 0, MOST_NODES, fine)
                     lost = edges[0, :, :size]
                     profile(nodes, count, 0.0, 0.0, spot, left, lost)
                     for j in range(size):
                         closed[1, j] = max(closed[0, j] - lamp[k, i] * lost[0, j], 0.0)
-                    light_nodes(states[i, k], spot, shear, dark_from - STEP, dark_from + STEP, 0.5 / STEP, nodes, 0, 2)
+                    light_nodes(state, spot, shear, dark_from - STEP, dark_from + STEP, 0.5 / STEP, nodes, 0, 2, fine)
                     profile(nodes, 2, 0.0, 0.0, spot, left, edges[0, :, :size])
-                    light_nodes(states[i, k], spot, shear, dark_to - STEP, dark_to + STEP, 0.5 / STEP, nodes, 0, 2)
+                    light_nodes(state, spot, shear, dark_to - STEP, dark_to + STEP, 0.5 / STEP, nodes, 0, 2, fine)
                     profile(nodes, 2, 0.0, 0.0, spot, left, edges[1, :, :size])
                     for j in range(size):
                         place = closed[1, j] / table_step
@@ -179,7 +187,7 @@ def take_gaps(
         begin = max(-reach, along_film(state, shear, gaps[g, 0] - row))
         stop = min(reach, along_film(state, shear, gaps[g, 1] - row))
         if stop > begin:
-            count = light_nodes(state, spot, shear, begin, stop, factor, nodes, 0, MOST_NODES)
+            count = light_nodes(state, spot, shear, begin, stop, factor, nodes, 0, MOST_NODES, EDGE_FINENESS)
             profile(nodes, count, 0.0, 0.0, spot, left, work)
             for j in range(work.shape[1]):
                 part[0, j] += work[0, j]

@@ -18,18 +18,19 @@ from pipeline.arrays import Floats
 from synth.kernels.compiled import kernel
 
 REACH = 4.0  # spots: what lies farther leaves less than 3e-4
-FINENESS = 1.25
+FINENESS = 1.25  # spots a step, where the light comes and goes with the Gaussian
+EDGE_FINENESS = 0.6  # where it is cut off
 FULL_NODES, MOST_NODES = 1000, 2000
 
 
 @kernel
 def finest_step(state: Floats, spot: float) -> float:
-    """Step along the film at which the sum over nodes is as good as the integral."""
+    """Step along the film that moves the spot by its own width."""
     rate, bend = state[1] - state[5] * state[4], state[2] - state[5] * state[5] * state[3]
     swing = math.sqrt(state[3] * state[3] + state[4] * state[4])
     steepest = abs(state[1]) + 3.0 * spot * abs(state[2]) + abs(state[5]) * swing
     steepest = min(steepest, abs(rate) + 3.0 * spot * abs(bend) + spot * spot * abs(state[5]) ** 3 * swing)
-    return FINENESS * spot / math.sqrt(1.0 + steepest * steepest)
+    return spot / math.sqrt(1.0 + steepest * steepest)
 
 
 @kernel
@@ -43,9 +44,10 @@ def light_nodes(
     nodes: Floats,
     count: int,
     most: int,
+    fineness: float,
 ) -> int:
     """Add the nodes of a stretch, `begin` to `stop` along the film from this row, to `count`; never over `most`."""
-    step = finest_step(state, spot)
+    step = fineness * finest_step(state, spot)
     number = min(max(int((stop - begin) / step) + 1, 2), most - count)
     step = (stop - begin) / number
     along = begin + 0.5 * step
@@ -95,7 +97,7 @@ def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float,
     """
     steepest = abs(state[1]) + abs(state[5]) * math.sqrt(state[3] * state[3] + state[4] * state[4])
     reach = REACH * spot * (1.0 + abs(shear) * steepest)
-    count = light_nodes(state, spot, shear, -reach, reach, 1.0, nodes, 0, FULL_NODES)
+    count = light_nodes(state, spot, shear, -reach, reach, 1.0, nodes, 0, FULL_NODES, FINENESS)
     for g in range(gaps.shape[0]):
         if gaps[g, 1] < row - REACH * spot:
             continue
@@ -104,7 +106,7 @@ def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float,
         begin = max(-reach, along_film(state, shear, gaps[g, 0] - row))
         stop = min(reach, along_film(state, shear, gaps[g, 1] - row))
         if stop > begin and count < MOST_NODES - 2:
-            count = light_nodes(state, spot, shear, begin, stop, -1.0, nodes, count, MOST_NODES)
+            count = light_nodes(state, spot, shear, begin, stop, -1.0, nodes, count, MOST_NODES, EDGE_FINENESS)
     return count
 
 

@@ -18,6 +18,7 @@ from pipeline.film.tracking.judgement import judge, openness
 from pipeline.film.tracking.matching import match
 from pipeline.film.tracking.optics import Optics
 from pipeline.film.tracking.pieces import Filter, Piece, run, run_again
+from pipeline.film.tracking.probing import SURE
 from pipeline.film.tracking.reading import FIELDS, read_piece
 from pipeline.film.tracking.section import Section, read_section
 
@@ -103,7 +104,7 @@ def _look_again(
         names: list[int] | None = list(range(len(last)))
     else:
         ahead = min(film.scan.rows, first + max(stop - first, round(SECTION_SWINGS * film.period)))
-        section = read_section(film.darkness(first, ahead), first, film.optics, film.period, len(last))
+        section = read_section(film.darkness(first, ahead), first, film.optics, film.period, len(last), least=SURE)
         names = match(section, last) if section is not None else None
     if section is None or names is None:
         return

@@ -37,7 +37,7 @@ def sections(rows: int, height: int) -> Iterator[tuple[int, int]]:
     seen: list[int] = []
     for place in PLACES:
         first = int(np.clip(round(place * rows - 0.5 * height), 0, max(0, rows - height)))
-        if all(abs(first - other) >= height for other in seen):
+        if all(abs(first - other) >= height // 2 for other in seen):
             seen.append(first)
             yield first, min(rows, first + height)
 

@@ -12,9 +12,10 @@ from pipeline.film.parts import Expected, Scan, Tracks
 from pipeline.film.tracking.judgement import flag_lost
 from pipeline.film.tracking.optics import Optics
 from pipeline.film.tracking.ordering import order
-from pipeline.film.tracking.passes import Film, Outcome, backward, forward
-from pipeline.film.tracking.probing import probe
-from pipeline.film.tracking.section import Section, read_section
+from pipeline.film.tracking.passes import SECTION_SWINGS, Film, Outcome, backward, forward
+from pipeline.film.tracking.pieces import run, start
+from pipeline.film.tracking.probing import SURE, probe
+from pipeline.film.tracking.section import Section, follow_together, read_section
 
 NOTHING = (
     "no swinging trace found on the film: lines that turn at regular intervals are looked for, dark on light, with rows"
@@ -22,6 +23,7 @@ NOTHING = (
 )
 
 
+NEAR_PIECES, FAR_PIECES = 3, 8  # looked at from the film's start, and between there and what is followed back
 LEAST_READ = 0.15
 STRANGE = 4.0
 
@@ -77,6 +79,7 @@ def track(
         _refuse_strangers(out, k)
         flag_lost(out.position[k], out.course[k], out.qc[k], film.period)
     _refuse_unread(out)
+    _refuse_doubles(out, optics.spot)
     rank = order(out.course, out.slope, expected)
     return Tracks(
         out.position[rank],
@@ -98,8 +101,8 @@ def _refuse_strangers(out: Outcome, trace: int) -> None:
     if misfit > STRANGE:
         raise RefusedError(
             f"trace {trace + 1} of the film does not look like one line: on a quarter of its rows the mean square"
-            f" residual is over {misfit:.1f} times the grain's, at most {STRANGE:g} is allowed; another trace may lie on"
-            " it: give count, or cut the film where it can be read"
+            f" residual is over {misfit:.1f} times the grain's, at most {STRANGE:g} is allowed; another trace may lie"
+            " on it: give count, or cut the film where it can be read"
         )
 
 
@@ -116,14 +119,56 @@ def _refuse_unread(out: Outcome) -> None:
         )
 
 
+def _refuse_doubles(out: Outcome, spot: float) -> None:
+    """Refuse a film on which two traces are read as one line for most of their way."""
+    for a in range(out.course.shape[0]):
+        for b in range(a):
+            away = np.abs(out.course[a] - out.course[b]) / np.sqrt(1.0 + out.slope[a] ** 2)
+            away = away[np.isfinite(away)]
+            if away.size and float(np.mean(away < spot)) > 0.5:
+                raise RefusedError(
+                    f"traces {b + 1} and {a + 1} of the film lie on each other on more than half of the rows: give"
+                    " count, or cut the film where they lie apart"
+                )
+
+
 def _first_section(film: Film, probed: Section) -> Section:
-    """The first section of the film on which all traces are found."""
-    height = round(6.0 * film.period)
-    for first, _ in film.pieces:
-        if first >= probed.first:
-            break
-        piece = film.darkness(first, min(film.scan.rows, first + height))
-        section = read_section(piece, first, film.optics, film.period, len(probed.swings))
-        if section is not None and len(section.swings) == len(probed.swings):
+    """The first section of the film on which all traces are found, or are still followed when the film runs back."""
+    ahead = [first for first, _ in film.pieces if first < probed.first]
+    for first in ahead[:NEAR_PIECES]:
+        section = _all_of(film, probed, first)
+        if section is not None:
             return section
-    return probed
+    rewound = _rewound(film, probed)
+    rest = [first for first in ahead[NEAR_PIECES:] if first < rewound.first]
+    for first in rest[:: max(1, len(rest) // FAR_PIECES)]:
+        section = _all_of(film, probed, first)
+        if section is not None:
+            return section
+    return rewound
+
+
+def _all_of(film: Film, probed: Section, first: int) -> Section | None:
+    """The traces found anew on the section that begins at a row, None unless they are all found."""
+    traces = len(probed.swings)
+    piece = film.darkness(first, min(film.scan.rows, first + round(SECTION_SWINGS * film.period)))
+    section = read_section(piece, first, film.optics, film.period, traces, least=SURE)
+    return section if section is not None and len(section.swings) == traces else None
+
+
+def _rewound(film: Film, probed: Section) -> Section:
+    """The earliest piece to which all traces of a section can be followed back."""
+    begun = start(probed.swings, probed.first + probed.begin + 0.5)
+    stop, section = probed.first + probed.begin + 1, probed
+    while stop > 0:
+        first = max(0, stop - round(SECTION_SWINGS * film.period))
+        darkness = film.darkness(first, stop)
+        piece = run(begun, darkness, first, -1, film.optics)
+        if not begun.alive.all():
+            break
+        pieces = [piece.of(k) for k in range(len(probed.swings))]
+        followed = follow_together(darkness, first, pieces, film.optics, SURE)
+        if followed is None or len(followed.swings) < len(probed.swings):
+            break
+        stop, section = first, followed
+    return section

@@ -1,0 +1,77 @@
+"""Blank film, curve and grain, found on small films of known make."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_film import (
+    CONTRAST,
+    DENSEST,
+    FOG,
+    MIDDLE,
+    SCANNER,
+    SPOT,
+    Sheet,
+    Swinging,
+    developed,
+    exposure_of,
+    shutter,
+)
+
+from pipeline.film.emulsion.blank import darkness_table, measure_blank
+from pipeline.film.emulsion.curve import HIGHEST_EXPOSURE, ToneCurve
+from pipeline.film.emulsion.film_emulsion import FilmEmulsion
+from pipeline.film.emulsion.measure import measure_emulsion
+
+
+def test_the_curve_and_its_inverse_are_one_another():
+    curve = ToneCurve(0.6, 0.2, 1.5)
+    exposure = np.geomspace(1e-3, 2.0, 40)
+    assert curve.exposure(curve.darkness(exposure)) == pytest.approx(exposure, rel=1e-6)
+    steps = (curve.darkness(exposure * 1.0001) - curve.darkness(exposure * 0.9999)) / (0.0002 * exposure)
+    assert curve.rate(exposure) == pytest.approx(steps, rel=1e-4)
+    assert curve.exposure(1.0) == HIGHEST_EXPOSURE
+    assert curve.darkness([0.0, -1.0]) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_blank_film_is_told_under_lines_and_vignette(kind):
+    top = np.iinfo(kind).max
+    rng = np.random.default_rng(0)
+    light = 0.8 * (1.0 - 0.3 * (np.linspace(-1, 1, 1000) ** 2))[None, :] * np.linspace(1.0, 0.9, 400)[:, None]
+    image = light * 10.0 ** (-0.01 * rng.normal(size=(400, 1000)))
+    image[::7, 40:700] *= 0.4  # a seventh of the film is line
+    blank = measure_blank(Sheet(np.round(top * image).astype(kind)), darkness_table(int(top)))
+    expected = -np.log10(light[np.ix_(blank.rows.astype(int), blank.columns.astype(int))])
+    assert np.abs(blank.darkness - expected).max() < 0.006
+    assert blank.sigma == pytest.approx(0.01, rel=0.15)
+
+
+def test_pixels_become_darkness_and_exposure():
+    curve = ToneCurve(0.6, 0.2, 1.5)
+    image = np.full((64, 128), 200, np.uint8)
+    blank = measure_blank(Sheet(image), darkness_table(255))
+    emulsion = FilmEmulsion(255, blank, curve, np.array([1e-4, 1e-3]))
+    exposures = np.array([0.05, 0.3, 1.0])
+    pixels = np.tile(np.round(200 * 10.0 ** -curve.darkness(exposures)), (2, 1)).astype(np.uint8)
+    wide = np.pad(pixels, ((0, 0), (0, 125)), constant_values=200)
+    assert emulsion.exposure(wide, 10)[:, :3] == pytest.approx(np.tile(exposures, (2, 1)), rel=0.06)
+    assert np.abs(emulsion.darkness(wide, 10)[:, 3:]).max() < 1e-6
+    sigma = np.sqrt(1e-4 + 1e-3 * curve.darkness(0.3)) / curve.rate(0.3)
+    assert emulsion.noise(np.float32([0.3]))[0] == pytest.approx(sigma, rel=1e-5)
+
+
+@pytest.mark.compiled
+def test_the_curve_is_told_from_the_film_itself():
+    traces = [Swinging(110.0, 60.0, 0.3), Swinging(290.0, 55.0, 2.0, slow=8.0)]
+    film = exposure_of(traces, 700, 400, shutter(700))
+    emulsion = measure_emulsion(Sheet(developed(film, grain=0.03)))
+    curve = emulsion.curve
+    assert emulsion.spot == pytest.approx(SPOT, rel=0.02)
+    assert curve.darkest == pytest.approx((DENSEST - FOG) / SCANNER, rel=0.06)
+    assert curve.contrast == pytest.approx(CONTRAST, rel=0.06)
+    true = ToneCurve((DENSEST - FOG) / SCANNER, MIDDLE, CONTRAST)
+    grid = np.linspace(0.02, 0.9, 40)
+    assert np.abs(curve.darkness(grid) / true.darkness(grid) - 1.0).max() < 0.03  # what its use rests on
+    assert emulsion.grain[0] == pytest.approx((0.03 / SCANNER) ** 2 * FOG, rel=0.3)
+    assert emulsion.grain[1] == pytest.approx((0.03 / SCANNER) ** 2 * SCANNER, rel=0.35)

@@ -18,6 +18,7 @@ from pipeline.film.parts import Floats
 FARTHEST = 45.0  # px along the film between two traces
 MOST_SHEAR = 0.035  # tangent: 2 degrees
 BIN = 0.4  # px
+ENOUGH = 24  # gaps that agree, from which shear is told better than by trial
 UNEVEN = 0.15  # of the marks' spacing
 LEAD_ODD, LEAD, SHARE = 3, 8, 0.08  # odd gaps, gaps, and share of them, by which the best lag must lead
 
@@ -72,11 +73,24 @@ def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
         table = np.array([_tally(along - step * across) for step in tried])
         odd_table = np.array([_tally((along - step * across)[odd]) for step in tried])
         which, at, certain = _chosen(table, odd_table, spacing)
-        if trace == 1:
-            shear = float(tried[which])
-        offset[trace] = (at + 1) * BIN - FARTHEST
+        lag, slant = _refined(along, across, (at + 1) * BIN - FARTHEST, float(tried[which]), trace == 1)
+        shear = slant if trace == 1 else shear
+        offset[trace] = lag
         sure &= certain
     return Alignment(offset, shear, sure)
+
+
+def _refined(along: Floats, across: Floats, lag: float, shear: float, free: bool) -> tuple[float, float]:
+    """Offset and, if `free`, shear by the gaps that agree with coarse ones."""
+    for reach in (1.0, 0.5):
+        near = np.abs(along - shear * across - lag) < reach
+        if near.sum() < ENOUGH:
+            break
+        if free:
+            shear, lag = (float(value) for value in np.polyfit(across[near], along[near], 1))
+        else:
+            lag = float(np.median(along[near] - shear * across[near]))
+    return lag, shear
 
 
 def _pairs(reference: Gaps, other: Gaps) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

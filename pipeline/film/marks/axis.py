@@ -69,11 +69,10 @@ def axis_of(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, rows: in
         row[trace, at], sigma[trace, at] = gaps.row[member[seen]], gaps.row_sigma[member[seen]]
         column[trace, at] = gaps.column[member[seen]]
     offset, shear = counted.alignment.offset, counted.alignment.shear
-    rough = None
-    for _ in range(ROUNDS):
-        rough = drive(row - offset[:, None] - shear * column, sigma, marking.interval, rough)
-        offset, shear = refined(row, sigma, column, rough)
     found = drive(row - offset[:, None] - shear * column, sigma, marking.interval)
+    for _ in range(ROUNDS):
+        offset, shear = refined(row, sigma, column, found)
+        found = drive(row - offset[:, None] - shear * column, sigma, marking.interval, found)
     found = holes_honest(row - offset[:, None] - shear * column, sigma, found)
     return _axis(found, counted, row, offset, shear, marking, rows)
 

@@ -18,7 +18,7 @@ MOST_LINES = 3
 STANDS_OUT = 25.0  # power of a line over that of its surroundings
 SLOWEST, FASTEST = 60.0, 2.2  # s, periods of wow looked for
 CALM = -10.0  # roughness that follows nothing faster than `SLOWEST`
-COHERENCE = (1e6, 1e4, 3e2)  # s, over which a line of wow may keep its phase
+COHERENCE = (1e6, 3e3)  # s, over which a line of wow may keep its phase
 OUTLIER = 5.0  # sigmas
 GAINED = 10.0  # fall of -2 log likelihood that a line must bring
 

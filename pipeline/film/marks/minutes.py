@@ -43,7 +43,7 @@ class Minutes:
     delay : float
         Of the second gap, s; NaN for other codes.
     seen, against : int
-        Codes that agree with the count, and codes that do not.
+        Codes that agree with the count, and most codes that lie out of it by the same few marks.
     """
 
     residue: int | None
@@ -126,7 +126,8 @@ def _second_gaps(place: Floats, cycle: int, interval: float, delay: float | None
         residue = int(np.argmax(tally))
         seen = int(tally[residue])
         away = (number - residue + cycle // 2) % cycle - cycle // 2
-        against = int(((away != 0) & (np.abs(away) <= NEARBY)).sum())  # slips are small; false gaps lie anywhere
+        slipped = away[(away != 0) & (np.abs(away) <= NEARBY)]  # a slip puts all codes after it out by the same number
+        against = int(np.bincount(slipped + NEARBY, minlength=1).max())
         late = delay if delay is not None else fraction * interval
         found.append(Minutes(residue, "second gap", float(late), seen, against))
     return found[0], found[1]

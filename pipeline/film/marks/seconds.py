@@ -7,6 +7,8 @@ import numpy as np
 from pipeline.film.marks.drive import Drive
 from pipeline.film.parts import Floats
 
+SHARED = 0.3  # of the marks' floor: neighbouring marks lie at the same phase of the swing and err alike
+
 
 def times_of(found: Drive, rows: int) -> tuple[Floats, Floats]:
     """Time since the first mark of the centre of each row, and 1 sigma, s; NaN beyond the marks.
@@ -34,5 +36,7 @@ def times_of(found: Drive, rows: int) -> tuple[Floats, Floats]:
     seconds[inside] = CubicSpline(forward, when)(centre[inside])
     marks = np.arange(found.row.size) * h
     sigma = np.full(rows, np.nan)
-    sigma[inside] = np.interp(seconds[inside], marks, found.row_sigma / np.maximum(found.speed, 1e-9))
+    sigma[inside] = np.interp(
+        seconds[inside], marks, np.hypot(found.row_sigma, SHARED * found.floor) / np.maximum(found.speed, 1e-9)
+    )
     return seconds, sigma

@@ -9,7 +9,7 @@ from pipeline.film.marks.curve_kernels import REACH, draw, place
 from synth.kernels.compiled import kernel
 
 PARAMETERS = 5
-STEP = 0.8  # spots between spots drawn
+STEP = 1.0  # spots between spots drawn: their sum is even to 1e-8
 FLANK = 8.0  # spots of line on either side of the gap
 
 
@@ -45,7 +45,11 @@ def shade(
         if math.isnan(column):
             row += 0.5
             continue
-        step = min(STEP * spot / math.sqrt(1.0 + lean * lean), end - row)
+        step = STEP * spot / math.sqrt(1.0 + lean * lean)
+        _, ahead = place(course, slope, row + step)
+        if abs(ahead) > abs(lean):  # out of a turning point the line steepens within a step
+            step = STEP * spot / math.sqrt(1.0 + ahead * ahead)
+        step = min(step, end - row)
         middle = row + 0.5 * step
         column, lean = place(course, slope, middle)
         if not math.isnan(column):

@@ -20,14 +20,26 @@ from pipeline.film.strobe.dense_start import Band, bands, first_shape, rows_per_
 
 GAP, LOST = 1, 32  # of the record's flags
 SECTION = 24  # swings in which bands and period are looked for
+CLOSE = 10.0  # spots between strokes
 PIECE = 1024  # rows read at once
 MARGIN = 3.0  # swings read on either side of a piece
 STARTS = 9  # places tried for the first block
 ROOM = np.array([6.0, 8.0, 6.0, 4.0, 12.0, 8.0, 3.0, 12.0, 8.0, 3.0])  # px, from block to block
-ROUNDS = 2
+ROUNDS = 3
 LIT, DIM = 0.5, 0.06  # share of points lit, and light, from which a block is believed
 PATIENCE = 2  # blocks carried on blindly before the trace is looked for anew
 USUAL_SPOT = 1.2  # px: 0.1 mm at 300 dpi
+
+
+def is_dense(rows_per_swing: float, spot: float) -> bool:
+    """Whether strokes lie so close that rows do not show lines one by one, and only marks are to be read.
+
+    Examples
+    --------
+    >>> is_dense(17.9, 1.2), is_dense(59.6, 1.2)  # 1.5 and 5 mm/s at 300 dpi, swings of a second
+    (True, False)
+    """
+    return 0.5 * rows_per_swing < CLOSE * spot
 
 
 def dense_tracks(scan: Scan, emulsion: Emulsion, expected: Expected | None = None) -> Tracks:

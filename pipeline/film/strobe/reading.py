@@ -20,6 +20,7 @@ GAP, AMBIGUOUS, LOST, OVERLAP = 1, 16, 32, 64  # of the record's flags
 WIDTH_PRIOR = 0.06  # of the gap's width, 1 sigma
 BEND = 0.07  # px, 1 sigma of the course's error across the line that is no shift: it tells where the line is flat
 CROSSING = 6.0  # spots across the lines, within which another trace may hide a gap
+FLOOR = 0.06  # px along the film, of courses that are a little wrong
 UNCERTAIN = 0.25  # of the depth, 1 sigma beyond which a gap cannot be told
 
 
@@ -29,7 +30,7 @@ def read_at_marks(scan: Scan, emulsion: Emulsion, tracks: Tracks, axis: TimeAxis
     Parameters
     ----------
     axis : TimeAxis
-        Tells where to look; its times are not used.
+        Tells where to look; places do not depend on it.
 
     Raises
     ------
@@ -89,7 +90,9 @@ def _strobe(
     certain = fit & (gaps.depth_sigma < UNCERTAIN)
     closed = certain & (gaps.depth > LEAST_DEPTH) & (gaps.depth < DEEPEST)
     closed &= np.abs(gaps.depth - 1.0) < CERTAIN * gaps.depth_sigma + 0.1
-    clean = gaps.misfit < MOST_MISFIT
+    # a false gap beside a mark that was never made is no mark
+    near = np.abs(gaps.row - where[trace, mark]) < CERTAIN * np.hypot(gaps.row_sigma, FLOOR) + FLOOR
+    clean = (gaps.misfit < MOST_MISFIT) & near
     crossed = _crossed(tracks, trace, where[trace, mark])
     good = closed & clean
     doubt = np.where(good, 0, np.where(~certain & crossed, OVERLAP, np.where(certain & closed, AMBIGUOUS, GAP)))

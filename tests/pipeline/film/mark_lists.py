@@ -108,8 +108,8 @@ def made(case: Case) -> Made:
     one = np.ones(which.size)
     width = 0.03 * case.speed
     gaps = Gaps(
-        which.astype(np.int64), values[0], sigma, values[1], 0.1 * one, values[2], width * (1 + 0.02 * rng.normal(size=one.size)),
-        0.02 * width * one, one, 0.02 * one, one, one,
+        which.astype(np.int64), values[0], sigma, values[1], 0.1 * one, values[2],
+        width * (1 + 0.02 * rng.normal(size=one.size)), 0.02 * width * one, one, 0.02 * one, one, one,
     )  # fmt: skip
     shape = np.zeros((case.traces, rows))
     tracks = Tracks(

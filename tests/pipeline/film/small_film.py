@@ -140,6 +140,6 @@ def film(
         rows_per_swing=periods[0] * speed, spot=spot,
     )  # fmt: skip
     return Film(
-        Pixels(image), Developed(grain), tracks, when, np.array(gap_rows), np.array(gap_columns), speed, periods, phases,
-        (along, time),
+        Pixels(image), Developed(grain), tracks, when, np.array(gap_rows), np.array(gap_columns),
+        speed, periods, phases, (along, time),
     )  # fmt: skip

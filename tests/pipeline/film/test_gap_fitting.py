@@ -1,4 +1,4 @@
-"""Gaps fitted to pixels: as good as the grain allows, on steep strokes and in turning points; nothing found in blanks."""
+"""Gaps fitted to pixels: as good as the grain allows, on steep strokes and in turning points; none on blank film."""
 
 from __future__ import annotations
 

@@ -15,6 +15,7 @@ from pipeline.film.marks.minutes import TimeReversedError
 from pipeline.film.parts import Marking, TimeAxis
 
 CODED = Marking(minute_code=0.125)
+FILMS = 25  # of each kind
 OBLIQUE = float(np.tan(np.radians(0.5)))
 HARD = {
     "missing and spurious": Case(missing=0.2, spurious=20),
@@ -68,12 +69,12 @@ def test_hard_films_are_counted_rightly(name: str) -> None:
 @pytest.mark.parametrize("name", HARD)
 def test_no_film_is_counted_wrongly(name: str) -> None:
     seen: collections.Counter[str] = collections.Counter()
-    for seed in range(40):
+    for seed in range(FILMS):
         rng = np.random.default_rng(seed)
         case = replace(HARD[name], seed=seed, start=rng.uniform(0.0, 60.0), wow_period=rng.uniform(5.0, 20.0))
         seen[verdict(made(case))] += 1
     assert seen["wrong"] == 0
-    assert seen["refused"] <= 40 * MAY_REFUSE.get(name, 0.0)
+    assert seen["refused"] <= FILMS * MAY_REFUSE.get(name, 0.0)
 
 
 @pytest.fixture(scope="module")

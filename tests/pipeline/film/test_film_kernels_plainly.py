@@ -1,0 +1,115 @@
+"""The kernels of marks and strobe on a few gaps, small enough to run uncompiled."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from mark_lists import Case, made, slips
+from small_film import Film, film
+
+from pipeline.film.marks import gap_kernels
+from pipeline.film.marks.axis import axis_of
+from pipeline.film.marks.curve_kernels import brightness_along, draw, light_at_rest, place
+from pipeline.film.marks.search import fitted
+from pipeline.film.marks.shading_kernels import solve
+from pipeline.film.parts import Marking
+from pipeline.film.strobe.dense_kernels import SIZE, fit_block, light_along, swing
+
+
+@pytest.fixture(scope="module")
+def moment() -> Film:
+    return film(2.6, columns=220, sizes=(60.0,), middles=(110.0,), course_error=0.0)
+
+
+def test_a_minute_of_marks_is_counted() -> None:
+    truth = made(Case(minutes=1.1, missing=0.1, unseen=0.0, start=58.0))
+    found = axis_of(truth.gaps, truth.tracks, Marking(minute_code=0.125), truth.width, truth.tracks.course.shape[1])
+    away = slips(found.index, found.row, truth)
+    assert np.all(away == away[0])
+
+
+def test_gaps_of_three_swings_are_fitted(moment: Film) -> None:
+    exposure = moment.emulsion.exposure(moment.scan.image, 0)
+    inside = (moment.row[0] > 40) & (moment.row[0] < moment.scan.rows - 40)
+    guesses = moment.row[0][inside] + 0.4
+    traces = np.zeros(guesses.size, dtype=np.int64)
+    _, out = fitted(exposure, 0, moment.emulsion, moment.tracks, traces, guesses, 0.03 * moment.speed)
+    assert np.allclose(out[:, gap_kernels.ROW], moment.row[0][inside], atol=0.12)
+    assert np.allclose(out[:, gap_kernels.COLUMN], moment.column[0][inside], atol=0.6)
+    assert np.allclose(out[:, gap_kernels.DEPTH], 1.0, atol=0.15)
+
+
+def test_a_gap_at_the_end_of_a_trace_is_not_fitted(moment: Film) -> None:
+    exposure = moment.emulsion.exposure(moment.scan.image, 0)
+    _, out = fitted(exposure, 0, moment.emulsion, moment.tracks, np.zeros(1, dtype=np.int64), np.array([1.0]), 1.8)
+    assert np.all(np.isnan(out))
+
+
+def test_brightness_is_one_in_the_open_and_none_in_gaps(moment: Film) -> None:
+    exposure, tracks, steps = moment.emulsion.exposure(moment.scan.image, 0), moment.tracks, 4
+    light, dark = np.empty(60 * steps), np.empty(60 * steps)
+    brightness_along(
+        exposure, 0, tracks.course[0], tracks.slope[0], tracks.curvature[0], 50, steps, tracks.spot, 1.8, light, dark
+    )
+    assert np.nanmedian(light) == pytest.approx(1.0, abs=0.15)
+    rows = 50 + (np.arange(light.size) + 0.5) / steps
+    away = np.abs(rows[:, None] - moment.row[0][None, :]).min(axis=1)
+    lean = np.abs(np.interp(rows - 0.5, np.arange(moment.scan.rows), tracks.slope[0]))
+    assert np.all(light[(away < 0.3) & (lean > 3.0)] < 0.5)
+    assert np.all((dark >= 0.0) & (dark <= 1.0 + 1e-9))
+
+
+def test_a_spot_holds_its_light_and_its_derivative() -> None:
+    image, across = np.zeros((15, 15)), np.zeros((15, 15))
+    draw(image, across, 0, 0, 7.3, 7.9, 1.0, 1.2, True)
+    assert image.sum() == pytest.approx(math.sqrt(2.0 * math.pi) * 1.2, rel=2e-3)
+    assert (image.sum(axis=0) @ (np.arange(15) + 0.5)) / image.sum() == pytest.approx(7.9, abs=1e-2)
+    moved = np.zeros((2, 15, 15))
+    for k, by in enumerate((-1e-4, 1e-4)):
+        draw(moved[k], across.copy(), 0, 0, 7.3, 7.9 + by, 1.0, 1.2, False)
+    assert np.allclose((moved[1] - moved[0]) / 2e-4, across, atol=1e-5)
+
+
+def test_light_of_a_line_is_its_dwell_time() -> None:
+    for slope in (0.0, 1.0, 3.0, 12.0):
+        assert light_at_rest(slope, 0.0, 1.2, 1e3) == pytest.approx(1.0 / math.hypot(1.0, slope), rel=2e-3)
+
+
+def test_a_curve_is_a_cubic_between_rows() -> None:
+    rows = np.arange(12) + 0.5
+    column, lean = place(rows**3, 3.0 * rows**2, 6.2)
+    assert column == pytest.approx(6.2**3, rel=1e-12)
+    assert lean == pytest.approx(3.0 * 6.2**2, rel=1e-12)
+    assert math.isnan(place(rows**3, 3.0 * rows**2, 12.1)[0])
+
+
+def test_small_equations_are_solved() -> None:
+    root = np.random.default_rng(0).normal(size=(5, 5))
+    matrix, right = root @ root.T + np.eye(5), np.arange(5.0)
+    inverse, solution = matrix.copy(), right.copy()
+    assert solve(inverse, solution, 5)
+    assert np.allclose(inverse, np.linalg.inv(matrix))
+    assert np.allclose(solution, np.linalg.solve(matrix, right))
+    assert not solve(np.zeros((2, 2)), np.zeros(2), 2)
+
+
+def test_a_block_of_swings_finds_its_line() -> None:
+    made_slowly = film(3.2, speed=17.717, columns=120, sizes=(30.0,), middles=(60.0,))
+    exposure = made_slowly.emulsion.exposure(made_slowly.scan.image, 0)
+    period, middle = 1.00966 * 17.717, 0.5 * made_slowly.scan.rows
+    phase = 2 * np.pi * np.interp(middle, *made_slowly.clock) / 1.00966 + 0.4
+    shape = np.zeros(SIZE)
+    shape[0], shape[4], shape[7] = 61.0, 29.0 * np.cos(phase + 0.15), -29.0 * np.sin(phase + 0.15)
+    quality, room = np.empty(3), np.full(SIZE, 10.0)
+    turn, half = 2 * np.pi / period, period
+    before = light_along(exposure, 0, shape, middle, half, turn, 1.18)
+    fit_block(exposure, 0, shape, middle, half, turn, 1.18, room, 8, np.empty((80, 120)), quality)
+    assert light_along(exposure, 0, shape, middle, half, turn, 1.18) > before
+    assert quality[2] > 0.6
+    rows = middle + np.linspace(-0.7, 0.7, 60) * period
+    found = np.array([swing(shape, middle, half, turn, row) for row in rows])
+    true = np.interp(rows - 0.5, np.arange(made_slowly.scan.rows), made_slowly.tracks.course[0])
+    away = (found[:, 0] - true) / np.hypot(1.0, found[:, 1])
+    assert np.median(np.abs(away)) < 0.15

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,12 +20,13 @@ _NOT_READ = ELONGATION_FLAGS["lost"] | ELONGATION_FLAGS["ambiguous"]
 
 @dataclass(frozen=True)
 class OwnReading:
-    """A reading and its scores; how far its time lies off by whole marks, s; which trace of truth each of its is."""
+    """A reading, its scores, how far its time lies off by whole marks, s, its traces in the order of truth's, CPU s."""
 
     reading: Reading
     scores: dict[str, Any]
     shift: float
     names: list[int]
+    seconds: float
 
 
 def own_reading(path: str | os.PathLike[str], truth: Truth, interval: float) -> OwnReading:
@@ -38,7 +40,9 @@ def own_reading(path: str | os.PathLike[str], truth: Truth, interval: float) -> 
     IsochronyError
         It declines.
     """
+    started = time.process_time()
     found, _ = read(path)
+    spent = time.process_time() - started
     names = order(found.tracks.position, truth)
     qc, lit = found.tracks.qc[names], np.isfinite(truth.column)
     scores = places(found.tracks.position[names], (qc & _DOUBT) != 0, truth)
@@ -50,4 +54,4 @@ def own_reading(path: str | os.PathLike[str], truth: Truth, interval: float) -> 
         "time_ms": 1e3 * error,
         "slipped": float(not worst < 0.5 * interval),
     }
-    return OwnReading(found, scores, shift, names)
+    return OwnReading(found, scores, shift, names, spent)

@@ -73,6 +73,11 @@ def passes_zero(amplitude: Floats) -> bool:
 def integrate(speed: Floats, hop: float) -> Floats:
     """Integrated correction; its own missing instants are bridged linearly (it is an input, not the difference)."""
     present = np.isfinite(speed)
+    if not present.any():
+        raise RefusedError(
+            "correction: known at no instant, as the first pendulum's swing cannot be told from so few readings; "
+            "use the method 'projection' or 'shooting'"
+        )
     where = np.arange(speed.size)
     whole = np.interp(where, where[present], speed[present])
     return np.asarray(running_integral(whole.astype(np.complex128), hop).real)

@@ -45,7 +45,11 @@ def shade(
         if math.isnan(column):
             row += 0.5
             continue
-        step = min(STEP * spot / math.sqrt(1.0 + lean * lean), end - row)
+        step = STEP * spot / math.sqrt(1.0 + lean * lean)
+        _, ahead = place(course, slope, row + step)
+        if abs(ahead) > abs(lean):  # out of a turning point the line steepens within a step
+            step = STEP * spot / math.sqrt(1.0 + ahead * ahead)
+        step = min(step, end - row)
         middle = row + 0.5 * step
         column, lean = place(course, slope, middle)
         if not math.isnan(column):

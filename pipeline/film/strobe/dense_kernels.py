@@ -112,6 +112,9 @@ def fit_block(
         while row < middle + half + reach:
             column, slope = swing(shape, middle, half, turn, row)
             step = DRAW * spot / math.sqrt(1.0 + slope * slope)
+            column, ahead = swing(shape, middle, half, turn, row + step)
+            if abs(ahead) > abs(slope):  # out of a turning point the line steepens within a step
+                step = DRAW * spot / math.sqrt(1.0 + ahead * ahead)
             column, slope = swing(shape, middle, half, turn, row + 0.5 * step)
             draw(line, line, top, left, row + 0.5 * step, column, step, spot, False)
             row += step

@@ -20,7 +20,7 @@ GAP, AMBIGUOUS, LOST, OVERLAP = 1, 16, 32, 64  # of the record's flags
 WIDTH_PRIOR = 0.06  # of the gap's width, 1 sigma
 BEND = 0.07  # px, 1 sigma of the course's error across the line that is no shift: it tells where the line is flat
 CROSSING = 6.0  # spots across the lines, within which another trace may hide a gap
-FLOOR = 0.1  # px along the film, of courses that are a little wrong
+FLOOR = 0.06  # px along the film, of courses that are a little wrong
 UNCERTAIN = 0.25  # of the depth, 1 sigma beyond which a gap cannot be told
 
 

@@ -72,7 +72,7 @@ def probe(
         height *= 2
     section, guess = max(read, key=lambda each: open_rows(each[0], each[1].spot))
     section, known = refine(section, guess, fixed=optics is not None)
-    for first, stop in tried:
+    for first, stop in tried if count is None else sections(rows, height):
         if first == section.first or len(section.swings) == count:
             continue
         other = read_section(darkness(first, stop), first, known, section.period, count, least=SURE)

@@ -17,6 +17,7 @@ LEAST_USED = 0.45  # share of rows read by which a seed proves true
 LEAST_SWINGS = 1.6
 PERIOD_SLACK = 0.12
 LEAST_AMPLITUDE = 3.0  # spots
+SURE_SHARE = 0.8
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,10 @@ def read_section(
     if seeds is None:
         seeds = find_swings(darkness, first, optics.spot, float(np.sqrt(optics.grain[0])), period)
     proven: list[tuple[Swing, Piece]] = []
-    for seed in seeds:
+    # a trace that others cross all the time may only be followed once they are known: those that failed try again
+    for seed in [*seeds, *[seed for seed in seeds if seed.share > SURE_SHARE]]:
+        if count is not None and len(proven) == count:
+            break
         if proven and abs(seed.period / proven[0][0].period - 1.0) > PERIOD_SLACK:
             continue
         pieces = [piece for _, piece in proven]
@@ -78,8 +82,6 @@ def read_section(
         found = _prove(seed, pieces, darkness, first, optics)
         if found is not None and not any(_coincide(found[1], piece, optics.spot) for piece in pieces):
             proven.append(found)
-        if count is not None and len(proven) == count:
-            break
     return follow_together(darkness, first, [piece for _, piece in proven], optics, least) if proven else None
 
 

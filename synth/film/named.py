@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from data_schemas.errors import SceneError
 from data_schemas.scene import Scene
@@ -34,11 +34,10 @@ def load_film(name: str) -> Film:
     SceneError
         No such film ships, or the file has faults; one line names them.
     """
-    import tomllib
-
     from pydantic import ValidationError
 
     from data_schemas.scene_faults import one_line
+    from data_schemas.toml_file import load_toml
 
     path = Path(name)
     if path.suffix != ".toml" and path.parent == Path("."):
@@ -47,14 +46,7 @@ def load_film(name: str) -> Film:
                 f"no film {name!r} ships with isochrony; there are: {', '.join(films())}; or give a TOML file"
             )
         path = Path(str(resources.files("synth.film") / "presets" / f"{name}.toml"))
-    try:
-        content: Any = tomllib.loads(path.read_bytes().decode("utf-8"))
-    except OSError as error:
-        raise SceneError(
-            f"{path}: cannot be read ({error.strerror}); give a film in TOML, or one of {', '.join(films())}"
-        ) from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise SceneError(f"{path}: is not TOML: {' '.join(str(error).split())}") from None
+    content = load_toml(path, f"a film (or the name of one of {', '.join(films())})", SceneError)
     try:
         return Film.model_validate(content["film"] if isinstance(content.get("film"), dict) else content)
     except ValidationError as error:

@@ -73,7 +73,7 @@ def test_what_is_no_description(tmp_path):
     with pytest.raises(FileError, match="is not TOML"):
         load_description(path)
     path.write_bytes(b"\xff\xfe")
-    with pytest.raises(FileError, match="is not TOML"):
+    with pytest.raises(FileError, match="not text in UTF-8"):
         load_description(path)
 
 

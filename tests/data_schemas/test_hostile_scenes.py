@@ -8,7 +8,8 @@ import pytest
 
 from data_schemas import validate
 from data_schemas.errors import SceneError
-from data_schemas.scene import MOST_BYTES, load_scene
+from data_schemas.scene import load_scene
+from data_schemas.toml_file import MOST_BYTES
 
 
 def large(path):

@@ -1,0 +1,48 @@
+"""Reads TOML of anybody's making: ordinary files of a bounded size, every fault one line."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+from typing import Any
+
+MOST_BYTES = 1 << 24
+
+
+def load_toml(path: str | os.PathLike[str], what: str, error: type[Exception]) -> dict[str, Any]:
+    """Content of a TOML file: nothing that could hang, or fill the memory.
+
+    Parameters
+    ----------
+    path
+        The file.
+    what : str
+        What it should hold, such as "a scene", for the remedy.
+    error : type
+        Of the exception.
+
+    Raises
+    ------
+    error
+        With one line that names the file, what is wrong and the remedy.
+    """
+    import tomllib
+
+    path = Path(path)
+    remedy = f"give the path of {what} in TOML"
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise error(f"{path}: cannot be read (not an ordinary file); {remedy}")
+        if status.st_size > MOST_BYTES:
+            raise error(f"{path}: is larger than {MOST_BYTES} bytes, as {what.replace('a ', 'no ', 1)} is; {remedy}")
+        return tomllib.loads(path.read_bytes().decode("utf-8"))
+    except OSError as failure:
+        raise error(f"{path}: cannot be read ({failure.strerror}); {remedy}") from None
+    except UnicodeDecodeError:
+        raise error(f"{path}: is not text in UTF-8; {remedy}") from None
+    except RecursionError:
+        raise error(f"{path}: is not TOML of {what}: nested too deeply; {remedy}") from None
+    except ValueError as failure:  # of TOML, a number too long to be one, or a path that cannot be
+        raise error(f"{path}: is not TOML: {' '.join(str(failure).split())}") from None

@@ -52,7 +52,9 @@ def test_what_means_no_file_is_refused(tree, word):
 
 
 def test_an_unknown_kind_is_refused_with_the_known_ones(tree):
-    with pytest.raises(UsageError, match=r"it knows record \(\.record\.nc, \.nc\); film \(\.tif, \.tiff\); .*; scene \(\.toml\)"):
+    with pytest.raises(
+        UsageError, match=r"it knows record \(\.record\.nc, \.nc\); film \(\.tif, \.tiff\); .*; scene \(\.toml\)"
+    ):
         kind_of(tree / "x.txt", KINDS)
 
 

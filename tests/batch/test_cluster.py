@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import multiprocessing
 import os
 import re
 import shutil
@@ -47,19 +48,27 @@ def check(address, small, tmp_path, out, words):
     assert numbers_of(alone.output) == numbers_of(config.output)
 
 
+def lost(*_):
+    raise TypeError("no such thing here")
+
+
 @pytest.mark.compiled
-def test_a_local_cluster(small, tmp_path, out):
+def test_a_local_cluster(small, tmp_path, out, monkeypatch):
     """In threads: what is in these processes is seen by coverage; faults of the cluster's own are outcomes too."""
     LocalCluster = pytest.importorskip("distributed").LocalCluster
     settings = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
     with LocalCluster(**settings, local_directory=str(tmp_path / "dask")) as cluster:
         check(cluster.scheduler_address, small, tmp_path, out, ["good", "crash", "good", "good", "good"])
         odd = config_of(out, "odd")
-        coming = clustered([(small, odd)], address=cluster.scheduler_address, methods=METHODS, timeout=None)
+        monkeypatch.setattr("pipeline.batch.executors.cluster._process_isolated", lost)
+        coming = clustered([(small, odd)], address=cluster.scheduler_address, methods=METHODS, timeout=20.0)
         ((one,),) = coming
         assert one.error_class == "WorkerLost"
         assert "odd.result.nc: the cluster gave it up: TypeError" in one.error
         assert list(clustered([], address=cluster.scheduler_address, methods=METHODS, timeout=1.0)) == []
+    for child in multiprocessing.active_children():  # of the cluster's threads: they would end with this process only
+        child.terminate()
+        child.join()
 
 
 @pytest.mark.compiled

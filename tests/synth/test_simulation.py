@@ -196,6 +196,8 @@ def test_unknown_shipped_scene() -> None:
 
 
 def test_package_is_lazy_and_honest() -> None:
-    assert dir(synth) == ["scene_path", "scenes", "simulate", "simulate_ensemble", "simulate_to", "write_ensemble"]
+    films = ["expose", "expose_to", "film_truth_path", "films", "load_film"]
+    scenes = ["scene_path", "scenes", "simulate", "simulate_ensemble", "simulate_to", "write_ensemble"]
+    assert dir(synth) == films + scenes
     with pytest.raises(AttributeError, match="absent"):
         synth.absent  # noqa: B018  the look-up is the test

@@ -12,10 +12,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.film.scan.image import Image
+
 Floats = NDArray[np.float64]
 
 
-class Scan(Protocol):
+class Scan(Image, Protocol):
     """An opened image of a film, turned so that rows run with time and lines are dark; read piece by piece.
 
     Attributes
@@ -27,21 +29,6 @@ class Scan(Protocol):
     scale : float or None
         Size of a pixel on the film, mm; None if neither the file nor the user says.
     """
-
-    @property
-    def rows(self) -> int:
-        """Rows of the image."""
-        ...
-
-    @property
-    def columns(self) -> int:
-        """Columns of the image."""
-        ...
-
-    @property
-    def full_scale(self) -> int:
-        """Value of the lightest pixel."""
-        ...
 
     @property
     def scale(self) -> float | None:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.film.scan.image import Image, Pixels
+from pipeline.film.scan.image import Image, Pixels, View
 
 _PLACES = 17  # along the film
 _ROWS = 64  # at each
@@ -34,7 +34,7 @@ class Edge(NamedTuple):
 
 
 @dataclass(frozen=True)
-class WithoutBorder:
+class WithoutBorder(View):
     """An image whose borders show blank film.
 
     Attributes
@@ -44,24 +44,8 @@ class WithoutBorder:
         None where there is no border.
     """
 
-    image: Image
     left: Edge | None
     right: Edge | None
-
-    @property
-    def rows(self) -> int:
-        """Rows of the image."""
-        return self.image.rows
-
-    @property
-    def columns(self) -> int:
-        """Columns of the image."""
-        return self.image.columns
-
-    @property
-    def full_scale(self) -> int:
-        """Value of the lightest pixel."""
-        return self.image.full_scale
 
     def read(self, first: int, stop: int) -> Pixels:
         """Rows `first` to `stop`."""

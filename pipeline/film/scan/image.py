@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -45,6 +46,34 @@ class Image(Protocol):
     def read(self, first: int, stop: int) -> Pixels:
         """Rows `first` to `stop`."""
         ...
+
+
+@dataclass(frozen=True)
+class View:
+    """An image seen through something that keeps its size and its white; `read` is the heir's.
+
+    Attributes
+    ----------
+    image : Image
+        What is seen.
+    """
+
+    image: Image
+
+    @property
+    def rows(self) -> int:
+        """Rows of the image."""
+        return self.image.rows
+
+    @property
+    def columns(self) -> int:
+        """Columns of the image."""
+        return self.image.columns
+
+    @property
+    def full_scale(self) -> int:
+        """Value of the lightest pixel."""
+        return self.image.full_scale
 
 
 class ImageFile(Image, Protocol):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.film.scan.image import Image, Pixels
+from pipeline.film.scan.image import Image, Pixels, View
 
 _SLABS = 24
 _SLAB_ROWS = 48
@@ -47,25 +47,8 @@ def _departures(pixels: Pixels) -> np.ndarray[tuple[int, ...], np.dtype[np.float
 
 
 @dataclass(frozen=True)
-class Inverted:
+class Inverted(View):
     """An image whose light lines have become dark."""
-
-    image: Image
-
-    @property
-    def rows(self) -> int:
-        """Rows of the image."""
-        return self.image.rows
-
-    @property
-    def columns(self) -> int:
-        """Columns of the image."""
-        return self.image.columns
-
-    @property
-    def full_scale(self) -> int:
-        """Value of the lightest pixel."""
-        return self.image.full_scale
 
     def read(self, first: int, stop: int) -> Pixels:
         """Rows `first` to `stop`."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from data_schemas.errors import FileError, UsageError
 from pipeline.film.scan.border import WithoutBorder, without_border
 from pipeline.film.scan.files import open_image
-from pipeline.film.scan.image import Image, ImageFile, Pixels
+from pipeline.film.scan.image import ImageFile, Pixels, View
 from pipeline.film.scan.lines import Inverted, lines_are_light
 from pipeline.film.scan.options import ScanOptions
 from pipeline.film.scan.turning import CLOCKWISE, UPRIGHT, Turn, Turned, turned
@@ -21,7 +21,7 @@ _SQUARE = 0.01  # largest relative difference of pixels' two sides
 
 
 @dataclass(frozen=True)
-class OpenScan:
+class OpenScan(View):
     """A scan of a film (see `pipeline.film.parts.Scan`).
 
     Attributes
@@ -38,26 +38,10 @@ class OpenScan:
         Whether it was found upside down and turned by half a turn.
     """
 
-    image: Image
     scale: float | None
     paths: tuple[Path, ...]
     notes: tuple[str, ...] = ()
     is_turned: bool = False
-
-    @property
-    def rows(self) -> int:
-        """Rows of the scan."""
-        return self.image.rows
-
-    @property
-    def columns(self) -> int:
-        """Columns of the scan."""
-        return self.image.columns
-
-    @property
-    def full_scale(self) -> int:
-        """Value of the lightest pixel."""
-        return self.image.full_scale
 
     def read(self, first: int, stop: int) -> Pixels:
         """Rows `first` to `stop`, (stop - first, columns); only what lies in the scan."""

@@ -11,7 +11,7 @@ from typing import BinaryIO
 import numpy as np
 
 from data_schemas.errors import FileError
-from pipeline.film.scan.image import Image, Pixels
+from pipeline.film.scan.image import Image, Pixels, View
 
 _SLAB = 2**22  # bytes copied at a time
 
@@ -58,27 +58,11 @@ UPRIGHT = {
 
 
 @dataclass(frozen=True)
-class Turned:
+class Turned(View):
     """An image seen with its rows, or columns, the other way round."""
 
-    image: Image
     rows_reversed: bool
     columns_reversed: bool
-
-    @property
-    def rows(self) -> int:
-        """Rows of the image."""
-        return self.image.rows
-
-    @property
-    def columns(self) -> int:
-        """Columns of the image."""
-        return self.image.columns
-
-    @property
-    def full_scale(self) -> int:
-        """Value of the lightest pixel."""
-        return self.image.full_scale
 
     def read(self, first: int, stop: int) -> Pixels:
         """Rows `first` to `stop`."""

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.benchmarks import corrections_cases, corrections_grid, corrections_ledger, json_table
-from pipeline.benchmarks.corrections_kept import Kept
 from pipeline.benchmarks.corrections_points import FULL_LENGTH, QUICK_LENGTH, places
 from pipeline.benchmarks.csv_table import write
+from pipeline.benchmarks.kept import Kept
 from pipeline.methods import METHODS
 
 Row = dict[str, Any]

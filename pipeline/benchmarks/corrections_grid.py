@@ -11,8 +11,8 @@ from typing import Any
 
 from data_schemas.errors import IsochronyError
 from data_schemas.scene import Scene
-from pipeline.benchmarks.corrections_kept import Kept
 from pipeline.benchmarks.corrections_points import Place, Point, scene
+from pipeline.benchmarks.kept import Kept
 from pipeline.benchmarks.progress import progress
 from pipeline.benchmarks.trials import outcome
 from pipeline.methods import METHODS

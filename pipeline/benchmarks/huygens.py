@@ -14,9 +14,9 @@ from typing import Any
 
 from pipeline.arrays import Floats
 from pipeline.benchmarks import huygens_curves, huygens_map, json_table
-from pipeline.benchmarks.corrections_kept import Kept
 from pipeline.benchmarks.csv_table import write
 from pipeline.benchmarks.huygens_claims import claims
+from pipeline.benchmarks.kept import Kept
 
 Row = dict[str, Any]
 ALPHAS = (-0.175, -0.25, -0.35, -0.5, -0.65, -0.25 * math.pi, -0.9, -1.0, -1.1, -1.25, -1.396)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.benchmarks.corrections_kept import Kept
+from pipeline.benchmarks.kept import Kept
 from pipeline.benchmarks.progress import progress
 from synth.huygens.clocks import Clocks
 from synth.huygens.locking import edge, edge_of_balance

@@ -1,52 +1,44 @@
 """Suite `integrators`: work-precision of every propagator and of the peers, growth and honesty of errors, bars.
 
-With a folder: a picture of each problem and of growth, and every table as CSV.
+With a folder: a picture of each problem and of growth, and every table as CSV. Problems that were finished in it by an
+earlier, interrupted run are not run again.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pipeline.benchmarks import bars_integrators, ensemble_race, growth, honesty
 from pipeline.benchmarks.csv_table import write
-from pipeline.benchmarks.problems import problems
+from pipeline.benchmarks.kept import Kept
+from pipeline.benchmarks.problems import Problem, problems
+from pipeline.benchmarks.raced_problems import Race, raced_before
 from pipeline.benchmarks.references import reference
-from pipeline.benchmarks.work_precision import Point, rows, sweep
+from pipeline.benchmarks.work_precision import compiled, sweep
 
 Row = dict[str, Any]
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """Yield four kinds of rows: work-precision, growth, honesty, bars. Quick: a tenth as long, fewer tolerances."""
-    points: dict[str, list[Point]] = {}
-    table: list[Row] = []
-    for name, problem in problems(quick=quick).items():
-        truth = reference(problem)
-        points[name] = sweep(problem, truth, quick=quick)
-        for row in rows(problem, truth, points[name], quick=quick):
-            table.append(row)
-            yield row
+    races: dict[str, Race] = {}
+    for name, race in finished(Kept(folder), quick=quick):
+        races[name] = race
+        yield from race.rows()
         if folder is not None:
             from pipeline.benchmarks.work_precision_picture import draw
 
-            draw(problem.title, truth.source, points[name], folder / f"{name.replace(' ', '-')}.png")
-    title, source, points[ensemble_race.NAME] = ensemble_race.race(quick=quick)
-    for point in points[ensemble_race.NAME]:
-        table.append(point.row(source, math.nan))
-        yield table[-1]
-    if folder is not None:
-        from pipeline.benchmarks.work_precision_picture import draw
-
-        draw(title, source, points[ensemble_race.NAME], folder / f"{ensemble_race.NAME}.png")
+            draw(race.title, race.source, race.points, folder / f"{name.replace(' ', '-')}.png")
+            write(folder / "work-precision.csv", [row for each in races.values() for row in each.rows()])
     grown = list(growth.grown(quick=quick))
     if folder is not None:
         from pipeline.benchmarks.work_precision_picture import draw_growth
 
         draw_growth(grown, folder / "growth.png")
-        write(folder / "work-precision.csv", table)
+    points = {name: race.points for name, race in races.items()}
     bars = bars_integrators.judged(points)
     others = {
         "growth": [each.row() for each in grown],
@@ -57,3 +49,18 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
         if folder is not None:
             write(folder / f"{name}.csv", found)
         yield from found
+
+
+def finished(kept: Kept, *, quick: bool) -> Iterator[tuple[str, Race]]:
+    """Every problem's race, and the ensemble's, by name; those that were kept at once."""
+    for name, problem in problems(quick=quick).items():
+        yield name, raced_before(kept, name, partial(raced, problem, quick=quick), quick=quick)
+    name = ensemble_race.NAME
+    yield name, raced_before(kept, name, lambda: Race(*ensemble_race.race(quick=quick)), quick=quick)
+
+
+def raced(problem: Problem, *, quick: bool) -> Race:
+    """Every method on a problem; compile times in full runs alone."""
+    truth = reference(problem)
+    points = sweep(problem, truth, quick=quick)
+    return Race(problem.title, truth.source, points, {} if quick else compiled(problem, points))

@@ -1,7 +1,8 @@
 """Error against time: every propagator and every peer on one problem, over a sweep of tolerances.
 
 Times are CPU times of all threads, warm, medians of five rounds in which the rivals take turns; whoever takes longer
-than a few seconds runs once. Compile times are taken apart, by processes that start with an empty cache.
+than a few seconds is timed once, and whoever takes longer than twenty in the run that gives the answer. Compile times
+are taken apart, on the short problems, by processes that start with an empty cache.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -33,7 +34,8 @@ STIFF_TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e
 PEER_TOLERANCES = (1e-6, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
 QUICK_TOLERANCES = (1e-6, 1e-9, 1e-12)
 REPEATS = 5
-ONCE = 5.0  # s: whoever takes longer runs once
+ONCE = 5.0  # s: whoever takes longer is timed once
+LONG = 20.0  # s: whoever takes longer is not called again to be timed: what it compiled is within 5 % of that
 QUICK_ONCE = 0.25
 _BATCH_BELOW = 0.01  # s: shorter calls are made several times a round
 _BATCH = 5
@@ -143,8 +145,9 @@ def sweep(problem: Problem, truth: Reference, *, quick: bool, names: Sequence[st
             point = Point(problem.name, method, method in OWN, tolerance)
             try:
                 call = set_up(problem, method, tolerance)
-                answer = call()
-                took = cpu(call)
+                answer, took = timed(call)
+                if took <= LONG:
+                    took = cpu(call)
             except ImportError:
                 points.append(replace(point, note="not installed: extra 'peers'"))
                 break
@@ -177,15 +180,20 @@ def raced(runners: Sequence[Runner]) -> list[Point]:
 
 def cpu(call: Callable[[], Any]) -> float:
     """CPU time of a call, all threads, s."""
+    return timed(call)[1]
+
+
+def timed(call: Callable[[], Answer]) -> tuple[Answer, float]:
+    """What a call gives, and its CPU time, all threads, s."""
     started = time.process_time()
-    call()
-    return time.process_time() - started
+    answer = call()
+    return answer, time.process_time() - started
 
 
-def compile_seconds(problem: str, method: str, *, quick: bool) -> float:
+def compile_seconds(problem: str, method: str) -> float:
     """Time of a first call beyond a warm one, in a process of its own with empty caches, s; NaN if it cannot be had."""
     with tempfile.TemporaryDirectory() as folder:
-        words = (sys.executable, "-m", "pipeline.benchmarks.compile_probe", problem, method, str(int(quick)))
+        words = (sys.executable, "-m", "pipeline.benchmarks.compile_probe", problem, method)
         environment = tree_environment() | {"XDG_CACHE_HOME": folder, "NUMBA_CACHE_DIR": os.path.join(folder, "numba")}
         try:
             done = subprocess.run(words, env=environment, check=True, capture_output=True, timeout=_PROBE_LIMIT)
@@ -194,11 +202,10 @@ def compile_seconds(problem: str, method: str, *, quick: bool) -> float:
         return float(json.loads(done.stdout)["compile_s"])
 
 
-def rows(problem: Problem, truth: Reference, points: Sequence[Point], *, quick: bool) -> Iterator[Row]:
-    """Rows of a problem; compile times in full runs alone, once a method."""
-    compiled: dict[str, float] = {}
-    for point in points:
-        if point.method not in compiled:
-            wanted = not quick and bool(point.seconds)
-            compiled[point.method] = compile_seconds(problem.name, point.method, quick=quick) if wanted else math.nan
-        yield point.row(truth.source, compiled[point.method])
+def compiled(problem: Problem, points: Sequence[Point]) -> dict[str, float]:
+    """Compile time of every method that has times, s."""
+    methods = dict.fromkeys(point.method for point in points if point.seconds)
+    return {
+        method: compile_seconds(problem.name, method)
+        for method in progress(methods, f"{problem.name}, compile times", len(methods))
+    }

@@ -18,15 +18,14 @@ from pipeline.benchmarks import (
     corrections,
     corrections_cases,
     corrections_grid,
-    corrections_kept,
     corrections_ledger,
     corrections_maps,
     corrections_sweeps,
     corrections_waterfall,
     scenes,
 )
-from pipeline.benchmarks.corrections_kept import Kept
 from pipeline.benchmarks.corrections_points import FACTORS, MAP, Place, Point, places, scene
+from pipeline.benchmarks.kept import Kept, sources
 from pipeline.methods import METHODS
 
 TINY = Point(length=30.0, sampling="10 Hz", arc=0.02, first_arc=0.06)
@@ -132,7 +131,7 @@ def test_kept_points_are_found_by_what_they_are_and_by_what_made_them(
     assert math.isnan(found[0]["error_mgal"])
     assert Kept(tmp_path).get({"noise": 2.0}) is None
     (path,) = (tmp_path / "points").iterdir()  # nothing half-written beside it
-    monkeypatch.setattr(corrections_kept, "sources", lambda: "other code")
+    monkeypatch.setattr("pipeline.benchmarks.kept.sources", lambda: "other code")
     assert Kept(tmp_path).get({"noise": 1.0}) is None
     monkeypatch.undo()
     path.write_text(path.read_text()[:-20])
@@ -148,8 +147,8 @@ def test_without_a_folder_points_last_as_long_as_the_run() -> None:
 
 
 def test_sources_are_those_that_compute() -> None:
-    assert len(corrections_kept.sources()) == 64
-    assert corrections_kept.sources() == corrections_kept.sources.__wrapped__()
+    assert len(sources()) == 64
+    assert sources() == sources.__wrapped__()
 
 
 @pytest.fixture

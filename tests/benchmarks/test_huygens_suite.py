@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.benchmarks import huygens, huygens_claims, huygens_map
-from pipeline.benchmarks.corrections_kept import Kept
+from pipeline.benchmarks.kept import Kept
 from synth.huygens.clocks import Clocks
 
 

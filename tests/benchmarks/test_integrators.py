@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,11 @@ import pytest
 from pipeline.benchmarks import bars_integrators, ensemble_race, growth, honesty, integrators, work_precision
 from pipeline.benchmarks.curves import time_at
 from pipeline.benchmarks.growth import Growth
+from pipeline.benchmarks.kept import Kept
 from pipeline.benchmarks.own import OWN, Answer
 from pipeline.benchmarks.peers import PEERS
 from pipeline.benchmarks.problems import Problem, beam, linear, nonlinear, problems, stiff_beam, van_der_pol
+from pipeline.benchmarks.raced_problems import Race
 from pipeline.benchmarks.references import reference
 from pipeline.benchmarks.work_precision import Point, contenders, set_up, tolerances
 from synth.systems.dispatch import derivative
@@ -132,6 +135,43 @@ def test_the_suite_yields_its_tables(tmp_path: Path, monkeypatch: pytest.MonkeyP
     names = {path.name for path in tmp_path.iterdir()}
     assert names >= {"nonlinear.png", "beam.png", "growth.png", "work-precision.csv", "growth.csv", "honesty.csv"}
     assert all(path.stat().st_size for path in tmp_path.iterdir() if path.name != "bars.csv")
+
+
+def test_a_finished_problem_is_not_raced_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    def race(problem: Problem, *, quick: bool) -> Race:
+        asked.append(problem.name)
+        if asked == ["linear", "nonlinear"]:
+            raise KeyboardInterrupt
+        return Race(problem.title, "source", [point("explicit", 1e-9, 1.0)], {"explicit": 2.5})
+
+    monkeypatch.setattr(integrators, "problems", lambda *, quick: SHORT)
+    monkeypatch.setattr(integrators, "raced", race)
+    monkeypatch.setattr(ensemble_race, "race", lambda *, quick: ("title", "source", [point("explicit", 1e-9, 1.0)]))
+    with pytest.raises(KeyboardInterrupt):
+        list(integrators.finished(Kept(tmp_path), quick=True))
+    again = dict(integrators.finished(Kept(tmp_path), quick=True))
+    assert asked == ["linear", "nonlinear", "nonlinear", "beam"]
+    assert list(again) == ["linear", "nonlinear", "beam", "ensemble"]
+    assert again["linear"] == Race(SHORT["linear"].title, "source", [point("explicit", 1e-9, 1.0)], {"explicit": 2.5})
+    assert next(again["linear"].rows())["compile_s"] == 2.5
+    list(integrators.finished(Kept(tmp_path), quick=False))
+    assert asked[4:] == ["linear", "nonlinear", "beam"]  # a full race is another
+
+
+@pytest.mark.parametrize(("length", "calls"), [(0.1, 2), (25.0, 1)])
+def test_whoever_takes_long_is_not_called_again(length: float, calls: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[int] = []
+    monkeypatch.setattr(work_precision, "timed", lambda call: (call(), length))
+    monkeypatch.setattr(
+        work_precision, "set_up", lambda *given: lambda: made.append(1) or Answer(np.zeros((41, 6)), 0.0)
+    )
+    monkeypatch.setattr(work_precision, "raced", lambda runners: [each.point for each in runners])
+    truth = SimpleNamespace(error=lambda problem, answer, wanted: 0.0)
+    (found, *_) = work_precision.sweep(SHORT["beam"], truth, quick=True, names=["heyoka"])  # type: ignore[arg-type]
+    assert found.seconds == (length,)
+    assert len(made) == calls * len(work_precision.QUICK_TOLERANCES)
 
 
 GROWN = Growth("case", "explicit", np.geomspace(1.0, 1e4, 20), 1e-15 * np.geomspace(1.0, 1e4, 20) ** 0.5, 0.5)

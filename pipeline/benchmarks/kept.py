@@ -1,4 +1,4 @@
-"""Finished points of the grids, kept in a folder: an interrupted run goes on where it stopped.
+"""Finished points of a suite, kept in a folder: an interrupted run goes on where it stopped.
 
 A point is found again by what it is and by what computed it: the hash of its configuration and of every source that
 may move its numbers. Changed code is computed anew, never mixed with old results.
@@ -17,7 +17,12 @@ from typing import Any
 
 _PACKAGES = ("data_schemas", "synth", "pipeline")
 _NO_NUMBERS = ("cli", "plots", "benchmarks")  # parts of `pipeline` that present what others compute
-_ROWS = ("corrections_grid.py", "huygens_map.py", "trials.py")  # of the benchmarks, what makes the rows that are kept
+# of the benchmarks, what makes the rows that are kept
+_ROWS = (
+    *("corrections_grid.py", "huygens_map.py", "trials.py"),
+    *("ensemble_race.py", "growth.py", "linear_hour.py", "own.py", "peers.py", "plain_pendulums.py", "problems.py"),
+    *("references.py", "symbolic.py", "work_precision.py"),
+)
 
 
 class Kept:

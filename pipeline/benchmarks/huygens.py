@@ -1,4 +1,5 @@
-"""Suite `huygens`: the paper's regime by every way there is, what locks, what ends where, and what holds of the paper.
+"""Suite `huygens`: the paper's regime by every way there is, what locks, what ends where, work against error,
+two gravimeter pendulums on a support that yields, and what holds of the paper.
 
 With a folder: tables (CSV), everything (JSON), pictures (PNG) of Fig. 2 redrawn and of both maps, and the finished rows
 of the maps, so that a run that was interrupted goes on where it stopped.
@@ -13,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.arrays import Floats
-from pipeline.benchmarks import huygens_curves, huygens_map, json_table
+from pipeline.benchmarks import huygens_curves, huygens_flexure, huygens_map, huygens_work, json_table
 from pipeline.benchmarks.csv_table import write
-from pipeline.benchmarks.huygens_claims import claims
+from pipeline.benchmarks.huygens_claims import claims, flexure_claims
 from pipeline.benchmarks.kept import Kept
 
 Row = dict[str, Any]
@@ -23,7 +24,8 @@ ALPHAS = (-0.175, -0.25, -0.35, -0.5, -0.65, -0.25 * math.pi, -0.9, -1.0, -1.1, 
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
-    """Yield beta, q, tau and k a way and alpha, the edge of locking a tau, and in words what holds of the paper.
+    """Yield beta, q, tau and k a way and alpha, the edge of locking a tau, work against error, what a yielding support
+    does to gravimeter pendulums, and in words what holds.
 
     Quick: three alphas, maps of 12 x 12 instead of 64 x 64.
     """
@@ -34,12 +36,20 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     edges = [_edge(chis, float(tau), row) for tau, row in zip(taus, locked, strict=True)]
     yield from edges[:: max(1, size // 12)]
     phases, sizes, ends = huygens_map.basins(size, kept)
-    told = claims(curves, edges, float(chis[1] - chis[0]), ends)
+    work = list(huygens_work.rows(quick=quick))
+    members = list(huygens_work.member_rows(quick=quick))
+    flexure = list(huygens_flexure.rows())
+    yield from (*work, *members, *flexure)
+    told = [*claims(curves, edges, float(chis[1] - chis[0]), ends), *flexure_claims(flexure)]
     yield from told
     if folder is not None:
         write(folder / "huygens-curves.csv", curves)
         write(folder / "huygens-edges.csv", edges)
+        write(folder / "huygens-work.csv", work)
+        write(folder / "huygens-members.csv", members)
+        write(folder / "huygens-flexure.csv", flexure)
         tables = {"quick": quick, "curves": curves, "edges": edges, "basins": ends, "claims": told}
+        tables |= {"work": work, "members": members, "flexure": flexure}
         json_table.write(folder / "huygens.json", tables)
         if importlib.util.find_spec("matplotlib") is not None:
             _draw(folder, curves, (chis, taus, locked), edges, (phases, sizes, ends))

@@ -19,7 +19,6 @@ Row = dict[str, Any]
 WAYS = ("paper", "corrected chain", "balance", "orbit", "motion")
 DRIVE = 0.02
 """delta, of which the paper gives none."""
-_SWINGS = 400
 _A_SWING = 16  # readings
 
 
@@ -53,12 +52,12 @@ def nearest(clocks: Clocks, alpha: float) -> Regime:
     return min(solutions(clocks, shifts=True), key=lambda each: abs(each.alpha[0] - alpha) + abs(each.offset))
 
 
-def moved(regime: Regime, clocks: Clocks) -> Regime:
+def moved(regime: Regime, clocks: Clocks, swings: int = 400) -> Regime:
     """The regime as equal clocks that begin alike move, which stay on it to the last bit, saddle though it is."""
     first = np.array(start_of(regime))
     first[:2] *= 0.9  # not quite on it: the motion must lead there
     step = 2.0 * math.pi / _A_SWING * math.sqrt(1.0 + regime.beta)
-    states = integrate(clocks.small(), first, np.arange(_SWINGS * _A_SWING) * step, tolerance=1e-10).states
+    states = integrate(clocks.small(), first, np.arange(swings * _A_SWING) * step, tolerance=1e-10).states
     late = states[len(states) // 2 :]
     time = np.arange(len(late)) * step
     swing = np.unwrap(np.angle(late[:, 2] - 1j * late[:, 3]))

@@ -17,7 +17,7 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 from data_schemas.errors import RefusedError
 from pipeline.benchmarks.clock import tree_environment
@@ -28,6 +28,7 @@ from pipeline.benchmarks.progress import progress
 from pipeline.benchmarks.references import Reference
 
 Row = dict[str, Any]
+Given = TypeVar("Given")
 NO_TOLERANCE = math.nan
 TOLERANCES = (1e-6, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14)
 STIFF_TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15)
@@ -183,11 +184,11 @@ def cpu(call: Callable[[], Any]) -> float:
     return timed(call)[1]
 
 
-def timed(call: Callable[[], Answer]) -> tuple[Answer, float]:
+def timed(call: Callable[[], Given]) -> tuple[Given, float]:
     """What a call gives, and its CPU time, all threads, s."""
     started = time.process_time()
-    answer = call()
-    return answer, time.process_time() - started
+    given = call()
+    return given, time.process_time() - started
 
 
 def compile_seconds(problem: str, method: str) -> float:

@@ -74,7 +74,7 @@ def moved(support: str, phase: float, swings: int) -> float:
     else:
         system = ElasticBeam(SUPPORT, masses, lengths, STIFFNESS, gravity=GRAVITY)
         rest = [-MASS * GRAVITY * arc**2 * (1.0 + math.cos(2.0 * phase)) / STIFFNESS, 0.0]
-    times = np.arange(swings * _A_SWING) * (2.0 * math.pi / n / _A_SWING)
+    times = np.linspace(0.0, 2.0 * math.pi * swings / n, swings * _A_SWING + 1)
     yielding = integrate(system, [*rest, *own], times, tolerance=_TOLERANCE).states[:, 2:4]
     rigid = integrate(plain(n), own[:2], times, tolerance=_TOLERANCE).states
     return _frequency(rigid, times, n) / _frequency(yielding, times, n) - 1.0

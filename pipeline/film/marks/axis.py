@@ -13,6 +13,7 @@ from pipeline.film.marks.alignment import Alignment, aligned
 from pipeline.film.marks.closing import learned_width
 from pipeline.film.marks.counting import Count
 from pipeline.film.marks.drive import Drive, drive
+from pipeline.film.marks.echoes import lasting
 from pipeline.film.marks.events import Events, gathered
 from pipeline.film.marks.gaps import Gaps
 from pipeline.film.marks.holes import holes_honest
@@ -71,10 +72,12 @@ def axis_of(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, rows: in
     offset, shear = counted.alignment.offset, counted.alignment.shear
     found = drive(row - offset[:, None] - shear * column, sigma, marking.interval)
     for _ in range(ROUNDS):
-        offset, shear = refined(row, sigma, column, found)
+        offset, shear, unsure = refined(row, sigma, column, found)
         found = drive(row - offset[:, None] - shear * column, sigma, marking.interval, found)
-    found = holes_honest(row - offset[:, None] - shear * column, sigma, found)
-    return _axis(found, counted, row, offset, shear, marking, rows)
+    freed = row - offset[:, None] - shear * column
+    found = holes_honest(freed, sigma, found)
+    alike = float(np.hypot(lasting(freed, found), unsure))
+    return _axis(found, counted, row, offset, shear, alike, marking, rows)
 
 
 def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float) -> Counted:
@@ -108,11 +111,18 @@ def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float) -> Co
 
 
 def _axis(
-    found: Drive, counted: Counted, row: Floats, offset: Floats, shear: float, marking: Marking, rows: int
+    found: Drive,
+    counted: Counted,
+    row: Floats,
+    offset: Floats,
+    shear: float,
+    alike: float,
+    marking: Marking,
+    rows: int,
 ) -> TimeAxis:
     cycle = round(60.0 / marking.interval)
     shift = 0 if counted.minutes.residue is None else (-counted.minutes.residue) % cycle
-    seconds, sigma = times_of(found, rows)
+    seconds, sigma = times_of(found, rows, alike)
     seen = np.flatnonzero((np.isfinite(row) & found.used).any(axis=0))
     return TimeAxis(
         index=(seen + shift).astype(np.int64),

@@ -18,7 +18,7 @@ from pipeline.film.marks.events import Events, gathered
 from pipeline.film.marks.gaps import Gaps
 from pipeline.film.marks.holes import holes_honest
 from pipeline.film.marks.minutes import Minutes, code_marks, find_minutes, repaired
-from pipeline.film.marks.oblique import refined
+from pipeline.film.marks.oblique import middles, refined
 from pipeline.film.marks.search import find_gaps
 from pipeline.film.marks.seconds import times_of
 from pipeline.film.parts import Emulsion, Floats, Marking, Scan, TimeAxis, Tracks
@@ -63,12 +63,13 @@ def axis_of(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, rows: in
     traces = len(tracks.course)
     size = int(counted.count.index[-1]) + 1
     row, sigma, column = (np.full((traces, size), np.nan) for _ in range(3))
+    middle = middles(gaps, tracks)
     for trace in range(traces):
         member = counted.events.member[trace, counted.count.event]
         seen = member >= 0
         at = counted.count.index[seen]
         row[trace, at], sigma[trace, at] = gaps.row[member[seen]], gaps.row_sigma[member[seen]]
-        column[trace, at] = gaps.column[member[seen]]
+        column[trace, at] = middle[member[seen]]
     offset, shear = counted.alignment.offset, counted.alignment.shear
     found = drive(row - offset[:, None] - shear * column, sigma, marking.interval)
     for _ in range(ROUNDS):

@@ -2,9 +2,10 @@
 
 The light of a piece of film is `a L - b T`: L the whole line as its course draws it, T what would have been drawn while
 the shutter was closed, between `m - w/2` and `m + w/2` on the curve. Gauss-Newton over m, a, b, w, a shift d of the
-course across the film and a lead h along it, each pixel weighed by its grain: a course that lies h rows early (of an
-oblique image by as much as the column is far out) would else draw the gap with it, and be taken for the obliqueness. Both ends of the gap are edges of a line of known shape, so the
-fit is as good as the grain allows (the Cramer-Rao bound of the model), on steep strokes and in turning points alike.
+course across the film and a lead h along it, each pixel weighed by its grain. A course that lies late by more the
+further out it is (a tracker that misjudges an oblique image draws such ones) would else take the gap along. Both ends
+of the gap are edges of a line of known shape, so the fit is as good as the grain allows (the Cramer-Rao bound of the
+model), on steep strokes and in turning points alike.
 """
 
 from __future__ import annotations

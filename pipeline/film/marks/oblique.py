@@ -6,9 +6,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.film.marks.drive import Drive
-from pipeline.film.parts import Floats
+from pipeline.film.marks.gaps import Gaps
+from pipeline.film.parts import Floats, Tracks
 
 ENOUGH = 24  # marks seen on several traces
+
+
+def middles(gaps: Gaps, tracks: Tracks) -> Floats:
+    """Mean column of the two ends of each gap, px: what an oblique image shifts the middle of its rows by."""
+    out = gaps.column.copy()
+    for trace, slope in enumerate(tracks.slope):
+        mine = gaps.trace == trace
+        row, width = gaps.row[mine], gaps.width[mine]
+        centres = np.arange(slope.size) + 0.5
+        after, before = (np.interp(row + side * width, centres, slope) for side in (0.5, -0.5))
+        out[mine] += np.nan_to_num(0.125 * width * (after - before))
+    return out
 
 
 def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple[Floats, float, float]:
@@ -50,9 +63,7 @@ def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple
     return offset, float(value[-1]), _left_over(spread, free, weight, used, columns)
 
 
-def _left_over(
-    spread: Floats, free: list[int], weight: Floats, used: NDArray[np.bool_], columns: Floats
-) -> float:
+def _left_over(spread: Floats, free: list[int], weight: Floats, used: NDArray[np.bool_], columns: Floats) -> float:
     """1 sigma, px, of rows freed of offset and shear, over all gaps; what all gaps share is the time's zero."""
     which, _ = np.nonzero(used)
     if which.size == 0:

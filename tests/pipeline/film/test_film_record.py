@@ -95,6 +95,22 @@ def test_description_names_levers_instrument_and_start(tmp_path):
     assert swing == pytest.approx(angles(record.dataset["time"].values)["1"].std() * LEVER / 1500.0, rel=1e-6)
 
 
+def test_bases_and_readings_travel_into_the_record(tmp_path):
+    bases = [
+        {"label": "before", "time": -3600.0, "gravity": 9.81, "period": {"1": 1.00966, "2": 1.00976}},
+        {"label": "after", "time": 9000.0, "gravity": 9.82, "period": {"2": 1.00926, "1": 1.00916}},
+    ]
+    readings = [{"time": 10.0, "temperature": 290.0}, {"time": 40.0, "temperature": 293.0}]
+    known = described(instrument={"reference_gravity": 9.81}, bases=bases, readings=readings)
+    record = make_record(reading(tmp_path), Known(known, FilmOptions()), "x")
+    assert data_schemas.check(record, "record") == []
+    stored, time = record["instrument"].dataset, record.dataset["time"].values
+    assert stored["base"].values.tolist() == ["before", "after"]
+    assert stored["base_gravity"].values.tolist() == [9.81, 9.82]
+    assert stored["base_period"].values.tolist() == [[1.00966, 1.00976], [1.00916, 1.00926]]
+    np.testing.assert_allclose(stored["temperature"].values, np.clip(290.0 + 0.1 * (time - 10.0), 290.0, 293.0))
+
+
 def test_options_stand_before_the_description(tmp_path):
     options = FilmOptions(lever=1800.0, periods={"2": 1.02}, gravity=9.80, mark_interval=0.5)
     record = make_record(reading(tmp_path), Known(described(), options), "film")

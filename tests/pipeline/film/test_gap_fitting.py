@@ -128,9 +128,7 @@ def test_a_course_that_lies_early_where_it_is_far_out_is_not_taken_for_an_obliqu
     known = np.isfinite(course)
     later = rows[known] + tilt * (course[known] - 210.0)
     curves = [np.interp(rows, later, each[known], left=np.nan, right=np.nan)[None] for each in (course, slope)]
-    gaps = find_gaps(
-        minute.scan, minute.emulsion, replace(minute.tracks, course=curves[0], slope=curves[1]), WIDTH
-    )
+    gaps = find_gaps(minute.scan, minute.emulsion, replace(minute.tracks, course=curves[0], slope=curves[1]), WIDTH)
     which, along, _ = errors(minute, gaps)
     assert gaps.size >= 0.9 * minute.when.size
     assert abs(np.polyfit(minute.column[0][which], along, 1, w=1.0 / gaps.row_sigma)[0]) < 0.1 * tilt

@@ -160,7 +160,7 @@ def findings(reading: Reading) -> dict[str, Any]:
 def flags(reading: Reading) -> list[str]:
     """What to distrust: the time axis's flags, and readings that contradict each other."""
     found = list(reading.axis.flags)
-    if reading.difference is not None and reading.difference.disagree.any():
+    if reading.difference is not None and reading.difference.contradicts:
         found.append("readings_disagree")
     return found
 

@@ -12,7 +12,7 @@ from film_stand_ins import LEVER, PERIODS, SCALE, angles, reading
 import data_schemas
 from data_schemas.errors import RecordError, UsageError
 from data_schemas.film_description import DescribedTrace, FilmDescription
-from pipeline.film.comparing import clock_uncertainty
+from pipeline.film.comparing import PhaseDifference, clock_uncertainty
 from pipeline.film.film_scale import film_scale, rows_per_second
 from pipeline.film.knowledge import ASSUMED_LEVER, FilmOptions, Known
 from pipeline.film.matching import match
@@ -199,12 +199,37 @@ def test_readings_that_agree_are_not_flagged_and_a_late_one_is(tmp_path):
     agree = reading(tmp_path, noise=0.2, seconds=300.0).difference
     ratio = (agree.phase / agree.sigma)[np.isfinite(agree.phase)]
     assert ratio.size == 20
-    assert np.sqrt(np.mean(ratio**2)) < 1.8
+    assert np.sqrt(np.mean(ratio**2)) < 1.5
     assert agree.disagree.sum() <= 1
+    assert not agree.contradicts
     late = reading(tmp_path, noise=0.2, seconds=300.0, strobe_late=1e-3).difference
     # 1 ms of delay is 6.2 mrad of a swing of a second
     np.testing.assert_allclose(np.nanmean(late.phase), -2 * np.pi / 1.01 * 1e-3, rtol=0.1)
     assert late.disagree.mean() > 0.8
+    assert late.contradicts
+
+
+def test_one_half_minute_of_a_hundred_beyond_three_sigma_is_chance_and_not_a_contradiction():
+    honest = np.random.default_rng(3).standard_t(11, size=(2, 60))
+    start, sigma = 30.0 * np.arange(60), np.full((2, 60), 2e-4)
+
+    def contradicts(change) -> bool:
+        away = honest.copy()
+        change(away)
+        return PhaseDifference(start, away * sigma, sigma).contradicts
+
+    assert not contradicts(lambda away: away.__setitem__((0, 7), 3.4))
+    assert contradicts(lambda away: away.__setitem__((0, 7), 12.0))  # one half minute that is wrong
+    assert contradicts(lambda away: away.__setitem__((0, slice(0, 60, 8)), 3.4))  # many that are doubtful
+    assert contradicts(lambda away: away.__iadd__([[0.0], [0.8]]))  # a trace that lags, never by three sigma
+    assert not PhaseDifference(start, np.full((2, 60), np.nan), sigma).contradicts
+
+
+def test_honest_films_are_rarely_flagged():
+    rng = np.random.default_rng(5)
+    start, sigma = 30.0 * np.arange(60), np.full((2, 60), 2e-4)
+    films = [PhaseDifference(start, sigma * rng.standard_t(11, size=(2, 60)), sigma) for _ in range(300)]
+    assert sum(film.contradicts for film in films) <= 12
 
 
 def test_a_time_axis_that_drifts_is_an_uncertainty_of_the_chronometer(tmp_path):

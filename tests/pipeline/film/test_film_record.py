@@ -221,7 +221,7 @@ def test_one_half_minute_of_a_hundred_beyond_three_sigma_is_chance_and_not_a_con
     assert not contradicts(lambda away: away.__setitem__((0, 7), 3.4))
     assert contradicts(lambda away: away.__setitem__((0, 7), 12.0))  # one half minute that is wrong
     assert contradicts(lambda away: away.__setitem__((0, slice(0, 60, 8)), 3.4))  # many that are doubtful
-    assert contradicts(lambda away: away.__iadd__([[0.0], [0.8]]))  # a trace that lags, never by three sigma
+    assert contradicts(lambda away: away.__iadd__([[0.0], [2.0]]))  # a trace that lags
     assert not PhaseDifference(start, np.full((2, 60), np.nan), sigma).contradicts
 
 
@@ -229,7 +229,7 @@ def test_honest_films_are_rarely_flagged():
     rng = np.random.default_rng(5)
     start, sigma = 30.0 * np.arange(60), np.full((2, 60), 2e-4)
     films = [PhaseDifference(start, sigma * rng.standard_t(11, size=(2, 60)), sigma) for _ in range(300)]
-    assert sum(film.contradicts for film in films) <= 12
+    assert sum(film.contradicts for film in films) <= 6
 
 
 def test_a_time_axis_that_drifts_is_an_uncertainty_of_the_chronometer(tmp_path):

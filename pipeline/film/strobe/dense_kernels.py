@@ -116,7 +116,7 @@ def fit_block(
             if abs(ahead) > abs(slope):  # out of a turning point the line steepens within a step
                 step = DRAW * spot / math.sqrt(1.0 + ahead * ahead)
             column, slope = swing(shape, middle, half, turn, row + 0.5 * step)
-            draw(line, line, top, left, row + 0.5 * step, column, step, spot, False)
+            draw(line, line, line, top, left, row + 0.5 * step, column, 0.0, step, spot, False)
             row += step
         normal[:], right[:] = 0.0, 0.0
         seen_light = drawn_light = away2 = 0.0

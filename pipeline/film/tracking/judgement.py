@@ -15,6 +15,8 @@ LEAST_OPEN = 0.7  # share of the light let through under which a row counts as l
 SEEN = 4.0
 LEAST_LIGHT, MOST_LIGHT = 0.5, 1.8  # of the lamp's
 PARTIAL, PARTIAL_SIGMA = 0.85, 3.0  # less light than that, and a part of the line is missing: it begins or ends there
+CUT, CUT_SIGMA = 0.35, 3.0  # rows of light lacking beside each other, and sigma of it: the shutter closed there
+CUT_ROWS = 3
 MISFIT = 4.0
 OUTLIER = 4.5
 COURSE_SLACK = 0.06  # spots
@@ -69,6 +71,7 @@ def judge(
     followed = known > 0
     whole = np.maximum(LEAST_LIGHT * lamp, PARTIAL * lamp - PARTIAL_SIGMA * np.sqrt(light_variance))
     seen = followed & (light > SEEN * np.sqrt(light_variance)) & (light > whole)
+    seen &= (light > PARTIAL * lamp) | ~_cut(1.0 - light / lamp, light_variance / lamp**2, followed)
     gap = followed & (open_share < LEAST_OPEN)
     unsure = followed & (disagreement > DISAGREEMENT)
     allowed = variance + course_variance + (COURSE_SLACK * optics.spot) ** 2 * stretch
@@ -86,6 +89,20 @@ def judge(
     position = np.where(accepted, states[:, 0] + states[:, 3] + shift, np.nan)
     sigma = np.sqrt(variance * np.maximum(1.0, misfit) + (FLOOR * optics.spot) ** 2 * stretch)
     return position, np.where(accepted, sigma, np.nan), qc
+
+
+def _cut(lack: Floats, variance: Floats, followed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which rows lie where light is lacking on rows beside each other: a gap too faint to be found as one.
+
+    A row of which the shutter cut off a part is read amiss by up to half a row; its own light hardly tells where lines
+    are faint, but what a gap takes is taken from several rows together.
+    """
+    lack, variance = np.where(followed, lack, 0.0), np.where(followed, variance, 0.0)
+    ends = np.ones(CUT_ROWS)
+    total, spread = np.convolve(lack, ends), np.convolve(variance, ends)
+    lacking = total > np.maximum(CUT, CUT_SIGMA * np.sqrt(spread))
+    rows = lack.size
+    return np.asarray(np.any([lacking[k : k + rows] for k in range(CUT_ROWS)], axis=0))
 
 
 def flag_lost(position: Floats, course: Floats, qc: NDArray[np.uint16], period: float) -> None:

@@ -88,6 +88,21 @@ def test_rows_beside_a_gap_too_faint_to_be_found_are_left_out() -> None:
     assert np.all(qc[AT : AT + 3] == ELONGATION_FLAGS["outlier"])
 
 
+def test_a_cut_row_that_calls_itself_unsure_is_not_believed() -> None:
+    """Its sigma is that of a dim line; a whole one would not lie so far off."""
+    dim = {VARIANCE: 1.2, ALONE: 1.2, LIGHT: 0.7, LIGHT_VARIANCE: 0.02}
+    assert np.isfinite(judged({**dim, SHIFT: 0.9})[0]).all()
+    assert np.isnan(judged({**dim, SHIFT: 1.5})[0][AT])
+
+
+def test_two_rows_beside_each_other_that_lie_off_are_both_left_out() -> None:
+    shift = np.zeros(ROWS)
+    shift[AT] = 0.8
+    assert np.isfinite(judged({SHIFT: shift})[0]).all()
+    shift[AT + 1] = -0.8  # drawn apart by what the shutter took from between them
+    assert np.flatnonzero(np.isnan(judged({SHIFT: shift})[0])).tolist() == [AT, AT + 1]
+
+
 def test_a_gap_lets_no_light_through_and_takes_its_length_in_all() -> None:
     share = openness(Gaps(np.array([20.5]), np.array([1.8])), 0, ROWS, 1.2)
     assert np.sum(1.0 - share) == pytest.approx(1.8, abs=0.01)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -52,9 +53,7 @@ def test_a_section_shows_its_traces(short: Tiny, section: Section) -> None:
     assert np.isfinite(away).mean() > 0.75
 
 
-def test_spot_and_curve_are_told_from_a_section(
-    short: Tiny, section: Section, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_spot_and_curve_are_told_from_a_section(short: Tiny, section: Section, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(calibration, "MOST_ROWS", 25)
     wrong = short.optics.with_(spot=1.1 * SPOT, curve=ToneCurve(CURVE.darkest * 1.1, CURVE.middle * 1.2, 1.4))
     told = calibration.calibrate(section, wrong)
@@ -140,4 +139,4 @@ def test_sections_lie_on_the_film_and_apart(rows: int) -> None:
     looked = list(sections(rows, 300))
     assert all(0 <= first < stop <= rows for first, stop in looked)
     firsts = sorted(first for first, _ in looked)
-    assert all(b - a >= 150 for a, b in zip(firsts, firsts[1:], strict=False))
+    assert all(b - a >= 150 for a, b in pairwise(firsts))

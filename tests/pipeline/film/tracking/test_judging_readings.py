@@ -25,7 +25,7 @@ def judged(reading: dict[int, Any], **other: Any) -> Any:
     for column, value in reading.items():
         table[AT if np.isscalar(value) else slice(None), column] = value
     states = np.tile([100.0, 0.0, 0.0, 20.0, -15.0, 0.2], (ROWS, 1))
-    rows = {
+    rows: dict[str, Any] = {
         "disagreement": np.zeros(ROWS),
         "known": np.full(ROWS, BOTH, np.uint8),
         "open": np.ones(ROWS),

@@ -14,11 +14,12 @@ from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.film.emulsion.curve import ToneCurve
 from pipeline.film.parts import Expected, Tracks
 from pipeline.film.tracking import calibrate as calibration
+from pipeline.film.tracking import probing
 from pipeline.film.tracking.gap_fit import fit_gaps
 from pipeline.film.tracking.passes import forward
 from pipeline.film.tracking.probing import SURE, sections
 from pipeline.film.tracking.section import Section, read_section
-from pipeline.film.tracking.track import track
+from pipeline.film.tracking.track import _rewound, track
 
 ROWS, BEGIN, BLACK = 110, 15.0, 128.0
 
@@ -60,6 +61,29 @@ def test_spot_and_curve_are_told_from_a_section(short: Tiny, section: Section, m
     assert told.spot == pytest.approx(SPOT, rel=0.05)
     light = np.linspace(0.1, 0.9, 9)
     assert told.curve.darkness(light) == pytest.approx(CURVE.darkness(light), rel=0.06)
+
+
+def test_a_first_guess_of_the_optics_is_refined(short: Tiny, section: Section, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(calibration, "MOST_ROWS", 25)
+    monkeypatch.setattr(probing, "REFINEMENTS", 1)
+    guess = probing.first_optics(section.darkness, float(np.sqrt(short.optics.grain[0])), None)
+    assert guess.spot == pytest.approx(SPOT, rel=0.3)
+    again, told = probing.refine(section, guess, fixed=False)
+    assert abs(told.spot / SPOT - 1.0) < 0.08
+    assert abs(told.shear) < 0.005
+    assert [swing.amplitude for swing in again.swings] == pytest.approx([t.amplitude for t in short.traces], rel=0.03)
+
+
+def test_traces_are_followed_back_to_the_films_start() -> None:
+    made = tiny(150, ((0.0, 150.0),))
+    late = read_section(made.film.darkness(100, 150), 100, made.optics, PERIOD, 2, least=SURE)
+    assert late is not None
+    early = _rewound(made.film, late)
+    assert early.first < 40
+    rows = early.first + np.arange(early.states.shape[0]) + 0.5
+    course = early.states[:, :, 0] + early.states[:, :, 3]
+    true = np.stack([trace.column(rows) for trace in made.traces], axis=1)
+    assert np.median(np.abs(course - true)) < 0.2
 
 
 def test_too_short_a_section_tells_nothing(short: Tiny, section: Section) -> None:

@@ -19,6 +19,7 @@ CUT, CUT_SIGMA = 0.35, 3.0  # rows of light lacking beside each other, and sigma
 CUT_ROWS, ABOUT = 3, 7
 MISFIT = 4.0
 OUTLIER = 4.5
+FAR = 0.75  # spots off a course that is known: no reading of a faint line is worth that much doubt
 STRANGE = 2.5  # sigma from which on two rows beside each other are both left out
 COURSE_SLACK = 0.06  # spots
 DISAGREEMENT = 6.0
@@ -82,6 +83,7 @@ def judge(
     strange = shift**2 > STRANGE**2 * allowed
     dim = 1.0 - light / lamp > STRANGE * np.sqrt(light_spread)
     wild = (misfit > MISFIT) | (shift**2 > OUTLIER**2 * allowed) | (light > MOST_LIGHT * lamp)
+    wild |= shift**2 > (FAR * optics.spot) ** 2 * stretch + OUTLIER**2 * course_variance
     wild |= strange & _beside(followed & ~gap & (strange | dim))
     wide = variance > WORST_NORMAL**2 * optics.spot**2 * stretch
     accepted = seen & ~gap & ~unsure & ~wild & ~wide & ~black

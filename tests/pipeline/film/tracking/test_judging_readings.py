@@ -95,6 +95,13 @@ def test_a_cut_row_that_calls_itself_unsure_is_not_believed() -> None:
     assert np.isnan(judged({**dim, SHIFT: 1.5})[0][AT])
 
 
+def test_a_faint_line_is_not_read_far_off_its_course() -> None:
+    faint = {VARIANCE: np.full(ROWS, 1.6), ALONE: np.full(ROWS, 1.6)}
+    shift = np.zeros(ROWS)
+    shift[[10, 30]] = 2.7, 3.0  # 0.86 and 0.95 px across the line: both within 2.5 sigma
+    assert np.flatnonzero(np.isnan(judged({**faint, SHIFT: shift})[0])).tolist() == [30]
+
+
 def test_two_rows_beside_each_other_that_lie_off_are_both_left_out() -> None:
     shift = np.zeros(ROWS)
     shift[AT] = 0.8

@@ -97,7 +97,7 @@ def fuzz(tmp_path, out, ending, count, seed):
     faults = []
     if ending == "tif":
         same = np.random.default_rng(seed)
-        rehearse(path, [mutated(whole, same) for _ in range(200)])
+        rehearse(path, [whole, *(mutated(whole, same) for _ in range(200))])
     with Isolated(METHODS, HANG) as child:
         first = child.run(good, config)
         assert first.error_class in (None, "RecordError", "RefusedError"), first.error

@@ -9,7 +9,6 @@ line, or not where their neighbours lead, are left out.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +28,7 @@ BESIDE = 0.5  # of a band's width on either side, in which its light is looked f
 ROOM = np.array([15.0, 15.0, 10.0, 5.0, 12.0, 8.0, 3.0, 12.0, 8.0, 3.0])  # px, of a shape about its first guess
 ROUNDS = 4
 LIT, DIM = 0.5, 0.06  # share of points lit, and light, from which a block is believed
+UNTOLD = 0.3  # of an exposure, 1 sigma of a pixel's grain from which the film counts as saturated
 SMALLEST = 6.0  # spots, of the swing's amplitude
 ALIKE = 0.15  # of the swing, by which it may change from block to block
 AROUND = 5  # blocks on either side that tell the usual swing
@@ -98,6 +98,13 @@ class Blocks:
         return Blocks(middle, np.zeros((traces, middle.size, SIZE)), np.zeros((traces, middle.size)), period)
 
 
+def saturation(emulsion: Emulsion) -> float:
+    """Exposure from which a pixel no longer tells how bright it was."""
+    light = np.linspace(0.02, 2.0, 100, dtype=np.float32)
+    told = np.asarray(emulsion.noise(light), dtype=np.float64) < UNTOLD * light
+    return float(light[told].max()) if told.any() else float(light[-1])
+
+
 def windows(found: Survey, columns: int) -> list[tuple[int, int]]:
     """Columns in which the light of each band is looked for: half way to the next band at most."""
     out = []
@@ -113,6 +120,7 @@ def _follow(scan: Scan, emulsion: Emulsion, found: Survey, spot: float, blocks: 
     """Fit every block, piece by piece of the film."""
     period = found.period
     canvas = np.empty((int(2.0 * period + 12.0 * spot) + 8, scan.columns))
+    brightest = saturation(emulsion)
     least = SHADE * float(emulsion.noise(np.zeros(1, dtype=np.float32))[0])
     margin = int(period + 8.0 * spot) + 2
     for begin in range(0, scan.rows, PIECE):
@@ -126,12 +134,12 @@ def _follow(scan: Scan, emulsion: Emulsion, found: Survey, spot: float, blocks: 
             shapes, residual = first_shapes(light, column, first, blocks.middle[here], period, spot)
             at = here[np.isfinite(residual)]
             blocks.shape[trace, at] = shapes[np.isfinite(residual)]
-            _fit(piece, first, blocks, trace, at, spot, canvas)
+            _fit(piece, first, blocks, trace, at, spot, brightest, canvas)
 
 
 def _fit(
     piece: NDArray[np.float32], first: int, blocks: Blocks, trace: int, at: NDArray[np.int64], spot: float,
-    canvas: Floats,
+    brightest: float, canvas: Floats,
 ) -> None:  # fmt: skip
     """Fit blocks of one trace to a piece of film; those that do not swing as their neighbours do a second time."""
     shapes, light = blocks.shape[trace], blocks.light[trace]
@@ -140,8 +148,8 @@ def _fit(
         quality = np.empty(3)
         tried = shapes[block].copy()
         fit_block(
-            piece, first, tried, blocks.middle[block], blocks.period, 2.0 * np.pi / blocks.period, spot, ROOM, ROUNDS,
-            canvas, quality,
+            piece, first, tried, blocks.middle[block], blocks.period, 2.0 * np.pi / blocks.period, spot, brightest,
+            ROOM, ROUNDS, canvas, quality,
         )  # fmt: skip
         good = quality[2] > LIT and quality[0] > DIM and np.hypot(tried[CUBIC], tried[CUBIC + 3]) > SMALLEST * spot
         shapes[block], light[block] = (tried, quality[0]) if good else (shapes[block], 0.0)

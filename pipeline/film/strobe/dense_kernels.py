@@ -65,6 +65,7 @@ def fit_block(
     half: float,
     turn: float,
     spot: float,
+    brightest: float,
     room: Floats,
     rounds: int,
     canvas: Floats,
@@ -80,6 +81,8 @@ def fit_block(
         P, C and S by powers of x; overwritten.
     middle, half, turn : float
         Row of the block's middle, half its rows, circular frequency of the swing by rows.
+    brightest : float
+        Exposure from which the film is saturated: what is brighter, there or drawn, counts as just as bright.
     room : (SIZE,) array
         1 sigma of what the shape may differ from where it began, px.
     canvas : (rows, columns) array
@@ -130,15 +133,18 @@ def fit_block(
             for k in range(-ACROSS, ACROSS + 1):
                 n = 0.6 * spot * k
                 y, x = row + n * dr, column + n * dc
-                value, expected = look(exposure, first, y, x), look(line, top, y, x - left)
+                value, expected = look(exposure, first, y, x), light * look(line, top, y, x - left)
                 if math.isnan(value) or math.isnan(expected):
                     continue
                 profile = math.exp(-0.5 * (n / spot) ** 2) / steep
+                saturated = expected > brightest
+                value, expected = min(value, brightest), min(expected, brightest)
                 seen += value * profile
-                drawn += expected * profile
+                drawn += expected * profile / light
                 lean = light * profile * n / spot**2
-                odd += (value - light * expected) * lean
-                gram += lean * lean
+                odd += (value - expected) * lean
+                if not saturated:
+                    gram += lean * lean
             count += 1
             if drawn > 0.0 and gram > 0.0:
                 share = seen / drawn

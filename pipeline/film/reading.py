@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,11 +12,8 @@ from pipeline.film.comparing import PhaseDifference, compare
 from pipeline.film.film_scale import film_scale, rows_per_second
 from pipeline.film.knowledge import Known
 from pipeline.film.normal_points import Samples, normal_points
-from pipeline.film.parts import Strobe, TimeAxis, Tracks
+from pipeline.film.parts import Emulsion, Strobe, TimeAxis, Tracks
 from pipeline.film.scan.opening import OpenScan
-
-if TYPE_CHECKING:
-    from pipeline.film.emulsion.film_emulsion import FilmEmulsion
 
 Progress = Callable[[str, int, int], None]
 """Told the stage, how much of it is done, and of how much."""
@@ -130,22 +126,24 @@ def ways_to_follow(reading: str, speed: float | None) -> tuple[bool, ...]:
 
 def _read_time(
     scan: OpenScan, known: Known, reading: str, progress: Progress | None
-) -> tuple[OpenScan, FilmEmulsion, Tracks, TimeAxis]:
+) -> tuple[OpenScan, Emulsion, Tracks, TimeAxis]:
     """The film turned the right way, its emulsion, traces and time."""
     from pipeline.film.emulsion.measure import measure_emulsion
     from pipeline.film.marks.axis import time_axis
     from pipeline.film.marks.minutes import TimeReversedError
     from pipeline.film.strobe.dense import dense_tracks
+    from pipeline.film.strobe.saturated import Saturated
     from pipeline.film.tracking.track import track
 
     expected, marking = known.expected(scan.scale), known.marking(scan.scale)
 
-    def followed(scan: OpenScan, dense: bool) -> tuple[OpenScan, FilmEmulsion, Tracks, TimeAxis]:
+    def followed(scan: OpenScan, dense: bool) -> tuple[OpenScan, Emulsion, Tracks, TimeAxis]:
         emulsion = measure_emulsion(scan)
         if dense:
             tracks = dense_tracks(scan, emulsion, expected)
-        else:
-            tracks = track(scan, emulsion, expected=expected, progress=_stage(progress, "traces"))
+            sure = Saturated.of(emulsion)
+            return scan, sure, tracks, time_axis(scan, sure, tracks, marking)
+        tracks = track(scan, emulsion, expected=expected, progress=_stage(progress, "traces"))
         return scan, emulsion, tracks, time_axis(scan, emulsion, tracks, marking)
 
     faults = []

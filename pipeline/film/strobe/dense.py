@@ -20,6 +20,7 @@ from pipeline.film.strobe.dense_blending import blended, joined
 from pipeline.film.strobe.dense_kernels import CUBIC, SIZE, fit_block
 from pipeline.film.strobe.dense_start import SHADE, first_shapes, light_of
 from pipeline.film.strobe.dense_survey import Survey, survey
+from pipeline.film.strobe.saturated import saturation
 
 GAP, LOST = 1, 32  # of the record's flags
 CLOSE = 10.0  # spots between strokes
@@ -28,7 +29,6 @@ BESIDE = 0.5  # of a band's width on either side, in which its light is looked f
 ROOM = np.array([15.0, 15.0, 10.0, 5.0, 12.0, 8.0, 3.0, 12.0, 8.0, 3.0])  # px, of a shape about its first guess
 ROUNDS = 4
 LIT, DIM = 0.5, 0.06  # share of points lit, and light, from which a block is believed
-UNTOLD = 0.3  # of an exposure, 1 sigma of a pixel's grain from which the film counts as saturated
 SMALLEST = 6.0  # spots, of the swing's amplitude
 ALIKE = 0.15  # of the swing, by which it may change from block to block
 AROUND = 5  # blocks on either side that tell the usual swing
@@ -65,8 +65,8 @@ def dense_tracks(scan: Scan, emulsion: Emulsion, expected: Expected | None = Non
         if share < LEAST_READ:
             band = found.bands[trace]
             raise RefusedError(
-                f"film: the swings in columns {band.left} to {band.right} can be followed over {100.0 * share:.0f} % of "
-                f"the film, {100.0 * LEAST_READ:.0f} % are needed; give the traces' number, or cut the film"
+                f"film: the swings in columns {band.left} to {band.right} can be followed over {100.0 * share:.0f} % "
+                f"of the film, {100.0 * LEAST_READ:.0f} % are needed; give the traces' number, or cut the film"
             )
     return _tracks(blocks, scan.rows, spot)
 
@@ -96,13 +96,6 @@ class Blocks:
         """Blocks over a film of which nothing is known yet."""
         middle = (np.arange(int(rows / period - 0.4)) + 0.7) * period
         return Blocks(middle, np.zeros((traces, middle.size, SIZE)), np.zeros((traces, middle.size)), period)
-
-
-def saturation(emulsion: Emulsion) -> float:
-    """Exposure from which a pixel no longer tells how bright it was."""
-    light = np.linspace(0.02, 2.0, 100, dtype=np.float32)
-    told = np.asarray(emulsion.noise(light), dtype=np.float64) < UNTOLD * light
-    return float(light[told].max()) if told.any() else float(light[-1])
 
 
 def windows(found: Survey, columns: int) -> list[tuple[int, int]]:

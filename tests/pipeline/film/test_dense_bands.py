@@ -12,11 +12,12 @@ from spot_film import SPOT, Sheet, Swinging, exposure_of
 from data_schemas.errors import RefusedError
 from pipeline.film.parts import Expected
 from pipeline.film.reading import ways_to_follow
-from pipeline.film.strobe.dense import saturation, unlike, usual_swing, windows
+from pipeline.film.strobe.dense import unlike, usual_swing, windows
 from pipeline.film.strobe.dense_blending import blended, joined, values
 from pipeline.film.strobe.dense_kernels import CUBIC, SIZE
 from pipeline.film.strobe.dense_start import basis, first_shapes, light_of
 from pipeline.film.strobe.dense_survey import Band, Survey, bands, survey, voted
+from pipeline.film.strobe.saturated import Saturated, saturation
 
 PERIOD, LEAST = 17.9, 0.002
 LEFT = Swinging(100.0, 45.0, 0.3, PERIOD, slow=40.0, slow_period=150.0)  # swell of the swing's own size
@@ -67,7 +68,8 @@ def test_a_block_in_the_dark_has_no_curve() -> None:
     dark = light().copy()
     dark[60:110] = 0.0
     _, residual = first_shapes(*light_of(dark, 0, 200, LEAST), 0, np.array([30.0, 85.0]), PERIOD, SPOT)
-    assert np.isfinite(residual[0]) and np.isnan(residual[1])
+    assert np.isfinite(residual[0])
+    assert np.isnan(residual[1])
 
 
 def test_the_survey_finds_bands_and_period() -> None:
@@ -153,6 +155,13 @@ def test_a_swing_that_is_not_its_neighbours_is_found() -> None:
 
 def test_saturation_is_where_the_grain_hides_the_exposure() -> None:
     assert saturation(Lit()) == pytest.approx(0.3, abs=0.03)
+    film = Saturated.of(Lit())
+    np.testing.assert_allclose(
+        film.exposure(np.array([[0.1, 0.5, 3.0]], dtype=np.float32), 0), [[0.1, 0.5, 1.0]], atol=0.03
+    )
+    noise = film.noise(np.array([0.1, 0.5], dtype=np.float32))
+    assert noise[0] == pytest.approx(0.01)
+    assert noise[1] > 100.0
 
 
 def test_only_slow_films_are_followed_as_bands() -> None:

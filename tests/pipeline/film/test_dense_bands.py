@@ -42,12 +42,13 @@ def light() -> NDArray[np.float32]:
 
 
 def test_every_row_is_lit_alike_and_in_the_middle_of_its_trace() -> None:
-    brightness, column = light_of(exposure_of([RIGHT], 80, 370).astype(np.float32), 180, 370, 0.0)
+    slow = Swinging(290.0, 40.0, 2.0, 29.3)  # turning points that are no brighter than what counts
+    brightness, column = light_of(0.1 * exposure_of([slow], 80, 370).astype(np.float32), 180, 370, 0.0)
     inside = slice(10, 70)
     row = np.arange(80)[inside] + 0.5
-    blurred = 290.0 + np.exp(-0.5 * (2 * np.pi / PERIOD * SPOT) ** 2) * (RIGHT.column(row) - 290.0)
-    assert np.abs(column[inside] - blurred).max() < 12.0  # turning points count for less than they shine
-    assert brightness[inside].max() < 1.3 * brightness[inside].min()
+    blurred = 290.0 + np.exp(-0.5 * (2 * np.pi / 29.3 * SPOT) ** 2) * (slow.column(row) - 290.0)
+    np.testing.assert_allclose(column[inside], blurred, atol=0.05)
+    assert brightness[inside].max() < 1.001 * brightness[inside].min()
 
 
 @pytest.mark.parametrize(("trace", "columns"), [(LEFT, (0, 200)), (RIGHT, (200, 370))])
@@ -96,7 +97,7 @@ def test_sections_vote_for_the_period() -> None:
 
 def test_the_brightest_bands_are_kept_from_left_to_right() -> None:
     lit = np.zeros((20, 200), dtype=bool)
-    lit[:, 20:60], lit[::2, 90:130], lit[:, 150:158] = True, True, True  # the last is too narrow for a swing
+    lit[:, 20:60], lit[::2, 90:130], lit[:, 150:153] = True, True, True  # the last is too narrow for a swing
     assert [round(band.left, -1) for band in bands(lit, None)] == [20, 90]
     assert [round(band.left, -1) for band in bands(lit, 1)] == [20]
     assert bands(np.zeros_like(lit), None) == []
@@ -137,9 +138,9 @@ def test_a_block_beside_its_neighbours_is_left_out() -> None:
 def test_a_blended_curve_is_smooth() -> None:
     middle, shape = chain(4)
     shape[:, 0] += [0.0, 1.0, 0.0, -1.0]
-    course, slope, curvature, lit = blended(middle, shape, np.array([1.0, 1.0, 0.5, 1.0]), PERIOD, 90)
-    np.testing.assert_allclose(slope[1:-1], np.gradient(course)[1:-1], atol=0.3)
-    assert np.abs(np.gradient(slope)[1:-1] - curvature[1:-1]).max() < 0.15
+    course, slope, curvature, lit = blended(middle, shape, np.array([1.0, 1.0, 0.5, 1.0]), PERIOD, 80)
+    np.testing.assert_allclose(slope[2:-2], np.gradient(course)[2:-2], atol=0.3)
+    np.testing.assert_allclose(curvature[2:-2], np.gradient(slope)[2:-2], atol=0.3)
     assert lit.min() == pytest.approx(0.5, abs=0.02)
     assert np.isnan(blended(middle, shape, np.zeros(4), PERIOD, 90)[0]).all()
 

@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 from spot_film import SPOT, Sheet, Swinging, exposure_of
 
 from data_schemas.errors import RefusedError
-from pipeline.film.parts import Expected
+from pipeline.film.marks import gap_kernels
+from pipeline.film.marks.gaps import Gaps
+from pipeline.film.parts import Expected, Tracks
 from pipeline.film.reading import ways_to_follow
 from pipeline.film.strobe.dense import unlike, usual_swing, windows
 from pipeline.film.strobe.dense_blending import blended, joined, values
 from pipeline.film.strobe.dense_kernels import CUBIC, SIZE
 from pipeline.film.strobe.dense_start import basis, first_shapes, light_of
 from pipeline.film.strobe.dense_survey import Band, Survey, bands, survey, voted
+from pipeline.film.strobe.reading import AT_TURNS, BEND, UNTOLD_BEND, bends, between_rows
 from pipeline.film.strobe.saturated import Saturated, saturation
 
 PERIOD, LEAST = 17.9, 0.002
@@ -152,6 +155,35 @@ def test_a_swing_that_is_not_its_neighbours_is_found() -> None:
     usual = usual_swing(shape, np.ones(9, dtype=bool))
     np.testing.assert_array_equal(np.flatnonzero(unlike(shape, usual)), [4])
     assert np.isnan(usual_swing(shape, np.zeros(9, dtype=bool))).all()
+
+
+def strokes(away: float, by_rows: bool) -> tuple[Tracks, Gaps]:
+    """A steep course, and gaps that lie beside it by `away` px to either side."""
+    row = np.arange(200) + 0.5
+    course, slope = 300.0 + 20.0 * row, np.full(200, 20.0)
+    one = np.full((1, 200), 1.0 if by_rows else np.nan)
+    tracks = Tracks(
+        one, one, course[None], slope[None], 0 * slope[None], one, np.zeros((1, 200), np.uint16), PERIOD, SPOT
+    )
+    at = np.linspace(10.0, 190.0, 30)
+    fitted = np.zeros((30, gap_kernels.RESULTS))
+    fitted[:, gap_kernels.ROW], fitted[:, gap_kernels.SLOPE] = at, 20.0
+    fitted[:, gap_kernels.COLUMN] = 300.0 + 20.0 * at + away * np.where(np.arange(30) % 2, 1.0, -1.0)
+    return tracks, Gaps.of(np.zeros(30, dtype=np.int64), fitted)
+
+
+def test_what_a_dense_course_may_err_by_in_turning_points_is_told_on_its_strokes() -> None:
+    assert bends(*strokes(2.0, False)) == pytest.approx([2.0 * 1.4826 * AT_TURNS], rel=1e-6)
+    assert bends(*strokes(0.0, False)) == pytest.approx([BEND])
+    assert bends(*strokes(2.0, True)) == pytest.approx([BEND])  # read in rows, too
+    tracks, gaps = strokes(2.0, False)
+    assert bends(tracks, gaps.pick(np.arange(3))) == pytest.approx([UNTOLD_BEND])
+
+
+def test_a_curve_between_rows_is_a_cubic() -> None:
+    row = np.arange(20) + 0.5
+    x = np.array([3.2, 7.9, 15.5])
+    np.testing.assert_allclose(between_rows(0.1 * row**3, 0.3 * row**2, x), 0.1 * x**3, rtol=1e-12)
 
 
 def test_saturation_is_where_the_grain_hides_the_exposure() -> None:

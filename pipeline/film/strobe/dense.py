@@ -28,10 +28,11 @@ PIECE = 1024  # rows read at once
 BESIDE = 0.5  # of a band's width on either side, in which its light is looked for
 ROOM = np.array([15.0, 15.0, 10.0, 5.0, 12.0, 8.0, 3.0, 12.0, 8.0, 3.0])  # px, of a shape about its first guess
 ROUNDS = 4
-LIT, DIM = 0.5, 0.06  # share of points lit, and light, from which a block is believed
+LIT, DIM = 0.5, 0.06  # share of points lit, and light over the rows', from which a block is believed
 SMALLEST = 6.0  # spots, of the swing's amplitude
 ALIKE = 0.15  # of the swing, by which it may change from block to block
-AROUND = 5  # blocks on either side that tell the usual swing
+RETRIES = 3  # from the neighbours' swing
+AROUND = 10  # blocks on either side that tell the usual swing
 LEAST_READ = 0.5  # of the blocks
 USUAL_SPOT = 1.2  # px: 0.1 mm at 300 dpi
 
@@ -126,8 +127,25 @@ def _follow(scan: Scan, emulsion: Emulsion, found: Survey, spot: float, blocks: 
             light, column = light_of(piece, left, right, least)
             shapes, residual = first_shapes(light, column, first, blocks.middle[here], period, spot)
             at = here[np.isfinite(residual)]
+            if at.size == 0:
+                continue
             blocks.shape[trace, at] = shapes[np.isfinite(residual)]
-            _fit(piece, first, blocks, trace, at, spot, brightest, canvas)
+            gain = line_light(light, spot)
+            scaled = piece / np.float32(gain)
+            _fit(scaled, first, blocks, trace, at, spot, brightest / gain, canvas)
+            blocks.light[trace, at] *= gain
+
+
+def line_light(light: Floats, spot: float) -> float:
+    """Exposure on the axis of a line at rest that leaves such light in each row.
+
+    Examples
+    --------
+    >>> round(line_light(np.array([3.0, 3.0, 0.0, 3.1]), 1.2), 3)
+    0.997
+    """
+    lit = light[light > 0.0]
+    return float(np.median(lit)) / (np.sqrt(2.0 * np.pi) * spot) if lit.size else 1.0
 
 
 def _fit(
@@ -150,12 +168,12 @@ def _fit(
     start = shapes[at].copy()
     for block in at:
         fit(int(block))
-    for turn in range(2):
+    for turn in range(RETRIES + 1):
         usual = usual_swing(shapes[at], light[at] > 0.0)
         odd = unlike(shapes[at], usual) | (light[at] <= 0.0)
         for k in np.flatnonzero(odd & np.isfinite(usual[:, 0])):
             light[at[k]] = 0.0
-            if turn == 0:
+            if turn < RETRIES:
                 shapes[at[k]] = start[k]
                 shapes[at[k], [CUBIC, CUBIC + 3]] = usual[k]
                 shapes[at[k], [CUBIC + 1, CUBIC + 2, CUBIC + 4, CUBIC + 5]] = 0.0
@@ -183,7 +201,7 @@ def _tracks(blocks: Blocks, rows: int, spot: float) -> Tracks:
     traces = len(blocks.shape)
     course, slope, curvature, light = (np.full((traces, rows), np.nan) for _ in range(4))
     for k in range(traces):
-        kept = joined(blocks.middle, blocks.shape[k], blocks.light[k], blocks.period, spot)
+        kept = joined(blocks.shape[k], blocks.light[k], blocks.period, spot)
         course[k], slope[k], curvature[k], light[k] = blended(blocks.middle, blocks.shape[k], kept, blocks.period, rows)
     return Tracks(
         position=np.full_like(course, np.nan),

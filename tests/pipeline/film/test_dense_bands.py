@@ -131,7 +131,7 @@ def chain(blocks: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def test_a_block_beside_its_neighbours_is_left_out() -> None:
     middle, shape = chain(6)
     shape[3, 0] += 80.0
-    kept = joined(middle, shape, np.ones(6), PERIOD, SPOT)
+    kept = joined(shape, np.ones(6), PERIOD, SPOT)
     np.testing.assert_array_equal(kept, [1, 1, 1, 0, 1, 1])
     course = blended(middle, shape, kept, PERIOD, int(7 * PERIOD))[0]
     row = np.arange(course.size) + 0.5

@@ -95,7 +95,7 @@ class Blocks:
     @staticmethod
     def empty(traces: int, rows: int, period: float) -> Blocks:
         """Blocks over a film of which nothing is known yet."""
-        middle = (np.arange(int(rows / period - 0.4)) + 0.7) * period
+        middle: Floats = np.asarray((np.arange(int(rows / period - 0.4)) + 0.7) * period, dtype=np.float64)
         return Blocks(middle, np.zeros((traces, middle.size, SIZE)), np.zeros((traces, middle.size)), period)
 
 

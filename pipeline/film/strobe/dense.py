@@ -145,7 +145,7 @@ def line_light(light: Floats, spot: float) -> float:
     0.997
     """
     lit = light[light > 0.0]
-    return float(np.median(lit)) / (np.sqrt(2.0 * np.pi) * spot) if lit.size else 1.0
+    return float(np.median(lit) / (np.sqrt(2.0 * np.pi) * spot)) if lit.size else 1.0
 
 
 def _fit(

@@ -40,23 +40,6 @@ def swing(shape: Floats, middle: float, half: float, turn: float, row: float) ->
 
 
 @kernel
-def light_along(
-    exposure: Floats, first: int, shape: Floats, middle: float, half: float, turn: float, spot: float
-) -> float:
-    """Mean light on a block's curve times its length a row: how well it lies on a line."""
-    total, count, row = 0.0, 0, middle - half
-    while row < middle + half:
-        column, slope = swing(shape, middle, half, turn, row)
-        steep = math.sqrt(1.0 + slope * slope)
-        value = look(exposure, first, row, column)
-        if not math.isnan(value):
-            total += min(value * steep, 3.0)
-        count += 1
-        row += POINT * spot / steep
-    return total / max(count, 1)
-
-
-@kernel
 def fit_block(
     exposure: Floats,
     first: int,

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 GRID_TOLERANCE = 1e-9  # s; times this close to a uniform grid are taken to lie on it
 MOST_VERTICAL_MISSING = 0.02  # share of the vertical acceleration that may be bridged
+MOST_TIME_RATE = 0.1  # s/s: times that run more unevenly are none
 MOST_GRID_ROWS = 4  # a grid more than this many times longer than the series is no grid
 
 
@@ -65,6 +66,8 @@ class Observation:
         Periods from base stations.
     period_change : (2,) array or None
         Relative change of the two periods from the stated ones under the record's conditions.
+    time_rate_sigma : float
+        1 sigma of how unevenly the record's times run, s/s: of a film, what its marks leave of the paper's motion.
     """
 
     first: str
@@ -87,6 +90,7 @@ class Observation:
     course_time: Floats | None = None
     tie: Tie | None = None
     period_change: Floats | None = None
+    time_rate_sigma: float = 0.0
 
     @property
     def frequency_ratio(self) -> float:
@@ -165,8 +169,15 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
         vertical=_bridged(time, series[2]) if len(rows) == 3 else None,
         sigma_theta=_combined_sigma(weights["theta"], sigma),
         sigma_difference=_combined_sigma(weights["difference"], sigma),
+        time_rate_sigma=_time_rate_sigma(record),
         **instrument(record, (first, second)),
     )
+
+
+def _time_rate_sigma(record: DataTree) -> float:
+    """What a film's reader says of it; 0 where nothing is said that can be meant."""
+    said = record["film"].attrs.get("time_rate_sigma", 0.0) if "film" in record.children else 0.0
+    return float(said) if isinstance(said, (float, np.floating)) and 0.0 <= said < MOST_TIME_RATE else 0.0
 
 
 def _bridged(time: Floats, vertical: Floats) -> Floats | None:

@@ -164,6 +164,8 @@ class TimeAxis:
         1 sigma, s.
     flags : tuple of str
         What to distrust.
+    rate_sigma : float
+        1 sigma of how much faster or slower than true the times run from one mark to the next, s/s.
     """
 
     index: NDArray[np.int64]
@@ -176,6 +178,7 @@ class TimeAxis:
     seconds: Floats
     seconds_sigma: Floats
     flags: tuple[str, ...]
+    rate_sigma: float = 0.0
 
 
 @dataclass(frozen=True)

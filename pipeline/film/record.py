@@ -147,6 +147,8 @@ def findings(reading: Reading) -> dict[str, Any]:
         "skew": float(np.degrees(np.arctan(axis.shear))),
         "trace_offset": axis.offset * reading.scale,
         "time_sigma": float(np.sqrt(np.mean(axis.seconds_sigma[timed] ** 2))) if timed.any() else float("nan"),
+        # at the marks the times are exact
+        "time_rate_sigma": 0.0 if reading.kind == "strobe" else axis.rate_sigma,
         "flags": ", ".join(flags(reading)),
         "notes": "; ".join(reading.notes),
     }

@@ -6,7 +6,8 @@ turns the measured phase speed into the stiffness; here the same is done by iter
 the model still lacks, differentiated in a low band, is the missing `zeta n/2`; with it the model is run again. The
 model so carries every bias of the estimator and takes it off. n2 is no longer found from the phase's slope, which zeta
 can follow, but from the condition that zeta has no mean under a Hann window. Noise looks like heave: its mean square
-in the band is known and taken off.
+in the band is known and taken off. So do times that run unevenly, as a film's: they turn both pendulums' phases by
+n dt, but shift gravity by nothing.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ GAP_ROUNDS = 8  # each leaves less than half of what lacks in a gap of 0.6 s
 MOST_HEAVE = 0.5  # of gravity
 _SETTLED = 1e-12
 _CALIBRATION = 0.1  # relative 1-sigma uncertainty of the noise that is taken off
+_UNEVEN, _UNEVEN_SIGMA = 0.5, 0.3  # part of the times' unevenness that lies in the band of heave: any, alike likely
 
 
 @dataclass(frozen=True)
@@ -160,7 +162,8 @@ def with_heave(
     # where the grid holds more points than were read, the noise of the readings between them is shared
     shared = count / max(int(gram[4, 4]), 1)
     inverse_square = float(np.sum(window / amplitude**2)) * shared
-    taken = noise_power(inverse_square, noise, frequency, low, ROUNDS)
+    uneven = (frequency * prepared.observation.time_rate_sigma) ** 2
+    taken = noise_power(inverse_square, noise, frequency, low, ROUNDS) + _UNEVEN * uneven
     corrected = float(np.sqrt(frequency**2 - taken))
     # n2^2 is the mean square of the phase speed under the window, which heave makes vary;
     # a reading moves the phase by Im(2 e^{-int}/swing)
@@ -175,6 +178,7 @@ def with_heave(
                 own**2
                 + theta_sigma(prepared, iteration, influence, noise) ** 2
                 + (_CALIBRATION * (frequency - corrected)) ** 2
+                + (_UNEVEN_SIGMA * uneven / (2.0 * frequency)) ** 2
                 + (0.5 * frequency * window_leak(zeta)) ** 2
                 + numerical_error(iteration) ** 2
                 + gap_error(residual, zeta, frequency, step) ** 2

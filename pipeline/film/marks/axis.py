@@ -136,7 +136,14 @@ def _axis(
         seconds=seconds + shift * marking.interval,
         seconds_sigma=sigma,
         flags=_flags(counted, seen, marking),
+        rate_sigma=rate_sigma(found),
     )
+
+
+def rate_sigma(found: Drive) -> float:
+    """R.m.s. of the smoother's error of the paper's speed, relative."""
+    assert found.speed_sigma is not None
+    return float(np.sqrt(np.mean((found.speed_sigma / np.maximum(found.speed, 1e-9)) ** 2)))
 
 
 def _flags(counted: Counted, seen: NDArray[np.int64], marking: Marking) -> tuple[str, ...]:

@@ -53,6 +53,8 @@ class Drive:
         Which of the measured rows were believed.
     likelihood : float
         -2 log likelihood.
+    speed_sigma : (marks,) array or None
+        1 sigma of the speed, px s-1.
     """
 
     step: float
@@ -66,6 +68,7 @@ class Drive:
     row_sigma: Floats
     used: NDArray[np.bool_]
     likelihood: float
+    speed_sigma: Floats | None = None
 
 
 def drive(rows: Floats, sigma: Floats, step: float, before: Drive | None = None) -> Drive:
@@ -178,11 +181,11 @@ def run_drive(
     )
     if smooth:
         smooth_drive(move, state, spread, ahead, ahead_spread)
-    speed, acceleration = state[:, 1].copy(), state[:, 2].copy()
+    runs, acceleration = np.eye(n)[1], state[:, 2].copy()
     for k, (turn, _, _) in enumerate(lines):
-        speed += turn * state[:, 4 + 2 * k]
+        runs[4 + 2 * k] = turn
         acceleration -= turn**2 * state[:, 3 + 2 * k]
-    variance = np.einsum("i,kij,j->k", sees, spread, sees)
+    row_variance, speed_variance = (np.einsum("i,kij,j->k", each, spread, each) for each in (sees, runs))
     return Drive(
         step,
         rough,
@@ -190,11 +193,12 @@ def run_drive(
         floor,
         lines,
         state @ sees,
-        speed,
+        state @ runs,
         acceleration,
-        np.sqrt(np.maximum(variance, 0.0)),
+        np.sqrt(np.maximum(row_variance, 0.0)),
         used,
         likelihood,
+        np.sqrt(np.maximum(speed_variance, 0.0)),
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from heavy_pair import G, observe
+from scipy.interpolate import CubicSpline
 
 from data_schemas.errors import RefusedError
 from pipeline.inversion.prepare import Inverted, invert
@@ -140,3 +141,19 @@ def test_refusals() -> None:
     seen = observe(300.0, 0.04, heave=False)
     with pytest.raises(RefusedError, match="readings a swing"):
         invert(prepare(thinned(seen, slice(None, None, 5), 0.2)))
+
+
+def test_times_that_run_unevenly_look_like_heave_and_are_told_from_it() -> None:
+    """A film's times 1 ms early and late every seven seconds: as heave they would cost g <t'^2>, 0.4 mGal."""
+    seen = observe(300.0, 0.04, heave=False)
+    late = 1e-3 * np.sin(0.9 * seen.time)
+    moved = {name: CubicSpline(seen.time, getattr(seen, name))(seen.time + late) for name in ("theta", "difference")}
+    uneven = 1e-3 * 0.9 / np.sqrt(2.0)
+    taken_for_heave, alone, _ = error(replace(seen, **moved))
+    assert taken_for_heave == pytest.approx(G * uneven**2 * 1e5, rel=0.1)
+    # of what is stated half is taken to lie in the band of heave
+    told, sigma, _ = error(replace(seen, **moved, time_rate_sigma=np.sqrt(2.0) * uneven))
+    assert abs(told) < 0.1 * taken_for_heave
+    assert sigma == pytest.approx(np.hypot(alone, 0.6 * taken_for_heave), rel=0.1)
+    still, _, _ = error(replace(seen, time_rate_sigma=1e-3))
+    assert abs(still) < 1e-3  # where nothing looks like heave nothing is taken off

@@ -143,7 +143,7 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     }
     elongation = np.asarray(traces["elongation"].values, dtype=np.float64)
     sigma = _uncertainty(traces, elongation.shape[0])
-    time = _plain(np.asarray(record.dataset["time"].values, dtype=np.float64))
+    time: Floats = np.asarray(record.dataset["time"].values, dtype=np.float64)
     rows = [_combine(weights[name], elongation) for name in ("theta", "difference")]
     if "vertical_acceleration" in traces:
         rows.append(_plain(np.asarray(traces["vertical_acceleration"].values, dtype=np.float64)))

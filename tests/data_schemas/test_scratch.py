@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
-from conftest import complete
 
 import data_schemas
 from data_schemas import scratch
 from data_schemas.errors import FileError
 
+Example = Callable[[str], xr.DataTree]
 in_files = pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="the system reserves no room in files")
 
 
@@ -88,10 +89,9 @@ def test_memory_is_given_back() -> None:
     assert most - before < array.nbytes // 4
 
 
-def test_a_file_reads_the_same_by_portions(short: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_reads_the_same_by_portions(example: Example, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.record.nc"
-    monkeypatch.undo()
-    data_schemas.write(complete("record"), path)
+    data_schemas.write(example("record"), path)
     plain = data_schemas.read(path)
     monkeypatch.setattr(scratch, "LONG", 7)
     monkeypatch.setattr(scratch, "PORTION", 5)
@@ -103,9 +103,9 @@ def test_a_file_reads_the_same_by_portions(short: None, tmp_path: Path, monkeypa
     assert data_schemas.check(long, "record") == data_schemas.check(plain, "record") == []
 
 
-def test_damage_is_found_by_portions(short: None, tmp_path: Path) -> None:
+def test_damage_is_found_by_portions(short: None, example: Example, tmp_path: Path) -> None:
     path = tmp_path / "a.record.nc"
-    data_schemas.write(complete("record"), path)
+    data_schemas.write(example("record"), path)
     import h5py
 
     with h5py.File(path, "r+") as file:
@@ -115,11 +115,11 @@ def test_damage_is_found_by_portions(short: None, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("at", [0, 4, 5, 6, 39])
-def test_faults_are_found_in_any_portion(short: None, at: int) -> None:
+def test_faults_are_found_in_any_portion(short: None, example: Example, at: int) -> None:
     """The same lines as all at once."""
 
     def spoilt(group: str, name: str, value: float) -> list[str]:
-        tree = complete("record")
+        tree = example("record")
         values = tree[group][name].values.copy() if group else tree[name].values.copy()
         values[..., at] = value
         node = tree[group] if group else tree

@@ -9,25 +9,22 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationError, create_model, model_validator
 
 from data_schemas.errors import FileError, RecordError
+from data_schemas.film_conditions import (
+    PENDULUM,
+    DescribedBase,
+    DescribedReading,
+    Name,
+    check_bases,
+    check_readings,
+    fields,
+)
 from data_schemas.scene_faults import one_line
 from data_schemas.scene_fields import Number, Section, quantity
 from data_schemas.toml_file import load_toml
-from data_schemas.variables_record import INSTRUMENT
 
 KIND = "film-description"
-_LIMITS: dict[str | None, dict[str, float]] = {None: {}, "positive": {"gt": 0}, "not negative": {"ge": 0}}
 
 Text = Annotated[str, Field(strict=True)]
-Name = Annotated[str, Field(strict=True, min_length=1)]  # records of other programs name as they like
-
-
-def _of_instrument(*dims: str) -> dict[str, Any]:
-    """Fields for the instrument's variables of some dimensions, from the one table."""
-    return {
-        name: (Number | None, quantity(None, row.units, row.long_name, **_LIMITS[row.limit]))
-        for name, row in INSTRUMENT.items()
-        if row.dims == dims and row.dtype == "f8"
-    }
 
 
 class DescribedTrace(Section):
@@ -45,10 +42,16 @@ class _LabelledPendulum(Section):
 
 
 DescribedPendulum: Any = create_model(
-    "DescribedPendulum", __base__=_LabelledPendulum, __doc__="A pendulum.", **_of_instrument("pendulum")
+    "DescribedPendulum",
+    __base__=_LabelledPendulum,
+    __doc__="A pendulum.",
+    **fields(PENDULUM),
 )
 DescribedInstrument: Any = create_model(
-    "DescribedInstrument", __base__=Section, __doc__="Conditions of all pendulums.", **_of_instrument()
+    "DescribedInstrument",
+    __base__=Section,
+    __doc__="Conditions of all pendulums.",
+    **fields(),
 )
 
 
@@ -82,6 +85,10 @@ class FilmDescription(Section):
     traces: tuple[DescribedTrace, ...] = quantity(..., "", "the traces", min_length=1)
     pendulums: tuple[DescribedPendulum, ...] = quantity(..., "", "the pendulums", min_length=1)
     instrument: DescribedInstrument = quantity(DescribedInstrument(), "", "conditions of all pendulums")
+    bases: tuple[DescribedBase, ...] = quantity((), "", "occupations of base stations, before and after")
+    readings: tuple[DescribedReading, ...] = quantity(
+        (), "", "conditions as they were read while the film ran, in order of time"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -95,6 +102,8 @@ class FilmDescription(Section):
                     raise ValueError(
                         f"trace {trace.name!r} names the pendulum {label!r}; there are {', '.join(labels)}"
                     )
+        check_bases(self.bases, labels)
+        check_readings(self.readings, self.instrument)
         return self
 
 

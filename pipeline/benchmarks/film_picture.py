@@ -18,6 +18,7 @@ _COLOURS = {
     "scipy peak linking": GREEN,
     ROUTE: PURPLE,
 }
+PROMISED = 0.20  # px rms, normal to the line, at 300 dpi
 _MEASURES = (
     ("normal_px", "error normal to the line, px", "log"),
     ("accepted", "part of the rows read", "linear"),
@@ -51,13 +52,28 @@ def draw(table: Sequence[Mapping[str, Any]], path: str | os.PathLike[str]) -> No
     grid = figure.add_gridspec(len(_MEASURES), len(axes_names))
     for across, axis in enumerate(axes_names):
         for down, (measure, words, scale) in enumerate(_MEASURES):
-            axes = panel(figure, grid[down, across], axis if down == 0 else "", axis, words, yscale=scale)
+            last = down == len(_MEASURES) - 1
+            axes = panel(
+                figure, grid[down, across], axis if down == 0 else "", axis if last else "",
+                words if across == 0 else "", yscale=scale,
+            )  # fmt: skip
             for name, colour in _COLOURS.items():
-                points = sorted(
-                    (row["value"], row[measure]) for row in table if row["axis"] == axis and row["reader"] == name
-                )
+                rows = [row for row in table if row["axis"] == axis and row["reader"] == name]
+                points = sorted((row["value"], row[measure]) for row in rows if not row["refused"])
                 if points:
                     axes.plot(*np.array(points).T, color=colour, marker="o", markersize=4.0, label=name)
+                for refused in (row["value"] for row in rows if row["refused"] and down == 0):
+                    axes.plot(refused, 0.04, "x", color=colour, transform=axes.get_xaxis_transform(), clip_on=False)
+                    axes.annotate(
+                        "refused", (refused, 0.04), (-6, 0), textcoords="offset points", ha="right", va="center",
+                        xycoords=axes.get_xaxis_transform(), color=colour, fontsize=7.5,
+                    )  # fmt: skip
+            if scale == "log":
+                errors = [row[measure] for row in table if not row["refused"] and row[measure] > 0.0]
+                axes.set_ylim(0.7 * min(errors, default=0.1), 1.5 * max(errors, default=1.0))
+                axes.axhline(PROMISED, color="0.4", linewidth=0.8, linestyle="--")
+                if across == 0:
+                    axes.text(0.02, PROMISED, "promised", transform=axes.get_yaxis_transform(), fontsize=7.5, va="top")
             if scale == "linear":
                 axes.set_ylim(-0.02, 1.02)
             if across == 0 and down == 1:

@@ -12,7 +12,7 @@ from pipeline.film.comparing import PhaseDifference, compare
 from pipeline.film.film_scale import film_scale, rows_per_second
 from pipeline.film.knowledge import Known
 from pipeline.film.normal_points import Samples, normal_points
-from pipeline.film.parts import Strobe, TimeAxis, Tracks
+from pipeline.film.parts import Emulsion, Strobe, TimeAxis, Tracks
 from pipeline.film.scan.opening import OpenScan
 
 Progress = Callable[[str, int, int], None]
@@ -92,47 +92,69 @@ def read_film(
     RecordError
         Nothing says how large a pixel is.
     """
-    from pipeline.film.emulsion.film_emulsion import FilmEmulsion
-    from pipeline.film.emulsion.measure import measure_emulsion
-    from pipeline.film.marks.axis import time_axis
-    from pipeline.film.marks.minutes import TimeReversedError
-    from pipeline.film.strobe.dense import dense_tracks
     from pipeline.film.strobe.reading import read_at_marks
-    from pipeline.film.tracking.track import track
 
-    expected, marking = known.expected(scan.scale), known.marking(scan.scale)
-
-    def read_time(dense: bool) -> tuple[FilmEmulsion, Tracks, TimeAxis]:
-        emulsion = measure_emulsion(scan)
-        if dense:
-            tracks = dense_tracks(scan, emulsion, expected)
-        else:
-            tracks = track(scan, emulsion, expected=expected, progress=_stage(progress, "traces"))
-        return emulsion, tracks, time_axis(scan, emulsion, tracks, marking)
-
-    is_slow = marking.speed is not None and marking.speed < SLOW
-    dense = reading == "strobe" and is_slow
-    try:
-        emulsion, tracks, axis = read_time(dense)
-    except TimeReversedError:
-        scan = scan.upside_down()
-        emulsion, tracks, axis = read_time(dense)
-    except RefusedError:
-        if dense or not is_slow or reading == "continuous":
-            raise
-        emulsion, tracks, axis = read_time(True)
+    scan, emulsion, tracks, axis = _read_time(scan, known, reading, progress)
     strobe = read_at_marks(scan, emulsion, tracks, axis)
     scale, note = film_scale(scan.scale, known.speed, axis)
     notes = [*scan.notes, *([note] if note else []), *_speed_notes(axis, scale, known.speed)]
-    between = normal_points(tracks, axis, rate or _rate(axis))
-    difference = compare(tracks, axis, between, strobe) if between.time.size and strobe.index.size else None
     kind = _choose(reading, tracks, axis)
-    samples = between if kind == "continuous" else at_marks(strobe, axis)
+    samples, difference = at_marks(strobe, axis), None
+    if np.isfinite(tracks.position).any():  # rows were read, too
+        between = normal_points(tracks, axis, rate or _rate(axis))
+        difference = compare(tracks, axis, between, strobe) if between.time.size and strobe.index.size else None
+        samples = between if kind == "continuous" else samples
     unread = np.flatnonzero(~np.any(np.isfinite(samples.column), axis=1))
     if unread.size:
         which = "nothing of the film" if unread.size == len(samples.column) else f"nothing of trace {unread[0] + 1}"
         raise RefusedError(f"{which} could be read by the {kind} reading; look at it with isochrony plot")
     return Reading(scan, tracks, axis, strobe, samples, kind, scale, difference, tuple(notes))
+
+
+def ways_to_follow(reading: str, speed: float | None) -> tuple[bool, ...]:
+    """Whether traces are followed as dense bands, first and, where that is refused, second; `speed` in rows a second.
+
+    Examples
+    --------
+    >>> ways_to_follow("auto", 17.7), ways_to_follow("continuous", 17.7), ways_to_follow("auto", 59.1)
+    ((True, False), (False,), (False,))
+    """
+    if reading == "continuous" or (speed is not None and speed >= SLOW):
+        return (False,)
+    return (True, False) if speed is not None else (False, True)
+
+
+def _read_time(
+    scan: OpenScan, known: Known, reading: str, progress: Progress | None
+) -> tuple[OpenScan, Emulsion, Tracks, TimeAxis]:
+    """The film turned the right way, its emulsion, traces and time."""
+    from pipeline.film.emulsion.measure import measure_emulsion
+    from pipeline.film.marks.axis import time_axis
+    from pipeline.film.marks.minutes import TimeReversedError
+    from pipeline.film.strobe.dense import dense_tracks
+    from pipeline.film.strobe.saturated import Saturated
+    from pipeline.film.tracking.track import track
+
+    expected, marking = known.expected(scan.scale), known.marking(scan.scale)
+
+    def followed(scan: OpenScan, dense: bool) -> tuple[OpenScan, Emulsion, Tracks, TimeAxis]:
+        emulsion = measure_emulsion(scan)
+        if dense:
+            tracks = dense_tracks(scan, emulsion, expected)
+            sure = Saturated.of(emulsion)
+            return scan, sure, tracks, time_axis(scan, sure, tracks, marking)
+        tracks = track(scan, emulsion, expected=expected, progress=_stage(progress, "traces"))
+        return scan, emulsion, tracks, time_axis(scan, emulsion, tracks, marking)
+
+    faults = []
+    for dense in ways_to_follow(reading, marking.speed):
+        try:
+            return followed(scan, dense)
+        except TimeReversedError:
+            return followed(scan.upside_down(), dense)
+        except RefusedError as fault:
+            faults.append(fault)
+    raise faults[0]
 
 
 def _stage(progress: Progress | None, stage: str) -> Callable[[int, int], None] | None:

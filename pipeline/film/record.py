@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from data_schemas.errors import UsageError
 from data_schemas.film_description import DescribedTrace, FilmDescription
 from data_schemas.layouts import CONVENTIONS, VERSION
-from data_schemas.variables import VARIABLES, attributes
+from data_schemas.variables import attributes
 from pipeline.film.comparing import clock_uncertainty
+from pipeline.film.datasets import dataset
 from pipeline.film.film_scale import rows_per_second
+from pipeline.film.instrument import instrument_of
 from pipeline.film.knowledge import Known, default_traces
 from pipeline.film.matching import match
 from pipeline.film.parts import Floats
@@ -60,7 +61,7 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     combination = np.array([[trace.combination.get(label, 0.0) for label in labels] for trace in traces])
     groups = {
         "/": _root(reading, known, name),
-        "/record": _dataset(
+        "/record": dataset(
             "record",
             {
                 "combination": combination,
@@ -72,7 +73,9 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
         ),
         "/film": _film(reading, known, traces, lever, rest[order]),
     }
-    instrument = _instrument(known, pendulums, _rate_uncertainty(reading), needed=len(traces) > 1)
+    instrument = instrument_of(
+        known, pendulums, reading.samples.time, _rate_uncertainty(reading), needed=len(traces) > 1
+    )
     if instrument is not None:
         groups["/instrument"] = instrument
     return xr.DataTree.from_dict(groups)
@@ -123,7 +126,7 @@ def _film(reading: Reading, known: Known, traces: Sequence[DescribedTrace], leve
         "source_file": ", ".join(path.name for path in reading.scan.paths),
         "source_sha256": ", ".join(sha256(path) for path in reading.scan.paths),
     }
-    film = _dataset(
+    film = dataset(
         "film",
         {name: value for name, value in values.items() if value is not None},
         {"trace": [trace.name for trace in traces]},
@@ -157,7 +160,7 @@ def findings(reading: Reading) -> dict[str, Any]:
 def flags(reading: Reading) -> list[str]:
     """What to distrust: the time axis's flags, and readings that contradict each other."""
     found = list(reading.axis.flags)
-    if reading.difference is not None and reading.difference.disagree.any():
+    if reading.difference is not None and reading.difference.contradicts:
         found.append("readings_disagree")
     return found
 
@@ -168,54 +171,3 @@ def _rate_uncertainty(reading: Reading) -> float | None:
         return None
     relative = clock_uncertainty(reading.difference, reading.tracks.rows_per_swing / rows_per_second(reading.axis))
     return None if relative is None else 86400.0 * relative
-
-
-def _instrument(
-    known: Known, pendulums: Sequence[Any], rate_uncertainty: float | None, *, needed: bool
-) -> xr.Dataset | None:
-    """Constants of the instrument; None where nothing is known of it nor needed."""
-    description = known.description
-    values: dict[str, Any] = {}
-    if description is not None:
-        values.update({key: value for key, value in description.instrument.model_dump().items() if value is not None})
-    for key in type(pendulums[0]).model_fields:
-        stated = [getattr(each, key) for each in pendulums]
-        if key != "label" and None not in stated:
-            values[key] = np.array(stated, dtype=np.float64)
-    if known.options.gravity is not None:
-        values["reference_gravity"] = known.options.gravity
-    if needed:
-        for each in pendulums:
-            if each.period is None:
-                raise UsageError(
-                    f"pendulum {each.label} has no period, which gravity needs; add --period {each.label}=SECONDS, "
-                    "or say with --trace what the traces are"
-                )
-        if "reference_gravity" not in values:
-            raise UsageError("the gravity at which the periods hold is missing; add --gravity, in m/s2")
-    if not values:
-        return None
-    if rate_uncertainty is not None:
-        values.setdefault("chronometer_rate", 0.0)
-        stated_uncertainty = values.get("chronometer_rate_uncertainty", 0.0)
-        values["chronometer_rate_uncertainty"] = float(np.hypot(stated_uncertainty, rate_uncertainty))
-    instrument = _dataset("instrument", values, {"pendulum": [str(each.label) for each in pendulums]})
-    if description is not None and "restoring" in description.model_fields_set:
-        instrument.attrs["restoring"] = description.restoring
-    return instrument
-
-
-def _dataset(group: str, variables: Mapping[str, Any], labels: Mapping[str, list[str]]) -> xr.Dataset:
-    """A group's dataset, its dimensions and attributes from the table of variables."""
-    import xarray as xr
-
-    def entry(name: str, value: Any) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
-        key = f"{group}/{name}"
-        dims = VARIABLES[key].dims
-        also = [each for each in VARIABLES[key].also if len(each) == np.ndim(value)]
-        return dims if len(dims) == np.ndim(value) else also[0], value, attributes(key)
-
-    return xr.Dataset(
-        {name: entry(name, value) for name, value in variables.items()},
-        coords={name: entry(name, np.array(values)) for name, values in labels.items()},
-    )

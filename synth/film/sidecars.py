@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.contents import Contents, Entry, Group
+from data_schemas.film_conditions import BASE, BASES, PERIODS
 from data_schemas.film_description import DescribedInstrument, DescribedPendulum, FilmDescription
 from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION
 from data_schemas.variables import attributes
@@ -48,9 +49,26 @@ def description_of(plan: FilmPlan) -> FilmDescription:
             "record_id": source.record_id, "title": source.title, "start_time": source.start_time,
             "speed": film.speed, "dpi": film.dpi, "mark_interval": film.mark_interval, "gap": film.gap,
             "minute_code": film.minute_code, "restoring": source.restoring, "traces": traces, "pendulums": pendulums,
-            "instrument": scalars,
+            "instrument": scalars, "bases": _bases(known, labels, source.pendulums),
+            "readings": source.readings,
         }
     )  # fmt: skip
+
+
+def _bases(known: dict[str, Any], labels: list[str], shown: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Occupations of base stations, as the record states them."""
+    return [
+        {
+            "label": str(label),
+            **{key: float(known[name][k]) for name, key in BASES.items() if name in known},
+            **{
+                key: {own: float(value) for own, value in zip(labels, known[name][k], strict=True) if own in shown}
+                for name, key in PERIODS.items()
+                if name in known
+            },
+        }
+        for k, label in enumerate(known.get(BASE, ()))
+    ]
 
 
 class TruthOfFilm:

@@ -24,6 +24,9 @@ RATE = 100
 FEWEST = 8
 """Samples a period that a record must have: the spline errs by 1e-5 of the swing at 8, by 1e-4 at 5."""
 
+BETWEEN = 60.0
+"""Seconds between two readings of the thermometers."""
+
 BLOCK = 8192
 _KEPT = 1 << 20  # values of a scene that are kept rather than simulated twice
 
@@ -43,6 +46,8 @@ class Source:
     instrument : dict
         Name of a variable of /instrument to its numbers, as far as known.
     restoring : str
+    readings : list of dict
+        Conditions that change with time, as an observer would read them: once a minute and at the end.
     begin, end, step : float
         Time of the first and last sample and the usual time between two, s.
     longest : float
@@ -60,6 +65,7 @@ class Source:
     combination: Floats
     instrument: dict[str, Any]
     restoring: str
+    readings: list[dict[str, float]]
     begin: float
     end: float
     step: float
@@ -82,6 +88,7 @@ def source_of(given: xr.DataTree | Scene) -> Source:
 
 
 def _of_scene(scene: Scene) -> Source:
+    from synth.conditions import stated
     from synth.recording.clock import set_clock
     from synth.streaming import stream
 
@@ -106,7 +113,14 @@ def _of_scene(scene: Scene) -> Source:
             yield portion[""].variables["time"].values, portion["record"].variables["elongation"].values
 
     last = (clock.count - 1) / RATE
-    return Source(**_known(first), begin=0.0, end=last, step=1 / RATE, longest=1.0, blocks=blocks, scene=scene)
+    read = np.unique(np.append(np.arange(0.0, last, BETWEEN), last))
+    changing = {
+        name: value for name, (dims, value) in stated(perfect, read * float(clock.scale)).items() if "time" in dims
+    }
+    readings = _readings(read, changing)
+    return Source(
+        **_known(first), readings=readings, begin=0.0, end=last, step=1 / RATE, longest=1.0, blocks=blocks, scene=scene
+    )
 
 
 def _of_record(record: Contents) -> Source:
@@ -131,9 +145,27 @@ def _of_record(record: Contents) -> Source:
         for at in range(0, time.size, BLOCK):
             yield time[at : at + BLOCK], elongation[:, at : at + BLOCK]
 
-    return Source(
-        **known, begin=float(time[0]), end=float(time[-1]), step=step, longest=shortest / FEWEST, blocks=blocks
+    at = np.unique(np.append(np.searchsorted(time, np.arange(time[0], time[-1], BETWEEN)), time.size - 1))
+    instrument = record.get("instrument")
+    changing = (
+        {}
+        if instrument is None
+        else {name: one.values[at] for name, one in instrument.variables.items() if one.dims == ("time",)}
     )
+    return Source(
+        **known, readings=_readings(time[at], changing), begin=float(time[0]), end=float(time[-1]), step=step,
+        longest=shortest / FEWEST, blocks=blocks,
+    )  # fmt: skip
+
+
+def _readings(time: Floats, changing: dict[str, Any]) -> list[dict[str, float]]:
+    """What changes, a dictionary a reading; none where nothing does."""
+    if not changing:
+        return []
+    return [
+        {"time": float(when), **{name: float(each[k]) for name, each in changing.items()}}
+        for k, when in enumerate(time)
+    ]
 
 
 def _known(record: Contents) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from data_schemas.errors import RefusedError
 from synth.integrators.explicit import checked
-from synth.integrators.splitting_forcing import Forcing
+from synth.integrators.splitting_forcing import Forcing, Swing
 from synth.integrators.splitting_march import kicks
 from synth.integrators.splitting_schemes import ABA1064, Scheme
 from synth.integrators.trajectory import Trajectory, relative_error
@@ -95,37 +95,37 @@ def march(
         n = float(system.natural_frequency[i])
         damping = float(system.terms.damping_rate[i]) if system.terms is not None else 0.0
         exact = damped_frequency(n, damping)
-        own = turns([exact], step)
-        damped = float(exact)
+        swing = Swing(n, damping, exact, turns([exact], step))
+        damped = swing.damped
         lam = complex(-damping, damped)
-        angle, rate = start[2 * i], start[2 * i + 1]
+        psi, speed = across.response(np.zeros(1, dtype=np.int64), here, swing, system.gravity)
+        free, rate = float(start[2 * i] - psi[0, 0]), float(start[2 * i + 1] - speed[0, 0])
+        amplitude = np.array([free, -(rate + damping * free) / damped, 0.0, 0.0])
         done = 0
         while done < outputs - 1:
+            # c stays in one frame from beginning to end: one begun anew in each block would round each alike
             count = min(outputs_a_block, outputs - 1 - done)
             base = done * steps
             local = np.arange(count * steps)
             ends = (local[:count] + 1) * steps
-            psi, speed = across.response(np.array([base]), here, n, damping, system.gravity)
-            free = angle - psi[0, 0]
-            c = complex(free, -((rate - speed[0, 0]) + damping * free) / damped)
-            amplitude = np.array([c.real, c.imag, 0.0, 0.0])
             moments = (local[:, None] + scheme.nodes[None, :]) * float(step)
-            turning = own.phasors(local).T * np.exp(1j * damped * scheme.nodes * float(step))[None, :]
+            turning = swing.phasors(base + local, scheme.nodes, float(step))
             fading = np.exp(-damping * moments)
-            forced, _ = across.response(base + local, scheme.nodes, n, damping, system.gravity)
+            inverse = np.asarray(np.conj(turning) / fading, np.complex128)
+            forced, _ = across.response(base + local, scheme.nodes, swing, system.gravity)
             carried = np.empty(count, dtype=np.complex128)
             kicks(
-                n, damped, weights, turning * fading, np.conj(turning) / fading, forced,
+                n, damped, weights, turning * fading, inverse, forced,
                 across.level(base + local, scheme.nodes) / system.gravity,
                 along.level(base + local, scheme.nodes) / system.gravity,
                 steps, amplitude, carried,
             )  # fmt: skip
-            frame = own.phasors(ends)[0] * np.exp(-damping * ends * float(step))
-            psi, speed = across.response(base + ends, here, n, damping, system.gravity)
+            frame = swing.phasors(base + ends, here, float(step))[:, 0] * np.exp(-damping * ends * float(step))
+            psi, speed = across.response(base + ends, here, swing, system.gravity)
             states[done + 1 : done + 1 + count, 2 * i] = (carried * frame).real + psi[:, 0]
             states[done + 1 : done + 1 + count, 2 * i + 1] = (lam * carried * frame).real + speed[:, 0]
+            amplitude *= np.exp(-damping * count * steps * float(step))
             done += count
-            angle, rate = states[done, 2 * i], states[done, 2 * i + 1]
     grid = [Fraction(begin) + k * interval for k in range(outputs)]
     offsets = np.array([float(Fraction(float(time)) - exact) for time, exact in zip(times, grid, strict=True)])
     _onto(times, offsets, system, states)

@@ -58,7 +58,7 @@ def test_the_netcdf_table_says_the_same(written):
 
 def test_names_of_very_many_rows_are_left_to_the_csv(out, monkeypatch):
     monkeypatch.setattr(summary_columns, "MOST_NAMED", 1)
-    jobs = [(Path(f"{name}.nc"), config_of(out, name, variant=(("kind", name),))) for name in "ab"]
+    jobs = [(Path(f"{name}.nc"), config_of(out, name, variant=(("kind", name),))) for name in "abc"]
     with Ledger(out, "{}") as ledger:
         ledger.append(
             [Outcome(c.key, "ok", None, None, "1", "2", ROWS[:1]) for _, c in jobs], {c.key: "" for _, c in jobs}
@@ -67,5 +67,5 @@ def test_names_of_very_many_rows_are_left_to_the_csv(out, monkeypatch):
     table = data_schemas.read(paths[1])
     assert "input" not in table
     assert "sweep_kind" not in table
-    assert table["gravity_m_s2"].size == 2
-    assert "b.nc" in paths[0].read_text()
+    assert table["gravity_m_s2"].size == 3
+    assert "c.nc" in paths[0].read_text()

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import functools
+import gc
 import os
 import shutil
 import signal
 import time
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
+from types import SimpleNamespace
 
 import pytest
 from batch_parts import METHODS, POISON, config_of, numbers_of, write_record
+from pebble import ProcessExpired
 
+from pipeline.batch import warming
 from pipeline.batch.config import Kind
 from pipeline.batch.executors import isolated
 from pipeline.batch.executors import pool as module
@@ -179,3 +183,42 @@ def test_how_a_process_ended_is_told(code, told):
 def test_what_a_record_leaves_in_memory_is_given_back(small, out):
     assert isolated._process_alone(small, config_of(out, "a")).status == "ok"
     assert process_record(small, config_of(out, "b", kind=POISON)).status == "ok"
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (TimeoutError(), "took longer than 1 s and was ended; allow more with --timeout"),
+        (ProcessExpired("", -9), "look at this file, or allow more with --memory"),
+    ],
+)
+def test_a_record_that_ends_its_process_is_told(small, out, monkeypatch, error, told):
+    def ended():
+        future = Future()
+        future.set_exception(error)
+        return future
+
+    monkeypatch.setattr(isolated, "ProcessPool", Pools(ended))
+    with Isolated(METHODS, 1.0) as child:
+        outcome = child.run(small, config_of(out, "a"))
+    assert outcome.status != "ok"
+    assert told in outcome.error
+
+
+def test_an_orphan_ends(monkeypatch):
+    ended = []
+    monkeypatch.setattr(warming.ctypes, "CDLL", lambda _: SimpleNamespace(prctl=lambda *_: None))
+    monkeypatch.setattr(warming.os, "_exit", ended.append)
+    warming._die_with(os.getppid())
+    assert ended == []
+    warming._die_with(os.getppid() + 1)
+    assert ended == [1]
+    monkeypatch.setattr(warming.sys, "platform", "darwin")
+    warming._die_with(os.getppid() + 1)
+    assert ended == [1]
+
+
+def test_warming_takes_methods_that_decline(monkeypatch):
+    monkeypatch.setattr(warming, "_die_with", lambda _: None)
+    warming.warm(["projection", "shooting"], parent=1)
+    gc.unfreeze()

@@ -165,3 +165,24 @@ def test_a_tree_read_from_a_file_can_replace_it(tmp_path, record):
     write(record, path)
     write(read(path), path, overwrite=True)
     assert read(path).identical(record)
+
+
+def test_text_is_whole_or_not_there(tmp_path, monkeypatch):
+    path = tmp_path / "table.csv"
+    writing.write_text("a,b\n", path)
+    with pytest.raises(FileError, match="exists"):
+        writing.write_text("c\n", path)
+    monkeypatch.setattr(writing.os, "fsync", _fail(FULL))
+    with pytest.raises(FileError, match=r"table\.csv: cannot be written, No space left"):
+        writing.write_text("c\n", path, overwrite=True)
+    monkeypatch.undo()
+    assert [(one.name, one.read_text()) for one in tmp_path.iterdir()] == [("table.csv", "a,b\n")]
+
+
+def test_folders_are_made_to_remember_where_that_can_be_asked(tmp_path, monkeypatch):
+    monkeypatch.setattr(writing.os, "open", _fail(FULL))
+    with pytest.raises(OSError, match="No space"):
+        writing.sync_folder(tmp_path)
+    monkeypatch.setattr(writing.os, "name", "nt")
+    writing.sync_folder(tmp_path)
+    monkeypatch.undo()

@@ -295,3 +295,16 @@ def test_a_file_that_does_not_say_its_kind_is_checked_by_its_groups(tmp_path, ex
     assert len(faults) == 2
     assert faults[0].startswith(f"{path}: attribute schema: is missing at the root; add it")
     assert faults[1].startswith(f"{path}: truth/theta: has units 'deg'")
+
+
+def test_a_record_without_labels_is_told(record):
+    full = record["record"].to_dataset(inherit=False)
+    record["record"].dataset = full.isel(pendulum=slice(0, 0))
+    assert any(
+        "record/pendulum: holds no label; give at least one pendulum" in fault for fault in check(record, "record")
+    )
+
+
+def test_a_record_without_combination_is_told_once(record):
+    record["record"].dataset = record["record"].to_dataset(inherit=False).drop_vars("combination")
+    assert sum("combination" in fault for fault in check(record, "record")) == 1

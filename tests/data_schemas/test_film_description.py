@@ -26,6 +26,9 @@ KNOWN = {
     "instrument": {"reference_gravity": 9.81, "latitude": 12.0},
 }
 
+BASE = {"label": "a", "time": -60.0, "gravity": 9.81, "period": {"1": 1.01, "2": 1.0101}}
+WARM = {"time": 0.0, "temperature": 290.0}
+
 
 def test_reading_back(tmp_path):
     known = FilmDescription.model_validate(KNOWN)
@@ -35,6 +38,14 @@ def test_reading_back(tmp_path):
     assert validate(path) == []
     assert known.instrument.reference_gravity == 9.81
     assert known.pendulums[1].damping_rate is None
+
+
+def test_bases_and_readings_are_read_back(tmp_path):
+    known = FilmDescription.model_validate(KNOWN | {"bases": [BASE], "readings": [WARM]})
+    path = tmp_path / "a.film.toml"
+    path.write_text(toml_text(known.model_dump()))
+    assert load_description(path) == known
+    assert known.bases[0].period == BASE["period"]
 
 
 @pytest.mark.parametrize(
@@ -49,6 +60,18 @@ def test_reading_back(tmp_path):
             "pendulums[0].perid = 1.0 is not a known key; did you mean 'period'?",
         ),
         ({"traces": []}, "traces = []: "),
+        ({"bases": [BASE, BASE]}, "bases must have different labels"),
+        (
+            {"bases": [BASE, BASE | {"label": "b", "gravity_uncertainty": 1e-6}]},
+            "gravity_uncertainty is stated of 1 of 2",
+        ),
+        ({"bases": [BASE | {"period": {"1": 1.0}}]}, "base 'a' states period of 1; the pendulums are 1, 2"),
+        ({"readings": [WARM, WARM]}, "readings must be in order of time"),
+        ({"readings": [{"time": 1.0}]}, "a reading must hold temperature"),
+        (
+            {"instrument": {"temperature": 280.0}, "readings": [WARM]},
+            "temperature is stated in instrument and in readings; leave one of them out",
+        ),
         (
             {"instrument": {"reference_gravity": "9.81"}},
             "instrument.reference_gravity = '9.81': should be a valid number",

@@ -209,3 +209,48 @@ def test_an_empty_attribute_is_read(tmp_path):
     assert attrs["comment"] == ""
     assert attrs["numbers"].size == 0
     assert attrs["kind"].tolist() == [1, 2]
+
+
+def test_text_with_a_scale_factor_is_text(tmp_path):
+    with_h5netcdf(tmp_path / "file.nc")
+    with h5py.File(tmp_path / "file.nc", "r+") as file:
+        file["record/trace"].attrs["scale_factor"] = 2.0
+    assert read(tmp_path / "file.nc")["record/trace"].values.tolist() == ["1", "1-2"]
+
+
+def _list_of_another_shape(file, one):
+    one.attrs.create("DIMENSION_LIST", np.zeros(3), shape=(3,))
+
+
+def _two(first, second):
+    both = np.empty(2, dtype=object)
+    both[0], both[1] = first, second
+    return both
+
+
+def _list_of_numbers(file, one):
+    listed = _two(np.array([1], "i4"), np.array([2], "i4"))
+    one.attrs.create("DIMENSION_LIST", listed, dtype=h5py.vlen_dtype(np.dtype("i4")))
+
+
+def _list_with_an_empty_place(file, one):
+    listed = _two(np.array([file["record/trace"].ref], dtype=h5py.ref_dtype), np.array([], dtype=h5py.ref_dtype))
+    one.attrs.create("DIMENSION_LIST", listed, dtype=h5py.vlen_dtype(h5py.ref_dtype))
+
+
+@pytest.mark.parametrize("spoil", [_list_of_another_shape, _list_of_numbers, _list_with_an_empty_place])
+def test_dimensions_that_are_not_told_rightly_are_known_by_position(tmp_path, spoil):
+    with_h5netcdf(tmp_path / "file.nc")
+    with h5py.File(tmp_path / "file.nc", "r+") as file:
+        one = file["record/combination"]
+        del one.attrs["DIMENSION_LIST"]
+        spoil(file, one)
+    assert read(tmp_path / "file.nc")["record/combination"].dims == ("trace", "pendulum")
+
+
+def test_a_dimension_of_a_variable_of_another_rank_has_a_name_of_its_own(tmp_path):
+    with_h5netcdf(tmp_path / "file.nc")
+    with h5py.File(tmp_path / "file.nc", "r+") as file:
+        del file["record/combination"]
+        file["record/combination"] = np.ones(5)
+    assert any("phony_dim" in fault or "combination" in fault for fault in validate(tmp_path / "file.nc"))

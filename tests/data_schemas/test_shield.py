@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -77,3 +79,21 @@ def test_threads_are_left_alone(heard):
     thread.start()
     thread.join()
     assert seen == [True]
+
+
+def test_a_signal_without_a_handler_ends_the_process_after_the_block():
+    script = (
+        "import signal, sys\nfrom data_schemas.shield import shielded\nsignal.signal(signal.SIGTERM, signal.SIG_DFL)\n"
+    )
+    script += "with shielded():\n    signal.raise_signal(signal.SIGTERM)\n    print('done', flush=True)\nprint('after')"
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout) == (-signal.SIGTERM, "done\n")
+
+
+def test_a_signal_whose_handler_is_the_systems_is_raised_again(heard, monkeypatch):
+    again: list[int] = []
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    with shielded():
+        signal.raise_signal(signal.SIGTERM)
+        monkeypatch.setattr(signal, "raise_signal", again.append)
+    assert again == [signal.SIGTERM]

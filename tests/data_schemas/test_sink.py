@@ -40,3 +40,16 @@ def test_without_a_fault_it_is_a_file(tmp_path: Path) -> None:
         sink.readinto(found)
         sink.check()
     assert bytes(found) == b"bc"
+
+
+def test_the_length_is_set_unless_the_disk_failed_before(tmp_path: Path) -> None:
+    with Sink(tmp_path / "file", "x+") as sink:
+        sink.write(b"abcdef")
+        assert sink.truncate(4) == 4
+        sink.seek(2)
+        assert sink.truncate() == 2
+        assert sink.truncate(-1) == -1
+        with pytest.raises(OSError, match="Invalid argument"):
+            sink.check()
+        assert sink.truncate(0) == 0
+    assert (tmp_path / "file").read_bytes() == b"ab"

@@ -12,6 +12,8 @@ from pipeline.film.tracking.probing import probe
 
 UNTOLD = ToneCurve(0.6, 0.2, 1.5)
 """Where nothing swings on the film, from which its curve could be told."""
+LEAST_SIGMA = 2.5e-3
+"""Of a pixel of blank film: without grain it is rounded to whole values, and no background is known better."""
 
 
 def measure_emulsion(
@@ -29,11 +31,12 @@ def measure_emulsion(
         Rows in a full swing and number of traces, if known.
     """
     blank = measure_blank(scan, darkness_table(scan.full_scale))
-    plain = FilmEmulsion(scan.full_scale, blank, UNTOLD, np.array([blank.sigma**2, 10.0 * blank.sigma**2]))
+    sigma = max(blank.sigma, LEAST_SIGMA)
+    plain = FilmEmulsion(scan.full_scale, blank, UNTOLD, np.array([sigma**2, 10.0 * sigma**2]))
     probed = probe(
         lambda first, stop: plain.darkness(scan.read(first, stop), first),
         scan.rows,
-        blank.sigma,
+        sigma,
         spot,
         rows_per_swing,
         count,

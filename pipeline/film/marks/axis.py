@@ -13,11 +13,12 @@ from pipeline.film.marks.alignment import Alignment, aligned
 from pipeline.film.marks.closing import learned_width
 from pipeline.film.marks.counting import Count
 from pipeline.film.marks.drive import Drive, drive
+from pipeline.film.marks.echoes import lasting
 from pipeline.film.marks.events import Events, gathered
 from pipeline.film.marks.gaps import Gaps
 from pipeline.film.marks.holes import holes_honest
 from pipeline.film.marks.minutes import Minutes, code_marks, find_minutes, repaired
-from pipeline.film.marks.oblique import refined
+from pipeline.film.marks.oblique import middles, refined
 from pipeline.film.marks.search import find_gaps
 from pipeline.film.marks.seconds import times_of
 from pipeline.film.parts import Emulsion, Floats, Marking, Scan, TimeAxis, Tracks
@@ -62,19 +63,22 @@ def axis_of(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, rows: in
     traces = len(tracks.course)
     size = int(counted.count.index[-1]) + 1
     row, sigma, column = (np.full((traces, size), np.nan) for _ in range(3))
+    middle = middles(gaps, tracks)
     for trace in range(traces):
         member = counted.events.member[trace, counted.count.event]
         seen = member >= 0
         at = counted.count.index[seen]
         row[trace, at], sigma[trace, at] = gaps.row[member[seen]], gaps.row_sigma[member[seen]]
-        column[trace, at] = gaps.column[member[seen]]
+        column[trace, at] = middle[member[seen]]
     offset, shear = counted.alignment.offset, counted.alignment.shear
     found = drive(row - offset[:, None] - shear * column, sigma, marking.interval)
     for _ in range(ROUNDS):
-        offset, shear = refined(row, sigma, column, found)
+        offset, shear, unsure = refined(row, sigma, column, found)
         found = drive(row - offset[:, None] - shear * column, sigma, marking.interval, found)
-    found = holes_honest(row - offset[:, None] - shear * column, sigma, found)
-    return _axis(found, counted, row, offset, shear, marking, rows)
+    freed = row - offset[:, None] - shear * column
+    found = holes_honest(freed, sigma, found)
+    alike = float(np.hypot(lasting(freed, found), unsure))
+    return _axis(found, counted, row, offset, shear, alike, marking, rows)
 
 
 def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float) -> Counted:
@@ -108,11 +112,18 @@ def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float) -> Co
 
 
 def _axis(
-    found: Drive, counted: Counted, row: Floats, offset: Floats, shear: float, marking: Marking, rows: int
+    found: Drive,
+    counted: Counted,
+    row: Floats,
+    offset: Floats,
+    shear: float,
+    alike: float,
+    marking: Marking,
+    rows: int,
 ) -> TimeAxis:
     cycle = round(60.0 / marking.interval)
     shift = 0 if counted.minutes.residue is None else (-counted.minutes.residue) % cycle
-    seconds, sigma = times_of(found, rows)
+    seconds, sigma = times_of(found, rows, alike)
     seen = np.flatnonzero((np.isfinite(row) & found.used).any(axis=0))
     return TimeAxis(
         index=(seen + shift).astype(np.int64),

@@ -29,17 +29,20 @@ def place(course: Floats, slope: Floats, row: float) -> tuple[float, float]:
 def draw(
     image: Floats,
     across: Floats,
+    along: Floats,
     top: int,
     left: int,
     row: float,
     column: float,
+    slope: float,
     weight: float,
     spot: float,
     sloped: bool,
 ) -> None:
     """Add a Gaussian spot, of density 1/(sqrt(2 pi) spot) at its centre times `weight`, to a piece of the film.
 
-    If `sloped`, its derivative by the column is added to `across`.
+    If `sloped`, its derivative by the column is added to `across`, and `slope` times that to `along`: a curve that is
+    moved along the film moves across it as it is steep.
     """
     rows, columns = image.shape
     reach = REACH * spot
@@ -63,6 +66,7 @@ def draw(
             for x in range(low, high + 1):
                 image[y, x] += value
                 across[y, x] += lean * value
+                along[y, x] += slope * lean * value
                 lean -= 2.0 * scale
                 value *= ratio
                 ratio *= turn

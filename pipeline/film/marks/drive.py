@@ -1,7 +1,9 @@
 """The paper's motion, row against time, from all marks: smooth speed and the lines of wow that the film itself shows.
 
-A Gaussian process: a random walk of the acceleration for drift and walk, and damped rotating pairs at the frequencies
-that stand out of what is left. Its strength and the floor of the marks' errors are the most likely ones.
+A Gaussian process: a random walk of the acceleration for what turns smoothly, one of the speed for what slips and
+catches, and damped rotating pairs at the frequencies that stand out of what is left. Their strengths and the floor of
+the marks' errors are the most likely ones. With the first walk alone a rough drive is smoothed too much, and the times
+are worse than they say.
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ MOST_LINES = 3
 STANDS_OUT = 25.0  # power of a line over that of its surroundings
 SLOWEST, FASTEST = 60.0, 2.2  # s, periods of wow looked for
 CALM = -10.0  # roughness that follows nothing faster than `SLOWEST`
+LOWEST, HIGHEST = (-12.0, -8.0, np.log(2e-3)), (8.0, 4.0, np.log(3.0))  # of roughness, shake and the floor's logarithm
+START, SIDES = (np.log(0.3), np.log(0.03), np.log(0.03)), ((1.5, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.5))
 COHERENCE = (1e6, 3e3)  # s, over which a line of wow may keep its phase
 OUTLIER = 5.0  # sigmas
 GAINED = 10.0  # fall of -2 log likelihood that a line must bring
@@ -34,7 +38,9 @@ class Drive:
     step : float
         s between the marks.
     roughness : float
-        Standard deviation of the speed's third derivative's white noise, as its natural logarithm.
+        Standard deviation of the white noise of the acceleration's rate, px s-5/2, as its natural logarithm.
+    shake : float
+        That of the white noise of the acceleration itself, px s-3/2, as its natural logarithm.
     floor : float
         Error that all marks have beside the measured one, px.
     lines : tuple of (float, float, float)
@@ -51,6 +57,7 @@ class Drive:
 
     step: float
     roughness: float
+    shake: float
     floor: float
     lines: Lines
     row: Floats
@@ -75,12 +82,12 @@ def drive(rows: Floats, sigma: Floats, step: float, before: Drive | None = None)
     if before is None:
         found = _most_likely(rows, sigma, step, (), used)
     else:
-        found = _most_likely(rows, sigma, step, before.lines, used, (before.roughness, np.log(before.floor)))
+        found = _most_likely(rows, sigma, step, before.lines, used, _parameters(before))
     for _ in range(MOST_LINES if before is None else 0):
         line = _line(np.where(used, rows, np.nan), found)
         if line is None:
             break
-        guess = (found.roughness, np.log(found.floor))
+        guess = _parameters(found)
         tried = [_most_likely(rows, sigma, step, (*found.lines, (*line, each)), used, guess) for each in COHERENCE]
         better = min(tried, key=lambda one: one.likelihood)
         if found.likelihood - better.likelihood < GAINED:
@@ -92,8 +99,13 @@ def drive(rows: Floats, sigma: Floats, step: float, before: Drive | None = None)
         if np.array_equal(good, used):
             break
         used = good
-        found = _most_likely(rows, sigma, step, found.lines, used, (found.roughness, np.log(found.floor)))
+        found = _most_likely(rows, sigma, step, found.lines, used, _parameters(found))
     return found
+
+
+def _parameters(found: Drive) -> tuple[float, float, float]:
+    """Roughness, shake, and logarithm of the floor."""
+    return found.roughness, found.shake, float(np.log(found.floor))
 
 
 def _most_likely(
@@ -102,23 +114,22 @@ def _most_likely(
     step: float,
     lines: Lines,
     used: NDArray[np.bool_],
-    guess: tuple[float, float] | None = None,
+    guess: tuple[float, float, float] = START,
 ) -> Drive:
     from scipy.optimize import minimize
 
-    seen = np.where(used, rows, np.nan)
-    start = np.array(guess if guess is not None else (np.log(0.3), np.log(0.03)))
+    seen, start = np.where(used, rows, np.nan), np.array(guess)
+
+    def run(at: Floats, smooth: bool) -> Drive:
+        rough, shake, floor = np.clip(at, LOWEST, HIGHEST)
+        return run_drive(seen, sigma, step, float(rough), float(shake), float(np.exp(floor)), lines, used, smooth)
 
     def price(at: Floats) -> float:
-        rough, floor = np.clip(at, (-12.0, np.log(2e-3)), (8.0, np.log(3.0)))
-        return run_drive(seen, sigma, step, float(rough), float(np.exp(floor)), lines, used, False).likelihood + float(
-            np.sum((at - [rough, floor]) ** 2)
-        )
+        return run(at, False).likelihood + float(np.sum((at - np.clip(at, LOWEST, HIGHEST)) ** 2))
 
-    first = start + np.array([[0.0, 0.0], [1.5, 0.0], [0.0, 0.5]])
+    first = start + np.array([(0.0, 0.0, 0.0), *SIDES])
     best = minimize(price, start, method="Nelder-Mead", options={"initial_simplex": first, "xatol": 0.1, "fatol": 0.3})
-    rough, floor = np.clip(best.x, (-12.0, np.log(2e-3)), (8.0, np.log(3.0)))
-    return run_drive(seen, sigma, step, float(rough), float(np.exp(floor)), lines, used, True)
+    return run(best.x, True)
 
 
 def run_drive(
@@ -126,6 +137,7 @@ def run_drive(
     sigma: Floats,
     step: float,
     rough: float,
+    shake: float,
     floor: float,
     lines: Lines,
     used: NDArray[np.bool_],
@@ -142,6 +154,7 @@ def run_drive(
             [step**3 / 6, step**2 / 2, step],
         ]
     )
+    noise[:2, :2] += np.exp(2.0 * shake) * np.array([[step**3 / 3, step**2 / 2], [step**2 / 2, step]])
     sees[0] = 1.0
     middle = np.nanmean(np.where(np.isfinite(seen).any(axis=0), seen, 0.0), axis=0)
     known = np.flatnonzero(np.isfinite(seen).any(axis=0))
@@ -173,6 +186,7 @@ def run_drive(
     return Drive(
         step,
         rough,
+        shake,
         floor,
         lines,
         state @ sees,
@@ -189,7 +203,7 @@ def _line(rows: Floats, found: Drive) -> tuple[float, float] | None:
     marks = rows.shape[1]
     if marks * found.step < 2.0 * SLOWEST / 3.0:
         return None
-    still = run_drive(rows, np.full_like(rows, 0.05), found.step, CALM, 0.05, found.lines, found.used, True)
+    still = run_drive(rows, np.full_like(rows, 0.05), found.step, CALM, CALM, 0.05, found.lines, found.used, True)
     left = found.row - still.row
     left = left - left.mean()
     power = np.abs(np.fft.rfft(left * np.hanning(marks), 4 * marks)) ** 2

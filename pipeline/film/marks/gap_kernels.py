@@ -1,9 +1,11 @@
 """A gap of the shutter fitted to the film: where on the trace the light went out and came back.
 
 The light of a piece of film is `a L - b T`: L the whole line as its course draws it, T what would have been drawn while
-the shutter was closed, between `m - w/2` and `m + w/2` on the curve. Gauss-Newton over m, a, b, w and a shift d of the
-course across the film, each pixel weighed by its grain. Both ends of the gap are edges of a line of known shape, so the
-fit is as good as the grain allows (the Cramer-Rao bound of the model), on steep strokes and in turning points alike.
+the shutter was closed, between `m - w/2` and `m + w/2` on the curve. Gauss-Newton over m, a, b, w, a shift d of the
+course across the film and a lead h along it, each pixel weighed by its grain. A course that lies late by more the
+further out it is (a tracker that misjudges an oblique image draws such ones) would else take the gap along. Both ends
+of the gap are edges of a line of known shape, so the fit is as good as the grain allows (the Cramer-Rao bound of the
+model), on steep strokes and in turning points alike.
 """
 
 from __future__ import annotations
@@ -34,10 +36,11 @@ from synth.kernels.compiled import kernel
 ) = range(13)
 RESULTS = 13
 STEEPEST = 60.0  # slope of strokes whose gaps fit on a piece of film
-LAYERS = 7
+LAYERS = 9
 ROUNDS = 6
 FAINT = 0.02  # of the line's light: pixels with less of another line are used
 MODEL = 0.04  # of the line's light, 1 sigma of what spot and curve are not exactly
+LEAD = 0.2  # rows, 1 sigma, by which a course may lie early or late
 CLIP = 4.0  # sigmas, of a pixel's residual
 
 
@@ -74,6 +77,7 @@ def fit_gap(
     line, line_d = layers[0, :rows, :columns], layers[1, :rows, :columns]
     gap, gap_d = layers[2, :rows, :columns], layers[3, :rows, :columns]
     start, stop, far = layers[4, :rows, :columns], layers[5, :rows, :columns], layers[6, :rows, :columns]
+    line_h, gap_h = layers[7, :rows, :columns], layers[8, :rows, :columns]
     reach = REACH * spot
     near = 0.45 * spacing  # rows: what the line draws later than that may lie in another gap
     clear(layers, 6, 7, rows, columns)
@@ -81,20 +85,21 @@ def fit_gap(
         which = other if other < courses.shape[0] else trace
         begin = mark + near if other == courses.shape[0] else top - reach
         end = mark - near if other == trace else top + rows + reach
-        shade(far, far, top, left, courses[which], slopes[which], begin, end, 0.0, spot, False)
+        shade(far, far, far, top, left, courses[which], slopes[which], begin, end, 0.0, 0.0, spot, False)
     here, lean = place(course, slope, mark)
     sideways = lateral * math.sqrt(1.0 + lean * lean)
-    m, w, d, a, b, drawn = mark, width, 0.0, 1.0, 1.0, math.inf
+    m, w, d, h, a, b, drawn, led = mark, width, 0.0, 0.0, 1.0, 1.0, math.inf, 0.0
     w0 = width
     normal, right = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
     slant = np.empty(PARAMETERS)
     misfit, count, bright = 0.0, 0, 0.0
     for turn in range(ROUNDS):
-        if abs(d - drawn) > 0.02 * math.sqrt(1.0 + lean * lean):
+        if abs(d - drawn) > 0.02 * math.sqrt(1.0 + lean * lean) or abs(h - led) > 0.02:
             clear(layers, 0, 2, rows, columns)
+            clear(layers, 7, 8, rows, columns)
             begin, end = max(top - reach, mark - near), min(top + rows + reach, mark + near)
-            shade(line, line_d, top, left, course, slope, begin, end, d, spot, True)
-            drawn = d
+            shade(line, line_d, line_h, top, left, course, slope, begin, end, d, h, spot, True)
+            drawn, led = d, h
             bright = 0.0
             for y in range(rows):
                 for x in range(columns):
@@ -108,13 +113,15 @@ def fit_gap(
                             under += line[y, x] ** 2
                 a = b = max(over / under if under > 0.0 else 1.0, 0.05)
         clear(layers, 2, 6, rows, columns)
-        shade(gap, gap_d, top, left, course, slope, m - 0.5 * w, m + 0.5 * w, d, spot, True)
+        clear(layers, 8, 9, rows, columns)
+        shade(gap, gap_d, gap_h, top, left, course, slope, m - 0.5 * w, m + 0.5 * w, d, h, spot, True)
         for side in range(2):
             edge = m + (side - 0.5) * w
-            at, _ = place(course, slope, edge)
+            at, steep = place(course, slope, edge)
             if math.isnan(at):
                 return False
-            draw(layers[4 + side, :rows, :columns], far, top, left, edge, at + d, 1.0, spot, False)
+            into = layers[4 + side, :rows, :columns]
+            draw(into, far, far, top, left, edge, at + d + h * steep, 0.0, 1.0, spot, False)
         for i in range(PARAMETERS):
             right[i] = 0.0
             for j in range(PARAMETERS):
@@ -124,7 +131,7 @@ def fit_gap(
             for x in range(columns):
                 if far[y, x] > FAINT * bright:
                     continue
-                light = line[y, x] + (d - drawn) * line_d[y, x]
+                light = line[y, x] + (d - drawn) * line_d[y, x] + (h - led) * line_h[y, x]
                 if light < 0.01 * bright:
                     continue
                 expected = a * light - b * gap[y, x]
@@ -147,6 +154,7 @@ def fit_gap(
                 slant[2] = -gap[y, x] * weight
                 slant[3] = (a * line_d[y, x] - b * gap_d[y, x]) * weight
                 slant[4] = -0.5 * b * (stop[y, x] + start[y, x]) * weight
+                slant[5] = (a * line_h[y, x] - b * gap_h[y, x]) * weight
                 for i in range(PARAMETERS):
                     right[i] += slant[i] * left_over
                     for j in range(i + 1):
@@ -162,6 +170,8 @@ def fit_gap(
         right[3] -= d / sideways**2
         normal[4, 4] += 1.0 / (width_prior * w0) ** 2
         right[4] -= (w - w0) / (width_prior * w0) ** 2
+        normal[5, 5] += 1.0 / LEAD**2
+        right[5] -= h / LEAD**2
         # a weak hold on the depth where the gap has no pixels left
         normal[2, 2] += 1.0 / a**2
         right[2] -= (b - a) / a**2
@@ -174,6 +184,7 @@ def fit_gap(
         b += right[2]
         d += min(max(right[3], -2.0 * sideways), 2.0 * sideways)
         w = min(max(w + right[4], 0.3 * w0), 2.0 * w0)
+        h += min(max(right[5], -2.0 * LEAD), 2.0 * LEAD)
         if not (a > 0.01) or abs(m - mark) > w0 + 1.0 or math.isnan(m):
             return False
         b = max(b, 0.02 * a)
@@ -183,8 +194,11 @@ def fit_gap(
     if math.isnan(here):
         return False
     out[ROW], out[ROW_SIGMA] = m, math.sqrt(normal[0, 0])
-    out[COLUMN] = here + d
-    out[COLUMN_SIGMA] = math.sqrt(max(lean * lean * normal[0, 0] + normal[3, 3] + 2.0 * lean * normal[0, 3], 0.0))
+    out[COLUMN] = here + d + h * lean
+    along = normal[0, 0] + 2.0 * normal[0, 5] + normal[5, 5]
+    out[COLUMN_SIGMA] = math.sqrt(
+        max(lean * lean * along + normal[3, 3] + 2.0 * lean * (normal[0, 3] + normal[3, 5]), 0.0)
+    )
     out[LIGHT], out[LIGHT_SIGMA] = a, math.sqrt(normal[1, 1])
     out[DEPTH] = b / a
     out[DEPTH_SIGMA] = math.sqrt(max(normal[2, 2] - 2.0 * b / a * normal[1, 2] + (b / a) ** 2 * normal[1, 1], 0.0)) / a

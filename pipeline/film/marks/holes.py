@@ -26,7 +26,7 @@ def holes_honest(rows: Floats, sigma: Floats, found: Drive) -> Drive:
     for begin in range(length, rows.shape[1] - length, 3 * length):
         hidden[begin : begin + length] = True
     left = found.used & ~hidden
-    parameters = (found.step, found.roughness, found.floor, found.lines)
+    parameters = (found.step, found.roughness, found.shake, found.floor, found.lines)
     blind = run_drive(np.where(left, rows, np.nan), sigma, *parameters, left, True)
     holes = hidden & (found.row_sigma < 0.5 * blind.row_sigma)
     away = (blind.row - found.row)[holes] / blind.row_sigma[holes]

@@ -20,6 +20,8 @@ from pipeline.film.parts import Floats
 TOLERANCE = 0.03  # of the marks' interval, of the second gap's place
 SHARE = 0.4  # of the minutes at which a code must be seen to be believed
 LEAST = 2
+ABOUT = 6  # marks by which the paper's speed is told at the ends
+LONELY = 3.0  # minutes under which a film may show one full minute only
 NEARBY = 5  # marks by which a count may slip; codes farther off are false gaps
 HOLE = 6  # marks missing in a row, over which a count is mended
 LONGER = 0.3  # of the gap's width, by which a minute's gap differs
@@ -54,12 +56,19 @@ class Minutes:
 
 
 def places(events: Events, count: Count) -> Floats:
-    """Place of every event in units of the marks' interval, by interpolation between the marks counted."""
+    """Place of every event in units of the marks' interval, by interpolation between the marks counted.
+
+    Up to one interval beyond the first and last of them the paper is taken to run on as it does there.
+    """
     row = events.row[count.event]
     out = np.interp(events.row, row, count.index.astype(np.float64))
     near = np.searchsorted(row, events.row)
     gap = np.diff(count.index, prepend=count.index[0], append=count.index[-1])
-    out[(events.row < row[0]) | (events.row > row[-1])] = np.nan
+    for first, few in ((0, min(ABOUT, row.size - 1)), (row.size - 1, max(row.size - 1 - ABOUT, 0))):
+        step = (row[few] - row[first]) / max(abs(count.index[few] - count.index[first]), 1)
+        beyond = (events.row - row[first]) * np.sign(step) < 0.0
+        away = np.where(beyond, (events.row - row[first]) / max(abs(step), 1e-9), 0.0)
+        out[beyond] = np.where(np.abs(away) < 1.0, count.index[first] + away, np.nan)[beyond]
     out[(near < gap.size) & (gap[np.minimum(near, gap.size - 1)] > 3)] = np.nan  # too far from the next mark to tell
     return out
 
@@ -83,6 +92,8 @@ def find_minutes(events: Events, count: Count, interval: float, delay: float | N
     sides = _second_gaps(place, cycle, interval, delay)
     ahead, behind = sides
     enough = max(LEAST, SHARE * spread * 0.5)
+    if delay is not None and place.size == 1 and spread < LONELY:
+        enough = 1  # where the code is known and no gap on the film is a false one, one code is no chance
     if max(ahead.seen, behind.seen) >= enough:
         late, early = (ahead.seen, behind.seen) if delay is not None else (ahead.seen, 0)
         if delay is None and ahead.delay > 0.5 * interval:  # a code follows its minute's mark

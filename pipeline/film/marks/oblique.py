@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.film.marks.drive import Drive
-from pipeline.film.parts import Floats
+from pipeline.film.marks.gaps import Gaps
+from pipeline.film.parts import Floats, Tracks
 
 ENOUGH = 24  # marks seen on several traces
 
 
-def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple[Floats, float]:
-    """Offsets of the traces, the first one's 0, and shear, by least squares.
+def middles(gaps: Gaps, tracks: Tracks) -> Floats:
+    """Mean column of the two ends of each gap, px: what an oblique image shifts the middle of its rows by."""
+    out = gaps.column.copy()
+    for trace, slope in enumerate(tracks.slope):
+        mine = gaps.trace == trace
+        row, width = gaps.row[mine], gaps.width[mine]
+        centres = np.arange(slope.size) + 0.5
+        after, before = (np.interp(row + side * width, centres, slope) for side in (0.5, -0.5))
+        out[mine] += np.nan_to_num(0.125 * width * (after - before))
+    return out
+
+
+def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple[Floats, float, float]:
+    """Offsets of the traces, the first one's 0, shear, and what their errors make of a row, 1 sigma, by least squares.
 
     Of marks that several traces show, the row is free, so that nothing of theirs is taken for the paper's motion. If
     there are too few of those, rows are held to the motion found: a trace now left and now right of its middle tells
@@ -41,8 +55,22 @@ def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple
     normal = np.einsum("km,pkm,qkm->pq", weight, terms, terms)
     free = [*range(1, traces), traces] if traces > 1 else [0, 1]  # of one trace, what lies even is the paper's
     size = normal[np.ix_(free, free)] + 1e-9 * np.diag(np.diag(normal)[free]) + 1e-12 * np.eye(len(free))
-    value = np.linalg.solve(size, normal[free, traces + 1])
+    spread = np.linalg.inv(size)
+    value = spread @ normal[free, traces + 1]
     offset = np.zeros(traces)
     if traces > 1:
         offset[1:] = value[:-1]
-    return offset, float(value[-1])
+    return offset, float(value[-1]), _left_over(spread, free, weight, used, columns)
+
+
+def _left_over(spread: Floats, free: list[int], weight: Floats, used: NDArray[np.bool_], columns: Floats) -> float:
+    """1 sigma, px, of rows freed of offset and shear, over all gaps; what all gaps share is the time's zero."""
+    which, _ = np.nonzero(used)
+    if which.size == 0:
+        return 0.0
+    by = np.zeros((which.size, len(used) + 1))
+    by[np.arange(which.size), which] = 1.0
+    by[:, -1] = columns[used]
+    total = max(float(weight[used].sum()), 1e-300)
+    by -= weight[used] @ by / total
+    return float(np.sqrt(np.mean(np.einsum("ni,ij,nj->n", by[:, free], spread, by[:, free]))))

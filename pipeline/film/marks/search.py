@@ -60,6 +60,7 @@ def fitted(
     guesses: Floats,
     width: float | Floats,
     prior: float = WIDTH_PRIOR,
+    lateral: float = LATERAL,
 ) -> tuple[NDArray[np.int64], Floats]:
     """Gaps fitted near some rows of some traces of a piece of film: traces, results (gaps, RESULTS)."""
     out = np.empty((guesses.size, RESULTS))
@@ -68,7 +69,7 @@ def fitted(
     spacing = 0.5 * tracks.rows_per_swing
     fit_gaps(
         exposure, first, tracks.course, tracks.slope, traces.astype(np.int64), guesses, widths,
-        tracks.spot, table, step, LATERAL, prior, spacing, out,
+        tracks.spot, table, step, lateral, prior, spacing, out,
     )  # fmt: skip
     return traces, out
 

@@ -7,13 +7,25 @@ import numpy as np
 from pipeline.film.marks.drive import Drive
 from pipeline.film.parts import Floats
 
-SHARED = 0.3  # of the marks' floor: neighbouring marks lie at the same phase of the swing and err alike
 
-
-def times_of(found: Drive, rows: int) -> tuple[Floats, Floats]:
+def times_of(found: Drive, rows: int, lasting: float) -> tuple[Floats, Floats]:
     """Time since the first mark of the centre of each row, and 1 sigma, s; NaN beyond the marks.
 
     Between marks the motion is the polynomial of degree five that has row, speed and acceleration at both.
+
+    The variance is the sum of three. At the marks, that of the drive's smoother, which knows the gaps' noise and how
+    rough the paper ran, both as the film itself shows them; between two marks, what a motion as rough may do unseen
+    while row and speed at both are held, `shake^2 (x (1 - x) h)^3 / 3 + roughness^2 (x (1 - x) h)^5 / 20` at the share
+    x of the way h; and `lasting`, which no smoother tells from motion. It is that of a time read on any trace; the zero
+    of time, common to all rows, is not in it.
+
+    Parameters
+    ----------
+    found : Drive
+    rows : int
+        Of the film.
+    lasting : float
+        1 sigma, px, of errors that neighbouring marks share: of their gaps, the traces' offsets and the shear.
     """
     from scipy.interpolate import CubicSpline
 
@@ -34,9 +46,11 @@ def times_of(found: Drive, rows: int) -> tuple[Floats, Floats]:
     seconds = np.full(rows, np.nan)
     forward = np.maximum.accumulate(at + 1e-9 * np.arange(at.size))
     seconds[inside] = CubicSpline(forward, when)(centre[inside])
-    marks = np.arange(found.row.size) * h
     sigma = np.full(rows, np.nan)
-    sigma[inside] = np.interp(
-        seconds[inside], marks, np.hypot(found.row_sigma, SHARED * found.floor) / np.maximum(found.speed, 1e-9)
-    )
+    marks = np.arange(found.row.size)
+    place = seconds[inside] / h
+    variance = np.interp(place, marks, found.row_sigma**2 + lasting**2)
+    unseen = (place % 1.0) * (1.0 - place % 1.0) * h
+    variance += np.exp(2.0 * found.shake) * unseen**3 / 3.0 + np.exp(2.0 * found.roughness) * unseen**5 / 20.0
+    sigma[inside] = np.sqrt(variance) / np.interp(place, marks, np.maximum(found.speed, 1e-9))
     return seconds, sigma

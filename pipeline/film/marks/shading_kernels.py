@@ -8,7 +8,7 @@ from pipeline.arrays import Floats
 from pipeline.film.marks.curve_kernels import REACH, draw, place
 from synth.kernels.compiled import kernel
 
-PARAMETERS = 5
+PARAMETERS = 6
 STEP = 1.0  # spots between spots drawn: their sum is even to 1e-8
 FLANK = 8.0  # spots of line on either side of the gap
 
@@ -26,6 +26,7 @@ def clear(layers: Floats, first: int, stop: int, rows: int, columns: int) -> Non
 def shade(
     image: Floats,
     across: Floats,
+    along: Floats,
     top: int,
     left: int,
     course: Floats,
@@ -33,10 +34,14 @@ def shade(
     begin: float,
     end: float,
     shift: float,
+    lead: float,
     spot: float,
     sloped: bool,
 ) -> None:
-    """Draw a curve from row `begin` to `end`; if `sloped`, also the derivative of its light by a shift across."""
+    """Draw a curve from row `begin` to `end`, moved by `shift` across and by `lead` rows earlier along the film.
+
+    If `sloped`, the derivatives of its light by `shift` and `lead` are drawn too.
+    """
     _rows, columns = image.shape
     reach = REACH * spot
     row = begin
@@ -53,9 +58,9 @@ def shade(
         middle = row + 0.5 * step
         column, lean = place(course, slope, middle)
         if not math.isnan(column):
-            column += shift
+            column += shift + lead * lean
             if left - reach < column < left + columns + reach:
-                draw(image, across, top, left, middle, column, step, spot, sloped)
+                draw(image, across, along, top, left, middle, column, lean, step, spot, sloped)
         row += step
 
 

@@ -40,23 +40,6 @@ def swing(shape: Floats, middle: float, half: float, turn: float, row: float) ->
 
 
 @kernel
-def light_along(
-    exposure: Floats, first: int, shape: Floats, middle: float, half: float, turn: float, spot: float
-) -> float:
-    """Mean light on a block's curve times its length a row: how well it lies on a line."""
-    total, count, row = 0.0, 0, middle - half
-    while row < middle + half:
-        column, slope = swing(shape, middle, half, turn, row)
-        steep = math.sqrt(1.0 + slope * slope)
-        value = look(exposure, first, row, column)
-        if not math.isnan(value):
-            total += min(value * steep, 3.0)
-        count += 1
-        row += POINT * spot / steep
-    return total / max(count, 1)
-
-
-@kernel
 def fit_block(
     exposure: Floats,
     first: int,
@@ -65,6 +48,7 @@ def fit_block(
     half: float,
     turn: float,
     spot: float,
+    brightest: float,
     room: Floats,
     rounds: int,
     canvas: Floats,
@@ -80,6 +64,8 @@ def fit_block(
         P, C and S by powers of x; overwritten.
     middle, half, turn : float
         Row of the block's middle, half its rows, circular frequency of the swing by rows.
+    brightest : float
+        Exposure from which the film is saturated: what is brighter, there or drawn, counts as just as bright.
     room : (SIZE,) array
         1 sigma of what the shape may differ from where it began, px.
     canvas : (rows, columns) array
@@ -116,7 +102,7 @@ def fit_block(
             if abs(ahead) > abs(slope):  # out of a turning point the line steepens within a step
                 step = DRAW * spot / math.sqrt(1.0 + ahead * ahead)
             column, slope = swing(shape, middle, half, turn, row + 0.5 * step)
-            draw(line, line, top, left, row + 0.5 * step, column, step, spot, False)
+            draw(line, line, line, top, left, row + 0.5 * step, column, 0.0, step, spot, False)
             row += step
         normal[:], right[:] = 0.0, 0.0
         seen_light = drawn_light = away2 = 0.0
@@ -130,15 +116,18 @@ def fit_block(
             for k in range(-ACROSS, ACROSS + 1):
                 n = 0.6 * spot * k
                 y, x = row + n * dr, column + n * dc
-                value, expected = look(exposure, first, y, x), look(line, top, y, x - left)
+                value, expected = look(exposure, first, y, x), light * look(line, top, y, x - left)
                 if math.isnan(value) or math.isnan(expected):
                     continue
                 profile = math.exp(-0.5 * (n / spot) ** 2) / steep
+                saturated = expected > brightest
+                value, expected = min(value, brightest), min(expected, brightest)
                 seen += value * profile
-                drawn += expected * profile
+                drawn += expected * profile / light
                 lean = light * profile * n / spot**2
-                odd += (value - light * expected) * lean
-                gram += lean * lean
+                odd += (value - expected) * lean
+                if not saturated:
+                    gram += lean * lean
             count += 1
             if drawn > 0.0 and gram > 0.0:
                 share = seen / drawn

@@ -13,12 +13,19 @@ from numpy.typing import NDArray
 from pipeline.film.marks.closing import learned_width
 from pipeline.film.marks.gaps import Gaps
 from pipeline.film.marks.pieces import pieces
-from pipeline.film.marks.search import CERTAIN, DEEPEST, LEAST_DEPTH, MOST_MISFIT, fitted
+from pipeline.film.marks.search import CERTAIN, DEEPEST, LATERAL, LEAST_DEPTH, MOST_MISFIT, fitted
 from pipeline.film.parts import Emulsion, Floats, Scan, Strobe, TimeAxis, Tracks
 
 GAP, AMBIGUOUS, LOST, OVERLAP = 1, 16, 32, 64  # of the record's flags
 WIDTH_PRIOR = 0.06  # of the gap's width, 1 sigma
 BEND = 0.07  # px, 1 sigma of the course's error across the line that is no shift: it tells where the line is flat
+DENSE_LATERAL = 1.0  # px, 1 sigma of the course of a dense band across the line: a gap in a turning point shortens it
+UNTOLD_BEND = 3.0  # px, the same of a dense band, where nothing tells it
+STEEP, LEAST_STEEP = (
+    10.0,
+    12,
+)  # slope of strokes, and number of gaps on them, that tell how good a dense band's course is
+AT_TURNS = 1.0  # times the error of a dense band on steep strokes is that in its turning points
 CROSSING = 6.0  # spots across the lines, within which another trace may hide a gap
 FLOOR = 0.06  # px along the film, of courses that are a little wrong
 UNCERTAIN = 0.25  # of the depth, 1 sigma beyond which a gap cannot be told
@@ -46,10 +53,13 @@ def read_at_marks(scan: Scan, emulsion: Emulsion, tracks: Tracks, axis: TimeAxis
     for k in range(len(where)):
         where[k], lean[k] = _on_trace(tracks, k, row + axis.offset[k], axis.shear)
     width = usual * pace * (1.0 + axis.shear * np.nan_to_num(lean))
+    lateral = LATERAL if read_by_rows(tracks) else DENSE_LATERAL
     results = []
     for begin, stop, first, exposure in pieces(scan, emulsion):
         which, at = np.nonzero((where >= begin) & (where < stop))
-        _, out = fitted(exposure, first, emulsion, tracks, which, where[which, at], width[which, at], WIDTH_PRIOR)
+        _, out = fitted(
+            exposure, first, emulsion, tracks, which, where[which, at], width[which, at], WIDTH_PRIOR, lateral
+        )
         results.append((which, at, out))
     trace, mark = (np.concatenate([each[part] for each in results]).astype(np.int64) for part in (0, 1))
     return _strobe(index, where, tracks, trace, mark, Gaps.of(trace, np.concatenate([each[2] for each in results])))
@@ -98,9 +108,41 @@ def _strobe(
     doubt = np.where(good, 0, np.where(~certain & crossed, OVERLAP, np.where(certain & closed, AMBIGUOUS, GAP)))
     qc[trace, mark] = doubt
     position[trace[good], mark[good]] = gaps.column[good]
-    bend = BEND / np.sqrt(1.0 + gaps.slope[good] ** 2)
+    bend = bends(tracks, gaps.pick(good))[trace[good]] / np.sqrt(1.0 + gaps.slope[good] ** 2)
     sigma[trace[good], mark[good]] = np.hypot(gaps.column_sigma[good], bend)
     return Strobe(index=index, position=position, sigma=sigma, qc=qc)
+
+
+def read_by_rows(tracks: Tracks) -> bool:
+    """Whether traces were read in rows, too, and not as dense bands."""
+    return bool(np.isfinite(tracks.position).any())
+
+
+def bends(tracks: Tracks, gaps: Gaps) -> Floats:
+    """Error of each trace's course that is no shift of it, px where the line is flat, (traces,).
+
+    Courses of dense bands are not read row by row: how far they lie beside the gaps on steep strokes, whose ends do not
+    depend on them, tells how far they may lie beside the turning points.
+    """
+    if read_by_rows(tracks):
+        return np.full(len(tracks.course), BEND)
+    out = np.full(len(tracks.course), UNTOLD_BEND)
+    for trace in range(len(out)):
+        steep = gaps.pick((gaps.trace == trace) & (np.abs(gaps.slope) > STEEP))
+        if steep.size < LEAST_STEEP:
+            continue
+        away = steep.column - between_rows(tracks.course[trace], tracks.slope[trace], steep.row)
+        out[trace] = max(BEND, AT_TURNS * 1.4826 * float(np.nanmedian(np.abs(away))))
+    return out
+
+
+def between_rows(course: Floats, slope: Floats, row: Floats) -> Floats:
+    """Column of a curve at places between the rows' centres, by their slopes; NaN where it is not known."""
+    low = np.clip(np.floor(row - 0.5).astype(np.int64), 0, course.size - 2)
+    x = row - 0.5 - low
+    rise = course[low + 1] - course[low]
+    square, cube = 3.0 * rise - 2.0 * slope[low] - slope[low + 1], slope[low] + slope[low + 1] - 2.0 * rise
+    return np.asarray(course[low] + x * (slope[low] + x * (square + x * cube)))
 
 
 def _crossed(tracks: Tracks, trace: NDArray[np.int64], row: Floats) -> NDArray[np.bool_]:

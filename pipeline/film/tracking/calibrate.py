@@ -21,6 +21,7 @@ NEAR_GAP = 5  # rows beside one that lacks light
 LACKING = 0.9
 MOST_ROWS = 260
 ROUNDS = 12
+LEAST_GROWTH = 5e-5  # the model of a line leaves a hundredth or so of its darkness, whatever the grain
 STEEPEST_GRAIN = 100.0  # growth of the variance over that on blank film, per unit of darkness
 HUBER = 3.0
 LEAST_ROWS = 40
@@ -158,7 +159,7 @@ def _grain(residual: Floats, dark: Floats, before: Floats) -> Floats:
     middle = np.array([dark[place == i].mean() for i in range(12) if np.any(place == i)])
     blank = float(before[0])
     growth = float(np.sum((spread**2 - blank) * middle) / max(float(np.sum(middle**2)), 1e-12))
-    return np.array([blank, float(np.clip(growth, 0.0, STEEPEST_GRAIN * blank))])
+    return np.array([blank, float(np.clip(growth, LEAST_GROWTH, max(STEEPEST_GRAIN * blank, LEAST_GROWTH)))])
 
 
 def open_rows(section: Section, spot: float) -> int:

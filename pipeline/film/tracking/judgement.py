@@ -15,8 +15,12 @@ LEAST_OPEN = 0.7  # share of the light let through under which a row counts as l
 SEEN = 4.0
 LEAST_LIGHT, MOST_LIGHT = 0.5, 1.8  # of the lamp's
 PARTIAL, PARTIAL_SIGMA = 0.85, 3.0  # less light than that, and a part of the line is missing: it begins or ends there
+CUT, CUT_SIGMA = 0.35, 3.0  # rows of light lacking beside each other, and sigma of it: the shutter closed there
+CUT_ROWS, ABOUT = 3, 7
 MISFIT = 4.0
 OUTLIER = 4.5
+FAR = 0.75  # spots off a course that is known: no reading of a faint line is worth that much doubt
+STRANGE = 2.5  # sigma from which on two rows beside each other are both left out
 COURSE_SLACK = 0.06  # spots
 DISAGREEMENT = 6.0
 WORST_NORMAL = 0.35  # spots: a reading no better than that is left out
@@ -69,11 +73,18 @@ def judge(
     followed = known > 0
     whole = np.maximum(LEAST_LIGHT * lamp, PARTIAL * lamp - PARTIAL_SIGMA * np.sqrt(light_variance))
     seen = followed & (light > SEEN * np.sqrt(light_variance)) & (light > whole)
+    light_spread = _usual(light_variance, followed) / lamp**2
+    seen &= (light > PARTIAL * lamp) | ~_cut(1.0 - light / lamp, light_spread, followed)
     gap = followed & (open_share < LEAST_OPEN)
     unsure = followed & (disagreement > DISAGREEMENT)
-    allowed = variance + course_variance + (COURSE_SLACK * optics.spot) ** 2 * stretch
     shared = followed & (variance > SHARED * alone)
+    spread = np.where(shared, variance, np.minimum(variance, _usual(alone / stretch, followed) * stretch))
+    allowed = spread + course_variance + (COURSE_SLACK * optics.spot) ** 2 * stretch
+    strange = shift**2 > STRANGE**2 * allowed
+    dim = 1.0 - light / lamp > STRANGE * np.sqrt(light_spread)
     wild = (misfit > MISFIT) | (shift**2 > OUTLIER**2 * allowed) | (light > MOST_LIGHT * lamp)
+    wild |= shift**2 > (FAR * optics.spot) ** 2 * stretch + OUTLIER**2 * course_variance
+    wild |= strange & _beside(followed & ~gap & (strange | dim))
     wide = variance > WORST_NORMAL**2 * optics.spot**2 * stretch
     accepted = seen & ~gap & ~unsure & ~wild & ~wide & ~black
     qc = np.zeros(shift.size, dtype=np.uint16)
@@ -86,6 +97,39 @@ def judge(
     position = np.where(accepted, states[:, 0] + states[:, 3] + shift, np.nan)
     sigma = np.sqrt(variance * np.maximum(1.0, misfit) + (FLOOR * optics.spot) ** 2 * stretch)
     return position, np.where(accepted, sigma, np.nan), qc
+
+
+def _usual(variance: Floats, followed: NDArray[np.bool_]) -> Floats:
+    """Variance of readings of whole lines about each row.
+
+    Where the shutter cuts a row that is not known to lie in a gap, it takes light, and the fit calls its reading unsure
+    instead of wrong.
+    """
+    from scipy.ndimage import median_filter
+
+    good = followed & np.isfinite(variance)
+    usual = float(np.median(variance[good])) if good.any() else 0.0
+    return np.asarray(median_filter(np.where(good, variance, usual), ABOUT))
+
+
+def _cut(lack: Floats, variance: Floats, followed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which rows lie where light is lacking on rows beside each other: a gap too faint to be found as one.
+
+    A row of which the shutter cut off a part is read amiss by up to half a row; its own light hardly tells where lines
+    are faint, but what a gap takes is taken from several rows together.
+    """
+    ends = np.ones(CUT_ROWS)
+    total, spread = np.convolve(np.where(followed, lack, 0.0), ends), np.convolve(variance, ends)
+    lacking = total > np.maximum(CUT, CUT_SIGMA * np.sqrt(spread))
+    return np.asarray(np.any([lacking[k : k + lack.size] for k in range(CUT_ROWS)], axis=0))
+
+
+def _beside(rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which rows have one of `rows` before or after them."""
+    beside = np.zeros_like(rows)
+    beside[1:] |= rows[:-1]
+    beside[:-1] |= rows[1:]
+    return beside
 
 
 def flag_lost(position: Floats, course: Floats, qc: NDArray[np.uint16], period: float) -> None:

@@ -19,16 +19,15 @@ WORST = 40.0
 MOST_TRACES = 6
 
 
-def match(section: Section, last: list[tuple[float, Floats] | None]) -> list[int] | None:
+def match(section: Section, last: list[tuple[float, Floats]]) -> list[int] | None:
     """Trace number of each swing of the section, None if it cannot be told; -1 for a swing that is none of them."""
-    known = [k for k, each in enumerate(last) if each is not None]
     found = section.swings
-    if not known or len(found) > MOST_TRACES or len(known) > MOST_TRACES:
+    if len(found) > MOST_TRACES or len(last) > MOST_TRACES:
         return None
     cost = []
-    size = min(len(found), len(known))
+    size = min(len(found), len(last))
     for chosen in permutations(range(len(found)), size):
-        for names in combinations(known, size):
+        for names in combinations(range(len(last)), size):
             cost += [(_cost(section, chosen, names, last), chosen, names)]
     cost.sort(key=lambda each: each[0])
     if cost[0][0] > WORST * size or (len(cost) > 1 and cost[1][0] - cost[0][0] < AMBIGUOUS):
@@ -43,14 +42,12 @@ def _cost(
     section: Section,
     chosen: tuple[int, ...],
     names: tuple[int, ...],
-    last: list[tuple[float, Floats] | None],
+    last: list[tuple[float, Floats]],
 ) -> float:
     total, phases = 0.0, []
     for place, name in zip(chosen, names, strict=True):
         swing = section.swings[place]
-        before = last[name]
-        assert before is not None
-        row, state = before
+        row, state = last[name]
         amplitude = float(np.hypot(state[3], state[4]))
         total += (np.log(swing.amplitude / amplitude) / AMPLITUDE) ** 2
         total += ((swing.state[0] - state[0]) / (PLACE * amplitude)) ** 2

@@ -70,7 +70,7 @@ def forward(film: Film, first_section: Section, progress: Callable[[int], None])
         [],
     )
     begun = Filter.idle(traces, film.period)
-    last: list[tuple[float, Floats] | None] = [None] * traces
+    last = [(swing.row, swing.state) for swing in first_section.swings]
     for first, stop in film.pieces:
         begins = np.full(traces, -1)
         if first >= first_section.first - (stop - first) and not begun.alive.all():
@@ -96,11 +96,14 @@ def _look_again(
     first: int,
     stop: int,
     first_section: Section,
-    last: list[tuple[float, Floats] | None],
+    last: list[tuple[float, Floats]],
 ) -> None:
-    """Find traces that are not being followed on this piece and what comes next, and tell which is which."""
-    if all(each is None for each in last):
-        section: Section | None = first_section if first_section.first < stop else None
+    """Find traces that are not being followed on this piece and what comes next, and tell which is which.
+
+    Within the first section its own reading tells; beyond it traces are known by where and how they swung last.
+    """
+    if first < first_section.first + first_section.darkness.shape[0]:
+        section: Section | None = first_section
         names: list[int] | None = list(range(len(last)))
     else:
         ahead = min(film.scan.rows, first + max(stop - first, round(SECTION_SWINGS * film.period)))
@@ -111,13 +114,24 @@ def _look_again(
     for found, k in enumerate(names):
         if k < 0 or begun.alive[k]:
             continue
-        rows = np.flatnonzero(np.isfinite(section.place[found]))
-        rows = rows[(rows + section.first >= first) & (rows + section.first < stop)]
-        if rows.size:
-            begin = int(rows[0])
+        begin = _solid_from(np.isfinite(section.place[found]), first - section.first, film.period)
+        if begin is not None and section.first + begin < stop:
             lamp = float(np.nanmedian(section.brightness[found]))
             begun.restart(k, section.states[begin, found], lamp, alive=False)
             begins[k] = section.first + begin - first
+
+
+def _solid_from(read: NDArray[np.bool_], least: int, period: float) -> int | None:
+    """First row, not before `least`, from which on a trace is read on most rows of half a swing.
+
+    Beyond the ends of a film chance readings of the grain are met, and a trace begun on one is lost again at once.
+    """
+    half = max(4, round(0.5 * period))
+    total = np.concatenate([[0], np.cumsum(read)])
+    rows = np.flatnonzero(read)
+    stop = np.minimum(rows + half, read.size)
+    solid = rows[(total[stop] - total[rows] >= SOUND * half) & (rows >= least)]
+    return int(solid[0]) if solid.size else None
 
 
 def backward(film: Film, ahead: Forward, progress: Callable[[int], None], out: Outcome) -> None:

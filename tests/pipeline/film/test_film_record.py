@@ -12,7 +12,7 @@ from film_stand_ins import LEVER, PERIODS, SCALE, angles, reading
 import data_schemas
 from data_schemas.errors import RecordError, UsageError
 from data_schemas.film_description import DescribedTrace, FilmDescription
-from pipeline.film.comparing import clock_uncertainty
+from pipeline.film.comparing import PhaseDifference, clock_uncertainty
 from pipeline.film.film_scale import film_scale, rows_per_second
 from pipeline.film.knowledge import ASSUMED_LEVER, FilmOptions, Known
 from pipeline.film.matching import match
@@ -93,6 +93,22 @@ def test_description_names_levers_instrument_and_start(tmp_path):
     assert record["film"].attrs["assumed"] == ""
     swing = record["record"].dataset["elongation"].values[0].std()
     assert swing == pytest.approx(angles(record.dataset["time"].values)["1"].std() * LEVER / 1500.0, rel=1e-6)
+
+
+def test_bases_and_readings_travel_into_the_record(tmp_path):
+    bases = [
+        {"label": "before", "time": -3600.0, "gravity": 9.81, "period": {"1": 1.00966, "2": 1.00976}},
+        {"label": "after", "time": 9000.0, "gravity": 9.82, "period": {"2": 1.00926, "1": 1.00916}},
+    ]
+    readings = [{"time": 10.0, "temperature": 290.0}, {"time": 40.0, "temperature": 293.0}]
+    known = described(instrument={"reference_gravity": 9.81}, bases=bases, readings=readings)
+    record = make_record(reading(tmp_path), Known(known, FilmOptions()), "x")
+    assert data_schemas.check(record, "record") == []
+    stored, time = record["instrument"].dataset, record.dataset["time"].values
+    assert stored["base"].values.tolist() == ["before", "after"]
+    assert stored["base_gravity"].values.tolist() == [9.81, 9.82]
+    assert stored["base_period"].values.tolist() == [[1.00966, 1.00976], [1.00916, 1.00926]]
+    np.testing.assert_allclose(stored["temperature"].values, np.clip(290.0 + 0.1 * (time - 10.0), 290.0, 293.0))
 
 
 def test_options_stand_before_the_description(tmp_path):
@@ -183,12 +199,37 @@ def test_readings_that_agree_are_not_flagged_and_a_late_one_is(tmp_path):
     agree = reading(tmp_path, noise=0.2, seconds=300.0).difference
     ratio = (agree.phase / agree.sigma)[np.isfinite(agree.phase)]
     assert ratio.size == 20
-    assert np.sqrt(np.mean(ratio**2)) < 1.8
+    assert np.sqrt(np.mean(ratio**2)) < 1.5
     assert agree.disagree.sum() <= 1
+    assert not agree.contradicts
     late = reading(tmp_path, noise=0.2, seconds=300.0, strobe_late=1e-3).difference
     # 1 ms of delay is 6.2 mrad of a swing of a second
     np.testing.assert_allclose(np.nanmean(late.phase), -2 * np.pi / 1.01 * 1e-3, rtol=0.1)
     assert late.disagree.mean() > 0.8
+    assert late.contradicts
+
+
+def test_one_half_minute_of_a_hundred_beyond_three_sigma_is_chance_and_not_a_contradiction():
+    honest = np.random.default_rng(3).standard_t(11, size=(2, 60))
+    start, sigma = 30.0 * np.arange(60), np.full((2, 60), 2e-4)
+
+    def contradicts(change) -> bool:
+        away = honest.copy()
+        change(away)
+        return PhaseDifference(start, away * sigma, sigma).contradicts
+
+    assert not contradicts(lambda away: away.__setitem__((0, 7), 3.4))
+    assert contradicts(lambda away: away.__setitem__((0, 7), 12.0))  # one half minute that is wrong
+    assert contradicts(lambda away: away.__setitem__((0, slice(0, 60, 8)), 3.4))  # many that are doubtful
+    assert contradicts(lambda away: away.__iadd__([[0.0], [2.0]]))  # a trace that lags
+    assert not PhaseDifference(start, np.full((2, 60), np.nan), sigma).contradicts
+
+
+def test_honest_films_are_rarely_flagged():
+    rng = np.random.default_rng(5)
+    start, sigma = 30.0 * np.arange(60), np.full((2, 60), 2e-4)
+    films = [PhaseDifference(start, sigma * rng.standard_t(11, size=(2, 60)), sigma) for _ in range(300)]
+    assert sum(film.contradicts for film in films) <= 6
 
 
 def test_a_time_axis_that_drifts_is_an_uncertainty_of_the_chronometer(tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_film import FOG, SCAN_RANGE, Film, Pixels, film
@@ -116,3 +118,17 @@ def test_gaps_are_found_where_traces_cross() -> None:
         away = np.abs(mine[:, None] - made.row[trace][None, :]).min(axis=1)
         assert mine.size > 0.85 * made.when.size
         assert np.sqrt(np.mean(away**2)) < 0.08
+
+
+def test_a_course_that_lies_early_where_it_is_far_out_is_not_taken_for_an_oblique_image(minute: Film) -> None:
+    """A tracker that misjudges an oblique image draws curves as oblique; gaps stay where they are on the film."""
+    tilt = 1.5e-3  # rows a column: 0.15 rows at the turning points
+    rows = np.arange(minute.scan.rows) + 0.5
+    course, slope = minute.tracks.course[0], minute.tracks.slope[0]
+    known = np.isfinite(course)
+    later = rows[known] + tilt * (course[known] - 210.0)
+    curves = [np.interp(rows, later, each[known], left=np.nan, right=np.nan)[None] for each in (course, slope)]
+    gaps = find_gaps(minute.scan, minute.emulsion, replace(minute.tracks, course=curves[0], slope=curves[1]), WIDTH)
+    which, along, _ = errors(minute, gaps)
+    assert gaps.size >= 0.9 * minute.when.size
+    assert abs(np.polyfit(minute.column[0][which], along, 1, w=1.0 / gaps.row_sigma)[0]) < 0.1 * tilt

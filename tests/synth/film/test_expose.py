@@ -92,6 +92,31 @@ def test_the_description_tells_all_that_the_record_tells_of_the_instrument(tmp_p
     assert known.pendulums[0].temperature_coefficient is not None
 
 
+def test_the_description_tells_bases_and_what_changes(tmp_path):
+    scene = data_schemas.load_scene(synth.scene_path("cruise"))
+    changing = {
+        "temperature": 290.0, "temperature_amplitude": 2.0, "temperature_period": 300.0,
+        "bases": [{"label": "a", "time": -3600.0, "gravity": 9.81}, {"label": "b", "time": 7200.0, "gravity": 9.82}],
+    }  # fmt: skip
+    conditions = type(scene.conditions).model_validate(changing)
+    scene = scene.model_copy(update={"duration": 130.0, "conditions": conditions})
+    record, _ = synth.simulate(scene)
+    told = record["instrument"].dataset
+    film = Film(lever=100.0, speed=1.0, paper_width=60.0)
+    for k, source in enumerate((record, scene)):
+        (synth.expose_to if k == 0 else synth.expose)(source, film, tmp_path / f"{k}.film.tif")
+        known = load_description(tmp_path / f"{k}.film.toml")
+        assert [base.label for base in known.bases] == ["a", "b"]
+        assert [base.time for base in known.bases] == told["base_time"].values.tolist()
+        assert [list(base.period.values()) for base in known.bases] == told["base_period"].values.tolist()
+        read = np.array([(each.time, each.temperature) for each in known.readings])
+        assert read[0, 0] == 0.0
+        assert read[-1, 0] == pytest.approx(130.0, abs=0.1)
+        true = 290.0 + 2.0 * np.sin(2.0 * np.pi * read[:, 0] / 300.0)
+        np.testing.assert_allclose(read[:, 1], true, atol=1e-4)  # K: the chronometer's rate turns it by less
+        assert known.instrument.temperature is None
+
+
 @pytest.mark.parametrize("lies", [{}, {"rotation": 1.5}, {"skew": 2.0, "stretch_along": 0.02, "stretch_across": -0.02}])
 @pytest.mark.parametrize("turned", [{}, {"upside_down": True}, {"polarity": "positive"}, {"bits": 16}])
 def test_the_image_is_where_the_truth_says(tmp_path, lies, turned):

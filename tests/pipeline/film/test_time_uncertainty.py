@@ -1,0 +1,100 @@
+"""What the time axis says of its own error: as large as the error is, on smooth and on rough drives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mark_lists import Case, made
+
+from pipeline.film.marks.axis import axis_of
+from pipeline.film.marks.drive import Drive, drive
+from pipeline.film.marks.echoes import lasting
+from pipeline.film.marks.seconds import times_of
+from pipeline.film.parts import Floats, Marking
+
+STEP = 0.5  # s
+OBLIQUE = float(np.tan(np.radians(0.5)))
+FILMS = {
+    "clean": Case(),
+    "typical": Case(walk=0.002, wow=0.003, drift=0.002, missing=0.01, spurious=2, shear=0.1 * OBLIQUE),
+    "bad": Case(walk=0.003, wow=0.015, missing=0.1, spurious=10, shear=0.6 * OBLIQUE, offset=17.7),
+    "wow": Case(missing=0.25, wow=0.03, shear=-OBLIQUE),
+    "missing and spurious": Case(missing=0.2, spurious=20, walk=0.002, wow=0.003),
+    "one trace": Case(traces=1, walk=0.002, wow=0.003),
+}
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("name", FILMS)
+def test_errors_are_as_large_as_stated(name: str) -> None:
+    wrong, stated = [], []
+    for seed in range(3):
+        case = Case(**{**FILMS[name].__dict__, "seed": seed, "minutes": 6.0})
+        truth = made(case)
+        axis = axis_of(truth.gaps, truth.tracks, Marking(), truth.width, truth.tracks.course.shape[1])
+        assert axis.shear == pytest.approx(case.shear, abs=1e-4)
+        late = axis.seconds - truth.seconds
+        late -= 60.0 * np.round(np.nanmedian(late) / 60.0)  # which minute it was, a film does not say
+        for trace, course in enumerate(truth.tracks.course):
+            lag = axis.offset[trace] - trace * case.offset + (axis.shear - case.shear) * course
+            error = late - lag / case.speed
+            seen = np.isfinite(error)
+            wrong.append(error[seen])
+            stated.append(axis.seconds_sigma[seen])
+    ratio = np.sqrt(np.mean(np.concatenate(wrong) ** 2) / np.mean(np.concatenate(stated) ** 2))
+    assert 0.7 < ratio < 1.4
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("rough", "shake"), [(0.3, 0.0), (0.0, 0.08), (0.0, 0.3)])
+def test_rough_drives_are_told_from_smooth_ones(rough: float, shake: float) -> None:
+    """Speed that walks, or acceleration that does, integrated finely; marks read with an error of 0.03 px."""
+    rng = np.random.default_rng(2)
+    fine, marks = 0.01, 800
+    size = round(marks * STEP / fine)
+    acceleration = np.cumsum(rough * np.sqrt(fine) * rng.normal(size=size))
+    acceleration -= acceleration.mean()
+    speed = 59.0 + np.cumsum(acceleration * fine + shake * np.sqrt(fine) * rng.normal(size=size))
+    at = np.cumsum(speed) * fine
+    true = at[:: round(STEP / fine)]
+    noisy = (true + 0.03 * rng.normal(size=true.size))[None]
+    found = drive(noisy, np.full_like(noisy, 0.02), STEP)
+    assert np.sqrt(np.mean(((found.row - true) / found.row_sigma) ** 2)) == pytest.approx(1.0, abs=0.25)
+    assert np.hypot(0.02, found.floor) == pytest.approx(0.03, rel=0.2)
+
+
+def plain(marks: int, shake: float) -> Drive:
+    one = np.ones(marks)
+    used = np.ones((2, marks), dtype=bool)
+    row = 10.0 + 29.5 * np.arange(marks)
+    return Drive(STEP, -12.0, float(np.log(shake)), 0.02, (), row, 59.0 * one, 0.0 * one, 0.01 * one, used, 0.0)
+
+
+def test_between_marks_a_rough_drive_is_less_sure() -> None:
+    found = plain(20, 1.0)
+    seconds, sigma = times_of(found, 560, 0.0)
+    known = np.isfinite(seconds)
+    at_marks, between = (np.interp(when, seconds[known], sigma[known]) for when in (5.0, 5.25))
+    assert at_marks == pytest.approx(0.01 / 59.0, rel=0.02)
+    # a walk of the speed held at both ends: variance shake^2 h^3 / 192 in the middle
+    assert between == pytest.approx(np.hypot(0.01, np.sqrt(STEP**3 / 192.0)) / 59.0, rel=0.01)
+    _, more = times_of(found, 560, 0.05)
+    assert np.allclose(more[known] ** 2 - sigma[known] ** 2, (0.05 / 59.0) ** 2, rtol=1e-6)
+
+
+def test_errors_that_last_are_told_by_the_traces_apart() -> None:
+    rng = np.random.default_rng(1)
+    found = plain(2000, 1e-3)
+
+    def slow(size: float) -> Floats:
+        walk = np.convolve(rng.normal(size=2040), np.ones(20) / np.sqrt(20.0), "valid")[:2000]
+        return np.asarray(found.row + size * walk)
+
+    white = found.row + 0.03 * rng.normal(size=(2, 2000))
+    assert lasting(white, found) < 0.005
+    assert lasting(np.stack([slow(0.05), slow(0.05)]), found) == pytest.approx(0.05 / np.sqrt(2.0), rel=0.25)
+    paper = found.row + slow(0.5) - found.row  # what both traces show is the paper's
+    assert lasting(np.stack([paper, paper]), found) == 0.0
+    assert lasting(white[:1], replace(found, used=found.used[:1])) == pytest.approx(0.3 * found.floor)

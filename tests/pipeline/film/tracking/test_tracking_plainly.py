@@ -1,0 +1,165 @@
+"""How traces are found, calibrated, followed and judged, on films small enough to run uncompiled."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from tiny_film import CURVE, EVERY, LENGTH, PERIOD, SPOT, Tiny, tiny
+
+from data_schemas.errors import RefusedError
+from data_schemas.variables_record import ELONGATION_FLAGS
+from pipeline.film.emulsion.curve import ToneCurve
+from pipeline.film.parts import Expected, Tracks
+from pipeline.film.tracking import calibrate as calibration
+from pipeline.film.tracking import probing
+from pipeline.film.tracking.gap_fit import fit_gaps
+from pipeline.film.tracking.passes import forward
+from pipeline.film.tracking.probing import SURE, sections
+from pipeline.film.tracking.section import Section, read_section
+from pipeline.film.tracking.track import _rewound, track
+
+ROWS, BEGIN, BLACK = 110, 15.0, 128.0
+
+
+@pytest.fixture(scope="module")
+def short() -> Tiny:
+    """Two traces behind a blank margin."""
+    return tiny(ROWS, ((BEGIN, 200.0),))
+
+
+@pytest.fixture(scope="module")
+def section(short: Tiny) -> Section:
+    found = read_section(short.film.darkness(0, ROWS), 0, short.optics, PERIOD, 2, least=SURE)
+    assert found is not None
+    return found
+
+
+@pytest.fixture(scope="module")
+def dark() -> tuple[Tiny, Tracks]:
+    """Two traces with a blackout, tracked."""
+    made = tiny(230, ((BEGIN, 90.0), (BLACK, 215.0)))
+    return made, track(made.sheet, made.emulsion, expected=Expected(count=2, rows_per_swing=PERIOD))
+
+
+def test_a_section_shows_its_traces(short: Tiny, section: Section) -> None:
+    for swing, trace in zip(section.swings, short.traces, strict=True):
+        assert swing.amplitude == pytest.approx(trace.amplitude, rel=0.03)
+        assert swing.state[0] == pytest.approx(trace.middle, abs=2.0)
+    assert section.period == pytest.approx(PERIOD, rel=0.02)
+    away = short.across(section.place)[:, int(BEGIN) + 4 :]
+    assert np.nanmedian(np.abs(away)) < 0.06  # beside gaps single readings lie farther off
+    assert np.isfinite(away).mean() > 0.75
+
+
+def test_spot_and_curve_are_told_from_a_section(short: Tiny, section: Section, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(calibration, "MOST_ROWS", 25)
+    wrong = short.optics.with_(spot=1.1 * SPOT, curve=ToneCurve(CURVE.darkest * 1.1, CURVE.middle * 1.2, 1.4))
+    told = calibration.calibrate(section, wrong)
+    assert told.spot == pytest.approx(SPOT, rel=0.05)
+    light = np.linspace(0.1, 0.9, 9)
+    assert told.curve.darkness(light) == pytest.approx(CURVE.darkness(light), rel=0.06)
+
+
+def test_a_first_guess_of_the_optics_is_refined(short: Tiny, section: Section, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(calibration, "MOST_ROWS", 25)
+    monkeypatch.setattr(probing, "REFINEMENTS", 1)
+    guess = probing.first_optics(section.darkness, float(np.sqrt(short.optics.grain[0])), None)
+    assert guess.spot == pytest.approx(SPOT, rel=0.3)
+    again, told = probing.refine(section, guess, fixed=False)
+    assert abs(told.spot / SPOT - 1.0) < 0.08
+    assert abs(told.shear) < 0.005
+    assert [swing.amplitude for swing in again.swings] == pytest.approx([t.amplitude for t in short.traces], rel=0.03)
+
+
+def test_traces_are_followed_back_to_the_films_start() -> None:
+    made = tiny(150, ((0.0, 150.0),))
+    late = read_section(made.film.darkness(100, 150), 100, made.optics, PERIOD, 2, least=SURE)
+    assert late is not None
+    early = _rewound(made.film, late)
+    assert early.first < 40
+    rows = early.first + np.arange(early.states.shape[0]) + 0.5
+    course = early.states[:, :, 0] + early.states[:, :, 3]
+    true = np.stack([trace.column(rows) for trace in made.traces], axis=1)
+    assert np.median(np.abs(course - true)) < 0.2
+
+
+def test_too_short_a_section_tells_nothing(short: Tiny, section: Section) -> None:
+    dim = replace(section, place=np.full_like(section.place, np.nan))
+    given = short.optics
+    assert calibration.calibrate(dim, given) is given
+    assert calibration.measure_shear(dim) == 0.0
+
+
+@pytest.mark.parametrize("shear", [0.0, 0.02, -0.02])
+def test_the_slit_s_lean_shows_in_the_second_harmonic(short: Tiny, section: Section, shear: float) -> None:
+    rows, along = np.arange(ROWS) + 0.5, np.arange(-20.0, ROWS + 20.0, 0.01)
+    leaning = np.stack([np.interp(rows, along + shear * t.column(along), t.column(along)) for t in short.traces])
+    read = replace(section, place=np.where(np.isfinite(section.place), leaning, np.nan))
+    # told in steps: each must take most of what is left away
+    assert calibration.measure_shear(read) == pytest.approx(shear, rel=0.4, abs=0.002)
+
+
+def test_a_chance_reading_on_blank_film_does_not_lose_the_trace(short: Tiny, section: Section) -> None:
+    place = section.place.copy()
+    place[:, :18] = np.nan
+    place[0, 3] = section.states[3, 0, 0]  # the grain looked like a line for a row
+    ahead = forward(short.film, replace(section, place=place), lambda done: None)
+    lit = np.arange(ROWS) > BEGIN + 0.5 * PERIOD
+    assert np.all(ahead.followed[:, lit] > 0)
+
+
+def test_gaps_are_fitted_to_a_tenth_of_a_row(short: Tiny, section: Section) -> None:
+    true = np.arange(5.0, ROWS, EVERY)
+    true = true[(true > BEGIN + 10) & (true < ROWS - 10)]
+    gaps = np.stack([true + 0.4 - 0.5 * LENGTH, true + 0.4 + 0.5 * LENGTH], axis=1)
+    table, sigma = np.concatenate([gaps, gaps]), np.empty(2 * true.size)
+    known, lamp = np.full((2, ROWS), 3, np.uint8), np.ones((2, ROWS))
+    of = np.array([0, true.size, 2 * true.size])
+    numbers, curve = short.optics.numbers(), short.optics.curve.table()
+    fit_gaps(section.darkness, 0, section.states, known, lamp, table, of, numbers, curve, sigma)
+    assert np.abs(table.mean(axis=1) - np.tile(true, 2)).mean() < 0.1
+    assert np.mean(table[:, 1] - table[:, 0]) == pytest.approx(LENGTH, rel=0.1)
+
+
+def test_a_film_with_a_blackout_is_read_on_both_sides(dark: tuple[Tiny, Tracks]) -> None:
+    made, tracks = dark
+    read = np.isfinite(tracks.position)
+    assert read[:, made.lit].mean() > 0.7
+    assert not read[:, ~made.lit].any()
+    assert np.nanmax(np.abs(made.across(tracks.position))) < 1.0
+    lost = (tracks.qc & ELONGATION_FLAGS["lost"]) > 0
+    assert lost[:, 100:118].all()
+    assert np.isnan(tracks.course[:, 100:118]).all()
+    assert tracks.rows_per_swing == pytest.approx(PERIOD, rel=0.01)
+
+
+def test_readings_are_good_and_gaps_are_flagged(dark: tuple[Tiny, Tracks]) -> None:
+    made, tracks = dark
+    assert np.sqrt(np.nanmean(made.across(tracks.position) ** 2)) < 0.06  # the bar is 0.20
+    middles = np.arange(5.0, 230.0, EVERY)
+    for middle in middles[1:-1]:
+        if made.lit[int(middle) - 9 : int(middle) + 10].all():
+            assert np.all(tracks.qc[:, int(middle)] & ELONGATION_FLAGS["gap"])
+            assert not np.isfinite(tracks.position[:, int(middle)]).any()
+
+
+def test_names_go_where_the_user_says(dark: tuple[Tiny, Tracks]) -> None:
+    _, tracks = dark
+    assert np.nanmean(tracks.course[0]) < np.nanmean(tracks.course[1])
+
+
+def test_grain_alone_is_refused() -> None:
+    blank = tiny(56, ())
+    with pytest.raises(RefusedError, match="no swinging trace"):
+        track(blank.sheet, blank.emulsion)
+
+
+@pytest.mark.parametrize("rows", [40, 500, 5000])
+def test_sections_lie_on_the_film_and_apart(rows: int) -> None:
+    looked = list(sections(rows, 300))
+    assert all(0 <= first < stop <= rows for first, stop in looked)
+    firsts = sorted(first for first, _ in looked)
+    assert all(b - a >= 150 for a, b in pairwise(firsts))

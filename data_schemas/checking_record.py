@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .contents import Contents, Entry, shown, type_name
+from .scratch import portions
 
 
 def record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> list[str]:
@@ -119,8 +120,11 @@ def _gives_difference(combination: NDArray[Any]) -> bool:
 def _empty_traces(elongation: NDArray[Any], trace: Entry | None) -> list[str]:
     if not elongation.shape[1]:
         return []
-    # a trace without one number has NaN as its least number
-    empty = np.flatnonzero(np.isnan(np.fmin.reduce(elongation, axis=1))).tolist()
+    empty = [
+        row
+        for row, values in enumerate(elongation)
+        if all(np.isnan(values[part]).all() for part in portions(values.size, values))
+    ]
     return [f"record/elongation: trace {_label(trace, row)} is all NaN; leave the trace out" for row in empty]
 
 

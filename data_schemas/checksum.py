@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .contents import Contents, Entry, from_tree, key, type_name
+from .scratch import portions
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -55,7 +56,8 @@ class _Sum:
         if type_name(values) == "str":
             self.text(*values.ravel().tolist())
         else:
-            self.numbers(values.nbytes, (values,))
+            flat = values.reshape(-1)
+            self.numbers(values.nbytes, (flat[part] for part in portions(flat.size, flat)))
 
     def numbers(self, size: int, blocks: Iterable[NDArray[Any]]) -> None:
         """One item of `size` bytes from blocks of numbers, in order."""

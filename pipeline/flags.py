@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.arrays import readings
 from pipeline.estimate import Estimate
 from pipeline.gravity import MGAL, Gravity
 from pipeline.methods.phases import passes_zero
@@ -55,12 +56,12 @@ _DECAY = 3e-6  # s-1: one per cent of it as a difference costs about 0.01 mGal a
 def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
     """Flags of one method on one record, in the order of `MEANINGS`."""
     seen = prepared.observation
-    present = np.isfinite(seen.difference)
     amplitude = np.abs(prepared.blocks.difference)
     raised = {
         "beats-through-zero": passes_zero(amplitude),
         "short-record": float(seen.time[-1]) < SHORT_SECONDS,
-        "many-gaps": 1.0 - present.mean() > MOST_MISSING or prepared.bridged > MOST_BRIDGED,
+        "many-gaps": 1.0 - readings(seen.difference) / seen.difference.size > MOST_MISSING
+        or prepared.bridged > MOST_BRIDGED,
         "frequency-difference-unresolved": _unresolved(prepared, value),
         "gravity-implausible": not IMPLAUSIBLE[0] < value.gravity < IMPLAUSIBLE[1],
         "damping-difference-assumed": seen.damping_rate is None and _decays(prepared, estimate),

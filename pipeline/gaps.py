@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from data_schemas.scratch import by_portions, portions, release
 from pipeline.arrays import Floats
 
 CANDIDATES = (
@@ -53,18 +54,17 @@ def bridge(series: Floats, step: float, frequency: float, noise: float = 0.0) ->
     list of (int, float)
         For each bridge its length in samples and its predicted rms error, rad.
     """
-    missing = np.isnan(series)
     bridges: list[tuple[int, float]] = []
-    if not missing.any():
+    gaps = missing_stretches(series)
+    if not gaps:
         return series, bridges
-    filled = series.copy()
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], missing.astype(np.int8), [0]))))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    filled = by_portions(np.copy, series)
+    for start, stop in gaps:
         best = np.inf
-        for degree, seconds, beyond in candidates(int(stop - start) * step):
+        for degree, seconds, beyond in candidates((stop - start) * step):
             reach = max(degree + 5, int(np.ceil(seconds / step)))
             around = np.arange(max(0, start - reach), min(series.size, stop + reach))
-            known = around[~missing[around]]
+            known = around[~np.isnan(series[around[0] : around[-1] + 1])]
             parameters = degree + 5
             if known.size < parameters + 6:
                 continue
@@ -89,8 +89,29 @@ def bridge(series: Floats, step: float, frequency: float, noise: float = 0.0) ->
             if error <= GOOD * noise:
                 break
         if np.isfinite(best):
-            bridges.append((int(stop - start), best))
+            bridges.append((stop - start, best))
+        release(series, filled)
     return filled, bridges
+
+
+def missing_stretches(series: Floats) -> list[tuple[int, int]]:
+    """First missing sample and the next that is there, of every gap in order.
+
+    Examples
+    --------
+    >>> missing_stretches(np.array([np.nan, 1.0, np.nan, np.nan]))
+    [(0, 1), (2, 4)]
+    """
+    edges: list[int] = []
+    within = False
+    for part in portions(series.size, series):
+        missing = np.isnan(series[part])
+        if within or missing.any():
+            edges += (part.start + np.flatnonzero(np.diff(missing, prepend=within))).tolist()
+            within = bool(missing[-1])
+    if within:
+        edges.append(series.size)
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def candidates(gap: float) -> tuple[tuple[int, float, float], ...]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from data_schemas.errors import RecordError, UsageError
+from data_schemas.scratch import by_portions, portions, room
 from pipeline.arrays import Floats
 from pipeline.base_stations import Tie, tie
 from pipeline.conditions import Constants, by_air, by_temperature, refuse_impossible
@@ -149,15 +150,14 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     time: Floats = np.asarray(record.dataset["time"].values, dtype=np.float64)
     rows = [_combine(weights[name], elongation) for name in ("theta", "difference")]
     if "vertical_acceleration" in traces:
-        rows.append(np.asarray(traces["vertical_acceleration"].values, dtype=np.float64))
-    series: Floats = np.stack(rows)
-    known = np.flatnonzero(np.isfinite(series[0]))
-    if known.size == 0:
-        raise RecordError(f"record/elongation: pendulum '{first}' has no reading at all; give its trace")
+        rows.append(_plain(np.asarray(traces["vertical_acceleration"].values, dtype=np.float64)))
     # before its first reading and after its last the first pendulum could only be extrapolated
-    within = slice(known[0], known[-1] + 1)
-    start = float(time[within][0])
-    time, step, series = uniform_grid(time[within] - start, series[:, within])
+    within = span(rows[0])
+    if within.stop == 0:
+        raise RecordError(f"record/elongation: pendulum '{first}' has no reading at all; give its trace")
+    start = float(time[within.start])
+    since = by_portions(lambda part: part - start, time[within])
+    time, step, series = uniform_grid(since, [row[within] for row in rows])
     return Observation(
         start=start,
         first=first,
@@ -174,10 +174,28 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     )
 
 
+<<<<<<< HEAD
 def _time_rate_sigma(record: DataTree) -> float:
     """What a film's reader says of it; 0 where nothing is said that can be meant."""
     said = record["film"].attrs.get("time_rate_sigma", 0.0) if "film" in record.children else 0.0
     return float(said) if isinstance(said, (float, np.floating)) and 0.0 <= said < MOST_TIME_RATE else 0.0
+=======
+def span(series: Floats) -> slice:
+    """From the first value of a series that is there to behind the last; empty where there is none.
+
+    Examples
+    --------
+    >>> span(np.array([np.nan, 1.0, np.nan, 2.0])), span(np.array([np.nan]))
+    (slice(1, 4, None), slice(0, 0, None))
+    """
+    first = last = -1
+    for part in portions(series.size, series):
+        known = np.flatnonzero(np.isfinite(series[part]))
+        if known.size:
+            first = part.start + int(known[0]) if first < 0 else first
+            last = part.start + int(known[-1])
+    return slice(max(first, 0), last + 1)
+>>>>>>> long-records
 
 
 def _bridged(time: Floats, vertical: Floats) -> Floats | None:
@@ -243,34 +261,44 @@ def _constants(stored: Any, rows: list[int]) -> dict[str, Any]:
     return constants
 
 
-def uniform_grid(time: Floats, series: Floats) -> tuple[Floats, float | None, Floats]:
+def uniform_grid(time: Floats, series: Sequence[Floats]) -> tuple[Floats, float | None, Sequence[Floats]]:
     """Lay samples on a uniform grid where their times allow it; absent samples become NaN.
 
     Parameters
     ----------
     time : (n,) array
         Strictly increasing, seconds, starting at 0.
-    series : (k, n) array
+    series : sequence of (n,) arrays
 
     Returns
     -------
     time, step, series
         `step` is None, and the input is returned, when the times lie on no grid.
     """
-    spacing = np.diff(time)
-    step = float(spacing.min()) if spacing.size else 0.0
+    parts = portions(time.size - 1, time)
+    step = min((float(np.diff(time[part.start : part.stop + 1]).min()) for part in parts), default=0.0)
     if not step > 0.0 or time[-1] / step > MOST_GRID_ROWS * time.size:
         return time, None, series
-    for _ in range(2):  # the first spacing fixes the row numbers, the whole length the step
-        rows = np.rint(time / step).astype(np.int64)
-        step = float(time[-1] / rows[-1])
-    if np.abs(time - rows * step).max() > GRID_TOLERANCE:
-        return time, None, series
-    if rows[-1] + 1 == time.size:
+    # the first spacing fixes the row numbers, the whole length the step
+    last = int(np.rint(time[-1] / step))
+    step = float(time[-1] / last)
+    for part in portions(time.size, time):
+        here = time[part]
+        if np.abs(here - np.rint(here / step) * step).max() > GRID_TOLERANCE:
+            return time, None, series
+    if last + 1 == time.size:
         return time, step, series
-    full = np.full((series.shape[0], rows[-1] + 1), np.nan)
-    full[:, rows] = series
-    return np.arange(rows[-1] + 1) * step, step, full
+    grid = room(last + 1)
+    laid = [room(last + 1) for _ in series]
+    for part in portions(grid.size, grid, *laid):
+        grid[part] = np.arange(part.start, part.stop) * step
+        for out in laid:
+            out[part] = np.nan
+    for part in portions(time.size, time, *laid, *series):
+        rows = np.rint(time[part] / step).astype(np.int64)
+        for row, out in zip(series, laid, strict=True):
+            out[rows] = row[part]
+    return grid, step, laid
 
 
 def _choose_pair(labels: list[str], combination: Floats, pair: str | None) -> tuple[str, str]:
@@ -328,8 +356,15 @@ def noise_covariance(record: DataTree, pairs: Sequence[str]) -> Floats:
 def _combine(weights: Floats, elongation: Floats) -> Floats:
     used = np.flatnonzero(weights)
     if used.size == 1 and weights[used[0]] == 1.0:
-        return np.ascontiguousarray(elongation[used[0]])
-    return np.ascontiguousarray(np.tensordot(weights[used], elongation[used], axes=1))
+        return _plain(elongation[used[0]])
+    return by_portions(
+        lambda *rows: np.tensordot(weights[used], np.stack(rows), axes=1), *(elongation[row] for row in used)
+    )
+
+
+def _plain(series: Floats) -> Floats:
+    """As kernels are compiled for: in one piece, writable; a view where it is so already, and nobody writes to it."""
+    return np.require(series, requirements=["C", "W"])
 
 
 def _uncertainty(traces: Any, count: int) -> Floats | None:

@@ -7,10 +7,12 @@ itself left out. The largest disagreement of its neighbourhood is taken out firs
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from data_schemas.scratch import by_portions, portions, release
 from pipeline.arrays import Floats
 from pipeline.gaps import fill_gaps
 from synth.kernels.compiled import kernel, summing_kernel
@@ -49,34 +51,51 @@ def reject_outliers(series: Floats, step: float, frequency: float) -> tuple[Floa
     gain = float(np.linalg.norm(filter_taps))
     scale, limit = scale_and_limit(series, filter_taps)
     # the usual record: one pass that keeps nothing shows that nothing is wild and nothing missing
-    if beyond(series, filter_taps, limit) == 0:
+    if not any(beyond(here, filter_taps, limit) for _, here in _windows(series, reach)):
         return series, 0, scale / gain
     # a poor bridge would make its neighbours look wild
     work = fill_gaps(series, step, frequency, noise=scale / gain if np.isfinite(scale) else np.inf)
     if work is series:
-        work = series.copy()
-    rejected = np.zeros(series.size, dtype=bool)
-    error = np.empty(series.size - 2 * reach)
+        work = by_portions(np.copy, series)
+    rejected = np.empty(0, dtype=np.intp)
     noise = float("nan")
     for _ in range(_ROUNDS):
         scale, limit = scale_and_limit(work, filter_taps)
         if not np.isfinite(scale):
             break
         noise = scale / gain
-        disagreement(work, filter_taps, error)
-        size = np.abs(error)
-        wild = np.flatnonzero(size > limit)
+        wild, error = _wild(work, filter_taps, limit)
         if wild.size == 0:
             break
-        tops = _local_maxima(size, wild, reach)
-        work[tops + reach] -= error[tops]
-        rejected[tops + reach] = True
-    rejected &= np.isfinite(series)
-    if not rejected.any():
+        tops = _local_maxima(np.abs(error), wild, reach)
+        work[wild[tops]] -= error[tops]
+        release(work)
+        rejected = np.union1d(rejected, wild[tops])
+    rejected = rejected[np.isfinite(series[rejected])]
+    if not rejected.size:
         return series, 0, noise
-    cleaned = series.copy()
+    cleaned = by_portions(np.copy, series)
     cleaned[rejected] = np.nan
-    return cleaned, int(rejected.sum()), noise
+    release(series, cleaned)
+    return cleaned, rejected.size, noise
+
+
+def _windows(series: Floats, reach: int) -> Iterator[tuple[int, Floats]]:
+    """Portions of a series with the taps' reach on both sides, and the first sample that has its neighbours in each."""
+    for part in portions(series.size - 2 * reach, series, unit=BLOCK):
+        yield part.start + reach, series[part.start : part.stop + 2 * reach]
+
+
+def _wild(series: Floats, filter_taps: Floats, limit: float) -> tuple[NDArray[np.intp], Floats]:
+    """The samples whose disagreement exceeds the limit, and their disagreement."""
+    where, errors = [np.empty(0, dtype=np.intp)], [np.empty(0)]
+    for first, here in _windows(series, filter_taps.size // 2):
+        error = np.empty(here.size - filter_taps.size + 1)
+        disagreement(here, filter_taps, error)
+        wild = np.flatnonzero(np.abs(error) > limit)
+        where.append(wild + first)
+        errors.append(error[wild])
+    return np.concatenate(where), np.concatenate(errors)
 
 
 @functools.lru_cache(maxsize=64)
@@ -93,26 +112,35 @@ def _leave_one_out(reach: int, step: float, frequency: float) -> Floats:
     return filter_taps
 
 
-@kernel
 def scale_and_limit(series: Floats, filter_taps: Floats) -> tuple[float, float]:
     """Robust scale of the disagreement, as of a Gaussian, and what is wild; NaN where there is nothing to tell by.
 
     Both are taken from some `SAMPLE` places.
     """
-    count = series.size - filter_taps.size + 1
+    count, reach = series.size - filter_taps.size + 1, filter_taps.size // 2
     every = max(1, count // SAMPLE)
     size = np.empty(-(-count // every))
     found, largest = 0, 0.0
-    for start in range(0, count, every):
+    for first, here in _windows(series, reach):
+        more, top = sampled(here, filter_taps, (reach - first) % every, every, size[found:])
+        found, largest = found + more, max(largest, top)
+    if found == 0:
+        return float("nan"), float("nan")
+    scale = float(np.median(size[:found])) / 0.6745
+    return scale, max(THRESHOLD * scale, FLOOR * largest)
+
+
+@kernel
+def sampled(series: Floats, filter_taps: Floats, first: int, every: int, size: Floats) -> tuple[int, float]:
+    """Sizes of the disagreement at each so many places from the first on: how many could be told; largest sample."""
+    found, largest = 0, 0.0
+    for start in range(first, series.size - filter_taps.size + 1, every):
         error = abs(dot(series[start : start + filter_taps.size], filter_taps))
         if np.isfinite(error):
             size[found] = error
             found += 1
             largest = max(largest, abs(series[start]))
-    if found == 0:
-        return np.nan, np.nan
-    scale = np.median(size[:found]) / 0.6745
-    return scale, max(THRESHOLD * scale, FLOOR * largest)
+    return found, largest
 
 
 @summing_kernel
@@ -161,12 +189,13 @@ def beyond(series: Floats, filter_taps: Floats, limit: float) -> int:
 
 
 def _local_maxima(size: Floats, wild: NDArray[np.intp], reach: int) -> NDArray[np.intp]:
-    """Of the wild samples, each that no larger one lies within reach of; greedy from the largest."""
-    order = wild[np.argsort(-size[wild])]
-    free = np.ones(size.size, dtype=bool)
+    """Numbers of the wild samples that no larger one lies within reach of, the largest first; `wild` is in order."""
+    first = np.searchsorted(wild, wild - reach)
+    last = np.searchsorted(wild, wild + reach, side="right")
+    free = np.ones(wild.size, dtype=bool)
     tops = []
-    for index in order:
-        if free[index]:
-            tops.append(index)
-            free[max(0, index - reach) : index + reach + 1] = False
+    for number in np.argsort(-size):
+        if free[number]:
+            tops.append(number)
+            free[first[number] : last[number]] = False
     return np.asarray(tops, dtype=np.intp)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import Floats
+from pipeline.arrays import Floats, readings
 from pipeline.estimate import Budget, budget
 from pipeline.gaps import bridge
 from pipeline.harmonics.blocks import block_envelope
@@ -213,9 +213,9 @@ def prepare(observation: Observation) -> Prepared:
             f"give at least {LEAST_SWINGS:.0f} swings ({LEAST_SWINGS * 2 * np.pi / nominal:.0f} s)"
         )
     for name, series in (("difference", observation.difference), ("first pendulum", observation.theta)):
-        readings = int(np.count_nonzero(np.isfinite(series)))
-        if readings < 2 * LEAST_SWINGS:
-            raise RefusedError(f"record/elongation: the {name} has only {readings} readings")
+        count = readings(series)
+        if count < 2 * LEAST_SWINGS:
+            raise RefusedError(f"record/elongation: the {name} has only {count} readings")
     theta, rejected, noise, bridges = observation.theta, 0, float("nan"), 0.0
     if observation.step is not None:
         step = observation.step
@@ -226,7 +226,7 @@ def prepare(observation: Observation) -> Prepared:
         whole = to_grid(observation.time, theta, step, nominal)
     if step * nominal < 0.5 * np.pi:
         filled, spans = bridge(whole, step, nominal, float(np.nan_to_num(noise)))
-        if filled is not whole and not np.isfinite(filled).all():
+        if filled is not whole and readings(filled) < filled.size:
             raise RefusedError(
                 "record/elongation: the first pendulum has a gap too long to bridge; split the record there"
             )
@@ -239,7 +239,7 @@ def prepare(observation: Observation) -> Prepared:
         whole=whole,
         whole_step=step,
         noise_theta=noise,
-        bridged=1.0 - (readings - rejected) / theta.size,
+        bridged=1.0 - (count - rejected) / theta.size,
         bridges=bridges,
     )
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from data_schemas.scratch import portions, release
 from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics.envelope import Envelope, window_length
 from synth.kernels.compiled import summing_kernel
@@ -92,19 +93,21 @@ def _uniform(series: Sequence[Floats], step: float, rows: int, frequency: float)
     coefficients = np.empty((2, 4, count))
     counts = np.full((2, count), float(rows))
     for which, values in enumerate(series):
-        fit_blocks(values, inverse, coefficients[which])
+        for some in portions(count * rows, values, unit=rows):
+            fit_blocks(values[some], inverse, coefficients[which], some.start // rows)
         for block in np.flatnonzero(np.isnan(coefficients[which, 0])):
             part = values[block * rows : (block + 1) * rows]
             coefficients[which, :, block], counts[which, block] = _fit(basis, part)
+        release(values)
     return (np.arange(count) + 0.5) * rows * step - 0.5 * step, coefficients, counts
 
 
 @summing_kernel
-def fit_blocks(values: Floats, inverse: Floats, out: Floats) -> None:
-    """`out[i, b] = sum_m inverse[i, m] values[b rows + m]`, inverse (4, rows), out (4, blocks)."""
+def fit_blocks(values: Floats, inverse: Floats, out: Floats, first: int) -> None:
+    """`out[i, first + b] = sum_m inverse[i, m] values[b rows + m]`, inverse (4, rows), out (4, blocks)."""
     rows = inverse.shape[1]
     i0, i1, i2, i3 = inverse[0], inverse[1], inverse[2], inverse[3]
-    for block in range(out.shape[1]):
+    for block in range(values.size // rows):
         part = values[block * rows : (block + 1) * rows]
         s0 = s1 = s2 = s3 = 0.0
         for m in range(rows):
@@ -113,7 +116,8 @@ def fit_blocks(values: Floats, inverse: Floats, out: Floats) -> None:
             s1 += i1[m] * value
             s2 += i2[m] * value
             s3 += i3[m] * value
-        out[0, block], out[1, block], out[2, block], out[3, block] = s0, s1, s2, s3
+        to = first + block
+        out[0, to], out[1, to], out[2, to], out[3, to] = s0, s1, s2, s3
 
 
 def _uneven(series: Sequence[Series], edges: Floats, length: float, frequency: float) -> tuple[Floats, Floats, Floats]:

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from data_schemas.scratch import portions, release
 from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics.envelope import Envelope, window_length
 from synth.kernels.compiled import summing_kernel
@@ -23,6 +24,7 @@ Series = tuple[Floats, Floats]
 WINDOW_SECONDS = 16.0
 HOP_SECONDS = 1.0
 KAISER_SHAPE = 14.0
+BROKEN = 1024  # windows with gaps that are solved together: each takes its readings several times over
 LEAST_COVERAGE = 0.7  # of the window's weight; an instant with less has no value
 TERMS = 8
 
@@ -115,14 +117,14 @@ EVEN, ODD = (0, 3, 4, 6), (1, 2, 5, 7)
 
 
 @summing_kernel
-def fit_windows(series: Floats, even: Floats, odd: Floats, every: int, out: Floats) -> None:
-    """`out[i, k]`: taps i, even ones (4, half + 1) from the centre, odd ones (4, half) beside it, at window k."""
+def fit_windows(series: Floats, even: Floats, odd: Floats, every: int, out: Floats, first: int) -> None:
+    """`out[i, first + k]`: taps i, even (4, half + 1) from the centre, odd (4, half) beside it; window k of series."""
     half = odd.shape[1]
     e0, e1, e2, e3 = even[0], even[1], even[2], even[3]
     o0, o1, o2, o3 = odd[0], odd[1], odd[2], odd[3]
     reverse = series[::-1].copy()  # loops index forward only
     last = series.size - 1
-    for k in range(out.shape[1]):
+    for k in range((series.size - 2 * half - 1) // every + 1):
         centre = every * k + half
         middle = series[centre]
         after, before = series[centre + 1 : centre + 1 + half], reverse[last - centre + 1 : last - centre + 1 + half]
@@ -138,8 +140,9 @@ def fit_windows(series: Floats, even: Floats, odd: Floats, every: int, out: Floa
             d1 += o1[m] * apart
             d2 += o2[m] * apart
             d3 += o3[m] * apart
-        out[0, k], out[3, k], out[4, k], out[6, k] = s0, s1, s2, s3
-        out[1, k], out[2, k], out[5, k], out[7, k] = d0, d1, d2, d3
+        to = first + k
+        out[0, to], out[3, to], out[4, to], out[6, to] = s0, s1, s2, s3
+        out[1, to], out[2, to], out[5, to], out[7, to] = d0, d1, d2, d3
 
 
 def _uniform(
@@ -153,18 +156,24 @@ def _uniform(
     transposed = np.empty((2, TERMS, count))
     fit = transposed.transpose(0, 2, 1)
     for which, values in enumerate(series):
-        fit_windows(values, even, odd, every, transposed[which])
+        for some in portions(count * every, values, unit=every):
+            windows = values[some.start : some.stop - every + 2 * half + 1]
+            fit_windows(windows, even, odd, every, transposed[which], some.start // every)
         broken = np.flatnonzero(np.isnan(transposed[which, 0]))
         if broken.size:
             weighted = weight[:, None] * basis
             products = (weighted[:, :, None] * basis[:, None, :]).reshape(weight.size, TERMS * TERMS)
-            part = np.lib.stride_tricks.sliding_window_view(values, 2 * half + 1)[::every][broken]
-            present = np.isfinite(part)
-            coverage[which, broken] = present @ weight / weight.sum()
-            normal = (present.astype(np.float64) @ products).reshape(-1, TERMS, TERMS)
-            right = np.where(present, part, 0.0) @ weighted
-            usable = coverage[which, broken] >= LEAST_COVERAGE
-            fit[which, broken[usable]] = np.linalg.solve(normal[usable], right[usable][:, :, None])[:, :, 0]
+            views = np.lib.stride_tricks.sliding_window_view(values, 2 * half + 1)[::every]
+            for begin in range(0, broken.size, BROKEN):
+                here = broken[begin : begin + BROKEN]
+                part = views[here]
+                present = np.isfinite(part)
+                coverage[which, here] = present @ weight / weight.sum()
+                normal = (present.astype(np.float64) @ products).reshape(-1, TERMS, TERMS)
+                right = np.where(present, part, 0.0) @ weighted
+                usable = coverage[which, here] >= LEAST_COVERAGE
+                fit[which, here[usable]] = np.linalg.solve(normal[usable], right[usable][:, :, None])[:, :, 0]
+                release(values)
     return centres, fit, coverage, filters
 
 

@@ -10,18 +10,20 @@ from synth.kernels.compiled import kernel, summing_kernel
 
 
 @kernel
-def adjoint(influence: Floats, slope: Floats, turn: complex, oscillation: float, step: float, out: Floats) -> None:
+def adjoint(
+    influence: Floats, slope: Floats, turn: complex, oscillation: float, step: float, state: complex, out: Floats
+) -> complex:
     """`out[k] = sum_{j > k} G(t_j - t_k) influence[j]`, G the response to a unit impulse; all (n,).
 
-    slope is the part of the stiffness that changes with time, as the recursion has it.
+    slope is the part of the stiffness that changes with time, as the recursion has it. The recursion runs backwards:
+    `state` is what the samples behind the last have left, nought at a record's end; returned is what is left for those
+    before the first.
     """
-    count = influence.size
     unit = 1.0 / oscillation
-    state = 0.0 + 0.0j
-    out[count - 1] = 0.0
-    for k in range(count - 2, -1, -1):
-        state = turn * (state + influence[k + 1] + step * slope[k + 1] * state.imag * unit)
+    for k in range(influence.size - 1, -1, -1):
         out[k] = state.imag * unit
+        state = turn * (state + influence[k] + step * slope[k] * state.imag * unit)
+    return state
 
 
 @summing_kernel
@@ -88,7 +90,7 @@ def theta_influence(
         Whether the filter of the curvature has a notch at the third harmonic.
     """
     back = np.empty(influence.size)
-    adjoint(influence, slope, complex(np.exp(eigenvalue * step)), eigenvalue.imag, step, back)
+    adjoint(influence, slope, complex(np.exp(eigenvalue * step)), eigenvalue.imag, step, 0.0j, back)
     out = np.empty(back.size) if out is None else out
     r, turn = ratio**-2, frequency * step
     # back swings at n2: its second derivative is -n2^2 of it, and its first is told by a difference

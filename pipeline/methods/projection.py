@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from data_schemas.scratch import portions
 from pipeline.estimate import Estimate
 from pipeline.prepared import LEAST_EXPLAINED, Prepared
 from pipeline.projection.sampling import linear_fit
@@ -50,13 +51,14 @@ def residual_colour(fit: ProjectionFit, prepared: Prepared) -> float:
     if seen.step is not None:
         rows = max(4, round(prepared.blocks.hop / seen.step))
         count = residual.size // rows
-        blocks = residual[: count * rows].reshape(count, rows)
         turn = np.exp(-1j * fit.frequency * seen.step * np.arange(rows))
-        counts = np.full(count, float(rows))
-        if fit.samples < seen.time.size:
-            present = np.isfinite(blocks)
-            blocks, counts = np.where(present, blocks, 0.0), present.sum(axis=1).astype(np.float64)
-        power = (blocks @ turn.real) ** 2 + (blocks @ turn.imag) ** 2
+        power, counts = np.empty(count), np.full(count, float(rows))
+        for part in portions(count * rows, residual, unit=rows):
+            blocks, here = residual[part].reshape(-1, rows), slice(part.start // rows, part.stop // rows)
+            if fit.samples < seen.time.size:
+                present = np.isfinite(blocks)
+                blocks, counts[here] = np.where(present, blocks, 0.0), present.sum(axis=1)
+            power[here] = (blocks @ turn.real) ** 2 + (blocks @ turn.imag) ** 2
     else:
         edges = np.arange(0.0, float(seen.time[-1]), prepared.blocks.hop)
         bounds = np.searchsorted(seen.time, edges)

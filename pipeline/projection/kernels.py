@@ -50,14 +50,17 @@ def forced_response(
     eigenvalue: complex,
     direct: float,
     gain: complex,
+    first: int,
     response: Floats,
     state: Complexes,
 ) -> None:
-    """Response of the difference pendulum to theta.
+    """Response of the difference pendulum to theta, in some adjoining blocks from number `first` on.
 
-    `c(t) = int_0^t exp(lam (t-s)) theta(s) ds` and `response = direct theta + Im(gain c)`, both (n,). `before` and
-    `after` (3,) continue theta away from its start and its end, where the taps (8,) of an interval reach over. `state`
-    (blocks + 1, 2) gets c and dc/dlam, where each interval is weighed by its age, at the blocks' starts and at the end.
+    `c(t) = int_0^t exp(lam (t-s)) theta(s) ds` and `response = direct theta + Im(gain c)`. `before` and `after` (3,)
+    continue theta (n,) away from its start and its end, where the taps (8,) of an interval reach over. `state`
+    (blocks + 1, 2) gets c and dc/dlam, where each interval is weighed by its age, at the blocks' starts and at the end
+    of the last; those at the start of the first are given. `response` goes from the first sample of the first block,
+    which is given, to the first behind the last one.
     """
     count = theta.size
     turn = np.exp(eigenvalue * step)
@@ -73,10 +76,9 @@ def forced_response(
     b0, b1, b2, b3, b4, b5, b6, b7 = tap_imag
     near = np.zeros(MOST + 10)
     t0, t1, t2, t3, t4, t5, t6, t7 = near, near[1:], near[2:], near[3:], near[4:], near[5:], near[6:], near[7:]
-    c = age = 0.0 + 0.0j
-    response[0] = direct * theta[0]
+    c, age = state[0, 0], state[0, 1]
     for which in range(state.shape[0] - 1):
-        start = which * block
+        start = (first + which) * block
         length = min(block, count - 1 - start)
         state[which] = c, age
         low, high = max(start - 3, 0), min(start + block + 4, count)
@@ -107,7 +109,8 @@ def forced_response(
             sum_real += wr[m]
             sum_imag += wi[m]
             wr[m], wi[m] = sum_real, sum_imag
-        out = response[start + 1 : start + 1 + length]
+        begin = which * block + 1
+        out = response[begin : begin + length]
         for m in range(length):
             out[m] = direct * t4[m] + gain_real[m] * wi[m] + gain_imag[m] * wr[m]
         if length > 0:
@@ -126,15 +129,18 @@ def moments(
     eigenvalue: complex,
     amounts: Floats,
     threshold: float,
+    first: int,
+    samples: int,
     residual: Floats,
     gram: Floats,
 ) -> int:
-    """Accumulate the Gram matrix of (cos, sin, 1, t cos, t sin, slope, slope_damping, e).
+    """Add some adjoining blocks to the Gram matrix of (cos, sin, 1, t cos, t sin, slope, slope_damping, e).
 
-    cos and sin carry the decay; t runs from -1 to 1 over the record; the slopes are the imaginary part of the complex
-    `slopes` (blocks + 1, 2), which turn with cos and sin and are straight between blocks; e is the residual `difference
-    - response - amounts of the other seven columns`. Samples that are NaN, or where e exceeds `threshold`, have no
-    weight and become NaN in `residual`. Returns the number of samples beyond the threshold.
+    `first` is the number of the first block, `samples` that of all samples of the record; the other arrays are those of
+    the blocks. cos and sin carry the decay; t runs from -1 to 1 over the record; the slopes are the imaginary part of
+    the complex `slopes` (blocks + 1, 2), which turn with cos and sin and are straight between blocks; e is the residual
+    `difference - response - amounts of the other seven columns`. Samples that are NaN, or where e exceeds `threshold`,
+    have no weight and become NaN in `residual`. Returns the number of samples beyond the threshold.
     """
     count = difference.size
     table = np.ones((3, MOST))  # rows by index: unpacked ones are not known to be contiguous
@@ -146,15 +152,14 @@ def moments(
     part, turned = np.zeros((LOCAL, COLUMNS - 1)), np.empty((LOCAL, COLUMNS - 1))
     part[2, 2] = 1.0
     sums = np.empty(LOCAL)
-    unit = 2.0 / (count - 1)
-    gram[:] = 0.0
+    unit = 2.0 / (samples - 1)
     beyond = 0
     for which in range(slopes.shape[0] - 1):
-        start = which * block
+        start, whole_start = which * block, (first + which) * block
         length = min(block, count - start)
-        origin = np.exp(eigenvalue * (step * start))
-        _columns(origin, start * unit - 1.0, unit, part)
-        span = min(length, count - 1 - start)
+        origin = np.exp(eigenvalue * (step * whole_start))
+        _columns(origin, whole_start * unit - 1.0, unit, part)
+        span = min(length, samples - 1 - whole_start)
         back = np.exp(-eigenvalue * (step * span))
         for column in range(2):
             now, then = slopes[which, column], slopes[which + 1, column] * back

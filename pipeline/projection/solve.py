@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from data_schemas.scratch import portions, release, room
 from pipeline.arrays import Floats
 from pipeline.projection import kernels
 from pipeline.projection.small import gauss_newton
@@ -54,8 +56,10 @@ class Problem(Protocol):
 
     half: float
     """Half the record's length, s."""
-    residual: Floats
-    """What the last `moments` found at every sample, NaN where missing or beyond the limit."""
+
+    @property
+    def residual(self) -> Floats:
+        """What the last `moments` found at every sample, NaN where missing or beyond the limit."""
 
     def respond(self, frequency: float, gamma: float) -> None:
         """Compute the response to the first pendulum, and its slopes, at (n2, gamma2)."""
@@ -70,8 +74,17 @@ class Problem(Protocol):
 class UniformProblem:
     """Uniform samples of both series; the first pendulum whole, the difference NaN where missing.
 
-    `slopes` are those of the response by n2 and gamma2 at the blocks' starts and at the end, as `kernels.moments` has
-    them.
+    The samples are gone through in portions of whole blocks. What a portion starts from, the state of the recursion,
+    is kept, so that the response of any portion can be had again and need not be stored; the numbers do not depend on
+    where portions begin.
+
+    Attributes
+    ----------
+    parts : list of slice
+        The samples of the portions.
+    slopes : (blocks + 1, 2) array
+        Those of the response by n2 and gamma2 at the blocks' starts and at the end, as `kernels.moments` has them; of
+        the portions asked for.
     """
 
     def __init__(
@@ -83,34 +96,73 @@ class UniformProblem:
         onward = continuation(fitted_at, step)
         self._beyond = theta[NODES - 1 :: -1] @ onward, theta[-NODES:] @ onward
         self.block = kernels.block_length(theta.size)
+        self.parts = list(portions(theta.size, theta, unit=self.block))
         self._state = np.empty((-(-theta.size // self.block) + 1, 2), dtype=np.complex128)
         self.slopes = np.zeros_like(self._state)
-        self.response: Floats = np.empty(theta.size)
-        self.residual: Floats = np.empty(theta.size)
+        self._starts = np.empty(len(self.parts))  # the response at the first sample of each portion
+        self._response: Floats = np.empty(self.parts[0].stop + 1)
+        self._held = -1  # the portion whose response that is
         self._gram = np.empty((kernels.COLUMNS, kernels.COLUMNS))
         self._amounts = np.zeros(kernels.COLUMNS - 1)
         self.half = 0.5 * (theta.size - 1) * step
 
+    @functools.cached_property
+    def residual(self) -> Floats:
+        """See `Problem`."""
+        return room(self._theta.size)
+
     def respond(self, frequency: float, gamma: float) -> None:
         """See `Problem`."""
-        constants = response_constants(frequency, gamma, self._ratio, self._damping_difference)
-        eigenvalue, direct, gain, by_frequency, by_damping = constants
-        weights = taps(self._cardinal, eigenvalue, self._step)
-        kernels.forced_response(
-            self._theta,
-            *self._beyond,
-            weights.real.copy(),
-            weights.imag.copy(),
-            self._step,
-            self.block,
-            eigenvalue,
-            direct.real,
-            gain,
-            self.response,
-            self._state,
-        )
-        self.slopes[:] = self._state @ np.array([[by_frequency, by_damping], [1j * gain, -gain]])
+        self._constants = response_constants(frequency, gamma, self._ratio, self._damping_difference)
+        weights = taps(self._cardinal, self._constants[0], self._step)
+        self._taps = weights.real.copy(), weights.imag.copy()
         self._amounts[5:] = 0.0
+        self._state[0] = 0.0
+        self._starts[0] = self._constants[1].real * self._theta[0]
+        self._held = -1
+        if len(self.parts) == 1:
+            self.part(0)
+
+    def part(self, number: int) -> Floats:
+        """The response of one portion, to be read before the next; the first time they are asked for in order."""
+        samples = self.parts[number]
+        first, last = samples.start // self.block, -(-samples.stop // self.block)
+        if number != self._held:
+            eigenvalue, direct, gain, by_frequency, by_damping = self._constants
+            self._response[0] = self._starts[number]
+            state = self._state[first : last + 1]
+            kernels.forced_response(
+                self._theta,
+                *self._beyond,
+                *self._taps,
+                self._step,
+                self.block,
+                eigenvalue,
+                direct.real,
+                gain,
+                first,
+                self._response,
+                state,
+            )
+            if number + 1 < len(self.parts):
+                self._starts[number + 1] = self._response[samples.stop - samples.start]
+            slopes = self.slopes[first : last + 1]
+            slopes[:, 0] = state[:, 0] * by_frequency + state[:, 1] * (1j * gain)
+            slopes[:, 1] = state[:, 0] * by_damping - state[:, 1] * gain
+            self._held = number
+            release(self._theta)
+        return self._response[: samples.stop - samples.start]
+
+    @property
+    def response(self) -> Floats:
+        """The response at all samples."""
+        if len(self.parts) == 1:
+            return self.part(0)
+        whole = room(self._theta.size)
+        for number, samples in enumerate(self.parts):
+            whole[samples] = self.part(number)
+            release(whole)
+        return whole
 
     def nudge(self, frequency_change: float, damping_change: float) -> None:
         """See `Problem`."""
@@ -119,18 +171,26 @@ class UniformProblem:
     def moments(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> tuple[Floats, int]:
         """See `Problem`."""
         self._amounts[:3] = coefficient
-        beyond = kernels.moments(
-            self._difference,
-            self.response,
-            self.slopes,
-            self._step,
-            self.block,
-            complex(-gamma, oscillation(frequency, gamma)),
-            self._amounts,
-            limit,
-            self.residual,
-            self._gram,
-        )
+        self._gram[:] = 0.0
+        beyond = 0
+        for number, samples in enumerate(self.parts):
+            response = self.part(number)
+            first, last = samples.start // self.block, -(-samples.stop // self.block)
+            beyond += kernels.moments(
+                self._difference[samples],
+                response,
+                self.slopes[first : last + 1],
+                self._step,
+                self.block,
+                complex(-gamma, oscillation(frequency, gamma)),
+                self._amounts,
+                limit,
+                first,
+                self._theta.size,
+                self.residual[samples],
+                self._gram,
+            )
+            release(self._difference, self.residual)
         return self._gram, beyond
 
 

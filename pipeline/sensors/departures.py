@@ -13,19 +13,17 @@ hour at 25 Hz, 1e-4 rad, Theta1 = 10 mrad and (n1-n2)/n2 = 1e-4; a hundred times
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
+from data_schemas.scratch import release
 from pipeline.arrays import Floats
 from pipeline.inversion.influence import adjoint
 
 DELAY, GAIN, DAMPING = 0, 1, 2
-PROBE_DELAY, PROBE_GAIN, PROBE_DAMPING = 1e-3, 1e-3, 1e-6  # s, 1, s-1: steps of the finite differences
-
-Model = Callable[[float, float, float], Floats]
-"""The difference that (delay, gain, change of gamma1 - gamma2) make of the first trace, other parameters held."""
 
 
 @dataclass(frozen=True)
@@ -69,20 +67,23 @@ class Departures:
         return replace(self, sigma=np.sqrt(np.diag(covariance)), covariance=covariance, significance=significance)
 
 
-def probes(model: Model, count: int) -> Floats:
-    """Columns by delay, gain and (count 3) damping difference, (count, n)."""
-    plain = model(0.0, 0.0, 0.0)
-    moved = (model(PROBE_DELAY, 0.0, 0.0), model(0.0, PROBE_GAIN, 0.0))
-    columns = [(moved[0] - plain) / PROBE_DELAY, (moved[1] - plain) / PROBE_GAIN]
-    if count > DAMPING:
-        columns.append((model(0.0, 0.0, PROBE_DAMPING) - plain) / PROBE_DAMPING)
-    return np.stack(columns)
+class Rows(Protocol):
+    """The rows of the least squares, made portion by portion."""
+
+    @property
+    def parts(self) -> Sequence[slice]:
+        """The places of each portion."""
+
+    def tangents(self, number: int) -> Floats:
+        """Of the identity's parameters in one portion, n2 first, (p, m); portions are first asked for in order."""
+
+    def columns(self, number: int, count: int) -> Floats:
+        """By delay, gain and (count 3) damping difference in one portion, (count, m)."""
 
 
 def fit_departures(
     residual: Floats,
-    tangents: Floats,
-    columns: Floats,
+    made: Rows,
     wanted: list[int],
     noise: tuple[float, float],
     linear: tuple[complex, float, float],
@@ -90,51 +91,67 @@ def fit_departures(
 ) -> Departures:
     """Fit some of the columns to the residual, the identity's own parameters free beside them.
 
+    The rows are made twice, portion by portion: forwards for their products, backwards for the adjoint of the response.
+
     Parameters
     ----------
     residual : (n,) array
         Of the identity, rad, NaN = missing.
-    tangents : (p, n) array
-        Of the identity's parameters, n2 first.
-    columns : (k, n) array
-        From `probes`.
+    made : Rows
+        Columns and tangents.
     wanted : list of int
-        Which of them.
+        Which of the columns.
     noise : (2,) tuple
         White noise of the difference's readings and of the first trace on its grid, rad.
     linear : tuple
         Eigenvalue of the free swing, step of the first pendulum's grid, and 1 - (n2/n1)^2, by which noise of the first
         trace reaches the difference.
     spread : callable
-        Takes a row at the residual's places to the first pendulum's grid.
+        Takes a portion of a row at the residual's places to the first pendulum's grid.
     """
+
+    def rows_of(number: int) -> tuple[Floats, Floats]:
+        left = residual[made.parts[number]]
+        rows = np.concatenate([made.columns(number, max(wanted) + 1)[wanted], made.tangents(number)])
+        used = np.isfinite(left) & np.isfinite(rows).all(axis=0)
+        rows[:, ~used] = 0.0
+        return rows, np.where(used, left, 0.0)
+
     size = len(wanted)
-    # in place, for of a day at 25 Hz each row has 17 MB
-    scaled = np.concatenate([columns[wanted], tangents])
-    used = np.isfinite(residual) & np.isfinite(scaled).all(axis=0)
-    scaled[:, ~used] = 0.0
-    scale = np.sqrt([row @ row for row in scaled])
-    scaled /= scale[:, None]
-    inverse = np.linalg.inv(scaled @ scaled.T + 1e-14 * np.eye(len(scaled)))
-    found = (inverse @ (scaled @ np.where(used, residual, 0.0)) / scale)[:size]
-    rows = inverse[:size] / scale[:size, None] @ scaled  # what each reading does to each of the wanted
-    covariance = noise[0] ** 2 * rows @ rows.T
-    eigenvalue, step, apart = linear
-    spread_rows = [spread(row) for row in rows]
-    through = np.empty((size, spread_rows[0].size))
-    turn, still = complex(np.exp(eigenvalue * step)), np.zeros(through.shape[1])
-    for row, out in zip(spread_rows, through, strict=True):
-        adjoint(row, still, turn, eigenvalue.imag, step, out)
-    through *= step * apart * eigenvalue.imag**2
-    covariance += noise[1] ** 2 * through @ through.T
+    products, right = np.zeros(()), np.zeros(())
+    for number in range(len(made.parts)):
+        rows, left = rows_of(number)
+        products, right = products + rows @ rows.T, right + rows @ left
+        release(residual)
+    scale = np.sqrt(np.diag(products))
+    scaled = products / np.outer(scale, scale)
+    inverse = np.linalg.inv(scaled + 1e-14 * np.eye(len(scale)))
+    found = (inverse @ (right / scale) / scale)[:size]
+    by_row = inverse[:size] / scale[:size, None] / scale
+    turn, backwards = complex(np.exp(linear[0] * linear[1])), [0.0j] * size
+    covariance, through = np.zeros((2, size, size))
+    for number in reversed(range(len(made.parts))):
+        if number + 1 < len(made.parts):
+            rows, _ = rows_of(number)  # those of the last portion are there
+        influence = by_row @ rows  # what each reading does to each of the wanted
+        covariance += influence @ influence.T
+        noisy = np.stack([spread(row) for row in influence])
+        still, out = np.zeros(noisy.shape[1]), np.empty_like(noisy)
+        for which, row in enumerate(noisy):
+            backwards[which] = adjoint(row, still, turn, linear[0].imag, linear[1], backwards[which], out[which])
+        through += out @ out.T
+        release(residual)
+    told = float(found @ np.linalg.solve(covariance, found)) / noise[0] ** 2
+    covariance *= noise[0] ** 2
+    covariance += (noise[1] * linear[1] * linear[2] * linear[0].imag ** 2) ** 2 * through
     # without the columns n2 takes up what they would have explained
-    alone = np.linalg.inv(scaled[size:] @ scaled[size:].T + 1e-14 * np.eye(len(tangents)))
-    taken = (alone @ scaled[size:] @ scaled[:size].T)[0] * scale[:size] / scale[size]
+    alone = np.linalg.inv(scaled[size:, size:] + 1e-14 * np.eye(len(scale) - size))
+    taken = (alone @ scaled[size:, :size])[0] * scale[:size] / scale[size]
     return Departures(
         value=found,
         sigma=np.sqrt(np.diag(covariance)),
         by_unit=taken,
         covariance=covariance,
         significance=float(found @ np.linalg.solve(covariance, found)),
-        explained=float(found @ np.linalg.solve(rows @ rows.T, found)) / noise[0] ** 2,
+        explained=told,
     )

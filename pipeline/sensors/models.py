@@ -12,12 +12,10 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.prepared import Prepared
-from pipeline.projection.solve import ProjectionFit, UniformProblem, oscillation
-from pipeline.sensors.departures import Model
+from pipeline.projection.solve import ProjectionFit, oscillation
+from pipeline.sensors.departures import Rows
 from pipeline.sensors.places import Places
-from pipeline.sensors.shifting import advanced
-
-_NUDGE = 1e-7  # of the frequency, for central differences
+from pipeline.sensors.rows import LinearRows, WholeRows, read
 
 
 @dataclass(frozen=True)
@@ -26,12 +24,11 @@ class Fitted:
 
     Attributes
     ----------
-    model : callable
-        See `departures.Model`.
+    rows : Rows
+        What departures of the first trace do, and tangents by n2, the start, the offset and, where it is fitted,
+        gamma2; any units but that of n2, rad s-1.
     places : Places
         The grid of the first pendulum and where the rows lie.
-    tangents : (p, n) array
-        By n2, the start, the offset and, where it is fitted, gamma2; any units but that of n2, rad s-1.
     residual : (n,) array
         rad, NaN = missing or wild.
     noise, colour : float
@@ -40,9 +37,8 @@ class Fitted:
         n2, rad s-1; gamma2, s-1.
     """
 
-    model: Model
+    rows: Rows
     places: Places
-    tangents: Floats
     residual: Floats
     noise: float
     colour: float
@@ -55,48 +51,19 @@ class Fitted:
         return complex(-self.damping_rate, oscillation(self.frequency, self.damping_rate))
 
 
-def read(theta: Floats, step: float, frequency: float, delay: float, gain: float) -> Floats:
-    """The first pendulum behind a trace that is late and of wrong gain; its ends and gaps as they were read."""
-    moved = advanced(theta, step, delay, frequency)
-    return np.where(np.isnan(moved), theta, moved) / (1.0 + gain)
-
-
 def linear(prepared: Prepared, fit: ProjectionFit) -> Fitted:
     """The linear identity, from its fit to the record."""
     from pipeline.methods.projection import residual_colour
 
-    seen, places = prepared.observation, Places.of(prepared)
-    theta, step, gamma, frequency = places.theta, places.step, fit.damping_rate, fit.frequency
-
-    def response(series: Floats, n: float, apart: float, decay: float = gamma) -> Floats:
-        problem = UniformProblem(series, series, step, prepared.nominal, seen.frequency_ratio, apart)
-        problem.respond(n, decay)
-        return places.at_rows(problem.response)
-
-    def model(delay: float, gain: float, apart: float) -> Floats:
-        trace = read(theta, step, frequency, delay, gain)
-        return response(trace, frequency, seen.damping_difference + apart)
-
-    time = places.time
-    lam = complex(-gamma, oscillation(frequency, gamma))
-    turn = np.exp(lam * time)
-    free = complex(fit.coefficient[1], fit.coefficient[0]) * turn  # its imaginary part is the free swing
-    nudge = _NUDGE * frequency
-    up, down = (response(theta, frequency + sign * nudge, seen.damping_difference) for sign in (1.0, -1.0))
-    by_frequency = (up - down) / (2.0 * nudge) + time * free.real
-    rows = [by_frequency, turn.real, turn.imag, np.ones(time.size)]
-    if prepared.known_damping is None:
-        up, down = (response(theta, frequency, seen.damping_difference, gamma + sign * nudge) for sign in (1.0, -1.0))
-        rows.append((up - down) / (2.0 * nudge) - time * free.imag)
+    places = Places.of(prepared)
     return Fitted(
-        model=model,
+        rows=LinearRows(prepared, fit, places),
         places=places,
-        tangents=np.stack(rows),
         residual=fit.residual,
         noise=fit.noise,
         colour=residual_colour(fit, prepared),
-        frequency=frequency,
-        damping_rate=gamma,
+        frequency=fit.frequency,
+        damping_rate=fit.damping_rate,
     )
 
 
@@ -137,9 +104,8 @@ def nonlinear(prepared: Prepared, fit: ProjectionFit) -> Fitted:
     residual = whole_residual(prepared, iteration, found.limit)
     shown = replace(fit, frequency=found.frequency, noise=found.noise, samples=found.samples, residual=residual)
     return Fitted(
-        model=model,
+        rows=WholeRows(np.stack([rows_of(row) for row in rows]), model),
         places=places,
-        tangents=np.stack([rows_of(row) for row in rows]),
         residual=residual,
         noise=found.noise,
         colour=residual_colour(shown, prepared),

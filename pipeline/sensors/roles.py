@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.observation import Observation
+from data_schemas.scratch import by_portions
+from pipeline.observation import Observation, span
 from pipeline.prepared import Prepared
 
 LEAST_SLOW = 1e-4  # rad, of slow motion, from which it tells
@@ -66,13 +67,12 @@ def exchanged(seen: Observation) -> Observation:
 
 def trimmed(seen: Observation) -> Observation:
     """The observation from the first to the last reading of its first pendulum, which is not extrapolated."""
-    known = np.flatnonzero(np.isfinite(seen.theta))
-    within = slice(known[0], known[-1] + 1)
-    begin = float(seen.time[within][0])
+    within = span(seen.theta)
+    begin = float(seen.time[within.start])
     return replace(
         seen,
         start=seen.start + begin,
-        time=seen.time[within] - begin,
+        time=by_portions(lambda part: part - begin, seen.time[within]),
         theta=seen.theta[within],
         difference=seen.difference[within],
         vertical=None if seen.vertical is None else seen.vertical[within],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from data_schemas.scratch import portions, room
 from pipeline.arrays import Floats
 from pipeline.projection.taps import CENTRE, NODES, fitted_basis
 
@@ -32,9 +33,12 @@ def advanced(series: Floats, step: float, seconds: float, frequency: float) -> F
     place = seconds / step - whole
     nodes = fitted_basis(np.arange(NODES) - CENTRE, frequency * step)
     weights = np.linalg.solve(nodes, fitted_basis(np.array([3.0 + place - CENTRE]), frequency * step))[:, 0]
-    moved = np.convolve(series, weights[::-1], mode="valid")  # moved[k] belongs to sample k + 3 and a part
-    out = np.full(series.size, np.nan)
-    first = 3 - whole  # where moved[0] goes
-    begin, end = max(first, 0), min(first + moved.size, series.size)
-    out[begin:end] = moved[begin - first : end - first]
+    out = room(series.size)
+    before = 3 - whole  # sample k comes from the eight from k - before on
+    for part in portions(series.size, series, out):
+        first, last = max(part.start - before, 0), min(part.stop - before, series.size - NODES + 1)
+        out[part] = np.nan
+        if first < last:
+            moved = np.convolve(series[first : last + NODES - 1], weights[::-1], mode="valid")
+            out[first + before : last + before] = moved
     return out

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.arrays import readings
 from pipeline.prepared import Prepared
 from pipeline.projection.sampling import linear_fit
-from pipeline.sensors.departures import DELAY, GAIN, Departures, fit_departures, probes
+from pipeline.sensors.departures import DELAY, GAIN, Departures, fit_departures
 from pipeline.sensors.models import Fitted, linear, nonlinear
 
 SIGNIFICANT = 4.0  # sigmas
@@ -43,7 +44,7 @@ class State:
     @property
     def left(self) -> float:
         """1-sigma residual beside the departures, rad."""
-        count = np.isfinite(self.fitted.residual).sum()
+        count = readings(self.fitted.residual)
         return self.fitted.noise * float(np.sqrt(max(1.0 - self.found.explained / count, 1e-30)))
 
 
@@ -53,8 +54,7 @@ def fit(prepared: Prepared, fitted: Fitted, wanted: list[int]) -> Departures:
     noise = prepared.noise_theta if np.isfinite(prepared.noise_theta) else (seen.sigma_theta or fitted.noise)
     found = fit_departures(
         fitted.residual,
-        fitted.tangents,
-        probes(fitted.model, max(wanted) + 1),
+        fitted.rows,
         wanted,
         (fitted.noise, noise * fitted.places.thinness),
         (fitted.eigenvalue, fitted.places.step, 1.0 - seen.frequency_ratio**-2),

@@ -168,9 +168,9 @@ def test_moments_are_the_plain_gram_matrix(count: int, limit: float) -> None:
     starts = np.minimum(np.arange(-(-count // block) + 1) * block, count - 1)
     slopes = random.normal(size=(starts.size, 2)) + 1j * random.normal(size=(starts.size, 2))
     amounts = np.array([0.1, -0.2, 0.05, 0.0, 0.0, 0.03, -0.02])
-    gram, out = np.empty((kernels.COLUMNS, kernels.COLUMNS)), np.empty(count)
+    gram, out = np.zeros((kernels.COLUMNS, kernels.COLUMNS)), np.empty(count)
     lam = complex(-decay, frequency)
-    beyond = kernels.moments(difference, response, slopes, step, block, lam, amounts, limit, out, gram)
+    beyond = kernels.moments(difference, response, slopes, step, block, lam, amounts, limit, 0, count, out, gram)
     t = np.arange(count) * step
     wave = np.exp(lam * t)
     x = np.linspace(-1.0, 1.0, count)

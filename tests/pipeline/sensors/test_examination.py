@@ -19,7 +19,7 @@ from pipeline.observation import Observation, observe
 from pipeline.prepared import prepare
 from pipeline.projection.sampling import linear_fit
 from pipeline.reduction import reduce_by
-from pipeline.sensors.departures import DELAY, GAIN, fit_departures, probes
+from pipeline.sensors.departures import DELAY, GAIN, fit_departures
 from pipeline.sensors.examination import Examination, examine
 from pipeline.sensors.models import linear
 from pipeline.sensors.places import Places
@@ -182,8 +182,8 @@ def test_a_delay_is_found_however_the_record_was_read(at: str, noise: float) -> 
 def test_a_grid_at_uneven_times_and_back() -> None:
     places = Places.of(prepare(seen_otherwise("uneven", 0.0)))
     swing = np.cos(PAIR.frequency[1] * np.arange(places.theta.size) * places.step)
-    assert np.abs(places.at_rows(swing) - np.cos(PAIR.frequency[1] * places.time)).max() < 1e-9
-    row = np.random.default_rng(1).normal(size=places.time.size)
+    assert np.abs(places.at_rows(swing) - np.cos(PAIR.frequency[1] * places.time(places.parts[0]))).max() < 1e-9
+    row = np.random.default_rng(1).normal(size=places.time(places.parts[0]).size)
     assert places.spread(row).sum() == pytest.approx(row.sum())
 
 
@@ -239,8 +239,7 @@ def test_sigmas_of_delay_and_gain_are_their_scatter() -> None:
         apart = 1.0 - prepared.observation.frequency_ratio**-2
         found = fit_departures(
             fitted.residual,
-            fitted.tangents,
-            probes(fitted.model, 2),
+            fitted.rows,
             [DELAY, GAIN],
             noise,
             (fitted.eigenvalue, STEP, apart),

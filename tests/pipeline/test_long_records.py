@@ -1,0 +1,124 @@
+"""Long records: portions and scratch files change no number, and memory does not grow with the record."""
+
+from __future__ import annotations
+
+import tracemalloc
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from made_records import simulate
+
+from data_schemas import scratch
+from pipeline import METHODS, process
+from pipeline.observation import observe
+from pipeline.prepared import prepare
+from pipeline.projection.sampling import linear_fit
+from pipeline.projection.solve import UniformProblem
+
+RECORDS: dict[str, dict[str, Any]] = {
+    "whole": {},
+    "uneven lengths": {"duration": 217.3, "noise": 1e-5},
+    "gaps": {"noise": 1e-5, "missing": [[60.0, 61.2], [99.5, 100.6], [180.0, 180.4]], "missing_samples": 9},
+    "wild readings": {"noise": 1e-5, "outliers": 12, "outlier_amplitude": 0.02},
+    "absent samples": {"noise": 1e-5, "drop_fraction": 0.01},
+    "damping not stated": {"noise": 1e-5, "write_damping": False, "damping": (2e-5, 2e-5)},
+    "two pendulums": {
+        "noise": 1e-5,
+        "traces": [{"name": "a", "combination": {"1": 1}}, {"name": "b", "combination": {"2": 1}}],
+    },
+    "late": {"noise": 1e-5, "missing": [[0.0, 1.3]]},
+}
+TOLD_BY_SENSORS = {"first_trace_delay_sigma_s", "first_trace_gain_error_sigma"}
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a minute is a portion, and more is long."""
+    monkeypatch.setattr(scratch, "PORTION", 300)
+    monkeypatch.setattr(scratch, "LONG", 300)
+
+
+def numbers(result: xr.DataTree) -> dict[str, np.ndarray]:
+    """Every number of a result but the times it took."""
+    found = {
+        f"{node.path}/{name}": np.asarray(values)
+        for node in result.subtree
+        for name, values in node.to_dataset(inherit=False).variables.items()
+        if values.dtype.kind in "fiu" and name != "elapsed"
+    }
+    return found | {name: np.asarray(result.attrs[name]) for name in TOLD_BY_SENSORS}
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_portions_change_no_number(name: str, short: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sums over blocks are the same wherever portions begin; what is told of the sensors is a sum over portions."""
+    record, _ = simulate(**RECORDS[name])
+    small = numbers(process(record, method="projection"))
+    monkeypatch.setattr(scratch, "PORTION", 1 << 16)
+    monkeypatch.setattr(scratch, "LONG", 1 << 18)
+    whole = numbers(process(record, method="projection"))
+    assert small.keys() == whole.keys()
+    for key, values in whole.items():
+        # the sigmas come from the inverse of ill-conditioned products, which a last bit of a sum changes by 1e-9
+        tolerance = 1e-6 if key in TOLD_BY_SENSORS else 1e-12
+        assert small[key] == pytest.approx(values, rel=tolerance, abs=1e-18, nan_ok=True), key
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("restoring", ["linear", "sine"])
+def test_where_arrays_lie_changes_no_bit(restoring: str, short: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    record, _ = simulate(noise=1e-5, duration=330.0)
+    record["instrument"].attrs["restoring"] = restoring
+    every = [name for name in METHODS if name != "auto"]
+    in_files = numbers(process(record, method=every))
+    monkeypatch.setattr(scratch, "LONG", 1 << 18)
+    in_memory = numbers(process(record, method=every))
+    assert in_files.keys() == in_memory.keys()
+    for key, values in in_memory.items():
+        assert np.array_equal(in_files[key], values, equal_nan=True), key
+
+
+def test_a_long_record_lies_in_scratch_files_and_stays_as_it_was(short: None) -> None:
+    record, _ = simulate(**RECORDS["gaps"])
+    before = record["record"]["elongation"].values.copy()
+    prepared = prepare(observe(record))
+    fit = linear_fit(prepared)
+    for series in (prepared.observation.time, prepared.whole, fit.residual):
+        assert scratch.mapping(series) is not None
+    assert np.array_equal(record["record"]["elongation"].values, before, equal_nan=True)
+
+
+@pytest.mark.parametrize("count", [300, 301, 899, 900, 901])
+def test_any_portion_of_the_response_can_be_had_again(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scratch, "PORTION", 300)
+    theta = np.random.default_rng(3).normal(size=count)
+    problem = UniformProblem(theta, theta, 0.1, 6.2, 1.001, 1e-5)
+    problem.respond(6.21, 1e-3)
+    forwards = problem.response.copy()
+    for number in reversed(range(len(problem.parts))):
+        assert np.array_equal(problem.part(number), forwards[problem.parts[number]])
+    monkeypatch.setattr(scratch, "PORTION", 1 << 16)
+    whole = UniformProblem(theta, theta, 0.1, 6.2, 1.001, 1e-5)
+    whole.respond(6.21, 1e-3)
+    assert len(whole.parts) == 1
+    assert forwards == pytest.approx(whole.response, rel=1e-13, abs=1e-15)
+
+
+@pytest.mark.compiled
+def test_memory_does_not_grow_with_the_record() -> None:
+    """Of each further sample less than two numbers stay in memory, most of it phases: it was thirty before."""
+
+    def peak(hours: float) -> tuple[int, int]:
+        record, _ = simulate(duration=3600.0 * hours, sampling_rate=25, noise=1e-5)
+        process(record, method="projection")  # libraries and kernels are loaded
+        tracemalloc.start()
+        try:
+            process(record, method="projection")
+            return tracemalloc.get_traced_memory()[1], record["time"].size
+        finally:
+            tracemalloc.stop()
+
+    (small, few), (large, many) = peak(4.0), peak(8.0)
+    assert (large - small) / (many - few) < 16.0

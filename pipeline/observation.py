@@ -174,12 +174,12 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     )
 
 
-<<<<<<< HEAD
 def _time_rate_sigma(record: DataTree) -> float:
     """What a film's reader says of it; 0 where nothing is said that can be meant."""
     said = record["film"].attrs.get("time_rate_sigma", 0.0) if "film" in record.children else 0.0
     return float(said) if isinstance(said, (float, np.floating)) and 0.0 <= said < MOST_TIME_RATE else 0.0
-=======
+
+
 def span(series: Floats) -> slice:
     """From the first value of a series that is there to behind the last; empty where there is none.
 
@@ -195,7 +195,6 @@ def span(series: Floats) -> slice:
             first = part.start + int(known[0]) if first < 0 else first
             last = part.start + int(known[-1])
     return slice(max(first, 0), last + 1)
->>>>>>> long-records
 
 
 def _bridged(time: Floats, vertical: Floats) -> Floats | None:

@@ -70,14 +70,17 @@ def passes_zero(amplitude: Floats) -> bool:
     return bool(present.size and present.min() < LEAST_AMPLITUDE * present.max())
 
 
+_UNKNOWN = (
+    "correction: known at no instant, as the first pendulum's swing cannot be told from so few readings; "
+    "use the method 'projection' or 'shooting'"
+)
+
+
 def integrate(speed: Floats, hop: float) -> Floats:
     """Integrated correction; its own missing instants are bridged linearly (it is an input, not the difference)."""
     present = np.isfinite(speed)
     if not present.any():
-        raise RefusedError(
-            "correction: known at no instant, as the first pendulum's swing cannot be told from so few readings; "
-            "use the method 'projection' or 'shooting'"
-        )
+        raise RefusedError(_UNKNOWN)
     where = np.arange(speed.size)
     whole = np.interp(where, where[present], speed[present])
     return np.asarray(running_integral(whole.astype(np.complex128), hop).real)
@@ -113,6 +116,8 @@ def corrected(
     if shift is not None and gained is not None:
         shift = shift + gained
     residual = (found.phase if shift is None else found.phase - shift)[present]
+    if not np.isfinite(residual).all():
+        raise RefusedError(_UNKNOWN)
     slant = float(lever @ residual)
     oscillation = envelope.carrier + slant
     arc = 0.0 if finite_arc is None else float(lever @ integrate(finite_arc, envelope.hop)[present])

@@ -157,3 +157,12 @@ def test_times_that_run_unevenly_look_like_heave_and_are_told_from_it() -> None:
     assert sigma == pytest.approx(np.hypot(alone, 0.6 * taken_for_heave), rel=0.1)
     still, _, _ = error(replace(seen, time_rate_sigma=1e-3))
     assert abs(still) < 1e-3  # where nothing looks like heave nothing is taken off
+
+
+def test_general_declines_where_the_slow_motion_is_known_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    prepared = prepare(observe(120.0, 0.04, heave=False))
+    monkeypatch.setattr(
+        type(prepared.slow_motion), "phase", lambda self, gamma, frequency, time: np.full(time.size, np.nan)
+    )
+    with pytest.raises(RefusedError, match="correction: known at no instant"):
+        method("general")(prepared)

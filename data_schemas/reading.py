@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
@@ -32,6 +33,7 @@ NumbersReader = Callable[[h5d.DatasetID, str], "NDArray[Any]"]
 """Reads an array of numbers, given with its ``group/name``."""
 
 # what h5py raises on a damaged file, by the place where it stumbles
+NO_MEMORY = "takes more memory than this process may have; give it more"
 _DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, SystemError, MemoryError)
 
 
@@ -124,6 +126,8 @@ def opened(
     except FileError as error:
         raise FileError(f"{shown(path, 400)}: {error}") from None
     except _DAMAGE as error:
+        if getattr(error, "errno", None) == errno.ENOMEM:
+            raise FileError(f"{shown(path, 400)}: {NO_MEMORY}") from None
         reason = shown(" ".join(str(error).split()), 120)
         raise FileError(
             f"{shown(path, 400)}: cannot be read, it is truncated, damaged or being written ({reason}); restore it"
@@ -145,7 +149,7 @@ def _contents(
         try:
             values = (text if is_text(one.array.id.get_type()) else numbers)(one.array.id, where)
         except MemoryError:
-            raise FileError(f"{where}: takes more memory than this process may have; give it more") from None
+            raise FileError(f"{where}: {NO_MEMORY}") from None
         except _DAMAGE as error:
             reason = shown(" ".join(str(error).split()), 120)
             raise FileError(f"{where}: its values are damaged ({reason}); restore the file") from error

@@ -16,7 +16,7 @@ from pipeline.film.film_scale import rows_per_second
 from pipeline.film.instrument import instrument_of
 from pipeline.film.knowledge import Known, default_traces
 from pipeline.film.matching import match
-from pipeline.film.parts import Floats
+from pipeline.film.parts import Floats, TimeAxis
 from pipeline.film.reading import Reading, accepted_fraction
 from pipeline.film.scan.files import sha256
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _DEFAULT_START = "2000-01-01T00:00:00Z"
+_ALIKE = 2.0  # s over which errors of the times are alike: the smoother's reach
 
 
 def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
@@ -138,7 +139,6 @@ def _film(reading: Reading, known: Known, traces: Sequence[DescribedTrace], leve
 def findings(reading: Reading) -> dict[str, Any]:
     """What a reader of the record should know of the reading, as attributes of /film."""
     axis = reading.axis
-    timed = np.isfinite(axis.seconds)
     found: dict[str, Any] = {
         "reading": reading.kind,
         "elongation_zero": "mean place of each trace on the film; its place under the vertical is not known",
@@ -146,7 +146,7 @@ def findings(reading: Reading) -> dict[str, Any]:
         "marks_found": int(axis.index.size),
         "skew": float(np.degrees(np.arctan(axis.shear))),
         "trace_offset": axis.offset * reading.scale,
-        "time_sigma": float(np.sqrt(np.mean(axis.seconds_sigma[timed] ** 2))) if timed.any() else float("nan"),
+        "time_sigma": time_sigma(axis),
         # at the marks the times are exact
         "time_rate_sigma": 0.0 if reading.kind == "strobe" else axis.rate_sigma,
         "flags": ", ".join(flags(reading)),
@@ -169,7 +169,21 @@ def flags(reading: Reading) -> list[str]:
 
 def _rate_uncertainty(reading: Reading) -> float | None:
     """By how much the film's time axis may run wrong, s a day; None at the marks alone, whose times are exact."""
-    if reading.kind == "strobe" or reading.difference is None:
+    if reading.kind == "strobe":
         return None
-    relative = clock_uncertainty(reading.difference, reading.tracks.rows_per_swing / rows_per_second(reading.axis))
-    return None if relative is None else 86400.0 * relative
+    relative = None
+    if reading.difference is not None:
+        relative = clock_uncertainty(reading.difference, reading.tracks.rows_per_swing / rows_per_second(reading.axis))
+    return 86400.0 * (_short_rate(reading.axis) if relative is None else relative)
+
+
+def _short_rate(axis: TimeAxis) -> float:
+    """Relative 1 sigma of the rate of a film too short to tell it: of a line through times alike for seconds."""
+    length = float(np.nanmax(axis.seconds) - np.nanmin(axis.seconds))
+    return time_sigma(axis) * float(np.sqrt(12.0 * _ALIKE / length)) / length
+
+
+def time_sigma(axis: TimeAxis) -> float:
+    """R.m.s. of the stated uncertainty of the rows' times, s; NaN where no row has a time."""
+    timed = np.isfinite(axis.seconds)
+    return float(np.sqrt(np.mean(axis.seconds_sigma[timed] ** 2))) if timed.any() else float("nan")

@@ -146,7 +146,8 @@ def test_a_bomb_gets_half_of_the_machine_at_most(small, out, tmp_path, monkeypat
     monkeypatch.setattr(limits.os, "sysconf", lambda name: (1 << 30) // 4096 if name == "SC_PHYS_PAGES" else real(name))
     outcome = process_record(path, config_of(out, "a", memory=512 << 20))
     assert outcome.error_class == "FileError"
-    assert "record/bomb: takes more memory than this process may have; give it more" in outcome.error
+    # of the array, or already of the file where this process is a large one
+    assert outcome.error.endswith(": takes more memory than this process may have; give it more")
 
 
 def test_where_memory_cannot_be_limited_it_is_not(small, out, monkeypatch, tmp_path):

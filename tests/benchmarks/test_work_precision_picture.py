@@ -64,7 +64,7 @@ def test_the_suite_writes_what_it_yields(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(integrators, "problems", lambda *, quick: {"a problem": problem})
     monkeypatch.setattr(integrators, "reference", lambda given: SimpleNamespace(source="nothing"))
     monkeypatch.setattr(integrators, "sweep", lambda *given, **words: points())
-    monkeypatch.setattr(integrators, "rows", lambda *given, **words: [each.row("nothing", 0.0) for each in points()])
+    monkeypatch.setattr(integrators, "compiled", lambda *given: {})
     monkeypatch.setattr(ensemble_race, "race", lambda *, quick: ("many", "nothing", points()))
     monkeypatch.setattr(growth, "grown", lambda *, quick: iter(grown()))
     monkeypatch.setattr(

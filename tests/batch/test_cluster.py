@@ -18,6 +18,8 @@ from data_schemas.errors import UsageError
 from pipeline.batch.executors.cluster import clustered
 from pipeline.batch.executors.serial import serial
 
+distributed = pytest.importorskip("distributed")  # before any test could have changed what is imported
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -55,7 +57,7 @@ def lost(*_):
 @pytest.mark.compiled
 def test_a_local_cluster(small, tmp_path, out, monkeypatch):
     """In threads: what is in these processes is seen by coverage; faults of the cluster's own are outcomes too."""
-    LocalCluster = pytest.importorskip("distributed").LocalCluster
+    LocalCluster = distributed.LocalCluster
     settings = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
     with LocalCluster(**settings, local_directory=str(tmp_path / "dask")) as cluster:
         check(cluster.scheduler_address, small, tmp_path, out, ["good", "crash", "good", "good", "good"])
@@ -96,7 +98,6 @@ def test_scheduler_and_workers_of_their_own_on_the_loopback(small, tmp_path, out
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x"])
 def test_a_scheduler_that_does_not_answer_is_told(small, out, address):
-    pytest.importorskip("distributed")
     with pytest.raises(UsageError, match=f"--scheduler {address}: no scheduler answers"):
         next(clustered([(small, config_of(out, "a"))], address=address, methods=METHODS, timeout=5.0))
 

@@ -33,7 +33,6 @@ NumbersReader = Callable[[h5d.DatasetID, str], "NDArray[Any]"]
 """Reads an array of numbers, given with its ``group/name``."""
 
 # what h5py raises on a damaged file, by the place where it stumbles
-NO_MEMORY = "takes more memory than this process may have; give it more"
 _DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, SystemError, MemoryError)
 
 
@@ -126,12 +125,15 @@ def opened(
     except FileError as error:
         raise FileError(f"{shown(path, 400)}: {error}") from None
     except _DAMAGE as error:
-        if getattr(error, "errno", None) == errno.ENOMEM:
-            raise FileError(f"{shown(path, 400)}: {NO_MEMORY}") from None
-        reason = shown(" ".join(str(error).split()), 120)
-        raise FileError(
-            f"{shown(path, 400)}: cannot be read, it is truncated, damaged or being written ({reason}); restore it"
-        ) from error
+        damage = "cannot be read, it is truncated, damaged or being written ({}); restore it"
+        raise FileError(f"{shown(path, 400)}: {_told(error, damage)}") from error
+
+
+def _told(error: Exception, damage: str) -> str:
+    """What stopped the reading: a lack of memory, or the given words of damage with the reason put in."""
+    if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
+        return "takes more memory than this process may have; give it more"
+    return damage.format(shown(" ".join(str(error).split()), 120))
 
 
 def _contents(
@@ -148,11 +150,8 @@ def _contents(
             raise FileError(f"{where}: is there twice; keep one")
         try:
             values = (text if is_text(one.array.id.get_type()) else numbers)(one.array.id, where)
-        except MemoryError:
-            raise FileError(f"{where}: {NO_MEMORY}") from None
         except _DAMAGE as error:
-            reason = shown(" ".join(str(error).split()), 120)
-            raise FileError(f"{where}: its values are damaged ({reason}); restore the file") from error
+            raise FileError(f"{where}: {_told(error, 'its values are damaged ({}); restore the file')}") from error
         variables[one.name] = Entry(one.dims, values, _attributes(one.array, where, found))
     return contents
 

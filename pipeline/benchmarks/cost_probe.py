@@ -12,7 +12,6 @@ from typing import Any
 
 def main(scene_json: str, repeats: str) -> None:
     """Print one JSON object: seconds of the first run, of a warm run, modules loaded, and what the truth says."""
-    sys.modules["dask"] = None  # type: ignore[assignment]  # xarray imports it wherever it is; we must not
     before = set(sys.modules)
     from data_schemas.scene import Scene
 
@@ -42,4 +41,5 @@ def _timed(call: Callable[[], Any]) -> tuple[float, Any]:
 
 
 if __name__ == "__main__":
+    sys.modules["dask"] = None  # type: ignore[assignment]  # xarray imports it wherever it is; we must not
     main(*sys.argv[1:])

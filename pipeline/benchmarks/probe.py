@@ -9,7 +9,6 @@ import time
 
 def main(path: str, methods: str) -> None:
     """Print one JSON object: seconds of each stage, and the modules loaded by them; methods are parted by commas."""
-    sys.modules["dask"] = None  # type: ignore[assignment]  # xarray imports it wherever it is; we must not
     before = set(sys.modules)
     stages = {}
     started = time.perf_counter()
@@ -32,4 +31,5 @@ def main(path: str, methods: str) -> None:
 
 
 if __name__ == "__main__":
+    sys.modules["dask"] = None  # type: ignore[assignment]  # xarray imports it wherever it is; we must not
     main(*sys.argv[1:])

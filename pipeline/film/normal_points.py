@@ -131,12 +131,12 @@ def course_at(tracks: Tracks, axis: TimeAxis, trace: int, seconds: Floats, insta
     row = np.interp(instants, ordered, timed + 0.5, left=np.nan, right=np.nan)
     # Shear makes time curved within a row: one step of Newton after the straight line.
     speed = np.interp(instants, 0.5 * (ordered[1:] + ordered[:-1]), np.diff(timed) / np.maximum(np.diff(ordered), 1e-9))
-    row += speed * (instants - time_at(axis, trace, row, _between_rows(tracks, trace, row)))
-    return _between_rows(tracks, trace, row)
+    row += speed * (instants - time_at(axis, trace, row, between_rows(tracks, trace, row)))
+    return between_rows(tracks, trace, row)
 
 
-def _between_rows(tracks: Tracks, trace: int, row: Floats) -> Floats:
-    """Course at any places along the film: Hermite's quintic between the centres of two rows."""
+def between_rows(tracks: Tracks, trace: int, row: Floats) -> Floats:
+    """Course at any places along the film, px, or NaN: Hermite's quintic between the centres of two rows."""
     place = row - 0.5
     low = np.clip(np.floor(np.nan_to_num(place)).astype(np.int64), 0, tracks.course.shape[1] - 2)
     u = place - low

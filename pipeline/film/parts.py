@@ -178,7 +178,7 @@ class TimeAxis:
     seconds: Floats
     seconds_sigma: Floats
     flags: tuple[str, ...]
-    rate_sigma: float = 0.0
+    rate_sigma: float
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from pipeline.benchmarks import (
     scenes,
 )
 from pipeline.benchmarks.corrections_points import FACTORS, MAP, Place, Point, places, scene
-from pipeline.benchmarks.kept import Kept, sources
+from pipeline.benchmarks.kept import Kept
 from pipeline.methods import METHODS
 
 TINY = Point(length=30.0, sampling="10 Hz", arc=0.02, first_arc=0.06)
@@ -119,36 +119,6 @@ def test_refusals_are_rows_and_the_summary_counts_them() -> None:
         "declined": 1, "records": 3,
     }  # fmt: skip
     assert math.isnan(found["shooting"]["median_ms"])
-
-
-def test_kept_points_are_found_by_what_they_are_and_by_what_made_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made = [{"method": "general", "error_mgal": math.nan}]
-    Kept(tmp_path).put({"noise": 1.0}, made)
-    found = Kept(tmp_path).get({"noise": 1.0})
-    assert found is not None
-    assert math.isnan(found[0]["error_mgal"])
-    assert Kept(tmp_path).get({"noise": 2.0}) is None
-    (path,) = (tmp_path / "points").iterdir()  # nothing half-written beside it
-    monkeypatch.setattr("pipeline.benchmarks.kept.sources", lambda: "other code")
-    assert Kept(tmp_path).get({"noise": 1.0}) is None
-    monkeypatch.undo()
-    path.write_text(path.read_text()[:-20])
-    assert Kept(tmp_path).get({"noise": 1.0}) is None
-
-
-def test_without_a_folder_points_last_as_long_as_the_run() -> None:
-    kept = Kept(None)
-    kept.put({"noise": 1.0}, [{"method": "general"}])
-    assert kept.get({"noise": 1.0}) == [{"method": "general"}]
-    assert kept.get({"noise": 2.0}) is None
-    assert Kept(None).get({"noise": 1.0}) is None
-
-
-def test_sources_are_those_that_compute() -> None:
-    assert len(sources()) == 64
-    assert sources() == sources.__wrapped__()
 
 
 @pytest.fixture

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pytest
@@ -125,3 +128,27 @@ def test_a_longer_file_is_the_same_or_refused(tmp_path, record):
     write(record, path)
     path.write_bytes(path.read_bytes() + b"tail")
     _same_or_refused(path, record)
+
+
+def test_a_file_that_may_not_be_read_is_told(tmp_path, monkeypatch):
+    (tmp_path / "file.nc").write_bytes(b"x")
+
+    def refused(*_args, **_options):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refused)
+    with pytest.raises(FileError, match=r"file\.nc: Permission denied; make the file readable"):
+        read(tmp_path / "file.nc")
+
+
+@pytest.mark.parametrize("error", [MemoryError(), OSError(errno.ENOMEM, "Cannot allocate memory")])
+@pytest.mark.parametrize("where", ["survey", "room"])
+def test_a_lack_of_memory_is_no_damage(tmp_path, record, monkeypatch, error, where):
+    write(record, tmp_path / "file.nc")
+
+    def full(*_args, **_options):
+        raise error
+
+    monkeypatch.setattr(f"data_schemas.reading.{where}", full)
+    with pytest.raises(FileError, match="takes more memory than this process may have; give it more"):
+        read(tmp_path / "file.nc")

@@ -390,14 +390,3 @@ def test_a_name_that_is_there_twice_is_refused(tmp_path):
         file["a"], file["_nc4_non_coord_a"] = [1.0], [2.0]
     with pytest.raises(FileError, match="a: is there twice; keep one"):
         read(path)
-
-
-def test_a_file_that_may_not_be_read_is_told(tmp_path, monkeypatch):
-    (tmp_path / "file.nc").write_bytes(b"x")
-
-    def refused(*_args, **_options):
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(Path, "open", refused)
-    with pytest.raises(FileError, match=r"file\.nc: Permission denied; make the file readable"):
-        read(tmp_path / "file.nc")

@@ -142,7 +142,6 @@ def _axis(
 
 def rate_sigma(found: Drive) -> float:
     """R.m.s. of the smoother's error of the paper's speed, relative."""
-    assert found.speed_sigma is not None
     return float(np.sqrt(np.mean((found.speed_sigma / np.maximum(found.speed, 1e-9)) ** 2)))
 
 

@@ -47,14 +47,12 @@ class Drive:
         Circular frequency, rad s-1, amplitude, px, and coherence, s, of lines of wow.
     row, speed, acceleration : (marks,) arrays
         At every mark from the first to the last, px, px s-1, px s-2.
-    row_sigma : (marks,) array
-        1 sigma of the row, px.
+    row_sigma, speed_sigma : (marks,) arrays
+        1 sigma of row and speed, px, px s-1.
     used : (traces, marks) array of bool
         Which of the measured rows were believed.
     likelihood : float
         -2 log likelihood.
-    speed_sigma : (marks,) array or None
-        1 sigma of the speed, px s-1.
     """
 
     step: float
@@ -66,9 +64,9 @@ class Drive:
     speed: Floats
     acceleration: Floats
     row_sigma: Floats
+    speed_sigma: Floats
     used: NDArray[np.bool_]
     likelihood: float
-    speed_sigma: Floats | None = None
 
 
 def drive(rows: Floats, sigma: Floats, step: float, before: Drive | None = None) -> Drive:
@@ -196,9 +194,9 @@ def run_drive(
         state @ runs,
         acceleration,
         np.sqrt(np.maximum(row_variance, 0.0)),
+        np.sqrt(np.maximum(speed_variance, 0.0)),
         used,
         likelihood,
-        np.sqrt(np.maximum(speed_variance, 0.0)),
     )
 
 

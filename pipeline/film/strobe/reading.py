@@ -14,6 +14,7 @@ from pipeline.film.marks.closing import learned_width
 from pipeline.film.marks.gaps import Gaps
 from pipeline.film.marks.pieces import pieces
 from pipeline.film.marks.search import CERTAIN, DEEPEST, LATERAL, LEAST_DEPTH, MOST_MISFIT, fitted
+from pipeline.film.normal_points import between_rows
 from pipeline.film.parts import Emulsion, Floats, Scan, Strobe, TimeAxis, Tracks
 
 GAP, AMBIGUOUS, LOST, OVERLAP = 1, 16, 32, 64  # of the record's flags
@@ -21,10 +22,8 @@ WIDTH_PRIOR = 0.06  # of the gap's width, 1 sigma
 BEND = 0.07  # px, 1 sigma of the course's error across the line that is no shift: it tells where the line is flat
 DENSE_LATERAL = 1.0  # px, 1 sigma of the course of a dense band across the line: a gap in a turning point shortens it
 UNTOLD_BEND = 3.0  # px, the same of a dense band, where nothing tells it
-STEEP, LEAST_STEEP = (
-    10.0,
-    12,
-)  # slope of strokes, and number of gaps on them, that tell how good a dense band's course is
+STEEP = 10.0  # slope of the strokes that tell how good a dense band's course is
+LEAST_STEEP = 12  # gaps on such strokes for them to tell it
 AT_TURNS = 1.0  # times the error of a dense band on steep strokes is that in its turning points
 CROSSING = 6.0  # spots across the lines, within which another trace may hide a gap
 FLOOR = 0.06  # px along the film, of courses that are a little wrong
@@ -131,18 +130,9 @@ def bends(tracks: Tracks, gaps: Gaps) -> Floats:
         steep = gaps.pick((gaps.trace == trace) & (np.abs(gaps.slope) > STEEP))
         if steep.size < LEAST_STEEP:
             continue
-        away = steep.column - between_rows(tracks.course[trace], tracks.slope[trace], steep.row)
+        away = steep.column - between_rows(tracks, trace, steep.row)
         out[trace] = max(BEND, AT_TURNS * 1.4826 * float(np.nanmedian(np.abs(away))))
     return out
-
-
-def between_rows(course: Floats, slope: Floats, row: Floats) -> Floats:
-    """Column of a curve at places between the rows' centres, by their slopes; NaN where it is not known."""
-    low = np.clip(np.floor(row - 0.5).astype(np.int64), 0, course.size - 2)
-    x = row - 0.5 - low
-    rise = course[low + 1] - course[low]
-    square, cube = 3.0 * rise - 2.0 * slope[low] - slope[low + 1], slope[low] + slope[low + 1] - 2.0 * rise
-    return np.asarray(course[low] + x * (slope[low] + x * (square + x * cube)))
 
 
 def _crossed(tracks: Tracks, trace: NDArray[np.int64], row: Floats) -> NDArray[np.bool_]:

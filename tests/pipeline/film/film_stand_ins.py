@@ -71,6 +71,7 @@ def reading(
         seconds=t,
         seconds_sigma=np.full(count, 1e-4),
         flags=("marks-false",),
+        rate_sigma=0.0,
     )
     places = columns(index * INTERVAL - strobe_late) + noise * rng.standard_normal((2, index.size))
     strobe = Strobe(index, places, np.full(places.shape, noise or 0.1), np.zeros(places.shape, dtype=np.uint16))

@@ -19,7 +19,7 @@ from pipeline.film.strobe.dense_blending import blended, joined, values
 from pipeline.film.strobe.dense_kernels import CUBIC, SIZE
 from pipeline.film.strobe.dense_start import basis, first_shapes, light_of
 from pipeline.film.strobe.dense_survey import Band, Survey, bands, survey, voted
-from pipeline.film.strobe.reading import AT_TURNS, BEND, UNTOLD_BEND, bends, between_rows
+from pipeline.film.strobe.reading import AT_TURNS, BEND, UNTOLD_BEND, bends
 from pipeline.film.strobe.saturated import Saturated, saturation
 
 PERIOD, LEAST = 17.9, 0.002
@@ -178,12 +178,6 @@ def test_what_a_dense_course_may_err_by_in_turning_points_is_told_on_its_strokes
     assert bends(*strokes(2.0, True)) == pytest.approx([BEND])  # read in rows, too
     tracks, gaps = strokes(2.0, False)
     assert bends(tracks, gaps.pick(np.arange(3))) == pytest.approx([UNTOLD_BEND])
-
-
-def test_a_curve_between_rows_is_a_cubic() -> None:
-    row = np.arange(20) + 0.5
-    x = np.array([3.2, 7.9, 15.5])
-    np.testing.assert_allclose(between_rows(0.1 * row**3, 0.3 * row**2, x), 0.1 * x**3, rtol=1e-12)
 
 
 def test_saturation_is_where_the_grain_hides_the_exposure() -> None:

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pipeline.film.normal_points import normal_points
+from pipeline.film.normal_points import between_rows, normal_points
 from pipeline.film.parts import TimeAxis, Tracks
 from pipeline.film.row_times import row_times
 
@@ -64,6 +64,7 @@ def film(seconds, *, shear=0.0, offset=0.0, course_error=0.0, noise=0.0, seed=0)
         seconds=rows / ROWS_PER_SECOND,
         seconds_sigma=np.zeros(count),
         flags=(),
+        rate_sigma=0.0,
     )
     return tracks, axis
 
@@ -166,3 +167,13 @@ def test_no_time_gives_no_samples():
     empty = normal_points(tracks, dataclasses.replace(axis, seconds=np.full_like(axis.seconds, np.nan)), 25.0)
     assert empty.time.size == 0
     assert empty.column.shape == (2, 0)
+
+
+def test_a_curve_is_a_quintic_between_rows() -> None:
+    tracks, _ = film(2.0)
+    row = np.arange(tracks.course.shape[1]) + 0.5
+    x = np.array([3.2, 7.9, 15.5])
+    curve = {"course": 1e-3 * row**5, "slope": 5e-3 * row**4, "curvature": 2e-2 * row**3}
+    tracks = dataclasses.replace(tracks, **{name: values[None] for name, values in curve.items()})
+    np.testing.assert_allclose(between_rows(tracks, 0, x), 1e-3 * x**5, rtol=1e-10)
+    assert np.isnan(between_rows(tracks, 0, np.array([np.nan]))).all()

@@ -69,7 +69,9 @@ def plain(marks: int, shake: float) -> Drive:
     one = np.ones(marks)
     used = np.ones((2, marks), dtype=bool)
     row = 10.0 + 29.5 * np.arange(marks)
-    return Drive(STEP, -12.0, float(np.log(shake)), 0.02, (), row, 59.0 * one, 0.0 * one, 0.01 * one, used, 0.0)
+    return Drive(
+        STEP, -12.0, float(np.log(shake)), 0.02, (), row, 59.0 * one, 0.0 * one, 0.01 * one, 0.1 * one, used, 0.0
+    )
 
 
 def test_between_marks_a_rough_drive_is_less_sure() -> None:

@@ -94,8 +94,8 @@ def read_film(
     """
     from pipeline.film.strobe.reading import read_at_marks
 
-    scan, emulsion, tracks, axis = _read_time(scan, known, reading, progress)
-    strobe = read_at_marks(scan, emulsion, tracks, axis)
+    scan, emulsion, tracks, axis = _read_time(scan, known, reading, jobs, progress)
+    strobe = read_at_marks(scan, emulsion, tracks, axis, jobs)
     scale, note = film_scale(scan.scale, known.speed, axis)
     notes = [*scan.notes, *([note] if note else []), *_speed_notes(axis, scale, known.speed)]
     kind = _choose(reading, tracks, axis)
@@ -125,7 +125,7 @@ def ways_to_follow(reading: str, speed: float | None) -> tuple[bool, ...]:
 
 
 def _read_time(
-    scan: OpenScan, known: Known, reading: str, progress: Progress | None
+    scan: OpenScan, known: Known, reading: str, jobs: int, progress: Progress | None
 ) -> tuple[OpenScan, Emulsion, Tracks, TimeAxis]:
     """The film turned the right way, its emulsion, traces and time."""
     from pipeline.film.emulsion.measure import measure_emulsion
@@ -142,9 +142,9 @@ def _read_time(
         if dense:
             tracks = dense_tracks(scan, emulsion, expected)
             sure = Saturated.of(emulsion)
-            return scan, sure, tracks, time_axis(scan, sure, tracks, marking)
-        tracks = track(scan, emulsion, expected=expected, progress=_stage(progress, "traces"))
-        return scan, emulsion, tracks, time_axis(scan, emulsion, tracks, marking)
+            return scan, sure, tracks, time_axis(scan, sure, tracks, marking, jobs)
+        tracks = track(scan, emulsion, expected=expected, jobs=jobs, progress=_stage(progress, "traces"))
+        return scan, emulsion, tracks, time_axis(scan, emulsion, tracks, marking, jobs)
 
     faults = []
     for dense in ways_to_follow(reading, marking.speed):

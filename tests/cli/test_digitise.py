@@ -58,6 +58,13 @@ def test_a_film_becomes_a_record_that_gives_gravity(run, film, tmp_path):
 
 
 @pytest.mark.compiled
+def test_several_cores_read_the_same_record(film):
+    from pipeline.film.digitise import digitise
+
+    assert digitise(film, jobs=2).identical(digitise(film))
+
+
+@pytest.mark.compiled
 def test_light_lines_on_a_png_across_the_page_are_the_same_film(run, film, tmp_path):
     from PIL import Image
 

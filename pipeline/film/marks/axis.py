@@ -39,8 +39,8 @@ class Counted:
     spacing: float
 
 
-def time_axis(scan: Scan, emulsion: Emulsion, tracks: Tracks, marking: Marking) -> TimeAxis:
-    """When each row of a film was exposed.
+def time_axis(scan: Scan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1) -> TimeAxis:
+    """When each row of a film was exposed; `jobs` threads may work.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def time_axis(scan: Scan, emulsion: Emulsion, tracks: Tracks, marking: Marking) 
         width = marking.gap * marking.speed
     else:
         width = learned_width(scan, emulsion, tracks)
-    gaps = find_gaps(scan, emulsion, tracks, width)
+    gaps = find_gaps(scan, emulsion, tracks, width, jobs)
     return axis_of(gaps, tracks, marking, width, scan.rows)
 
 

@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.film.in_order import in_order
 from pipeline.film.parts import Emulsion, Floats, Scan
+
+Result = TypeVar("Result")
 
 ROWS = 1024  # of a piece
 MARGIN = 24  # rows read on either side, so that a gap at a seam is seen whole
 LIGHTEST, GRAIN_STEPS = 2.5, 320  # exposure up to which the grain is tabulated
 
 
-def pieces(scan: Scan, emulsion: Emulsion) -> Iterator[tuple[int, int, int, NDArray[np.float32]]]:
-    """Rows `begin` to `stop` one after the other: (begin, stop, first row of the exposure, exposure with margins)."""
-    for begin in range(0, scan.rows, ROWS):
+def over_pieces(
+    scan: Scan, emulsion: Emulsion, work: Callable[[int, int, int, NDArray[np.float32]], Result], jobs: int
+) -> list[Result]:
+    """What `work` makes of each piece in its order: rows `begin` to `stop`, first row of the exposure, exposure."""
+
+    def one(begin: int) -> Result:
         stop = min(begin + ROWS, scan.rows)
         first = max(begin - MARGIN, 0)
-        yield begin, stop, first, exposed(scan, emulsion, first, min(stop + MARGIN, scan.rows))
+        return work(begin, stop, first, exposed(scan, emulsion, first, min(stop + MARGIN, scan.rows)))
+
+    return list(in_order(one, range(0, scan.rows, ROWS), jobs))
 
 
 def exposed(scan: Scan, emulsion: Emulsion, first: int, stop: int) -> NDArray[np.float32]:

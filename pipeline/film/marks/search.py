@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pipeline.film.marks.curve_kernels import brightness_along
 from pipeline.film.marks.gap_kernels import RESULTS, fit_gaps
 from pipeline.film.marks.gaps import Gaps
-from pipeline.film.marks.pieces import MARGIN, grain, pieces
+from pipeline.film.marks.pieces import MARGIN, grain, over_pieces
 from pipeline.film.parts import Emulsion, Floats, Scan, Tracks
 
 LATERAL = 0.1  # px, 1 sigma of the tracker's course across the line
@@ -35,17 +35,19 @@ def steps_a_row(tracks: Tracks, spot: float) -> int:
     return int(np.clip(np.ceil(steep / (1.3 * spot)), 4, 40))
 
 
-def find_gaps(scan: Scan, emulsion: Emulsion, tracks: Tracks, width: float) -> Gaps:
+def find_gaps(scan: Scan, emulsion: Emulsion, tracks: Tracks, width: float, jobs: int = 1) -> Gaps:
     """All gaps of about `width` rows on all traces, fitted and judged."""
     steps = steps_a_row(tracks, tracks.spot)
-    found = []
-    for begin, stop, first, exposure in pieces(scan, emulsion):
-        traces, guesses = [], []
-        for trace in range(tracks.course.shape[0]):
-            rows = _candidates(exposure, first, begin, stop, tracks, trace, width, steps)
-            guesses.append(rows)
-            traces.append(np.full(rows.size, trace))
-        found.append(fitted(exposure, first, emulsion, tracks, np.concatenate(traces), np.concatenate(guesses), width))
+
+    def of_piece(begin: int, stop: int, first: int, exposure: NDArray[np.float32]) -> tuple[NDArray[np.int64], Floats]:
+        rows = [
+            _candidates(exposure, first, begin, stop, tracks, trace, width, steps)
+            for trace in range(len(tracks.course))
+        ]
+        traces = np.repeat(np.arange(len(rows)), [each.size for each in rows])
+        return traces, fitted(exposure, first, emulsion, tracks, traces, np.concatenate(rows), width)
+
+    found = over_pieces(scan, emulsion, of_piece, jobs)
     which = np.concatenate([each[0] for each in found])
     gaps = Gaps.of(which, np.concatenate([each[1] for each in found]))
     return _judged(gaps, width)
@@ -61,8 +63,8 @@ def fitted(
     width: float | Floats,
     prior: float = WIDTH_PRIOR,
     lateral: float = LATERAL,
-) -> tuple[NDArray[np.int64], Floats]:
-    """Gaps fitted near some rows of some traces of a piece of film: traces, results (gaps, RESULTS)."""
+) -> Floats:
+    """Gaps fitted near some rows of some traces of a piece of film, (gaps, RESULTS)."""
     out = np.empty((guesses.size, RESULTS))
     table, step = grain(emulsion)
     widths = np.broadcast_to(np.asarray(width, dtype=np.float64), guesses.shape).copy()
@@ -71,7 +73,7 @@ def fitted(
         exposure, first, tracks.course, tracks.slope, traces.astype(np.int64), guesses, widths,
         tracks.spot, table, step, lateral, prior, spacing, out,
     )  # fmt: skip
-    return traces, out
+    return out
 
 
 def relative_light(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.film.marks.closing import learned_width
 from pipeline.film.marks.gaps import Gaps
-from pipeline.film.marks.pieces import pieces
+from pipeline.film.marks.pieces import over_pieces
 from pipeline.film.marks.search import CERTAIN, DEEPEST, LATERAL, LEAST_DEPTH, MOST_MISFIT, fitted
 from pipeline.film.normal_points import between_rows
 from pipeline.film.parts import Emulsion, Floats, Scan, Strobe, TimeAxis, Tracks
@@ -30,13 +30,15 @@ FLOOR = 0.06  # px along the film, of courses that are a little wrong
 UNCERTAIN = 0.25  # of the depth, 1 sigma beyond which a gap cannot be told
 
 
-def read_at_marks(scan: Scan, emulsion: Emulsion, tracks: Tracks, axis: TimeAxis) -> Strobe:
+def read_at_marks(scan: Scan, emulsion: Emulsion, tracks: Tracks, axis: TimeAxis, jobs: int = 1) -> Strobe:
     """Place of every trace at every mark from the first to the last, also where the search had missed it.
 
     Parameters
     ----------
     axis : TimeAxis
         Tells where to look; places do not depend on it.
+    jobs : int
+        Threads that may work.
 
     Raises
     ------
@@ -53,13 +55,15 @@ def read_at_marks(scan: Scan, emulsion: Emulsion, tracks: Tracks, axis: TimeAxis
         where[k], lean[k] = _on_trace(tracks, k, row + axis.offset[k], axis.shear)
     width = usual * pace * (1.0 + axis.shear * np.nan_to_num(lean))
     lateral = LATERAL if read_by_rows(tracks) else DENSE_LATERAL
-    results = []
-    for begin, stop, first, exposure in pieces(scan, emulsion):
-        which, at = np.nonzero((where >= begin) & (where < stop))
-        _, out = fitted(
-            exposure, first, emulsion, tracks, which, where[which, at], width[which, at], WIDTH_PRIOR, lateral
-        )
-        results.append((which, at, out))
+
+    def of_piece(
+        begin: int, stop: int, first: int, exposure: NDArray[np.float32]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+        trace, mark = np.nonzero((where >= begin) & (where < stop))
+        near = where[trace, mark], width[trace, mark]
+        return trace, mark, fitted(exposure, first, emulsion, tracks, trace, *near, WIDTH_PRIOR, lateral)
+
+    results = over_pieces(scan, emulsion, of_piece, jobs)
     trace, mark = (np.concatenate([each[part] for each in results]).astype(np.int64) for part in (0, 1))
     return _strobe(index, where, tracks, trace, mark, Gaps.of(trace, np.concatenate([each[2] for each in results])))
 

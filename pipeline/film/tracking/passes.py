@@ -1,8 +1,11 @@
-"""Along the whole film and back, piece by piece; nothing but numbers a row is kept."""
+"""Along the whole film and back, piece by piece; nothing but numbers a row is kept.
+
+Each way leads from piece to piece; the pixels beforehand, and the rows' readings behind, are any thread's work.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,20 +13,16 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
 from pipeline.film.emulsion.film_emulsion import FilmEmulsion
+from pipeline.film.in_order import in_order
 from pipeline.film.parts import Scan
-from pipeline.film.tracking.combine import combined
-from pipeline.film.tracking.gap_fit import fit_gaps
-from pipeline.film.tracking.gaps import as_table, find_gaps, from_table, lamp_course
-from pipeline.film.tracking.judgement import judge, openness
 from pipeline.film.tracking.matching import match
 from pipeline.film.tracking.optics import Optics
+from pipeline.film.tracking.outcome import Both, Outcome, read_both
 from pipeline.film.tracking.pieces import Filter, Piece, run, run_again
 from pipeline.film.tracking.probing import SURE
-from pipeline.film.tracking.reading import FIELDS, read_piece
 from pipeline.film.tracking.section import Section, read_section
 
 PIECE_SWINGS, SECTION_SWINGS = 4.0, 6.0
-MARGIN_SPOTS = 16
 SOUND = 0.6  # share of rows read by which the last good row of a lost trace is told
 Progress = Callable[[int, int], None]
 
@@ -47,6 +46,10 @@ class Film:
         """Rows `first` to `stop`, above blank film."""
         return self.emulsion.darkness(self.scan.read(first, stop), first)
 
+    def pixels(self, pieces: list[tuple[int, int]], jobs: int) -> Iterator[NDArray[np.float32]]:
+        """The darkness of some pieces, in their order."""
+        return in_order(lambda piece: self.darkness(*piece), pieces, jobs)
+
 
 @dataclass
 class Forward:
@@ -59,7 +62,7 @@ class Forward:
     checkpoints: list[Filter]
 
 
-def forward(film: Film, first_section: Section, progress: Callable[[int], None]) -> Forward:
+def forward(film: Film, first_section: Section, progress: Callable[[int], None], jobs: int = 1) -> Forward:
     """Follow all traces along the film; what is lost is looked for again at the start of each piece."""
     traces, rows = len(first_section.swings), film.scan.rows
     out = Forward(
@@ -71,13 +74,13 @@ def forward(film: Film, first_section: Section, progress: Callable[[int], None])
     )
     begun = Filter.idle(traces, film.period)
     last = [(swing.row, swing.state) for swing in first_section.swings]
-    for first, stop in film.pieces:
+    for (first, stop), darkness in zip(film.pieces, film.pixels(film.pieces, jobs), strict=True):
         begins = np.full(traces, -1)
         if first >= first_section.first - (stop - first) and not begun.alive.all():
             _look_again(film, begun, begins, first, stop, first_section, last)
         out.checkpoints.append(begun.copy())
         if begun.alive.any() or (begins >= 0).any():
-            piece = run(begun, film.darkness(first, stop), first, 1, film.optics, begins)
+            piece = run(begun, darkness, first, 1, film.optics, begins)
             out.place[:, first:stop], out.variance[:, first:stop] = piece.place, piece.variance
             out.light[:, first:stop] = np.where(piece.followed > 0, piece.brightness, np.nan)
             out.followed[:, first:stop] = piece.followed
@@ -134,50 +137,36 @@ def _solid_from(read: NDArray[np.bool_], least: int, period: float) -> int | Non
     return int(solid[0]) if solid.size else None
 
 
-def backward(film: Film, ahead: Forward, progress: Callable[[int], None], out: Outcome) -> None:
+def backward(film: Film, ahead: Forward, progress: Callable[[int], None], out: Outcome, jobs: int = 1) -> None:
     """Follow all traces back, join both ways piece by piece, and read every row."""
-    traces, rows = ahead.place.shape
-    begun = Filter.idle(traces, film.period)
-    margin = round(MARGIN_SPOTS * film.optics.spot)
-    for number in range(len(film.pieces) - 1, -1, -1):
-        first, stop = film.pieces[number]
+
+    def read(piece: tuple[int, Both | None]) -> int:
+        first, both = piece
+        if both is not None:
+            read_both(both, film.optics, film.period, out)
+        return first
+
+    for first in in_order(read, _followed_back(film, ahead, jobs), jobs):
+        progress(2 * film.scan.rows - first)
+
+
+def _followed_back(film: Film, ahead: Forward, jobs: int) -> Iterator[tuple[int, Both | None]]:
+    """Follow all traces back and join both ways: the first row of each piece, and what its rows are read with."""
+    begun = Filter.idle(ahead.place.shape[0], film.period)
+    backwards = film.pieces[::-1]
+    for (first, stop), darkness in zip(backwards, film.pixels(backwards, jobs), strict=True):
         part = slice(first, stop)
         forth = run_again(
             ahead.checkpoints.pop(), ahead.place[:, part], ahead.variance[:, part], ahead.followed[:, part], film.optics
         )
         begins = _turn_back(begun, forth, ahead, first, stop, film.period)
         if not (begun.alive.any() or (begins >= 0).any() or forth.followed.any()):
-            progress(rows + rows - first)
+            yield first, None
             continue
-        darkness = film.darkness(first, stop)
         back = run(begun, darkness, first, -1, film.optics, begins)
         alone = (ahead.followed[:, part] == 0) & (back.followed > 0)
         ahead.light[:, part][alone] = back.brightness[alone]
-        states, variance, slope_variance, disagreement, known = combined(forth, back, film.optics)
-        low, high = max(0, first - margin), min(rows, stop + margin)
-        wide = max(0, first - 4 * margin), min(rows, stop + 4 * margin)
-        lamps, gaps = [], []
-        for k in range(traces):
-            lamp = lamp_course(ahead.light[k, wide[0] : wide[1]], film.period)[low - wide[0] : high - wide[0]]
-            gaps.append(find_gaps(ahead.light[k, low:high], lamp, low, film.optics.spot))
-            lamps.append(lamp[first - low : stop - low])
-        lamp = np.stack(lamps)
-        table, gap_of = as_table(gaps)
-        numbers, curve = film.optics.numbers(), film.optics.curve.table()
-        fit_gaps(darkness, first, states, known, lamp, table, gap_of, numbers, curve, np.empty(table.shape[0]))
-        gaps = from_table(table, gap_of)
-        reading = np.empty((traces, stop - first, FIELDS))
-        read_piece(darkness, first, states, known, slope_variance, lamp, table, gap_of, numbers, curve, reading)
-        for k in range(traces):
-            share = openness(gaps[k], first, stop - first, film.optics.spot)
-            column = np.clip(np.nan_to_num(states[:, k, 0] + states[:, k, 3]), 0, darkness.shape[1] - 1).astype(int)
-            black = darkness[np.arange(stop - first), column] > out.blackest
-            position, sigma, qc = judge(
-                reading[k], states[:, k], variance[k], disagreement[k], known[k], share, lamp[k], black, film.optics
-            )
-            out.misfit[k, part] = np.where(known[k] > 0, reading[k, :, 4], np.nan)
-            out.keep(k, part, position, sigma, qc, states[:, k], known[k] > 0, ahead.light[k, part] / lamp[k])
-        progress(rows + rows - first)
+        yield first, Both.of(first, darkness, forth, back, ahead.light, film.optics.spot)
 
 
 def _turn_back(begun: Filter, forth: Piece, ahead: Forward, first: int, stop: int, period: float) -> NDArray[np.int64]:
@@ -196,60 +185,3 @@ def _turn_back(begun: Filter, forth: Piece, ahead: Forward, first: int, stop: in
                 begins[k] = row
                 break
     return begins
-
-
-@dataclass
-class Outcome:
-    """The columns of `Tracks`, filled piece by piece, and the mean square residual of each row's fit."""
-
-    position: NDArray[np.float64]
-    sigma: NDArray[np.float64]
-    course: NDArray[np.float64]
-    slope: NDArray[np.float64]
-    curvature: NDArray[np.float64]
-    brightness: NDArray[np.float64]
-    qc: NDArray[np.uint16]
-    misfit: NDArray[np.float32]
-    shear: float
-    blackest: float
-
-    @staticmethod
-    def empty(traces: int, rows: int, shear: float, blackest: float) -> Outcome:
-        """Nothing read yet."""
-
-        def column() -> NDArray[np.float64]:
-            return np.full((traces, rows), np.nan)
-
-        return Outcome(
-            column(),
-            column(),
-            column(),
-            column(),
-            column(),
-            column(),
-            np.zeros((traces, rows), np.uint16),
-            np.full((traces, rows), np.nan, np.float32),
-            shear,
-            blackest,
-        )
-
-    def keep(
-        self,
-        trace: int,
-        part: slice,
-        position: Floats,
-        sigma: Floats,
-        qc: NDArray[np.uint16],
-        states: Floats,
-        known: NDArray[np.bool_],
-        brightness: Floats,
-    ) -> None:
-        """One trace's rows of a piece."""
-        rate = states[:, 1] - states[:, 5] * states[:, 4]
-        bend = states[:, 2] - states[:, 5] ** 2 * states[:, 3]
-        gain = 1.0 + self.shear * rate
-        self.position[trace, part], self.sigma[trace, part], self.qc[trace, part] = position, sigma, qc
-        self.course[trace, part] = np.where(known, states[:, 0] + states[:, 3], np.nan)
-        self.slope[trace, part] = np.where(known, rate / gain, np.nan)
-        self.curvature[trace, part] = np.where(known, bend / gain**3, np.nan)
-        self.brightness[trace, part] = np.where(known, brightness, np.nan)

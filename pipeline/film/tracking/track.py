@@ -12,7 +12,8 @@ from pipeline.film.parts import Expected, Scan, Tracks
 from pipeline.film.tracking.judgement import flag_lost
 from pipeline.film.tracking.optics import Optics
 from pipeline.film.tracking.ordering import order
-from pipeline.film.tracking.passes import SECTION_SWINGS, Film, Outcome, backward, forward
+from pipeline.film.tracking.outcome import Outcome
+from pipeline.film.tracking.passes import SECTION_SWINGS, Film, backward, forward
 from pipeline.film.tracking.pieces import run, start
 from pipeline.film.tracking.probing import SURE, probe
 from pipeline.film.tracking.section import Section, follow_together, read_section
@@ -33,6 +34,7 @@ def track(
     emulsion: FilmEmulsion,
     *,
     expected: Expected | None = None,
+    jobs: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> Tracks:
     """Find the traces of a film, follow them both ways and read them row by row.
@@ -43,6 +45,8 @@ def track(
         Of `measure_emulsion`.
     expected : Expected, optional
         What is known beforehand.
+    jobs : int
+        Threads that may work.
     progress : callable, optional
         Called with rows done and rows to do.
 
@@ -71,10 +75,10 @@ def track(
     begin = _first_section(film, section)
     total = 2 * scan.rows
     tell = (lambda done: progress(done, total)) if progress is not None else (lambda done: None)
-    ahead = forward(film, begin, tell)
+    ahead = forward(film, begin, tell, jobs)
     blank = float(emulsion.blank.darkness.max())
     out = Outcome.empty(traces, scan.rows, optics.shear, float(np.log10(emulsion.full_scale / 0.75)) - blank)
-    backward(film, ahead, tell, out)
+    backward(film, ahead, tell, out, jobs)
     for k in range(traces):
         _refuse_strangers(out, k)
         flag_lost(out.position[k], out.course[k], out.qc[k], film.period)

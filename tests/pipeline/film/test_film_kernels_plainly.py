@@ -35,7 +35,7 @@ def test_gaps_of_three_swings_are_fitted(moment: Film) -> None:
     inside = (moment.row[0] > 40) & (moment.row[0] < moment.scan.rows - 40)
     guesses = moment.row[0][inside] + 0.4
     traces = np.zeros(guesses.size, dtype=np.int64)
-    _, out = fitted(exposure, 0, moment.emulsion, moment.tracks, traces, guesses, 0.03 * moment.speed)
+    out = fitted(exposure, 0, moment.emulsion, moment.tracks, traces, guesses, 0.03 * moment.speed)
     assert np.allclose(out[:, gap_kernels.ROW], moment.row[0][inside], atol=0.12)
     assert np.allclose(out[:, gap_kernels.COLUMN], moment.column[0][inside], atol=0.6)
     assert np.allclose(out[:, gap_kernels.DEPTH], 1.0, atol=0.15)
@@ -43,7 +43,7 @@ def test_gaps_of_three_swings_are_fitted(moment: Film) -> None:
 
 def test_a_gap_at_the_end_of_a_trace_is_not_fitted(moment: Film) -> None:
     exposure = moment.emulsion.exposure(moment.scan.image, 0)
-    _, out = fitted(exposure, 0, moment.emulsion, moment.tracks, np.zeros(1, dtype=np.int64), np.array([1.0]), 1.8)
+    out = fitted(exposure, 0, moment.emulsion, moment.tracks, np.zeros(1, dtype=np.int64), np.array([1.0]), 1.8)
     assert np.all(np.isnan(out))
 
 

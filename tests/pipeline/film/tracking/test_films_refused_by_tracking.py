@@ -7,7 +7,7 @@ import pytest
 
 from data_schemas.errors import RefusedError
 from pipeline.film.tracking import track
-from pipeline.film.tracking.passes import Outcome
+from pipeline.film.tracking.outcome import Outcome
 
 ROWS, SPOT = 60, 1.2
 

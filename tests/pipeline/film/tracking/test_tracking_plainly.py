@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -134,6 +134,13 @@ def test_a_film_with_a_blackout_is_read_on_both_sides(dark: tuple[Tiny, Tracks])
     assert lost[:, 100:118].all()
     assert np.isnan(tracks.course[:, 100:118]).all()
     assert tracks.rows_per_swing == pytest.approx(PERIOD, rel=0.01)
+
+
+def test_several_threads_read_what_one_reads(dark: tuple[Tiny, Tracks]) -> None:
+    made, tracks = dark
+    again = track(made.sheet, made.emulsion, expected=Expected(count=2, rows_per_swing=PERIOD), jobs=2)
+    for field in fields(Tracks):
+        np.testing.assert_array_equal(getattr(again, field.name), getattr(tracks, field.name), err_msg=field.name)
 
 
 def test_readings_are_good_and_gaps_are_flagged(dark: tuple[Tiny, Tracks]) -> None:

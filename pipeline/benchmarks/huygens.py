@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pipeline.arrays import Floats
 from pipeline.benchmarks import huygens_curves, huygens_flexure, huygens_map, huygens_work, json_table
 from pipeline.benchmarks.csv_table import write
@@ -74,5 +76,7 @@ def _draw(
 ) -> None:
     from pipeline.benchmarks import huygens_picture
 
-    huygens_picture.draw_curves(curves, folder / "huygens-figure-2.png")
+    smooth = [row for alpha in np.linspace(min(ALPHAS), max(ALPHAS), 200) for row in huygens_curves.closed(alpha)]
+    marks = [row for row in curves if row["way"] not in {line["way"] for line in smooth}]
+    huygens_picture.draw_curves([*smooth, *marks], folder / "huygens-figure-2.png")
     huygens_picture.draw_maps(lock, edges, basin, folder / "huygens-maps.png")

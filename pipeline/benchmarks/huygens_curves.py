@@ -26,18 +26,22 @@ def rows(alphas: Sequence[float]) -> list[Row]:
     """One row an alpha and way. Balance, orbit and motion are of the clocks that the corrected chain finds."""
     table = []
     for alpha in alphas:
-        plain, chain = printed(alpha), corrected(alpha, DRIVE)
-        clocks = clocks_of(chain)
+        clocks = clocks_of(corrected(alpha, DRIVE))
         regime = nearest(clocks, alpha)
         found = orbit(regime, clocks)
         table += [
-            _row("paper", alpha, plain.beta, plain.q, plain.tau, plain.slope),
-            _row("corrected chain", alpha, chain.beta, chain.q, chain.tau, chain.slope),
+            *closed(alpha),
             _of(regime, "balance", clocks, slope(regime, clocks, shifts=True)),
             _of(found.regime, "orbit", clocks, orbit_slope(regime, clocks)) | {"stable": found.stable},
             _of(moved(regime, clocks), "motion", clocks, math.nan),
         ]
     return table
+
+
+def closed(alpha: float) -> list[Row]:
+    """Rows of the ways that are formulas: the paper's and the corrected chain."""
+    ways = zip(WAYS, (printed(alpha), corrected(alpha, DRIVE)), strict=False)
+    return [_row(way, alpha, chain.beta, chain.q, chain.tau, chain.slope) for way, chain in ways]
 
 
 def clocks_of(chain: Chain) -> Clocks:

@@ -26,7 +26,7 @@ def check(tree: xr.DataTree, schema: Kind) -> list[str]:
     Parameters
     ----------
     tree : xarray.DataTree
-    schema : {"record", "truth", "result", "film-truth"}
+    schema : {"record", "truth", "result", "film-truth", "summary"}
         What it is meant to be.
 
     Returns
@@ -46,12 +46,14 @@ def faults(contents: Contents, schema: Kind) -> list[str]:
     found = _attribute_faults(contents[""].attrs, schema)
     for path, required in layout.groups.items():
         if path in contents:
-            found += _missing_variables(contents, path)
+            found += _missing_variables(contents, path, path)
         elif required:
             found.append(f"{path}: the group is missing; add it with its variables")
     if layout.one_of and not any(path in contents for path in layout.one_of):
         found.append(f"{' or '.join(layout.one_of)}: the group is missing; add one of them")
-    if "time" not in contents[""].variables:
+    if layout.root:
+        found += _missing_variables(contents, "", layout.root)
+    elif "time" not in contents[""].variables:
         found.append("time: is missing at the root; add the time of each sample, float64 seconds")
     sizes = _sizes(contents, found)
     for path, group in contents.items():
@@ -86,12 +88,13 @@ def _attribute_faults(attrs: dict[str, Any], schema: Kind) -> list[str]:
     return found
 
 
-def _missing_variables(contents: Contents, path: str) -> list[str]:
+def _missing_variables(contents: Contents, path: str, table: str) -> list[str]:
     there = contents[path].variables
+    wanted = {name.rpartition("/")[2]: row for name, row in VARIABLES.items() if name.rpartition("/")[0] == table}
     return [
-        f"{name}: the variable is missing; add it with dimensions ({', '.join(row.dims)}) in {row.units}"
-        for name, row in VARIABLES.items()
-        if row.required and name.rpartition("/")[0] == path and name.rpartition("/")[2] not in there
+        f"{key(path, name)}: the variable is missing; add it with dimensions ({', '.join(row.dims)}) in {row.units}"
+        for name, row in wanted.items()
+        if row.required and name not in there
     ]
 
 
@@ -112,7 +115,7 @@ def _sizes(contents: Contents, found: list[str]) -> dict[tuple[str, str], int]:
 
 
 def _variable_faults(where: str, entry: Entry, schema: Kind) -> list[str]:
-    row = VARIABLES.get(where)
+    row = VARIABLES.get(where if "/" in where else key(LAYOUTS[schema].root, where))
     if row is None:
         return [] if schema != "result" else _extra_faults(where, entry)
     found = []

@@ -28,12 +28,12 @@ _ATTRIBUTE = {
 }
 
 
-def json_schema(name: Literal["scene", "record", "truth", "result", "film-truth"]) -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of a scene, or of the header of a record, truth, result or film's truth.
+def json_schema(name: Literal["scene", "record", "truth", "result", "film-truth", "summary"]) -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of a scene, or of the header of a file of another kind.
 
     Parameters
     ----------
-    name : {"scene", "record", "truth", "result", "film-truth"}
+    name : {"scene", "record", "truth", "result", "film-truth", "summary"}
 
     Returns
     -------
@@ -116,7 +116,7 @@ def _file_schema(kind: Kind) -> dict[str, Any]:
                 "required": [name for name, required in layout.attrs.items() if required],
                 "additionalProperties": _ATTRIBUTE,
             },
-            "variables": _variables_schema(""),
+            "variables": _variables_schema(layout.root),
             "groups": groups,
         },
         "required": ["attributes", "variables", "groups"],

@@ -1,4 +1,4 @@
-"""The four kinds of file: which groups and which attributes each must and may hold."""
+"""The kinds of file: which groups and which attributes each must and may hold."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal
 VERSION = "1"  # of the layouts, as stored in the attribute schema_version
 CONVENTIONS = "CF-1.11"
 
-Kind = Literal["record", "truth", "result", "film-truth"]
+Kind = Literal["record", "truth", "result", "film-truth", "summary"]
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,8 @@ class Layout:
         Root attributes it knows, and whether each must be there.
     json_attrs : tuple of str
         Root attributes whose text is JSON.
+    root : str
+        Group of the table of variables whose rows stand at the root, in place of a time.
     """
 
     schema: str
@@ -35,6 +37,7 @@ class Layout:
     attrs: Mapping[str, bool]
     one_of: tuple[str, ...] = ()
     json_attrs: tuple[str, ...] = ()
+    root: str = ""
 
 
 _COMMON = {
@@ -75,5 +78,8 @@ LAYOUTS: Mapping[Kind, Layout] = {
         {"slices": True, "marks": True},
         {**_COMMON, "film": True, "seed": True, "scene": False},
         json_attrs=("film", "scene"),
+    ),
+    "summary": Layout(
+        "isochrony-summary", {}, {"Conventions": False, "schema": True, "schema_version": True}, root="summary"
     ),
 }

@@ -1,8 +1,8 @@
 """The one table of every variable a file may hold: dimensions, number type, unit, meaning and allowed range.
 
 A key is ``group/name`` (``record/elongation``); a variable of the root has its bare name (``time``). The rows
-live in one file a kind (`variables_record`, `variables_truth`, `variables_film_truth`, `variables_result`); a new
-variable is one row there.
+live in one file a kind (`variables_record`, `variables_truth` and so on); a new variable is one row there. Those of a
+summary stand at the root of its file and under ``summary/`` here.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from .variable import Variable
 from .variables_film_truth import MARKS, SLICES
 from .variables_record import FILM, INSTRUMENT, RECORD
 from .variables_result import CORRECTION, GRAVITY, JOINT, PERIOD, PHASES
+from .variables_summary import SUMMARY
 from .variables_synchrony import SYNCHRONY
 from .variables_truth import TRUTH
 
@@ -43,6 +44,7 @@ _GROUPS: Mapping[str, Mapping[str, Variable]] = {
     "joint": JOINT,
     "period": PERIOD,
     "synchrony": SYNCHRONY,
+    "summary": SUMMARY,
 }
 
 VARIABLES: Mapping[str, Variable] = MappingProxyType(

@@ -8,36 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from data_schemas.variables import attributes
+from data_schemas.variables_summary import SUMMARY
+
 if TYPE_CHECKING:
     from xarray import DataTree
 
 MOST_NAMED = 10_000
 """Rows up to which names and reasons are there as text; beyond, they are in the CSV, in the same order."""
 
-TEXTS = {
-    "record_id": "identity of the record",
-    "input": "input file",
-    "output": "result file, below the folder of the batch",
-    "error": "why there is no value",
-    "flags": "flags of the method, separated by blanks",
-}
-CODED = {
-    "status": "what became of the input by this method",
-    "error_class": "kind of the fault",
-    "requested_method": "method that was asked for",
-    "method": "method that was used",
-}
-NUMBERS = {
-    "gravity_m_s2": ("m s-2", "gravity"),
-    "gravity_sigma_mgal": ("mGal", "standard deviation of gravity"),
-    "uncorrected_m_s2": ("m s-2", "gravity without any correction"),
-    "noise_sigma_mgal": ("mGal", "standard deviation of gravity by reading noise alone"),
-    "correction_mgal": ("mGal", "sum of all corrections"),
-    "difference_frequency_rad_s": ("rad s-1", "mean phase speed of the difference, uncorrected"),
-    "period_s": ("s", "full period at infinitesimal arc"),
-    "period_sigma_s": ("s", "standard deviation of the period"),
-    "samples_used": ("1", "samples that were used"),
-}
+TEXTS, CODED, NUMBERS = ([name for name, row in SUMMARY.items() if row.dtype == kind] for kind in ("str", "u1", "f8"))
 
 
 class Columns:
@@ -83,15 +63,16 @@ class Columns:
         variables: dict[str, Any] = {}
         for name, texts in self._texts.items():
             if len(texts) <= MOST_NAMED:
-                variables[name] = ("row", np.array(texts, dtype=object), _attributes("1", TEXTS[name]))
+                variables[name] = ("row", np.array(texts, dtype=object), attributes(f"summary/{name}"))
         for name, codes in self._codes.items():
             words = ["none", *self._words[name]]
             meanings = {"flag_values": np.arange(len(words), dtype=np.uint8), "flag_meanings": " ".join(words)}
-            variables[name] = ("row", np.array(codes, dtype=np.uint8), _attributes("1", CODED[name]) | meanings)
+            variables[name] = ("row", np.array(codes, dtype=np.uint8), attributes(f"summary/{name}") | meanings)
         for name, numbers in self._numbers.items():
-            variables[name] = ("row", np.array(numbers), _attributes(*NUMBERS[name]))
+            variables[name] = ("row", np.array(numbers), attributes(f"summary/{name}"))
         for name, values in self._swept.items():
-            attrs = _attributes("1", f"{name.partition(' ')[2]} of the scene, in the scene's own unit")
+            said = f"{name.partition(' ')[2]} of the scene, in the scene's own unit"
+            attrs = {"units": "1", "long_name": said}
             if not any(isinstance(value, str) for value in values):
                 stored = np.array([np.nan if value is None else value for value in values], dtype=np.float64)
                 variables[name.replace(" ", "_")] = ("row", stored, attrs)
@@ -109,7 +90,3 @@ def storable(value: object) -> str:
     """
     plain = "" if value is None else str(value)
     return plain.encode("utf-8", "backslashreplace").decode().replace("\0", "?")
-
-
-def _attributes(units: str, long_name: str) -> dict[str, Any]:
-    return {"units": units, "long_name": long_name}

@@ -8,12 +8,13 @@ from typing import Any
 
 from pipeline.cli.parser import one_of
 
-_NAMES = ("scene", "record", "truth", "result", "film-truth")
+_NAMES = ("scene", "record", "truth", "result", "film-truth", "summary")
 
 _DESCRIPTION = """\
 Print the JSON Schema of a file kind: every field with its unit, its range and its meaning.
 
-scene describes the TOML file; record, truth, result and film-truth describe the netCDF files, group by group."""
+scene describes the TOML file; record, truth, result, film-truth and summary (of a batch) describe the netCDF files,
+group by group."""
 
 _EXAMPLES = """\
 examples:

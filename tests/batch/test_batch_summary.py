@@ -46,6 +46,18 @@ def test_rows_are_in_the_order_of_the_inputs_to_the_last_bit(written):
     assert [row["sweep gravity"] for row in (first, third)] == ["9.8", ""]
 
 
+def test_the_netcdf_table_is_a_kind_of_file(written):
+    assert data_schemas.validate(written[1]) == []
+    table = data_schemas.read(written[1])
+    bare = table.copy()
+    del bare["status"]
+    bare["period_s"].attrs["units"] = "rad"
+    assert data_schemas.check(bare, "summary") == [
+        "status: the variable is missing; add it with dimensions (row) in 1",
+        "period_s: has units 'rad'; convert it to 's'",
+    ]
+
+
 def test_the_netcdf_table_says_the_same(written):
     table = data_schemas.read(written[1])
     np.testing.assert_array_equal(table["gravity_m_s2"], [0.1 + 0.2, np.nan, np.nan])

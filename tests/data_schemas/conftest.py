@@ -22,7 +22,7 @@ _LABELS = {
     "clock": ["1", "2"],
     "flag": ["beats through zero"],
 }
-_LENGTHS = {"time": 40, "mark": 3, "cycle": 4, "slip": 3, "averaging": 5} | {
+_LENGTHS = {"time": 40, "mark": 3, "row": 2, "cycle": 4, "slip": 3, "averaging": 5} | {
     name: len(labels) for name, labels in _LABELS.items()
 }
 
@@ -32,7 +32,8 @@ def complete(kind: str) -> xr.DataTree:
     groups: dict[str, dict[str, object]] = {}
     for name, row in VARIABLES.items():
         group, _, short = name.rpartition("/")
-        if group and group not in LAYOUTS[kind].groups:
+        layout = LAYOUTS[kind]
+        if group not in (*layout.groups, layout.root):
             continue
         shape = tuple(_LENGTHS[dim] for dim in row.dims)
         if row.dims == (short,) and short in _LABELS:
@@ -45,7 +46,7 @@ def complete(kind: str) -> xr.DataTree:
             values = np.array([[1.0, 0.0], [1.0, -1.0]])
         else:
             values = np.ones(shape, dtype=row.dtype)
-        groups.setdefault(group, {})[short] = (row.dims, values, attributes(name))
+        groups.setdefault("" if group == layout.root else group, {})[short] = (row.dims, values, attributes(name))
     tree = xr.DataTree.from_dict({"/" + group: xr.Dataset(members) for group, members in groups.items()})
     tree.attrs = dict.fromkeys(LAYOUTS[kind].attrs, "{}") | {
         "Conventions": "CF-1.11",

@@ -280,7 +280,7 @@ def test_a_file_of_no_known_kind(tmp_path):
     write(xr.DataTree(xr.Dataset({"a": ("x", [1.0])})), path)
     assert validate(path) == [
         f"{path}: attribute schema: is missing at the root and no group is known; set it to one of "
-        "isochrony-record, isochrony-truth, isochrony-result, isochrony-film-truth"
+        "isochrony-record, isochrony-truth, isochrony-result, isochrony-film-truth, isochrony-summary"
     ]
     write(xr.DataTree(xr.Dataset(attrs={"schema": "x"})), path, overwrite=True)
     assert "attribute schema: is 'x' and no group is known" in validate(path)[0]

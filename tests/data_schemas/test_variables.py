@@ -9,7 +9,7 @@ from data_schemas.layouts import LAYOUTS
 from data_schemas.units import same_unit
 from data_schemas.variables import VARIABLES, attributes
 
-GROUPS = {group for layout in LAYOUTS.values() for group in layout.groups} | {""}
+GROUPS = {group for layout in LAYOUTS.values() for group in (*layout.groups, layout.root)}
 
 
 @pytest.mark.parametrize("name", VARIABLES)

@@ -65,7 +65,7 @@ def draw(table: Sequence[Mapping[str, Any]], path: str | os.PathLike[str]) -> No
                 for refused in (row["value"] for row in rows if row["refused"] and down == 0):
                     axes.plot(refused, 0.04, "x", color=colour, transform=axes.get_xaxis_transform(), clip_on=False)
                     axes.annotate(
-                        "refused", (refused, 0.04), (-6, 0), textcoords="offset points", ha="right", va="center",
+                        "refused", (refused, 0.04), (6, 0), textcoords="offset points", ha="left", va="center",
                         xycoords=axes.get_xaxis_transform(), color=colour, fontsize=7.5,
                     )  # fmt: skip
             if scale == "log":

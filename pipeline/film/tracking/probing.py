@@ -17,6 +17,7 @@ from pipeline.film.tracking.turning_points import spot_size
 FIRST_ROWS = 512
 MOST_ROWS = 4096
 PLACES = (0.5, 0.15, 0.85, 0.3, 0.7, 0.02, 0.95)
+MORE_PLACES = (0.4, 0.6, 0.22, 0.78, 0.09, 0.91, 0.35, 0.65, 0.45, 0.55)  # where none of the others shows all traces
 SECTION_SWINGS = 8.0
 ENOUGH = 3  # sections with traces
 REFINEMENTS = 3
@@ -35,7 +36,7 @@ def first_optics(darkness: NDArray[np.float32], sigma: float, spot: float | None
 def sections(rows: int, height: int) -> Iterator[tuple[int, int]]:
     """Pieces to look at, the likeliest first."""
     seen: list[int] = []
-    for place in PLACES:
+    for place in (*PLACES, *MORE_PLACES):
         first = int(np.clip(round(place * rows - 0.5 * height), 0, max(0, rows - height)))
         if all(abs(first - other) >= height // 2 for other in seen):
             seen.append(first)
@@ -57,20 +58,21 @@ def probe(
         tried: list[tuple[int, int]] = []
         read: list[tuple[Section, Optics]] = []
         for first, stop in sections(rows, height):
+            whole = _whole(read, count)
+            if len(whole) == ENOUGH or (len(tried) >= len(PLACES) and (whole or count is None or not read)):
+                break
             piece = darkness(first, stop)
             guess = optics or first_optics(piece, sigma, spot)
             found = _read_askew(piece, first, guess, read[0][0].period if read else period, count)
             tried.append((first, stop))
             if found is not None:
                 read.append(found)
-            if len(read) == ENOUGH:
-                break
         if read:
             break
         if period or height >= min(rows, MOST_ROWS):
             return None
         height *= 2
-    section, guess = max(read, key=lambda each: open_rows(each[0], each[1].spot))
+    section, guess = max(_whole(read, count) or read, key=lambda each: open_rows(each[0], each[1].spot))
     section, known = refine(section, guess, fixed=optics is not None)
     for first, stop in tried if count is None else sections(rows, height):
         if first == section.first or len(section.swings) == count:
@@ -79,6 +81,11 @@ def probe(
         if other is not None and len(other.swings) > len(section.swings):
             section = other
     return section, known
+
+
+def _whole(read: list[tuple[Section, Optics]], count: int | None) -> list[tuple[Section, Optics]]:
+    """The sections that show as many traces as there are: where one is missing, two may have been taken for one."""
+    return [each for each in read if count is None or len(each[0].swings) == count]
 
 
 def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Optics]:

@@ -16,6 +16,7 @@ from pipeline.film.parts import Expected, Tracks
 from pipeline.film.tracking import calibrate as calibration
 from pipeline.film.tracking import probing
 from pipeline.film.tracking.gap_fit import fit_gaps
+from pipeline.film.tracking.optics import Optics
 from pipeline.film.tracking.passes import forward
 from pipeline.film.tracking.probing import SURE, sections
 from pipeline.film.tracking.section import Section, read_section
@@ -170,3 +171,23 @@ def test_sections_lie_on_the_film_and_apart(rows: int) -> None:
     assert all(0 <= first < stop <= rows for first, stop in looked)
     firsts = sorted(first for first, _ in looked)
     assert all(b - a >= 150 for a, b in pairwise(firsts))
+
+
+@pytest.mark.parametrize(("count", "looks", "swings"), [(None, 3, 1), (2, 9, 2)])
+def test_sections_are_looked_at_until_one_shows_all_traces(
+    short: Tiny, section: Section, monkeypatch: pytest.MonkeyPatch, count: int | None, looks: int, swings: int
+) -> None:
+    """Of two traces that lie on each other nearly everywhere, one wrong one is found nearly everywhere."""
+    alone = replace(section, swings=section.swings[:1])
+    looked: list[int] = []
+
+    def read(_piece: object, first: int, *_others: object) -> tuple[Section, Optics]:
+        looked.append(first)
+        return (section if len(looked) == 9 else alone), short.optics
+
+    monkeypatch.setattr(probing, "_read_askew", read)
+    monkeypatch.setattr(probing, "refine", lambda section, optics, fixed: (section, optics))
+    monkeypatch.setattr(probing, "read_section", lambda *_args, **_options: None)
+    found = probing.probe(lambda _first, _stop: section.darkness, 20_000, 0.01, SPOT, PERIOD, count, short.optics)
+    assert found is not None
+    assert (len(looked), len(found[0].swings)) == (looks, swings)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from data_schemas.contents import shown
 from data_schemas.errors import RecordError, UsageError
 from pipeline.importing.table import Table
 
@@ -26,7 +27,7 @@ def find_column(table: Table, name: str) -> int:
     width = len(table.names)
     if name.isascii() and name.isdigit() and 1 <= int(name) <= width:
         return int(name) - 1
-    known = ", ".join(filter(None, table.names)) or "none, there is no header"
+    known = shown(", ".join(filter(None, table.names)), 400) or "none, there is no header"
     raise UsageError(f"{table.source}: has no column '{name}'; its names: {known}; or a number from 1 to {width}")
 
 

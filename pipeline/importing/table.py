@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from data_schemas.contents import shown
 from data_schemas.errors import FileError, RecordError
 
 _MISSING = frozenset({"", "-", "nan", "na", "n/a", "null", "none"})
@@ -39,7 +40,7 @@ class Table:
 
     def title(self, column: int) -> str:
         """What to call a column in a message: its name, or its number from 1."""
-        return f"'{self.names[column]}'" if self.names[column] else str(column + 1)
+        return f"'{shown(self.names[column])}'" if self.names[column] else str(column + 1)
 
     def numbers(self, column: int) -> list[float]:
         """Values of one column; NaN where missing.
@@ -55,7 +56,7 @@ class Table:
             if value is None or value in (float("inf"), float("-inf")):
                 raise RecordError(
                     f"{self.source}: line {line}, column {self.title(column)}: "
-                    f"'{row[column]}' is not a finite number; correct it, or leave the cell empty if missing"
+                    f"'{shown(row[column])}' is not a finite number; correct it, or leave the cell empty if missing"
                 )
             values.append(value)
         return values

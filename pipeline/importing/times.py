@@ -9,6 +9,7 @@ from decimal import Decimal
 import numpy as np
 from numpy.typing import NDArray
 
+from data_schemas.contents import shown
 from data_schemas.errors import RecordError
 from pipeline.importing.table import Table, is_date
 
@@ -57,7 +58,7 @@ def relative_times(table: Table, column: int) -> Clock:
         row = int(late[0]) + 1
         what = "repeats" if times[row] == times[row - 1] else "goes back from"
         raise RecordError(
-            f"{table.source}: line {table.lines[row]}: time {table.rows[row][column]} {what} that of line "
+            f"{table.source}: line {table.lines[row]}: time {shown(table.rows[row][column])} {what} that of line "
             f"{table.lines[row - 1]}; sort the rows and keep one row a time"
         )
     return Clock(start, reading, times)
@@ -81,7 +82,7 @@ def _from_dates(table: Table, column: int) -> tuple[str, NDArray[np.float64]]:
             moment = datetime.fromisoformat(row[column])
         except ValueError:
             raise RecordError(
-                f"{table.source}: line {line}: time '{row[column]}' is no ISO date "
+                f"{table.source}: line {line}: time '{shown(row[column])}' is no ISO date "
                 "such as 2024-05-01T12:00:00.25Z; correct it or remove the row"
             ) from None
         # A date without a zone is taken as UTC: only differences matter.

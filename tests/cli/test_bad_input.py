@@ -168,6 +168,8 @@ TABLES = {
     "infinite": ("t,a\n0,inf\n1,2\n", ["line 2", "column 'a'", "correct it"]),
     "ragged": ("t,a\n0,1\n1\n", ["line 3", "delimiters"]),
     "words": ("t,a\n0,1\n1,two\n", ["line 3", "'two'", "correct it"]),
+    "control characters": ("t,a\x1b[2J\n0,1\n1,\x033\n", ["line 3", "column 'a?[2J'", "'?3'"]),
+    "control characters in times": ("t,a\n2024-05-01T12:00:00,1\n\x1b[2J,2\n", ["line 3", "'?[2J'"]),
 }
 
 

@@ -76,6 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     _use_utf8()
+    _calm_blas()
     try:
         status = _dispatch(words)
         sys.stdout.flush()  # a reader that went away shows here and not at the interpreter's end
@@ -130,6 +131,16 @@ def _say(message: str, status: int, fault: BaseException) -> int:
 
         traceback.print_exception(fault)
     return status
+
+
+def _calm_blas() -> None:
+    """Let BLAS work in one thread, here and in child processes, unless the user said how many: matrices are small.
+
+    Threads that wait for each other on them cost a quarter more time, and twice the processor's. NumPy comes later.
+    """
+    if "OMP_NUM_THREADS" not in os.environ:
+        for library in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
+            os.environ.setdefault(library, "1")
 
 
 def _use_utf8() -> None:

@@ -49,6 +49,15 @@ def test_help_imports_nothing_heavy():
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize(
+    ("said", "found"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2"), ({"OMP_NUM_THREADS": "4"}, None)]
+)
+def test_blas_has_one_thread_unless_the_user_says_otherwise(run, monkeypatch, said, found):
+    monkeypatch.setattr(os, "environ", dict(said))
+    assert run("--version").status == 0
+    assert os.environ.get("OPENBLAS_NUM_THREADS") == found
+
+
 def test_version_is_one_line(run):
     outcome = run("--version")
     assert outcome.status == 0

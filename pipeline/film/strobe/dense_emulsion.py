@@ -1,0 +1,120 @@
+"""The emulsion of a slow film, told from its dense bands.
+
+Rows of dense bands do not show their lines one by one. But a few swings fitted to the film as one curve tell how much
+light each pixel had, and the pixels' darkness against it is the characteristic curve. That is told from blocks here and
+there, twice: the first time with a curve guessed of the darkest pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.film.emulsion.curve import ToneCurve
+from pipeline.film.emulsion.film_emulsion import FilmEmulsion
+from pipeline.film.emulsion.measure import plain_emulsion
+from pipeline.film.parts import Expected, Floats, Scan
+from pipeline.film.strobe.dense import Blocks, follow, spot_of, windows
+from pipeline.film.strobe.dense_kernels import NODES, draw_curve, nodes, tabulate
+from pipeline.film.strobe.dense_survey import Survey, survey
+from pipeline.film.tracking.calibrate import grain_of
+
+PLACES, RUN = 16, 3  # runs of blocks, spread over the film, and blocks in each
+ROUNDS = 2
+ROWS = 256  # in which the darkest pixels are looked for, at a quarter of the places
+DARKEST, SHARE = 1.08, 2e-4  # of the film's darkest pixels, that endless light makes; share of them
+STEPS, FAINTEST = 24, 0.01  # of light, over the brightest, at which darkness is told
+LEAST_PIXELS, LEAST_STEPS = 30, 8
+PRIOR = np.array([0.1, 3.0, 0.15])  # 1 sigma of the guessed curve's darkest, middle and contrast, relative
+SURE = 0.02  # of darkness, and of the darkest, 1 sigma of a step's
+TURNS = 12
+
+
+def dense_emulsion(scan: Scan, known: Expected) -> FilmEmulsion:
+    """Blank film, grain and characteristic curve of a slow film.
+
+    Raises
+    ------
+    RefusedError
+        It shows no swinging bands, or others than were expected.
+    """
+    emulsion = _guessed(scan)
+    spot = spot_of(scan, known)
+    for _ in range(ROUNDS):
+        found = survey(scan, emulsion, known)
+        light, dark = lights(scan, emulsion, found, spot)
+        curve = fitted_curve(light, dark, emulsion.curve)
+        if curve is None:
+            break
+        shade = curve.darkness(light)
+        emulsion = replace(emulsion, curve=curve, grain=grain_of(dark - shade, shade, emulsion.grain))
+    return emulsion
+
+
+def _guessed(scan: Scan) -> FilmEmulsion:
+    """The emulsion as the darkest pixels of some sections suggest it: turning points of slow films are saturated."""
+    plain = plain_emulsion(scan)
+    height = min(ROWS, scan.rows)
+    firsts = np.linspace(0, scan.rows - height, PLACES // 4 + 2).astype(int)[1:-1]
+    darkest = [
+        float(np.quantile(plain.darkness(scan.read(int(first), int(first) + height), int(first)), 1.0 - SHARE))
+        for first in firsts
+    ]
+    least = 3.0 * float(np.sqrt(plain.grain[0]))
+    return replace(plain, curve=replace(plain.curve, darkest=max(DARKEST * float(np.median(darkest)), least)))
+
+
+def lights(scan: Scan, emulsion: FilmEmulsion, found: Survey, spot: float) -> tuple[Floats, Floats]:
+    """Light that pixels of blocks here and there had, 1 on the axis of a line at rest, and their darkness, (pixels,)."""
+    whole = Blocks.empty(len(found.bands), scan.rows, found.period)
+    firsts = np.linspace(0, max(whole.middle.size - RUN, 0), PLACES).astype(int)
+    at = np.unique((firsts[:, None] + np.arange(RUN)).clip(max=whole.middle.size - 1))
+    blocks = Blocks(whole.middle[at], whole.shape[:, at], whole.light[:, at], found.period)
+    follow(scan, emulsion, found, spot, blocks)
+    course, slope = np.empty((2, nodes(found.period, spot)))
+    node = found.period / NODES
+    rows = int(found.period)
+    canvas, work = np.empty((rows, scan.columns)), np.empty(scan.columns)
+    light, dark = [np.empty(0)], [np.empty(0)]
+    for trace, (left, right) in enumerate(windows(found, scan.columns)):
+        good = np.flatnonzero(blocks.light[trace] > 0.0)
+        usual = float(np.median(blocks.light[trace, good])) if good.size else 1.0
+        for block in good:
+            top = round(blocks.middle[block] - 0.5 * rows)
+            tabulate(blocks.shape[trace, block], found.period, 2.0 * np.pi / found.period, course, slope)
+            begin = blocks.middle[block] - 0.5 * (course.size - 1) * node - top
+            draw_curve(canvas, rows, scan.columns, begin, 0.0, node, course, slope, spot, work)
+            drawn = blocks.light[trace, block] / usual * canvas[:, left:right]
+            lit = drawn > FAINTEST * drawn.max()
+            light.append(drawn[lit])
+            dark.append(emulsion.darkness(scan.read(top, top + rows), top)[:, left:right][lit].astype(np.float64))
+    return np.concatenate(light), np.concatenate(dark)
+
+
+def fitted_curve(light: Floats, dark: Floats, guess: ToneCurve) -> ToneCurve | None:
+    """The curve that pixels' darkness follows, by the medians of steps of light; None if these are too few."""
+    if light.size < LEAST_PIXELS * LEAST_STEPS:
+        return None
+    top = float(np.quantile(light, 1.0 - SHARE))
+    place = np.floor(np.log(light / (FAINTEST * top)) / -np.log(FAINTEST) * STEPS).astype(np.int64)
+    full = [step for step in range(STEPS) if np.count_nonzero(place == step) >= LEAST_PIXELS]
+    if len(full) < LEAST_STEPS:
+        return None
+    lit, shade = (np.array([np.median(each[place == step]) for step in full]) for each in (light, dark))
+    # the unit of the light is another one than the guess had: where darkness is half of the darkest
+    half = float(np.interp(0.5 * guess.darkest, shade, lit))
+    start = np.log([guess.darkest, half, guess.contrast])
+    unknowns = start.copy()
+    weight = 1.0 / (SURE * (shade + guess.darkest)) ** 2
+
+    def model(at: Floats) -> Floats:
+        return ToneCurve(*(float(each) for each in np.exp(at))).darkness(lit)
+
+    for _ in range(TURNS):
+        before = model(unknowns)
+        lean = np.stack([(model(unknowns + each) - before) / 1e-4 for each in 1e-4 * np.eye(3)], axis=1)
+        normal = lean.T @ (weight[:, None] * lean) + np.diag(PRIOR**-2.0)
+        right = lean.T @ (weight * (shade - before)) - (unknowns - start) / PRIOR**2
+        unknowns = unknowns + np.clip(np.linalg.solve(normal, right), -0.3, 0.3)
+    return ToneCurve(*(float(each) for each in np.exp(unknowns)))

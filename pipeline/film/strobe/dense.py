@@ -138,9 +138,7 @@ def follow(scan: Scan, emulsion: Emulsion, found: Survey, spot: float, blocks: B
                 continue
             blocks.shape[trace, at] = shapes[np.isfinite(residual)]
             gain = line_light(light, spot)
-            scaled = piece / np.float32(gain)
-            _fit(scaled, first, blocks, trace, at, spot, brightest / gain, canvas)
-            blocks.light[trace, at] *= gain
+            _fit(piece, first, blocks, trace, at, spot, gain, brightest, canvas)
 
 
 def line_light(light: Floats, spot: float) -> float:
@@ -157,7 +155,7 @@ def line_light(light: Floats, spot: float) -> float:
 
 def _fit(
     piece: NDArray[np.float32], first: int, blocks: Blocks, trace: int, at: NDArray[np.int64], spot: float,
-    brightest: float, canvas: Floats,
+    gain: float, brightest: float, canvas: Floats,
 ) -> None:  # fmt: skip
     """Fit blocks of one trace to a piece of film; those that do not swing as their neighbours do a second time."""
     shapes, light = blocks.shape[trace], blocks.light[trace]
@@ -167,10 +165,12 @@ def _fit(
         quality = np.empty(3)
         tried = shapes[block].copy()
         fit_block(
-            piece, first, tried, blocks.middle[block], blocks.period, 2.0 * np.pi / blocks.period, spot, brightest,
-            ROOM, ROUNDS, canvas, course, slope, quality,
+            piece, first, tried, blocks.middle[block], blocks.period, 2.0 * np.pi / blocks.period, spot, gain,
+            brightest, ROOM, ROUNDS, canvas, course, slope, quality,
         )  # fmt: skip
-        good = quality[2] > LIT and quality[0] > DIM and np.hypot(tried[CUBIC], tried[CUBIC + 3]) > SMALLEST * spot
+        good = (
+            quality[2] > LIT and quality[0] > DIM * gain and np.hypot(tried[CUBIC], tried[CUBIC + 3]) > SMALLEST * spot
+        )
         shapes[block], light[block] = (tried, quality[0]) if good else (shapes[block], 0.0)
 
     start = shapes[at].copy()
@@ -179,7 +179,10 @@ def _fit(
     for turn in range(RETRIES + 1):
         usual = usual_swing(shapes[at], light[at] > 0.0)
         odd = unlike(shapes[at], usual) | (light[at] <= 0.0)
-        for k in np.flatnonzero(odd & np.isfinite(usual[:, 0])):
+        again = np.flatnonzero(odd & np.isfinite(usual[:, 0]))
+        if again.size == 0:
+            break
+        for k in again:
             light[at[k]] = 0.0
             if turn < RETRIES:
                 shapes[at[k]] = start[k]

@@ -8,6 +8,7 @@ there, twice: the first time with a curve guessed of the darkest pixels.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,17 +19,18 @@ from pipeline.film.parts import Expected, Floats, Scan
 from pipeline.film.strobe.dense import Blocks, follow, spot_of, windows
 from pipeline.film.strobe.dense_kernels import NODES, draw_curve, nodes, tabulate
 from pipeline.film.strobe.dense_survey import Survey, survey
-from pipeline.film.tracking.calibrate import grain_of
+from pipeline.film.tracking.calibrate import LEAST_GROWTH, STEEPEST_GRAIN
 
-PLACES, RUN = 16, 3  # runs of blocks, spread over the film, and blocks in each
+PLACES, RUN = 10, 3  # runs of blocks, spread over the film, and blocks in each
 ROUNDS = 2
-ROWS = 256  # in which the darkest pixels are looked for, at a quarter of the places
+PIECES, ROWS = 4, 256  # pieces, and rows in each, in which the darkest pixels are looked for
 DARKEST, SHARE = 1.08, 2e-4  # of the film's darkest pixels, that endless light makes; share of them
 STEPS, FAINTEST = 24, 0.01  # of light, over the brightest, at which darkness is told
 LEAST_PIXELS, LEAST_STEPS = 30, 8
 PRIOR = np.array([0.1, 3.0, 0.15])  # 1 sigma of the guessed curve's darkest, middle and contrast, relative
 SURE = 0.02  # of darkness, and of the darkest, 1 sigma of a step's
 TURNS = 12
+SHADES = np.linspace(0.3, 1.0, 8)  # of the darkest pixel, between which grain is told
 
 
 def dense_emulsion(scan: Scan, known: Expected) -> FilmEmulsion:
@@ -47,8 +49,9 @@ def dense_emulsion(scan: Scan, known: Expected) -> FilmEmulsion:
         curve = fitted_curve(light, dark, emulsion.curve)
         if curve is None:
             break
-        shade = curve.darkness(light)
-        emulsion = replace(emulsion, curve=curve, grain=grain_of(dark - shade, shade, emulsion.grain))
+        blank = float(emulsion.grain[0])
+        growth = grain_growth(dark, curve.darkness(light), blank)
+        emulsion = replace(emulsion, curve=curve, grain=np.array([blank, growth]))
     return emulsion
 
 
@@ -56,7 +59,7 @@ def _guessed(scan: Scan) -> FilmEmulsion:
     """The emulsion as the darkest pixels of some sections suggest it: turning points of slow films are saturated."""
     plain = plain_emulsion(scan)
     height = min(ROWS, scan.rows)
-    firsts = np.linspace(0, scan.rows - height, PLACES // 4 + 2).astype(int)[1:-1]
+    firsts = np.linspace(0, scan.rows - height, PIECES + 2).astype(int)[1:-1]
     darkest = [
         float(np.quantile(plain.darkness(scan.read(int(first), int(first) + height), int(first)), 1.0 - SHARE))
         for first in firsts
@@ -66,7 +69,7 @@ def _guessed(scan: Scan) -> FilmEmulsion:
 
 
 def lights(scan: Scan, emulsion: FilmEmulsion, found: Survey, spot: float) -> tuple[Floats, Floats]:
-    """Light that pixels of blocks here and there had, 1 on the axis of a line at rest, and their darkness, (pixels,)."""
+    """Light that pixels of blocks here and there had, 1 on the axis of a line at rest, and their darkness."""
     whole = Blocks.empty(len(found.bands), scan.rows, found.period)
     firsts = np.linspace(0, max(whole.middle.size - RUN, 0), PLACES).astype(int)
     at = np.unique((firsts[:, None] + np.arange(RUN)).clip(max=whole.middle.size - 1))
@@ -118,3 +121,19 @@ def fitted_curve(light: Floats, dark: Floats, guess: ToneCurve) -> ToneCurve | N
         right = lean.T @ (weight * (shade - before)) - (unknowns - start) / PRIOR**2
         unknowns = unknowns + np.clip(np.linalg.solve(normal, right), -0.3, 0.3)
     return ToneCurve(*(float(each) for each in np.exp(unknowns)))
+
+
+def grain_growth(dark: Floats, shade: Floats, blank: float) -> float:
+    """Growth of a pixel's variance with its darkness: `shade` is what the curve says, `blank` the variance of blank film.
+
+    Errors of the blocks' curves add to the grain, least where the film is saturated: the least growth counts.
+    """
+    found = []
+    for low, high in pairwise(SHADES * shade.max()):
+        inside = (shade >= low) & (shade < high)
+        if np.count_nonzero(inside) >= LEAST_PIXELS:
+            left = dark[inside] - shade[inside]
+            spread = 1.4826 * float(np.median(np.abs(left - np.median(left))))
+            found.append((spread**2 - blank) / float(shade[inside].mean()))
+    least = min(found, default=10.0 * blank)
+    return float(np.clip(least, LEAST_GROWTH, max(STEEPEST_GRAIN * blank, LEAST_GROWTH)))

@@ -14,13 +14,13 @@ import math
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.film.marks.curve_kernels import REACH, place
+from pipeline.film.marks.curve_kernels import place
 from pipeline.film.marks.shading_kernels import solve
 from synth.kernels.compiled import kernel
 
 CUBIC, QUADRATIC = 4, 3
 SIZE = CUBIC + 2 * QUADRATIC
-DRAW = 1.4  # spots between spots drawn: their sum is even to 1e-4
+DRAW, REACH = 1.4, 3.0  # spots between spots drawn: their sum is even to 1e-4; spots, beyond which there is no light
 POINT, COARSE = 2.0, 4.0  # spots between points measured, at last and as long as the curve still moves
 NEAR, SETTLED = 0.3, 0.02  # px, of the shape's last step, from which points lie close, and from which it stays
 PRIOR = 0.2  # weight of a shape's first guess, against points px from it
@@ -117,6 +117,7 @@ def fit_block(
     half: float,
     turn: float,
     spot: float,
+    gain: float,
     brightest: float,
     room: Floats,
     rounds: int,
@@ -135,6 +136,8 @@ def fit_block(
         P, C and S by powers of x; overwritten.
     middle, half, turn : float
         Row of the block's middle, half its rows, circular frequency of the swing by rows.
+    gain : float
+        Exposure on the axis of a line at rest, about.
     brightest : float
         Exposure from which the film is saturated: what is brighter, there or drawn, counts as just as bright.
     room : (SIZE,) array
@@ -152,7 +155,7 @@ def fit_block(
     across, profiles = np.empty(canvas.shape[1]), np.empty(2 * ACROSS + 1)
     for k in range(profiles.size):
         profiles[k] = math.exp(-0.5 * (APART * (k - ACROSS)) ** 2)
-    light, reach, pace = 1.0, 4.0 * spot, COARSE
+    light, reach, pace = gain, 4.0 * spot, COARSE
     node = half / NODES
     begin = middle - 0.5 * (course.size - 1) * node
     quality[:] = 0.0
@@ -240,7 +243,7 @@ def fit_block(
         for i in range(SIZE):
             shape[i] += right[i]
             moved = max(moved, abs(right[i]))
-        light = max(seen_light / drawn_light, 0.05)
+        light = max(seen_light / drawn_light, 0.05 * gain)
         quality[0], quality[1], quality[2] = light, away2 / used, used / count
         if pace == POINT and moved < SETTLED:
             break

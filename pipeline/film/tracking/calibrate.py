@@ -144,14 +144,14 @@ class _Fit:
             normal = jacobian.T @ (weight[:, None] * jacobian) + 1e-3 * np.eye(4)
             step = np.linalg.solve(normal, jacobian.T @ (weight * residual))
             unknowns = unknowns + np.clip(step, -0.3, 0.3)
-            grain = grain_of(residual, dark, self.optics.grain)
+            grain = _grain(residual, dark, self.optics.grain)
             if np.max(np.abs(step)) < 1e-3:
                 break
         spot, darkest, middle, contrast = (float(each) for each in np.exp(unknowns))
         return self.optics.with_(spot=spot, curve=ToneCurve(darkest, middle, contrast), grain=grain)
 
 
-def grain_of(residual: Floats, dark: Floats, before: Floats) -> Floats:
+def _grain(residual: Floats, dark: Floats, before: Floats) -> Floats:
     """Variance of a pixel on blank film, and its growth with darkness, from what the fit leaves."""
     edges = np.quantile(dark, np.linspace(0.0, 1.0, 13))
     place = np.clip(np.searchsorted(edges, dark, side="right") - 1, 0, 11)

@@ -12,12 +12,15 @@ from itertools import pairwise
 
 import numpy as np
 
+from pipeline.arrays import Floats
 from pipeline.film.emulsion.curve import ToneCurve
 from pipeline.film.emulsion.film_emulsion import FilmEmulsion
 from pipeline.film.emulsion.measure import plain_emulsion
-from pipeline.film.parts import Expected, Floats, Scan
-from pipeline.film.strobe.dense import Blocks, follow, spot_of, windows
+from pipeline.film.marks.pieces import exposed
+from pipeline.film.parts import Expected, Scan
+from pipeline.film.strobe.dense import Blocks, follow, line_light, spot_of, windows
 from pipeline.film.strobe.dense_kernels import NODES, draw_curve, nodes, tabulate
+from pipeline.film.strobe.dense_start import SHADE, light_of
 from pipeline.film.strobe.dense_survey import Survey, survey
 from pipeline.film.tracking.calibrate import LEAST_GROWTH, STEEPEST_GRAIN
 
@@ -29,7 +32,7 @@ STEPS, FAINTEST = 24, 0.01  # of light, over the brightest, at which darkness is
 LEAST_PIXELS, LEAST_STEPS = 30, 8
 PRIOR = np.array([0.1, 3.0, 0.15])  # 1 sigma of the guessed curve's darkest, middle and contrast, relative
 SURE = 0.02  # of darkness, and of the darkest, 1 sigma of a step's
-TURNS = 12
+TURNS, UNIT_TURNS = 12, 4
 SHADES = np.linspace(0.3, 1.0, 8)  # of the darkest pixel, between which grain is told
 
 
@@ -41,8 +44,9 @@ def dense_emulsion(scan: Scan, known: Expected) -> FilmEmulsion:
     RefusedError
         It shows no swinging bands, or others than were expected.
     """
-    emulsion = _guessed(scan)
     spot = spot_of(scan, known)
+    emulsion = _guessed(scan)
+    emulsion = _in_unit(scan, emulsion, survey(scan, emulsion, known), spot)
     for _ in range(ROUNDS):
         found = survey(scan, emulsion, known)
         light, dark = lights(scan, emulsion, found, spot)
@@ -58,14 +62,32 @@ def dense_emulsion(scan: Scan, known: Expected) -> FilmEmulsion:
 def _guessed(scan: Scan) -> FilmEmulsion:
     """The emulsion as the darkest pixels of some sections suggest it: turning points of slow films are saturated."""
     plain = plain_emulsion(scan)
-    height = min(ROWS, scan.rows)
-    firsts = np.linspace(0, scan.rows - height, PIECES + 2).astype(int)[1:-1]
     darkest = [
-        float(np.quantile(plain.darkness(scan.read(int(first), int(first) + height), int(first)), 1.0 - SHARE))
-        for first in firsts
+        float(np.quantile(plain.darkness(scan.read(first, stop), first), 1.0 - SHARE)) for first, stop in _pieces(scan)
     ]
     least = 3.0 * float(np.sqrt(plain.grain[0]))
     return replace(plain, curve=replace(plain.curve, darkest=max(DARKEST * float(np.median(darkest)), least)))
+
+
+def _pieces(scan: Scan) -> list[tuple[int, int]]:
+    """First rows, and those behind the last, of some pieces."""
+    height = min(ROWS, scan.rows)
+    firsts = np.linspace(0, scan.rows - height, PIECES + 2).astype(int)[1:-1]
+    return [(int(first), int(first) + height) for first in firsts]
+
+
+def _in_unit(scan: Scan, emulsion: FilmEmulsion, found: Survey, spot: float) -> FilmEmulsion:
+    """The same, with about 1 as the exposure on the axis of a line at rest: every row of a trace has the same light."""
+    for _ in range(UNIT_TURNS):
+        least = SHADE * float(emulsion.noise(np.zeros(1, dtype=np.float32))[0])
+        gain = [
+            line_light(light_of(exposure, left, right, least)[0], spot)
+            for exposure in (exposed(scan, emulsion, *piece) for piece in _pieces(scan))
+            for left, right in windows(found, scan.columns)
+        ]
+        curve = emulsion.curve
+        emulsion = replace(emulsion, curve=replace(curve, middle=curve.middle / float(np.median(gain))))
+    return emulsion
 
 
 def lights(scan: Scan, emulsion: FilmEmulsion, found: Survey, spot: float) -> tuple[Floats, Floats]:
@@ -79,7 +101,8 @@ def lights(scan: Scan, emulsion: FilmEmulsion, found: Survey, spot: float) -> tu
     node = found.period / NODES
     rows = int(found.period)
     canvas, work = np.empty((rows, scan.columns)), np.empty(scan.columns)
-    light, dark = [np.empty(0)], [np.empty(0)]
+    light: list[Floats] = [np.empty(0)]
+    dark: list[Floats] = [np.empty(0)]
     for trace, (left, right) in enumerate(windows(found, scan.columns)):
         good = np.flatnonzero(blocks.light[trace] > 0.0)
         usual = float(np.median(blocks.light[trace, good])) if good.size else 1.0
@@ -124,7 +147,7 @@ def fitted_curve(light: Floats, dark: Floats, guess: ToneCurve) -> ToneCurve | N
 
 
 def grain_growth(dark: Floats, shade: Floats, blank: float) -> float:
-    """Growth of a pixel's variance with its darkness: `shade` is what the curve says, `blank` the variance of blank film.
+    """Growth of a pixel's variance with its darkness; `shade` is what the curve says, `blank` that of blank film.
 
     Errors of the blocks' curves add to the grain, least where the film is saturated: the least growth counts.
     """

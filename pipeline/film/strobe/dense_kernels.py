@@ -72,8 +72,8 @@ def draw_curve(
     across : (columns,) array
         Work.
     """
-    for y in range(rows):
-        canvas[y, :columns] = 0.0
+    for k in range(rows):
+        canvas[k, :columns] = 0.0
     far = -0.5 / (spot * spot)
     turn, reach, at, last_node = math.exp(2.0 * far), REACH * spot, 0.5, course.size - 0.5
     while True:

@@ -46,9 +46,9 @@ def dense_emulsion(scan: Scan, known: Expected) -> FilmEmulsion:
     """
     spot = spot_of(scan, known)
     emulsion = _guessed(scan)
-    emulsion = _in_unit(scan, emulsion, survey(scan, emulsion, known), spot)
+    found = survey(scan, emulsion, known)
+    emulsion = _in_unit(scan, emulsion, found, spot)
     for _ in range(ROUNDS):
-        found = survey(scan, emulsion, known)
         light, dark = lights(scan, emulsion, found, spot)
         curve = fitted_curve(light, dark, emulsion.curve)
         if curve is None:

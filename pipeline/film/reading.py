@@ -132,17 +132,19 @@ def _read_time(
     from pipeline.film.marks.axis import time_axis
     from pipeline.film.marks.minutes import TimeReversedError
     from pipeline.film.strobe.dense import dense_tracks
+    from pipeline.film.strobe.dense_emulsion import dense_emulsion
     from pipeline.film.strobe.saturated import Saturated
     from pipeline.film.tracking.track import track
 
     expected, marking = known.expected(scan.scale), known.marking(scan.scale)
 
     def followed(scan: OpenScan, dense: bool) -> tuple[OpenScan, Emulsion, Tracks, TimeAxis]:
-        emulsion = measure_emulsion(scan)
         if dense:
+            emulsion = dense_emulsion(scan, expected)
             tracks = dense_tracks(scan, emulsion, expected)
             sure = Saturated.of(emulsion)
             return scan, sure, tracks, time_axis(scan, sure, tracks, marking, jobs)
+        emulsion = measure_emulsion(scan)
         tracks = track(scan, emulsion, expected=expected, jobs=jobs, progress=_stage(progress, "traces"))
         return scan, emulsion, tracks, time_axis(scan, emulsion, tracks, marking, jobs)
 

@@ -106,3 +106,23 @@ def darkness_above(
         share = weight[i]
         for j in range(pixels.shape[1]):
             out[i, j] = table[pixels[i, j]] - (upper[j] + share * (lower[j] - upper[j]))
+
+
+@kernel
+def exposure_above(
+    pixels: NDArray[np.uint16],
+    table: NDArray[np.float32],
+    upper: NDArray[np.float32],
+    lower: NDArray[np.float32],
+    weight: NDArray[np.float32],
+    exposures: NDArray[np.float32],
+    steps: np.float32,
+    out: NDArray[np.float32],
+) -> None:
+    """As `darkness_above`, and the `exposures` of darknesses that lie `steps` a unit."""
+    last = np.float32(exposures.size - 1)
+    for i in range(pixels.shape[0]):
+        share = weight[i]
+        for j in range(pixels.shape[1]):
+            at = (table[pixels[i, j]] - (upper[j] + share * (lower[j] - upper[j]))) * steps
+            out[i, j] = exposures[int(min(max(at, np.float32(0.0)), last))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion.blank import Blank, darkness_above, darkness_table
+from pipeline.film.emulsion.blank import Blank, darkness_above, darkness_table, exposure_above
 from pipeline.film.emulsion.curve import HIGHEST_EXPOSURE, ToneCurve
+
+Floats32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -47,27 +50,17 @@ class FilmEmulsion:
     def darkness(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
         """Darkness above blank film of rows from `first` on, (rows, columns), log10 units."""
         out = np.empty(pixels.shape, dtype=np.float32)
-        knots = self.blank.rows
-        at = first + np.arange(pixels.shape[0]) + 0.5
-        place = np.clip(np.searchsorted(knots, at) - 1, 0, max(0, knots.size - 2))
-        columns = np.arange(pixels.shape[1]) + 0.5
-        for i in np.unique(place):
-            inside = np.flatnonzero(place == i)
-            a, b = i, min(i + 1, knots.size - 1)
-            span = max(knots[b] - knots[a], 1.0)
-            weight = np.clip((at[inside] - knots[a]) / span, 0.0, 1.0).astype(np.float32)
-            rows = slice(int(inside[0]), int(inside[-1]) + 1)
-            darkness_above(
-                pixels[rows], self._table, self._across(a, columns), self._across(b, columns), weight, out[rows]
-            )
+        for rows, upper, lower, weight in self._between(first, *pixels.shape):
+            darkness_above(pixels[rows], self._table, upper, lower, weight, out[rows])
         return out
 
     def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
         """Relative exposure of rows from `first` on, 0 on blank film, 1 on the axis of a line at rest."""
-        scaled = self.darkness(pixels, first) * np.float32((self._exposures.size - 1) / self.curve.darkest)
-        index = np.clip(scaled, 0, self._exposures.size - 1).astype(np.int32)
-        found: NDArray[np.float32] = self._exposures[index]
-        return found
+        out = np.empty(pixels.shape, dtype=np.float32)
+        steps = np.float32((self._exposures.size - 1) / self.curve.darkest)
+        for rows, upper, lower, weight in self._between(first, *pixels.shape):
+            exposure_above(pixels[rows], self._table, upper, lower, weight, self._exposures, steps, out[rows])
+        return out
 
     def noise(self, exposure: NDArray[np.float32]) -> NDArray[np.float32]:
         """1 sigma of the grain in units of exposure; on blank film that of the faintest exposure that stands out."""
@@ -75,6 +68,19 @@ class FilmEmulsion:
         value = np.clip(np.asarray(exposure, dtype=np.float64), faint, HIGHEST_EXPOSURE)
         sigma = np.sqrt(self.grain[0] + self.grain[1] * self.curve.darkness(value))
         return np.asarray(sigma / np.maximum(self.curve.rate(value), 1e-6), dtype=np.float32)
+
+    def _between(self, first: int, rows: int, columns: int) -> Iterator[tuple[slice, Floats32, Floats32, Floats32]]:
+        """Runs of rows between two strips of blank film, what those show, and the rows' weight of the latter."""
+        knots = self.blank.rows
+        at = first + np.arange(rows) + 0.5
+        place = np.clip(np.searchsorted(knots, at) - 1, 0, max(0, knots.size - 2))
+        centres = np.arange(columns) + 0.5
+        for i in np.unique(place):
+            inside = np.flatnonzero(place == i)
+            a, b = i, min(i + 1, knots.size - 1)
+            span = max(knots[b] - knots[a], 1.0)
+            weight = np.clip((at[inside] - knots[a]) / span, 0.0, 1.0).astype(np.float32)
+            yield slice(int(inside[0]), int(inside[-1]) + 1), self._across(a, centres), self._across(b, centres), weight
 
     def _across(self, strip: int, columns: Floats) -> NDArray[np.float32]:
         level: NDArray[np.float32] = np.interp(columns, self.blank.columns, self.blank.darkness[strip]).astype(

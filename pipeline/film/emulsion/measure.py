@@ -30,13 +30,11 @@ def measure_emulsion(
     rows_per_swing, count : optional
         Rows in a full swing and number of traces, if known.
     """
-    blank = measure_blank(scan, darkness_table(scan.full_scale))
-    sigma = max(blank.sigma, LEAST_SIGMA)
-    plain = FilmEmulsion(scan.full_scale, blank, UNTOLD, np.array([sigma**2, 10.0 * sigma**2]))
+    plain = plain_emulsion(scan)
     probed = probe(
         lambda first, stop: plain.darkness(scan.read(first, stop), first),
         scan.rows,
-        sigma,
+        float(np.sqrt(plain.grain[0])),
         spot,
         rows_per_swing,
         count,
@@ -44,4 +42,11 @@ def measure_emulsion(
     if probed is None:
         return plain
     _, optics = probed
-    return FilmEmulsion(scan.full_scale, blank, optics.curve, optics.grain, optics.spot)
+    return FilmEmulsion(scan.full_scale, plain.blank, optics.curve, optics.grain, optics.spot)
+
+
+def plain_emulsion(scan: Scan) -> FilmEmulsion:
+    """Blank film and its grain; the rest is untold."""
+    blank = measure_blank(scan, darkness_table(scan.full_scale))
+    sigma = max(blank.sigma, LEAST_SIGMA)
+    return FilmEmulsion(scan.full_scale, blank, UNTOLD, np.array([sigma**2, 10.0 * sigma**2]))

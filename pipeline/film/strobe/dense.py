@@ -17,7 +17,7 @@ from data_schemas.errors import RefusedError
 from pipeline.film.marks.pieces import exposed
 from pipeline.film.parts import Emulsion, Expected, Floats, Scan, Tracks
 from pipeline.film.strobe.dense_blending import blended, joined
-from pipeline.film.strobe.dense_kernels import CUBIC, SIZE, fit_block
+from pipeline.film.strobe.dense_kernels import CUBIC, SIZE, fit_block, nodes
 from pipeline.film.strobe.dense_start import SHADE, first_shapes, light_of
 from pipeline.film.strobe.dense_survey import Survey, survey
 from pipeline.film.strobe.saturated import saturation
@@ -27,7 +27,7 @@ CLOSE = 10.0  # spots between strokes
 PIECE = 1024  # rows read at once
 BESIDE = 0.5  # of a band's width on either side, in which its light is looked for
 ROOM = np.array([15.0, 15.0, 10.0, 5.0, 12.0, 8.0, 3.0, 12.0, 8.0, 3.0])  # px, of a shape about its first guess
-ROUNDS = 4
+ROUNDS = 3
 LIT, DIM = 0.5, 0.06  # share of points lit, and light over the rows', from which a block is believed
 SMALLEST = 6.0  # spots, of the swing's amplitude
 ALIKE = 0.15  # of the swing, by which it may change from block to block
@@ -57,10 +57,10 @@ def dense_tracks(scan: Scan, emulsion: Emulsion, expected: Expected | None = Non
         No swinging band was found, fewer than were expected, or most of one cannot be followed.
     """
     known = expected or Expected()
-    spot = known.spot if known.spot is not None else USUAL_SPOT if scan.scale is None else 0.1 / scan.scale
+    spot = spot_of(scan, known)
     found = survey(scan, emulsion, known)
     blocks = Blocks.empty(len(found.bands), scan.rows, found.period)
-    _follow(scan, emulsion, found, spot, blocks)
+    follow(scan, emulsion, found, spot, blocks)
     good = blocks.light > 0.0
     for trace, share in enumerate(good.mean(axis=1)):
         if share < LEAST_READ:
@@ -70,6 +70,13 @@ def dense_tracks(scan: Scan, emulsion: Emulsion, expected: Expected | None = Non
                 f"of the film, {100.0 * LEAST_READ:.0f} % are needed; give the traces' number, or cut the film"
             )
     return _tracks(blocks, scan.rows, spot)
+
+
+def spot_of(scan: Scan, known: Expected) -> float:
+    """1 sigma of the spot, px: the stated one, or the usual one."""
+    if known.spot is not None:
+        return known.spot
+    return USUAL_SPOT if scan.scale is None else 0.1 / scan.scale
 
 
 @dataclass(frozen=True)
@@ -110,8 +117,8 @@ def windows(found: Survey, columns: int) -> list[tuple[int, int]]:
     return out
 
 
-def _follow(scan: Scan, emulsion: Emulsion, found: Survey, spot: float, blocks: Blocks) -> None:
-    """Fit every block, piece by piece of the film."""
+def follow(scan: Scan, emulsion: Emulsion, found: Survey, spot: float, blocks: Blocks) -> None:
+    """Fit every block, piece by piece of the film, and overwrite its shape and light."""
     period = found.period
     canvas = np.empty((int(2.0 * period + 12.0 * spot) + 8, scan.columns))
     brightest = saturation(emulsion)
@@ -131,9 +138,7 @@ def _follow(scan: Scan, emulsion: Emulsion, found: Survey, spot: float, blocks: 
                 continue
             blocks.shape[trace, at] = shapes[np.isfinite(residual)]
             gain = line_light(light, spot)
-            scaled = piece / np.float32(gain)
-            _fit(scaled, first, blocks, trace, at, spot, brightest / gain, canvas)
-            blocks.light[trace, at] *= gain
+            _fit(piece, first, blocks, trace, at, spot, gain, brightest, canvas)
 
 
 def line_light(light: Floats, spot: float) -> float:
@@ -150,19 +155,22 @@ def line_light(light: Floats, spot: float) -> float:
 
 def _fit(
     piece: NDArray[np.float32], first: int, blocks: Blocks, trace: int, at: NDArray[np.int64], spot: float,
-    brightest: float, canvas: Floats,
+    gain: float, brightest: float, canvas: Floats,
 ) -> None:  # fmt: skip
     """Fit blocks of one trace to a piece of film; those that do not swing as their neighbours do a second time."""
     shapes, light = blocks.shape[trace], blocks.light[trace]
+    course, slope = np.empty((2, nodes(blocks.period, spot)))
 
     def fit(block: int) -> None:
         quality = np.empty(3)
         tried = shapes[block].copy()
         fit_block(
-            piece, first, tried, blocks.middle[block], blocks.period, 2.0 * np.pi / blocks.period, spot, brightest,
-            ROOM, ROUNDS, canvas, quality,
+            piece, first, tried, blocks.middle[block], blocks.period, 2.0 * np.pi / blocks.period, spot, gain,
+            brightest, ROOM, ROUNDS, canvas, course, slope, quality,
         )  # fmt: skip
-        good = quality[2] > LIT and quality[0] > DIM and np.hypot(tried[CUBIC], tried[CUBIC + 3]) > SMALLEST * spot
+        good = (
+            quality[2] > LIT and quality[0] > DIM * gain and np.hypot(tried[CUBIC], tried[CUBIC + 3]) > SMALLEST * spot
+        )
         shapes[block], light[block] = (tried, quality[0]) if good else (shapes[block], 0.0)
 
     start = shapes[at].copy()
@@ -171,7 +179,10 @@ def _fit(
     for turn in range(RETRIES + 1):
         usual = usual_swing(shapes[at], light[at] > 0.0)
         odd = unlike(shapes[at], usual) | (light[at] <= 0.0)
-        for k in np.flatnonzero(odd & np.isfinite(usual[:, 0])):
+        again = np.flatnonzero(odd & np.isfinite(usual[:, 0]))
+        if again.size == 0:
+            break
+        for k in again:
             light[at[k]] = 0.0
             if turn < RETRIES:
                 shapes[at[k]] = start[k]

@@ -15,7 +15,7 @@ from pipeline.film.marks.curve_kernels import brightness_along, draw, light_at_r
 from pipeline.film.marks.search import fitted
 from pipeline.film.marks.shading_kernels import solve
 from pipeline.film.parts import Marking
-from pipeline.film.strobe.dense_kernels import SIZE, fit_block, swing
+from pipeline.film.strobe.dense_kernels import SIZE, fit_block, nodes, swing
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +105,8 @@ def test_a_block_of_swings_finds_its_line() -> None:
     shape[0], shape[4], shape[7] = 61.0, 29.0 * np.cos(phase + 0.15), -29.0 * np.sin(phase + 0.15)
     quality, room = np.empty(3), np.full(SIZE, 10.0)
     turn, half = 2 * np.pi / period, period
-    fit_block(exposure, 0, shape, middle, half, turn, 1.18, 1.0, room, 8, np.empty((80, 120)), quality)
+    canvas, curve = np.empty((80, 120)), np.empty((2, nodes(half, 1.18)))
+    fit_block(exposure, 0, shape, middle, half, turn, 1.18, 1.0, 1.0, room, 8, canvas, *curve, quality)
     assert quality[2] > 0.6
     rows = middle + np.linspace(-0.7, 0.7, 60) * period
     found = np.array([swing(shape, middle, half, turn, row) for row in rows])

@@ -32,7 +32,7 @@ def summary(record: DataTree, reading: Reading) -> dict[str, Any]:
         "reading": reading.kind,
         "accepted_fraction": accepted_fraction(reading.tracks, reading.axis),
         "missing_fraction": {label: float(part) for label, part in zip(labels, missing, strict=True)},
-        "marks": int(reading.axis.index.size),
+        "marks": film.attrs["marks_found"],
         "speed_mm_s": rows_per_second(reading.axis) * reading.scale,
         "scale_mm_px": reading.scale,
         "skew_degrees": film.attrs["skew"],
@@ -41,3 +41,16 @@ def summary(record: DataTree, reading: Reading) -> dict[str, Any]:
         "notes": list(reading.notes),
         "assumed": [part for part in str(film.attrs["assumed"]).split("; ") if part],
     }
+
+
+def share_read(kind: str, accepted: float, missing: float) -> str:
+    """How much was read, in words: of the rows or, at the marks alone, of the places there.
+
+    Examples
+    --------
+    >>> share_read("continuous", 0.9, 0.02), share_read("strobe", 0.0, 0.02)
+    ('90.0 % of the rows read', '98.0 % of the places at the marks read')
+    """
+    if kind == "strobe":
+        return f"{100.0 * (1.0 - missing):.1f} % of the places at the marks read"
+    return f"{100.0 * accepted:.1f} % of the rows read"

@@ -250,15 +250,17 @@ def _label_time(axes: Axes, reading: Reading, strip: Strip) -> None:
 
 
 def _subtitle(reading: Reading) -> str:
+    from pipeline.film.marks.flags import marks_seen
     from pipeline.film.reading import accepted_fraction
     from pipeline.film.record import flags
+    from pipeline.film.summary import share_read
 
     named = ", ".join(path.name for path in reading.scan.paths)
     raised = ", ".join(flags(reading)) or "no flags"
-    part = 100.0 * accepted_fraction(reading.tracks, reading.axis)
-    return (
-        f"{named} · {part:.1f} % of the rows read · {reading.axis.index.size} marks · {reading.kind} reading · {raised}"
-    )
+    missing = float(np.isnan(reading.samples.column).mean())
+    part = share_read(reading.kind, accepted_fraction(reading.tracks, reading.axis), missing)
+    marks = marks_seen(reading.axis, reading.strobe).size
+    return f"{named} · {part} · {marks} marks · {reading.kind} reading · {raised}"
 
 
 def _legend(figure: Figure, reading: Reading) -> None:

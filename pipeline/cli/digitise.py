@@ -146,6 +146,8 @@ def _show(row: dict[str, Any], *, as_json: bool) -> None:
         print(f"isochrony: {row['input']}: {said}", file=sys.stderr, flush=True)
     if not as_json:
         flags = ", ".join(row["flags"]) or "no flags"
+        from pipeline.film.summary import share_read
+
         missing = row["missing_fraction"].values()
         part = share_read(row["reading"], row["accepted_fraction"], sum(missing) / len(missing))
         print(

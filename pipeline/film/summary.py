@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.film.film_scale import rows_per_second
 from pipeline.film.reading import Reading, accepted_fraction
@@ -54,3 +55,13 @@ def share_read(kind: str, accepted: float, missing: float) -> str:
     if kind == "strobe":
         return f"{100.0 * (1.0 - missing):.1f} % of the places at the marks read"
     return f"{100.0 * accepted:.1f} % of the rows read"
+
+
+def row_flags(reading: Reading) -> NDArray[np.uint16]:
+    """Flags of every row, (traces, rows); of a film read at the marks alone, those of the nearest mark."""
+    axis, strobe, flags = reading.axis, reading.strobe, reading.tracks.qc
+    if reading.kind != "strobe":
+        return flags
+    middles = np.interp(strobe.index[1:] - 0.5, axis.index, axis.row)
+    nearest = np.searchsorted(middles, np.arange(flags.shape[1]))
+    return np.where(np.isfinite(axis.seconds), strobe.qc[:, nearest], flags)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
 from pipeline.film.marks import checks, counting, swings
@@ -153,7 +152,8 @@ def _flags(counted: Counted, seen: int) -> tuple[str, ...]:
         name
         for name, holds in {
             "marks-without-minute-code": minutes.residue is None,
-            "marks-direction-unknown": minutes.residue is not None and minutes.kind != "second gap",
+            "marks-direction-unknown": minutes.residue is None or minutes.kind != "second gap",
+            "marks-codes-disagree": minutes.against > checks.DISAGREE * minutes.seen,
             "marks-offset-unsure": not counted.alignment.sure,
             "marks-false": false > max(2.0, FEW_FALSE * seen),
             "marks-one-trace": int(shown.sum()) == 1 and len(events.member) > 1,

@@ -12,6 +12,7 @@ MANY, LONG = 0.1, 5.0  # share of marks missing; s
 MEANINGS = {
     "marks-without-minute-code": "no minute code was found: the count of marks is checked by the pendulums alone",
     "marks-direction-unknown": "the marks do not tell in which direction the film ran",
+    "marks-codes-disagree": "a minute code is out of step with the count of marks: the film may have stood still",
     "marks-offset-unsure": "the traces' offset along the film may be wrong by the distance of one mark",
     "marks-many-missing": "more than a tenth of the marks were not found",
     "marks-long-gap": "over more than five seconds no mark was found",

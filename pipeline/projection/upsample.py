@@ -47,7 +47,8 @@ def upsample(theta: Floats, step: float, frequency: float, factor: int) -> tuple
     time = np.arange(theta.size) * step
     fine = np.arange((theta.size - 1) * factor + 1) * (step / factor)
     present = np.isfinite(theta)
-    slow = guess = np.zeros(theta.size)
+    slow: Floats = np.zeros(theta.size)
+    guess = slow
     for number in range(ROUNDS if present.all() else ROUNDS_OF_GAPS):
         envelope, knots = _envelope(time, np.where(present, theta - slow, np.nan), frequency)
         rest = np.where(present, theta - _evaluate(envelope, knots, time, frequency), np.nan)

@@ -53,10 +53,12 @@ class Prepared:
     noise_theta: float
     bridged: float
     bridges: float
-    _finer: dict[int, Floats] = field(default_factory=dict, repr=False, compare=False)
+    _finer: dict[int, tuple[Floats, float]] = field(default_factory=dict, repr=False, compare=False)
 
-    def finer(self, step: float, factor: int) -> Floats:
-        """The first pendulum on a grid so many times finer than `step`; found once for all copies of this object.
+    def finer(self, step: float, factor: int) -> tuple[Floats, float]:
+        """The first pendulum on a grid so many times finer than `step`, and what its missing readings may hide.
+
+        See `upsample`; found once for all copies of this object.
 
         Copies differ in the difference alone, which turns the frequency that it is found with by next to nothing.
         """
@@ -65,6 +67,11 @@ class Prepared:
 
             self._finer[factor] = upsample(self.observation.theta, step, self.rough_first_frequency, factor)
         return self._finer[factor]
+
+    @property
+    def _hidden(self) -> float:
+        """What bridges may hide, and missing marks where they had to be guessed, rad."""
+        return float(np.hypot(self.bridges, max((spread for _, spread in self._finer.values()), default=0.0)))
 
     @property
     def nominal(self) -> float:
@@ -189,7 +196,7 @@ class Prepared:
         noise = self.noise_theta if np.isfinite(self.noise_theta) else fallback if stated is None else stated
         samples = (1.0 - self.bridged) * self.observation.theta.size
         # noise adds up as the root of the number of samples, the error of a bridge as the number
-        return sensitivity * float(np.hypot(noise, self.bridges / np.sqrt(samples)))
+        return sensitivity * float(np.hypot(noise, self._hidden / np.sqrt(samples)))
 
     @cached_property
     def rough_budget(self) -> Budget:

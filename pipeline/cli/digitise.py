@@ -146,10 +146,12 @@ def _show(row: dict[str, Any], *, as_json: bool) -> None:
         print(f"isochrony: {row['input']}: {said}", file=sys.stderr, flush=True)
     if not as_json:
         flags = ", ".join(row["flags"]) or "no flags"
-        part = row["accepted_fraction"]
-        rows = f"{100.0 * part:.1f} % of the rows read" if part else "rows not read"
+        from pipeline.film.summary import share_read
+
+        missing = row["missing_fraction"].values()
+        part = share_read(row["reading"], row["accepted_fraction"], sum(missing) / len(missing))
         print(
             f"{row['output']}: {row['samples']} samples of {', '.join(row['traces'])} over {row['duration_s']:.6g} s, "
-            f"{rows}, {row['reading']}; {flags}",
+            f"{part}, {row['reading']}; {flags}",
             flush=True,
         )

@@ -15,6 +15,7 @@ from pipeline.film.datasets import dataset
 from pipeline.film.film_scale import rows_per_second
 from pipeline.film.instrument import instrument_of
 from pipeline.film.knowledge import Known, default_traces
+from pipeline.film.marks.flags import marks_flags, marks_seen
 from pipeline.film.matching import match
 from pipeline.film.parts import Floats, TimeAxis
 from pipeline.film.reading import Reading, accepted_fraction
@@ -143,7 +144,7 @@ def findings(reading: Reading) -> dict[str, Any]:
         "reading": reading.kind,
         "elongation_zero": "mean place of each trace on the film; its place under the vertical is not known",
         "accepted_fraction": accepted_fraction(reading.tracks, axis),
-        "marks_found": int(axis.index.size),
+        "marks_found": int(marks_seen(axis, reading.strobe).size),
         "skew": float(np.degrees(np.arctan(axis.shear))),
         "trace_offset": axis.offset * reading.scale,
         "time_sigma": time_sigma(axis),
@@ -160,8 +161,8 @@ def findings(reading: Reading) -> dict[str, Any]:
 
 
 def flags(reading: Reading) -> list[str]:
-    """What to distrust: the time axis's flags, and readings that contradict each other."""
-    found = list(reading.axis.flags)
+    """What to distrust: the marks, and readings that contradict each other."""
+    found = list(marks_flags(reading.axis, reading.strobe))
     if reading.difference is not None and reading.difference.contradicts:
         found.append("readings_disagree")
     return found

@@ -184,7 +184,7 @@ def make_grid(prepared: Prepared) -> Grid:
     if seen.step * prepared.nominal <= MOST_ANGLE:
         return Grid(prepared.whole, prepared.clean_difference, seen.step)
     factor = int(np.ceil(seen.step * prepared.nominal / FINE_ANGLE))
-    theta = prepared.finer(seen.step, factor)
+    theta, _ = prepared.finer(seen.step, factor)
     difference = np.full(theta.size, np.nan)
     difference[::factor] = prepared.clean_difference
     return Grid(theta, difference, seen.step / factor)

@@ -199,12 +199,15 @@ def _rows_of(reading: Reading, seconds: Floats, trace: int, column: Floats) -> F
 
 def _draw_marks(axes: Axes, reading: Reading, strip: Strip) -> None:
     """Marks as ticks along the upper edge, full minutes long and named."""
-    axis = reading.axis
+    from pipeline.film.marks.flags import marks_seen
+
+    axis, seen = reading.axis, marks_seen(reading.axis, reading.strobe)
+    rows = np.interp(seen, axis.index, axis.row)
     per_minute = round(60.0 / axis.interval)
     top, span = strip.right, strip.right - strip.left
-    shown = (axis.row >= strip.first) & (axis.row < strip.stop)
-    axes.vlines(axis.row[shown], top - 0.02 * span, top, color="black", linewidth=0.6)
-    for row, index in zip(axis.row[shown], axis.index[shown], strict=True):
+    shown = (rows >= strip.first) & (rows < strip.stop)
+    axes.vlines(rows[shown], top - 0.02 * span, top, color="black", linewidth=0.6)
+    for row, index in zip(rows[shown], seen[shown], strict=True):
         if index % per_minute == 0:
             axes.vlines(row, top - 0.07 * span, top, color="black", linewidth=1.6)
             label = f" {index * axis.interval / 60.0:g} min"
@@ -215,10 +218,12 @@ def _draw_flags(axes: Axes, reading: Reading, strip: Strip) -> None:
     """Each trace's flags as a bar along the lower edge."""
     from matplotlib.colors import to_rgb
 
-    tracks, span = reading.tracks, 0.055 * (strip.right - strip.left)
-    count = tracks.qc.shape[0]
+    from pipeline.film.summary import row_flags
+
+    flags, span = row_flags(reading), 0.055 * (strip.right - strip.left)
+    count = len(flags)
     for trace in range(count):
-        qc = tracks.qc[trace, strip.first : strip.stop]
+        qc = flags[trace, strip.first : strip.stop]
         blocks = np.array_split(qc, min(_DOTS, qc.size))
         colors = np.ones((1, len(blocks), 3))
         for number, block in enumerate(blocks):
@@ -250,15 +255,17 @@ def _label_time(axes: Axes, reading: Reading, strip: Strip) -> None:
 
 
 def _subtitle(reading: Reading) -> str:
+    from pipeline.film.marks.flags import marks_seen
     from pipeline.film.reading import accepted_fraction
     from pipeline.film.record import flags
+    from pipeline.film.summary import share_read
 
     named = ", ".join(path.name for path in reading.scan.paths)
     raised = ", ".join(flags(reading)) or "no flags"
-    part = 100.0 * accepted_fraction(reading.tracks, reading.axis)
-    return (
-        f"{named} · {part:.1f} % of the rows read · {reading.axis.index.size} marks · {reading.kind} reading · {raised}"
-    )
+    missing = float(np.isnan(reading.samples.column).mean())
+    part = share_read(reading.kind, accepted_fraction(reading.tracks, reading.axis), missing)
+    marks = marks_seen(reading.axis, reading.strobe).size
+    return f"{named} · {part} · {marks} marks · {reading.kind} reading · {raised}"
 
 
 def _legend(figure: Figure, reading: Reading) -> None:
@@ -266,11 +273,13 @@ def _legend(figure: Figure, reading: Reading) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
+    from pipeline.film.summary import row_flags
+
     handles: list[Any] = [
         Line2D([], [], color=_TRACES[trace % len(_TRACES)], label=f"trace {trace + 1} from the left")
         for trace in np.argsort([np.nanmean(course) for course in reading.tracks.course])
     ]
-    raised = int(np.bitwise_or.reduce(reading.tracks.qc, axis=None))
+    raised = int(np.bitwise_or.reduce(row_flags(reading), axis=None))
     handles += [
         Patch(color=color, label=name.replace("_", " "))
         for name, color in _FLAGS.items()

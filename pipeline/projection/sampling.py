@@ -29,7 +29,7 @@ def problem(prepared: Prepared) -> Problem:
     if seen.step * prepared.nominal <= MOST_ANGLE:
         return UniformProblem(prepared.whole, seen.difference, seen.step, *constants)
     factor = int(np.ceil(seen.step * prepared.nominal / FINE_ANGLE))
-    theta = prepared.finer(seen.step, factor)
+    theta, _ = prepared.finer(seen.step, factor)
     difference = np.full(theta.size, np.nan)
     difference[::factor] = seen.difference
     return UniformProblem(theta, difference, seen.step / factor, *constants)

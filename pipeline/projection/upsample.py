@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics.envelope import fill
+from pipeline.projection.missing_marks import guessed
 
 FILTER_REACH = 24  # marks on each side, of the filter that splits slow part and harmonic
 CUT = 0.62  # of the Nyquist frequency, between swell and pendulum
@@ -20,11 +21,13 @@ KAISER_SHAPE = 9.0
 SINC_REACH = 16
 KNOT_SECONDS = 10.0
 SEGMENT_SECONDS, OVERLAP_SECONDS = 1200.0, 150.0
+ROUNDS = 2  # of splitting; missing readings and the ends need a first envelope
+ROUNDS_OF_GAPS = 5  # where readings are missing: their covariance needs a first guess of them
 STIFFNESS = 1.0  # weight of the smoothness against the readings for an envelope turning at 0.1 rad/s
 
 
-def upsample(theta: Floats, step: float, frequency: float, factor: int) -> Floats:
-    """Elongation on a grid `factor` times finer.
+def upsample(theta: Floats, step: float, frequency: float, factor: int) -> tuple[Floats, float]:
+    """Elongation on a grid `factor` times finer, and what missing readings add to its errors.
 
     Parameters
     ----------
@@ -38,17 +41,24 @@ def upsample(theta: Floats, step: float, frequency: float, factor: int) -> Float
     Returns
     -------
     ((n - 1) factor + 1,) array
+    float
+        1 sigma of the sum of the errors of missing readings, turned back by the swing, rad.
     """
     time = np.arange(theta.size) * step
-    whole = np.where(np.isfinite(theta), theta, 0.0)
     fine = np.arange((theta.size - 1) * factor + 1) * (step / factor)
+    present = np.isfinite(theta)
     slow: Floats = np.zeros(theta.size)
-    for _ in range(2):  # missing readings and the ends need a first envelope
-        envelope, knots = _envelope(time, np.where(np.isfinite(theta), theta - slow, np.nan), frequency)
-        swing = _evaluate(envelope, knots, time, frequency)
-        rest = np.where(np.isfinite(theta), whole - swing, np.nan)
-        slow = _low_pass(fill(rest.astype(np.complex128)).real)
-    return _evaluate(envelope, knots, fine, frequency) + _sinc(slow, factor)
+    guess = slow
+    for number in range(ROUNDS if present.all() else ROUNDS_OF_GAPS):
+        envelope, knots = _envelope(time, np.where(present, theta - slow, np.nan), frequency)
+        rest = np.where(present, theta - _evaluate(envelope, knots, time, frequency), np.nan)
+        before = fill(rest.astype(np.complex128)).real if number == 0 else np.where(present, rest, guess)
+        guess, spread = guessed(rest, before, frequency * step)
+        slow = _low_pass(guess)
+    # what is faster than the slow part is no stranger to the swing where readings are missing
+    left, absent = 1.4826 * np.nanmedian(np.abs(rest - slow)), theta.size - int(present.sum())
+    spread = float(np.hypot(spread, left * np.sqrt(absent * theta.size / present.sum())))
+    return _evaluate(envelope, knots, fine, frequency) + _sinc(slow, factor), spread
 
 
 def _low_pass(values: Floats) -> Floats:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
 from pipeline.film.marks import checks, counting, swings
@@ -25,7 +24,7 @@ from pipeline.film.parts import Emulsion, Floats, Marking, Scan, TimeAxis, Track
 
 ROUNDS = 2  # of drive and shear
 SPEED_TOLERANCE = 0.25  # of the stated speed
-MANY, LONG, FEW_FALSE = 0.1, 5.0, 0.005  # share of marks missing; s; share of marks that may be false
+FEW_FALSE = 0.005  # share of marks that may be false
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,7 @@ def _axis(
         interval=marking.interval,
         seconds=seconds + shift * marking.interval,
         seconds_sigma=sigma,
-        flags=_flags(counted, seen, marking),
+        flags=_flags(counted, seen.size),
         rate_sigma=rate_sigma(found),
     )
 
@@ -145,7 +144,7 @@ def rate_sigma(found: Drive) -> float:
     return float(np.sqrt(np.mean((found.speed_sigma / np.maximum(found.speed, 1e-9)) ** 2)))
 
 
-def _flags(counted: Counted, seen: NDArray[np.int64], marking: Marking) -> tuple[str, ...]:
+def _flags(counted: Counted, seen: int) -> tuple[str, ...]:
     minutes, count, events = counted.minutes, counted.count, counted.events
     false = events.size - count.index.size - (minutes.seen if minutes.kind == "second gap" else 0)
     shown = (events.member >= 0).any(axis=1)
@@ -153,11 +152,10 @@ def _flags(counted: Counted, seen: NDArray[np.int64], marking: Marking) -> tuple
         name
         for name, holds in {
             "marks-without-minute-code": minutes.residue is None,
-            "marks-direction-unknown": minutes.residue is not None and minutes.kind != "second gap",
+            "marks-direction-unknown": minutes.residue is None or minutes.kind != "second gap",
+            "marks-codes-disagree": minutes.against > checks.DISAGREE * minutes.seen,
             "marks-offset-unsure": not counted.alignment.sure,
-            "marks-many-missing": seen.size < (1.0 - MANY) * (count.index[-1] + 1),
-            "marks-long-gap": bool((np.diff(seen) * marking.interval > LONG).any()),
-            "marks-false": false > max(2.0, FEW_FALSE * seen.size),
+            "marks-false": false > max(2.0, FEW_FALSE * seen),
             "marks-one-trace": int(shown.sum()) == 1 and len(events.member) > 1,
         }.items()
         if holds

@@ -22,7 +22,7 @@ SHARE = 0.4  # of the minutes at which a code must be seen to be believed
 LEAST = 2
 ABOUT = 6  # marks by which the paper's speed is told at the ends
 LONELY = 3.0  # minutes under which a film may show one full minute only
-NEARBY = 5  # marks by which a count may slip; codes farther off are false gaps
+NEARBY = 5  # marks by which a slipped count is mended
 HOLE = 6  # marks missing in a row, over which a count is mended
 LONGER = 0.3  # of the gap's width, by which a minute's gap differs
 OWN = 6.0  # sigmas of a gap's width
@@ -45,7 +45,7 @@ class Minutes:
     delay : float
         Of the second gap, s; NaN for other codes.
     seen, against : int
-        Codes that agree with the count, and most codes that lie out of it by the same few marks.
+        Codes that agree with the count, and most codes that lie out of it by the same number of marks.
     """
 
     residue: int | None
@@ -136,9 +136,7 @@ def _second_gaps(place: Floats, cycle: int, interval: float, delay: float | None
         tally = np.bincount(number, minlength=cycle)
         residue = int(np.argmax(tally))
         seen = int(tally[residue])
-        away = (number - residue + cycle // 2) % cycle - cycle // 2
-        slipped = away[(away != 0) & (np.abs(away) <= NEARBY)]  # a slip puts all codes after it out by the same number
-        against = int(np.bincount(slipped + NEARBY, minlength=1).max())
+        against = int(np.delete(tally, residue).max())  # a slip puts all codes after it out by the same number
         late = delay if delay is not None else fraction * interval
         found.append(Minutes(residue, "second gap", float(late), seen, against))
     return found[0], found[1]

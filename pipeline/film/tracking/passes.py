@@ -24,6 +24,7 @@ from pipeline.film.tracking.section import Section, read_section
 
 PIECE_SWINGS, SECTION_SWINGS = 4.0, 6.0
 SOUND = 0.6  # share of rows read by which the last good row of a lost trace is told
+LIT = 0.5  # of the usual light: what is fainter may be chance in the grain beyond the ends of the film
 Progress = Callable[[int, int], None]
 
 
@@ -117,7 +118,8 @@ def _look_again(
     for found, k in enumerate(names):
         if k < 0 or begun.alive[k]:
             continue
-        begin = _solid_from(np.isfinite(section.place[found]), first - section.first, film.period)
+        light = section.brightness[found]
+        begin = _solid_from(light > LIT * np.nanmedian(light), first - section.first, film.period)
         if begin is not None and section.first + begin < stop:
             lamp = float(np.nanmedian(section.brightness[found]))
             begun.restart(k, section.states[begin, found], lamp, alive=False)
@@ -175,13 +177,14 @@ def _turn_back(begun: Filter, forth: Piece, ahead: Forward, first: int, stop: in
     begins = np.full(traces, -1)
     half = max(4, round(0.5 * period))
     for k in range(traces):
-        if begun.alive[k]:
+        if begun.alive[k] or not ahead.followed[k].any():
             continue
-        for row in np.flatnonzero(np.isfinite(forth.variance[k]))[::-1]:
-            before = ahead.variance[k, max(0, first + row - half) : first + row + 1]
-            if np.isfinite(before).mean() >= SOUND:
-                lamp = float(np.nanmedian(ahead.light[k, max(0, first + row - half) : first + row + 1]))
-                begun.restart(k, forth.states[row, k], max(lamp, 0.02), alive=False)
-                begins[k] = row
-                break
+        low, light = max(0, first - half), ahead.light[k]
+        read = np.isfinite(ahead.variance[k, low:stop]) & (light[low:stop] > LIT * np.nanmedian(light))
+        behind = _solid_from(read[::-1], 0, period)
+        if behind is not None and behind < stop - first:
+            row = stop - 1 - behind
+            lamp = float(np.nanmedian(light[max(0, row - half) : row + 1]))
+            begins[k] = row - first
+            begun.restart(k, forth.states[begins[k], k], max(lamp, 0.02), alive=False)
     return begins

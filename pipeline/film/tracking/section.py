@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,6 +110,13 @@ def _followed(
     begin = int(np.flatnonzero(together)[np.count_nonzero(together) // 2])
     swings = [Swing(first + begin + 0.5, piece.states[begin, 0].copy(), 1.0) for piece in pieces]
     swings.sort(key=lambda swing: float(swing.state[0]))
+    return follow_from(swings, darkness, first, begin, optics, 0.5 * together.sum())
+
+
+def follow_from(
+    swings: Sequence[Swing], darkness: NDArray[np.float32], first: int, begin: int, optics: Optics, least: float
+) -> Section:
+    """Follow swings given at row `begin` both ways through a section; fewer rows than `least` count as so many."""
     forward, backward, _ = both_ways(start(swings, first + begin - 0.5), darkness, first, begin, optics)
     states, _, _, _, known = combined(forward, backward, optics)
     used = np.isfinite(backward.variance) & (known > 0)
@@ -121,7 +129,7 @@ def _followed(
         states,
         np.where(used, backward.place, np.nan),
         np.where(used, backward.brightness, np.nan),
-        used.sum(axis=1) / np.maximum((known > 0).sum(axis=1), 0.5 * together.sum()),
+        used.sum(axis=1) / np.maximum((known > 0).sum(axis=1), least),
     )
 
 

@@ -16,7 +16,7 @@ from pipeline.film.tracking.outcome import Outcome
 from pipeline.film.tracking.passes import SECTION_SWINGS, Film, backward, forward
 from pipeline.film.tracking.pieces import run, start
 from pipeline.film.tracking.probing import SURE, probe
-from pipeline.film.tracking.section import Section, follow_together, read_section
+from pipeline.film.tracking.section import Section, follow_from, follow_together, read_section
 
 NOTHING = (
     "no swinging trace found on the film: lines that turn at regular intervals are looked for, dark on light, with rows"
@@ -25,6 +25,7 @@ NOTHING = (
 
 
 NEAR_PIECES, FAR_PIECES = 3, 8  # looked at from the film's start, and between there and what is followed back
+LEAD_SWINGS = 8.0
 LEAST_READ = 0.15
 STRANGE = 4.0
 
@@ -72,7 +73,7 @@ def track(
             f"count is {expected.count} traces but {traces} were found on the film: give the number that swing on it"
         )
     film = Film(scan, emulsion, optics, section.period)
-    begin = _first_section(film, section)
+    begin = _led_in(film, _first_section(film, section))
     total = 2 * scan.rows
     tell = (lambda done: progress(done, total)) if progress is not None else (lambda done: None)
     ahead = forward(film, begin, tell, jobs)
@@ -134,6 +135,14 @@ def _refuse_doubles(out: Outcome, spot: float) -> None:
                     f"traces {b + 1} and {a + 1} of the film lie on each other on more than half of the rows: give"
                     " count, or cut the film where they lie apart"
                 )
+
+
+def _led_in(film: Film, section: Section) -> Section:
+    """A section with some rows before it, on which its traces, which were not found there, may be followed."""
+    first = max(0, section.first - round(LEAD_SWINGS * film.period))
+    darkness = film.darkness(first, section.first + section.darkness.shape[0])
+    begin = section.first + section.begin - first
+    return follow_from(section.swings, darkness, first, begin, film.optics, 1.0) if first < section.first else section
 
 
 def _first_section(film: Film, probed: Section) -> Section:

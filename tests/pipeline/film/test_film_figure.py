@@ -45,3 +45,8 @@ def test_thin_lines_survive_however_much_the_picture_shrinks(tmp_path):
     assert grey.shape == (200, 750)
     assert grey[:, 350].max() < 0.5
     assert np.delete(grey, 350, axis=1).min() > 0.9
+
+
+def test_the_heading_says_what_was_read_at_the_marks(tmp_path):
+    figure = film_figure(reading(tmp_path, kind="strobe"))
+    assert any("100.0 % of the places at the marks read" in text.get_text() for text in figure.texts)

@@ -170,15 +170,29 @@ def test_a_splice_by_one_mark_is_found(plain: Made, marks: int) -> None:
 
 
 @pytest.mark.compiled
-def test_codes_out_of_step_are_refused_where_pendulums_cannot_tell() -> None:
-    truth = made(Case(minutes=8.0, traces=1, unseen=0.0))
-    still = replace(truth.tracks, course=np.full_like(truth.tracks.course, 500.0), slope=0.0 * truth.tracks.slope)
-    cut = float(truth.row[450]) + 10.0
-    spacing = float(np.diff(truth.row).mean())
-    gaps = truth.gaps.pick((truth.gaps.row < cut) | (truth.gaps.row > cut + spacing))
-    gaps = replace(gaps, row=np.where(gaps.row < cut, gaps.row, gaps.row - spacing))
+@pytest.mark.parametrize("marks", [1, 6])
+def test_codes_out_of_step_are_refused_where_pendulums_cannot_tell(marks: int) -> None:
+    """Three seconds of standing paper are six marks, and the pendulums go on almost in step."""
+    truth = stood_still(made(Case(minutes=8.0, traces=1, unseen=0.0)), 450, marks)
     with pytest.raises(RefusedError, match="minute codes"):
-        axis(replace(truth, gaps=gaps, tracks=still))
+        axis(truth)
+
+
+@pytest.mark.compiled
+def test_a_short_film_with_a_code_out_of_step_says_so() -> None:
+    plain = made(Case(minutes=3.2, traces=1, unseen=0.0))
+    assert "marks-codes-disagree" not in axis(plain).flags
+    assert "marks-codes-disagree" in axis(stood_still(plain, 300, 6)).flags
+
+
+def stood_still(truth: Made, mark: int, marks: int) -> Made:
+    """A film whose paper stood still while so many marks were made, after one of them; its pendulums tell nothing."""
+    still = replace(truth.tracks, course=np.full_like(truth.tracks.course, 500.0), slope=0.0 * truth.tracks.slope)
+    cut = float(truth.row[mark]) + 10.0
+    length = marks * float(np.diff(truth.row).mean())
+    gaps = truth.gaps.pick((truth.gaps.row < cut) | (truth.gaps.row > cut + length))
+    gaps = replace(gaps, row=np.where(gaps.row < cut, gaps.row, gaps.row - length))
+    return replace(truth, gaps=gaps, tracks=still)
 
 
 @pytest.mark.compiled

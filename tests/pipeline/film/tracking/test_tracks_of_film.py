@@ -119,6 +119,17 @@ def test_a_skewed_slit_is_read():
         assert np.sqrt(np.nanmean(away**2)) < 0.06
 
 
+def test_crossing_traces_are_followed_both_ways_to_the_ends_of_the_line():
+    """Neither chance readings on the blank paper beyond an end nor a first section found late mislead the way back."""
+    line = (100.0, 850.0)
+    traces = [Swinging(200.0, 70.0, 0.3, 60.0), Swinging(225.0, 60.0, 2.4, 60.0)]
+    film = exposure_of(traces, 980, COLUMNS, shutter(980), lambda r: (r > line[0]) & (r < line[1]))
+    tracks = read(developed(film, grain=0.015))
+    alone = (tracks.qc & ELONGATION_FLAGS["single_direction"]) > 0
+    assert alone[:, 100:850].mean() < 0.005
+    assert np.isfinite(tracks.position[:, 104:846]).mean() > 0.78
+
+
 @pytest.mark.parametrize("what", ["noise", "blank", "text"])
 def test_what_is_no_film_is_refused(what):
     rng = np.random.default_rng(0)

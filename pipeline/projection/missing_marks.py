@@ -1,0 +1,57 @@
+"""Missing readings of a slow random motion: the best linear guess from those around, and how wrong it is.
+
+Between half-second marks a swell moves too far for a straight line. Its own covariance, told from the series, makes
+the guess of least expected square and says what that square is (Wiener 1949; in any dimension Kriging).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.gaps import missing_stretches
+
+REACH = 24  # marks on each side that tell of a missing one
+MOST_LAGS = 512  # beyond which nothing is known of a motion's likeness to itself
+AT_ONCE = 256  # missing readings that are guessed together
+
+
+def guessed(series: Floats, before: Floats, angle: float) -> tuple[Floats, float]:
+    """The series with its gaps filled, and how large the errors may be together.
+
+    Parameters
+    ----------
+    series : (n,) array
+        rad, NaN = missing.
+    before : (n,) array
+        An earlier guess, without gaps, that tells the covariance.
+    angle : float
+        Of the swing from reading to reading, rad.
+
+    Returns
+    -------
+    (n,) array
+    float
+        1 sigma of the sum of all errors turned back by the swing, rad; white errors of the readings give their 1 sigma
+        times the root of the number of readings.
+    """
+    filled, total = series.copy(), 0.0
+    mean = float(before.mean())
+    power = np.abs(np.fft.rfft(before - mean, 2 * before.size)) ** 2
+    covariance = np.zeros(before.size)
+    lags = min(MOST_LAGS, before.size)
+    covariance[:lags] = np.fft.irfft(power)[:lags] / before.size
+    parts = [
+        (at, min(at + AT_ONCE, stop)) for start, stop in missing_stretches(series) for at in range(start, stop, AT_ONCE)
+    ]
+    for start, stop in parts:
+        around = np.arange(max(0, start - REACH), min(series.size, stop + REACH))
+        known, missing = around[np.isfinite(series[around])], np.arange(start, stop)
+        each = covariance[np.abs(known[:, None] - known)] + 1e-12 * covariance[0] * np.eye(known.size)
+        across = covariance[np.abs(known[:, None] - missing)]
+        weights = np.linalg.solve(each, across)
+        filled[missing] = mean + (series[known] - mean) @ weights
+        error = covariance[np.abs(missing[:, None] - missing)] - across.T @ weights
+        turned = np.exp(1j * angle * missing)
+        total += max(float((turned.conj() @ error @ turned).real), 0.0)
+    return filled, float(np.sqrt(total))

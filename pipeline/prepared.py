@@ -11,7 +11,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats, readings
 from pipeline.estimate import Budget, budget
-from pipeline.gaps import bridge
+from pipeline.gaps import bridge, missing_stretches
 from pipeline.harmonics.blocks import block_envelope
 from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pipeline.harmonics.slow_motion import SlowMotion
 
 LEAST_SWINGS = 20.0  # a shorter record has no window for the harmonic and no certainty of its phase
+LONGEST_GAP = 300.0  # s, of the first pendulum; what happens in a longer one is more than sigma can say
 LEAST_EXPLAINED = 0.5  # share of the difference's power that its own swing must explain
 LEAST_SWING, MOST_SWING = 1e-9, 10.0  # rad of the difference
 CAPTURE = 0.02  # relative departure from the nominal frequency beyond which the swing was not found
@@ -231,6 +232,12 @@ def prepare(observation: Observation) -> Prepared:
     else:
         step = grid_step(observation.time, nominal)
         whole = to_grid(observation.time, theta, step, nominal)
+    longest = step * max((stop - begin for begin, stop in missing_stretches(whole)), default=0)
+    if longest > LONGEST_GAP:
+        raise RefusedError(
+            f"record/elongation: the first pendulum has a gap of {longest:.0f} s, too long to bridge (at most "
+            f"{LONGEST_GAP:.0f} s); split the record there"
+        )
     if step * nominal < 0.5 * np.pi:
         filled, spans = bridge(whole, step, nominal, float(np.nan_to_num(noise)))
         if filled is not whole and readings(filled) < filled.size:

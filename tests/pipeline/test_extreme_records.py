@@ -14,7 +14,7 @@ import pytest
 import xarray as xr
 from made_records import GRAVITY, SWELL, changed, simulate
 
-from data_schemas.errors import IsochronyError
+from data_schemas.errors import IsochronyError, RefusedError
 from pipeline import METHODS, process, summaries
 
 NOISE: dict[str, Any] = {"noise": 2e-5}
@@ -154,3 +154,10 @@ def test_uneven_times_in_heavy_swell_are_not_silently_wrong(method: str, stated:
     found = summaries(process(record, method=method))[0]
     departure = abs(found["gravity_m_s2"] - GRAVITY) * 1e5
     assert found["flags"] or departure < 5.0 * found["gravity_sigma_mgal"]
+
+
+@pytest.mark.parametrize("rate", [2.0, 10.0])
+def test_a_gap_of_the_first_pendulum_that_nobody_can_bridge_is_told(rate: float) -> None:
+    record = edited(put(0, slice(round(100 * rate), round(420 * rate)), np.nan), duration=700.0, sampling_rate=rate)
+    with pytest.raises(RefusedError, match=r"a gap of 32\d s, too long to bridge \(at most 300 s\); split the record"):
+        process(record, method="projection")

@@ -7,6 +7,9 @@ import signal
 
 import pytest
 
+# before anything brings NumPy: last bits depend on the threads of BLAS, of which commands and their children have one
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -25,7 +25,7 @@ NOTHING = (
 
 
 NEAR_PIECES, FAR_PIECES = 3, 8  # looked at from the film's start, and between there and what is followed back
-LEAD_SWINGS = 8.0
+LEAD_SWINGS = 8.0  # before the first section, on which traces that were not found there may be followed
 LEAST_READ = 0.15
 STRANGE = 4.0
 

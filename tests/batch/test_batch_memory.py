@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import platform
+import subprocess
 import sys
 from pathlib import Path
 
@@ -78,3 +81,24 @@ def test_a_worker_that_does_the_least_stays_within_its_bound(out, small, method)
         for _ in range(5):
             assert child.run(small, config).status == "ok"
     assert float(config.output.with_suffix(".peak").read_text()) <= 512
+
+
+FAULTS = """
+import resource
+import numpy as np
+from pipeline.batch import warming
+{keep}
+for _ in range(3): np.ones(1 << 18)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(100): np.ones(1 << 18)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of the GNU C library")
+@pytest.mark.parametrize(("keep", "least", "most"), [("", 25_600, 10**9), ("warming._keep_memory()", 0, 2_560)])
+def test_memory_is_kept_between_records_where_dask_wants_it_given_back(keep, least, most):
+    """Two MiB a hundred times: 512 pages each time, or hardly any."""
+    environment = os.environ | {"MALLOC_TRIM_THRESHOLD_": "65536"}
+    done = subprocess.run([sys.executable, "-c", FAULTS.format(keep=keep)], env=environment, capture_output=True)
+    assert least <= int(done.stdout) <= most

@@ -7,6 +7,7 @@ import gc
 import os
 import shutil
 import signal
+import sys
 import time
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
@@ -222,3 +223,15 @@ def test_warming_takes_methods_that_decline(monkeypatch):
     monkeypatch.setattr(warming, "_die_with", lambda _: None)
     warming.warm(["projection", "shooting"], parent=1)
     gc.unfreeze()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="of Linux")
+def test_a_c_library_is_asked_to_keep_memory_where_it_can(monkeypatch):
+    asked = []
+    for library in (SimpleNamespace(), SimpleNamespace(mallopt=lambda *what: asked.append(what))):
+        monkeypatch.setattr(warming.ctypes, "CDLL", lambda _, library=library: library)
+        warming._keep_memory()
+    assert asked == [(-1, 16 << 20), (-3, 8 << 20)]
+    monkeypatch.setattr(warming.sys, "platform", "darwin")
+    warming._keep_memory()
+    assert len(asked) == 2

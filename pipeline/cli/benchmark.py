@@ -38,6 +38,10 @@ SUITES = {
         "pipeline.benchmarks.huygens",
         "clocks on a beam: the paper's regime by every way, lock map, basins, what holds; -o resumes",
     ),
+    "batch": (
+        "pipeline.benchmarks.batch",
+        "a record's cost in a batch beside a bare loop, one process and two, dask, killed and resumed",
+    ),
     "bars": ("pipeline.benchmarks.bars", "every promised accuracy and speed: bar, value, limit, pass"),
 }
 _LISTED = "\n".join(f"  {name:<12} {text}" for name, (_, text) in SUITES.items())

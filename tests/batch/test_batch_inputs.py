@@ -82,6 +82,12 @@ def test_what_means_no_file_is_refused(tree, word):
         names(word)
 
 
+def test_a_film_is_read_with_the_description_beside_it(tree):
+    beside = {name: kind_of(tree / name, KINDS).beside for name in ("a.film.tif", "a.png", "a.nc", "a.toml")}
+    assert beside["a.nc"] is beside["a.toml"] is None
+    assert [beside[name](tree / name) for name in ("a.film.tif", "a.png")] == [tree / "a.film.toml"] * 2
+
+
 def test_an_unknown_kind_is_refused_with_the_known_ones(tree):
     with pytest.raises(
         UsageError, match=r"it knows record \(\.record\.nc, \.nc\); film \(\.tif, \.tiff\); .*; scene \(\.toml\)"

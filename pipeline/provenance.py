@@ -27,15 +27,20 @@ def versions() -> str:
     return json.dumps(found, sort_keys=True)
 
 
+def command_line() -> str:
+    """The words of this process, as text that a file can hold: what is no UTF-8, as in some names, is escaped."""
+    words = " ".join(sys.argv) if sys.argv and sys.argv[0] else "python"
+    return words.encode("utf-8", "backslashreplace").decode()
+
+
 def provenance(record: DataTree) -> dict[str, Any]:
     """`input_sha256`, `versions`, `command` and `history` of a result."""
     from data_schemas import content_sha256
 
-    command = " ".join(sys.argv) if sys.argv and sys.argv[0] else "python"
     stored = record.attrs.get("content_sha256")
     return {
         "input_sha256": str(stored) if stored else content_sha256(record),
         "versions": versions(),
-        "command": command,
+        "command": command_line(),
         "history": "made by isochrony process",
     }

@@ -67,6 +67,10 @@ def run(
         The ledger or the log cannot be written.
     """
     configurations: dict[str, str] = {}
+    for _, config in jobs:
+        place = ledger.places.get(config.key)
+        if place is not None and not place.fits(config, ledger.versions):
+            del ledger.places[config.key]  # nothing of these settings is known of it, also if it is left for later
 
     def undone() -> Iterator[Job]:
         for path, config in jobs:

@@ -31,12 +31,15 @@ class Kind:
         From the path, the config and `Allow` to a record in memory; of a module, so that another process finds it.
     searched : bool
         Whether folders are searched for it.
+    beside : callable or None
+        Path of a file that is read with an input, where there is one: its change changes the input.
     """
 
     name: str
     endings: tuple[str, ...]
     record: Callable[[Path, Config, Allow], DataTree]
     searched: bool = True
+    beside: Callable[[Path], Path] | None = None
 
 
 @dataclass(frozen=True)

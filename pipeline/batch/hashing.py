@@ -5,11 +5,28 @@ from __future__ import annotations
 import hashlib
 import os
 import stat
+from pathlib import Path
 
 from data_schemas.contents import shown
 from data_schemas.errors import FileError
+from pipeline.batch.config import Kind
 
 _BLOCK = 1 << 20
+
+
+def input_sha256(path: Path, kind: Kind) -> str:
+    """Hexadecimal SHA-256 of an input; where a file beside it is read with it, of both their checksums.
+
+    Raises
+    ------
+    FileError
+        See `file_sha256`.
+    """
+    digest = file_sha256(path)
+    beside = kind.beside(path) if kind.beside is not None else None
+    if beside is None or not os.path.isfile(beside):
+        return digest
+    return hashlib.sha256(f"{digest} {file_sha256(beside)}".encode()).hexdigest()
 
 
 def file_sha256(path: str | os.PathLike[str]) -> str:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import glob
 import os
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from data_schemas.errors import UsageError
 from pipeline.batch.config import Kind
+
+_SEPARATOR = f"/{re.escape(os.sep)}"
+_DEEP = re.compile(rf"(?<![^{_SEPARATOR}])\*\*[{_SEPARATOR}]")
+"""The ``**/`` of a pattern that means any folders."""
 
 
 class Input(NamedTuple):
@@ -32,10 +37,12 @@ def find_inputs(words: Sequence[str], kinds: Sequence[Kind]) -> list[Input]:
     Raises
     ------
     UsageError
-        A pattern or folder without any file, a file of no known kind.
+        An empty word, a pattern or folder without any file, a folder that cannot be searched, a file of no known kind.
     """
     found: dict[Path, Kind] = {}
     for word in words:
+        if not word:
+            raise UsageError("an input has an empty name; name files, a pattern in quotes, or a folder")
         paths = list(_meant(word, kinds))
         if not paths:
             endings = ", ".join(kind.endings[0] for kind in kinds if kind.searched)
@@ -62,16 +69,31 @@ def kind_of(path: Path, kinds: Sequence[Kind]) -> Kind:
 
 
 def _meant(word: str, kinds: Sequence[Kind]) -> Iterator[Path]:
-    path = Path(word)
     endings = tuple(kind.endings[0] for kind in kinds if kind.searched)
-    if path.is_dir():
-        for folder, below, names in os.walk(path):
+    if os.path.isdir(word):
+        for folder, below, names in os.walk(word, onerror=_unsearchable):
             below.sort()
             yield from (Path(folder, name) for name in sorted(names) if name.endswith(endings))
-    elif glob.has_magic(word) and not path.exists():
-        yield from (Path(one) for one in sorted(glob.glob(word, recursive=True)))
+    elif glob.has_magic(word) and not os.path.exists(word):
+        yield from (Path(one) for one in sorted(set(_matches(word))))
     else:
-        yield path  # also one that is not there: told as the outcome of that input
+        yield Path(word)  # also one that is not there: told as the outcome of that input
+
+
+def _matches(pattern: str) -> Iterator[str]:
+    """What fits a pattern; below ``**`` links to folders are not followed, which could lead round and round."""
+    before, *after = _DEEP.split(pattern, maxsplit=1)
+    if not after:
+        yield from glob.iglob(pattern)
+        return
+    for top in glob.iglob(before) if before else [os.curdir]:
+        for folder, below, _ in os.walk(top, onerror=_unsearchable):
+            below[:] = [name for name in below if not name.startswith(".")]
+            yield from _matches(os.path.join(glob.escape(folder), after[0]))
+
+
+def _unsearchable(error: OSError) -> None:
+    raise UsageError(f"{error.filename}: cannot be searched ({error.strerror}); make it readable, or name its files")
 
 
 def _name(path: Path, kind: Kind) -> str:

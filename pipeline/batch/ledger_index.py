@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from data_schemas.contents import shown
 from data_schemas.errors import FileError
+from pipeline.batch.config import Config
 from pipeline.batch.outcome import Outcome
 
 NAME = "ledger.jsonl"
@@ -29,6 +30,10 @@ class Place(NamedTuple):
     output_sha256: str | None
     configuration_sha256: str
     versions: str
+
+    def fits(self, config: Config, versions: str) -> bool:
+        """Whether it was made with these settings and versions."""
+        return self.versions == versions and self.configuration_sha256 == config.sha256
 
 
 class Index:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from data_schemas.errors import FileError, IsochronyError, RefusedError
 from pipeline.batch.config import Config
-from pipeline.batch.hashing import file_sha256
+from pipeline.batch.hashing import file_sha256, input_sha256
 from pipeline.batch.limits import bounded
 from pipeline.batch.outcome import Outcome, failure
 
@@ -37,7 +37,7 @@ def process_record(path: Path, config: Config) -> Outcome:
     started = time.perf_counter()
     digest = None
     try:
-        digest = file_sha256(path)
+        digest = input_sha256(path, config.kind)
         with bounded(config.memory) as allow:
             outcome = _made(config, digest, config.kind.record(path, config, allow))
     except RefusedError as error:
@@ -45,7 +45,7 @@ def process_record(path: Path, config: Config) -> Outcome:
     except IsochronyError as error:
         outcome = failure(config.key, type(error).__name__, str(error), digest)
     except MemoryError:
-        told = f"{path}: needs more memory than is allowed; give it more (--memory), or split the record"
+        told = f"{path}: needs more memory than is allowed; give it more (--memory, --retry-failed), or split it"
         outcome = failure(config.key, "MemoryError", told, digest)
     except Exception as error:  # ours or a library's: it must cost this record alone, and is told
         told = f"{path}: internal error: {type(error).__name__}: {error}; please report"
@@ -77,7 +77,10 @@ def _write(result: DataTree, output: Path) -> None:
         output.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FileError(f"{output.parent}: cannot be made, {error.strerror}; choose another folder with -o") from None
-    data_schemas.write(result, output, overwrite=True)
+    try:
+        data_schemas.write(result, output, overwrite=True)
+    except FileError as error:
+        raise FileError(f"{error}; then use --retry-failed") from None
 
 
 def _row(row: dict[str, Any]) -> dict[str, Any]:

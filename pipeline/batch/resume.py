@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from data_schemas.errors import FileError
 from pipeline.batch.config import Config
-from pipeline.batch.hashing import file_sha256
+from pipeline.batch.hashing import file_sha256, input_sha256
 from pipeline.batch.ledger_index import Index
 
 LEFTOVER = ".isochrony-*.part"
@@ -26,13 +27,13 @@ def holds(path: Path, config: Config, ledger: Index, *, retry_failed: bool = Fal
         Whether what failed is to be done again; what a method refused it would refuse again.
     """
     place = ledger.places.get(config.key)
-    if place is None or place.versions != ledger.versions or place.configuration_sha256 != config.sha256:
+    if place is None or not place.fits(config, ledger.versions):
         return False
     if place.status == "failed" and retry_failed:
         return False
-    if _sha256(path) != place.input_sha256:
+    if _sum_of(input_sha256, path, config.kind) != place.input_sha256:
         return False
-    return place.output_sha256 is None or _sha256(config.output) == place.output_sha256
+    return place.output_sha256 is None or _sum_of(file_sha256, config.output) == place.output_sha256
 
 
 def remove_leftovers(folder: Path) -> int:
@@ -58,8 +59,8 @@ def remove_leftovers(folder: Path) -> int:
     return count
 
 
-def _sha256(path: Path) -> str | None:
+def _sum_of(checksum: Callable[..., str], *of: object) -> str | None:
     try:
-        return file_sha256(path)
+        return checksum(*of)
     except FileError:  # not there, or not a file: nothing has that checksum
         return None

@@ -39,6 +39,7 @@ def warm(methods: Sequence[str], parent: int | None = None) -> None:
     if parent is not None:
         _die_with(parent)
     _keep_memory()
+    import data_schemas.writing  # noqa: F401  # with what reads
     from pipeline.processing import process
 
     record = small_record()

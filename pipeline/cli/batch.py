@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -157,6 +158,8 @@ def _executor(options: argparse.Namespace, jobs: Any) -> Any:
 
 
 def _check(options: argparse.Namespace) -> None:
+    if not options.out:
+        raise UsageError("batch: -o wants a folder, not an empty name")
     if options.executor == "serial" and not options.trusted:
         raise UsageError("batch: --executor serial reads inputs in this process, unguarded; add --trusted if they are")
     if options.executor == "serial" and (options.scheduler is not None or options.jobs is not None):
@@ -174,7 +177,7 @@ def _refuse(options: argparse.Namespace, folder: Path, jobs: Any) -> None:
     from pipeline.cli.outputs import refuse_clashes
 
     resumes = options.resume or options.retry_failed
-    begun = (folder / NAME).exists()
+    begun = os.path.exists(folder / NAME)
     if begun and not (resumes or options.force or options.dry_run):
         raise UsageError(f"{folder}: a batch was begun there; go on with --resume, or do it anew with --force")
     inputs = list(dict.fromkeys(path for path, _ in jobs))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import sys
+import os
 from pathlib import Path
 
 from data_schemas.errors import UsageError
@@ -27,11 +27,12 @@ def jobs_of(options: argparse.Namespace, folder: Path) -> list[Job]:
         A key of a sweep that its scene does not have.
     """
     from pipeline.cli.process import requested_methods
+    from pipeline.provenance import command_line
 
     methods = requested_methods("batch", options.method)
     inputs = find_inputs([_shipped(word) for word in options.inputs], KINDS)
     points = _points(options, inputs)
-    command = " ".join(sys.argv)
+    command = command_line()
     made = []
     for one in inputs:
         for member, variant in points if one.kind.name == "scene" and points else [(0, ())]:
@@ -78,7 +79,7 @@ def _check(path: Path, variant: Variant) -> None:
 def _shipped(word: str) -> str:
     """Path of a shipped scene that is named without one."""
     path = Path(word)
-    if path.exists() or path.suffix or path.parent != Path(".") or any(mark in word for mark in "*?["):
+    if os.path.exists(path) or path.suffix or path.parent != Path(".") or any(mark in word for mark in "*?["):
         return word
     import synth
 

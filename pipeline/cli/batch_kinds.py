@@ -84,11 +84,18 @@ def digitise_film(path: Path, _config: Config, allow: Allow) -> DataTree:
     return digitise(path)
 
 
+def description_beside(path: Path) -> Path:
+    """Where the description of a film is kept."""
+    from data_schemas.film_description import description_path
+
+    return description_path(path)
+
+
 _TIFF = (".tif", ".tiff")
 KINDS = (
     Kind("record", (".record.nc", ".nc"), read_record),
-    Kind("film", _TIFF, digitise_film),
-    Kind("film as PNG or JPEG", (".png", ".jpg", ".jpeg"), digitise_film, searched=False),
+    Kind("film", _TIFF, digitise_film, beside=description_beside),
+    Kind("film as PNG or JPEG", (".png", ".jpg", ".jpeg"), digitise_film, searched=False, beside=description_beside),
     Kind("scene", (".toml",), simulate_scene, searched=False),
 )
 """All kinds, by the endings of their files."""

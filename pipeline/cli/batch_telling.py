@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from data_schemas.contents import shown
 from pipeline.batch.campaign import Job, Tally
 from pipeline.batch.config import Config
 from pipeline.batch.ledger_index import NAME, Index
@@ -16,17 +18,19 @@ from pipeline.batch.log import Log
 from pipeline.batch.resume import holds
 
 _MOST_TOLD = 10  # faults on stderr; the summary has all
+_LONGEST = 4096  # letters of a path
 
 
 def tell_plan(jobs: Sequence[Job], folder: Path, versions: str, options: argparse.Namespace) -> int:
     """Say of each input whether it would be done, at most `--limit` of them; nothing is made or changed."""
-    known = Index(folder, versions) if (folder / NAME).exists() else None
+    known = Index(folder, versions) if os.path.exists(folder / NAME) else None
     done = kept = 0
     for path, config in jobs:
         held = not options.force and known is not None and holds(path, config, known, retry_failed=options.retry_failed)
         waits = not held and options.limit is not None and done >= options.limit
         done, kept = done + (not held and not waits), kept + held
-        print(f"{'keep' if held else 'wait' if waits else 'do'}  {path} -> {config.output}", flush=True)
+        what = "keep" if held else "wait" if waits else "do"
+        print(f"{what}  {shown(path, _LONGEST)} -> {shown(config.output, _LONGEST)}", flush=True)
     print(f"{done} to do, {kept} to keep, {len(jobs) - done - kept} to wait")
     return 0
 

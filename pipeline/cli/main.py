@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import sys
@@ -75,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit status (see the module's text).
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    _use_utf8()
+    _use_streams()
     _calm_blas()
     try:
         status = _dispatch(words)
@@ -92,6 +93,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except Exception as fault:
+        if isinstance(fault, OSError) and fault.errno == errno.ENOSPC:  # files of ours tell of themselves
+            return _say(f"stdout cannot be written, {fault.strerror}; free space, or send it elsewhere", 3, fault)
         hint = "please report; run with ISOCHRONY_TRACEBACK=1 for the traceback"
         return _say(f"internal error: {type(fault).__name__}: {fault} ({hint})", 70, fault)
 
@@ -143,8 +146,14 @@ def _calm_blas() -> None:
             os.environ.setdefault(library, "1")
 
 
-def _use_utf8() -> None:
-    """Make both streams UTF-8 whatever the locale; a file name that is no UTF-8 is escaped, not fatal."""
+def _use_streams() -> None:
+    """Make both streams UTF-8 whatever the locale; a file name that is no UTF-8 is escaped, not fatal.
+
+    One that is closed goes nowhere: its number would be taken by the next file, which what we call might write to.
+    """
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115  # as long as the process
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(encoding="utf-8", errors="backslashreplace")

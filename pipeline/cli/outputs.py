@@ -49,29 +49,30 @@ def place(inputs: Sequence[Path], out: str | None, ending: str) -> list[Path]:
     if not out:
         raise UsageError("-o wants a file or a folder, not an empty name")
     target = Path(out)
-    if out.endswith(("/", os.sep)) or len(inputs) > 1 or target.is_dir():
-        if target.exists() and not target.is_dir():
+    if out.endswith(("/", os.sep)) or len(inputs) > 1 or os.path.isdir(target):
+        if os.path.exists(target) and not os.path.isdir(target):
             raise UsageError(f"{target}: is a file, but -o must be a folder here; name another")
         return [target / (stem(path) + ending) for path in inputs]
-    if not target.parent.is_dir():
+    if not os.path.isdir(target.parent):
         raise UsageError(f"{target}: there is no folder '{target.parent}'; create it, or end -o with / for a folder")
     return [target]
 
 
 def refuse_clashes(inputs: Sequence[Path], outputs: Sequence[Path], *, force: bool) -> None:
     """Raise `UsageError` where an output would destroy an input, another output, or, unforced, any file."""
-    taken: dict[Path, Path] = {}
-    sources = {path.resolve() for path in inputs}
+    # of os.path, which takes a name too long, or links in a circle, for a file that is not there
+    taken: set[str] = set()
+    sources = {os.path.realpath(path) for path in inputs}
     for output in outputs:
-        resolved = output.resolve()
+        resolved = os.path.realpath(output)
         if resolved in sources:
             raise UsageError(f"{output}: is an input and would be overwritten; name another output with -o")
         if resolved in taken:
             raise UsageError(f"{output}: two inputs would be written to it; name each input once, or rename one")
-        taken[resolved] = output
-        if output.is_dir():
+        taken.add(resolved)
+        if os.path.isdir(output):
             raise UsageError(f"{output}: is a folder; name a file, or another folder, with -o")
-        if output.exists() and not force:
+        if os.path.exists(output) and not force:
             raise UsageError(f"{output}: exists already; add --force to overwrite it, or choose another with -o")
 
 
@@ -92,7 +93,7 @@ def folder_for_output(folder: Path) -> Iterator[None]:
     UsageError
         It cannot be created.
     """
-    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    missing = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as fault:

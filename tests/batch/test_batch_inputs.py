@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
+import os
 
 import pytest
 
@@ -44,11 +46,46 @@ def test_a_file_that_is_not_there_is_an_input_all_the_same(tree):
     assert names("none.record.nc") == [("none", "record")]
 
 
+def test_links_to_folders_never_lead_round(tree):
+    for name in ("l1", "l2"):  # two that lead back up: a search that followed them would not end
+        (tree / "a" / name).symlink_to(tree, target_is_directory=True)
+    (tree / "a/.hidden").mkdir()
+    (tree / "a/.hidden/4.record.nc").write_text("")
+    assert names("**/*.record.nc") == [("a/1", "record"), ("b/1", "record"), ("b/2", "record")]
+    assert names("b/**/[12].record.nc") == [("1", "record"), ("2", "record")]
+    assert names(f"{tree}/*/**/deep/**/*.nc") == [("3", "record")]
+
+
+def test_an_empty_name_is_not_the_present_folder(tree):
+    with pytest.raises(UsageError, match="an input has an empty name; name files"):
+        names("b", "")
+
+
+@pytest.mark.parametrize("word", [".", "**/*.record.nc"])
+def test_a_folder_that_cannot_be_searched_is_told(tree, monkeypatch, word):
+    scan = os.scandir
+
+    def refuse(path):
+        if str(path).endswith("b"):
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return scan(path)
+
+    monkeypatch.setattr(os, "scandir", refuse)
+    with pytest.raises(UsageError, match=r"b: cannot be searched \(Permission denied\); make it readable"):
+        names(word)
+
+
 @pytest.mark.parametrize("word", ["*.none", "empty"])
 def test_what_means_no_file_is_refused(tree, word):
     (tree / "empty").mkdir()
     with pytest.raises(UsageError, match=r"there is no \.record\.nc, \.tif file"):
         names(word)
+
+
+def test_a_film_is_read_with_the_description_beside_it(tree):
+    beside = {name: kind_of(tree / name, KINDS).beside for name in ("a.film.tif", "a.png", "a.nc", "a.toml")}
+    assert beside["a.nc"] is beside["a.toml"] is None
+    assert [beside[name](tree / name) for name in ("a.film.tif", "a.png")] == [tree / "a.film.toml"] * 2
 
 
 def test_an_unknown_kind_is_refused_with_the_known_ones(tree):

@@ -5,10 +5,11 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from batch_parts import config_of
+from batch_parts import POISON, config_of
 
 from data_schemas.errors import FileError
 from pipeline.batch.ledger import Ledger
@@ -61,6 +62,20 @@ def test_other_settings_and_versions_do_not_hold(done, out):
     assert not holds(path, config_of(out, "a", gain_uncertainty=0.01), ledger)
     ledger.versions = "other"
     assert not holds(path, config_of(out, "a"), ledger)
+
+
+def test_a_film_is_what_it_was_only_with_its_description(done, out):
+    path, _, ledger = done
+    beside = path.with_suffix(".toml")
+    config = config_of(out, "a", kind=replace(POISON, beside=lambda _: beside))
+    for text in (None, "speed = 1", "speed = 2"):
+        if text is not None:
+            beside.write_text(text)
+            assert not holds(path, config, ledger)
+        ledger.append([process_record(path, config)], {config.key: config.sha256})
+        assert holds(path, config, ledger)
+    beside.unlink()
+    assert not holds(path, config, ledger)
 
 
 def test_failures_hold_until_they_are_to_be_tried_again(done):

@@ -9,12 +9,14 @@ import re
 import shutil
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 from batch_parts import METHODS, config_of, numbers_of
 
 from data_schemas.errors import UsageError
+from pipeline.batch.executors import cluster
 from pipeline.batch.executors.cluster import clustered
 from pipeline.batch.executors.serial import serial
 
@@ -59,15 +61,15 @@ def test_a_local_cluster(small, tmp_path, out, monkeypatch):
     """In threads: what is in these processes is seen by coverage; faults of the cluster's own are outcomes too."""
     LocalCluster = distributed.LocalCluster
     settings = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
-    with LocalCluster(**settings, local_directory=str(tmp_path / "dask")) as cluster:
-        check(cluster.scheduler_address, small, tmp_path, out, ["good", "crash", "good", "good", "good"])
+    with LocalCluster(**settings, local_directory=str(tmp_path / "dask")) as local:
+        check(local.scheduler_address, small, tmp_path, out, ["good", "crash", "good", "good", "good"])
         odd = config_of(out, "odd")
         monkeypatch.setattr("pipeline.batch.executors.cluster._process_isolated", lost)
-        coming = clustered([(small, odd)], address=cluster.scheduler_address, methods=METHODS, timeout=20.0)
+        coming = clustered([(small, odd)], address=local.scheduler_address, methods=METHODS, timeout=20.0)
         ((one,),) = coming
         assert one.error_class == "WorkerLost"
         assert "odd.result.nc: the cluster gave it up: TypeError" in one.error
-        assert list(clustered([], address=cluster.scheduler_address, methods=METHODS, timeout=1.0)) == []
+        assert list(clustered([], address=local.scheduler_address, methods=METHODS, timeout=1.0)) == []
     for child in multiprocessing.active_children():  # of the cluster's threads: they would end with this process only
         child.terminate()
         child.join()
@@ -94,6 +96,27 @@ def test_scheduler_and_workers_of_their_own_on_the_loopback(small, tmp_path, out
             for process in reversed(processes):
                 process.terminate()
                 process.communicate()
+
+
+def test_a_thread_keeps_its_process_until_other_settings_come(small, out, monkeypatch):
+    made = []
+
+    class Child:
+        def __init__(self, *form):
+            self.form, self.course = form, []
+            made.append(self)
+
+        def run(self, path, config):
+            self.course.append(config.key)
+
+        def stop(self):
+            self.course.append("stopped")
+
+    monkeypatch.setattr(cluster, "Isolated", Child)
+    monkeypatch.setattr(cluster, "_OWN", threading.local())
+    for name, timeout in (("a", 5.0), ("b", 5.0), ("c", 6.0)):
+        cluster._process_isolated(small, config_of(out, name), METHODS, timeout)
+    assert [child.course for child in made] == [["a.result.nc", "b.result.nc", "stopped"], ["c.result.nc"]]
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x"])

@@ -206,6 +206,14 @@ def test_a_record_that_ends_its_process_is_told(small, out, monkeypatch, error, 
     assert told in outcome.error
 
 
+@pytest.mark.compiled
+def test_the_least_memory_is_too_little_and_told(small, out):
+    """Nothing that reading needs is loaded only then: a library that cannot be would look like a fault of ours."""
+    with Isolated(METHODS, 60.0) as child:
+        outcome = child.run(small, config_of(out, "a", memory=1))
+    assert "takes more memory than this process may have; give it more" in outcome.error
+
+
 def test_an_orphan_ends(monkeypatch):
     ended = []
     monkeypatch.setattr(warming.ctypes, "CDLL", lambda _: SimpleNamespace(prctl=lambda *_: None))

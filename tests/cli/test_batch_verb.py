@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import os
 import shutil
@@ -97,6 +98,27 @@ def test_going_on_does_what_is_left_and_the_summary_is_the_same(run, cruises):
     mended = run("batch", "cruises", "-o", "out", *SERIAL, "--resume")
     assert (mended.status, mended.err) == (0, "")
     assert "3 ok of 3 inputs, 2 kept" in mended.out
+
+
+def test_what_other_settings_left_behind_counts_as_not_done(run, cruises):
+    run("batch", "cruises", "-o", "out", *SERIAL)
+    outcome = run("batch", "cruises", "-o", "out", *SERIAL, "--gain-uncertainty", "0.01", "--resume", "--limit", "1")
+    assert outcome.out.endswith(": 1 ok of 3 inputs, 0 kept; 2 left for --resume\n")
+    assert len(table(Path("out/summary.csv"))) == 1
+
+
+def test_a_full_disk_costs_the_records_it_meets_and_tells_how_to_go_on(run, cruises, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("data_schemas.writing._flushed", full)
+        fault = run("batch", "cruises/two", "-o", "out", *SERIAL).fault
+        assert fault.endswith("No space left on device; free space, or choose a folder you may write to")
+        assert "summary.csv: cannot be written" in fault
+    outcome = run("batch", "cruises/two", "-o", "out", *SERIAL, "--resume")
+    assert outcome.fault.endswith("choose a folder you may write to; then use --retry-failed")
+    assert run("batch", "cruises/two", "-o", "out", *SERIAL, "--retry-failed").status == 0
 
 
 def test_what_failed_is_tried_again_when_asked(run, cruises):
@@ -197,6 +219,36 @@ def test_nothing_of_the_user_s_is_overwritten(run, cruises):
     assert "exists already" in run("batch", "cruises", "-o", "out", *SERIAL).fault
     assert Path("out/two/a.result.nc").read_text() == "precious"
     assert run("batch", "cruises", "-o", cruises / "two/a.record.nc", *SERIAL).status == 2
+
+
+def test_names_of_any_bytes_make_one_line_and_a_result(run, cruises, monkeypatch):
+    name = os.fsdecode(b"cruises/two/\xff\x1b\n.record.nc")
+    os.rename(cruises / "two/a.record.nc", name)
+    dry = run("batch", name, "-o", "out", "--dry-run")
+    assert len(dry.out.splitlines()) == 2
+    assert "two/???.record.nc -> " in dry.out
+    monkeypatch.setattr(sys, "argv", ["isochrony", "batch", name])
+    assert run("batch", name, "-o", "out", *SERIAL).status == 0
+    (made,) = Path("out").glob("*.result.nc")
+    assert data_schemas.read(made).attrs["command"] == "isochrony batch cruises/two/\\udcff\x1b\n.record.nc"
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "told"),
+    [
+        (["", "-o", "out"], 2, "an input has an empty name"),
+        (["cruises", "-o", ""], 2, "-o wants a folder, not an empty name"),
+        (["cruises", "-o", "a" * 300], 2, "cannot be created (File name too long)"),
+        (["a" * 300, "-o", "out"], 2, "no scene 'aaa"),
+        ([f"{'a' * 300}.record.nc", "-o", "out"], 3, "File name too long; give the path of a file"),
+        (["round.record.nc", "-o", "out"], 3, "Too many levels of symbolic links; give the path of a file"),
+    ],
+)
+def test_names_that_no_file_can_have_are_told(run, cruises, words, status, told):
+    Path("round.record.nc").symlink_to("round.record.nc")
+    outcome = run("batch", *words, *SERIAL)
+    assert outcome.status == status
+    assert told in outcome.fault
 
 
 def test_json_of_a_part_has_that_part(run, cruises):

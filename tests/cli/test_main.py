@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -166,3 +167,40 @@ def test_a_file_name_that_is_no_utf8_is_told_and_not_fatal(tmp_path):
     assert done.returncode == 3
     assert done.stderr == ""
     assert "\\udcff.nc" in done.stdout
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a POSIX shell")
+@pytest.mark.parametrize(
+    ("where", "status", "told"),
+    [
+        (">&-", 0, ""),
+        (">&- 2>&- <&-", 0, ""),
+        pytest.param(
+            "> /dev/full", 3, "isochrony: stdout cannot be written, No space left on device; free space, or send it",
+            marks=pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no full device"),
+        ),
+    ],
+)  # fmt: skip
+def test_a_stdout_that_is_closed_or_full_is_no_internal_error(where, status, told):
+    command = f"{sys.executable} -m pipeline.cli --version {where}"
+    env = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, cwd=ROOT, env=env)
+    assert (done.returncode, done.stdout) == (status, "")
+    assert done.stderr.startswith(told)
+    assert len(done.stderr.splitlines()) == bool(told)
+
+
+def test_streams_that_are_closed_go_nowhere_and_a_full_device_is_told(run, monkeypatch):
+    def full(_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(schema, "run", full)
+    outcome = run("schema", "record")
+    assert outcome.status == 3
+    assert "stdout cannot be written, No space left on device" in outcome.fault
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", None)
+        entry._use_streams()
+        with sys.stdout as nowhere:
+            assert nowhere.name == os.devnull
+            print("nothing")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from data_schemas import content_sha256, encoding, heaps, read, validate, write, writing
-from data_schemas.appending import Appended
+from data_schemas.appending import Appended, RowSums
 from data_schemas.contents import Contents, Entry, Group, from_tree
 from data_schemas.errors import FileError
 from data_schemas.joining import Joined
@@ -138,7 +138,7 @@ def test_a_file_that_exists_is_kept_unless_told(tmp_path, record):
 _PROGRAM = """
 import os, resource, signal, sys
 import numpy as np
-from data_schemas.appending import Appended
+from data_schemas.appending import Appended, RowSums
 from data_schemas.contents import Entry, Group
 from data_schemas.errors import FileError
 {before}
@@ -239,3 +239,15 @@ def test_a_file_that_never_began_is_closed_and_checked(tmp_path):
     file._sink = Sink(tmp_path / "file.nc", "x+")  # HDF5 could not open it
     file._close(lasting=True)
     assert file._sink is None
+
+
+@pytest.mark.parametrize("piece", range(1, 10))
+def test_sums_of_rows_are_the_same_however_the_rows_are_cut(piece):
+    values = np.arange(12.0).reshape(3, 4)
+    for bent in (False, True):
+        meant, found = RowSums(4), RowSums(4)
+        meant.add(values)
+        flat = np.where(np.arange(12) == 6, -1.0, values.ravel()) if bent else values.ravel()
+        for begin in range(0, 12, piece):
+            found.add_flat(flat[begin : begin + piece])
+        assert (found == meant) == (not bent)

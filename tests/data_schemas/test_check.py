@@ -21,6 +21,15 @@ def test_the_least_record_is_good(record):
     assert check(record, "record") == []
 
 
+@pytest.mark.parametrize(
+    ("name", "told"), [("scene", []), ("film", ["attribute film: is missing at the root; add it"])]
+)
+def test_json_that_is_not_there_is_missing_and_no_more(example, name, told):
+    tree = example("film-truth")
+    del tree.attrs[name]
+    assert check(tree, "film-truth") == told
+
+
 def _edit(group, change):
     def apply(tree):
         node = tree[group]

@@ -8,6 +8,7 @@ give up records that did nothing.
 from __future__ import annotations
 
 import multiprocessing
+import queue
 import threading
 from collections.abc import Generator, Iterable, Sequence
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from data_schemas.errors import UsageError
 from pipeline.batch.config import Config
-from pipeline.batch.executors.isolated import Isolated
+from pipeline.batch.executors.isolated import LOOK, Isolated
 from pipeline.batch.outcome import Outcome, failure
 
 if TYPE_CHECKING:
@@ -46,10 +47,10 @@ def clustered(
     Raises
     ------
     UsageError
-        Dask is not installed, or no scheduler with workers answers there.
+        Dask is not installed, no scheduler with workers answers there, or it is gone for good.
     """
     try:
-        from distributed import Client, as_completed
+        from distributed import Client
     except ImportError:
         raise UsageError("--scheduler wants dask.distributed; install 'isochrony[cluster]'") from None
     try:
@@ -65,7 +66,7 @@ def clustered(
             raise UsageError(f"--scheduler {address}: has no workers; start some with 'dask worker {address}'")
         left = iter(jobs)
         keys: dict[object, Config] = {}
-        waiting = as_completed(loop=client.loop)
+        done: queue.SimpleQueue[Future] = queue.SimpleQueue()
 
         def feed(count: int) -> None:
             for _ in range(count):
@@ -74,15 +75,23 @@ def clustered(
                     return
                 future = client.submit(_process_isolated, *job, tuple(methods), timeout, pure=False, retries=0)
                 keys[future.key] = job[1]
-                waiting.add(future)
+                future.add_done_callback(done.put)
 
         feed(_AHEAD * threads)
-        for batch in waiting.batches() if keys else ():
+        while keys:
+            try:
+                batch = [done.get(timeout=LOOK)]
+                batch += [done.get_nowait() for _ in range(done.qsize())]
+            except queue.Empty:
+                batch = []
+            if client.status == "closed":  # dask's own answer to a scheduler that does not come back
+                raise UsageError(f"--scheduler {address}: the scheduler is gone; start one, and go on with --resume")
             outcomes = [_outcome(future, keys.pop(future.key)) for future in batch]
             for future in batch:
                 future.release()
             feed(len(outcomes))
-            yield outcomes
+            if outcomes:
+                yield outcomes
 
 
 def _process_isolated(path: Path, config: Config, methods: tuple[str, ...], timeout: float) -> Outcome:

@@ -92,6 +92,12 @@ def test_scheduler_and_workers_of_their_own_on_the_loopback(small, tmp_path, out
             processes.append(start([sys.executable, "-m", "distributed.cli.dask_worker", address, *one_each]))
             next(line for line in processes[1].stderr if "Starting established connection" in line)
             check(address, small, tmp_path, out, ["good", "hang", "good"])
+            jobs = jobs_of(small, tmp_path, out, ["good", "hang"])
+            coming = clustered(jobs, address=address, methods=METHODS, timeout=60.0)
+            next(coming)
+            scheduler.kill()
+            with pytest.raises(UsageError, match="the scheduler is gone; start one, and go on with --resume"):
+                list(coming)
         finally:
             for process in reversed(processes):
                 process.terminate()

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from data_schemas.errors import UsageError
 from pipeline.batch.config import Config
-from pipeline.batch.executors.isolated import LOOK, Isolated
+from pipeline.batch.executors.isolated import Isolated
 from pipeline.batch.outcome import Outcome, failure
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def clustered(
     Raises
     ------
     UsageError
-        Dask is not installed, no scheduler with workers answers there, or it is gone for good.
+        Dask is not installed, no scheduler with workers answers there, or it is gone before the end.
     """
     try:
         from distributed import Client
@@ -79,19 +79,15 @@ def clustered(
 
         feed(_AHEAD * threads)
         while keys:
-            try:
-                batch = [done.get(timeout=LOOK)]
-                batch += [done.get_nowait() for _ in range(done.qsize())]
-            except queue.Empty:
-                batch = []
-            if client.status == "closed":  # dask's own answer to a scheduler that does not come back
+            batch = [done.get()]
+            batch += [done.get_nowait() for _ in range(done.qsize())]
+            if any(future.cancelled() for future in batch):  # as dask does with all of them where the scheduler is gone
                 raise UsageError(f"--scheduler {address}: the scheduler is gone; start one, and go on with --resume")
             outcomes = [_outcome(future, keys.pop(future.key)) for future in batch]
             for future in batch:
                 future.release()
             feed(len(outcomes))
-            if outcomes:
-                yield outcomes
+            yield outcomes
 
 
 def _process_isolated(path: Path, config: Config, methods: tuple[str, ...], timeout: float) -> Outcome:

@@ -14,7 +14,7 @@ from pipeline.flags import LINEAR_FITS, UNDECIDED, flags
 from pipeline.gravity import Gravity, gravity
 from pipeline.methods import method
 from pipeline.outliers import MOST_ANGLE
-from pipeline.prepared import CAPTURE, Prepared
+from pipeline.prepared import CAPTURE, Prepared, require_bridges
 
 if TYPE_CHECKING:
     from pipeline.sensors.examination import Examination
@@ -44,6 +44,8 @@ def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float, sensors: E
 
             choice = choose(prepared)
             chosen, reason, doubt = choice.method, choice.reason, choice.doubt
+        if chosen != "projection":
+            require_bridges(prepared)
         estimate = method(chosen)(prepared)
         unsure = float(np.hypot(doubt, 0.0 if sensors is None else sensors.doubt))
         if unsure:

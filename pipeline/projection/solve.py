@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -24,7 +26,10 @@ _NEAR = 1e-3  # rad over half the record: from here on the residual is the readi
 
 @dataclass(frozen=True)
 class ProjectionFit:
-    """Least squares for (A, B, offset, n2, gamma2); `noise_gain` is sigma of n2 per radian of white noise in d."""
+    """Least squares for (A, B, offset, n2, gamma2); `noise_gain` is sigma of n2 per radian of white noise in d.
+
+    `coefficient` is that of the first piece where long gaps part the record.
+    """
 
     frequency: float
     damping_rate: float
@@ -56,6 +61,8 @@ class Problem(Protocol):
 
     half: float
     """Half the record's length, s."""
+    pieces: list[slice]
+    """Samples of the difference that take part; each piece swings freely with an amplitude of its own."""
 
     @property
     def residual(self) -> Floats:
@@ -68,7 +75,10 @@ class Problem(Protocol):
         """Take the response to nearby (n2, gamma2) by its slopes."""
 
     def moments(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> tuple[Floats, int]:
-        """Gram matrix as `kernels.moments` has it, and the number of samples beyond the limit."""
+        """Gram matrices (pieces, 8, 8) as `kernels.moments` has them, and the number of samples beyond the limit.
+
+        `coefficient` (pieces, 3) is each piece's (A, B, offset).
+        """
 
 
 class UniformProblem:
@@ -85,10 +95,19 @@ class UniformProblem:
     slopes : (blocks + 1, 2) array
         Those of the response by n2 and gamma2 at the blocks' starts and at the end, as `kernels.moments` has them; of
         the portions asked for.
+    pieces : list of slice
+        What is left of the samples between the spans that are cut out, (begin, end) in s.
     """
 
     def __init__(
-        self, theta: Floats, difference: Floats, step: float, fitted_at: float, ratio: float, damping_difference: float
+        self,
+        theta: Floats,
+        difference: Floats,
+        step: float,
+        fitted_at: float,
+        ratio: float,
+        damping_difference: float,
+        cut: Sequence[tuple[float, float]] = (),
     ) -> None:
         self._theta, self._difference, self._step = theta, difference, step
         self._ratio, self._damping_difference = ratio, damping_difference
@@ -102,14 +121,20 @@ class UniformProblem:
         self._starts = np.empty(len(self.parts))  # the response at the first sample of each portion
         self._response: Floats = np.empty(self.parts[0].stop + 1)
         self._held = -1  # the portion whose response that is
-        self._gram = np.empty((kernels.COLUMNS, kernels.COLUMNS))
+        begins = [0, *(int(np.ceil(end / step)) for _, end in cut)]
+        ends = [*(int(begin / step) for begin, _ in cut), theta.size]
+        self.pieces = [slice(*bounds) for bounds in zip(begins, ends, strict=True)]
+        self._gram = np.empty((len(self.pieces), kernels.COLUMNS, kernels.COLUMNS))
         self._amounts = np.zeros(kernels.COLUMNS - 1)
         self.half = 0.5 * (theta.size - 1) * step
 
     @functools.cached_property
     def residual(self) -> Floats:
         """See `Problem`."""
-        return room(self._theta.size)
+        residual = room(self._theta.size)
+        for before, after in itertools.pairwise(self.pieces):
+            residual[before.stop : after.start] = np.nan
+        return residual
 
     def respond(self, frequency: float, gamma: float) -> None:
         """See `Problem`."""
@@ -170,26 +195,39 @@ class UniformProblem:
 
     def moments(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> tuple[Floats, int]:
         """See `Problem`."""
-        self._amounts[:3] = coefficient
         self._gram[:] = 0.0
         beyond = 0
         for number, samples in enumerate(self.parts):
             response = self.part(number)
-            first, last = samples.start // self.block, -(-samples.stop // self.block)
-            beyond += kernels.moments(
-                self._difference[samples],
-                response,
-                self.slopes[first : last + 1],
-                self._step,
-                self.block,
-                complex(-gamma, oscillation(frequency, gamma)),
-                self._amounts,
-                limit,
-                first,
-                self._theta.size,
-                self.residual[samples],
-                self._gram,
-            )
+            for which, piece in enumerate(self.pieces):
+                begin, end = max(piece.start, samples.start), min(piece.stop, samples.stop)
+                if begin >= end:
+                    continue
+                first, last = begin // self.block, -(-end // self.block)
+                blocks = slice(first * self.block, min(last * self.block, samples.stop))
+                difference, residual = self._difference[blocks], self.residual[blocks]
+                inside = slice(begin - blocks.start, end - blocks.start)
+                whole = inside == slice(0, difference.size)
+                if not whole:  # a block that pieces share is gone through for each
+                    difference, residual = np.full_like(difference, np.nan), np.empty_like(residual)
+                    difference[inside] = self._difference[begin:end]
+                self._amounts[:3] = coefficient[which]
+                beyond += kernels.moments(
+                    difference,
+                    response[blocks.start - samples.start : blocks.stop - samples.start],
+                    self.slopes[first : last + 1],
+                    self._step,
+                    self.block,
+                    complex(-gamma, oscillation(frequency, gamma)),
+                    self._amounts,
+                    limit,
+                    first,
+                    self._theta.size,
+                    residual,
+                    self._gram[which],
+                )
+                if not whole:
+                    self.residual[begin:end] = residual[inside]
             release(self._difference, self.residual)
         return self._gram, beyond
 
@@ -200,7 +238,12 @@ def oscillation(frequency: float, gamma: float) -> float:
 
 
 def fit_projection(
-    problem: Problem, frequency: float, gamma: float, fit_damping: bool, rounds: int = _ITERATIONS
+    problem: Problem,
+    frequency: float,
+    gamma: float,
+    fit_damping: bool,
+    rounds: int = _ITERATIONS,
+    steps: Floats | None = None,
 ) -> ProjectionFit:
     """Fit the exact linear identity.
 
@@ -212,9 +255,12 @@ def fit_projection(
         Start, within a fraction of a turn over the record; gamma2 is held unless `fit_damping`.
     rounds : int
         At most so many; one is enough for a start of the nonlinear identity.
+    steps : (pieces - 1,) array
+        1 sigma of each part of the step of the free swing from piece to piece, rad.
     """
     half = problem.half
-    coefficient = np.zeros(3)
+    coefficient = np.zeros((len(problem.pieces), 3))
+    noise = 0.0
     limit, rejected, settled = np.inf, 0, False
     problem.respond(frequency, gamma)
     for last in range(rounds - 1, -1, -1):
@@ -222,18 +268,25 @@ def fit_projection(
         if settled and beyond == rejected:
             break  # the same samples as before
         rejected = beyond
-        small = solve_moments(gram, coefficient, half, fit_damping)
+        if steps is None:
+            small = solve_moments(gram[0], coefficient[0], half, fit_damping)
+        else:
+            from pipeline.projection.pieces import solve_pieces
+
+            small = solve_pieces(gram, coefficient, half, fit_damping, steps, noise)
+        noise = small.noise
         # the moments' time runs about the middle of the record, the coefficients' about its start
         turn = np.exp(complex(small.damping_change, -small.frequency_change) * half)
-        turned = complex(small.coefficient[0], -small.coefficient[1]) * turn
-        coefficient[:] = turned.real, -turned.imag, small.coefficient[2]
+        for own, found in zip(coefficient, np.atleast_2d(small.coefficient), strict=True):
+            turned = complex(found[0], -found[1]) * turn
+            own[:] = turned.real, -turned.imag, found[2]
         frequency += small.frequency_change
         gamma += small.damping_change
         if not np.isfinite(frequency) or abs(gamma) > 0.1 * frequency:
             raise RefusedError("difference: no swing near the nominal period; check instrument/period and the traces")
         if last == 0:
             break
-        new_limit = max(REJECTION * small.noise, _FLOOR * abs(complex(*coefficient[:2])))
+        new_limit = max(REJECTION * small.noise, _FLOOR * max(abs(complex(*own[:2])) for own in coefficient))
         settled = max(abs(small.frequency_change), abs(small.damping_change)) * half <= _SETTLED
         if not settled:
             near = abs(small.frequency_change) * half < _NEAR
@@ -244,12 +297,13 @@ def fit_projection(
         if new_limit > 0.98 * limit:
             break
         limit = new_limit
-    samples = int(gram[2, 2])
+    samples = int(gram[:, 2, 2].sum())
+    free = 2 + 2 * len(gram) + fit_damping
     return ProjectionFit(
         frequency=float(frequency),
         damping_rate=float(gamma),
-        coefficient=coefficient,
-        noise=float(np.sqrt(gram[7, 7] / max(samples - 4 - fit_damping, 1))),
+        coefficient=coefficient[0],
+        noise=float(np.sqrt(gram[:, 7, 7].sum() / max(samples - free, 1))),
         noise_gain=small.noise_gain,
         samples=samples,
         rejected=rejected,
@@ -259,7 +313,10 @@ def fit_projection(
 
 @dataclass(frozen=True)
 class SmallFit:
-    """Solution of the least squares that the moments stand for, linear in the change of frequency and damping."""
+    """Solution of the least squares that the moments stand for, linear in the change of frequency and damping.
+
+    `coefficient` is (3,), or (pieces, 3).
+    """
 
     coefficient: Floats
     frequency_change: float

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arrays import Complexes, Floats
+from pipeline.arrays import Complexes
 from pipeline.gaps import bridge
 from pipeline.prepared import Prepared
 from pipeline.projection.upsample import FILTER_REACH, upsample

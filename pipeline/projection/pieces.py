@@ -1,9 +1,10 @@
 """The least squares of a record that long gaps of the first pendulum part into pieces.
 
 Whatever the first pendulum did in a gap, the difference answers, once the gap is over, with one free swing: the
-amplitude of its free swing takes a step there. What is known of the step beforehand, the error of the bridge laid across
-the gap, is its prior: a small one joins the pieces, a large one leaves each its own phase. Frequency, damping and
-offset are common to all. The steps make a chain, which is eliminated piece by piece (Kalman's filter, in information).
+amplitude of its free swing takes a step there. What is known of the step beforehand, the error of the bridge laid
+across the gap, is its prior: a small one joins the pieces, a large one leaves each its own phase. Frequency, damping
+and offset are common to all. The steps make a chain, which is eliminated piece by piece (Kalman's filter, in the form
+that keeps information).
 """
 
 from __future__ import annotations
@@ -12,8 +13,7 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
-from pipeline.projection.small import ROUNDS, amplitudes, invert
-from pipeline.projection.solve import SmallFit
+from pipeline.projection.small import ROUNDS, SmallFit, amplitudes, invert
 
 WIDEST = 1e10  # variance of a step over that of what a record tells of an amplitude, which stands for infinity
 
@@ -90,7 +90,7 @@ def _change(parameters: Floats, coefficient: Floats, half: float) -> Floats:
 
 
 def _product(gram: Floats, change: Floats) -> Floats:
-    return np.einsum("pij,pj->pi", gram[:, :7, :7], change)
+    return np.asarray(np.einsum("pij,pj->pi", gram[:, :7, :7], change))
 
 
 def _chain(normal: Floats, right: Floats, variances: Floats) -> tuple[Floats, float]:

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.prepared import Prepared
-from pipeline.projection.solve import Problem, ProjectionFit, UniformProblem, fit_projection, response_constants
+from pipeline.projection.solve import ITERATIONS, Problem, ProjectionFit, fit_projection
+from pipeline.projection.uniform import UniformProblem, response_constants
 
 MOST_ANGLE = 0.5 * np.pi  # swing between samples up to which the eight-point quadrature holds
 FINE_ANGLE = 0.8  # swing between samples of the finer grid that marks are brought to
 
 
-def linear_fit(prepared: Prepared, *, bridged: bool = False, **options: int) -> ProjectionFit:
+def linear_fit(prepared: Prepared, *, bridged: bool = False, rounds: int = ITERATIONS) -> ProjectionFit:
     """The linear identity fitted to a record, the damping held where it is stated; see `fit_projection`.
 
     Long gaps of the first pendulum are cut out, unless `bridged`: as an exact inversion must, beside which it is held.
@@ -21,7 +22,7 @@ def linear_fit(prepared: Prepared, *, bridged: bool = False, **options: int) -> 
     start = prepared.rough
     free = prepared.known_damping is None
     if bridged or not prepared.long_gaps:
-        return fit_projection(problem(prepared), start.frequency, start.damping_rate, free, **options)
+        return fit_projection(problem(prepared), start.frequency, start.damping_rate, free, rounds)
     from pipeline.projection.cuts import cuts
 
     spans = cuts(prepared, _factor(prepared))
@@ -30,9 +31,7 @@ def linear_fit(prepared: Prepared, *, bridged: bool = False, **options: int) -> 
     # the amplitudes are those at the start of the record, from where they have decayed
     steps = [abs(gain) * span.spread * np.exp(start.damping_rate * span.end) for span in spans]
     parted = problem(prepared, [(span.begin, span.end) for span in spans])
-    return fit_projection(
-        parted, start.frequency, start.damping_rate, free, steps=np.array(steps, dtype=np.float64), **options
-    )
+    return fit_projection(parted, start.frequency, start.damping_rate, free, rounds, np.array(steps))
 
 
 def problem(prepared: Prepared, cut: Sequence[tuple[float, float]] = ()) -> Problem:

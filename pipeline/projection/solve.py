@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import functools
-import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from data_schemas.scratch import portions, release, room
 from pipeline.arrays import Floats
-from pipeline.projection import kernels
-from pipeline.projection.small import gauss_newton
-from pipeline.projection.taps import NODES, continuation, stencil, taps
+from pipeline.projection.pieces import solve_pieces
+from pipeline.projection.small import solve_moments
 
 REJECTION = 4.0  # sigmas
-_ITERATIONS = 12
+ITERATIONS = 12
 _FLOOR = 1e-6  # of the amplitude: what departs less is rounding and quadrature, not a wild reading
 _SETTLED = 2e-5  # rad over half the record: what is left after such a step is its square
 _NEAR = 1e-3  # rad over half the record: from here on the residual is the readings' and wild ones can be told
@@ -39,21 +34,6 @@ class ProjectionFit:
     samples: int
     rejected: int
     residual: Floats
-
-
-def response_constants(frequency: float, gamma: float, ratio: float, damping_difference: float) -> tuple[complex, ...]:
-    """Eigenvalue lam, direct gain, gain and its slopes by n2 and gamma2, of `response = direct theta + Im(gain c)`.
-
-    c is the running integral of exp(lam (t-s)) theta; gain = [(1-r) lam^2 + 2 (gamma2 - r gamma1) lam] / w.
-    """
-    r = ratio**-2
-    oscillation = np.sqrt(frequency**2 - gamma**2)
-    eigenvalue = complex(-gamma, oscillation)
-    drag = 2.0 * (gamma * (1.0 - r) - r * damping_difference)
-    gain = ((1.0 - r) * eigenvalue**2 + drag * eigenvalue) / oscillation
-    # d/dw of gain at fixed gamma: d lam = i dw
-    slope = (2.0j * (1.0 - r) * eigenvalue + 1j * drag) / oscillation - gain / oscillation
-    return eigenvalue, 1.0 - r, gain, slope, -drag / oscillation
 
 
 class Problem(Protocol):
@@ -81,168 +61,12 @@ class Problem(Protocol):
         """
 
 
-class UniformProblem:
-    """Uniform samples of both series; the first pendulum whole, the difference NaN where missing.
-
-    The samples are gone through in portions of whole blocks. What a portion starts from, the state of the recursion,
-    is kept, so that the response of any portion can be had again and need not be stored; the numbers do not depend on
-    where portions begin.
-
-    Attributes
-    ----------
-    parts : list of slice
-        The samples of the portions.
-    slopes : (blocks + 1, 2) array
-        Those of the response by n2 and gamma2 at the blocks' starts and at the end, as `kernels.moments` has them; of
-        the portions asked for.
-    pieces : list of slice
-        What is left of the samples between the spans that are cut out, (begin, end) in s.
-    """
-
-    def __init__(
-        self,
-        theta: Floats,
-        difference: Floats,
-        step: float,
-        fitted_at: float,
-        ratio: float,
-        damping_difference: float,
-        cut: Sequence[tuple[float, float]] = (),
-    ) -> None:
-        self._theta, self._difference, self._step = theta, difference, step
-        self._ratio, self._damping_difference = ratio, damping_difference
-        self._cardinal = stencil(fitted_at, step)
-        onward = continuation(fitted_at, step)
-        self._beyond = theta[NODES - 1 :: -1] @ onward, theta[-NODES:] @ onward
-        self.block = kernels.block_length(theta.size)
-        self.parts = list(portions(theta.size, theta, unit=self.block))
-        self._state = np.empty((-(-theta.size // self.block) + 1, 2), dtype=np.complex128)
-        self.slopes = np.zeros_like(self._state)
-        self._starts = np.empty(len(self.parts))  # the response at the first sample of each portion
-        self._response: Floats = np.empty(self.parts[0].stop + 1)
-        self._held = -1  # the portion whose response that is
-        begins = [0, *(int(np.ceil(end / step)) for _, end in cut)]
-        ends = [*(int(begin / step) for begin, _ in cut), theta.size]
-        self.pieces = [slice(*bounds) for bounds in zip(begins, ends, strict=True)]
-        self._gram = np.empty((len(self.pieces), kernels.COLUMNS, kernels.COLUMNS))
-        self._amounts = np.zeros(kernels.COLUMNS - 1)
-        self.half = 0.5 * (theta.size - 1) * step
-
-    @functools.cached_property
-    def residual(self) -> Floats:
-        """See `Problem`."""
-        residual = room(self._theta.size)
-        for before, after in itertools.pairwise(self.pieces):
-            residual[before.stop : after.start] = np.nan
-        return residual
-
-    def respond(self, frequency: float, gamma: float) -> None:
-        """See `Problem`."""
-        self._constants = response_constants(frequency, gamma, self._ratio, self._damping_difference)
-        weights = taps(self._cardinal, self._constants[0], self._step)
-        self._taps = weights.real.copy(), weights.imag.copy()
-        self._amounts[5:] = 0.0
-        self._state[0] = 0.0
-        self._starts[0] = self._constants[1].real * self._theta[0]
-        self._held = -1
-        if len(self.parts) == 1:
-            self.part(0)
-
-    def part(self, number: int) -> Floats:
-        """The response of one portion, to be read before the next; the first time they are asked for in order."""
-        samples = self.parts[number]
-        first, last = samples.start // self.block, -(-samples.stop // self.block)
-        if number != self._held:
-            eigenvalue, direct, gain, by_frequency, by_damping = self._constants
-            self._response[0] = self._starts[number]
-            state = self._state[first : last + 1]
-            kernels.forced_response(
-                self._theta,
-                *self._beyond,
-                *self._taps,
-                self._step,
-                self.block,
-                eigenvalue,
-                direct.real,
-                gain,
-                first,
-                self._response,
-                state,
-            )
-            if number + 1 < len(self.parts):
-                self._starts[number + 1] = self._response[samples.stop - samples.start]
-            slopes = self.slopes[first : last + 1]
-            slopes[:, 0] = state[:, 0] * by_frequency + state[:, 1] * (1j * gain)
-            slopes[:, 1] = state[:, 0] * by_damping - state[:, 1] * gain
-            self._held = number
-            release(self._theta)
-        return self._response[: samples.stop - samples.start]
-
-    @property
-    def response(self) -> Floats:
-        """The response at all samples."""
-        if len(self.parts) == 1:
-            return self.part(0)
-        whole = room(self._theta.size)
-        for number, samples in enumerate(self.parts):
-            whole[samples] = self.part(number)
-            release(whole)
-        return whole
-
-    def nudge(self, frequency_change: float, damping_change: float) -> None:
-        """See `Problem`."""
-        self._amounts[5:] += frequency_change, damping_change
-
-    def moments(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> tuple[Floats, int]:
-        """See `Problem`."""
-        self._gram[:] = 0.0
-        beyond = 0
-        for number, samples in enumerate(self.parts):
-            response = self.part(number)
-            for which, piece in enumerate(self.pieces):
-                begin, end = max(piece.start, samples.start), min(piece.stop, samples.stop)
-                if begin >= end:
-                    continue
-                first, last = begin // self.block, -(-end // self.block)
-                blocks = slice(first * self.block, min(last * self.block, samples.stop))
-                difference, residual = self._difference[blocks], self.residual[blocks]
-                inside = slice(begin - blocks.start, end - blocks.start)
-                whole = inside == slice(0, difference.size)
-                if not whole:  # a block that pieces share is gone through for each
-                    difference, residual = np.full_like(difference, np.nan), np.empty_like(residual)
-                    difference[inside] = self._difference[begin:end]
-                self._amounts[:3] = coefficient[which]
-                beyond += kernels.moments(
-                    difference,
-                    response[blocks.start - samples.start : blocks.stop - samples.start],
-                    self.slopes[first : last + 1],
-                    self._step,
-                    self.block,
-                    complex(-gamma, oscillation(frequency, gamma)),
-                    self._amounts,
-                    limit,
-                    first,
-                    self._theta.size,
-                    residual,
-                    self._gram[which],
-                )
-                if not whole:
-                    self.residual[begin:end] = residual[inside]
-            release(self._difference, self.residual)
-        return self._gram, beyond
-
-
-def oscillation(frequency: float, gamma: float) -> float:
-    """w of `w^2 = n^2 - gamma^2`."""
-    return float(np.sqrt(frequency**2 - gamma**2))
-
-
 def fit_projection(
     problem: Problem,
     frequency: float,
     gamma: float,
     fit_damping: bool,
-    rounds: int = _ITERATIONS,
+    rounds: int = ITERATIONS,
     steps: Floats | None = None,
 ) -> ProjectionFit:
     """Fit the exact linear identity.
@@ -271,8 +95,6 @@ def fit_projection(
         if steps is None:
             small = solve_moments(gram[0], coefficient[0], half, fit_damping)
         else:
-            from pipeline.projection.pieces import solve_pieces
-
             small = solve_pieces(gram, coefficient, half, fit_damping, steps, noise)
         noise = small.noise
         # the moments' time runs about the middle of the record, the coefficients' about its start
@@ -308,40 +130,4 @@ def fit_projection(
         samples=samples,
         rejected=rejected,
         residual=problem.residual,
-    )
-
-
-@dataclass(frozen=True)
-class SmallFit:
-    """Solution of the least squares that the moments stand for, linear in the change of frequency and damping.
-
-    `coefficient` is (3,), or (pieces, 3).
-    """
-
-    coefficient: Floats
-    frequency_change: float
-    damping_change: float
-    noise: float
-    noise_gain: float
-
-
-def solve_moments(gram: Floats, coefficient: Floats, half: float, fit_damping: bool) -> SmallFit:
-    """Solve the least squares that the moments stand for; see `small.gauss_newton`.
-
-    Raises
-    ------
-    RefusedError
-        Too few readings, or readings that are no numbers.
-    """
-    free = 5 if fit_damping else 4
-    if not np.all(np.isfinite(gram)) or gram[2, 2] < 2 * free:
-        raise RefusedError("difference: too few readings follow a swing near the nominal period; check the period")
-    parameters = np.empty(5)
-    left, variance = gauss_newton(gram, coefficient, half, free, parameters)
-    return SmallFit(
-        coefficient=parameters[:3],
-        frequency_change=float(parameters[3] / half),
-        damping_change=float(parameters[4] / half),
-        noise=float(np.sqrt(left / max(gram[2, 2] - free, 1.0))),
-        noise_gain=float(np.sqrt(variance) / half),
     )

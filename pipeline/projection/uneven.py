@@ -11,8 +11,8 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.projection.kernels import COLUMNS
-from pipeline.projection.solve import UniformProblem, oscillation
 from pipeline.projection.taps import CENTRE, NODES, fitted_basis
+from pipeline.projection.uniform import UniformProblem, oscillation
 
 
 class UnevenProblem:

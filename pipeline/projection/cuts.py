@@ -70,18 +70,19 @@ def _trials(prepared: Prepared, length: int, factor: int) -> float:
     step, size = prepared.whole_step, prepared.whole.size
     side = int(np.ceil(SIDE / step)) if factor == 1 else int(np.ceil(SETTLE / step))
     edges = [0, *(edge for gap in prepared.long_gaps for edge in gap), size]
-    free = [
-        np.arange(low + side, high - side - length + 1)
-        for low, high in zip(edges[::2], edges[1::2], strict=True)
-        if high - low >= 2 * side + length
-    ]
-    places = np.concatenate(free) if free else np.empty(0, dtype=np.int64)
-    independent = min(TRIALS, places.size / length)
+    lows, highs = np.array(edges[::2]), np.array(edges[1::2])
+    rooms = np.maximum(highs - lows - 2 * side - length + 1, 0)  # places in each stretch
+    ends = np.cumsum(rooms)
+    independent = min(TRIALS, float(ends[-1]) / length)
     if independent < LEAST_TRIALS:
         return float("inf")
-    drawn = [int(places[int(places.size * (number * GOLDEN % 1.0))]) for number in range(TRIALS)]
+    numbers = (ends[-1] * (np.arange(TRIALS) * GOLDEN % 1.0)).astype(np.int64)
+    stretch = np.searchsorted(ends, numbers, side="right")
+    drawn = ((lows + side + rooms - ends)[stretch] + numbers).tolist()
     errors = _dense(prepared, drawn, length, side) if factor == 1 else _marks(prepared, drawn, length, side, factor)
     independent = min(independent, float(errors.size))
+    if independent < LEAST_TRIALS:
+        return float("inf")
     # of so few trials a mean square may be so much too small
     return float(np.sqrt(0.5 * independent / (independent - 1.0) * np.mean(np.abs(errors) ** 2)))
 

@@ -75,7 +75,7 @@ class UniformProblem:
         self._response: Floats = np.empty(self.parts[0].stop + 1)
         self._held = -1  # the portion whose response that is
         begins = [0, *(int(np.ceil(end / step)) for _, end in cut)]
-        ends = [*(int(begin / step) for begin, _ in cut), theta.size]
+        ends = [*(max(int(begin / step), 0) for begin, _ in cut), theta.size]
         self.pieces = [slice(*bounds) for bounds in zip(begins, ends, strict=True)]
         self._gram = np.empty((len(self.pieces), kernels.COLUMNS, kernels.COLUMNS))
         self._amounts = np.zeros(kernels.COLUMNS - 1)

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from pipeline.gaps import require_bridges
 from pipeline.methods import method
 from pipeline.methods.phases import passes_zero
 from pipeline.methods.projection import residual_colour
-from pipeline.prepared import Prepared, require_bridges, slow_variance
+from pipeline.prepared import Prepared, slow_variance
 from pipeline.projection.sampling import linear_fit
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def choose(prepared: Prepared) -> Choice:
     seen = prepared.observation
     if seen.restoring == "linear":
         return Choice("projection", "the record says restoring = linear: the linear identity is exact")
-    require_bridges(prepared)
+    require_bridges(prepared.long_gaps, prepared.whole_step)
     from pipeline.inversion.prepare import invert
 
     try:

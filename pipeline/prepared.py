@@ -11,7 +11,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats, readings
 from pipeline.estimate import Budget, budget
-from pipeline.gaps import bridge, missing_stretches
+from pipeline.gaps import LONG_GAP, bridge, missing_stretches
 from pipeline.harmonics.blocks import block_envelope
 from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from pipeline.harmonics.slow_motion import SlowMotion
 
 LEAST_SWINGS = 20.0  # a shorter record has no window for the harmonic and no certainty of its phase
-LONG_GAP = 6.0  # s, of the first pendulum; how far a bridge across it errs only trials on the record tell
-LONGEST_GAP = 300.0  # s; beyond it a method that must bridge has no sigma to offer
 LEAST_EXPLAINED = 0.5  # share of the difference's power that its own swing must explain
 LEAST_SWING, MOST_SWING = 1e-9, 10.0  # rad of the difference
 CAPTURE = 0.02  # relative departure from the nominal frequency beyond which the swing was not found
@@ -178,10 +176,24 @@ class Prepared:
         return budget(self.sliding, self.fine, self.observation.frequency_ratio, self.observation.damping_difference)
 
     @cached_property
+    def _pieces(self) -> list[slice]:
+        """Instants of the cheap envelope between long gaps; none where there are no such gaps."""
+        edges = [0.0, *(float(edge) for gap in self.long_gaps for edge in gap), np.inf]
+        at = np.searchsorted(self.blocks.time / self.whole_step, edges).tolist()
+        return [slice(*bounds) for bounds in zip(at[::2], at[1::2], strict=True)] if self.long_gaps else []
+
+    @cached_property
     def rough(self) -> NarrowbandFit:
-        """Start of the exact fits, good to about 1e-3 mGal."""
+        """Start of the exact fits, good to about 1e-3 mGal; from the longest piece where long gaps part the record."""
         require_swing(self.blocks)
-        return self.narrowband(self.blocks, tolerance=1e-7)
+        envelope, difference = self.blocks, self.blocks.difference
+        if self._pieces:
+            longest = max(self._pieces, key=lambda piece: readings(difference[piece].real))
+            alone = np.full_like(difference, np.nan)
+            alone[longest] = difference[longest]
+            envelope = replace(envelope, difference=alone)
+            require_swing(envelope)
+        return self.narrowband(envelope, tolerance=1e-7)
 
     @property
     def rough_slope(self) -> float:
@@ -212,7 +224,8 @@ class Prepared:
     @cached_property
     def rough_budget(self) -> Budget:
         """Sensitivities, from the cheap envelope."""
-        return budget(self.blocks, self.rough, self.observation.frequency_ratio, self.observation.damping_difference)
+        seen = self.observation
+        return budget(self.blocks, self.rough, seen.frequency_ratio, seen.damping_difference, self._pieces)
 
 
 def prepare(observation: Observation) -> Prepared:
@@ -265,16 +278,6 @@ def prepare(observation: Observation) -> Prepared:
         short_bridges=short,
         long_gaps=long_gaps,
     )
-
-
-def require_bridges(prepared: Prepared) -> None:
-    """Refuse a record with a gap of the first pendulum too long for a method that must bridge it."""
-    longest = prepared.whole_step * max((stop - start for start, stop in prepared.long_gaps), default=0)
-    if longest > LONGEST_GAP:
-        raise RefusedError(
-            f"record/elongation: the first pendulum has a gap of {longest:.0f} s, too long to bridge (at most "
-            f"{LONGEST_GAP:.0f} s); use the method 'projection', or split the record there"
-        )
 
 
 def slow_variance(prepared: Prepared) -> float:

@@ -96,7 +96,9 @@ def budget(
     """
     weight = np.where(np.isfinite(envelope.difference), envelope.coverage, 0.0)
     # complex influence per instant: d n2 = Re sum conj(g_k) dD_k
-    g: Complexes = weight * (_parted_influence(envelope, fit, weight, parted) if parted else fit.influence @ fit.jacobian)
+    g: Complexes = weight * (
+        _parted_influence(envelope, fit, weight, parted) if parted else fit.influence @ fit.jacobian
+    )
     growth = fit.jacobian[0]
     kappa = 1j * fit.frequency * (ratio - 1.0) - damping_difference
     tail = np.cumsum((np.conj(g) * growth)[::-1]) / growth[::-1]

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 LEAST_SWINGS = 20.0  # a shorter record has no window for the harmonic and no certainty of its phase
 LEAST_EXPLAINED = 0.5  # share of the difference's power that its own swing must explain
 LEAST_SWING, MOST_SWING = 1e-9, 10.0  # rad of the difference
+LEAST_INSTANTS = 4  # of an envelope, for a swing to be followed
 CAPTURE = 0.02  # relative departure from the nominal frequency beyond which the swing was not found
 
 
@@ -72,15 +73,14 @@ class Prepared:
         if factor not in self._finer:
             from pipeline.projection.upsample import upsample
 
-            self._finer[factor] = upsample(
-                self.observation.theta, step, self.rough_first_frequency, factor, LONG_GAP / step
-            )
+            frequency = self.rough_first_frequency
+            self._finer[factor] = upsample(self.observation.theta, step, frequency, factor, LONG_GAP / step)
         return self._finer[factor][0]
 
     def _hidden(self, cut: bool) -> float:
         """What bridges may hide, and missing marks where they had to be guessed, rad; `cut`: long gaps left out."""
-        guesses = [spreads[cut] for _, *spreads in self._finer.values()]
-        return float(np.hypot(self.short_bridges if cut else self.bridges, max(guesses, default=0.0)))
+        guess = max((spreads[cut] for _, *spreads in self._finer.values()), default=0.0)
+        return float(np.hypot(self.short_bridges if cut else self.bridges, guess))
 
     @property
     def nominal(self) -> float:
@@ -177,9 +177,9 @@ class Prepared:
 
     @cached_property
     def _pieces(self) -> list[slice]:
-        """Instants of the cheap envelope between long gaps; none where there are no such gaps."""
-        edges = [0.0, *(float(edge) for gap in self.long_gaps for edge in gap), np.inf]
-        at = np.searchsorted(self.blocks.time / self.whole_step, edges).tolist()
+        """Instants of the cheap envelope between long gaps, if there are any."""
+        edges = np.array([0.0, *(edge for gap in self.long_gaps for edge in gap), np.inf])
+        at = np.searchsorted(self.blocks.time, edges * self.whole_step).tolist()
         return [slice(*bounds) for bounds in zip(at[::2], at[1::2], strict=True)] if self.long_gaps else []
 
     @cached_property
@@ -191,8 +191,8 @@ class Prepared:
             longest = max(self._pieces, key=lambda piece: readings(difference[piece].real))
             alone = np.full_like(difference, np.nan)
             alone[longest] = difference[longest]
-            envelope = replace(envelope, difference=alone)
-            require_swing(envelope)
+            if readings(alone.real) >= LEAST_INSTANTS:
+                envelope = replace(envelope, difference=alone)
         return self.narrowband(envelope, tolerance=1e-7)
 
     @property
@@ -224,8 +224,8 @@ class Prepared:
     @cached_property
     def rough_budget(self) -> Budget:
         """Sensitivities, from the cheap envelope."""
-        seen = self.observation
-        return budget(self.blocks, self.rough, seen.frequency_ratio, seen.damping_difference, self._pieces)
+        seen, fit = self.observation, self.rough
+        return budget(self.blocks, fit, seen.frequency_ratio, seen.damping_difference, self._pieces)
 
 
 def prepare(observation: Observation) -> Prepared:
@@ -293,7 +293,7 @@ def require_swing(envelope: Envelope) -> None:
         raise RefusedError(
             f"record/elongation: the difference swings by {size.max():.3g} rad; check the unit and the traces"
         )
-    if np.isfinite(envelope.difference).sum() < 4 or np.isfinite(envelope.first).sum() < 4:
+    if min(np.isfinite(envelope.difference).sum(), np.isfinite(envelope.first).sum()) < LEAST_INSTANTS:
         raise RefusedError(
             "record/elongation: too few stretches without gaps to follow the swing; give a longer or less broken record"
         )

@@ -160,7 +160,7 @@ def test_uneven_times_in_heavy_swell_are_not_silently_wrong(method: str, stated:
 @pytest.mark.parametrize("rate", [2.0, 10.0])
 def test_a_gap_of_the_first_pendulum_that_nobody_can_bridge(rate: float) -> None:
     """The projection cuts it out; a method that must bridge it says so."""
-    record = edited(put(0, slice(round(100 * rate), round(420 * rate)), np.nan), duration=700.0, sampling_rate=rate)
+    record = edited(put(0, slice(round(100 * rate), round(420 * rate)), np.nan), duration=1200.0, sampling_rate=rate)
     refused = summaries(process(record, method="complex"))[0]
     assert refused["status"] == "refused"
     assert re.search(r"a gap of 32\d s, too long to bridge \(at most 300 s\); use the method", refused["error"])

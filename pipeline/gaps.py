@@ -1,7 +1,7 @@
 """Missing samples of a recorded pendulum that is an INPUT of the correction.
 
-The exact identity integrates the first pendulum over the whole record, so a gap in it must be bridged; the
-difference, whose frequency is wanted, is never filled.
+The exact identity integrates the first pendulum over the whole record, so a gap in it must be bridged, or cut out if it
+is long (see `projection.cuts`); the difference, whose frequency is wanted, is never filled.
 """
 
 from __future__ import annotations

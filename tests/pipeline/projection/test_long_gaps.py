@@ -60,6 +60,7 @@ def test_a_difference_read_while_the_first_pendulum_was_not_takes_no_part() -> N
     assert run(alone).frequency == run(broken(seen, (200.0, 260.0))).frequency
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(("rate", "seconds"), [(10.0, 600.0), (2.0, 900.0)])
 def test_sigma_holds_across_long_gaps(rate: float, seconds: float) -> None:
     """Root mean square of error over sigma of some records; bridges gave 2 at 25 Hz and 7 at marks."""
@@ -75,6 +76,7 @@ def test_sigma_holds_across_long_gaps(rate: float, seconds: float) -> None:
     assert 0.3 < np.sqrt(np.mean(np.square(pulls))) < 1.7  # of five Gaussian ones 1 in 60 lies outside
 
 
+@pytest.mark.compiled
 def test_a_gap_that_can_be_bridged_keeps_the_phase() -> None:
     """On still ground trials tell that the bridge holds: sigma is near that of the whole record, not twice it."""
     seen = noisy(Pair.apart(1e-4).observe(TIME, step=0.1), 1)
@@ -84,6 +86,7 @@ def test_a_gap_that_can_be_bridged_keeps_the_phase() -> None:
     assert run(broken(moving, (290.0, 310.0))).sigma > 1.4 * whole.sigma
 
 
+@pytest.mark.compiled
 def test_uneven_times_with_a_long_gap() -> None:
     random = np.random.default_rng(7)
     time = np.sort((np.arange(15000) + random.uniform(-0.25, 0.25, 15000)) / 25.0)
@@ -143,6 +146,7 @@ def test_noise_is_not_told_from_bridges() -> None:
     assert reject_outliers(series, 0.1, N2)[2] == pytest.approx(1e-4, rel=0.06)
 
 
+@pytest.mark.compiled
 def test_auto_takes_a_gap_of_any_length_where_pendulums_are_stated_linear() -> None:
     record, _ = simulate(duration=1000.0, motion=[SWELL, RESONANT], noise=1e-5)
     record["record"]["elongation"].values[:, 3000:7000] = np.nan

@@ -120,8 +120,8 @@ def _parted_influence(envelope: Envelope, fit: NarrowbandFit, weight: Floats, pi
     columns = fit.jacobian[2 : 4 if fit.influence[3] else 3].copy()
     turns = np.array([1j, -1.0])[: len(columns)]
     for piece in pieces:
-        growth, own = fit.jacobian[0, piece], np.nan_to_num(weight[piece])
-        own = own * growth.conj() / max(float(own @ np.abs(growth) ** 2), 1e-300)
+        growth = fit.jacobian[0, piece]
+        own = weight[piece] * growth.conj() / max(float(weight[piece] @ np.abs(growth) ** 2), 1e-300)
         # the amplitude that the piece has, beside that of the model
         beside = own @ np.nan_to_num(envelope.difference[piece] - fit.model[piece])
         columns[:, piece] += beside * np.outer(turns, envelope.time[piece] * growth)

@@ -45,18 +45,16 @@ def cuts(prepared: Prepared, factor: int = 1) -> list[Cut]:
     """
     step, known = prepared.whole_step, prepared.trials
     margin = MARGIN if factor == 1 else FILTER_REACH
+    reach = max(margin, int(SIDE / step))
     found: list[Cut] = []
-    for start, stop in prepared.long_gaps:
+    gaps = [(0, 0), *prepared.long_gaps, (prepared.whole.size, 0)]
+    for (_, before), (start, stop), (after, _) in zip(gaps, gaps[1:], gaps[2:], strict=False):
         length = int(np.ceil(COARSE ** np.ceil(np.log(stop - start) / np.log(COARSE))))
         if length not in known:
             known[length] = _trials(prepared, length, factor)
         begin, end = (start - margin) * step, (stop - 1 + margin) * step
-        reach = max(margin, int(SIDE / step))
         # a bridge with less on either side than those on trial is worth nothing
-        bare = any(
-            not 0 <= edge <= prepared.whole.size or any(low < edge < high for low, high in prepared.long_gaps)
-            for edge in (start - reach, stop + reach)
-        )
+        bare = min(start - before, after - stop) < reach
         spread = np.inf if bare else known[length]
         if found and begin <= found[-1].end:
             found[-1] = Cut(found[-1].begin, end, float(np.hypot(found[-1].spread, spread)))

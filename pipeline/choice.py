@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from pipeline.gaps import require_bridges
 from pipeline.methods import method
 from pipeline.methods.phases import passes_zero
 from pipeline.methods.projection import residual_colour
@@ -48,13 +49,14 @@ def choose(prepared: Prepared) -> Choice:
     seen = prepared.observation
     if seen.restoring == "linear":
         return Choice("projection", "the record says restoring = linear: the linear identity is exact")
+    require_bridges(prepared.long_gaps, prepared.whole_step)
     from pipeline.inversion.prepare import invert
 
     try:
         still = invert(prepared, look_for_heave=False)
     except RefusedError:
         return _without_inversion(prepared)
-    linear = linear_fit(prepared)
+    linear = linear_fit(prepared, bridged=True)
     change = abs(still.frequency - linear.frequency)
     fits = not _coloured(still.noise, still.colour, prepared)
     if _milligal(change, prepared) < NEGLIGIBLE and fits:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,15 +81,24 @@ class Estimate:
     heave: float | None = None
 
 
-def budget(envelope: Envelope, fit: NarrowbandFit, ratio: float, damping_difference: float) -> Budget:
+def budget(
+    envelope: Envelope,
+    fit: NarrowbandFit,
+    ratio: float,
+    damping_difference: float,
+    parted: Sequence[slice] = (),
+) -> Budget:
     """Propagate noise, ratio and gain through the least-squares fit of the complex form.
 
     Noise of the first pendulum enters through the running integral, hence by the adjoint: the influence of one instant
-    of it is the tail sum of the influences of all later instants of the difference.
+    of it is the tail sum of the influences of all later instants of the difference. `parted`: instants of pieces that
+    each swing freely with an amplitude of their own.
     """
     weight = np.where(np.isfinite(envelope.difference), envelope.coverage, 0.0)
     # complex influence per instant: d n2 = Re sum conj(g_k) dD_k
-    g: Complexes = weight * (fit.influence @ fit.jacobian)
+    g: Complexes = weight * (
+        _parted_influence(envelope, fit, weight, parted) if parted else fit.influence @ fit.jacobian
+    )
     growth = fit.jacobian[0]
     kappa = 1j * fit.frequency * (ratio - 1.0) - damping_difference
     tail = np.cumsum((np.conj(g) * growth)[::-1]) / growth[::-1]
@@ -103,3 +113,21 @@ def budget(envelope: Envelope, fit: NarrowbandFit, ratio: float, damping_differe
         by_gain=-float((kappa * response).real),
         influence=g,
     )
+
+
+def _parted_influence(envelope: Envelope, fit: NarrowbandFit, weight: Floats, pieces: Sequence[slice]) -> Complexes:
+    """Influence, per weight, on n2 where pieces share it (and gamma2 where it was fitted) but not the amplitude."""
+    columns = fit.jacobian[2 : 4 if fit.influence[3] else 3].copy()
+    turns = np.array([1j, -1.0])[: len(columns)]
+    for piece in pieces:
+        growth = fit.jacobian[0, piece]
+        own = weight[piece] * growth.conj() / max(float(weight[piece] @ np.abs(growth) ** 2), 1e-300)
+        # the amplitude that the piece has, beside that of the model
+        beside = own @ np.nan_to_num(envelope.difference[piece] - fit.model[piece])
+        columns[:, piece] += beside * np.outer(turns, envelope.time[piece] * growth)
+        columns[:, piece] -= np.outer(columns[:, piece] @ own, growth)
+    inside = np.zeros(weight.size)
+    for piece in pieces:
+        inside[piece] = weight[piece]
+    normal = ((inside * columns) @ columns.conj().T).real
+    return np.asarray(np.linalg.pinv(normal)[0] @ columns * (inside > 0.0))

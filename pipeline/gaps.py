@@ -1,13 +1,16 @@
 """Missing samples of a recorded pendulum that is an INPUT of the correction.
 
-The exact identity integrates the first pendulum over the whole record, so a gap in it must be bridged; the
-difference, whose frequency is wanted, is never filled.
+The exact identity integrates the first pendulum over the whole record, so a gap in it must be bridged, or cut out if it
+is long (see `projection.cuts`); the difference, whose frequency is wanted, is never filled.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
+from data_schemas.errors import RefusedError
 from data_schemas.scratch import by_portions, portions, release
 from pipeline.arrays import Floats
 
@@ -22,6 +25,8 @@ CANDIDATES = (
 two follow swell and a swing that heave modulates, the last does not swing across a long gap. Then the times by which
 errors exceed what leverage and misfit predict, root mean square, on simulated seas; across longer gaps a short fit errs
 by ten times that, and its misfit does not show it."""
+LONG_GAP = 6.0  # s; how far a bridge across it errs, only trials on the record itself tell
+LONGEST_GAP = 300.0  # s; beyond it a method that must bridge has no sigma to offer
 GOOD = 2.0  # times the noise: a first fit that errs no more is taken without trying the others
 
 
@@ -112,6 +117,16 @@ def missing_stretches(series: Floats) -> list[tuple[int, int]]:
     if within:
         edges.append(series.size)
     return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def require_bridges(gaps: Iterable[tuple[int, int]], step: float) -> None:
+    """Refuse gaps of the first pendulum, in samples of `step` s, too long for a method that must bridge them."""
+    longest = step * max((stop - start for start, stop in gaps), default=0)
+    if longest > LONGEST_GAP:
+        raise RefusedError(
+            f"record/elongation: the first pendulum has a gap of {longest:.0f} s, too long to bridge (at most "
+            f"{LONGEST_GAP:.0f} s); use the method 'projection', or split the record there"
+        )
 
 
 def candidates(gap: float) -> tuple[tuple[int, float, float], ...]:

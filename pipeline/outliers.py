@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from data_schemas.scratch import by_portions, portions, release
 from pipeline.arrays import Floats
-from pipeline.gaps import fill_gaps
+from pipeline.gaps import LONG_GAP, fill_gaps, missing_stretches
 from synth.kernels.compiled import kernel, summing_kernel
 
 SAMPLE = 2000  # places from which the scale is taken
@@ -57,6 +57,9 @@ def reject_outliers(series: Floats, step: float, frequency: float) -> tuple[Floa
     work = fill_gaps(series, step, frequency, noise=scale / gain if np.isfinite(scale) else np.inf)
     if work is series:
         work = by_portions(np.copy, series)
+    for start, stop in missing_stretches(series):
+        if (stop - start) * step > LONG_GAP:  # in a bridge all agrees: it would pass for a record without noise
+            work[start + 2 * reach : stop - 2 * reach] = np.nan
     rejected = np.empty(0, dtype=np.intp)
     noise = float("nan")
     for _ in range(_ROUNDS):

@@ -11,7 +11,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats, readings
 from pipeline.estimate import Budget, budget
-from pipeline.gaps import bridge, missing_stretches
+from pipeline.gaps import LONG_GAP, bridge, missing_stretches
 from pipeline.harmonics.blocks import block_envelope
 from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from pipeline.harmonics.slow_motion import SlowMotion
 
 LEAST_SWINGS = 20.0  # a shorter record has no window for the harmonic and no certainty of its phase
-LONGEST_GAP = 300.0  # s, of the first pendulum; what happens in a longer one is more than sigma can say
 LEAST_EXPLAINED = 0.5  # share of the difference's power that its own swing must explain
 LEAST_SWING, MOST_SWING = 1e-9, 10.0  # rad of the difference
+LEAST_INSTANTS = 4  # of an envelope, for a swing to be followed
 CAPTURE = 0.02  # relative departure from the nominal frequency beyond which the swing was not found
 
 
@@ -46,6 +46,12 @@ class Prepared:
         Share of the first pendulum's samples that were bridged.
     bridges : float
         Root sum of squares over the bridges of predicted error times the samples it acts on, rad.
+    short_bridges : float
+        The same without long gaps.
+    long_gaps : tuple of (int, int)
+        First missing and next present point of `whole` of each gap longer than `LONG_GAP`.
+    trials : dict
+        What bridges of so many points err by, once it was tried; see `projection.cuts`. Shared by all copies.
     """
 
     observation: Observation
@@ -54,25 +60,27 @@ class Prepared:
     noise_theta: float
     bridged: float
     bridges: float
-    _finer: dict[int, tuple[Floats, float]] = field(default_factory=dict, repr=False, compare=False)
+    short_bridges: float = 0.0
+    long_gaps: tuple[tuple[int, int], ...] = ()
+    trials: dict[int, float] = field(default_factory=dict, repr=False, compare=False)
+    _finer: dict[int, tuple[Floats, float, float]] = field(default_factory=dict, repr=False, compare=False)
 
-    def finer(self, step: float, factor: int) -> tuple[Floats, float]:
-        """The first pendulum on a grid so many times finer than `step`, and what its missing readings may hide.
-
-        See `upsample`; found once for all copies of this object.
+    def finer(self, step: float, factor: int) -> Floats:
+        """The first pendulum on a grid so many times finer than `step`; found once for all copies of this object.
 
         Copies differ in the difference alone, which turns the frequency that it is found with by next to nothing.
         """
         if factor not in self._finer:
             from pipeline.projection.upsample import upsample
 
-            self._finer[factor] = upsample(self.observation.theta, step, self.rough_first_frequency, factor)
-        return self._finer[factor]
+            frequency = self.rough_first_frequency
+            self._finer[factor] = upsample(self.observation.theta, step, frequency, factor, LONG_GAP / step)
+        return self._finer[factor][0]
 
-    @property
-    def _hidden(self) -> float:
-        """What bridges may hide, and missing marks where they had to be guessed, rad."""
-        return float(np.hypot(self.bridges, max((spread for _, spread in self._finer.values()), default=0.0)))
+    def _hidden(self, cut: bool) -> float:
+        """What bridges may hide, and missing marks where they had to be guessed, rad; `cut`: long gaps left out."""
+        guess = max((spreads[cut] for _, *spreads in self._finer.values()), default=0.0)
+        return float(np.hypot(self.short_bridges if cut else self.bridges, guess))
 
     @property
     def nominal(self) -> float:
@@ -168,10 +176,24 @@ class Prepared:
         return budget(self.sliding, self.fine, self.observation.frequency_ratio, self.observation.damping_difference)
 
     @cached_property
+    def _pieces(self) -> list[slice]:
+        """Instants of the cheap envelope between long gaps, if there are any."""
+        edges = np.array([0.0, *(edge for gap in self.long_gaps for edge in gap), np.inf])
+        at = np.searchsorted(self.blocks.time, edges * self.whole_step).tolist()
+        return [slice(*bounds) for bounds in zip(at[::2], at[1::2], strict=True)] if self.long_gaps else []
+
+    @cached_property
     def rough(self) -> NarrowbandFit:
-        """Start of the exact fits, good to about 1e-3 mGal."""
+        """Start of the exact fits, good to about 1e-3 mGal; from the longest piece where long gaps part the record."""
         require_swing(self.blocks)
-        return self.narrowband(self.blocks, tolerance=1e-7)
+        envelope, difference = self.blocks, self.blocks.difference
+        if self._pieces:
+            longest = max(self._pieces, key=lambda piece: readings(difference[piece].real))
+            alone = np.full_like(difference, np.nan)
+            alone[longest] = difference[longest]
+            if readings(alone.real) >= LEAST_INSTANTS:
+                envelope = replace(envelope, difference=alone)
+        return self.narrowband(envelope, tolerance=1e-7)
 
     @property
     def rough_slope(self) -> float:
@@ -183,26 +205,27 @@ class Prepared:
         """n1, rad s-1."""
         return self.observation.frequency_ratio * self.rough.frequency
 
-    def theta_error(self, shared: Budget, fallback: float) -> float:
+    def theta_error(self, shared: Budget, fallback: float, *, cut: bool = False) -> float:
         """1-sigma of n2 from the first pendulum, rad s-1; `shared` has the sensitivities, see `theta_error_of`."""
-        return self.theta_error_of(shared.noise_theta, fallback)
+        return self.theta_error_of(shared.noise_theta, fallback, cut=cut)
 
-    def theta_error_of(self, sensitivity: float, fallback: float) -> float:
+    def theta_error_of(self, sensitivity: float, fallback: float, *, cut: bool = False) -> float:
         """1-sigma of n2 from the first pendulum, rad s-1: its reading noise and what its bridged gaps may hide.
 
         `sensitivity` is that to its white noise, s-1; `fallback` the noise taken where neither neighbours nor the
-        record tell, rad.
+        record tell, rad. `cut`: what long gaps hide is reckoned elsewhere.
         """
         stated = self.observation.sigma_theta
         noise = self.noise_theta if np.isfinite(self.noise_theta) else fallback if stated is None else stated
         samples = (1.0 - self.bridged) * self.observation.theta.size
         # noise adds up as the root of the number of samples, the error of a bridge as the number
-        return sensitivity * float(np.hypot(noise, self._hidden / np.sqrt(samples)))
+        return sensitivity * float(np.hypot(noise, self._hidden(cut) / np.sqrt(samples)))
 
     @cached_property
     def rough_budget(self) -> Budget:
         """Sensitivities, from the cheap envelope."""
-        return budget(self.blocks, self.rough, self.observation.frequency_ratio, self.observation.damping_difference)
+        seen, fit = self.observation, self.rough
+        return budget(self.blocks, fit, seen.frequency_ratio, seen.damping_difference, self._pieces)
 
 
 def prepare(observation: Observation) -> Prepared:
@@ -224,7 +247,7 @@ def prepare(observation: Observation) -> Prepared:
         count = readings(series)
         if count < 2 * LEAST_SWINGS:
             raise RefusedError(f"record/elongation: the {name} has only {count} readings")
-    theta, rejected, noise, bridges = observation.theta, 0, float("nan"), 0.0
+    theta, rejected, noise, bridges, short = observation.theta, 0, float("nan"), 0.0, 0.0
     if observation.step is not None:
         step = observation.step
         theta, rejected, noise = reject_outliers(theta, step, nominal)
@@ -232,12 +255,7 @@ def prepare(observation: Observation) -> Prepared:
     else:
         step = grid_step(observation.time, nominal)
         whole = to_grid(observation.time, theta, step, nominal)
-    longest = step * max((stop - begin for begin, stop in missing_stretches(whole)), default=0)
-    if longest > LONGEST_GAP:
-        raise RefusedError(
-            f"record/elongation: the first pendulum has a gap of {longest:.0f} s, too long to bridge (at most "
-            f"{LONGEST_GAP:.0f} s); split the record there"
-        )
+    long_gaps = tuple(gap for gap in missing_stretches(whole) if (gap[1] - gap[0]) * step > LONG_GAP)
     if step * nominal < 0.5 * np.pi:
         filled, spans = bridge(whole, step, nominal, float(np.nan_to_num(noise)))
         if filled is not whole and readings(filled) < filled.size:
@@ -247,7 +265,9 @@ def prepare(observation: Observation) -> Prepared:
         whole = filled
         # an error in a bridge acts on the swing for about a radian; what further radians do adds up at random
         radian = 1.0 / (nominal * step)
-        bridges = float(np.sqrt(sum(length * min(length, radian) * error**2 for length, error in spans)))
+        squares = np.array([length * min(length, radian) * error**2 for length, error in spans])
+        is_short = [length * step <= LONG_GAP for length, _ in spans]
+        bridges, short = float(np.sqrt(sum(squares))), float(np.sqrt(sum(squares[is_short])))
     return Prepared(
         observation=observation if theta is observation.theta else replace(observation, theta=theta),
         whole=whole,
@@ -255,6 +275,8 @@ def prepare(observation: Observation) -> Prepared:
         noise_theta=noise,
         bridged=1.0 - (count - rejected) / theta.size,
         bridges=bridges,
+        short_bridges=short,
+        long_gaps=long_gaps,
     )
 
 
@@ -271,7 +293,7 @@ def require_swing(envelope: Envelope) -> None:
         raise RefusedError(
             f"record/elongation: the difference swings by {size.max():.3g} rad; check the unit and the traces"
         )
-    if np.isfinite(envelope.difference).sum() < 4 or np.isfinite(envelope.first).sum() < 4:
+    if min(np.isfinite(envelope.difference).sum(), np.isfinite(envelope.first).sum()) < LEAST_INSTANTS:
         raise RefusedError(
             "record/elongation: too few stretches without gaps to follow the swing; give a longer or less broken record"
         )

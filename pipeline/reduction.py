@@ -11,6 +11,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.estimate import Estimate
 from pipeline.flags import LINEAR_FITS, UNDECIDED, flags
+from pipeline.gaps import require_bridges
 from pipeline.gravity import Gravity, gravity
 from pipeline.methods import method
 from pipeline.outliers import MOST_ANGLE
@@ -44,6 +45,8 @@ def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float, sensors: E
 
             choice = choose(prepared)
             chosen, reason, doubt = choice.method, choice.reason, choice.doubt
+        if chosen != "projection":
+            require_bridges(prepared.long_gaps, prepared.whole_step)
         estimate = method(chosen)(prepared)
         unsure = float(np.hypot(doubt, 0.0 if sensors is None else sensors.doubt))
         if unsure:

@@ -51,6 +51,13 @@ def to_grid(time: Floats, series: Floats, step: float, frequency: float) -> Floa
     usual = float(np.median(time[FIT_SAMPLES - 1 :] - time[: 1 - FIT_SAMPLES]))
     scale = usual / (FIT_SAMPLES - 1)
     tau = time[rows] - grid[:, None]
+    reach = np.abs(tau)
+    # out first: a window that spans a gap reaches so far that its powers would drown those of all others
+    good = (reach.max(axis=1) <= MOST_STRETCH * usual) & (reach.min(axis=1) <= 0.3 * usual)
+    rows, tau = rows[good], tau[good]
+    values = np.full(grid.size, np.nan)
+    if not good.any():
+        return values
     basis = fitted_basis((tau / scale).ravel(), frequency * scale).reshape(NODES, *tau.shape)
     size = np.abs(basis).max(axis=(1, 2))
     basis = np.moveaxis(basis / size[:, None, None], 0, -1)
@@ -58,8 +65,5 @@ def to_grid(time: Floats, series: Floats, step: float, frequency: float) -> Floa
     origin = fitted_basis(np.zeros(1), frequency * scale)[:, 0] / size
     normal = np.einsum("gik,gil->gkl", basis, basis) + 1e-13 * np.eye(NODES)
     right = np.einsum("gik,gi->gk", basis, series[rows])
-    values = np.linalg.solve(normal, right[:, :, None])[:, :, 0] @ origin
-    reach = np.abs(tau)
-    poor = (reach.max(axis=1) > MOST_STRETCH * usual) | (reach.min(axis=1) > 0.3 * usual)
-    values[poor] = np.nan
-    return np.asarray(values)
+    values[good] = np.linalg.solve(normal, right[:, :, None])[:, :, 0] @ origin
+    return values

@@ -75,7 +75,7 @@ def invert(prepared: Prepared, *, look_for_heave: bool = True) -> Inverted:
         Too few samples a swing or in all, or no swing at the nominal period.
     """
     seen = prepared.observation
-    held = linear_fit(prepared, rounds=1)
+    held = linear_fit(prepared, bridged=True, rounds=1)
     iteration = begin(prepared, held)
     fit_damping = prepared.known_damping is None
     fit = fit_inversion(iteration, fit_damping=fit_damping)
@@ -184,7 +184,7 @@ def make_grid(prepared: Prepared) -> Grid:
     if seen.step * prepared.nominal <= MOST_ANGLE:
         return Grid(prepared.whole, prepared.clean_difference, seen.step)
     factor = int(np.ceil(seen.step * prepared.nominal / FINE_ANGLE))
-    theta, _ = prepared.finer(seen.step, factor)
+    theta = prepared.finer(seen.step, factor)
     difference = np.full(theta.size, np.nan)
     difference[::factor] = prepared.clean_difference
     return Grid(theta, difference, seen.step / factor)

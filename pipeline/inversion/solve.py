@@ -22,8 +22,9 @@ from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.inversion import kernels
 from pipeline.inversion.filters import design
-from pipeline.projection.solve import REJECTION, ProjectionFit, UniformProblem, oscillation
+from pipeline.projection.solve import REJECTION, ProjectionFit
 from pipeline.projection.taps import NODES, continuation, stencil, taps
+from pipeline.projection.uniform import UniformProblem, oscillation
 
 ITERATIONS = 12
 LEAST_SAMPLES_A_SWING = 7.5

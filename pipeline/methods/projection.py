@@ -30,7 +30,7 @@ def estimate(prepared: Prepared) -> Estimate:
         sigma=float(
             np.hypot(
                 fit.noise_gain * fit.noise * np.sqrt(max(colour, 1.0)),
-                prepared.theta_error(prepared.rough_budget, fit.noise),
+                prepared.theta_error(prepared.rough_budget, fit.noise, cut=True),
             )
         ),
         noise=fit.noise,

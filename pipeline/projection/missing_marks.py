@@ -16,7 +16,7 @@ MOST_LAGS = 512  # beyond which nothing is known of a motion's likeness to itsel
 AT_ONCE = 256  # missing readings that are guessed together
 
 
-def guessed(series: Floats, before: Floats, angle: float) -> tuple[Floats, float]:
+def guessed(series: Floats, before: Floats, angle: float, long: float = np.inf) -> tuple[Floats, float, float]:
     """The series with its gaps filled, and how large the errors may be together.
 
     Parameters
@@ -27,6 +27,8 @@ def guessed(series: Floats, before: Floats, angle: float) -> tuple[Floats, float
         An earlier guess, without gaps, that tells the covariance.
     angle : float
         Of the swing from reading to reading, rad.
+    long : float
+        Readings that a long gap lacks at least.
 
     Returns
     -------
@@ -34,17 +36,21 @@ def guessed(series: Floats, before: Floats, angle: float) -> tuple[Floats, float
     float
         1 sigma of the sum of all errors turned back by the swing, rad; white errors of the readings give their 1 sigma
         times the root of the number of readings.
+    float
+        The same without long gaps.
     """
-    filled, total = series.copy(), 0.0
+    filled, total, short = series.copy(), 0.0, 0.0
     mean = float(before.mean())
     power = np.abs(np.fft.rfft(before - mean, 2 * before.size)) ** 2
     covariance = np.zeros(before.size)
     lags = min(MOST_LAGS, before.size)
     covariance[:lags] = np.fft.irfft(power)[:lags] / before.size
     parts = [
-        (at, min(at + AT_ONCE, stop)) for start, stop in missing_stretches(series) for at in range(start, stop, AT_ONCE)
+        (at, min(at + AT_ONCE, stop), stop - start < long)
+        for start, stop in missing_stretches(series)
+        for at in range(start, stop, AT_ONCE)
     ]
-    for start, stop in parts:
+    for start, stop, is_short in parts:
         around = np.arange(max(0, start - REACH), min(series.size, stop + REACH))
         known, missing = around[np.isfinite(series[around])], np.arange(start, stop)
         each = covariance[np.abs(known[:, None] - known)] + 1e-12 * covariance[0] * np.eye(known.size)
@@ -53,5 +59,7 @@ def guessed(series: Floats, before: Floats, angle: float) -> tuple[Floats, float
         filled[missing] = mean + (series[known] - mean) @ weights
         error = covariance[np.abs(missing[:, None] - missing)] - across.T @ weights
         turned = np.exp(1j * angle * missing)
-        total += max(float((turned.conj() @ error @ turned).real), 0.0)
-    return filled, float(np.sqrt(total))
+        square = max(float((turned.conj() @ error @ turned).real), 0.0)
+        total += square
+        short += is_short * square
+    return filled, float(np.sqrt(total)), float(np.sqrt(short))

@@ -2,13 +2,52 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from synth.kernels.compiled import kernel
 
 ROUNDS = 6
 RIDGE = 1e-14  # of the unit diagonal: keeps a column that vanishes from stopping the solution
+
+
+@dataclass(frozen=True)
+class SmallFit:
+    """Solution of the least squares that the moments stand for, linear in the change of frequency and damping.
+
+    `coefficient` is (3,), or (pieces, 3).
+    """
+
+    coefficient: Floats
+    frequency_change: float
+    damping_change: float
+    noise: float
+    noise_gain: float
+
+
+def solve_moments(gram: Floats, coefficient: Floats, half: float, fit_damping: bool) -> SmallFit:
+    """Solve the least squares that the moments stand for; see `gauss_newton`.
+
+    Raises
+    ------
+    RefusedError
+        Too few readings, or readings that are no numbers.
+    """
+    free = 5 if fit_damping else 4
+    if not np.all(np.isfinite(gram)) or gram[2, 2] < 2 * free:
+        raise RefusedError("difference: too few readings follow a swing near the nominal period; check the period")
+    parameters = np.empty(5)
+    left, variance = gauss_newton(gram, coefficient, half, free, parameters)
+    return SmallFit(
+        coefficient=parameters[:3],
+        frequency_change=float(parameters[3] / half),
+        damping_change=float(parameters[4] / half),
+        noise=float(np.sqrt(left / max(gram[2, 2] - free, 1.0))),
+        noise_gain=float(np.sqrt(variance) / half),
+    )
 
 
 @kernel

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from data_schemas.scratch import portions, release, room
 from pipeline.arrays import Floats
-from pipeline.projection import kernels
-from pipeline.projection.small import gauss_newton
-from pipeline.projection.taps import NODES, continuation, stencil, taps
+from pipeline.projection.pieces import solve_pieces
+from pipeline.projection.small import solve_moments
 
 REJECTION = 4.0  # sigmas
-_ITERATIONS = 12
+ITERATIONS = 12
 _FLOOR = 1e-6  # of the amplitude: what departs less is rounding and quadrature, not a wild reading
 _SETTLED = 2e-5  # rad over half the record: what is left after such a step is its square
 _NEAR = 1e-3  # rad over half the record: from here on the residual is the readings' and wild ones can be told
@@ -24,7 +21,10 @@ _NEAR = 1e-3  # rad over half the record: from here on the residual is the readi
 
 @dataclass(frozen=True)
 class ProjectionFit:
-    """Least squares for (A, B, offset, n2, gamma2); `noise_gain` is sigma of n2 per radian of white noise in d."""
+    """Least squares for (A, B, offset, n2, gamma2); `noise_gain` is sigma of n2 per radian of white noise in d.
+
+    `coefficient` is that of the first piece where long gaps part the record.
+    """
 
     frequency: float
     damping_rate: float
@@ -36,26 +36,13 @@ class ProjectionFit:
     residual: Floats
 
 
-def response_constants(frequency: float, gamma: float, ratio: float, damping_difference: float) -> tuple[complex, ...]:
-    """Eigenvalue lam, direct gain, gain and its slopes by n2 and gamma2, of `response = direct theta + Im(gain c)`.
-
-    c is the running integral of exp(lam (t-s)) theta; gain = [(1-r) lam^2 + 2 (gamma2 - r gamma1) lam] / w.
-    """
-    r = ratio**-2
-    oscillation = np.sqrt(frequency**2 - gamma**2)
-    eigenvalue = complex(-gamma, oscillation)
-    drag = 2.0 * (gamma * (1.0 - r) - r * damping_difference)
-    gain = ((1.0 - r) * eigenvalue**2 + drag * eigenvalue) / oscillation
-    # d/dw of gain at fixed gamma: d lam = i dw
-    slope = (2.0j * (1.0 - r) * eigenvalue + 1j * drag) / oscillation - gain / oscillation
-    return eigenvalue, 1.0 - r, gain, slope, -drag / oscillation
-
-
 class Problem(Protocol):
     """What the fit needs of a sampling: the model's response at the samples, and the moments of what it leaves."""
 
     half: float
     """Half the record's length, s."""
+    pieces: list[slice]
+    """Samples of the difference that take part; each piece swings freely with an amplitude of its own."""
 
     @property
     def residual(self) -> Floats:
@@ -68,139 +55,19 @@ class Problem(Protocol):
         """Take the response to nearby (n2, gamma2) by its slopes."""
 
     def moments(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> tuple[Floats, int]:
-        """Gram matrix as `kernels.moments` has it, and the number of samples beyond the limit."""
+        """Gram matrices (pieces, 8, 8) as `kernels.moments` has them, and the number of samples beyond the limit.
 
-
-class UniformProblem:
-    """Uniform samples of both series; the first pendulum whole, the difference NaN where missing.
-
-    The samples are gone through in portions of whole blocks. What a portion starts from, the state of the recursion,
-    is kept, so that the response of any portion can be had again and need not be stored; the numbers do not depend on
-    where portions begin.
-
-    Attributes
-    ----------
-    parts : list of slice
-        The samples of the portions.
-    slopes : (blocks + 1, 2) array
-        Those of the response by n2 and gamma2 at the blocks' starts and at the end, as `kernels.moments` has them; of
-        the portions asked for.
-    """
-
-    def __init__(
-        self, theta: Floats, difference: Floats, step: float, fitted_at: float, ratio: float, damping_difference: float
-    ) -> None:
-        self._theta, self._difference, self._step = theta, difference, step
-        self._ratio, self._damping_difference = ratio, damping_difference
-        self._cardinal = stencil(fitted_at, step)
-        onward = continuation(fitted_at, step)
-        self._beyond = theta[NODES - 1 :: -1] @ onward, theta[-NODES:] @ onward
-        self.block = kernels.block_length(theta.size)
-        self.parts = list(portions(theta.size, theta, unit=self.block))
-        self._state = np.empty((-(-theta.size // self.block) + 1, 2), dtype=np.complex128)
-        self.slopes = np.zeros_like(self._state)
-        self._starts = np.empty(len(self.parts))  # the response at the first sample of each portion
-        self._response: Floats = np.empty(self.parts[0].stop + 1)
-        self._held = -1  # the portion whose response that is
-        self._gram = np.empty((kernels.COLUMNS, kernels.COLUMNS))
-        self._amounts = np.zeros(kernels.COLUMNS - 1)
-        self.half = 0.5 * (theta.size - 1) * step
-
-    @functools.cached_property
-    def residual(self) -> Floats:
-        """See `Problem`."""
-        return room(self._theta.size)
-
-    def respond(self, frequency: float, gamma: float) -> None:
-        """See `Problem`."""
-        self._constants = response_constants(frequency, gamma, self._ratio, self._damping_difference)
-        weights = taps(self._cardinal, self._constants[0], self._step)
-        self._taps = weights.real.copy(), weights.imag.copy()
-        self._amounts[5:] = 0.0
-        self._state[0] = 0.0
-        self._starts[0] = self._constants[1].real * self._theta[0]
-        self._held = -1
-        if len(self.parts) == 1:
-            self.part(0)
-
-    def part(self, number: int) -> Floats:
-        """The response of one portion, to be read before the next; the first time they are asked for in order."""
-        samples = self.parts[number]
-        first, last = samples.start // self.block, -(-samples.stop // self.block)
-        if number != self._held:
-            eigenvalue, direct, gain, by_frequency, by_damping = self._constants
-            self._response[0] = self._starts[number]
-            state = self._state[first : last + 1]
-            kernels.forced_response(
-                self._theta,
-                *self._beyond,
-                *self._taps,
-                self._step,
-                self.block,
-                eigenvalue,
-                direct.real,
-                gain,
-                first,
-                self._response,
-                state,
-            )
-            if number + 1 < len(self.parts):
-                self._starts[number + 1] = self._response[samples.stop - samples.start]
-            slopes = self.slopes[first : last + 1]
-            slopes[:, 0] = state[:, 0] * by_frequency + state[:, 1] * (1j * gain)
-            slopes[:, 1] = state[:, 0] * by_damping - state[:, 1] * gain
-            self._held = number
-            release(self._theta)
-        return self._response[: samples.stop - samples.start]
-
-    @property
-    def response(self) -> Floats:
-        """The response at all samples."""
-        if len(self.parts) == 1:
-            return self.part(0)
-        whole = room(self._theta.size)
-        for number, samples in enumerate(self.parts):
-            whole[samples] = self.part(number)
-            release(whole)
-        return whole
-
-    def nudge(self, frequency_change: float, damping_change: float) -> None:
-        """See `Problem`."""
-        self._amounts[5:] += frequency_change, damping_change
-
-    def moments(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> tuple[Floats, int]:
-        """See `Problem`."""
-        self._amounts[:3] = coefficient
-        self._gram[:] = 0.0
-        beyond = 0
-        for number, samples in enumerate(self.parts):
-            response = self.part(number)
-            first, last = samples.start // self.block, -(-samples.stop // self.block)
-            beyond += kernels.moments(
-                self._difference[samples],
-                response,
-                self.slopes[first : last + 1],
-                self._step,
-                self.block,
-                complex(-gamma, oscillation(frequency, gamma)),
-                self._amounts,
-                limit,
-                first,
-                self._theta.size,
-                self.residual[samples],
-                self._gram,
-            )
-            release(self._difference, self.residual)
-        return self._gram, beyond
-
-
-def oscillation(frequency: float, gamma: float) -> float:
-    """w of `w^2 = n^2 - gamma^2`."""
-    return float(np.sqrt(frequency**2 - gamma**2))
+        `coefficient` (pieces, 3) is each piece's (A, B, offset).
+        """
 
 
 def fit_projection(
-    problem: Problem, frequency: float, gamma: float, fit_damping: bool, rounds: int = _ITERATIONS
+    problem: Problem,
+    frequency: float,
+    gamma: float,
+    fit_damping: bool,
+    rounds: int = ITERATIONS,
+    steps: Floats | None = None,
 ) -> ProjectionFit:
     """Fit the exact linear identity.
 
@@ -212,9 +79,12 @@ def fit_projection(
         Start, within a fraction of a turn over the record; gamma2 is held unless `fit_damping`.
     rounds : int
         At most so many; one is enough for a start of the nonlinear identity.
+    steps : (pieces - 1,) array
+        1 sigma of each part of the step of the free swing from piece to piece, rad.
     """
     half = problem.half
-    coefficient = np.zeros(3)
+    coefficient = np.zeros((len(problem.pieces), 3))
+    noise = 0.0
     limit, rejected, settled = np.inf, 0, False
     problem.respond(frequency, gamma)
     for last in range(rounds - 1, -1, -1):
@@ -222,18 +92,23 @@ def fit_projection(
         if settled and beyond == rejected:
             break  # the same samples as before
         rejected = beyond
-        small = solve_moments(gram, coefficient, half, fit_damping)
+        if steps is None:
+            small = solve_moments(gram[0], coefficient[0], half, fit_damping)
+        else:
+            small = solve_pieces(gram, coefficient, half, fit_damping, steps, noise)
+        noise = small.noise
         # the moments' time runs about the middle of the record, the coefficients' about its start
         turn = np.exp(complex(small.damping_change, -small.frequency_change) * half)
-        turned = complex(small.coefficient[0], -small.coefficient[1]) * turn
-        coefficient[:] = turned.real, -turned.imag, small.coefficient[2]
+        for own, found in zip(coefficient, np.atleast_2d(small.coefficient), strict=True):
+            turned = complex(found[0], -found[1]) * turn
+            own[:] = turned.real, -turned.imag, found[2]
         frequency += small.frequency_change
         gamma += small.damping_change
         if not np.isfinite(frequency) or abs(gamma) > 0.1 * frequency:
             raise RefusedError("difference: no swing near the nominal period; check instrument/period and the traces")
         if last == 0:
             break
-        new_limit = max(REJECTION * small.noise, _FLOOR * abs(complex(*coefficient[:2])))
+        new_limit = max(REJECTION * small.noise, _FLOOR * max(abs(complex(*own[:2])) for own in coefficient))
         settled = max(abs(small.frequency_change), abs(small.damping_change)) * half <= _SETTLED
         if not settled:
             near = abs(small.frequency_change) * half < _NEAR
@@ -244,47 +119,15 @@ def fit_projection(
         if new_limit > 0.98 * limit:
             break
         limit = new_limit
-    samples = int(gram[2, 2])
+    samples = int(gram[:, 2, 2].sum())
+    free = 2 + 2 * len(gram) + fit_damping
     return ProjectionFit(
         frequency=float(frequency),
         damping_rate=float(gamma),
-        coefficient=coefficient,
-        noise=float(np.sqrt(gram[7, 7] / max(samples - 4 - fit_damping, 1))),
+        coefficient=coefficient[0],
+        noise=float(np.sqrt(gram[:, 7, 7].sum() / max(samples - free, 1))),
         noise_gain=small.noise_gain,
         samples=samples,
         rejected=rejected,
         residual=problem.residual,
-    )
-
-
-@dataclass(frozen=True)
-class SmallFit:
-    """Solution of the least squares that the moments stand for, linear in the change of frequency and damping."""
-
-    coefficient: Floats
-    frequency_change: float
-    damping_change: float
-    noise: float
-    noise_gain: float
-
-
-def solve_moments(gram: Floats, coefficient: Floats, half: float, fit_damping: bool) -> SmallFit:
-    """Solve the least squares that the moments stand for; see `small.gauss_newton`.
-
-    Raises
-    ------
-    RefusedError
-        Too few readings, or readings that are no numbers.
-    """
-    free = 5 if fit_damping else 4
-    if not np.all(np.isfinite(gram)) or gram[2, 2] < 2 * free:
-        raise RefusedError("difference: too few readings follow a swing near the nominal period; check the period")
-    parameters = np.empty(5)
-    left, variance = gauss_newton(gram, coefficient, half, free, parameters)
-    return SmallFit(
-        coefficient=parameters[:3],
-        frequency_change=float(parameters[3] / half),
-        damping_change=float(parameters[4] / half),
-        noise=float(np.sqrt(left / max(gram[2, 2] - free, 1.0))),
-        noise_gain=float(np.sqrt(variance) / half),
     )

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arrays import Complexes, Floats
+from pipeline.gaps import missing_stretches
 from pipeline.harmonics.envelope import fill
 from pipeline.projection.missing_marks import guessed
 
@@ -26,7 +27,9 @@ ROUNDS_OF_GAPS = 5  # where readings are missing: their covariance needs a first
 STIFFNESS = 1.0  # weight of the smoothness against the readings for an envelope turning at 0.1 rad/s
 
 
-def upsample(theta: Floats, step: float, frequency: float, factor: int) -> tuple[Floats, float]:
+def upsample(
+    theta: Floats, step: float, frequency: float, factor: int, long: float = np.inf
+) -> tuple[Floats, float, float]:
     """Elongation on a grid `factor` times finer, and what missing readings add to its errors.
 
     Parameters
@@ -37,12 +40,16 @@ def upsample(theta: Floats, step: float, frequency: float, factor: int) -> tuple
         s; fewer than four readings a swing.
     frequency : float
         Circular frequency of the free swing, rad s-1.
+    long : float
+        Readings that a long gap lacks at least.
 
     Returns
     -------
     ((n - 1) factor + 1,) array
     float
         1 sigma of the sum of the errors of missing readings, turned back by the swing, rad.
+    float
+        The same without long gaps.
     """
     time = np.arange(theta.size) * step
     fine = np.arange((theta.size - 1) * factor + 1) * (step / factor)
@@ -53,12 +60,16 @@ def upsample(theta: Floats, step: float, frequency: float, factor: int) -> tuple
         envelope, knots = _envelope(time, np.where(present, theta - slow, np.nan), frequency)
         rest = np.where(present, theta - _evaluate(envelope, knots, time, frequency), np.nan)
         before = fill(rest.astype(np.complex128)).real if number == 0 else np.where(present, rest, guess)
-        guess, spread = guessed(rest, before, frequency * step)
+        guess, *spreads = guessed(rest, before, frequency * step, long)
         slow = _low_pass(guess)
     # what is faster than the slow part is no stranger to the swing where readings are missing
-    left, absent = 1.4826 * np.nanmedian(np.abs(rest - slow)), theta.size - int(present.sum())
-    spread = float(np.hypot(spread, left * np.sqrt(absent * theta.size / present.sum())))
-    return _evaluate(envelope, knots, fine, frequency) + _sinc(slow, factor), spread
+    left, there = 1.4826 * np.nanmedian(np.abs(rest - slow)), int(present.sum())
+    gaps = [stop - start for start, stop in missing_stretches(theta)]
+    every, short = (
+        float(np.hypot(spread, left * np.sqrt(absent * theta.size / there)))
+        for spread, absent in zip(spreads, (sum(gaps), sum(gap for gap in gaps if gap < long)), strict=True)
+    )
+    return _evaluate(envelope, knots, fine, frequency) + _sinc(slow, factor), every, short
 
 
 def _low_pass(values: Floats) -> Floats:

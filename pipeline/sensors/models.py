@@ -12,7 +12,8 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.prepared import Prepared
-from pipeline.projection.solve import ProjectionFit, oscillation
+from pipeline.projection.solve import ProjectionFit
+from pipeline.projection.uniform import oscillation
 from pipeline.sensors.departures import Rows
 from pipeline.sensors.places import Places
 from pipeline.sensors.rows import LinearRows, WholeRows, read

@@ -11,9 +11,9 @@ from pipeline.arrays import Floats
 from pipeline.inversion.prepare import make_grid
 from pipeline.prepared import Prepared
 from pipeline.projection.kernels import block_length
-from pipeline.projection.solve import UniformProblem
 from pipeline.projection.taps import NODES
 from pipeline.projection.uneven import from_grid
+from pipeline.projection.uniform import UniformProblem
 
 
 @dataclass(frozen=True)

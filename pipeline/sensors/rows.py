@@ -11,7 +11,8 @@ import numpy as np
 from data_schemas.scratch import by_portions
 from pipeline.arrays import Floats
 from pipeline.prepared import Prepared
-from pipeline.projection.solve import ProjectionFit, UniformProblem, oscillation
+from pipeline.projection.solve import ProjectionFit
+from pipeline.projection.uniform import UniformProblem, oscillation
 from pipeline.sensors.departures import DAMPING
 from pipeline.sensors.places import Places
 from pipeline.sensors.shifting import advanced

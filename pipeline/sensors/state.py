@@ -36,8 +36,9 @@ class State:
         if real is None and stated is not None:
             real = stated == "sine"
         states = []
-        for law in (False, True) if real is None else (real,):
-            fitted = (nonlinear if law else linear)(prepared, linear_fit(prepared))
+        laws = (False, True) if real is None else (real,)
+        for law in laws:
+            fitted = (nonlinear if law else linear)(prepared, linear_fit(prepared, bridged=law or len(laws) > 1))
             states.append(State(prepared, law, fitted, fit(prepared, fitted, [DELAY, GAIN])))
         return min(states, key=lambda state: state.left)
 

@@ -15,7 +15,7 @@ from pipeline import METHODS, process
 from pipeline.observation import observe
 from pipeline.prepared import prepare
 from pipeline.projection.sampling import linear_fit
-from pipeline.projection.solve import UniformProblem
+from pipeline.projection.uniform import UniformProblem
 
 RECORDS: dict[str, dict[str, Any]] = {
     "whole": {},

@@ -256,7 +256,7 @@ def test_upsample_finds_the_motion_between_marks(missing: bool) -> None:
     theta = pair.elongation(0, time)
     if missing:
         theta[::120] = np.nan
-    fine, _ = upsample(theta, 0.5, N2, 5)
+    fine, *_ = upsample(theta, 0.5, N2, 5)
     at = np.arange(fine.size) * 0.1
     exact = pair.elongation(0, at)
     inner = (at > 60.0) & (at < 540.0)
@@ -280,7 +280,7 @@ def test_missing_marks_are_guessed_from_the_swell_and_their_errors_told() -> Non
         for start in random.integers(0, time.size, 12):
             missing[start : start + 6] = True
         theta[missing] = np.nan
-        fine, spread = upsample(theta, 0.5, N2, 5)
+        fine, spread, _ = upsample(theta, 0.5, N2, 5)
         error = (fine[::5] - exact) * missing
         assert np.median(np.abs(error[missing])) < 5e-5
         pulls.append(abs(error @ turned) / spread)
@@ -292,7 +292,7 @@ def test_upsample_follows_a_beat() -> None:
     """Near-resonant forcing of a two-minute beat turns the envelope at 0.05 rad/s, half as far as its image lies."""
     time = np.arange(1200) * 0.5
     pair = Pair.apart(0.0, forcing=((4e-5, N2 - 0.052, 0.7),))
-    fine, _ = upsample(pair.elongation(0, time), 0.5, N2, 5)
+    fine, *_ = upsample(pair.elongation(0, time), 0.5, N2, 5)
     at = np.arange(fine.size) * 0.1
     inner = (at > 60.0) & (at < 540.0)
     beat = np.abs(pair.slow(0, at)).max()

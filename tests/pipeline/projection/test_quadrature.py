@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pipeline.projection import kernels
-from pipeline.projection.solve import UniformProblem, response_constants
 from pipeline.projection.taps import CENTRE, NODES, continuation, fitted_basis, stencil, taps
+from pipeline.projection.uniform import UniformProblem, response_constants
 
 N = 2.0 * np.pi / 1.01
 

@@ -18,3 +18,8 @@ Complexes = NDArray[np.complexfloating[Any, Any]]
 def readings(series: Floats) -> int:
     """How many values of a series are there: neither missing nor infinite."""
     return sum(int(np.count_nonzero(np.isfinite(series[part]))) for part in portions(series.size, series))
+
+
+def sum_of_squares(series: Floats) -> float:
+    """Sum of the squares of a series without gaps."""
+    return sum(float(series[part] @ series[part]) for part in portions(series.size, series))

@@ -17,6 +17,7 @@ from pipeline.inversion import kernels, sums
 from pipeline.inversion.motion import Grid, Motion, Readings
 from pipeline.projection.solve import ProjectionFit, UniformProblem, oscillation
 from pipeline.projection.taps import NODES, continuation, stencil, taps
+from pipeline.projection.uneven import from_grid, taken
 
 _KEPT, _PASSING = 8, 4  # series that are kept, and those of one portion
 _BEYOND = 3  # samples by which the integrals' taps reach beyond an interval, on both sides
@@ -106,13 +107,12 @@ class Iteration:
         return small
 
     def _place(self, readings: Readings, begin: float) -> None:
-        from pipeline.projection.uneven import from_grid
-
-        time = readings.time - begin
-        self.within = (time >= 0.0) & (time <= 2.0 * self.half)
-        time = time[self.within]
+        """Readings between the grid's ends, and what takes a series there."""
+        low = int(np.searchsorted(readings.time, begin))
+        self.within = slice(low, int(np.searchsorted(readings.time, begin + 2.0 * self.half, side="right")))
+        time = by_portions(lambda part: part - begin, readings.time[self.within])
         self._readings = Readings(time, readings.difference[self.within])
-        self._where, self._weights = from_grid(time, self.motion.step, self.about.size, self._held)
+        self._where, self._weights = from_grid(time, self.motion.step, self.count, self._held)
 
     def _hold_damping(self) -> None:
         """Response of the linear part at the present damping."""
@@ -197,18 +197,27 @@ class Iteration:
         return self._gram, beyond
 
     def _uneven_moments(self, readings: Readings, limit: float) -> tuple[Floats, int]:
-        model, angle, rate, frequency = self.at_readings(self.columns)
-        residual = readings.difference - model - self.offset
-        damping = (1.0 - readings.time / self.half) * model
-        columns = np.stack([angle, rate, frequency, damping, np.ones(model.size), residual])
-        used = np.abs(residual) <= limit
-        chosen = columns if used.all() else columns[:, used]
-        return chosen @ chosen.T, int((~used).sum())
+        self._gram[:] = 0.0
+        beyond = 0
+        for part in self._portions_of_readings(readings):
+            model, angle, rate, frequency = (self._taken(series, part) for series in self.columns)
+            residual = readings.difference[part] - model - self.offset
+            damping = (1.0 - readings.time[part] / self.half) * model
+            columns = np.stack([angle, rate, frequency, damping, np.ones(model.size), residual])
+            size = np.abs(residual)
+            used = size <= limit
+            chosen = columns if used.all() else columns[:, used]
+            self._gram += chosen @ chosen.T
+            beyond += int(np.count_nonzero(size > limit))
+        return self._gram, beyond
 
-    def at_readings(self, series: Floats) -> Floats:
-        """Series on the grid, (..., n), taken to the uneven times."""
-        around = series[..., self._where[:, None] + np.arange(NODES)]
-        return np.asarray(np.einsum("...ij,ij->...i", around, self._weights))
+    def _portions_of_readings(self, readings: Readings) -> Iterator[slice]:
+        arrays = (readings.time, readings.difference, self._where, self._weights, self.columns)
+        return portions(readings.time.size, *arrays)
+
+    def _taken(self, series: Floats, part: slice) -> Floats:
+        """A series on the grid taken to some of the uneven times."""
+        return taken(series, self._where[part], self._weights[part])
 
     def improve(self, change: Floats) -> None:
         """Follow the tangents to the improved parameters."""
@@ -248,7 +257,12 @@ class Iteration:
         """Readings less the model, rad, NaN = missing."""
         if self._readings is None:
             return self.on_grid()
-        return np.asarray(self._readings.difference - self.at_readings(self.about) - self.offset)
+        read = self._readings.difference
+        residual = room(read.size)
+        for part in self._portions_of_readings(self._readings):
+            residual[part] = read[part] - self._taken(self.about, part) - self.offset
+            release(residual)
+        return residual
 
     def on_grid(self) -> Floats:
         """Residual on the grid, NaN = missing; of uneven readings, that of the angle that was expanded about."""

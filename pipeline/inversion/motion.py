@@ -31,7 +31,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Readings:
-    """Readings at uneven times (s from the grid's start), rad, all finite."""
+    """Readings at uneven times (s from the grid's start), rad, NaN = missing."""
 
     time: Floats
     difference: Floats

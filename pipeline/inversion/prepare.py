@@ -180,16 +180,15 @@ def make_grid(prepared: Prepared) -> Grid:
     """Uniform samples as they are, marks on a finer grid, uneven readings beside a grid of their own."""
     seen = prepared.observation
     if seen.step is None:
-        from pipeline.uneven_grid import to_grid
-
-        present = np.isfinite(seen.difference)
-        about = to_grid(seen.time, seen.difference, prepared.whole_step, prepared.nominal)
-        return Grid(prepared.whole, about, prepared.whole_step, Readings(seen.time[present], seen.difference[present]))
+        return Grid(
+            prepared.whole, prepared.difference_on_grid, prepared.whole_step, Readings(seen.time, seen.difference)
+        )
     if seen.step * prepared.nominal <= MOST_ANGLE:
         return Grid(prepared.whole, prepared.clean_difference, seen.step)
     factor = int(np.ceil(seen.step * prepared.nominal / FINE_ANGLE))
     theta, _ = prepared.finer(seen.step, factor)
-    difference = np.full(theta.size, np.nan)
+    difference = room(theta.size)
+    difference[:] = np.nan
     difference[::factor] = prepared.clean_difference
     return Grid(theta, difference, seen.step / factor)
 
@@ -245,12 +244,11 @@ def whole_residual(prepared: Prepared, iteration: Iteration, limit: float) -> Fl
     seen = prepared.observation
     residual = by_portions(lambda left: np.where(np.abs(left) > limit, np.nan, left), iteration.residual())
     if seen.step is None:
-        whole = np.full(seen.time.size, np.nan)
-        whole[np.flatnonzero(np.isfinite(seen.difference))[iteration.within]] = residual
+        count, within = seen.time.size, iteration.within
     else:
-        reach = iteration.motion.inside.start
-        whole = room(residual.size + 2 * reach)
-        whole[:reach] = whole[-reach:] = np.nan
-        for part in portions(residual.size, residual, whole):
-            whole[part.start + reach : part.stop + reach] = residual[part]
+        count, within = iteration.motion.inside.stop + iteration.motion.inside.start, iteration.motion.inside
+    whole = room(count)
+    whole[: within.start] = whole[within.stop :] = np.nan
+    for part in portions(residual.size, residual, whole):
+        whole[part.start + within.start : part.stop + within.start] = residual[part]
     return whole

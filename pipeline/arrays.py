@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schemas.scratch import PORTION, portions, room
+from data_schemas.scratch import portions, room
 
 Floats = NDArray[np.floating[Any]]
 """Real numbers, double precision in practice."""
@@ -35,8 +35,6 @@ def even_times(count: int, step: float) -> Floats:
 
 def variance(series: Floats) -> float:
     """Of the values that are there; NaN where none is."""
-    if series.size <= PORTION:
-        return float(np.nanvar(series))
     count = readings(series)
     mean = sum(float(np.nansum(series[part])) for part in portions(series.size, series)) / max(count, 1)
     squares = sum(float(np.nansum((series[part] - mean) ** 2)) for part in portions(series.size, series))

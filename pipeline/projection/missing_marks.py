@@ -7,6 +7,7 @@ the guess of least expected square and says what that square is (Wiener 1949; in
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
 from pipeline.gaps import missing_stretches
@@ -44,14 +45,22 @@ def guessed(series: Floats, before: Floats, angle: float) -> tuple[Floats, float
     parts = [
         (at, min(at + AT_ONCE, stop)) for start, stop in missing_stretches(series) for at in range(start, stop, AT_ONCE)
     ]
+    alike: dict[tuple[int, int], list[tuple[NDArray[np.intp], NDArray[np.intp]]]] = {}
     for start, stop in parts:
         around = np.arange(max(0, start - REACH), min(series.size, stop + REACH))
         known, missing = around[np.isfinite(series[around])], np.arange(start, stop)
-        each = covariance[np.abs(known[:, None] - known)] + 1e-12 * covariance[0] * np.eye(known.size)
-        across = covariance[np.abs(known[:, None] - missing)]
-        weights = np.linalg.solve(each, across)
-        filled[missing] = mean + (series[known] - mean) @ weights
-        error = covariance[np.abs(missing[:, None] - missing)] - across.T @ weights
-        turned = np.exp(1j * angle * missing)
-        total += max(float((turned.conj() @ error @ turned).real), 0.0)
+        alike.setdefault((known.size, missing.size), []).append((known, missing))
+    for (_, absent), group in alike.items():  # many small systems of one size at once
+        together = max(AT_ONCE // absent, 1)
+        for begin in range(0, len(group), together):
+            known, missing = (np.stack(rows) for rows in zip(*group[begin : begin + together], strict=True))
+            each = covariance[np.abs(known[:, :, None] - known[:, None])]
+            each += 1e-12 * covariance[0] * np.eye(known.shape[1])
+            across = covariance[np.abs(known[:, :, None] - missing[:, None])]
+            weights = np.linalg.solve(each, across)
+            filled[missing] = mean + np.einsum("gk,gkm->gm", series[known] - mean, weights)
+            error = covariance[np.abs(missing[:, :, None] - missing[:, None])] - across.swapaxes(1, 2) @ weights
+            turned = np.exp(1j * angle * missing)
+            powers = np.einsum("gi,gij,gj->g", turned.conj(), error, turned).real
+            total += float(np.sum(np.maximum(powers, 0.0)))
     return filled, float(np.sqrt(total))

@@ -5,11 +5,13 @@ It is an input of the correction, to be integrated; the difference, whose freque
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
-from data_schemas.scratch import portions, release, room
+from data_schemas.scratch import PORTION, portions, release, room
 from pipeline.arrays import Floats, readings
 from pipeline.projection.taps import NODES, fitted_basis
 
@@ -56,14 +58,20 @@ def to_grid(time: Floats, series: Floats, step: float, frequency: float) -> Floa
     # each function over the largest it comes to, so that the ridge weighs them alike
     size = np.zeros(NODES)
     parts = [slice(begin, min(begin + TOGETHER, count)) for begin in range(0, count, TOGETHER)]
-    for part in parts:
-        tau = _around(time, part, step)[1]
-        size = np.maximum(size, np.abs(fitted_basis((tau / scale).ravel(), frequency * scale)).max(axis=1))
-        release(time)
+
+    def made() -> Iterator[tuple[NDArray[np.intp], Floats, Floats]]:
+        for part in parts:
+            rows, tau = _around(time, part, step)
+            yield rows, tau, fitted_basis((tau / scale).ravel(), frequency * scale)
+            release(time)
+
+    # the functions cost more than all the rest: those of a short record are kept from the first time
+    kept = list(made()) if count <= PORTION else None
+    for _, _, basis in kept or made():
+        size = np.maximum(size, np.abs(basis).max(axis=1))
     origin = fitted_basis(np.zeros(1), frequency * scale)[:, 0] / size
-    for part in parts:
-        rows, tau = _around(time, part, step)
-        basis = fitted_basis((tau / scale).ravel(), frequency * scale).reshape(NODES, *tau.shape)
+    for part, (rows, tau, functions) in zip(parts, kept or made(), strict=True):
+        basis = functions.reshape(NODES, *tau.shape)
         basis = np.moveaxis(basis / size[:, None, None], 0, -1)
         # value at the grid point is the constant's coefficient plus that of cos, where cos is kept as such
         normal = np.einsum("gik,gil->gkl", basis, basis) + 1e-13 * np.eye(NODES)

@@ -15,6 +15,7 @@ from pipeline.gaps import missing_stretches
 REACH = 24  # marks on each side that tell of a missing one
 MOST_LAGS = 512  # beyond which nothing is known of a motion's likeness to itself
 AT_ONCE = 256  # missing readings that are guessed together
+SYSTEMS = 32  # of equal size, of one missing reading each, that are solved together
 
 
 def guessed(series: Floats, before: Floats, angle: float) -> tuple[Floats, float]:
@@ -51,7 +52,7 @@ def guessed(series: Floats, before: Floats, angle: float) -> tuple[Floats, float
         known, missing = around[np.isfinite(series[around])], np.arange(start, stop)
         alike.setdefault((known.size, missing.size), []).append((known, missing))
     for (_, absent), group in alike.items():  # many small systems of one size at once
-        together = max(AT_ONCE // absent, 1)
+        together = max(SYSTEMS // absent, 1)
         for begin in range(0, len(group), together):
             known, missing = (np.stack(rows) for rows in zip(*group[begin : begin + together], strict=True))
             each = covariance[np.abs(known[:, :, None] - known[:, None])]

@@ -69,7 +69,9 @@ class Places:
             return series(part)
         _, where, weights = self._uneven
         first, last = int(where[part.start]), int(where[part.stop - 1])
-        return taken(series(slice(first, last + NODES)), where[part] - first, weights[part])
+        rows = taken(series(slice(first, last + NODES)), where[part] - first, weights[part])
+        release(*self._uneven)
+        return rows
 
     def response(self, problem: UniformProblem) -> Response:
         """The response at portions of the rows, first asked for in order."""
@@ -89,7 +91,7 @@ class Places:
         if self._uneven is None:
             return series if self._factor == 1 else series[:: self._factor].copy()
         out = room(self._uneven[0].size)
-        for part in portions(out.size, out, series, *self._uneven):
+        for part in portions(out.size, out, series):
             out[part] = self.at_rows(series.__getitem__, part)
         return out
 

@@ -10,8 +10,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from data_schemas import scratch
 from data_schemas.errors import RefusedError
-from data_schemas.scratch import PORTION, portions, release, room
+from data_schemas.scratch import portions, release, room
 from pipeline.arrays import Floats, readings
 from pipeline.projection.taps import NODES, fitted_basis
 
@@ -66,7 +67,7 @@ def to_grid(time: Floats, series: Floats, step: float, frequency: float) -> Floa
             release(time)
 
     # the functions cost more than all the rest: those of a short record are kept from the first time
-    kept = list(made()) if count <= PORTION else None
+    kept = list(made()) if count <= scratch.PORTION else None
     for _, _, basis in kept or made():
         size = np.maximum(size, np.abs(basis).max(axis=1))
     origin = fitted_basis(np.zeros(1), frequency * scale)[:, 0] / size

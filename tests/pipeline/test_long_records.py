@@ -176,7 +176,7 @@ def test_memory_does_not_grow_with_the_record() -> None:
     ("method", "most", "recording"),
     [
         ("shooting", 40.0, {"restoring": "sine"} | SMALL_ARC),
-        ("projection", 8.0, {"jitter": 0.003}),
+        ("projection", 16.0, {"jitter": 0.003}),
         ("projection", 16.0, {"eps": 1e-3, "gain": 1.02}),
     ],
     ids=["nonlinear", "uneven", "put right"],

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schemas.scratch import portions
+from data_schemas.scratch import portions, room
 
 Floats = NDArray[np.floating[Any]]
 """Real numbers, double precision in practice."""
@@ -18,3 +18,24 @@ Complexes = NDArray[np.complexfloating[Any, Any]]
 def readings(series: Floats) -> int:
     """How many values of a series are there: neither missing nor infinite."""
     return sum(int(np.count_nonzero(np.isfinite(series[part]))) for part in portions(series.size, series))
+
+
+def sum_of_squares(series: Floats) -> float:
+    """Sum of the squares of a series without gaps."""
+    return sum(float(series[part] @ series[part]) for part in portions(series.size, series))
+
+
+def even_times(count: int, step: float) -> Floats:
+    """0, step, 2 step ..., so many."""
+    out = room(count)
+    for part in portions(count, out):
+        out[part] = np.arange(part.start, part.stop) * step
+    return out
+
+
+def variance(series: Floats) -> float:
+    """Of the values that are there; NaN where none is."""
+    count = readings(series)
+    mean = sum(float(np.nansum(series[part])) for part in portions(series.size, series)) / max(count, 1)
+    squares = sum(float(np.nansum((series[part] - mean) ** 2)) for part in portions(series.size, series))
+    return squares / count if count else float("nan")

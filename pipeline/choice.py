@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from data_schemas.scratch import portions
 from pipeline.gaps import require_bridges
 from pipeline.methods import method
 from pipeline.methods.phases import passes_zero
@@ -138,9 +139,14 @@ def _likelihood(linear: float, real: float, samples: int, floor: float, prepared
 
 def _common_likelihood(linear: ProjectionFit, real: Inverted, prepared: Prepared) -> float:
     """As `_likelihood`, over the readings that both fits used."""
-    both = np.isfinite(real.residual) & np.isfinite(linear.residual)
-    straight, bent = (float(np.sqrt(np.mean(np.square(each.residual[both])))) for each in (linear, real))
-    return _likelihood(straight, bent, int(both.sum()), FLOOR, prepared)
+    straight = bent = 0.0
+    count = 0
+    for part in portions(linear.residual.size, linear.residual, real.residual):
+        left, right = linear.residual[part], real.residual[part]
+        both = np.isfinite(left) & np.isfinite(right)
+        straight, bent = straight + float(np.sum(left[both] ** 2)), bent + float(np.sum(right[both] ** 2))
+        count += int(both.sum())
+    return _likelihood(float(np.sqrt(straight / count)), float(np.sqrt(bent / count)), count, FLOOR, prepared)
 
 
 def _without_inversion(prepared: Prepared) -> Choice:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import Floats, readings
+from pipeline.arrays import Floats, even_times, readings, variance
 from pipeline.estimate import Budget, budget
 from pipeline.gaps import LONG_GAP, bridge, missing_stretches
 from pipeline.harmonics.blocks import block_envelope
@@ -111,6 +111,12 @@ class Prepared:
         cleaned, _, noise = reject_outliers(seen.difference, seen.step, self.nominal)
         return cleaned, noise
 
+    @cached_property
+    def difference_on_grid(self) -> Floats:
+        """The difference of uneven times on the grid of `whole`, rad; NaN where there are too few readings."""
+        seen = self.observation
+        return to_grid(seen.time, seen.difference, self.whole_step, self.nominal)
+
     @property
     def clean_difference(self) -> Floats:
         """The difference without wild readings, rad; its gaps are kept."""
@@ -137,7 +143,7 @@ class Prepared:
         seen = self.observation
         vertical = seen.vertical
         if vertical is not None and vertical.size != self.whole.size:
-            vertical = np.interp(np.arange(self.whole.size) * self.whole_step, seen.time, vertical)
+            vertical = np.interp(even_times(self.whole.size, self.whole_step), seen.time, vertical)
         return slow_motion(self.whole, vertical, self.whole_step, self.nominal, seen.reference_gravity)
 
     def narrowband(self, envelope: Envelope, tolerance: float = 1e-13) -> NarrowbandFit:
@@ -283,7 +289,7 @@ def prepare(observation: Observation) -> Prepared:
 def slow_variance(prepared: Prepared) -> float:
     """Mean square of the first pendulum's slow motion, rad2; what is not its swing, whatever the sampling."""
     swing = 0.5 * float(np.nanmean(np.abs(prepared.blocks.first) ** 2))
-    return max(float(np.nanvar(prepared.observation.theta)) - swing, 0.0)
+    return max(variance(prepared.observation.theta) - swing, 0.0)
 
 
 def require_swing(envelope: Envelope) -> None:

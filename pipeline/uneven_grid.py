@@ -5,14 +5,20 @@ It is an input of the correction, to be integrated; the difference, whose freque
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterator
 
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schemas import scratch
 from data_schemas.errors import RefusedError
-from pipeline.arrays import Floats
+from data_schemas.scratch import portions, release, room
+from pipeline.arrays import Floats, readings
 from pipeline.projection.taps import NODES, fitted_basis
 
 FIT_SAMPLES = 14  # of the first pendulum around each grid point; more than the eight functions, so that noise averages
 MOST_STRETCH = 2.5  # a grid point whose samples span more than this many times the usual is a gap
+TOGETHER = 4096  # grid points that are fitted together: each takes its readings many times over
 MOST_ANGLE = 0.35  # rad of swing between grid points
 
 
@@ -41,29 +47,69 @@ def to_grid(time: Floats, series: Floats, step: float, frequency: float) -> Floa
     step, frequency : float
         s, rad s-1.
     """
-    grid = np.arange(round(time[-1] / step) + 1) * step
-    present = np.isfinite(series)
-    time, series = time[present], series[present]
-    start = np.clip(np.searchsorted(time, grid) - FIT_SAMPLES // 2, 0, max(time.size - FIT_SAMPLES, 0))
-    rows = start[:, None] + np.arange(FIT_SAMPLES)
-    if time.size < FIT_SAMPLES:
-        return np.full(grid.size, np.nan)
-    usual = float(np.median(time[FIT_SAMPLES - 1 :] - time[: 1 - FIT_SAMPLES]))
+    count, known = round(time[-1] / step) + 1, readings(series)
+    out = room(count)
+    if known < FIT_SAMPLES:
+        out[:] = np.nan
+        return out
+    if known < series.size:
+        time, series = _present(time, series, known)
+    usual = _usual_span(time)
     scale = usual / (FIT_SAMPLES - 1)
-    tau = time[rows] - grid[:, None]
-    reach = np.abs(tau)
-    # out first: a window that spans a gap reaches so far that its powers would drown those of all others
-    good = (reach.max(axis=1) <= MOST_STRETCH * usual) & (reach.min(axis=1) <= 0.3 * usual)
-    rows, tau = rows[good], tau[good]
-    values = np.full(grid.size, np.nan)
-    if not good.any():
-        return values
-    basis = fitted_basis((tau / scale).ravel(), frequency * scale).reshape(NODES, *tau.shape)
-    size = np.abs(basis).max(axis=(1, 2))
-    basis = np.moveaxis(basis / size[:, None, None], 0, -1)
-    # value at the grid point is the constant's coefficient plus that of cos, where cos is kept as such
+    # each function over the largest it comes to, so that the ridge weighs them alike
+    size = np.zeros(NODES)
+    parts = [slice(begin, min(begin + TOGETHER, count)) for begin in range(0, count, TOGETHER)]
+
+    def made() -> Iterator[tuple[NDArray[np.bool_], NDArray[np.intp], Floats]]:
+        for part in parts:
+            rows, tau = _around(time, part, step)
+            reach = np.abs(tau)
+            # out first: a window that spans a gap reaches so far that its powers would drown those of all others
+            good = (reach.max(axis=1) <= MOST_STRETCH * usual) & (reach.min(axis=1) <= 0.3 * usual)
+            yield good, rows[good], fitted_basis((tau[good] / scale).ravel(), frequency * scale)
+            release(time)
+
+    # the functions cost more than all the rest: those of a short record are kept from the first time
+    kept = list(made()) if count <= scratch.PORTION else None
+    for _, _, basis in kept or made():
+        size = np.maximum(size, np.abs(basis).max(axis=1, initial=0.0))
+    size[size == 0.0] = 1.0  # there is no good point at all
     origin = fitted_basis(np.zeros(1), frequency * scale)[:, 0] / size
-    normal = np.einsum("gik,gil->gkl", basis, basis) + 1e-13 * np.eye(NODES)
-    right = np.einsum("gik,gi->gk", basis, series[rows])
-    values[good] = np.linalg.solve(normal, right[:, :, None])[:, :, 0] @ origin
-    return values
+    for part, (good, rows, functions) in zip(parts, kept or made(), strict=True):
+        basis = functions.reshape(NODES, *rows.shape)
+        basis = np.moveaxis(basis / size[:, None, None], 0, -1)
+        # value at the grid point is the constant's coefficient plus that of cos, where cos is kept as such
+        normal = np.einsum("gik,gil->gkl", basis, basis) + 1e-13 * np.eye(NODES)
+        right = np.einsum("gik,gi->gk", basis, series[rows])
+        values = np.full(good.size, np.nan)
+        values[good] = np.linalg.solve(normal, right[:, :, None])[:, :, 0] @ origin
+        out[part] = values
+        release(time, series, out)
+    return out
+
+
+def _around(time: Floats, part: slice, step: float) -> tuple[NDArray[np.intp], Floats]:
+    """The readings around some points of the grid, (points, FIT_SAMPLES), and their times from there, s."""
+    grid = np.arange(part.start, part.stop) * step
+    start = np.clip(np.searchsorted(time, grid) - FIT_SAMPLES // 2, 0, time.size - FIT_SAMPLES)
+    rows = start[:, None] + np.arange(FIT_SAMPLES)
+    return rows, time[rows] - grid[:, None]
+
+
+def _present(time: Floats, series: Floats, known: int) -> tuple[Floats, Floats]:
+    """The readings that are there, `known` in number, and their times."""
+    short, found, begin = room(known), room(known), 0
+    for part in portions(series.size, time, series, short, found):
+        present = np.isfinite(series[part])
+        end = begin + int(np.count_nonzero(present))
+        short[begin:end], found[begin:end] = time[part][present], series[part][present]
+        begin = end
+    return short, found
+
+
+def _usual_span(time: Floats) -> float:
+    """Median of what `FIT_SAMPLES` readings span, s."""
+    spans = room(time.size - FIT_SAMPLES + 1)
+    for part in portions(spans.size, spans, time):
+        spans[part] = time[part.start + FIT_SAMPLES - 1 : part.stop + FIT_SAMPLES - 1] - time[part]
+    return float(np.median(spans, overwrite_input=True))

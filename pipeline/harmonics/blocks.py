@@ -6,12 +6,13 @@ Each block is fitted by {cos, sin, 1, t}. On a uniform grid all complete blocks 
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
 
 from data_schemas.scratch import portions, release
-from pipeline.arrays import Complexes, Floats
+from pipeline.arrays import Complexes, Floats, even_times
 from pipeline.harmonics.envelope import Envelope, window_length
 from synth.kernels.compiled import summing_kernel
 
@@ -20,6 +21,7 @@ Series = tuple[Floats, Floats]
 
 BLOCK_SECONDS = 4.0
 LEAST_COVERAGE = 0.5
+TOGETHER = 512  # blocks of uneven readings, after which their memory is given back
 
 
 def block_envelope(
@@ -51,7 +53,7 @@ def block_envelope(
         centres, coefficients, counts = _uniform((first, difference), step, rows, frequency)
         length = rows * step
     else:
-        first_time = time if first_step is None else np.arange(first.size) * first_step
+        first_time = time if first_step is None else even_times(first.size, first_step)
         pairs = ((first_time, first), (time, difference))
         edges = np.arange(0.0, duration - 0.5 * length, length)
         centres, coefficients, counts = _uneven(pairs, edges, length, frequency)
@@ -121,15 +123,16 @@ def fit_blocks(values: Floats, inverse: Floats, out: Floats, first: int) -> None
 
 
 def _uneven(series: Sequence[Series], edges: Floats, length: float, frequency: float) -> tuple[Floats, Floats, Floats]:
-    centres = edges + 0.5 * length
+    centres, ends = edges + 0.5 * length, np.append(edges, edges[-1] + length)
     coefficients = np.full((2, 4, edges.size), np.nan)
     counts = np.zeros((2, edges.size))
     for which, (time, values) in enumerate(series):
-        bounds = np.searchsorted(time, np.append(edges, edges[-1] + length))
-        for block, centre in enumerate(centres):
-            part = slice(bounds[block], bounds[block + 1])
-            basis = _basis(time[part] - centre, 0.5 * length, frequency)
-            coefficients[which, :, block], counts[which, block] = _fit(basis, values[part])
+        for begin in range(0, edges.size, TOGETHER):
+            bounds = np.searchsorted(time, ends[begin : begin + TOGETHER + 1])
+            for block, (low, high) in enumerate(itertools.pairwise(bounds), begin):
+                basis = _basis(time[low:high] - centres[block], 0.5 * length, frequency)
+                coefficients[which, :, block], counts[which, block] = _fit(basis, values[low:high])
+            release(time, values)
     return centres, coefficients, counts
 
 

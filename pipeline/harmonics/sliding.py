@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from data_schemas.scratch import portions, release
-from pipeline.arrays import Complexes, Floats
+from pipeline.arrays import Complexes, Floats, even_times
 from pipeline.harmonics.envelope import Envelope, window_length
 from synth.kernels.compiled import summing_kernel
 
@@ -61,7 +61,7 @@ def sliding_envelope(
         hop, half_length = every * step, half * step
         taps = filters[0] - 1j * filters[1]
     else:
-        first_time = time if first_step is None else np.arange(first.size) * first_step
+        first_time = time if first_step is None else even_times(first.size, first_step)
         pairs = ((first_time, first), (time, difference))
         half_length = 0.5 * length
         centres = np.arange(half_length, float(time[-1]) - half_length + 0.5 * hop, hop)
@@ -181,18 +181,20 @@ def _uneven(series: Sequence[Series], centres: Floats, half_length: float, frequ
     fit = np.full((2, centres.size, TERMS), np.nan)
     coverage = np.zeros((2, centres.size))
     for which, (time, values) in enumerate(series):
-        low = np.searchsorted(time, centres - half_length)
-        high = np.searchsorted(time, centres + half_length)
         spread = float(time[-1]) / (time.size - 1)
         full = _kaiser(np.arange(-half_length, half_length, spread) / half_length).sum()
-        for k, centre in enumerate(centres):
-            part = slice(low[k], high[k])
-            present = np.isfinite(values[part])
-            tau = time[part][present] - centre
-            weight = _kaiser(tau / half_length)
-            coverage[which, k] = weight.sum() / full
-            if coverage[which, k] >= LEAST_COVERAGE and tau.size > TERMS:
-                root = np.sqrt(weight)
-                basis = root[:, None] * _basis(tau, half_length, frequency)
-                fit[which, k] = np.linalg.lstsq(basis, root * values[part][present], rcond=None)[0]
+        for begin in range(0, centres.size, BROKEN):
+            here = centres[begin : begin + BROKEN]
+            bounds = np.searchsorted(time, here - half_length), np.searchsorted(time, here + half_length)
+            for k, (low, high) in enumerate(zip(*bounds, strict=True), begin):
+                part = values[low:high]
+                present = np.isfinite(part)
+                tau = time[low:high][present] - centres[k]
+                weight = _kaiser(tau / half_length)
+                coverage[which, k] = weight.sum() / full
+                if coverage[which, k] >= LEAST_COVERAGE and tau.size > TERMS:
+                    root = np.sqrt(weight)
+                    basis = root[:, None] * _basis(tau, half_length, frequency)
+                    fit[which, k] = np.linalg.lstsq(basis, root * part[present], rcond=None)[0]
+            release(time, values)
     return fit, np.minimum(coverage, 1.0)

@@ -16,6 +16,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from data_schemas.scratch import portions, release, room
 from pipeline.arrays import Floats
 from pipeline.inversion.filters import reach_of, windowed
 from synth.kernels.compiled import summing_kernel
@@ -117,8 +118,10 @@ def slow_motion(theta: Floats, vertical: Floats | None, step: float, frequency: 
     def thinned(series: Floats) -> Floats:
         if first is None:
             return series
-        out = np.empty((series.size - first.size) // every + 1)
-        thin(series, first, every, out)
+        out = room((series.size - first.size) // every + 1)
+        for part in portions(out.size, out):
+            thin(series[every * part.start : every * (part.stop - 1) + first.size], first, every, out[part])
+            release(series)
         return out
 
     def filtered(series: Floats, taps: Floats) -> Floats:

@@ -19,7 +19,8 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Complexes, Floats
-from pipeline.inversion.solve import InversionFit, Iteration, solve
+from pipeline.inversion.iteration import Iteration
+from pipeline.inversion.solve import InversionFit, solve
 
 if TYPE_CHECKING:
     from pipeline.inversion.prepare import Inverted

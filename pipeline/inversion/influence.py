@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from data_schemas.scratch import portions, release, room
 from pipeline.arrays import Floats
 from pipeline.inversion.kernels import cosine_less_one, sine_over
 from synth.kernels.compiled import kernel, summing_kernel
+
+BESIDE = 3  # samples on both sides that the taps of a second difference reach
 
 
 @kernel
@@ -89,14 +92,24 @@ def theta_influence(
     deaf : bool
         Whether the filter of the curvature has a notch at the third harmonic.
     """
-    back = np.empty(influence.size)
-    adjoint(influence, slope, complex(np.exp(eigenvalue * step)), eigenvalue.imag, step, 0.0j, back)
-    out = np.empty(back.size) if out is None else out
-    r, turn = ratio**-2, frequency * step
+    count = influence.size
+    back = room(count)
+    turn, state = complex(np.exp(eigenvalue * step)), 0.0j
+    for part in reversed(list(portions(count))):
+        state = adjoint(influence[part], slope[part], turn, eigenvalue.imag, step, state, back[part])
+        release(influence, slope, back)
+    out = room(count) if out is None else out
+    r, angle = ratio**-2, frequency * step
     # back swings at n2: its second derivative is -n2^2 of it, and its first is told by a difference
     drag = 2.0 * (-eigenvalue.real * (1.0 - r) - r * damping_difference)
-    linear = (step, step * (1.0 - r) * frequency**2, 0.5 * drag * turn / np.sin(turn))
-    through(back, theta, curvature, about, stiffness, linear, curve(turn, r / step, deaf), out)
+    linear = (step, step * (1.0 - r) * frequency**2, 0.5 * drag * angle / np.sin(angle))
+    bend = curve(angle, r / step, deaf)
+    for part in portions(count, back, theta, curvature, about, stiffness, out):
+        near = slice(max(part.start - BESIDE, 0), min(part.stop + BESIDE, count))
+        inner = slice(part.start - near.start, part.stop - near.start)
+        here = np.empty(near.stop - near.start)
+        through(back[near], theta[near], curvature[near], about[near], stiffness[near], linear, bend, here)
+        out[part] = here[inner]
     return out
 
 

@@ -11,7 +11,6 @@ from synth.kernels.compiled import kernel, summing_kernel
 
 BLOCK = 512
 LEAST_TURNS = 64
-COLUMNS = 6  # start (angle, rate), n2, gamma2, offset, residual
 SMALL = 0.5  # rad, up to which the polynomials below are right to rounding
 
 
@@ -42,17 +41,19 @@ def filter_both(theta: Floats, low: Floats, curvature: Floats, out_low: Floats, 
 
 
 @kernel
-def turning(envelope: Complexes, begin: float, hop: float, rate: float, step: float, out: Floats) -> None:
-    """`out[k] = Re[envelope(t) exp(i rate t)]`, t = k step; the envelope (m,) at begin, begin + hop, ..., straight
-    between, steady beyond its ends.
+def turning(
+    envelope: Complexes, begin: float, hop: float, rate: float, step: float, out: Floats, first: int = 0
+) -> None:
+    """`out[k] = Re[envelope(t) exp(i rate t)]`, t = (first + k) step; the envelope (m,) at begin, begin + hop, ...,
+    straight between, steady beyond its ends. `first` is a multiple of `LEAST_TURNS`.
     """
     last = envelope.size - 1
     turn = np.exp(1j * rate * step)
     carrier = 1.0 + 0.0j
     for k in range(out.size):
         if k % LEAST_TURNS == 0:  # a product of many factors drifts
-            carrier = np.exp(1j * rate * step * k)
-        place = min(max((k * step - begin) / hop, 0.0), float(last))
+            carrier = np.exp(1j * rate * step * (first + k))
+        place = min(max(((first + k) * step - begin) / hop, 0.0), float(last))
         before = min(int(place), last - 1)
         share = place - before
         out[k] = (((1.0 - share) * envelope[before] + share * envelope[before + 1]) * carrier).real
@@ -169,29 +170,32 @@ def recursion(
     turn: complex,
     oscillation: float,
     taps: Floats,
-    start: complex,
-    out: Floats,
+    state: Floats,
+    angle: Floats,
+    tangent_angle: Floats,
+    tangent_rate: Floats,
+    tangent_frequency: Floats,
 ) -> None:
-    """Difference and its tangents by start angle, start rate and n2, out (4, n).
+    """Difference and its tangents by start angle, start rate and n2, at adjoining samples.
 
     A complex state c carries `z = Im(c)/oscillation`, `c <- turn c + integral of the constant part + taps of the part
     that is linear in the unknown`; taps (2, 2): now and one step before, real and imaginary. d = response + z.
+    `state` (4, 3) has for each of the four c and the linear part one step before, and is left as the samples behind
+    need it; the record's last sample has no integral.
     """
     count = slope.size
     a0, a1 = taps[0]
     b0, b1 = taps[1]
     er, ei = turn.real, turn.imag
     unit = 1.0 / oscillation
-    c0, d0 = start.real * oscillation, start.imag * oscillation
-    c1, d1 = 0.0, oscillation
-    c2, d2 = oscillation, 0.0
-    c3, d3 = 0.0, 0.0
-    p0 = p1 = p2 = p3 = 0.0
-    angle, tangent_angle, tangent_rate, tangent_frequency = out[0], out[1], out[2], out[3]
+    c0, d0, p0 = state[0]
+    c1, d1, p1 = state[1]
+    c2, d2, p2 = state[2]
+    c3, d3, p3 = state[3]
     for k in range(count):
         angle[k] = d0 * unit + response[k]
         tangent_angle[k], tangent_rate[k], tangent_frequency[k] = d1 * unit, d2 * unit, d3 * unit
-        if k == count - 1:
+        if k == integral_real.size:
             break
         # the stiffness now joins the rotation, so that a step waits for two products of the last alone
         q = slope[k]
@@ -206,97 +210,4 @@ def recursion(
         c1, d1 = (turn_real * d1 + r1) + er * c1, (turn_imag * d1 + i1) + ei * c1
         c2, d2 = (turn_real * d2 + r2) + er * c2, (turn_imag * d2 + i2) + ei * c2
         c3, d3 = (turn_real * d3 + r3) + er * c3, (turn_imag * d3 + i3) + ei * c3
-
-
-@summing_kernel
-def moments(difference: Floats, out: Floats, offset: float, threshold: float, gram: Floats) -> int:
-    """Gram matrix (6, 6) of (start angle, start rate, n2, gamma2, 1, residual).
-
-    The tangent by gamma2 is `-t d`, t from -1 to 1 over the record. NaN and residuals beyond the threshold have no
-    weight; returns how many lie beyond it.
-    """
-    angle, one, two, three = out[0], out[1], out[2], out[3]
-    count = difference.size
-    unit = 2.0 / (count - 1)
-    gram[:] = 0.0
-    beyond = 0
-    for start in range(0, count, BLOCK):
-        length = min(BLOCK, count - start)
-        base = start * unit - 1.0
-        d, y = difference[start : start + length], angle[start : start + length]
-        a, b, c = one[start : start + length], two[start : start + length], three[start : start + length]
-        aa = ab = ac = ag = a1 = ae = bb = bc = bg = b1 = be = 0.0
-        cc = cg = c1 = ce = gg = g1 = ge = n1 = e1 = ee = 0.0
-        outside = 0
-        for m in range(length):
-            e = d[m] - y[m] - offset
-            use = abs(e) <= threshold
-            outside += 1 if abs(e) > threshold else 0
-            w = 1.0 if use else 0.0
-            e = e if use else 0.0
-            g = -(base + m * unit) * y[m]
-            wa, wb, wc, wg = w * a[m], w * b[m], w * c[m], w * g
-            aa += wa * a[m]
-            ab += wa * b[m]
-            ac += wa * c[m]
-            ag += wa * g
-            a1 += wa
-            ae += wa * e
-            bb += wb * b[m]
-            bc += wb * c[m]
-            bg += wb * g
-            b1 += wb
-            be += wb * e
-            cc += wc * c[m]
-            cg += wc * g
-            c1 += wc
-            ce += wc * e
-            gg += wg * g
-            g1 += wg
-            ge += wg * e
-            n1 += w
-            e1 += e
-            ee += e * e
-        beyond += outside
-        row = (aa, ab, ac, ag, a1, ae)
-        for j in range(6):
-            gram[0, j] += row[j]
-        row = (0.0, bb, bc, bg, b1, be)
-        for j in range(6):
-            gram[1, j] += row[j]
-        row = (0.0, 0.0, cc, cg, c1, ce)
-        for j in range(6):
-            gram[2, j] += row[j]
-        gram[3, 3] += gg
-        gram[3, 4] += g1
-        gram[3, 5] += ge
-        gram[4, 4] += n1
-        gram[4, 5] += e1
-        gram[5, 5] += ee
-    for i in range(6):
-        for j in range(i):
-            gram[i, j] = gram[j, i]
-    return beyond
-
-
-@summing_kernel
-def combined(out: Floats, weights: Floats, about: Floats, difference: Floats, influence: Floats) -> None:
-    """`influence` = sum of weights times (start angle, start rate, n2, gamma2, 1); 0 where nothing was read."""
-    count = about.size
-    unit = 2.0 / (count - 1)
-    a, b, c = out[1], out[2], out[3]
-    angle, rate, frequency, damping, offset = weights
-    for k in range(count):
-        value = (angle * a[k] + rate * b[k]) + (frequency * c[k] - damping * (k * unit - 1.0) * about[k]) + offset
-        influence[k] = value if difference[k] == difference[k] else 0.0
-
-
-@summing_kernel
-def follow(out: Floats, angle: float, rate: float, frequency: float, damping: float, about: Floats) -> None:
-    """`about` = difference with its tangents followed to the improved parameters."""
-    count = about.size
-    unit = 2.0 / (count - 1)
-    y, a, b, c = out[0], out[1], out[2], out[3]
-    for k in range(count):
-        stay = 1.0 - damping * (k * unit - 1.0)
-        about[k] = y[k] * stay + angle * a[k] + rate * b[k] + frequency * c[k]
+    state[0], state[1], state[2], state[3] = (c0, d0, p0), (c1, d1, p1), (c2, d2, p2), (c3, d3, p3)

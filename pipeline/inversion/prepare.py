@@ -6,11 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.arrays import Floats
+from data_schemas.scratch import by_portions, portions, room
+from pipeline.arrays import Floats, readings, sum_of_squares
 from pipeline.harmonics.envelope import fill
 from pipeline.inversion import kernels
 from pipeline.inversion.influence import theta_influence
-from pipeline.inversion.solve import Grid, InversionFit, Iteration, Motion, Readings, fit_inversion
+from pipeline.inversion.iteration import Iteration
+from pipeline.inversion.motion import Grid, Motion, Readings
+from pipeline.inversion.solve import InversionFit, fit_inversion
 from pipeline.methods.phases import passes_zero
 from pipeline.methods.projection import residual_colour
 from pipeline.prepared import Prepared, slow_variance
@@ -91,7 +94,7 @@ def invert(prepared: Prepared, *, look_for_heave: bool = True) -> Inverted:
 
         if not passes_zero(np.abs(prepared.blocks.difference)):  # heave is told from a phase
             return with_heave(prepared, iteration, fit, held, fit_damping)
-    influence = least_squares_influence(iteration, fit)
+    influence = iteration.least_squares_influence(fit.weights)
     return Inverted(
         frequency=fit.frequency,
         damping_rate=fit.damping_rate,
@@ -142,16 +145,17 @@ def third_harmonic(prepared: Prepared, grid: Grid) -> Floats | None:
     swing = fill(envelope.first)
     if theta_noise(prepared) < NOISY * float(np.median(np.abs(swing))):
         return None
-    third = np.empty(grid.theta.size)
-    begin = float(envelope.time[0])
-    kernels.turning(swing**3 / -192.0, begin, envelope.hop, 3.0 * envelope.carrier, grid.step, third)
+    third = room(grid.theta.size)
+    begin, cube = float(envelope.time[0]), swing**3 / -192.0
+    for part in portions(third.size, third, unit=kernels.LEAST_TURNS):
+        kernels.turning(cube, begin, envelope.hop, 3.0 * envelope.carrier, grid.step, third[part], part.start)
     return third
 
 
 def numerical_error(iteration: Iteration) -> float:
     """What filters and quadrature may do to n2, rad s-1."""
     slope = iteration.slope
-    strength = float(np.sqrt(slope @ slope / slope.size)) / (2.0 * iteration.frequency)
+    strength = float(np.sqrt(sum_of_squares(slope) / slope.size)) / (2.0 * iteration.frequency)
     return strength * (RIPPLE + COARSE * (iteration.frequency * iteration.motion.step) ** ORDER)
 
 
@@ -176,16 +180,15 @@ def make_grid(prepared: Prepared) -> Grid:
     """Uniform samples as they are, marks on a finer grid, uneven readings beside a grid of their own."""
     seen = prepared.observation
     if seen.step is None:
-        from pipeline.uneven_grid import to_grid
-
-        present = np.isfinite(seen.difference)
-        about = to_grid(seen.time, seen.difference, prepared.whole_step, prepared.nominal)
-        return Grid(prepared.whole, about, prepared.whole_step, Readings(seen.time[present], seen.difference[present]))
+        return Grid(
+            prepared.whole, prepared.difference_on_grid, prepared.whole_step, Readings(seen.time, seen.difference)
+        )
     if seen.step * prepared.nominal <= MOST_ANGLE:
         return Grid(prepared.whole, prepared.clean_difference, seen.step)
     factor = int(np.ceil(seen.step * prepared.nominal / FINE_ANGLE))
     theta = prepared.finer(seen.step, factor)
-    difference = np.full(theta.size, np.nan)
+    difference = room(theta.size)
+    difference[:] = np.nan
     difference[::factor] = prepared.clean_difference
     return Grid(theta, difference, seen.step / factor)
 
@@ -209,22 +212,19 @@ def theta_noise(prepared: Prepared) -> float:
     return prepared.observation.sigma_theta or 0.0
 
 
-def least_squares_influence(iteration: Iteration, fit: InversionFit) -> Floats:
-    """d n2 / d (reading of the difference) on the grid, s-1; zero where there is none."""
-    kernels.combined(iteration.columns, fit.weights, iteration.about, iteration.difference, iteration.influence)
-    return iteration.influence
-
-
 def theta_sigma(prepared: Prepared, iteration: Iteration, influence: Floats, fallback: float) -> float:
     """1-sigma of n2 from the noise of the first pendulum and from its bridged gaps, rad s-1."""
-    motion = iteration.motion
+    motion, gravity = iteration.motion, prepared.gravity_of(iteration.frequency)
+    stiffness = room(influence.size)
+    for part in portions(stiffness.size, stiffness, *motion.arrays):
+        stiffness[part] = iteration.frequency**2 * motion.pull(gravity, part)
     through = theta_influence(
         influence,
         iteration.slope,
         motion.low,
         motion.curvature,
         iteration.about,
-        iteration.frequency**2 * motion.pull(prepared.gravity_of(iteration.frequency)),
+        stiffness,
         motion.step,
         iteration.eigenvalue,
         prepared.observation.frequency_ratio,
@@ -233,22 +233,22 @@ def theta_sigma(prepared: Prepared, iteration: Iteration, influence: Floats, fal
         iteration.through,
         deaf=motion.third,
     )
-    scale = float(np.sqrt(through @ through))
+    scale = float(np.sqrt(sum_of_squares(through)))
     # the grid may hold more points than were read: noise of the readings between them is shared
-    scale *= float(np.sqrt(through.size / max(int(np.isfinite(prepared.observation.theta).sum()), 1)))
+    scale *= float(np.sqrt(through.size / max(readings(prepared.observation.theta), 1)))
     return prepared.theta_error_of(scale, fallback)
 
 
 def whole_residual(prepared: Prepared, iteration: Iteration, limit: float) -> Floats:
     """Residual at every sample of the record or of the finer grid, rad; NaN = missing, wild, or beyond the filters."""
     seen = prepared.observation
-    residual = iteration.residual()
-    residual[np.abs(residual) > limit] = np.nan
+    residual = by_portions(lambda left: np.where(np.abs(left) > limit, np.nan, left), iteration.residual())
     if seen.step is None:
-        whole = np.full(seen.time.size, np.nan)
-        whole[np.flatnonzero(np.isfinite(seen.difference))[iteration.within]] = residual
+        count, within = seen.time.size, iteration.within
     else:
-        inside = iteration.motion.inside
-        whole = np.full(inside.stop + inside.start, np.nan)
-        whole[inside] = residual
+        count, within = iteration.motion.inside.stop + iteration.motion.inside.start, iteration.motion.inside
+    whole = room(count)
+    whole[: within.start] = whole[within.stop :] = np.nan
+    for part in portions(residual.size, residual, whole):
+        whole[part.start + within.start : part.stop + within.start] = residual[part]
     return whole

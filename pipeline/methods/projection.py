@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from data_schemas.scratch import portions
+from data_schemas.scratch import portions, release
 from pipeline.estimate import Estimate
 from pipeline.prepared import LEAST_EXPLAINED, Prepared
 from pipeline.projection.sampling import linear_fit
 from pipeline.projection.solve import ProjectionFit
+
+TOGETHER = 512  # blocks of uneven readings, after which their memory is given back
 
 
 def estimate(prepared: Prepared) -> Estimate:
@@ -61,11 +63,18 @@ def residual_colour(fit: ProjectionFit, prepared: Prepared) -> float:
             power[here] = (blocks @ turn.real) ** 2 + (blocks @ turn.imag) ** 2
     else:
         edges = np.arange(0.0, float(seen.time[-1]), prepared.blocks.hop)
-        bounds = np.searchsorted(seen.time, edges)
-        present = np.isfinite(residual)
-        turned = np.where(present, residual, 0.0) * np.exp(-1j * fit.frequency * seen.time)
-        power = np.abs(np.add.reduceat(turned, bounds)) ** 2
-        counts = np.add.reduceat(present.astype(np.float64), bounds)
+        power, counts = np.empty((2, edges.size))
+        for begin in range(0, edges.size, TOGETHER):
+            bounds = np.searchsorted(seen.time, edges[begin : begin + TOGETHER + 1])
+            here = slice(begin, min(begin + TOGETHER, edges.size))
+            end = max(bounds[-1], bounds[-2] + 1) if here.stop < edges.size else residual.size
+            bounds, part = bounds[: here.stop - begin] - bounds[0], slice(bounds[0], end)
+            present = np.isfinite(residual[part])
+            turn = np.exp(-1j * fit.frequency * seen.time[part])
+            turned = np.where(present, residual[part], 0.0) * turn
+            power[here] = np.abs(np.add.reduceat(turned, bounds)) ** 2
+            counts[here] = np.add.reduceat(present.astype(np.float64), bounds)
+            release(seen.time, residual)
     used = counts > 0.5 * counts.max()
     # |sum r e^{-int}|^2 has mean sigma^2 N for white noise
     return float(np.mean(power[used] / counts[used]) / fit.noise**2)

@@ -7,6 +7,7 @@ the guess of least expected square and says what that square is (Wiener 1949; in
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
 from pipeline.gaps import missing_stretches
@@ -14,6 +15,7 @@ from pipeline.gaps import missing_stretches
 REACH = 24  # marks on each side that tell of a missing one
 MOST_LAGS = 512  # beyond which nothing is known of a motion's likeness to itself
 AT_ONCE = 256  # missing readings that are guessed together
+SYSTEMS = 32  # of equal size, of one missing reading each, that are solved together
 
 
 def guessed(series: Floats, before: Floats, angle: float, long: float = np.inf) -> tuple[Floats, float, float]:
@@ -50,16 +52,24 @@ def guessed(series: Floats, before: Floats, angle: float, long: float = np.inf) 
         for start, stop in missing_stretches(series)
         for at in range(start, stop, AT_ONCE)
     ]
+    alike: dict[tuple[int, int, bool], list[tuple[NDArray[np.intp], NDArray[np.intp]]]] = {}
     for start, stop, is_short in parts:
         around = np.arange(max(0, start - REACH), min(series.size, stop + REACH))
         known, missing = around[np.isfinite(series[around])], np.arange(start, stop)
-        each = covariance[np.abs(known[:, None] - known)] + 1e-12 * covariance[0] * np.eye(known.size)
-        across = covariance[np.abs(known[:, None] - missing)]
-        weights = np.linalg.solve(each, across)
-        filled[missing] = mean + (series[known] - mean) @ weights
-        error = covariance[np.abs(missing[:, None] - missing)] - across.T @ weights
-        turned = np.exp(1j * angle * missing)
-        square = max(float((turned.conj() @ error @ turned).real), 0.0)
-        total += square
-        short += is_short * square
+        alike.setdefault((known.size, missing.size, is_short), []).append((known, missing))
+    for (_, absent, is_short), group in alike.items():  # many small systems of one size at once
+        together = max(SYSTEMS // absent, 1)
+        for begin in range(0, len(group), together):
+            known, missing = (np.stack(rows) for rows in zip(*group[begin : begin + together], strict=True))
+            each = covariance[np.abs(known[:, :, None] - known[:, None])]
+            each += 1e-12 * covariance[0] * np.eye(known.shape[1])
+            across = covariance[np.abs(known[:, :, None] - missing[:, None])]
+            weights = np.linalg.solve(each, across)
+            filled[missing] = mean + np.einsum("gk,gkm->gm", series[known] - mean, weights)
+            error = covariance[np.abs(missing[:, :, None] - missing[:, None])] - across.swapaxes(1, 2) @ weights
+            turned = np.exp(1j * angle * missing)
+            powers = np.einsum("gi,gij,gj->g", turned.conj(), error, turned).real
+            square = float(np.sum(np.maximum(powers, 0.0)))
+            total += square
+            short += is_short * square
     return filled, float(np.sqrt(total)), float(np.sqrt(short))

@@ -10,6 +10,7 @@ confusion with its image above the Nyquist frequency.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.arrays import Complexes, Floats
 from pipeline.gaps import missing_stretches
@@ -110,7 +111,9 @@ def _envelope(time: Floats, swing: Floats, frequency: float) -> tuple[Complexes,
         stop = start + SEGMENT_SECONDS
         if stop + OVERLAP_SECONDS > time[-1]:
             stop = time[-1] + KNOT_SECONDS
-        chosen = (time >= start - OVERLAP_SECONDS) & (time <= stop + OVERLAP_SECONDS) & np.isfinite(swing)
+        low = np.searchsorted(time, start - OVERLAP_SECONDS)
+        high = np.searchsorted(time, stop + OVERLAP_SECONDS, side="right")
+        chosen = low + np.flatnonzero(np.isfinite(swing[low:high]))
         inside = np.flatnonzero((knots > start - OVERLAP_SECONDS - 2 * KNOT_SECONDS) & (knots < stop + OVERLAP_SECONDS))
         solved = _segment(time[chosen], swing[chosen], knots[inside], frequency)
         keep = (knots[inside] >= start - 2 * KNOT_SECONDS) & (knots[inside] <= stop + 2 * KNOT_SECONDS)
@@ -121,17 +124,33 @@ def _envelope(time: Floats, swing: Floats, frequency: float) -> tuple[Complexes,
 
 
 def _segment(time: Floats, swing: Floats, knots: Floats, frequency: float) -> Complexes:
-    basis = _cubic((time[:, None] - knots) / KNOT_SECONDS)
+    """Coefficients at the knots; each reading knows eight unknowns, so that the normal equations are a narrow band."""
+    from scipy.linalg import solveh_banded
+
+    first, splines = _splines(time, knots)
     carrier = np.exp(1j * frequency * time)
-    matrix = np.concatenate([basis * carrier.real[:, None], -basis * carrier.imag[:, None]], axis=1)
+    # real and imaginary part of each knot's coefficient beside each other
+    rows = np.stack([splines * carrier.real, -splines * carrier.imag], axis=1).reshape(-1, time.size)
+    size = 2 * knots.size
+    band, right = np.zeros((len(rows), size)), np.zeros(size)
+    for one, row in enumerate(rows):
+        right += np.bincount(2 * first + one, row * swing, size)[:size]
+        for apart, other in enumerate(rows[one:]):
+            band[apart] += np.bincount(2 * first + one, row * other, size)[:size]
     bend = np.diff(np.eye(knots.size), 2, axis=0)
     rate = time.size / max(knots.size, 1)
     penalty = STIFFNESS * rate / (0.1 * KNOT_SECONDS) ** 4 * (bend.T @ bend) + 1e-9 * rate * np.eye(knots.size)
-    normal = matrix.T @ matrix
-    normal[: knots.size, : knots.size] += penalty
-    normal[knots.size :, knots.size :] += penalty
-    solution = np.linalg.solve(normal, matrix.T @ swing)
-    return np.asarray(solution[: knots.size] + 1j * solution[knots.size :])
+    for apart in range(3):
+        band[2 * apart, : size - 2 * apart] += np.repeat(np.diag(penalty, apart), 2)
+    solution = solveh_banded(band, right, lower=True)
+    return np.asarray(solution[::2] + 1j * solution[1::2])
+
+
+def _splines(time: Floats, knots: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """The first of the four knots whose splines reach a time, and their values, (4, n)."""
+    first = np.clip(np.floor((time - knots[0]) / KNOT_SECONDS).astype(np.int64) - 1, 0, None)
+    places = (time - (knots[0] + first * KNOT_SECONDS)) / KNOT_SECONDS
+    return first, np.stack([_cubic(places - offset) for offset in range(4)])
 
 
 def _evaluate(coefficients: Complexes, knots: Floats, time: Floats, frequency: float) -> Floats:

@@ -87,7 +87,7 @@ def fit_departures(
     wanted: list[int],
     noise: tuple[float, float],
     linear: tuple[complex, float, float],
-    spread: Callable[[Floats], Floats] = np.asarray,
+    spread: Callable[[Floats, int], Floats] = lambda row, _: row,
 ) -> Departures:
     """Fit some of the columns to the residual, the identity's own parameters free beside them.
 
@@ -107,7 +107,7 @@ def fit_departures(
         Eigenvalue of the free swing, step of the first pendulum's grid, and 1 - (n2/n1)^2, by which noise of the first
         trace reaches the difference.
     spread : callable
-        Takes a portion of a row at the residual's places to the first pendulum's grid.
+        Takes a portion of a row at the residual's places, and its number, to the first pendulum's grid.
     """
 
     def rows_of(number: int) -> tuple[Floats, Floats]:
@@ -135,7 +135,7 @@ def fit_departures(
             rows, _ = rows_of(number)  # those of the last portion are there
         influence = by_row @ rows  # what each reading does to each of the wanted
         covariance += influence @ influence.T
-        noisy = np.stack([spread(row) for row in influence])
+        noisy = np.stack([spread(row, number) for row in influence])
         still, out = np.zeros(noisy.shape[1]), np.empty_like(noisy)
         for which, row in enumerate(noisy):
             backwards[which] = adjoint(row, still, turn, linear[0].imag, linear[1], backwards[which], out[which])

@@ -14,6 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from data_schemas.scratch import by_portions, portions
+from pipeline.arrays import readings
 from pipeline.observation import Observation
 from pipeline.prepared import Prepared, prepare
 from pipeline.sensors.departures import DAMPING, DELAY, GAIN
@@ -110,7 +112,7 @@ def _departed(prepared: Prepared) -> Examination:
         plain = Examination(prepared)
     done = _put_right(prepared, state, sign)
     if done is None:
-        other = State.of(prepare(replace(seen, theta=-seen.theta)))
+        other = State.of(prepare(replace(seen, theta=by_portions(np.negative, seen.theta))))
         if other.fitted.noise < SIGN_TELLS * state.fitted.noise:
             sign, done = -1.0, _put_right(prepared, other, -1.0)
         if done is None and other.fitted.noise < SIGN_ALONE_TELLS * state.fitted.noise:
@@ -188,14 +190,17 @@ def _followed(prepared: Prepared, real: bool, sign: float, start: float) -> tupl
 
 def corrected(seen: Observation, prepared: Prepared, delay: float, gain: float) -> Observation:
     """The observation with its first trace advanced by the delay and divided by the gain (with its sign)."""
+    own = prepared.observation.theta
     if not delay:
-        return trimmed(replace(seen, theta=prepared.observation.theta / gain))
+        return trimmed(replace(seen, theta=by_portions(lambda part: part / gain, own)))
     places = Places.of(prepared)
-    theta = places.at_readings(advanced(places.theta, places.step, delay, prepared.nominal)) / gain
-    missing = np.isnan(prepared.observation.theta)
-    if missing.any():
-        # a reading comes from about `delay` later
-        at = np.searchsorted(seen.time, seen.time + delay - 0.5 * places.step).clip(0, theta.size - 1)
-        missing = missing[at]
-    theta[missing] = np.nan
+    theta = places.at_readings(advanced(places.theta, places.step, delay, prepared.nominal))
+    broken = readings(own) < own.size
+    for part in portions(theta.size, theta, own, seen.time):
+        here = theta[part]
+        here /= gain
+        if broken:
+            # a reading comes from about `delay` later
+            later = seen.time[part] + delay - 0.5 * places.step
+            here[np.isnan(own[np.searchsorted(seen.time, later).clip(0, theta.size - 1)])] = np.nan
     return trimmed(replace(seen, theta=theta))

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from pipeline.arrays import Floats
 from pipeline.prepared import Prepared
 from pipeline.projection.solve import ProjectionFit
 from pipeline.projection.uniform import oscillation
 from pipeline.sensors.departures import Rows
 from pipeline.sensors.places import Places
-from pipeline.sensors.rows import LinearRows, WholeRows, read
+from pipeline.sensors.rows import LinearRows
 
 
 @dataclass(frozen=True)
@@ -79,33 +77,15 @@ def nonlinear(prepared: Prepared, fit: ProjectionFit) -> Fitted:
     from pipeline.inversion.prepare import begin, whole_residual
     from pipeline.inversion.solve import fit_inversion
     from pipeline.methods.projection import residual_colour
+    from pipeline.sensors.nonlinear_rows import NonlinearRows
 
     iteration = begin(prepared, fit)
     found = fit_inversion(iteration, fit_damping=prepared.known_damping is None)
-    inside, apart_now = iteration.motion.inside, prepared.observation.damping_difference
     places = Places.of(prepared)
-    columns, plain, frequency = iteration.columns[1:], iteration.about.copy(), iteration.frequency
-    tilt = iteration.damping_rate
-
-    def rows_of(inner: Floats) -> Floats:
-        whole = np.full(places.theta.size, np.nan)
-        whole[inside] = inner
-        return places.at_rows(whole)
-
-    def model(delay: float, gain: float, apart: float) -> Floats:
-        trace = read(places.theta, places.step, frequency, delay, gain)
-        other = begin(prepared, replace(fit, damping_rate=tilt), trace, apart_now + apart)
-        other.adopt(iteration)
-        other.sweep()
-        return rows_of(other.columns[0])
-
-    rows = [columns[2], columns[0], columns[1], np.ones(plain.size)]
-    if prepared.known_damping is None:
-        rows.append(np.linspace(1.0, -1.0, plain.size) * plain)
     residual = whole_residual(prepared, iteration, found.limit)
     shown = replace(fit, frequency=found.frequency, noise=found.noise, samples=found.samples, residual=residual)
     return Fitted(
-        rows=WholeRows(np.stack([rows_of(row) for row in rows]), model),
+        rows=NonlinearRows(prepared, fit, places, iteration),
         places=places,
         residual=residual,
         noise=found.noise,

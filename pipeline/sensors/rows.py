@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,14 +13,11 @@ from pipeline.prepared import Prepared
 from pipeline.projection.solve import ProjectionFit
 from pipeline.projection.uniform import UniformProblem, oscillation
 from pipeline.sensors.departures import DAMPING
-from pipeline.sensors.places import Places
+from pipeline.sensors.places import Places, Response
 from pipeline.sensors.shifting import advanced
 
 PROBE_DELAY, PROBE_GAIN, PROBE_DAMPING = 1e-3, 1e-3, 1e-6  # s, 1, s-1: steps of the finite differences
 _NUDGE = 1e-7  # of the frequency, for central differences
-
-Model = Callable[[float, float, float], Floats]
-"""The difference that (delay, gain, change of gamma1 - gamma2) make of the first trace, other parameters held."""
 
 
 def read(theta: Floats, step: float, frequency: float, delay: float, gain: float) -> Floats:
@@ -32,40 +28,6 @@ def read(theta: Floats, step: float, frequency: float, delay: float, gain: float
         return np.asarray(np.where(np.isnan(late), known, late) / (1.0 + gain))
 
     return by_portions(either, moved, theta)
-
-
-@dataclass(frozen=True)
-class WholeRows:
-    """Rows of an identity that is solved for all places at once; see `departures.Rows`.
-
-    Attributes
-    ----------
-    whole : (p, n) array
-        The tangents.
-    model : callable
-        See `Model`.
-    """
-
-    whole: Floats
-    model: Model
-
-    @property
-    def parts(self) -> Sequence[slice]:
-        """See `Rows`."""
-        return (slice(0, self.whole.shape[1]),)
-
-    def tangents(self, _number: int) -> Floats:
-        """See `Rows`."""
-        return self.whole
-
-    def columns(self, _number: int, count: int) -> Floats:
-        """See `Rows`."""
-        plain = self.model(0.0, 0.0, 0.0)
-        moved = (self.model(PROBE_DELAY, 0.0, 0.0), self.model(0.0, PROBE_GAIN, 0.0))
-        columns = [(moved[0] - plain) / PROBE_DELAY, (moved[1] - plain) / PROBE_GAIN]
-        if count > DAMPING:
-            columns.append((self.model(0.0, 0.0, PROBE_DAMPING) - plain) / PROBE_DAMPING)
-        return np.stack(columns)
 
 
 class LinearRows:
@@ -88,46 +50,45 @@ class LinearRows:
 
     def _responding(
         self, theta: Floats, *, n: float | None = None, gamma: float | None = None, apart: float = 0.0
-    ) -> UniformProblem:
+    ) -> Response:
         """The response to a first pendulum, at the fitted parameters or others."""
         seen = self._prepared.observation
         problem = UniformProblem(
             theta, theta, self._places.step, self._prepared.nominal, seen.frequency_ratio, self._apart + apart
         )
         problem.respond(self._fit.frequency if n is None else n, self._fit.damping_rate if gamma is None else gamma)
-        return problem
+        return self._places.response(problem)
 
     @functools.cached_property
-    def _late(self) -> UniformProblem:
+    def _late(self) -> Response:
         places = self._places
         return self._responding(read(places.theta, places.step, self._fit.frequency, PROBE_DELAY, 0.0))
 
     @functools.cached_property
-    def _damped(self) -> UniformProblem:
+    def _damped(self) -> Response:
         return self._responding(self._places.theta, apart=PROBE_DAMPING)
 
     def tangents(self, number: int) -> Floats:
         """See `Rows`."""
-        time, response = self._places.time(self.parts[number]), self._places.response
+        time = self._places.time(self.parts[number])
         gamma, coefficient = self._fit.damping_rate, self._fit.coefficient
         turn = np.exp(complex(-gamma, oscillation(self._fit.frequency, gamma)) * time)
         free = complex(coefficient[1], coefficient[0]) * turn  # its imaginary part is the free swing
-        up, down = (response(problem, number) for problem in self._by_frequency)
+        up, down = (response(number) for response in self._by_frequency)
         rows = [(up - down) / (2.0 * self._nudge) + time * free.real, turn.real, turn.imag, np.ones(time.size)]
         if self._free_damping:
-            up, down = (response(problem, number) for problem in self._by_damping)
+            up, down = (response(number) for response in self._by_damping)
             rows.append((up - down) / (2.0 * self._nudge) - time * free.imag)
         return np.stack(rows)
 
     def columns(self, number: int, count: int) -> Floats:
         """See `Rows`."""
-        response = self._places.response
-        plain = response(self._plain, number)
+        plain = self._plain(number)
         # the response is in proportion to the trace
         columns = [
-            (response(self._late, number) - plain) / PROBE_DELAY,
+            (self._late(number) - plain) / PROBE_DELAY,
             plain * ((1.0 / (1.0 + PROBE_GAIN) - 1.0) / PROBE_GAIN),
         ]
         if count > DAMPING:
-            columns.append((response(self._damped, number) - plain) / PROBE_DAMPING)
+            columns.append((self._damped(number) - plain) / PROBE_DAMPING)
         return np.stack(columns)

@@ -12,8 +12,10 @@ from scipy.integrate import solve_ivp
 from pipeline.inversion import heave, kernels
 from pipeline.inversion.filters import SWELL, design
 from pipeline.inversion.influence import adjoint
-from pipeline.inversion.prepare import invert, least_squares_influence, make_grid, vertical_on
-from pipeline.inversion.solve import Iteration, Motion, fit_inversion, past_taps
+from pipeline.inversion.iteration import Iteration, past_taps
+from pipeline.inversion.motion import Motion
+from pipeline.inversion.prepare import invert, make_grid, vertical_on
+from pipeline.inversion.solve import fit_inversion
 from pipeline.prepared import Prepared, prepare
 from pipeline.projection.sampling import problem
 from pipeline.projection.solve import fit_projection
@@ -130,7 +132,7 @@ def test_influence_of_both_traces_is_the_change_they_make() -> None:
     from pipeline.inversion.influence import theta_influence
 
     grid_fit = fit_inversion(iteration, fit_damping=False)
-    of_difference = least_squares_influence(iteration, grid_fit)
+    of_difference = iteration.least_squares_influence(grid_fit.weights)
     motion = iteration.motion
     of_theta = theta_influence(
         of_difference,

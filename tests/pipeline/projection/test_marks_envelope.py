@@ -1,0 +1,46 @@
+"""The envelope between half-second marks: its narrow band of equations against the same least squares written out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.projection import missing_marks, upsample
+
+
+def test_the_narrow_band_is_the_whole_matrix() -> None:
+    random = np.random.default_rng(4)
+    time = np.sort(random.choice(0.5 * np.arange(500), 430, replace=False))
+    swing = random.normal(size=time.size)
+    knots = upsample.KNOT_SECONDS * np.arange(-1.0, 26.0)  # the last reading's splines reach beyond them
+    frequency = 5.1
+    basis = upsample._cubic((time[:, None] - knots) / upsample.KNOT_SECONDS)
+    carrier = np.exp(1j * frequency * time)
+    matrix = np.hstack([basis * carrier.real[:, None], -basis * carrier.imag[:, None]])
+    bend = np.diff(np.eye(knots.size), 2, axis=0)
+    rate = time.size / knots.size
+    penalty = upsample.STIFFNESS * rate / (0.1 * upsample.KNOT_SECONDS) ** 4 * (bend.T @ bend)
+    penalty += 1e-9 * rate * np.eye(knots.size)
+    normal = matrix.T @ matrix + np.kron(np.eye(2), penalty)
+    real, imaginary = np.linalg.solve(normal, matrix.T @ swing).reshape(2, -1)
+    assert upsample._segment(time, swing, knots, frequency) == pytest.approx(real + 1j * imaginary, abs=1e-9)
+
+
+def test_missing_marks_are_guessed_from_those_around() -> None:
+    """Each stretch against the least squares of its own readings."""
+    random = np.random.default_rng(5)
+    motion = np.convolve(random.normal(size=460), np.hanning(60), "valid")
+    series = motion.copy()
+    series[random.choice(motion.size, 80, replace=False)] = np.nan
+    series[200:230] = np.nan
+    filled, _ = missing_marks.guessed(series, motion, 3.1)
+    mean = motion.mean()
+    power = np.abs(np.fft.rfft(motion - mean, 2 * motion.size)) ** 2
+    covariance = np.fft.irfft(power)[: motion.size] / motion.size
+    for start, stop in missing_marks.missing_stretches(series):
+        around = np.arange(max(0, start - missing_marks.REACH), min(series.size, stop + missing_marks.REACH))
+        known, absent = around[np.isfinite(series[around])], np.arange(start, stop)
+        each = covariance[np.abs(known[:, None] - known)] + 1e-12 * covariance[0] * np.eye(known.size)
+        weights = np.linalg.solve(each, covariance[np.abs(known[:, None] - absent)])
+        assert filled[start:stop] == pytest.approx(mean + (series[known] - mean) @ weights, rel=1e-9, abs=1e-9)
+    assert np.array_equal(filled[np.isfinite(series)], series[np.isfinite(series)])

@@ -181,7 +181,7 @@ def with_heave(
                 + (_CALIBRATION * (frequency - corrected)) ** 2
                 + (_UNEVEN_SIGMA * uneven / (2.0 * frequency)) ** 2
                 + (0.5 * frequency * window_leak(zeta)) ** 2
-                + numerical_error(iteration) ** 2
+                + numerical_error(prepared, iteration) ** 2
                 + gap_error(residual, zeta, frequency, step) ** 2
             )
         ),

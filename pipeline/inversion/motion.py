@@ -6,13 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data_schemas.errors import RefusedError
 from data_schemas.scratch import portions, room
 from pipeline.arrays import Floats
 from pipeline.inversion import kernels
 from pipeline.inversion.filters import design
-
-LEAST_SAMPLES_A_SWING = 7.5
 
 
 @dataclass(frozen=True)
@@ -71,12 +68,6 @@ class Motion:
         noise: float,
         third: Floats | None = None,
     ) -> None:
-        swing = 2.0 * np.pi / (frequency * step)
-        if swing < LEAST_SAMPLES_A_SWING:
-            raise RefusedError(
-                f"time: {swing:.1f} readings a swing are too few for the nonlinear terms; give at least "
-                f"{LEAST_SAMPLES_A_SWING:g}, or use projection"
-            )
         filters = design(frequency * ratio, step, damping_rate, third is not None)
         reach = filters.reach
         count = theta.size - 2 * reach

@@ -17,7 +17,7 @@ from pipeline.inversion.solve import InversionFit, fit_inversion
 from pipeline.methods.phases import passes_zero
 from pipeline.methods.projection import residual_colour
 from pipeline.prepared import Prepared, slow_variance
-from pipeline.projection.sampling import FINE_ANGLE, MOST_ANGLE, linear_fit
+from pipeline.projection.sampling import at_marks, first_pendulum, linear_fit
 from pipeline.projection.solve import ProjectionFit
 
 BETWEEN_MARKS = (1e-3, 1e-2)
@@ -28,9 +28,10 @@ HEAVE_RATE = 1.0  # rad s-1, the fastest heave that is reckoned with where it ca
 NOISY = 3e-4  # reading noise of the first pendulum over its swing, from which its third harmonic is better reckoned
 HEAVE_COLOUR = 3.0  # power of the residual near the swing over white from which heave is looked for
 HEAVE_FLOOR = 1e-5  # of the amplitude: a smaller residual shows no heave
-RIPPLE, COARSE, ORDER = 3e-9, 5e-6, 8
+RIPPLE, COARSE, COARSE_UNEVEN, ORDER = 3e-9, 5e-6, 5e-3, 8
 """Numerical error, in parts of the strength of the nonlinear terms: the filters' ripple, and the quadrature's, which
-grows with that power of the swing's turn between samples; measured on simulated records (five motions, six rates)."""
+grows with that power of the swing's turn between readings, a thousand times as large at uneven times; measured on
+simulated records (five motions, six rates)."""
 
 
 @dataclass(frozen=True)
@@ -75,9 +76,8 @@ def invert(prepared: Prepared, *, look_for_heave: bool = True) -> Inverted:
     Raises
     ------
     RefusedError
-        Too few samples a swing or in all, or no swing at the nominal period.
+        Too few samples, or no swing at the nominal period.
     """
-    seen = prepared.observation
     held = linear_fit(prepared, bridged=True, rounds=1)
     iteration = begin(prepared, held)
     fit_damping = prepared.known_damping is None
@@ -87,7 +87,7 @@ def invert(prepared: Prepared, *, look_for_heave: bool = True) -> Inverted:
     shown = replace(held, frequency=fit.frequency, noise=fit.noise, samples=fit.samples, residual=residual)
     colour = residual_colour(shown, prepared)
     swing = float(np.abs(iteration.start))
-    dense = seen.step is None or seen.step * prepared.nominal <= MOST_ANGLE
+    dense = not at_marks(prepared)
     shows = colour > HEAVE_COLOUR and fit.noise > HEAVE_FLOOR * swing
     if look_for_heave and motion.vertical is None and dense and shows:
         from pipeline.inversion.heave import with_heave
@@ -102,7 +102,7 @@ def invert(prepared: Prepared, *, look_for_heave: bool = True) -> Inverted:
             np.sqrt(
                 (fit.noise_gain * fit.noise) ** 2 * max(colour, 1.0)
                 + theta_sigma(prepared, iteration, influence, fit.noise) ** 2
-                + numerical_error(iteration) ** 2
+                + numerical_error(prepared, iteration) ** 2
                 + (0.0 if dense else error_between_marks(prepared, iteration, fit, colour)) ** 2
             )
         ),
@@ -152,11 +152,14 @@ def third_harmonic(prepared: Prepared, grid: Grid) -> Floats | None:
     return third
 
 
-def numerical_error(iteration: Iteration) -> float:
-    """What filters and quadrature may do to n2, rad s-1."""
-    slope = iteration.slope
+def numerical_error(prepared: Prepared, iteration: Iteration) -> float:
+    """What filters, quadrature and interpolation may do to n2, rad s-1."""
+    slope, time = iteration.slope, prepared.observation.time
     strength = float(np.sqrt(sum_of_squares(slope) / slope.size)) / (2.0 * iteration.frequency)
-    return strength * (RIPPLE + COARSE * (iteration.frequency * iteration.motion.step) ** ORDER)
+    step, law = iteration.motion.step if at_marks(prepared) else prepared.whole_step, COARSE
+    if prepared.observation.step is None:
+        step, law = float(time[-1]) / (time.size - 1), COARSE_UNEVEN
+    return strength * (RIPPLE + law * (iteration.frequency * step) ** ORDER)
 
 
 def error_between_marks(prepared: Prepared, iteration: Iteration, fit: InversionFit, colour: float) -> float:
@@ -177,16 +180,15 @@ def error_between_marks(prepared: Prepared, iteration: Iteration, fit: Inversion
 
 
 def make_grid(prepared: Prepared) -> Grid:
-    """Uniform samples as they are, marks on a finer grid, uneven readings beside a grid of their own."""
+    """Uniform samples on the grid of the first pendulum, uneven readings beside a grid of their own."""
     seen = prepared.observation
     if seen.step is None:
         return Grid(
             prepared.whole, prepared.difference_on_grid, prepared.whole_step, Readings(seen.time, seen.difference)
         )
-    if seen.step * prepared.nominal <= MOST_ANGLE:
-        return Grid(prepared.whole, prepared.clean_difference, seen.step)
-    factor = int(np.ceil(seen.step * prepared.nominal / FINE_ANGLE))
-    theta = prepared.finer(seen.step, factor)
+    theta, factor = first_pendulum(prepared)
+    if factor == 1:
+        return Grid(theta, prepared.clean_difference, seen.step)
     difference = room(theta.size)
     difference[:] = np.nan
     difference[::factor] = prepared.clean_difference

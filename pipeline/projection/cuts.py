@@ -33,7 +33,7 @@ class Cut:
     spread: float
 
 
-def cuts(prepared: Prepared, factor: int = 1) -> list[Cut]:
+def cuts(prepared: Prepared, factor: int = 1, margin: int = MARGIN) -> list[Cut]:
     """Spans that the record's long gaps take, in order, and what bridges across them leave unknown.
 
     Parameters
@@ -42,9 +42,10 @@ def cuts(prepared: Prepared, factor: int = 1) -> list[Cut]:
         A record.
     factor : int
         How many times finer than the readings the first pendulum's grid is, at marks.
+    margin : int
+        Readings on each side of a gap over which what stands in it is felt.
     """
     step, known = prepared.whole_step, prepared.trials
-    margin = MARGIN if factor == 1 else FILTER_REACH
     reach = max(margin, int(SIDE / step))
     found: list[Cut] = []
     gaps = [(0, 0), *prepared.long_gaps, (prepared.whole.size, 0)]

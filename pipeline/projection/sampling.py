@@ -6,12 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pipeline.arrays import Floats
 from pipeline.prepared import Prepared
 from pipeline.projection.solve import ITERATIONS, Problem, ProjectionFit, fit_projection
 from pipeline.projection.uniform import UniformProblem, response_constants
 
-MOST_ANGLE = 0.5 * np.pi  # swing between samples up to which the eight-point quadrature holds
-FINE_ANGLE = 0.8  # swing between samples of the finer grid that marks are brought to
+MOST_ANGLE = 0.5 * np.pi  # swing between readings up to which neighbours tell the motion between them
+FINE_ANGLE = 0.8  # swing between points of the grid, at most: eight points a swing
+FEW_A_SWING = 27, 15.6
+"""Reach, readings, and shape of the window by which a first pendulum read four to eight times a swing is interpolated:
+150 dB from 0.81 of the Nyquist frequency, which is 1.6 times the swing's or more, to its mirror image (Kaiser 1974)."""
 
 
 def linear_fit(prepared: Prepared, *, bridged: bool = False, rounds: int = ITERATIONS) -> ProjectionFit:
@@ -23,9 +27,11 @@ def linear_fit(prepared: Prepared, *, bridged: bool = False, rounds: int = ITERA
     free = prepared.known_damping is None
     if bridged or not prepared.long_gaps:
         return fit_projection(problem(prepared), start.frequency, start.damping_rate, free, rounds)
-    from pipeline.projection.cuts import cuts
+    from pipeline.projection.cuts import MARGIN, cuts
+    from pipeline.projection.upsample import FILTER_REACH
 
-    spans = cuts(prepared, _factor(prepared))
+    _, factor = first_pendulum(prepared)
+    spans = cuts(prepared, factor if at_marks(prepared) else 1, MARGIN if factor == 1 else FILTER_REACH)
     seen = prepared.observation
     gain = response_constants(start.frequency, start.damping_rate, seen.frequency_ratio, seen.damping_difference)[2]
     # the amplitudes are those at the start of the record, from where they have decayed
@@ -35,23 +41,38 @@ def linear_fit(prepared: Prepared, *, bridged: bool = False, rounds: int = ITERA
 
 
 def problem(prepared: Prepared, cut: Sequence[tuple[float, float]] = ()) -> Problem:
-    """Uniform samples as they are, marks on a finer grid of the first pendulum, uneven samples by interpolation."""
+    """Uniform samples on the grid of the first pendulum, uneven samples by interpolation."""
     seen = prepared.observation
     constants = (prepared.nominal, seen.frequency_ratio, seen.damping_difference)
     if seen.step is None:
         from pipeline.projection.uneven import UnevenProblem
 
         return UnevenProblem(seen.time, prepared.whole, prepared.whole_step, seen.difference, *constants, cut)
-    factor = _factor(prepared)
+    theta, factor = first_pendulum(prepared)
     if factor == 1:
-        return UniformProblem(prepared.whole, seen.difference, seen.step, *constants, cut)
-    theta = prepared.finer(seen.step, factor)
+        return UniformProblem(theta, seen.difference, seen.step, *constants, cut)
     difference = np.full(theta.size, np.nan)
     difference[::factor] = seen.difference
     return UniformProblem(theta, difference, seen.step / factor, *constants, cut)
 
 
-def _factor(prepared: Prepared) -> int:
-    """How many times finer than the readings the first pendulum's grid must be."""
-    angle = prepared.whole_step * prepared.nominal
-    return 1 if angle <= MOST_ANGLE else int(np.ceil(angle / FINE_ANGLE))
+def first_pendulum(prepared: Prepared) -> tuple[Floats, int]:
+    """The first pendulum on the grid on which the identities are solved, rad, and its steps in one between readings.
+
+    Where the swing turns far from reading to reading the grid is finer: between four and eight readings a swing by a
+    sinc, at marks by the envelope of minutes.
+    """
+    step = prepared.whole_step
+    factor = max(1, int(np.ceil(step * prepared.nominal / FINE_ANGLE)))
+    if factor == 1:
+        return prepared.whole, 1
+    if at_marks(prepared):
+        return prepared.finer(step, factor), factor
+    from pipeline.projection.upsample import interpolated
+
+    return interpolated(prepared.whole, factor, *FEW_A_SWING), factor
+
+
+def at_marks(prepared: Prepared) -> bool:
+    """Whether the swing was read so seldom that neighbours tell nothing of the motion between them."""
+    return prepared.whole_step * prepared.nominal > MOST_ANGLE

@@ -70,7 +70,7 @@ def upsample(
         float(np.hypot(spread, left * np.sqrt(absent * theta.size / there)))
         for spread, absent in zip(spreads, (sum(gaps), sum(gap for gap in gaps if gap < long)), strict=True)
     )
-    return _evaluate(envelope, knots, fine, frequency) + _sinc(slow, factor), every, short
+    return _evaluate(envelope, knots, fine, frequency) + interpolated(slow, factor), every, short
 
 
 def _low_pass(values: Floats) -> Floats:
@@ -80,14 +80,29 @@ def _low_pass(values: Floats) -> Floats:
     return np.convolve(_mirrored(values, FILTER_REACH), weights / weights.sum(), mode="valid")
 
 
-def _sinc(values: Floats, factor: int) -> Floats:
-    """Windowed-sinc interpolation of a series that holds little near its Nyquist frequency."""
-    padded = _mirrored(values, SINC_REACH)
+def interpolated(values: Floats, factor: int, reach: int = SINC_REACH, shape: float = KAISER_SHAPE) -> Floats:
+    """A series that holds little near its Nyquist frequency, on a finer grid, by a sinc in a Kaiser window.
+
+    Parameters
+    ----------
+    values : (n,) array
+    factor : int
+        Steps of the finer grid in one of the series.
+    reach : int
+        Readings on each side that a point is told from; at the ends the series is continued by point reflection.
+    shape : float
+        Of the window.
+
+    Returns
+    -------
+    ((n - 1) factor + 1,) array
+    """
+    padded = _mirrored(values, reach)
     fine = np.empty((values.size - 1) * factor + 1)
     fine[::factor] = values
     for part in range(1, factor):
-        offset = np.arange(-SINC_REACH + 1, SINC_REACH + 1) - part / factor
-        window = np.i0(KAISER_SHAPE * np.sqrt(1.0 - (offset / SINC_REACH) ** 2)) / np.i0(KAISER_SHAPE)
+        offset = np.arange(-reach + 1, reach + 1) - part / factor
+        window = np.i0(shape * np.sqrt(1.0 - (offset / reach) ** 2)) / np.i0(shape)
         weights = np.sinc(offset) * window
         full = np.convolve(padded, (weights / weights.sum())[::-1], mode="valid")
         fine[part::factor] = full[1 : values.size]

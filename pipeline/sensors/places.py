@@ -13,6 +13,7 @@ from pipeline.arrays import Floats
 from pipeline.inversion.prepare import make_grid
 from pipeline.prepared import Prepared
 from pipeline.projection.kernels import block_length
+from pipeline.projection.sampling import at_marks
 from pipeline.projection.taps import NODES
 from pipeline.projection.uneven import from_grid, taken
 from pipeline.projection.uniform import UniformProblem
@@ -33,12 +34,15 @@ class Places:
         Portions of the rows, for which they are made at a time.
     thinness : float
         Noise on the grid over that of a reading, at the same power a second.
+    between_readings : bool
+        Whether the first pendulum was read too seldom to be known between its readings but from minutes of them.
     """
 
     theta: Floats
     step: float
     parts: list[slice]
     thinness: float
+    between_readings: bool
     _factor: int
     _uneven: tuple[Floats, np.ndarray, Floats] | None  # times of the rows; first node and weights of each
 
@@ -50,14 +54,9 @@ class Places:
         if seen.step is None:
             around = from_grid(seen.time, grid.step, grid.theta.size, prepared.nominal)
             parts = _apart(seen.time, grid.step)
-            return Places(grid.theta, grid.step, parts, thinness, 0, (seen.time, *around))
+            return Places(grid.theta, grid.step, parts, thinness, False, 0, (seen.time, *around))
         parts = list(portions(grid.theta.size, unit=block_length(grid.theta.size)))
-        return Places(grid.theta, grid.step, parts, thinness, round(seen.step / grid.step), None)
-
-    @property
-    def between_readings(self) -> bool:
-        """Whether the first pendulum was read too seldom to be known between its readings but from minutes of them."""
-        return self._factor > 1
+        return Places(grid.theta, grid.step, parts, thinness, at_marks(prepared), round(seen.step / grid.step), None)
 
     def time(self, part: slice) -> Floats:
         """Of some rows, s."""

@@ -33,7 +33,7 @@ def test_missing_marks_are_guessed_from_those_around() -> None:
     series = motion.copy()
     series[random.choice(motion.size, 80, replace=False)] = np.nan
     series[200:230] = np.nan
-    filled, _ = missing_marks.guessed(series, motion, 3.1)
+    filled, *_ = missing_marks.guessed(series, motion, 3.1)
     mean = motion.mean()
     power = np.abs(np.fft.rfft(motion - mean, 2 * motion.size)) ** 2
     covariance = np.fft.irfft(power)[: motion.size] / motion.size

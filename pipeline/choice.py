@@ -32,11 +32,12 @@ MILLIGAL = 1e-5  # m s-2
 
 @dataclass(frozen=True)
 class Choice:
-    """The method, the reason in words, and what the choice may be wrong by (1 sigma, rad s-1 of n2)."""
+    """The method, the reason in words, what it may be wrong by (1 sigma, rad s-1 of n2), and whether it is open."""
 
     method: str
     reason: str
     doubt: float = 0.0
+    undecided: bool = False
 
 
 def choose(prepared: Prepared) -> Choice:
@@ -76,9 +77,9 @@ def _decided(likelihood: float, change: float, *, heaved: bool) -> Choice:
     doubt = 0.0 if abs(likelihood) > DECISIVE else change
     hardly = "hardly " if doubt else ""
     if likelihood > 0.0:
-        return Choice("projection", f"linear pendulums leave the {hardly}smaller residual ({told})", doubt)
+        return Choice("projection", f"linear pendulums leave the {hardly}smaller residual ({told})", doubt, doubt > 0.0)
     heave = "; the phase shows a heave that is not recorded" if heaved else ""
-    return Choice("shooting", f"real pendulums leave the {hardly}smaller residual ({told}){heave}", doubt)
+    return Choice("shooting", f"real pendulums leave the {hardly}smaller residual ({told}){heave}", doubt, doubt > 0.0)
 
 
 def _coloured(noise: float, colour: float, prepared: Prepared) -> bool:

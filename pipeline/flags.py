@@ -19,6 +19,8 @@ COLOUR_FLOOR = 3e-4  # of the amplitude: a residual below it is the method's, no
 LEAST_BROWNE = 0.05  # mGal of horizontal acceleration
 IMPLAUSIBLE = (9.75, 9.85)  # m s-2; at sea gravity lies between 9.77 and 9.84
 
+DAMPING_ASSUMED = "damping-difference-assumed"
+"""Raised here and, where it leaves a doubt, by `pipeline.sensors`."""
 MEANINGS = {
     "beats-through-zero": "the difference's amplitude passes near zero; phase methods mean nothing there",
     "short-record": f"shorter than {SHORT_SECONDS:.0f} s",
@@ -32,7 +34,8 @@ MEANINGS = {
     "acceleration-not-reduced": "the support's acceleration changes the period of real pendulums and is not reduced",
     "correction-without-uncertainty": "a correction larger than sigma is made from inputs that state no uncertainty; "
     "sigma takes it as exact",
-    "damping-difference-assumed": "no damping is stated and the pendulums decay; their difference is taken as zero",
+    DAMPING_ASSUMED: "no damping is stated and the pendulums decay; their difference is told from the "
+    "record, or taken as nought where it does not tell; sigma holds the doubt",
 }
 UNDECIDED = "restoring-undecided"
 """Raised by `auto` alone: neither the record nor its residual tells linear pendulums from real ones."""
@@ -64,7 +67,7 @@ def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
         or prepared.bridged > MOST_BRIDGED,
         "frequency-difference-unresolved": _unresolved(prepared, value),
         "gravity-implausible": not IMPLAUSIBLE[0] < value.gravity < IMPLAUSIBLE[1],
-        "damping-difference-assumed": seen.damping_rate is None and _decays(prepared, estimate),
+        DAMPING_ASSUMED: seen.damping_rate is None and _decays(prepared, estimate),
         "acceleration-not-reduced": _accelerated(prepared, estimate, value),
         "correction-without-uncertainty": any(
             entry.applied and np.isnan(entry.sigma) and abs(entry.value) > value.sigma for entry in value.given.values()

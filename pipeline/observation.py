@@ -69,6 +69,8 @@ class Observation:
         Relative change of the two periods from the stated ones under the record's conditions.
     time_rate_sigma : float
         1 sigma of how unevenly the record's times run, s/s: of a film, what its marks leave of the paper's motion.
+    damping_apart : float
+        gamma1 - gamma2 as told from the record, s-1, where no damping is stated; see `pipeline.sensors.damping`.
     """
 
     first: str
@@ -92,6 +94,7 @@ class Observation:
     tie: Tie | None = None
     period_change: Floats | None = None
     time_rate_sigma: float = 0.0
+    damping_apart: float = 0.0
 
     @property
     def frequency_ratio(self) -> float:
@@ -114,8 +117,8 @@ class Observation:
 
     @property
     def damping_difference(self) -> float:
-        """gamma1 - gamma2, s-1; taken as zero where no damping is stated."""
-        return 0.0 if self.damping_rate is None else float(self.damping_rate[0] - self.damping_rate[1])
+        """gamma1 - gamma2, s-1, as stated or told from the record."""
+        return self.damping_apart if self.damping_rate is None else float(self.damping_rate[0] - self.damping_rate[1])
 
 
 def observe(record: DataTree, pair: str | None = None) -> Observation:

@@ -38,13 +38,13 @@ class Reduction:
 def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float, sensors: Examination | None = None) -> Reduction:
     """Run a method (`auto` chooses one) and complete it with gravity and flags; `sensors` is what led to `prepared`."""
     started = time.perf_counter()
-    chosen, reason, doubt = name, "", 0.0
+    chosen, reason, doubt, undecided = name, "", 0.0, False
     try:
         if name == "auto":
             from pipeline.choice import choose
 
             choice = choose(prepared)
-            chosen, reason, doubt = choice.method, choice.reason, choice.doubt
+            chosen, reason, doubt, undecided = choice.method, choice.reason, choice.doubt, choice.undecided
         if chosen != "projection":
             require_bridges(prepared.long_gaps, prepared.whole_step)
         estimate = method(chosen)(prepared)
@@ -56,7 +56,8 @@ def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float, sensors: E
         elapsed = time.perf_counter() - started
         return Reduction(name, chosen, reason, None, None, (), str(refusal), elapsed)
     value = gravity(estimate, prepared, gain_uncertainty)
-    raised = (*flags(prepared, estimate, value), *((UNDECIDED,) if doubt else ()), *(sensors.flags if sensors else ()))
+    found = (*((UNDECIDED,) if undecided else ()), *(sensors.flags if sensors else ()))
+    raised = tuple(dict.fromkeys([*flags(prepared, estimate, value), *found]))
     if name == "shooting" and _linear_fits(prepared, estimate):
         raised = (*raised, LINEAR_FITS)
     return Reduction(name, chosen, reason, estimate, value, raised, "", time.perf_counter() - started)

@@ -16,13 +16,24 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from data_schemas.scratch import by_portions, portions
 from pipeline.arrays import readings
+from pipeline.flags import DAMPING_ASSUMED
 from pipeline.observation import Observation
 from pipeline.prepared import Prepared, prepare
+from pipeline.sensors.damping import with_damping_told
 from pipeline.sensors.departures import DAMPING, DELAY, GAIN
 from pipeline.sensors.places import Places
 from pipeline.sensors.roles import in_their_places, trimmed
 from pipeline.sensors.shifting import advanced
-from pipeline.sensors.state import NEGLIGIBLE, SIGNIFICANT, State, fit, milligal, stands_out, unexplained
+from pipeline.sensors.state import (
+    NEGLIGIBLE,
+    SIGNIFICANT,
+    State,
+    fit,
+    made_by_noise,
+    milligal,
+    stands_out,
+    unexplained,
+)
 
 SIGN_TELLS, SIGN_ALONE_TELLS = 0.7, 0.5  # residual with the other sign over that with the one given
 ROUNDS = 6
@@ -90,10 +101,15 @@ def examine(seen: Observation) -> Examination:
         prepared = prepare(placed)
     flags = (WORDS["exchanged"],) if swapped else ()
     try:
+        prepared, doubt = with_damping_told(prepared)
         found = _departed(prepared)
+        if found.prepared is not prepared:
+            corrected_too, doubt = with_damping_told(found.prepared)
+            found = replace(found, prepared=corrected_too)
     except RefusedError:  # whoever asks for a method hears why from it
         return Examination(prepared, flags=flags)
-    return replace(found, flags=(*flags, *found.flags))
+    unknown = (DAMPING_ASSUMED,) if doubt else ()
+    return replace(found, doubt=float(np.hypot(found.doubt, doubt)), flags=(*flags, *unknown, *found.flags))
 
 
 def _departed(prepared: Prepared) -> Examination:
@@ -106,7 +122,7 @@ def _departed(prepared: Prepared) -> Examination:
         prepared, delay_sigma=float(state.found.sigma[DELAY]), gain_sigma=float(state.found.sigma[GAIN])
     )
     strange, sign = unexplained(state), 1.0
-    if not strange and not stands_out(state):
+    if not strange and (not stands_out(state) or made_by_noise(state)):
         return plain
     if strange:  # not the readings' noise: nothing is known of either
         plain = Examination(prepared)

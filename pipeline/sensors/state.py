@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ NEGLIGIBLE = 0.01  # mGal
 VISIBLE, VISIBLE_AT_MARKS = 1e-5, 1e-4  # of the amplitude: a smaller residual tells of nothing
 ABOVE_WHITE = 1.2  # residual over the noise that neighbouring readings leave unexplained
 BETWEEN_MARKS = 3e-4  # of the first pendulum's swing as told from readings twice a swing; measured: 1e-4 and less
+DRAWS = 3  # of noise that is added to see what noise does
 COLOURED = 3.0  # power near the swing over white, from which a residual is not noise
 
 
@@ -77,6 +78,25 @@ def stands_out(state: State) -> bool:
         abs(found.value[GAIN]) > SIGNIFICANT * gain_sigma or abs(found.value[DELAY]) > SIGNIFICANT * found.sigma[DELAY]
     )
     return bool(milligal(np.abs(found.effect).sum(), state.prepared) > NEGLIGIBLE and far)
+
+
+def made_by_noise(state: State) -> bool:
+    """Whether what stands out is what the reading noise of the first trace makes of real pendulums.
+
+    It reaches the difference through their nonlinear terms too, which 1 sigma leaves out: how far it moves delay and
+    gain is seen by adding as much noise again, some times over.
+    """
+    prepared = state.prepared
+    if not state.real or not prepared.noise_theta > 0.0:
+        return False
+    draw = np.random.default_rng(0)
+    moved = []
+    for _ in range(DRAWS):
+        noise = draw.normal(0.0, prepared.noise_theta, prepared.whole.size)
+        noisier = State.of(replace(prepared, whole=prepared.whole + noise), True)
+        moved.append(noisier.found.value - state.found.value)
+    scatter = np.sqrt(np.mean(np.square(moved), axis=0))
+    return bool(np.all(np.abs(state.found.value) < SIGNIFICANT * scatter))
 
 
 def milligal(change: float, prepared: Prepared) -> float:

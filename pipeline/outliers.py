@@ -70,7 +70,7 @@ def reject_outliers(series: Floats, step: float, frequency: float) -> tuple[Floa
         wild, error = _wild(work, filter_taps, limit)
         if wild.size == 0:
             break
-        tops = _local_maxima(np.abs(error), wild, reach)
+        tops = local_maxima(np.abs(error), wild, reach)
         work[wild[tops]] -= error[tops]
         release(work)
         rejected = np.union1d(rejected, wild[tops])
@@ -191,7 +191,7 @@ def beyond(series: Floats, filter_taps: Floats, limit: float) -> int:
     return total
 
 
-def _local_maxima(size: Floats, wild: NDArray[np.intp], reach: int) -> NDArray[np.intp]:
+def local_maxima(size: Floats, wild: NDArray[np.intp], reach: int) -> NDArray[np.intp]:
     """Numbers of the wild samples that no larger one lies within reach of, the largest first; `wild` is in order."""
     first = np.searchsorted(wild, wild - reach)
     last = np.searchsorted(wild, wild + reach, side="right")

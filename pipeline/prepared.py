@@ -17,7 +17,7 @@ from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband
 from pipeline.observation import Observation
 from pipeline.outliers import reject_outliers
-from pipeline.uneven_grid import grid_step, to_grid
+from pipeline.uneven_grid import grid_step, reject_uneven
 
 if TYPE_CHECKING:
     from pipeline.harmonics.slow_motion import SlowMotion
@@ -115,7 +115,7 @@ class Prepared:
     def difference_on_grid(self) -> Floats:
         """The difference of uneven times on the grid of `whole`, rad; NaN where there are too few readings."""
         seen = self.observation
-        return to_grid(seen.time, seen.difference, self.whole_step, self.nominal)
+        return reject_uneven(seen.time, seen.difference, self.whole_step, self.nominal)[1]
 
     @property
     def clean_difference(self) -> Floats:
@@ -260,7 +260,7 @@ def prepare(observation: Observation) -> Prepared:
         whole = theta
     else:
         step = grid_step(observation.time, nominal)
-        whole = to_grid(observation.time, theta, step, nominal)
+        theta, whole, rejected = reject_uneven(observation.time, theta, step, nominal)
     long_gaps = tuple(gap for gap in missing_stretches(whole) if (gap[1] - gap[0]) * step > LONG_GAP)
     if step * nominal < 0.5 * np.pi:
         filled, spans = bridge(whole, step, nominal, float(np.nan_to_num(noise)))

@@ -12,14 +12,17 @@ from numpy.typing import NDArray
 
 from data_schemas import scratch
 from data_schemas.errors import RefusedError
-from data_schemas.scratch import portions, release, room
+from data_schemas.scratch import by_portions, portions, release, room
 from pipeline.arrays import Floats, readings
+from pipeline.outliers import THRESHOLD, local_maxima
 from pipeline.projection.taps import NODES, fitted_basis
 
 FIT_SAMPLES = 14  # of the first pendulum around each grid point; more than the eight functions, so that noise averages
 MOST_STRETCH = 2.5  # a grid point whose samples span more than this many times the usual is a gap
 TOGETHER = 4096  # grid points that are fitted together: each takes its readings many times over
 MOST_ANGLE = 0.35  # rad of swing between grid points
+FLOOR = 3e-5  # of the largest elongation: below it lies what the fit errs by in a seaway
+ROUNDS = 20
 
 
 def grid_step(time: Floats, frequency: float) -> float:
@@ -35,6 +38,37 @@ def grid_step(time: Floats, frequency: float) -> float:
         raise RefusedError("time: uneven samples fewer than four a swing; give at least four samples a swing")
     intervals = int(np.ceil(time[-1] * frequency / min(MOST_ANGLE, 1.25 * spacing * frequency)))
     return float(time[-1]) / intervals
+
+
+def reject_uneven(time: Floats, series: Floats, step: float, frequency: float) -> tuple[Floats, Floats, int]:
+    """Replace wild readings by NaN: those that their neighbours' grid does not lead to, the wildest around first.
+
+    Parameters
+    ----------
+    time, series, step, frequency
+        See `to_grid`.
+
+    Returns
+    -------
+    (n,) array, (m,) array, int
+        The series (itself when nothing was found), its grid, and how many readings were rejected.
+    """
+    from pipeline.projection.uneven import from_grid, taken
+
+    given, whole, error = series, to_grid(time, series, step, frequency), room(time.size)
+    where, weights = from_grid(time, step, whole.size, frequency)
+    largest = float(np.nanmax(np.abs(series)))
+    for _ in range(ROUNDS):
+        for part in portions(time.size, series, error, where, weights):
+            error[part] = np.abs(series[part] - taken(whole, where[part], weights[part]))
+        scale = 1.4826 * float(np.nanmedian(error[:: -(-time.size // scratch.PORTION)]))
+        wild = np.flatnonzero(error > max(THRESHOLD * scale, FLOOR * largest))
+        if not wild.size:
+            break
+        series = by_portions(np.copy, series)
+        series[wild[local_maxima(error[wild], wild, FIT_SAMPLES // 2)]] = np.nan
+        whole = to_grid(time, series, step, frequency)
+    return series, whole, readings(given) - readings(series)
 
 
 def to_grid(time: Floats, series: Floats, step: float, frequency: float) -> Floats:

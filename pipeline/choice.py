@@ -1,4 +1,4 @@
-"""`auto`: the cheapest adequate method, chosen from what the record says and, where it does not say, from residuals.
+"""`auto`: `projection` or `shooting`, chosen from what the record says and, where it does not say, from residuals.
 
 What the record states of `restoring` is obeyed. Where it states nothing, the linear and the nonlinear identity are both
 fitted: the smaller residual decides; where it is not decisively smaller what parts them goes into sigma. Linear

@@ -1,4 +1,4 @@
-"""`auto`: the cheapest adequate method, chosen from what the record says and, where it does not say, from residuals.
+"""`auto`: `projection` or `shooting`, chosen from what the record says and, where it does not say, from residuals.
 
 What the record states of `restoring` is obeyed. Where it states nothing, the linear and the nonlinear identity are both
 fitted: the smaller residual decides; where it is not decisively smaller what parts them goes into sigma. Linear
@@ -58,7 +58,7 @@ def choose(prepared: Prepared) -> Choice:
         told = f"the finite arc and the support's motion amount to {_milligal(change, prepared):.4f} mGal only"
         return Choice("projection", f"{told}: the linear identity is adequate", change)
     likelihood = _likelihood(linear, still, prepared)
-    if likelihood <= 0.0 or not _coloured(linear.noise, residual_colour(linear, prepared), prepared):
+    if likelihood <= -DECISIVE or not _coloured(linear.noise, residual_colour(linear, prepared), prepared):
         return _decided(likelihood, change, heaved=not fits and seen.vertical is None)
     # neither fits: real pendulums in a heave that is not recorded leave such a residual, linear ones nothing;
     # heave that is told from the phase pays for its freedom (Akaike 1974)

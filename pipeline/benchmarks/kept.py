@@ -21,7 +21,7 @@ _NO_NUMBERS = ("cli", "plots", "benchmarks")  # parts of `pipeline` that present
 _ROWS = (
     *("corrections_grid.py", "huygens_map.py", "trials.py"),
     *("ensemble_race.py", "growth.py", "linear_hour.py", "own.py", "peers.py", "plain_pendulums.py", "problems.py"),
-    *("references.py", "symbolic.py", "work_precision.py"),
+    *("random_scenes.py", "references.py", "symbolic.py", "uncertainty.py", "work_precision.py"),
 )
 
 

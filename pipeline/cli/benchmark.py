@@ -23,6 +23,10 @@ SUITES = {
         "pipeline.benchmarks.stability",
         "methods and propagators on extreme cases: a value, or refused by name",
     ),
+    "uncertainty": (
+        "pipeline.benchmarks.uncertainty",
+        "random records of every kind by `auto`: whether the stated uncertainty holds; -o resumes",
+    ),
     "integrators": ("pipeline.benchmarks.integrators", "propagators against general integrators: time and error"),
     "speed": ("pipeline.benchmarks.speed", "estimation and the command line against what they replace or import"),
     "leave-out": ("pipeline.benchmarks.leave_out", "what `process` imports and spends, method by method"),

@@ -134,7 +134,7 @@ def test_auto_reduces_the_shipped_scene_within_two_sigma():
 
     record, truth = synth.simulate(data_schemas.load_scene(synth.scene_path("demo")))
     (row,) = summaries(process(record))
-    assert row["method"] in ("general", "shooting")
+    assert row["method"] == "shooting"
     error = (row["gravity_m_s2"] - float(truth["truth/gravity"])) / 1e-5
     assert abs(error) < 2 * row["gravity_sigma_mgal"]
 

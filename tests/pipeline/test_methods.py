@@ -166,12 +166,20 @@ def test_general_reduces_the_arcs_of_real_pendulums(amplitudes: tuple[float, flo
     assert abs(right) < 1e-3 * largest
 
 
-@pytest.mark.parametrize(("restoring", "method"), [(None, "general"), ("sine", "general"), ("linear", "projection")])
-def test_auto_on_real_pendulums(restoring: str | None, method: str) -> None:
-    found = row(nonlinear_record((0.02, 0.02), restoring=restoring), "auto")
-    assert found["method"] == method
+@pytest.mark.parametrize("eps", [1e-4, 1.5e-3])
+@pytest.mark.parametrize("restoring", [None, "sine"])
+def test_auto_on_real_pendulums(restoring: str | None, eps: float) -> None:
+    """In slow beats, and in one through zero."""
+    found = row(nonlinear_record((0.02, 0.02), eps, restoring), "auto")
+    assert found["method"] == "shooting"
     assert found["requested_method"] == "auto"
     assert found["choice_reason"]
+    assert ("beats-through-zero" in found["flags"]) == (eps > 1e-3)
+    assert abs(found["gravity_m_s2"] - 9.81) * 1e5 < 1e-3
+
+
+def test_auto_obeys_what_is_stated_of_the_law() -> None:
+    assert row(nonlinear_record((0.02, 0.02), restoring="linear"), "auto")["method"] == "projection"
 
 
 @pytest.mark.parametrize("write", [True, False])

@@ -137,10 +137,17 @@ def test_what_it_reduces_is_not_flagged() -> None:
     assert all("acceleration-not-reduced" not in reduced[name].flags for name in ("shooting", "general"))
 
 
-def test_refusals() -> None:
-    seen = observe(300.0, 0.04, heave=False)
-    with pytest.raises(RefusedError, match="readings a swing"):
-        invert(prepare(thinned(seen, slice(None, None, 5), 0.2)))
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("length", "heave", "recorded", "most"),
+    [(300.0, False, False, 0.01), (300.0, True, True, 0.3), (900.0, True, False, 0.9)],
+)
+def test_five_readings_a_swing(length: float, heave: bool, recorded: bool, most: float) -> None:
+    """Noise-free; left is what neighbours so far apart take for noise, and the third harmonic, which is folded over."""
+    seen = thinned(observe(length, 0.04, heave=heave, recorded=recorded), slice(None, None, 5), 0.2)
+    off, sigma, _ = error(seen)
+    assert abs(off) < 4.0 * sigma
+    assert abs(off) < most
 
 
 def test_times_that_run_unevenly_look_like_heave_and_are_told_from_it() -> None:

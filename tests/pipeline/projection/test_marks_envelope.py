@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.projection import missing_marks, upsample
+from pipeline.projection.sampling import FEW_A_SWING
 
 
 def test_the_narrow_band_is_the_whole_matrix() -> None:
@@ -44,3 +45,24 @@ def test_missing_marks_are_guessed_from_those_around() -> None:
         weights = np.linalg.solve(each, covariance[np.abs(known[:, None] - absent)])
         assert filled[start:stop] == pytest.approx(mean + (series[known] - mean) @ weights, rel=1e-9, abs=1e-9)
     assert np.array_equal(filled[np.isfinite(series)], series[np.isfinite(series)])
+
+
+def test_an_hour_of_marks_goes_by_segments() -> None:
+    """Swing and swell between the marks: a thousandth of the swing is left at the ends and where segments join."""
+    step, factor, frequency = 0.5, 8, 2.0 * np.pi / 1.01
+    fine = np.arange(7199 * factor + 1) * (step / factor)
+    motion = 0.02 * np.exp(-1e-5 * fine) * np.cos(frequency * fine + 0.3) + 0.01 * np.sin(0.7 * fine)
+    found, *_ = upsample.upsample(motion[::factor].copy(), step, frequency, factor)
+    assert np.abs(found - motion).max() < 3e-5
+    assert np.median(np.abs(found - motion)) < 1e-7
+
+
+@pytest.mark.parametrize("factor", [2, 3])
+def test_few_readings_a_swing_are_interpolated(factor: int) -> None:
+    """Lines up to 0.8 of the Nyquist frequency to 150 dB; at the ends point reflection is right for a swell only."""
+    time = np.arange(400 * factor + 1) / factor
+    motion = np.cos(0.5 * np.pi * time + 0.4) + np.sin(0.8 * np.pi * time) + np.cos(0.14 * time)
+    found = upsample.interpolated(motion[::factor].copy(), factor, *FEW_A_SWING)
+    reach = FEW_A_SWING[0] * factor
+    assert np.array_equal(found[::factor], motion[::factor])
+    assert np.abs(found - motion)[reach:-reach].max() < 3e-7

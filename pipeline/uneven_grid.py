@@ -21,7 +21,7 @@ FIT_SAMPLES = 14  # of the first pendulum around each grid point; more than the 
 MOST_STRETCH = 2.5  # a grid point whose samples span more than this many times the usual is a gap
 TOGETHER = 4096  # grid points that are fitted together: each takes its readings many times over
 MOST_ANGLE = 0.35  # rad of swing between grid points
-FLOOR = 3e-5  # of the largest elongation: below it lies what the fit errs by in a seaway
+FLOOR = 1e-3  # of the largest elongation: below it lies what the fit errs by where readings are few
 ROUNDS = 20
 
 
@@ -66,7 +66,7 @@ def reject_uneven(time: Floats, series: Floats, step: float, frequency: float) -
         if not wild.size:
             break
         series = by_portions(np.copy, series)
-        series[wild[local_maxima(error[wild], wild, FIT_SAMPLES // 2)]] = np.nan
+        series[wild[local_maxima(error[wild], wild, FIT_SAMPLES)]] = np.nan
         whole = to_grid(time, series, step, frequency)
     return series, whole, readings(given) - readings(series)
 

@@ -128,7 +128,7 @@ RESUMED = {
     "resume: leftovers half removed": lambda: set_attribute(Path, "unlink", nth(Path.unlink, 1, before=False)),
     "resume: before the torn end is cut": lambda: set_os(ledger, ftruncate=nth(os.ftruncate, 1)),
     "resume: after the torn end is cut": lambda: set_os(ledger, ftruncate=nth(os.ftruncate, 1, before=False)),
-    "resume: while what holds is looked at": lambda: set_attribute(resume, "_sha256", nth(resume._sha256, 2)),
+    "resume: while what holds is looked at": lambda: set_attribute(resume, "_sum_of", nth(resume._sum_of, 2)),
     "resume: before the second result is made again": lambda: set_attribute(encoding, "lay_out", die),
 }
 

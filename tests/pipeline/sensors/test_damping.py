@@ -17,6 +17,7 @@ from pipeline.sensors.damping import LIKELY, with_damping_told
 from pipeline.sensors.examination import Examination, examine
 from pipeline.sensors.state import State, made_by_noise
 
+pytestmark = pytest.mark.compiled  # many fits of both identities
 TIME = np.arange(18000) * 0.1
 
 

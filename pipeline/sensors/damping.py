@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.prepared import Prepared
 from pipeline.sensors.departures import DAMPING
 from pipeline.sensors.state import State, fit, unexplained
 
@@ -23,26 +22,24 @@ SLOPES = 0.2, 1.5  # what the column finds of a change of the difference, at lea
 SETTLED = 0.1  # sigma, of the last round's change
 
 
-def with_damping_told(prepared: Prepared, real: bool | None = None) -> tuple[Prepared, float]:
+def with_damping_told(state: State) -> tuple[State, float]:
     """The record with the difference of damping that it tells, and 1 sigma of n2, rad s-1, from what it does not tell.
 
     Parameters
     ----------
-    prepared : Prepared
-        A record.
-    real : bool, optional
-        Whether its pendulums are real ones; by its residuals otherwise.
+    state : State
+        A record, and the identity fitted to it.
 
     Raises
     ------
     RefusedError
         No identity fits.
     """
+    given, prepared = state, state.prepared
     if prepared.known_damping is not None:
-        return prepared, 0.0
-    given, held, slope = prepared, prepared.observation.damping_apart, 1.0
+        return given, 0.0
+    held, slope = prepared.observation.damping_apart, 1.0
     before: tuple[float, float] | None = None
-    state = State.of(given, real)
     for _ in range(ROUNDS):
         likely = LIKELY * state.fitted.damping_rate
         if likely < LIKELY * DECAY:
@@ -62,4 +59,4 @@ def with_damping_told(prepared: Prepared, real: bool | None = None) -> tuple[Pre
             break
     if unexplained(state):
         return given, by_unit * likely  # something else is the matter as well, and may be all of what was told
-    return prepared, by_unit * known
+    return state, by_unit * known

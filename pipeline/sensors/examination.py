@@ -3,8 +3,9 @@
 A delay or a gain is corrected where it stands four sigmas out, moves gravity by more than a hundredth of a milligal
 and leaves nothing else unexplained. A wrong sign leaves far more than the right one; periods that were stated for the
 wrong pendulums look the same. Where no damping is stated, a delay and an unequal damping of the pendulums look alike
-unless the swell tells them apart; the correction of the one serves the other, and the flag says so. A heave that is
-told from the phase leaves nothing to tell a delay by: such records are not corrected.
+unless the swell tells them apart: pendulums that decay are told their difference first (`damping.py`); of others the
+correction of the one serves the other, and the flag says so. A heave that is told from the phase leaves nothing to
+tell a delay by: such records are not corrected.
 """
 
 from __future__ import annotations
@@ -101,23 +102,23 @@ def examine(seen: Observation) -> Examination:
         prepared = prepare(placed)
     flags = (WORDS["exchanged"],) if swapped else ()
     try:
-        prepared, doubt = with_damping_told(prepared)
-        found = _departed(prepared)
-        if found.prepared is not prepared:
-            corrected_too, doubt = with_damping_told(found.prepared)
-            found = replace(found, prepared=corrected_too)
+        if abs(prepared.observation.frequency_ratio - 1.0) < LEAST_APART and prepared.observation.restoring == "linear":
+            return Examination(prepared, flags=flags)  # the difference does not feel the first pendulum
+        state, doubt = with_damping_told(State.of(prepared))
+        found = _departed(state)
+        if found.prepared is not state.prepared and prepared.known_damping is None:
+            state, doubt = with_damping_told(State.of(found.prepared, state.real))
+            found = replace(found, prepared=state.prepared)
     except RefusedError:  # whoever asks for a method hears why from it
         return Examination(prepared, flags=flags)
     unknown = (DAMPING_ASSUMED,) if doubt else ()
     return replace(found, doubt=float(np.hypot(found.doubt, doubt)), flags=(*flags, *unknown, *found.flags))
 
 
-def _departed(prepared: Prepared) -> Examination:
+def _departed(state: State) -> Examination:
     """Delay, gain and sign of the first trace."""
+    prepared = state.prepared
     seen = prepared.observation
-    if abs(seen.frequency_ratio - 1.0) < LEAST_APART and seen.restoring == "linear":
-        return Examination(prepared)  # the difference does not feel the first pendulum
-    state = State.of(prepared)
     plain = Examination(
         prepared, delay_sigma=float(state.found.sigma[DELAY]), gain_sigma=float(state.found.sigma[GAIN])
     )

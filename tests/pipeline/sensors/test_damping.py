@@ -69,17 +69,17 @@ def test_where_it_is_not_told_it_is_likely_nought_and_doubted() -> None:
 
 
 def test_stated_or_no_damping_is_left_alone() -> None:
-    still = prepare(linear((0.0, 0.0), noise=1e-7))
+    still = State.of(prepare(linear((0.0, 0.0), noise=1e-7)))
     assert with_damping_told(still) == (still, 0.0)
-    stated = prepare(replace(linear((1.5e-4, 1e-4)), damping_rate=np.array([1.5e-4, 1e-4])))
+    stated = State.of(prepare(replace(linear((1.5e-4, 1e-4)), damping_rate=np.array([1.5e-4, 1e-4]))))
     assert with_damping_told(stated) == (stated, 0.0)
 
 
 def test_of_a_record_that_is_not_understood_nothing_is_told() -> None:
     """Heave that nobody recorded: the doubt is all that is likely."""
-    prepared = prepare(heavy_pair.observe(300.0, 0.1, heave=True, recorded=False, damping_rate=None))
-    told, doubt = with_damping_told(prepared, True)
-    assert told is prepared
+    given = State.of(prepare(heavy_pair.observe(300.0, 0.1, heave=True, recorded=False, damping_rate=None)), True)
+    told, doubt = with_damping_told(given)
+    assert told is given
     assert doubt > LIKELY * 1e-5
 
 

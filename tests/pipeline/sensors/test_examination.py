@@ -133,7 +133,7 @@ def test_delay_or_damping_where_none_is_stated(monkeypatch: pytest.MonkeyPatch) 
 
     Pendulums that decay are told their difference of damping first (`test_damping`), which is left out here.
     """
-    monkeypatch.setattr(examination, "with_damping_told", lambda prepared: (prepared, 0.0))
+    monkeypatch.setattr(examination, "with_damping_told", lambda state: (state, 0.0))
     pair = Pair.apart(1e-3, damping=(1.5e-4, 1e-4))
     random = np.random.default_rng(4)
     theta, difference = pair.elongation(0, TIME), pair.difference(TIME)

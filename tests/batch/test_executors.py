@@ -8,6 +8,7 @@ import os
 import shutil
 import signal
 import sys
+import threading
 import time
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
@@ -243,3 +244,13 @@ def test_a_c_library_is_asked_to_keep_memory_where_it_can(monkeypatch):
     monkeypatch.setattr(warming.sys, "platform", "darwin")
     warming._keep_memory()
     assert len(asked) == 2
+
+
+def test_a_record_that_takes_longer_than_a_look_is_waited_for(small, out, monkeypatch):
+    config, future = config_of(out, "a"), Future()
+    done = Outcome(config.key, "ok", None, None, None)
+    threading.Timer(0.1, future.set_result, [done]).start()
+    monkeypatch.setattr(isolated, "LOOK", 0.01)
+    monkeypatch.setattr(isolated, "ProcessPool", Pools(lambda: future))
+    with Isolated(METHODS, 1.0) as child:
+        assert child.run(small, config) == done

@@ -30,7 +30,7 @@ def linear_fit(prepared: Prepared, *, bridged: bool = False, rounds: int = ITERA
     from pipeline.projection.cuts import MARGIN, cuts
     from pipeline.projection.upsample import FILTER_REACH
 
-    _, factor = first_pendulum(prepared)
+    factor = steps_between(prepared)
     spans = cuts(prepared, factor if at_marks(prepared) else 1, MARGIN if factor == 1 else FILTER_REACH)
     seen = prepared.observation
     gain = response_constants(start.frequency, start.damping_rate, seen.frequency_ratio, seen.damping_difference)[2]
@@ -62,15 +62,19 @@ def first_pendulum(prepared: Prepared) -> tuple[Floats, int]:
     Where the swing turns far from reading to reading the grid is finer: between four and eight readings a swing by a
     sinc, at marks by the envelope of minutes.
     """
-    step = prepared.whole_step
-    factor = max(1, int(np.ceil(step * prepared.nominal / FINE_ANGLE)))
+    factor = steps_between(prepared)
     if factor == 1:
         return prepared.whole, 1
     if at_marks(prepared):
-        return prepared.finer(step, factor), factor
+        return prepared.finer(prepared.whole_step, factor), factor
     from pipeline.projection.upsample import interpolated
 
     return interpolated(prepared.whole, factor, *FEW_A_SWING), factor
+
+
+def steps_between(prepared: Prepared) -> int:
+    """Steps of that grid in one between readings."""
+    return max(1, int(np.ceil(prepared.whole_step * prepared.nominal / FINE_ANGLE)))
 
 
 def at_marks(prepared: Prepared) -> bool:

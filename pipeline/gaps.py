@@ -27,6 +27,7 @@ errors exceed what leverage and misfit predict, root mean square, on simulated s
 by ten times that, and its misfit does not show it."""
 LONG_GAP = 6.0  # s; how far a bridge across it errs, only trials on the record itself tell
 LONGEST_GAP = 300.0  # s; beyond it a method that must bridge has no sigma to offer
+COARSE = 1.25  # gaps that differ by no more share their trials
 GOOD = 2.0  # times the noise: a first fit that errs no more is taken without trying the others
 
 
@@ -127,6 +128,11 @@ def require_bridges(gaps: Iterable[tuple[int, int]], step: float) -> None:
             f"record/elongation: the first pendulum has a gap of {longest:.0f} s, too long to bridge (at most "
             f"{LONGEST_GAP:.0f} s); use the method 'projection', or split the record there"
         )
+
+
+def rounded_up(length: int) -> int:
+    """Readings that a gap on trial lacks, for one of `length`: gaps of nearly one length share their trials."""
+    return int(np.ceil(COARSE ** np.ceil(np.log(length) / np.log(COARSE))))
 
 
 def candidates(gap: float) -> tuple[tuple[int, float, float], ...]:

@@ -19,6 +19,7 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Complexes, Floats
+from pipeline.gaps import missing_stretches, rounded_up
 from pipeline.inversion.iteration import Iteration
 from pipeline.inversion.solve import InversionFit, solve
 
@@ -28,10 +29,15 @@ if TYPE_CHECKING:
     from pipeline.projection.solve import ProjectionFit
 
 PASS, STOP = 0.25, 0.55  # of the swing's frequency: heave of a ship lies below a quarter of it
-ROUNDS = 4  # each leaves a sixtieth of what lacked
+ROUNDS, MOST_ROUNDS = 4, 24  # each leaves a sixtieth of what lacked, at the band's edge far more
+FALLS = 0.01  # a round by which the residual falls no more was the last
 SWEEPS = 4
-GAP_ROUNDS = 8  # each leaves less than half of what lacks in a gap of 0.6 s
+GAP_RIDGE = 5e-3  # what the band tells by less of a gap is left to the next round, or at nought: it would be noise
+GAP_ROUNDS, GAP_SETTLED = 30, 1e-6  # at most, and what may be left of what lacks in gaps
+TRIALS = 24  # of gaps
 MOST_HEAVE = 0.5  # of gravity
+_BRIDGED = 2.5 * np.pi  # rad of swing, the longest gap that the band bridges without loss
+_BESIDE = 10.0  # s of readings on both sides of a gap on trial
 _SETTLED = 1e-12
 _CALIBRATION = 0.1  # relative 1-sigma uncertainty of the noise that is taken off
 _UNEVEN, _UNEVEN_SIGMA = 0.5, 0.3  # part of the times' unevenness that lies in the band of heave: any, alike likely
@@ -64,34 +70,85 @@ def band(count: int, step: float, frequency: float) -> Band:
     return Band(padded, gain, angular)
 
 
-def lacking_speed(model: Floats, residual: Floats, frequency: float, step: float, low: Band) -> Floats:
+def driven(iteration: Iteration, zeta: Floats, low: Band) -> Complexes:
+    """What drives the difference beside gravity, over its complex amplitude, s-1: the beat of unequal periods.
+
+    The amplitude D obeys `D' = (i n zeta/2 - gamma) D + drive`.
+    """
+    step, frequency = iteration.motion.step, iteration.frequency
+    swing = low.low(iteration.about * np.exp(-1j * frequency * step * np.arange(zeta.size)))
+    return np.asarray(np.gradient(swing, step) / swing + iteration.damping_rate - 0.5j * frequency * zeta)
+
+
+def lacking_speed(
+    model: Floats, residual: Floats, frequency: float, step: float, low: Band, drive: Complexes | None = None
+) -> Floats:
     """Phase speed that the model lacks, rad s-1, in the band; residual NaN = missing.
+
+    `drive`, as `driven` tells it, acts on what lacks as well: the first pendulum is recorded, so that a beat keeps
+    its phase when that of the difference is turned. Near a beat's least amplitude that is no small part.
 
     Across a gap the phase goes on as its band allows (Papoulis 1975).
     """
     carrier = np.exp(-1j * frequency * step * np.arange(model.size))
     swing = low.low(model * carrier)
-    present = np.isfinite(residual)
-    lack = np.where(present, residual, 0.0)
-    phase = np.asarray((low.low(lack * carrier) / swing).imag)
-    if not present.all():
-        turned = -2.0 * swing[~present] * np.conj(carrier[~present])
-        for _ in range(GAP_ROUNDS):
-            lack[~present] = phase[~present] * turned.imag  # Re(i phase swing)
-            phase = np.asarray((low.low(lack * carrier) / swing).imag)
-    return np.asarray(np.gradient(phase, step))
+    missing = np.isnan(residual)
+
+    def phase(lack: Floats) -> Floats:
+        return np.asarray((low.low(lack * carrier) / swing).imag)
+
+    lack = np.where(missing, 0.0, residual)
+    if missing.any():
+        from scipy.sparse.linalg import LinearOperator, gmres
+
+        turned = (-2.0 * swing[missing] * np.conj(carrier[missing])).imag  # Re(i phase swing) = phase * turned
+        guess = np.zeros(lack.size)
+
+        def unlike(values: Floats) -> Floats:
+            guess[missing] = values
+            return np.asarray((1.0 + GAP_RIDGE) * values - phase(guess)[missing] * turned)
+
+        wanted = phase(lack)[missing] * turned
+        operator = LinearOperator((wanted.size, wanted.size), matvec=unlike, dtype=np.float64)
+        lack[missing], _ = gmres(operator, wanted, rtol=GAP_SETTLED, restart=GAP_ROUNDS, maxiter=1)
+    lacks = low.low(lack * carrier) / swing
+    speed = np.gradient(lacks.imag, step)
+    return np.asarray(speed if drive is None else speed + (drive * lacks).imag)
 
 
-def gap_error(residual: Floats, zeta: Floats, frequency: float, step: float) -> float:
-    """1 sigma of n2, rad s-1, from gaps longer than the band can bridge.
+def gap_error(
+    model: Floats, residual: Floats, zeta: Floats, window: Floats, frequency: float, step: float, low: Band
+) -> float:
+    """1 sigma of n2, rad s-1, from gaps longer than the band bridges without loss.
 
-    A gap hides a step of the phase of about its length times a third of what heave does to the phase speed, and
-    a step in mid-record tilts the phase by 3/2 of it over the length.
+    Gaps of the same lengths are laid where readings are; what the phase speed so loses of the zeta that was found and
+    of the noise is what it loses in the record's own.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], np.isnan(residual).astype(np.int8), [0]))))
-    lengths = (edges[1::2] - edges[::2]) * step - np.pi / (0.5 * (PASS + STOP) * frequency)
-    steps = 0.5 * frequency * float(np.std(zeta)) * lengths[lengths > 0.0] / 3.0
-    return 1.5 * float(np.sqrt(np.sum(steps**2))) / (residual.size * step)
+    gaps = [gap for gap in missing_stretches(residual) if (gap[1] - gap[0]) * step > _BRIDGED / frequency]
+    if not gaps:
+        return 0.0
+    speed = 0.5 * frequency * zeta
+    carrier = np.exp(-1j * frequency * step * np.arange(model.size))
+    lack = residual - 2.0 * np.cumsum(speed) * step * (low.low(model * carrier) * np.conj(carrier)).imag
+    whole = lacking_speed(model, lack, frequency, step, low)
+    side = int(_BESIDE / step)
+    variance, known = 0.0, dict[int, float]()
+    for start, stop in gaps:
+        length = rounded_up(stop - start)
+        if length not in known:
+            broken, tried = lack.copy(), list[slice]()
+            for place in np.linspace(0, lack.size, TRIALS, endpoint=False, dtype=np.int64).tolist():
+                around = slice(place, place + length + 2 * side)
+                if around.stop <= lack.size and not np.isnan(broken[around]).any():
+                    broken[place + side : place + side + length] = np.nan
+                    tried.append(around)
+            lost = (1.0 + 0.5 * zeta) * (lacking_speed(model, broken, frequency, step, low) - whole)
+            sums = [step * float(np.sum(lost[around])) for around in tried]
+            # nothing to try it on: a step of the phase, of its length times a third of what heave does to the speed
+            steps = np.array(sums) if sums else np.std(speed) * length * step / 3.0
+            known[length] = float(np.mean(np.square(steps)))
+        variance += (window[(start + stop) // 2] / step) ** 2 * known[length]
+    return float(np.sqrt(variance))
 
 
 def window_leak(zeta: Floats) -> float:
@@ -135,10 +192,12 @@ def with_heave(
     window = np.sin(np.pi * (np.arange(count) + 0.5) / count) ** 2
     window /= window.sum()
     free = [0, 1, 2, 3, 4] if fit_damping else [0, 1, 2, 4]
-    zeta = np.zeros(count)
-    for _ in range(ROUNDS):
+    zeta, before = np.zeros(count), np.inf
+    for number in range(1, MOST_ROUNDS + 1):
         residual = iteration.on_grid()
-        zeta += 2.0 / iteration.frequency * lacking_speed(iteration.about, residual, iteration.frequency, step, low)
+        drive = driven(iteration, zeta, low)
+        speed = lacking_speed(iteration.about, residual, iteration.frequency, step, low, drive)
+        zeta += 2.0 / iteration.frequency * speed
         mean = float(np.sum(window * zeta))
         zeta -= mean
         iteration.frequency *= float(np.sqrt(1.0 + mean))
@@ -155,6 +214,9 @@ def with_heave(
                 "difference: its residual has structure that neither arcs nor heave explain; "
                 "check instrument/restoring and the traces"
             )
+        if number >= ROUNDS and found.noise > (1.0 - FALLS) * before:
+            break
+        before = found.noise
     frequency = iteration.frequency
     noise = prepared.noise_difference if np.isfinite(prepared.noise_difference) else found.noise
     carrier = np.exp(-1j * frequency * step * np.arange(count))
@@ -164,7 +226,7 @@ def with_heave(
     shared = count / max(int(gram[4, 4]), 1)
     inverse_square = float(np.sum(window / amplitude**2)) * shared
     uneven = (frequency * prepared.observation.time_rate_sigma) ** 2
-    taken = noise_power(inverse_square, noise, frequency, low, ROUNDS) + _UNEVEN * uneven
+    taken = noise_power(inverse_square, noise, frequency, low, number) + _UNEVEN * uneven
     corrected = float(np.sqrt(frequency**2 - taken))
     # n2^2 is the mean square of the phase speed under the window, which heave makes vary;
     # a reading moves the phase by Im(2 e^{-int}/swing)
@@ -182,7 +244,7 @@ def with_heave(
                 + (_UNEVEN_SIGMA * uneven / (2.0 * frequency)) ** 2
                 + (0.5 * frequency * window_leak(zeta)) ** 2
                 + numerical_error(prepared, iteration) ** 2
-                + gap_error(residual, zeta, frequency, step) ** 2
+                + gap_error(iteration.about, residual, zeta, window, frequency, step, low) ** 2
             )
         ),
         noise=found.noise,

@@ -27,6 +27,7 @@ LEAST_COLOUR = 0.3  # of white noise at half-second marks it is 0.5 to 1
 HEAVE_RATE = 1.0  # rad s-1, the fastest heave that is reckoned with where it can only be guessed at
 NOISY = 3e-4  # reading noise of the first pendulum over its swing, from which its third harmonic is better reckoned
 HEAVE_COLOUR = 3.0  # power of the residual near the swing over white from which heave is looked for
+HEAVE_EXCESS = 2.0  # residual over the reading noise from which it is looked for as well
 HEAVE_FLOOR = 1e-5  # of the amplitude: a smaller residual shows no heave
 RIPPLE, COARSE, COARSE_UNEVEN, ORDER = 3e-9, 5e-6, 5e-3, 8
 """Numerical error, in parts of the strength of the nonlinear terms: the filters' ripple, and the quadrature's, which
@@ -88,8 +89,10 @@ def invert(prepared: Prepared, *, look_for_heave: bool = True) -> Inverted:
     colour = residual_colour(shown, prepared)
     swing = float(np.abs(iteration.start))
     dense = not at_marks(prepared)
-    shows = colour > HEAVE_COLOUR and fit.noise > HEAVE_FLOOR * swing
-    if look_for_heave and motion.vertical is None and dense and shows:
+    # short heave lies beside what the colour looks at, but above what neighbours call noise
+    coloured = colour > HEAVE_COLOUR or (colour > 1.0 and fit.noise > HEAVE_EXCESS * prepared.noise_difference)
+    shows = motion.vertical is None and coloured and fit.noise > HEAVE_FLOOR * swing
+    if look_for_heave and dense and shows:
         from pipeline.inversion.heave import with_heave
 
         if not passes_zero(np.abs(prepared.blocks.difference)):  # heave is told from a phase
@@ -104,6 +107,7 @@ def invert(prepared: Prepared, *, look_for_heave: bool = True) -> Inverted:
                 + theta_sigma(prepared, iteration, influence, fit.noise) ** 2
                 + numerical_error(prepared, iteration) ** 2
                 + (0.0 if dense else error_between_marks(prepared, iteration, fit, colour)) ** 2
+                + (heave_left(prepared, fit, prepared.noise_difference) if dense and shows else 0.0) ** 2
             )
         ),
         noise=fit.noise,
@@ -170,13 +174,20 @@ def error_between_marks(prepared: Prepared, iteration: Iteration, fit: Inversion
     if iteration.motion.vertical is not None:
         zeta = iteration.motion.vertical / prepared.gravity_of(frequency)
         return float(np.hypot(sway_share * sway, heave_share * 0.125 * frequency * np.var(zeta)))
-    # heave that nobody recorded turns the phase to and fro: what the residual has above the stated noise may be it, and
-    # all of it where little of it lies at the swing itself
-    chance = 1.0 + 3.0 * float(np.sqrt(2.0 / fit.samples))
+    # all of it may be heave where little of the residual lies at the swing itself
     white = 0.0 if colour < LEAST_COLOUR else fit.noise
-    excess = max(fit.noise**2 - (white if stated is None else stated) ** 2 * chance, 0.0)
+    return float(np.hypot(sway_share * sway, heave_left(prepared, fit, white if stated is None else stated)))
+
+
+def heave_left(prepared: Prepared, fit: InversionFit, noise: float) -> float:
+    """What heave that nobody recorded may do where it is not told from the phase, 1 sigma of n2, rad s-1.
+
+    It turns the phase to and fro: what the residual has above the reading noise (rad; NaN = none) may be it.
+    """
+    chance = 1.0 + 3.0 * float(np.sqrt(2.0 / fit.samples))
+    excess = max(fit.noise**2 - float(np.nan_to_num(noise)) ** 2 * chance, 0.0)
     turned = 2.0 * excess / float(np.nanmean(np.abs(prepared.blocks.difference) ** 2))
-    return float(np.hypot(sway_share * sway, 0.5 * HEAVE_RATE**2 / frequency * turned))
+    return 0.5 * HEAVE_RATE**2 / fit.frequency * turned
 
 
 def make_grid(prepared: Prepared) -> Grid:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arrays import Complexes
-from pipeline.gaps import bridge
+from pipeline.gaps import bridge, rounded_up
 from pipeline.prepared import Prepared
 from pipeline.projection.upsample import FILTER_REACH, upsample
 
@@ -19,7 +19,6 @@ MARGIN = 4  # readings on each side that the quadrature reaches over
 SIDE = 12.0  # s of readings that the longest bridge rests on, see `gaps.CANDIDATES`
 TRIALS = 32
 LEAST_TRIALS = 2.0  # of independent ones; fewer tell nothing
-COARSE = 1.25  # gaps that differ by no more share their trials
 GOLDEN = 0.6180339887498949  # multiples of it fall evenly and in step with no beat
 SETTLE = 150.0  # s between trials at marks: as far as the envelope's spline feels a gap
 
@@ -50,7 +49,7 @@ def cuts(prepared: Prepared, factor: int = 1, margin: int = MARGIN) -> list[Cut]
     found: list[Cut] = []
     gaps = [(0, 0), *prepared.long_gaps, (prepared.whole.size, 0)]
     for (_, before), (start, stop), (after, _) in zip(gaps, gaps[1:], gaps[2:], strict=False):
-        length = int(np.ceil(COARSE ** np.ceil(np.log(stop - start) / np.log(COARSE))))
+        length = rounded_up(stop - start)
         if length not in known:
             known[length] = _trials(prepared, length, factor)
         begin, end = (start - margin) * step, (stop - 1 + margin) * step

@@ -62,15 +62,23 @@ def test_phase_goes_on_across_a_gap() -> None:
 
 
 def test_a_long_gap_costs_and_a_short_one_does_not() -> None:
-    zeta = 0.02 * np.cos(0.6 * np.arange(20_000) * STEP)
+    count = 20_000
+    time = np.arange(count) * STEP
+    zeta = 0.02 * np.cos(0.6 * time) + 0.005 * np.sin(0.93 * time)
+    window = np.sin(np.pi * (np.arange(count) + 0.5) / count) ** 2
+    noise = np.random.default_rng(5).normal(0.0, 1e-6, count)
 
     def cost(seconds: float) -> float:
-        residual = np.zeros(zeta.size)
+        residual = noise.copy()
         residual[8000 : 8000 + round(seconds / STEP)] = np.nan
-        return heave.gap_error(residual, zeta, N2, STEP)
+        model = 0.01 * np.cos(N2 * time)
+        return heave.gap_error(model, residual, zeta, window / window.sum(), N2, STEP, heave.band(count, STEP, N2))
 
     assert cost(0.0) == cost(0.6) == 0.0
-    assert 0.0 < cost(5.0) < cost(20.0)
+    assert 0.0 < 10.0 * cost(3.0) < cost(20.0)
+    # no room to try it: a bound that the heave sets, a third of its rms times the gap's share of the window
+    hidden = cost(400.0) / (N2 * np.std(zeta) / 6.0)
+    assert hidden == pytest.approx(400.0 / STEP * window[8000 + round(200.0 / STEP)] / window.sum(), rel=0.3)
 
 
 @pytest.mark.compiled

@@ -13,13 +13,13 @@ from data_schemas.scratch import by_portions, portions, room
 from pipeline.arrays import Floats
 from pipeline.base_stations import Tie, tie
 from pipeline.conditions import Constants, by_air, by_temperature, refuse_impossible
+from pipeline.vertical import bridged
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
 
 GRID_TOLERANCE = 1e-9  # s; times this close to a uniform grid are taken to lie on it
-MOST_VERTICAL_MISSING = 0.02  # share of the vertical acceleration that may be bridged
 MOST_TIME_RATE = 0.1  # s/s: times that run more unevenly are none
 MOST_GRID_ROWS = 4  # a grid more than this many times longer than the series is no grid
 
@@ -58,6 +58,8 @@ class Observation:
         "sine", "linear", or None where the record does not say.
     vertical : (n,) array or None
         Recorded vertical acceleration of the support, m s-2, up positive, its gaps bridged.
+    vertical_doubt : float
+        1 sigma of its mean from the bridges, m s-2.
     constants : mapping
         What else /instrument states, by name; of pendulums those of the pair. A temperature with a course within the
         record is its mean here, the course is `temperature_course`.
@@ -89,6 +91,7 @@ class Observation:
     chronometer_rate: float
     restoring: str | None
     vertical: Floats | None = None
+    vertical_doubt: float = 0.0
     constants: Constants = field(default_factory=dict)
     course_time: Floats | None = None
     tie: Tie | None = None
@@ -161,6 +164,10 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     start = float(time[within.start])
     since = by_portions(lambda part: part - start, time[within])
     time, step, series = uniform_grid(since, [row[within] for row in rows])
+    constants = instrument(record, (first, second))
+    vertical, doubt = None, 0.0
+    if len(rows) == 3:
+        vertical, doubt = bridged(time, step, series[2], float(constants["frequency_reference"][1]))
     return Observation(
         start=start,
         first=first,
@@ -169,11 +176,12 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
         step=step,
         theta=series[0],
         difference=series[1],
-        vertical=_bridged(time, series[2]) if len(rows) == 3 else None,
+        vertical=vertical,
+        vertical_doubt=doubt,
         sigma_theta=_combined_sigma(weights["theta"], sigma),
         sigma_difference=_combined_sigma(weights["difference"], sigma),
         time_rate_sigma=_time_rate_sigma(record),
-        **instrument(record, (first, second)),
+        **constants,
     )
 
 
@@ -198,16 +206,6 @@ def span(series: Floats) -> slice:
             first = part.start + int(known[0]) if first < 0 else first
             last = part.start + int(known[-1])
     return slice(max(first, 0), last + 1)
-
-
-def _bridged(time: Floats, vertical: Floats) -> Floats | None:
-    """Vertical acceleration with short gaps bridged; None where too much of it is missing to count as recorded."""
-    missing = np.isnan(vertical)
-    if missing.mean() > MOST_VERTICAL_MISSING:
-        return None
-    if not missing.any():
-        return vertical
-    return np.asarray(np.interp(time, time[~missing], vertical[~missing]))
 
 
 def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:

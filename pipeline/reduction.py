@@ -49,6 +49,9 @@ def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float, sensors: E
             require_bridges(prepared.long_gaps, prepared.whole_step)
         estimate = method(chosen)(prepared)
         unsure = float(np.hypot(doubt, 0.0 if sensors is None else sensors.doubt))
+        seen = prepared.observation
+        if estimate.acceleration_reduced and seen.vertical is not None:  # dn/n = dg/2g
+            unsure = float(np.hypot(unsure, 0.5 * estimate.frequency * seen.vertical_doubt / seen.reference_gravity))
         if unsure:
             estimate = replace(estimate, sigma=float(np.hypot(estimate.sigma, unsure)))
         _require_capture(estimate, prepared)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 PASS, STOP = 0.25, 0.55  # of the swing's frequency: heave of a ship lies below a quarter of it
 ROUNDS, MOST_ROUNDS = 4, 24  # each leaves a sixtieth of what lacked, at the band's edge far more
-FALLS = 0.01  # a round by which the residual falls no more was the last
+FALLS = 1e-3  # a round by which the residual falls no more was the last
 SWEEPS = 4
 GAP_RIDGE = 5e-3  # what the band tells by less of a gap is left to the next round, or at nought: it would be noise
 GAP_ROUNDS, GAP_SETTLED = 30, 1e-6  # at most, and what may be left of what lacks in gaps

@@ -31,11 +31,6 @@ COARSE = 1.25  # gaps that differ by no more share their trials
 GOOD = 2.0  # times the noise: a first fit that errs no more is taken without trying the others
 
 
-def fill_gaps(series: Floats, step: float, frequency: float, noise: float = 0.0) -> Floats:
-    """The series with its gaps bridged; see `bridge`."""
-    return bridge(series, step, frequency, noise)[0]
-
-
 def bridge(series: Floats, step: float, frequency: float, noise: float = 0.0) -> tuple[Floats, list[tuple[int, float]]]:
     """Bridge missing samples by a local fit of {polynomial, cos, sin, t cos, t sin}.
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from data_schemas.scratch import by_portions, portions, release
 from pipeline.arrays import Floats
-from pipeline.gaps import LONG_GAP, fill_gaps, missing_stretches
+from pipeline.gaps import LONG_GAP, bridge, missing_stretches
 from synth.kernels.compiled import kernel, summing_kernel
 
 SAMPLE = 2000  # places from which the scale is taken
@@ -54,7 +54,7 @@ def reject_outliers(series: Floats, step: float, frequency: float) -> tuple[Floa
     if not any(beyond(here, filter_taps, limit) for _, here in _windows(series, reach)):
         return series, 0, scale / gain
     # a poor bridge would make its neighbours look wild
-    work = fill_gaps(series, step, frequency, noise=scale / gain if np.isfinite(scale) else np.inf)
+    work, _ = bridge(series, step, frequency, noise=scale / gain if np.isfinite(scale) else np.inf)
     if work is series:
         work = by_portions(np.copy, series)
     for start, stop in missing_stretches(series):
@@ -79,8 +79,23 @@ def reject_outliers(series: Floats, step: float, frequency: float) -> tuple[Floa
         return series, 0, noise
     cleaned = by_portions(np.copy, series)
     cleaned[rejected] = np.nan
+    again = _agreeing(series, cleaned, rejected, step, frequency, noise)
+    cleaned[again] = series[again]
     release(series, cleaned)
-    return cleaned, rejected.size, noise
+    return cleaned, rejected.size - again.size, noise
+
+
+def _agreeing(
+    series: Floats, cleaned: Floats, rejected: NDArray[np.intp], step: float, frequency: float, noise: float
+) -> NDArray[np.intp]:
+    """Which of the rejected a bridge across them all leads to: a wild reading had spoiled what was around it."""
+    laid, spans = bridge(cleaned, step, frequency, noise)
+    if not spans:
+        return rejected[:0]
+    gaps = np.array([gap for gap in missing_stretches(cleaned) if not np.isnan(laid[gap[0]])])
+    number = np.searchsorted(gaps[:, 0], rejected, side="right") - 1
+    known = np.where(rejected < gaps[number, 1], np.array([error for _, error in spans])[number], 0.0)
+    return rejected[np.abs(series[rejected] - laid[rejected]) <= THRESHOLD * np.hypot(noise, known)]
 
 
 def _windows(series: Floats, reach: int) -> Iterator[tuple[int, Floats]]:

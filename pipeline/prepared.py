@@ -16,7 +16,7 @@ from pipeline.harmonics.blocks import block_envelope
 from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband
 from pipeline.observation import Observation
-from pipeline.outliers import reject_outliers
+from pipeline.outliers import MOST_ANGLE, reject_outliers
 from pipeline.uneven_grid import grid_step, reject_uneven
 
 if TYPE_CHECKING:
@@ -257,6 +257,10 @@ def prepare(observation: Observation) -> Prepared:
     if observation.step is not None:
         step = observation.step
         theta, rejected, noise = reject_outliers(theta, step, nominal)
+        if step * nominal > MOST_ANGLE:
+            from pipeline.projection.upsample import reject_at_marks
+
+            theta, rejected = reject_at_marks(theta, step, nominal)
         whole = theta
     else:
         step = grid_step(observation.time, nominal)

@@ -9,12 +9,15 @@ confusion with its image above the Nyquist frequency.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Complexes, Floats
+from pipeline.arrays import Complexes, Floats, readings
 from pipeline.gaps import missing_stretches
 from pipeline.harmonics.envelope import fill
+from pipeline.outliers import THRESHOLD, local_maxima
 from pipeline.projection.missing_marks import guessed
 
 FILTER_REACH = 24  # marks on each side, of the filter that splits slow part and harmonic
@@ -25,6 +28,8 @@ KNOT_SECONDS = 10.0
 SEGMENT_SECONDS, OVERLAP_SECONDS = 1200.0, 150.0
 ROUNDS = 2  # of splitting; missing readings and the ends need a first envelope
 ROUNDS_OF_GAPS = 5  # where readings are missing: their covariance needs a first guess of them
+ROUNDS_OF_WILD = 8
+LEAST_WILD = 1e-4  # of the largest elongation: below it lies what the envelope errs by
 STIFFNESS = 1.0  # weight of the smoothness against the readings for an envelope turning at 0.1 rad/s
 
 
@@ -52,8 +57,67 @@ def upsample(
     float
         The same without long gaps.
     """
-    time = np.arange(theta.size) * step
     fine = np.arange((theta.size - 1) * factor + 1) * (step / factor)
+    parts = _split(theta, step, frequency, long)
+    # what is faster than the slow part is no stranger to the swing where readings are missing
+    left, there = 1.4826 * np.nanmedian(np.abs(parts.left)), readings(theta)
+    gaps = [stop - start for start, stop in missing_stretches(theta)]
+    every, short = (
+        float(np.hypot(spread, left * np.sqrt(absent * theta.size / there)))
+        for spread, absent in zip(parts.spreads, (sum(gaps), sum(gap for gap in gaps if gap < long)), strict=True)
+    )
+    swing = _evaluate(parts.envelope, parts.knots, fine, frequency)
+    return swing + interpolated(parts.slow, factor), every, short
+
+
+def reject_at_marks(theta: Floats, step: float, frequency: float) -> tuple[Floats, int]:
+    """Replace wild readings by NaN: those that neither the swing nor what is slower leads to, the wildest around first.
+
+    Parameters
+    ----------
+    theta, step, frequency
+        See `upsample`.
+
+    Returns
+    -------
+    (n,) array, int
+        The series (itself when nothing was found), and how many readings were rejected.
+    """
+    cleaned, parts = theta, _split(theta, step, frequency)
+    for _ in range(ROUNDS_OF_WILD):
+        error = np.abs(parts.left)
+        limit = max(THRESHOLD * 1.4826 * float(np.nanmedian(error)), LEAST_WILD * float(np.nanmax(np.abs(theta))))
+        wild = np.flatnonzero(error > limit)
+        if not wild.size:
+            break
+        cleaned = cleaned.copy()
+        cleaned[wild[local_maxima(error[wild], wild, FILTER_REACH)]] = np.nan
+        parts = _split(cleaned, step, frequency)
+    if cleaned is theta:
+        return theta, 0
+    # where all around is misfitted, at ends and in quick beats, no single one is to blame
+    rejected = np.flatnonzero(np.isnan(cleaned) & np.isfinite(theta))
+    model = _evaluate(parts.envelope, parts.knots, rejected * step, frequency) + parts.slow[rejected]
+    around = np.clip(rejected[:, None] + np.arange(-FILTER_REACH, FILTER_REACH + 1), 0, theta.size - 1)
+    left = np.nan_to_num(np.abs(parts.left), nan=float(np.nanmedian(np.abs(parts.left))))
+    usual = 1.4826 * np.median(left[around], axis=1) / (1.0 - CUT)
+    again = rejected[np.abs(theta[rejected] - model) <= THRESHOLD * usual]
+    cleaned[again] = theta[again]
+    return (cleaned, rejected.size - again.size) if again.size < rejected.size else (theta, 0)
+
+
+class _Parts(NamedTuple):
+    """Envelope of the swing and its knots; slow motion and what both leave of the readings, rad; see `guessed`."""
+
+    envelope: Complexes
+    knots: Floats
+    slow: Floats
+    left: Floats
+    spreads: tuple[float, float]
+
+
+def _split(theta: Floats, step: float, frequency: float, long: float = np.inf) -> _Parts:
+    time = np.arange(theta.size) * step
     present = np.isfinite(theta)
     slow: Floats = np.zeros(theta.size)
     guess = slow
@@ -63,14 +127,7 @@ def upsample(
         before = fill(rest.astype(np.complex128)).real if number == 0 else np.where(present, rest, guess)
         guess, *spreads = guessed(rest, before, frequency * step, long)
         slow = _low_pass(guess)
-    # what is faster than the slow part is no stranger to the swing where readings are missing
-    left, there = 1.4826 * np.nanmedian(np.abs(rest - slow)), int(present.sum())
-    gaps = [stop - start for start, stop in missing_stretches(theta)]
-    every, short = (
-        float(np.hypot(spread, left * np.sqrt(absent * theta.size / there)))
-        for spread, absent in zip(spreads, (sum(gaps), sum(gap for gap in gaps if gap < long)), strict=True)
-    )
-    return _evaluate(envelope, knots, fine, frequency) + interpolated(slow, factor), every, short
+    return _Parts(envelope, knots, slow, rest - slow, (spreads[0], spreads[1]))
 
 
 def _low_pass(values: Floats) -> Floats:

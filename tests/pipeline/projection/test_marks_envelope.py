@@ -66,3 +66,33 @@ def test_few_readings_a_swing_are_interpolated(factor: int) -> None:
     reach = FEW_A_SWING[0] * factor
     assert np.array_equal(found[::factor], motion[::factor])
     assert np.abs(found - motion)[reach:-reach].max() < 3e-7
+
+
+def test_wild_readings_at_marks_are_found_and_nothing_else() -> None:
+    """Neighbouring marks tell nothing of a reading; the envelope of minutes and the swell do."""
+    step, frequency = 0.5, 2.0 * np.pi / 1.004
+    time = np.arange(3600) * step
+    random = np.random.default_rng(9)
+    theta = 0.02 * np.cos(frequency * time + 0.1 * np.sin(time / 150.0)) + 0.004 * np.cos(0.8 * time)
+    theta += random.normal(0.0, 1e-5, time.size)
+    assert upsample.reject_at_marks(theta, step, frequency)[0] is theta
+    wild = np.arange(60, 3600, 90)
+    spoilt = theta.copy()
+    spoilt[wild] += random.choice([-1.0, 1.0], wild.size) * 5e-4
+    spoilt[[200, 2000]] = np.nan
+    cleaned, count = upsample.reject_at_marks(spoilt, step, frequency)
+    found = np.flatnonzero(np.isnan(cleaned) & np.isfinite(spoilt))
+    assert count == found.size
+    assert np.isin(wild, found).mean() > 0.95
+    assert (~np.isin(found, wild)).sum() <= 1
+    kept = np.isfinite(cleaned)
+    assert np.array_equal(cleaned[kept], spoilt[kept])
+
+
+def test_a_quick_beat_at_marks_is_not_wild() -> None:
+    """Faster than the envelope's knots follow: a whole minute departs, and no single reading of it is to blame."""
+    step, frequency = 0.5, 2.0 * np.pi / 1.004
+    time = np.arange(3600) * step
+    theta = 0.02 * np.cos(frequency * time) + 1e-6 * np.cos(0.8 * time)
+    theta += 1e-4 * np.exp(-(((time - 900.0) / 20.0) ** 2)) * np.cos((frequency - 0.6) * time)
+    assert upsample.reject_at_marks(theta, step, frequency)[1] < 10  # 450 if none were given back

@@ -264,7 +264,7 @@ def prepare(observation: Observation) -> Prepared:
         whole = theta
     else:
         step = grid_step(observation.time, nominal)
-        theta, whole, rejected = reject_uneven(observation.time, theta, step, nominal)
+        theta, whole, rejected, noise = reject_uneven(observation.time, theta, step, nominal)
     long_gaps = tuple(gap for gap in missing_stretches(whole) if (gap[1] - gap[0]) * step > LONG_GAP)
     if step * nominal < 0.5 * np.pi:
         filled, spans = bridge(whole, step, nominal, float(np.nan_to_num(noise)))

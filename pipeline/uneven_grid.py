@@ -24,6 +24,7 @@ MOST_ANGLE = 0.35  # rad of swing between grid points
 FLOOR = 1e-3  # of the largest elongation: below it lies what the fit errs by where readings are few
 BESIDE = 10  # readings on each side among which the wild one is looked for
 ROUNDS = 20
+SAMPLE = 65_536  # readings that tell how far the rest are from the grid
 MOST_TOLD = 0.8  # rad of swing between readings, beyond which a local fit errs by more than they
 LEFT = 0.78  # of white noise, the share that the grid of the same readings does not follow: .75 to .81 as measured
 
@@ -65,7 +66,7 @@ def reject_uneven(time: Floats, series: Floats, step: float, frequency: float) -
     for _ in range(ROUNDS):
         for part in portions(time.size, series, error, where, weights):
             error[part] = np.abs(series[part] - taken(whole, where[part], weights[part]))
-        scale = 1.4826 * float(np.nanmedian(error[:: -(-time.size // scratch.PORTION)]))
+        scale = 1.4826 * float(np.nanmedian(error[:: -(-time.size // SAMPLE)]))
         wild = np.flatnonzero(error > max(THRESHOLD * scale, FLOOR * largest))
         if not wild.size:
             break

@@ -40,6 +40,8 @@ _BRIDGED = 2.5 * np.pi  # rad of swing, the longest gap that the band bridges wi
 _BESIDE = 10.0  # s of readings on both sides of a gap on trial
 _SETTLED = 1e-12
 _CALIBRATION = 0.1  # relative 1-sigma uncertainty of the noise that is taken off
+LEAST_FOLLOWED = 0.2  # of heave at the band's edge, from which what was not followed can be told
+_LOST = 0.3  # relative 1-sigma uncertainty of that
 _UNEVEN, _UNEVEN_SIGMA = 0.5, 0.3  # part of the times' unevenness that lies in the band of heave: any, alike likely
 
 
@@ -167,12 +169,31 @@ def window_leak(zeta: Floats) -> float:
 
 def noise_power(inverse_square: float, noise: float, frequency: float, low: Band, rounds: int) -> float:
     """Mean square of the phase speed that white reading noise makes in the band, each line weighed as heave acts."""
-    # heave at m makes 1/(1 - m^2/4n^2) times its slow phase speed, and its mean square acts as much more
-    tall = 1.0 / (1.0 - 0.25 * (low.angular / frequency) ** 2)
-    followed = 1.0 - (1.0 - low.gain * tall) ** rounds
+    tall, followed = _followed(frequency, low, rounds)
     # phase = Im(lack/swing): one quadrature of twice the noise over the amplitude
     power = float(np.sum((followed * low.angular) ** 2 / tall)) / low.padded
     return 2.0 * noise**2 * inverse_square * power
+
+
+def power_lost(
+    zeta: Floats, window: Floats, inverse_square: float, noise: float, frequency: float, low: Band, rounds: int
+) -> float:
+    """Mean square of zeta at the band's edge that the rounds did not follow, each line weighed as heave acts.
+
+    Told from what they did follow there, less the noise.
+    """
+    tall, followed = _followed(frequency, low, rounds)
+    edge = (followed > LEAST_FOLLOWED) & (followed < 1.0)
+    power = np.abs(np.fft.fft(np.sqrt(window) * zeta, low.padded)[edge]) ** 2
+    power -= 8.0 * (followed / tall * low.angular / frequency)[edge] ** 2 * noise**2 * inverse_square
+    return float(np.sum(tall[edge] * power * (followed[edge] ** -2 - 1.0))) / low.padded
+
+
+def _followed(frequency: float, low: Band, rounds: int) -> tuple[Floats, Floats]:
+    """By how much more a line acts than a slow one, and what share of it so many rounds follow."""
+    # heave at m makes 1/(1 - m^2/4n^2) times its slow phase speed, and its mean square acts as much more
+    tall = 1.0 / (1.0 - 0.25 * (low.angular / frequency) ** 2)
+    return tall, 1.0 - (1.0 - low.gain * tall) ** rounds
 
 
 def with_heave(
@@ -227,7 +248,8 @@ def with_heave(
     inverse_square = float(np.sum(window / amplitude**2)) * shared
     uneven = (frequency * prepared.observation.time_rate_sigma) ** 2
     taken = noise_power(inverse_square, noise, frequency, low, number) + _UNEVEN * uneven
-    corrected = float(np.sqrt(frequency**2 - taken))
+    lost = 0.25 * frequency**2 * power_lost(zeta, window, inverse_square, noise, frequency, low, number)
+    corrected = float(np.sqrt(frequency**2 - taken + lost))
     # n2^2 is the mean square of the phase speed under the window, which heave makes vary;
     # a reading moves the phase by Im(2 e^{-int}/swing)
     tilt = -np.gradient(window * (1.0 + 0.5 * zeta), step)
@@ -240,7 +262,8 @@ def with_heave(
             np.sqrt(
                 own**2
                 + theta_sigma(prepared, iteration, influence, noise) ** 2
-                + (_CALIBRATION * (frequency - corrected)) ** 2
+                + (_CALIBRATION * 0.5 * taken / frequency) ** 2
+                + (_LOST * 0.5 * lost / frequency) ** 2
                 + (_UNEVEN_SIGMA * uneven / (2.0 * frequency)) ** 2
                 + (0.5 * frequency * window_leak(zeta)) ** 2
                 + numerical_error(prepared, iteration) ** 2

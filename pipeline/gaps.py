@@ -6,6 +6,7 @@ is long (see `projection.cuts`); the difference, whose frequency is wanted, is n
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable
 
 import numpy as np
@@ -28,6 +29,7 @@ by ten times that, and its misfit does not show it."""
 LONG_GAP = 6.0  # s; how far a bridge across it errs, only trials on the record itself tell
 LONGEST_GAP = 300.0  # s; beyond it a method that must bridge has no sigma to offer
 COARSE = 1.25  # gaps that differ by no more share their trials
+FITS = 4096  # that are kept, some 20 kB each
 GOOD = 2.0  # times the noise: a first fit that errs no more is taken without trying the others
 
 
@@ -69,24 +71,17 @@ def bridge(series: Floats, step: float, frequency: float, noise: float = 0.0) ->
             parameters = degree + 5
             if known.size < parameters + 6:
                 continue
-            middle, scale = 0.5 * (start + stop - 1) * step, 0.5 * around.size * step
-            left, size, right = np.linalg.svd(
-                _basis(known * step - middle, scale, frequency, degree), full_matrices=False
-            )
-            used = size > 1e-12 * size[0]
-            solve = right[used].T / size[used]
-            inside = _basis(np.arange(start, stop) * step - middle, scale, frequency, degree) @ solve
-            fit = left[:, used].T @ series[known]
-            misfit = series[known] - left[:, used] @ fit
-            free = known.size - int(used.sum())
+            left, across, leverage = _fit((known - start).tobytes(), stop - start, around.size, step, frequency, degree)
+            fit = left.T @ series[known]
+            misfit = series[known] - left @ fit
+            free = known.size - left.shape[1]
             variance = float(misfit @ misfit) / free
-            leverage = float(np.mean(np.sum(inside**2, axis=1)))
             chance = 1.0 + 2.0 * float(np.sqrt(2.0 / free))  # a variance from so few readings may be so much larger
             excess = max(variance - noise**2 * chance, 0.0)
             error = float(np.sqrt(variance * leverage + excess * (beyond * _growth(leverage)) ** 2))
             if error < best:
                 best = error
-                filled[start:stop] = inside @ fit
+                filled[start:stop] = across @ fit
             if error <= GOOD * noise:
                 break
         if np.isfinite(best):
@@ -133,6 +128,33 @@ def rounded_up(length: int) -> int:
 def candidates(gap: float) -> tuple[tuple[int, float, float], ...]:
     """Degree, seconds and excess of the fits that can be trusted across a gap of so many seconds."""
     return tuple((degree, side, beyond) for degree, side, longest, beyond in CANDIDATES if gap <= longest)
+
+
+@functools.lru_cache(maxsize=FITS)
+def _fit(
+    places: bytes, length: int, span: int, step: float, frequency: float, degree: int
+) -> tuple[Floats, Floats, float]:
+    """Fit across a gap of `length` samples, from a span of so many: all but the readings themselves.
+
+    A record's traces lack the same samples, and its examination bridges them again and again.
+
+    Parameters
+    ----------
+    places : bytes
+        Of the readings, int64, counted from the first missing sample.
+
+    Returns
+    -------
+    (readings, k) array, (length, k) array, float
+        Orthonormal functions at the readings and in the gap; mean variance in the gap per variance of white noise.
+    """
+    middle, scale = 0.5 * (length - 1) * step, 0.5 * span * step
+    known = np.frombuffer(places, dtype=np.int64)
+    left, size, right = np.linalg.svd(_basis(known * step - middle, scale, frequency, degree), full_matrices=False)
+    used = size > 1e-12 * size[0]
+    solve = right[used].T / size[used]
+    across = _basis(np.arange(length) * step - middle, scale, frequency, degree) @ solve
+    return left[:, used], across, float(np.mean(np.sum(across**2, axis=1)))
 
 
 def _growth(leverage: float) -> float:

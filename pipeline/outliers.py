@@ -79,23 +79,8 @@ def reject_outliers(series: Floats, step: float, frequency: float) -> tuple[Floa
         return series, 0, noise
     cleaned = by_portions(np.copy, series)
     cleaned[rejected] = np.nan
-    again = _agreeing(series, cleaned, rejected, step, frequency, noise)
-    cleaned[again] = series[again]
     release(series, cleaned)
-    return cleaned, rejected.size - again.size, noise
-
-
-def _agreeing(
-    series: Floats, cleaned: Floats, rejected: NDArray[np.intp], step: float, frequency: float, noise: float
-) -> NDArray[np.intp]:
-    """Which of the rejected a bridge across them all leads to: a wild reading had spoiled what was around it."""
-    laid, spans = bridge(cleaned, step, frequency, noise)
-    if not spans:
-        return rejected[:0]
-    gaps = np.array([gap for gap in missing_stretches(cleaned) if not np.isnan(laid[gap[0]])])
-    number = np.searchsorted(gaps[:, 0], rejected, side="right") - 1
-    known = np.where(rejected < gaps[number, 1], np.array([error for _, error in spans])[number], 0.0)
-    return rejected[np.abs(series[rejected] - laid[rejected]) <= THRESHOLD * np.hypot(noise, known)]
+    return cleaned, rejected.size, noise
 
 
 def _windows(series: Floats, reach: int) -> Iterator[tuple[int, Floats]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from exact_pair import N2, Pair, swell
-from heavy_pair import observe
 
 from pipeline.gaps import bridge
 from pipeline.outliers import reject_outliers
@@ -54,23 +53,6 @@ def test_readings_beside_a_gap_are_not_wild(length: int) -> None:
         series[start : start + length] = np.nan
     _, count, _ = reject_outliers(series, STEP, N2)
     assert count <= 1
-
-
-def test_readings_beside_lost_ones_are_not_wild_in_heavy_motion() -> None:
-    """Ten a second, a thirtieth of them lost: bridges err by more than the noise, and once took 2 to 60 readings along.
-
-    Single wild ones among them are still found.
-    """
-    theta = observe(1200.0, 0.1, heave=True).theta
-    random = np.random.default_rng(3)
-    series = theta + random.normal(0.0, 3e-7, theta.size)
-    series[random.random(series.size) < 0.03] = np.nan
-    assert reject_outliers(series, 0.1, N2)[1] == 0
-    series[1000:11_000:100] += 1e-3
-    wild = np.arange(1000, 11_000, 100)[np.isfinite(series[1000:11_000:100])]
-    found = np.flatnonzero(np.isnan(reject_outliers(series, 0.1, N2)[0]) & np.isfinite(series))
-    assert np.isin(wild, found).mean() > 0.97
-    assert (~np.isin(found, wild)).sum() <= 2
 
 
 def test_missing_readings_stay_missing_and_are_not_counted() -> None:

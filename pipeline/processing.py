@@ -74,7 +74,7 @@ def process(
     result = build_result(record, found.prepared, reductions, started)
     result.attrs.update(found.attributes)
     if pair is None and record["record"].sizes["pendulum"] > 2:
-        from pipeline.joint import join
+        from pipeline.pairs import join
 
         def reduce(each: str) -> DataTree:
             done = f"{found.prepared.observation.first}-{found.prepared.observation.second}" == each

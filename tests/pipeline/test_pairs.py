@@ -12,7 +12,7 @@ import synth
 from data_schemas import check
 from data_schemas.scene import Scene
 from pipeline import process, summaries
-from pipeline.joint import join, joined, neighbours
+from pipeline.pairs import join, joined, neighbours
 
 GRAVITY = 9.8123
 SINGLE = [{"name": label, "combination": {label: 1}} for label in "123"]

@@ -1,0 +1,138 @@
+"""The unknown constants beside the path: what each is, its prior, and the small solve that they share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint import kernels
+from pipeline.joint.kernels import Columns
+
+
+@dataclass(frozen=True)
+class Constant:
+    """One unknown constant.
+
+    Attributes
+    ----------
+    name : str
+        For reports, as "zero of trace 1".
+    kind : int
+        Of `pipeline.joint.kernels`.
+    prior : float
+        1 sigma about `mean`, in the constant's own unit.
+    index : int
+        Pendulum, trace or state it belongs to; -1: all pendulums.
+    mean : float
+        Of the prior.
+    value : float
+        The latest.
+    centre, width : float
+        s; see `kernels.Columns`.
+    """
+
+    name: str
+    kind: int
+    prior: float
+    index: int = -1
+    mean: float = 0.0
+    value: float = 0.0
+    centre: float = 0.0
+    width: float = 0.0
+
+
+def columns(constants: tuple[Constant, ...]) -> Columns:
+    """What the kernels take."""
+    return Columns(
+        np.array([each.kind for each in constants], dtype=np.int64),
+        np.array([each.index for each in constants], dtype=np.int64),
+        np.array([each.centre for each in constants], dtype=np.float64),
+        np.array([each.width for each in constants], dtype=np.float64),
+    )
+
+
+def total(constants: tuple[Constant, ...], kind: int, size: int) -> Floats:
+    """Sum of the values of one kind by what they belong to, (size,); -1 counts for all."""
+    out = np.zeros(size)
+    for each in constants:
+        if each.kind == kind and each.width == 0.0:
+            out[slice(None) if each.index < 0 else each.index] += each.value
+    return out
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Posterior of the constants.
+
+    Attributes
+    ----------
+    constants : tuple of Constant
+        With the new values.
+    step : (c,) array
+        Change from the values before.
+    covariance : (c, c) array
+    log_likelihood : float
+        Marginal, of the readings.
+    squares : float
+        Sum of squares of the whitened prediction errors at the solution.
+    count : int
+        Of the readings.
+    """
+
+    constants: tuple[Constant, ...]
+    step: Floats
+    covariance: Floats
+    log_likelihood: float
+    squares: float
+    count: int
+
+    def of(self, name: str) -> Constant:
+        """The constant of a name."""
+        return next(each for each in self.constants if each.name == name)
+
+    def sigma(self, name: str) -> float:
+        """1 sigma of a constant."""
+        at = [each.name for each in self.constants].index(name)
+        return float(np.sqrt(self.covariance[at, at]))
+
+
+def solve(constants: tuple[Constant, ...], normal: Floats, log_deviations: float, count: float) -> Solution:
+    """Least squares of the prediction errors and the priors.
+
+    Parameters
+    ----------
+    normal : (c + 1, c + 1) array
+        Products of derivatives and errors, the errors last.
+    log_deviations : float
+        Sum over the readings.
+    """
+    prior = np.array([each.prior for each in constants])
+    value = np.array([each.value for each in constants])
+    mean = np.array([each.mean for each in constants])
+    matrix, right, squares = normal[:-1, :-1] * np.outer(prior, prior), normal[:-1, -1] * prior, float(normal[-1, -1])
+    off = (value - mean) / prior
+    scaled = matrix + np.eye(prior.size)
+    root = np.linalg.cholesky(scaled)
+    wanted = -(right + off)
+    step = np.linalg.solve(root.T, np.linalg.solve(root, wanted))
+    squares_now = squares + float(off @ off) - float(wanted @ step)
+    inverse = np.linalg.inv(root)
+    covariance = (inverse.T @ inverse) * np.outer(prior, prior)
+    likelihood = -log_deviations - 0.5 * squares_now - float(np.log(np.diag(root)).sum())
+    likelihood -= 0.5 * count * float(np.log(2.0 * np.pi))
+    moved = tuple(replace(each, value=float(v)) for each, v in zip(constants, value + step * prior, strict=True))
+    return Solution(moved, step * prior, covariance, likelihood, squares_now, int(count))
+
+
+def starts(pendulums: int, frequency: Floats, value: Floats | None = None) -> tuple[Constant, ...]:
+    """Angle and speed of each pendulum at the first node."""
+    out = []
+    for i in range(pendulums):
+        for q, scale in ((0, 1.0), (1, float(frequency[i]))):
+            at = 2 * i + q
+            out.append(
+                Constant(f"start {at}", kernels.START, 0.5 * scale, at, value=0.0 if value is None else value[at])
+            )
+    return tuple(out)

@@ -1,0 +1,162 @@
+"""One step of the lattice: exact flow of the linear part with its process noise, nodes of the remainder.
+
+State: angle and speed of each pendulum, then the ship's states. With kappa_i = n_i^2 at reference gravity and G gravity
+over reference gravity,
+
+    theta_i'' = -2 gamma_i theta_i' - kappa_i [(G + Z) sin theta_i + U cos theta_i] + kicks
+
+where U and Z are the ship's horizontal and vertical acceleration over *reference* gravity, so that gravity stands in one
+place alone. Linear pendulums: sin theta -> theta, cos theta -> 1, without Z.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint.ship import Ship
+
+NODES = np.array([0.5 - np.sqrt(15.0) / 10.0, 0.5, 0.5 + np.sqrt(15.0) / 10.0])
+"""Gauss nodes of a step."""
+HALVINGS = 6  # Van Loan's exponential is taken of a short step, then doubled: stable where the drift is stiff
+
+
+class Flow(NamedTuple):
+    """Matrices of one step; p pendulums, d states, 3 nodes.
+
+    Attributes
+    ----------
+    step : float
+        s.
+    sine : bool
+        Restoring law; False: linear.
+    gravity : float
+        G of the linear part.
+    kappa, damping, quadratic, dry : (p,) arrays
+        n^2 at reference gravity, s-2; viscous rate, s-1; factor of |theta'| theta', 1; of sign theta', s-2.
+    rows : (6 p + 6 + d, d) array
+        What the linear flow makes of a state: each pendulum's angle at the three nodes, each one's speed, U, Z, and the
+        state at the end.
+    noise : (d, d) array
+        Covariance of the process noise.
+    response : (p, 4, 3, 2) array
+        Angle and speed at each node and at the end to the Lagrange polynomials of an acceleration at the nodes.
+    rates : (3, d) array
+        Rows of U, U' and U'' at the step's start.
+    heave : (2, d) array
+        Rows of Z and Z' at the step's start.
+    varying : bool
+        Whether the flow's derivative turns with the swing; the covariance then follows it. (What the ship's motion does
+        to two pendulums differs by their arcs as much as by their periods: a gain without the arcs errs by 2 mGal.)
+    """
+
+    step: float
+    sine: bool
+    gravity: float
+    kappa: Floats
+    damping: Floats
+    quadratic: Floats
+    dry: Floats
+    rows: Floats
+    noise: Floats
+    response: Floats
+    rates: Floats
+    heave: Floats
+    varying: bool
+
+
+def flow(
+    step: float,
+    kappa: Floats,
+    damping: Floats,
+    kick: Floats,
+    ship: Ship,
+    *,
+    gravity: float,
+    sine: bool,
+    quadratic: Floats | None = None,
+    dry: Floats | None = None,
+) -> Flow:
+    """Matrices of a step.
+
+    Parameters
+    ----------
+    step : float
+        s; less than half a radian of the swing.
+    kappa, damping, kick : (p,) arrays
+        n^2 at reference gravity, s-2; damping rates, s-1; intensities of the random kicks, rad s-1/2.
+    ship : Ship
+    gravity : float
+        Gravity over reference gravity.
+    sine : bool
+        Restoring law.
+    quadratic, dry : (p,) arrays, optional
+        Friction proportional to the square of the speed, 1; knife-edge friction, s-2.
+    """
+    from scipy.linalg import expm
+
+    count = kappa.size
+    two, size = 2 * count, 2 * count + ship.drift.shape[0]
+    drift, drive = np.zeros((size, size)), np.zeros((size, size))
+    drift[two:, two:], drive[two:, two:] = ship.drift, ship.drive
+    u_row, z_row = np.zeros(size), np.zeros(size)
+    u_row[two:], z_row[two:] = ship.horizontal, ship.vertical
+    for i in range(count):
+        drift[2 * i, 2 * i + 1] = 1.0
+        drift[2 * i + 1, 2 * i], drift[2 * i + 1, 2 * i + 1] = -kappa[i] * gravity, -2.0 * damping[i]
+        drift[2 * i + 1] -= kappa[i] * u_row
+        drive[2 * i + 1, 2 * i + 1] = kappa[i] * kick[i] ** 2
+    van_loan = np.zeros((2 * size, 2 * size))
+    van_loan[:size, :size], van_loan[:size, size:], van_loan[size:, size:] = -drift, drive, drift.T
+    short = expm(van_loan * (step / 2**HALVINGS))
+    transition = short[size:, size:].T
+    noise = transition @ short[:size, size:]
+    for _ in range(HALVINGS):
+        noise, transition = transition @ noise @ transition.T + noise, transition @ transition
+    to_node = np.array([expm(drift * (node * step)) for node in NODES])
+    return Flow(
+        step=step,
+        sine=sine,
+        gravity=gravity,
+        kappa=np.asarray(kappa, dtype=np.float64),
+        damping=np.asarray(damping, dtype=np.float64),
+        quadratic=np.zeros(count) if quadratic is None else np.asarray(quadratic, dtype=np.float64),
+        dry=np.zeros(count) if dry is None else np.asarray(dry, dtype=np.float64),
+        rows=np.ascontiguousarray(
+            np.concatenate(
+                [
+                    to_node[:, 0:two:2].transpose(1, 0, 2).reshape(-1, size),
+                    to_node[:, 1:two:2].transpose(1, 0, 2).reshape(-1, size),
+                    u_row @ to_node,
+                    z_row @ to_node,
+                    transition,
+                ]
+            )
+        ),
+        noise=0.5 * (noise + noise.T),
+        response=_response(step, kappa * gravity, np.asarray(damping)),
+        rates=np.stack([u_row, u_row @ drift, u_row @ drift @ drift]),
+        heave=np.stack([z_row, z_row @ drift]),
+        varying=bool(sine),
+    )
+
+
+def _response(step: float, stiffness: Floats, damping: Floats) -> Floats:
+    """Integrals of each pendulum's response to the Lagrange polynomials through the nodes, (p, 4, 3, 2)."""
+    points, weights = np.polynomial.legendre.leggauss(12)
+    polynomials = [np.poly1d(np.delete(NODES, m), r=True) for m in range(3)]
+    out = np.zeros((stiffness.size, 4, 3, 2))
+    for i, (square, rate) in enumerate(zip(stiffness, damping, strict=True)):
+        own = np.sqrt(square - rate**2)
+        for j, end in enumerate([*NODES, 1.0]):
+            at = 0.5 * (points + 1.0) * end
+            since = (end - at) * step
+            fading = 0.5 * weights * end * step * np.exp(-rate * since)
+            moved = fading * np.sin(own * since) / own
+            speed = fading * np.cos(own * since) - rate * moved
+            for m, polynomial in enumerate(polynomials):
+                value = polynomial(at) / polynomial(NODES[m])
+                out[i, j, m] = moved @ value, speed @ value
+    return out

@@ -1,0 +1,100 @@
+"""Readings of a record laid on a lattice of even steps, each with its own offset: any times, any traces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint.kernels import Readings
+
+MOST_ANGLE = 0.5  # of the swing a step, rad
+OFFSET_ANGLE = 0.3  # the same where readings lie off the nodes
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Steps and readings.
+
+    Attributes
+    ----------
+    start, step : float
+        Time of the first node by the record's clock, and spacing, s.
+    nodes : int
+    node, trace : (r,) arrays of int
+    offset, value : (r,) arrays
+        s after the node; rad, or acceleration over reference gravity.
+    combination : (t, p) array
+    """
+
+    start: float
+    step: float
+    nodes: int
+    node: np.ndarray
+    trace: np.ndarray
+    offset: Floats
+    value: Floats
+    combination: Floats
+
+    @property
+    def time(self) -> Floats:
+        """Of each reading since the first node, s."""
+        return np.asarray(self.node * self.step + self.offset)
+
+    def readings(self, variance: Floats, value: Floats | None = None, delay: Floats | None = None) -> Readings:
+        """What the kernels take.
+
+        Parameters
+        ----------
+        variance : (r,) array
+            Infinite = left out.
+        value : (r,) array, optional
+            In place of the readings' own.
+        delay : (t,) array, optional
+            Lateness of each trace, s.
+        """
+        first = np.searchsorted(self.node, np.arange(self.nodes + 1)).astype(np.int64)
+        offset = self.offset
+        if delay is not None and np.any(delay):
+            late = np.append(delay, np.zeros(2))
+            offset = offset - late[self.trace]
+        return Readings(first, self.trace, offset, self.value if value is None else value, variance, self.combination)
+
+
+def lay(time: Floats, series: Floats, combination: Floats, frequency: float) -> Lattice:
+    """Lay series on a lattice.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing, s.
+    series : (t or t + 2, n) array
+        Traces, then horizontal and vertical acceleration over reference gravity; NaN = missing.
+    combination : (t, p) array
+    frequency : float
+        Of the swing, rad s-1.
+    """
+    spacing = np.diff(time)
+    even = float(time[-1] - time[0]) / max(time.size - 1, 1)
+    if spacing.size and np.abs(spacing - np.rint(spacing / spacing.min()) * spacing.min()).max() < 1e-6 * spacing.min():
+        even = float(time[-1] - time[0]) / np.rint((time[-1] - time[0]) / spacing.min())
+    angle = even * frequency
+    step = even / np.ceil(angle / MOST_ANGLE) if angle > 0.5 * OFFSET_ANGLE else even * np.floor(OFFSET_ANGLE / angle)
+    since = time - time[0]
+    node = np.rint(since / step).astype(np.int64)
+    offset = since - node * step
+    offset[np.abs(offset) < 1e-9 * step + 1e-12 * since[-1]] = 0.0
+    trace, at = np.nonzero(np.isfinite(series))
+    order = np.lexsort((trace, at))
+    trace, at = trace[order], at[order]
+    return Lattice(
+        start=float(time[0]),
+        step=step,
+        nodes=int(node[-1]) + 1,
+        node=node[at],
+        trace=trace.astype(np.int64),
+        offset=offset[at],
+        value=series[trace, at],
+        combination=np.ascontiguousarray(combination, dtype=np.float64),
+    )

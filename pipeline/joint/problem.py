@@ -1,0 +1,225 @@
+"""A record as one problem: readings on the lattice, what is known, what is assumed; one pass over a stretch of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint import constants as unknown
+from pipeline.joint import kernels
+from pipeline.joint.constants import Constant, Solution
+from pipeline.joint.flow import NODES, Flow, flow
+from pipeline.joint.lattice import Lattice
+from pipeline.joint.ship import Component, Ship
+
+NONE2, NONE3 = np.zeros((0, 0)), np.zeros((0, 0, 0))
+NOTHING_KEPT = kernels.Kept(NONE2, NONE3, NONE3, NONE2, NONE2)
+STRETCH = 2048  # nodes whose covariances are kept at once by the smoother
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """What is random, and how much of it.
+
+    Attributes
+    ----------
+    ship : tuple of Component
+    kick : (p,) array
+        rad s-1/2.
+    noise : (t + 2,) array
+        1 sigma of the readings of each trace, rad, and of recorded accelerations over reference gravity.
+    sine : bool
+        Restoring law.
+    """
+
+    ship: tuple[Component, ...]
+    kick: Floats
+    noise: Floats
+    sine: bool
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A record laid out.
+
+    Attributes
+    ----------
+    lattice : Lattice
+    kappa, damping : (p,) arrays
+        n^2 at reference gravity, s-2; stated damping rates, s-1.
+    recorded : (k, 3) array
+        Recorded heave over reference gravity at the nodes of each step; empty: not recorded, or a reading.
+    slope : (k, 3) array
+        Its derivative with time.
+    left_out : (r,) array of bool
+        Readings that are not used.
+    """
+
+    lattice: Lattice
+    kappa: Floats
+    damping: Floats
+    recorded: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    slope: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    left_out: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    @property
+    def pendulums(self) -> int:
+        """Number of pendulums."""
+        return self.kappa.size
+
+    @property
+    def traces(self) -> int:
+        """Number of traces."""
+        return self.lattice.combination.shape[0]
+
+    def flow(self, assumed: Assumed, constants: tuple[Constant, ...], ship: Ship | None = None) -> Flow:
+        """One step under the constants' values."""
+        count = self.pendulums
+        return flow(
+            self.lattice.step,
+            self.kappa,
+            self.damping + unknown.total(constants, kernels.DAMPING, count),
+            assumed.kick,
+            Ship.of(assumed.ship) if ship is None else ship,
+            gravity=float(unknown.total(constants, kernels.GRAVITY, 1)[0]),
+            sine=assumed.sine,
+            quadratic=unknown.total(constants, kernels.QUADRATIC, count),
+            dry=unknown.total(constants, kernels.DRY, count),
+        )
+
+    def readings(self, assumed: Assumed, constants: tuple[Constant, ...]) -> kernels.Readings:
+        """The readings less what the constants say of the traces."""
+        own, lattice = self.lattice, self.lattice
+        zero = unknown.total(constants, kernels.ZERO, self.traces + 2)
+        gain = unknown.total(constants, kernels.GAIN, self.traces + 2)
+        value = lattice.value - zero[own.trace]
+        for each in constants:
+            if each.kind == kernels.STEP:
+                value -= np.where((own.trace == each.index) & (own.time >= each.centre), each.value, 0.0)
+            elif each.kind == kernels.DRIFT:
+                value -= np.where(own.trace == each.index, each.value * (own.time - each.centre) / each.width, 0.0)
+        value /= 1.0 + gain[own.trace]
+        variance = (assumed.noise**2)[own.trace]
+        if self.left_out.size:
+            variance[self.left_out] = np.inf
+        return lattice.readings(variance, value, unknown.total(constants, kernels.DELAY, self.traces))
+
+    def known(self, constants: tuple[Constant, ...], sine: bool) -> Floats:
+        """Z that acts beside the states: recorded heave under its constants, and gravity's change along the track."""
+        hats = [each for each in constants if each.kind == kernels.GRAVITY and each.width > 0.0]
+        scale = 1.0 + float(unknown.total(constants, kernels.HEAVE_SCALE, 1)[0])
+        late = float(unknown.total(constants, kernels.HEAVE_DELAY, 1)[0])
+        recorded = self.recorded if sine else np.zeros((0, 3))
+        if not hats and (not recorded.size or (scale == 1.0 and late == 0.0)):
+            return recorded
+        at = self.lattice.step * (np.arange(self.lattice.nodes)[:, None] + NODES)
+        out = np.zeros_like(at)
+        if recorded.size:
+            out += scale * recorded + late * self.slope
+        for each in hats:
+            out += each.value * np.maximum(0.0, 1.0 - np.abs(at - each.centre) / each.width)
+        return out
+
+    def run(
+        self,
+        assumed: Assumed,
+        constants: tuple[Constant, ...],
+        *,
+        span: tuple[int, int] | None = None,
+        about: Floats = NONE2,
+        gate: float = 0.0,
+    ) -> tuple[Solution, kernels.Pass]:
+        """One pass with derivatives by all constants, and their solution.
+
+        Parameters
+        ----------
+        span : (int, int), optional
+            First node and the one behind the last; the whole record by default. START belongs to the first node.
+        about : (k, d) array
+            Path about which the flow is linearised.
+        gate : float
+            Readings farther off are left out, in deviations; 0: none.
+        """
+        begin, end = (0, self.lattice.nodes) if span is None else span
+        ship = Ship.of(assumed.ship)
+        of = self._start(constants, ship)
+        kernels.sweep(
+            self.flow(assumed, constants, ship),
+            self.readings(assumed, constants),
+            unknown.columns(constants),
+            self.known(constants, assumed.sine),
+            self.recorded,
+            self.slope,
+            about,
+            begin,
+            end,
+            gate,
+            of,
+            NOTHING_KEPT,
+        )
+        return unknown.solve(constants, of.normal, float(of.totals[0]), float(of.totals[1])), of
+
+    def _start(self, constants: tuple[Constant, ...], ship: Ship, derivatives: bool = True) -> kernels.Pass:
+        two = 2 * self.pendulums
+        size, width = two + ship.drift.shape[0], (len(constants) if derivatives else 0) + 1
+        state, covariance = np.zeros((size, width)), np.zeros((size, size))
+        for c, each in enumerate(constants):
+            if each.kind == kernels.START:
+                state[each.index, -1] = each.value
+                if derivatives:
+                    state[each.index, c] = 1.0
+        covariance[two:, two:] = ship.stationary
+        count = self.lattice.node.size
+        return kernels.Pass(
+            state, covariance, np.zeros((width, width)), np.zeros(3), np.full(count, np.nan), np.full(count, np.nan)
+        )
+
+    def smooth(
+        self, assumed: Assumed, constants: tuple[Constant, ...], *, about: Floats = NONE2, gate: float = 0.0
+    ) -> tuple[Floats, kernels.Pass]:
+        """Smoothed path of the whole record at the constants' values, (k, d), and the pass it came from."""
+        ship = Ship.of(assumed.ship)
+        of = self._start(constants, ship, derivatives=False)
+        step, readings = self.flow(assumed, constants, ship), self.readings(assumed, constants)
+        known, columns = self.known(constants, assumed.sine), unknown.columns(())
+        size, nodes = of.state.shape[0], self.lattice.nodes
+        path = np.zeros((nodes, size))
+        begins = list(range(0, nodes, STRETCH))
+        kept = []
+
+        def go(begin: int, start: kernels.Pass, keep: kernels.Kept) -> None:
+            kernels.sweep(
+                step, readings, columns, known, self.recorded, self.slope, about,
+                begin, min(begin + STRETCH, nodes), gate, start, keep,
+            )  # fmt: skip
+
+        for begin in begins:
+            kept.append((of.state.copy(), of.covariance.copy()))
+            if begin != begins[-1]:
+                go(begin, of, NOTHING_KEPT)
+        adjoint = np.zeros(size)
+        last = of
+        for begin, (state, covariance) in zip(reversed(begins), reversed(kept), strict=True):
+            end = min(begin + STRETCH, nodes)
+            count, rows = end - begin, int(readings.first[end] - readings.first[begin])
+            keep = kernels.Kept(
+                np.zeros((count, size)), np.zeros((count, size, size)), np.zeros((count, 2 * self.pendulums, size)),
+                np.zeros((rows, size)), np.zeros((rows, size)),
+            )  # fmt: skip
+            again = replace_pass(last, state, covariance, final=begin == begins[-1])
+            go(begin, again, keep)
+            kernels.smooth(step, readings, begin, end, of.whitened, keep, adjoint, path)
+        return path, of
+
+
+def replace_pass(of: kernels.Pass, state: Floats, covariance: Floats, *, final: bool) -> kernels.Pass:
+    """The same pass begun again from a kept state; sums are kept of the first time alone."""
+    sums = (of.normal, of.totals) if final else (np.zeros_like(of.normal), np.zeros_like(of.totals))
+    return of._replace(state=state.copy(), covariance=covariance.copy(), normal=sums[0], totals=sums[1])
+
+
+def with_noise(assumed: Assumed, noise: Floats) -> Assumed:
+    """The same with other reading noise."""
+    return replace(assumed, noise=noise)

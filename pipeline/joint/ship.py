@@ -1,0 +1,185 @@
+"""What is assumed of the ship: second derivatives of stationary displacements, and smooth vibration beside them.
+
+The ship stays where it is. A sea component of its displacement is a chain of three damped oscillators of one frequency
+w and damping l, driven by white noise:
+
+    p'' + 2 l p' + w^2 p = white,   r'' + 2 l r' + w^2 r = w^2 p,   v'' + 2 l v' + w^2 v = r,   output v''
+
+The output vanishes at zero frequency as the fourth power, without which gravity could not be observed beside an
+unknown vertical acceleration, and falls as the eighth power above w, without which the acceleration at twice the
+frequency of the swing, which acts as a change of gravity, would be left open. Vibration is a Matern process of
+smoothness 5/2: a rougher one costs up to .05 mGal on noise-free records.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pipeline.arrays import Floats
+
+Axis = Literal["horizontal", "vertical"]
+
+
+def _oscillator(own: float, damping: float, frequency: Floats) -> Floats:
+    return np.asarray(1.0 / ((own**2 - frequency**2) ** 2 + (2.0 * damping * frequency) ** 2))
+
+
+@dataclass(frozen=True)
+class Sea:
+    """A narrow-band component of the ship's acceleration in units of reference gravity.
+
+    Attributes
+    ----------
+    frequency, damping : float
+        Of each oscillator, rad s-1 and s-1.
+    rms : float
+        Of the acceleration over reference gravity.
+    axis : "horizontal" or "vertical"
+    """
+
+    frequency: float
+    damping: float
+    rms: float
+    axis: Axis = "horizontal"
+
+    def system(self) -> tuple[Floats, Floats, int]:
+        """Drift matrix (6, 6), output row (6,), and the state that is driven; unit output variance after scaling."""
+        w, l = self.frequency, self.damping  # noqa: E741  # symbols of the equation above
+        drift = np.zeros((6, 6))
+        for k in (0, 2, 4):
+            drift[k, k + 1], drift[k + 1, k], drift[k + 1, k + 1] = 1.0, -w * w, -2.0 * l
+        drift[3, 0], drift[5, 2] = w * w, 1.0
+        return drift, np.array([0.0, 0.0, 1.0, 0.0, -w * w, -2.0 * l]), 1
+
+    def shape(self, frequency: Floats) -> Floats:
+        """Spectral density for a drive of unit intensity."""
+        return self.frequency**4 * frequency**4 * _oscillator(self.frequency, self.damping, frequency) ** 3
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """A smooth broad-band component: Matern process of smoothness 5/2.
+
+    Attributes
+    ----------
+    rate : float
+        Inverse of the correlation time, s-1.
+    rms : float
+        Of the acceleration over reference gravity.
+    axis : "horizontal" or "vertical"
+    """
+
+    rate: float
+    rms: float
+    axis: Axis = "horizontal"
+
+    def system(self) -> tuple[Floats, Floats, int]:
+        """Drift matrix (3, 3), output row (3,), and the state that is driven."""
+        a = self.rate
+        drift = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-(a**3), -3.0 * a**2, -3.0 * a]])
+        return drift, np.array([1.0, 0.0, 0.0]), 2
+
+    def shape(self, frequency: Floats) -> Floats:
+        """Spectral density for a drive of unit intensity."""
+        return 1.0 / (self.rate**2 + frequency**2) ** 3
+
+
+@dataclass(frozen=True)
+class Engine:
+    """A narrow line: the speed of the second of two damped oscillators in a row.
+
+    Attributes
+    ----------
+    frequency, damping : float
+        rad s-1, s-1.
+    rms : float
+        Of the acceleration over reference gravity.
+    axis : "horizontal" or "vertical"
+    """
+
+    frequency: float
+    damping: float
+    rms: float
+    axis: Axis = "horizontal"
+
+    def system(self) -> tuple[Floats, Floats, int]:
+        """Drift matrix (4, 4) of two oscillators in a row, output row (4,), and the state that is driven."""
+        w, l = self.frequency, self.damping  # noqa: E741
+        drift = np.zeros((4, 4))
+        for k in (0, 2):
+            drift[k, k + 1], drift[k + 1, k], drift[k + 1, k + 1] = 1.0, -w * w, -2.0 * l
+        drift[3, 0] = w * w
+        return drift, np.array([0.0, 0.0, 0.0, 1.0]), 1
+
+    def shape(self, frequency: Floats) -> Floats:
+        """Spectral density for a drive of unit intensity."""
+        return self.frequency**4 * frequency**2 * _oscillator(self.frequency, self.damping, frequency) ** 2
+
+
+Component = Sea | Vibration | Engine
+
+
+@dataclass(frozen=True)
+class Ship:
+    """All components as one linear system driven by white noise.
+
+    Attributes
+    ----------
+    drift : (s, s) array
+        Block diagonal.
+    drive : (s, s) array
+        Intensity of the white noise, diagonal.
+    horizontal, vertical : (s,) arrays
+        Rows that give the two accelerations over reference gravity.
+    stationary : (s, s) array
+        Covariance in the steady state.
+    """
+
+    drift: Floats
+    drive: Floats
+    horizontal: Floats
+    vertical: Floats
+    stationary: Floats
+
+    @staticmethod
+    def of(components: tuple[Component, ...]) -> Ship:
+        """Lay the components side by side."""
+        from scipy.linalg import solve_continuous_lyapunov
+
+        systems = [component.system() for component in components]
+        size = sum(row.size for _, row, _ in systems)
+        drift, drive, stationary = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
+        rows = {"horizontal": np.zeros(size), "vertical": np.zeros(size)}
+        at = 0
+        for component, (own, row, driven) in zip(components, systems, strict=True):
+            here = slice(at, at + row.size)
+            white = np.zeros_like(own)
+            white[driven, driven] = 1.0
+            steady = solve_continuous_lyapunov(own, -white)
+            scale = component.rms**2 / float(row @ steady @ row)
+            drift[here, here], rows[component.axis][here] = own, row
+            drive[here, here], stationary[here, here] = scale * white, scale * 0.5 * (steady + steady.T)
+            at += row.size
+        return Ship(drift, drive, rows["horizontal"], rows["vertical"], stationary)
+
+
+def density(components: tuple[Component, ...], frequency: Floats, axis: Axis) -> Floats:
+    """Two-sided power spectral density of the acceleration over reference gravity at frequencies in rad s-1, (f,)."""
+    total = np.zeros(frequency.size)
+    for component in components:
+        if component.axis == axis:
+            total += component.rms**2 / unit_variance(component) * component.shape(frequency)
+    return total
+
+
+def unit_variance(component: Component) -> float:
+    """Variance of a component's output under white noise of unit intensity."""
+    from scipy.linalg import solve_continuous_lyapunov
+
+    own, row, driven = component.system()
+    white = np.zeros_like(own)
+    white[driven, driven] = 1.0
+    return float(row @ solve_continuous_lyapunov(own, -white) @ row)

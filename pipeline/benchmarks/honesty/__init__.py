@@ -1,1 +1,1 @@
-"""Suite `honesty`: whether the stated uncertainty covers the error, on every kind of disturbance that a record may carry."""
+"""Suite `honesty`: whether the stated uncertainty covers the error, on every kind of disturbance of a record."""

@@ -64,7 +64,10 @@ KINDS: dict[str, Kind] = {
     "heave not recorded": _sea(_HEAVE, {"swell": ((0.005, 0.006), (0.015, 0.02), (0.03, 0.1))}),
     "wind sea and swell": _sea(
         _HEAVE,
-        {"swell": ((0.004, 0.004), (0.01, 0.015), (0.03, 0.06)), "wind_sea": ((0.003, 0.004), (0.01, 0.015), (0.03, 0.06))},
+        {
+            "swell": ((0.004, 0.004), (0.01, 0.015), (0.03, 0.06)),
+            "wind_sea": ((0.003, 0.004), (0.01, 0.015), (0.03, 0.06)),
+        },
     ),
     "wind sea and swell, heave recorded": _sea(
         _HEAVE,
@@ -89,7 +92,9 @@ KINDS: dict[str, Kind] = {
     "gravity wave of 20 min": _sea("amplitude, mGal", {"gravity_wave": (2.0, 15.0, 50.0)}),
     # sea: pendulums
     "beats through zero": _sea(
-        "least amplitude of the difference", {"amplitudes": ((0.012, 0.011), (0.012, 0.0117), (0.012, 0.012))}, split=1e-3
+        "least amplitude of the difference",
+        {"amplitudes": ((0.012, 0.011), (0.012, 0.0117), (0.012, 0.012))},
+        split=1e-3,
     ),
     "large arcs": _sea(_ARC, {"amplitudes": ((0.025, 0.02), (0.05, 0.04), (0.1, 0.08))}),
     "kicks of one pendulum": _sea(_KICKED, {"kicks": ((1e-7, 0.0), (1e-6, 0.0), (1e-5, 0.0))}),
@@ -137,7 +142,10 @@ KINDS: dict[str, Kind] = {
     ),
     "heave with delay": _instrument(_GUESS, {"heave_delay": (0.03, 0.1, 0.3)}, swell=(0.03, 0.15), states_heave=True),
     "heave of wrong sign": _instrument(
-        ".015 g rms: +79 mGal", {"swell": ((0.01, 0.01), (0.02, 0.05), (0.03, 0.15))}, heave_scale=-1.0, states_heave=True
+        ".015 g rms: +79 mGal",
+        {"swell": ((0.01, 0.01), (0.02, 0.05), (0.03, 0.15))},
+        heave_scale=-1.0,
+        states_heave=True,
     ),
     "quantisation": _instrument("step, rad", {"quantisation": (1e-4, 1e-3, 5e-3)}),
     "clipping": _instrument("of the largest elongation", {"clip": (0.99, 0.9, 0.7)}),

@@ -1,9 +1,11 @@
 """Pendulums on a moving support, integrated by extrapolation; shares no numerics with the simulator.
 
-    theta'' = -2 gamma theta' - q |theta'| theta' - f theta'/hypot(theta', v) - (1/l) [(g(t) + z'') sin theta + x'' cos theta]
+    theta'' = -2 gamma theta' - q |theta'| theta' - f theta'/hypot(theta', v)
+              - (1/l) [(g(t) + z'') sin theta + x'' cos theta]
 
-Each step is Gragg's modified midpoint rule with 2, 4, 6, 8 and 10 substeps, extrapolated to order 10 (Hairer, Norsett and
-Wanner, Solving Ordinary Differential Equations I, II.9). The support's motion is a sum of harmonics and of slow pulses.
+Each step is Gragg's modified midpoint rule with 2, 4, 6, 8 and 10 substeps, extrapolated to order 10 (Hairer, Norsett
+and Wanner, Solving Ordinary Differential Equations I, II.9). The support's motion is a sum of harmonics and of slow
+pulses.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the reading of a record and the instrument make of elongations: each fault a few lines, in the order of nature."""
+"""What instrument and reading make of elongations: each fault a few lines, in the order of nature."""
 
 from __future__ import annotations
 

@@ -77,9 +77,7 @@ def _made(case: Case, random: np.random.Generator, label: str) -> Made:
         law,
     )
     every = np.ones(case.pendulums)
-    own = plain.Pendulums(
-        REFERENCE / frequency**2, damping, case.quadratic * every, case.friction * every, case.linear
-    )
+    own = plain.Pendulums(REFERENCE / frequency**2, damping, case.quadratic * every, case.friction * every, case.linear)
     times = sample_times(case, random)
     prompt = times + case.delay  # the world begins before the record, by what a trace may come late
     late = prompt - random.choice([-1, 1]) * case.delay

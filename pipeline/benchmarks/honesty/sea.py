@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 _HARMONICS = 48
 _LOW, _HIGH = 0.6, 2.6
-"""Of the peak's frequency: below there is nothing, and a submerged ship (or a hull longer than the waves) cuts above."""
+"""Of the peak's frequency: below there is nothing; depth, or a hull longer than the waves, cuts above."""
 _PEAK_FACTOR = 3.3  # Hasselmann and others, JONSWAP, 1973
 _HULL = 0.5  # rad: how far from 90 degrees a hull turns sway against heave
 

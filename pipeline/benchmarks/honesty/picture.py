@@ -22,6 +22,7 @@ _STEPS = (
     (math.inf, "#e0703c", "above 5: sigma does not hold"),
 )
 _REFUSED = "#dcdcdc"
+_HEADINGS = {"sea": "Ship, pendulums, reading", "instrument": "Instrument"}
 _ROW, _CELL, _LABEL, _MARGIN = 0.215, 1.42, 2.35, 1.75  # inches
 
 
@@ -37,13 +38,16 @@ def draw(table: Sequence[Row], method: str, path: str | os.PathLike[str]) -> Non
     path : path
         PNG.
     """
-    kinds = list(dict.fromkeys(row["kind"] for row in table))
-    half = (len(kinds) + 1) // 2
-    columns = [part for part in (kinds[:half], kinds[half:]) if part]
+    lines: list[str] = []
+    for group, heading in _HEADINGS.items():
+        kinds = list(dict.fromkeys(row["kind"] for row in table if row["group"] == group))
+        lines += [heading, *kinds] if kinds else []
+    half = (len(lines) + 1) // 2
+    columns = [part for part in (lines[:half], lines[half:]) if part]
     records = max(row["records"] for row in table)
     figure = sheet(
         f"Whether the stated uncertainty holds: {method}",
-        f"in each cell: median sigma in mGal, and the worst |error|/sigma of {records} records",
+        f"in each cell: median sigma in mGal, and z, the largest |error|/sigma; records a cell: {records}",
         len(columns) * (_LABEL + len(STRENGTHS) * _CELL) + 0.3,
         half * _ROW + _MARGIN,
     )
@@ -69,6 +73,8 @@ def _column(axes: Axes, kinds: Sequence[str], height: int, cells: dict[tuple[str
     axes.set_xlim(0, len(STRENGTHS))
     axes.set_ylim(height, 0)
     axes.set_yticks([k + 0.5 for k in range(len(kinds))], kinds, fontsize=8.5)
+    for words, label in zip(kinds, axes.get_yticklabels(), strict=True):
+        label.set_fontweight("bold" if words in _HEADINGS.values() else "normal")
     axes.set_xticks([k + 0.5 for k in range(len(STRENGTHS))], STRENGTHS, fontsize=9.0, fontweight="bold")
     axes.xaxis.tick_top()
     axes.tick_params(length=0)
@@ -87,7 +93,11 @@ def _words(row: Row) -> list[tuple[float, str, str]]:
     """Texts of a cell with their places and sides."""
     if row["refused"] == row["records"]:
         return [(0.5, "refused", "center")]
-    found = [(0.06, number(row["sigma_median_mgal"]), "left"), (0.94, f"z {number(row['worst_z'])}", "right")]
+    size = row["worst_z"]
+    found = [
+        (0.06, f"±{number(row['sigma_median_mgal'])}", "left"),
+        (0.94, f"z {size:.1f}" if size < 9.95 else f"z {size:.0f}" if size < 1e5 else f"z {size:.0e}", "right"),
+    ]
     if row["refused"]:
         found.append((0.47, f"{row['refused']} ref.", "center"))
     return found
@@ -96,16 +106,14 @@ def _words(row: Row) -> list[tuple[float, str, str]]:
 def number(value: float) -> str:
     """Two digits that matter, and no more characters than a cell holds.
 
-    >>> [number(value) for value in (0.00421, 0.0511, 1.23, 45.6, 1234.0, 2.5e5, 0.0)]
-    ['.0042', '.051', '1.2', '46', '1234', '2e+05', '0']
+    >>> [number(value) for value in (0.00421, 0.05, 1.23, 45.6, 1234.0, 2.5e5, 4e-6)]
+    ['0.0042', '0.050', '1.2', '46', '1234', '2e+05', '4e-06']
     """
-    if not math.isfinite(value) or value >= 1e5:
-        return f"{value:.0e}" if math.isfinite(value) else "-"
-    if value >= 10.0 or value == 0.0:
+    if not 1e-4 <= value < 1e5:
+        return f"{value:.0e}"
+    if value >= 10.0:
         return f"{value:.0f}"
-    if value >= 1.0:
-        return f"{value:.1f}"
-    return f"{value:.2g}".replace("0.", ".", 1) if value >= 1e-4 else f"{value:.0e}"
+    return f"{value:#.2g}"
 
 
 def _legend(axes: Axes) -> None:

@@ -87,7 +87,7 @@ def _acceleration(angle: float, speed: float, across: float, along: float, i: in
     drag = 2.0 * own.damping[i] * speed + own.quadratic[i] * abs(speed) * speed
     if own.friction[i] > 0.0:
         drag += own.friction[i] * speed / math.sqrt(speed * speed + _RATE * _RATE)
-    return -drag - torque / own.length[i]
+    return float(-drag - torque / own.length[i])
 
 
 @kernel

@@ -47,7 +47,7 @@ def read(traces: Floats, times: Floats, case: Case, random: np.random.Generator)
 
 def _scaled(traces: Floats, times: Floats, case: Case, random: np.random.Generator) -> Floats:
     """Gains, zeros and the case's tilt, which drops out of differences."""
-    out = traces * (1.0 + case.gain_all * random.choice([-1, 1]))
+    out: Floats = traces * (1.0 + case.gain_all * random.choice([-1, 1]))
     later = times > case.duration * random.uniform(0.3, 0.7)
     out[0] *= 1.0 + case.gain_first * random.choice([-1, 1])
     out[0] += random.choice([-1, 1]) * (case.zero_first + case.zero_drift * (times / case.duration - 0.5))

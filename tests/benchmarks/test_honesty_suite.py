@@ -89,7 +89,7 @@ def test_sea_has_the_rms_asked_for() -> None:
 
 
 def test_records_are_reproducible_by_seed() -> None:
-    first, again, other = (record("mixture", "middle", seed, duration=20.0) for seed in (4, 4, 5))
+    first, again, other = (record("mixture", "middle", seed, duration=3.0) for seed in (4, 4, 5))
     assert first.tree.identical(again.tree)
     assert first.gravity == again.gravity
     assert not first.tree.identical(other.tree)
@@ -99,7 +99,7 @@ def test_records_are_reproducible_by_seed() -> None:
 def test_every_kind_makes_a_valid_record(kind: str) -> None:
     assert KINDS[kind].source
     for strength in STRENGTHS:
-        assert data_schemas.check(record(kind, strength, 0, duration=8.0).tree, "record") == []
+        assert data_schemas.check(record(kind, strength, 0, duration=3.0).tree, "record") == []
 
 
 def test_kinds_are_many_and_differ_by_strength() -> None:

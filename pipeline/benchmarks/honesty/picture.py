@@ -99,19 +99,19 @@ def _words(row: Row) -> list[tuple[float, str, str]]:
         (0.94, f"z {size:.1f}" if size < 9.95 else f"z {size:.0f}" if size < 1e5 else f"z {size:.0e}", "right"),
     ]
     if row["refused"]:
-        found.append((0.47, f"{row['refused']} ref.", "center"))
+        found.append((0.56, f"{row['refused']} ref.", "center"))
     return found
 
 
 def number(value: float) -> str:
     """Two digits that matter, and no more characters than a cell holds.
 
-    >>> [number(value) for value in (0.00421, 0.05, 1.23, 45.6, 1234.0, 2.5e5, 4e-6)]
-    ['0.0042', '0.050', '1.2', '46', '1234', '2e+05', '4e-06']
+    >>> [number(value) for value in (0.00421, 0.05, 1.23, 9.96, 1234.0, 2.5e5, 4e-6)]
+    ['0.0042', '0.050', '1.2', '10', '1234', '2e+05', '4e-06']
     """
     if not 1e-4 <= value < 1e5:
         return f"{value:.0e}"
-    if value >= 10.0:
+    if value >= 9.95:
         return f"{value:.0f}"
     return f"{value:#.2g}"
 

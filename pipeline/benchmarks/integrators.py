@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.benchmarks import bars_integrators, ensemble_race, growth, honesty
+from pipeline.benchmarks import bars_integrators, ensemble_race, estimated_errors, growth
 from pipeline.benchmarks.csv_table import write
 from pipeline.benchmarks.kept import Kept
 from pipeline.benchmarks.problems import Problem, problems
@@ -42,7 +42,7 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     bars = bars_integrators.judged(points)
     others = {
         "growth": [each.row() for each in grown],
-        "honesty": [row for found in points.values() for row in honesty.judged(found)],
+        "honesty": [row for found in points.values() for row in estimated_errors.judged(found)],
         "bars": list(bars_integrators.not_judged(bars) if quick else bars),
     }
     for name, found in others.items():

@@ -20,8 +20,9 @@ _NO_NUMBERS = ("cli", "plots", "benchmarks")  # parts of `pipeline` that present
 # of the benchmarks, what makes the rows that are kept
 _ROWS = (
     *("corrections_grid.py", "huygens_map.py", "trials.py"),
+    *("case.py", "kinds.py", "plain.py", "reading.py", "records.py", "score.py", "sea.py"),
     *("ensemble_race.py", "growth.py", "linear_hour.py", "own.py", "peers.py", "plain_pendulums.py", "problems.py"),
-    *("random_scenes.py", "references.py", "symbolic.py", "uncertainty.py", "work_precision.py"),
+    *("references.py", "symbolic.py", "work_precision.py"),
 )
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from data_schemas.errors import UsageError
-from pipeline.cli.parser import one_of
+from pipeline.cli.parser import one_of, positive
 from pipeline.cli.tables import print_json, print_table
 
 # Suite -> module with `run(*, quick: bool, folder: Path | None) -> rows` and what it shows.
@@ -23,9 +23,9 @@ SUITES = {
         "pipeline.benchmarks.stability",
         "methods and propagators on extreme cases: a value, or refused by name",
     ),
-    "uncertainty": (
-        "pipeline.benchmarks.uncertainty",
-        "random records of every kind by `auto`: whether the stated uncertainty holds; -o resumes",
+    "honesty": (
+        "pipeline.benchmarks.honesty.suite",
+        "64 kinds of disturbance, weak to strong: whether the stated uncertainty holds; -o resumes",
     ),
     "integrators": ("pipeline.benchmarks.integrators", "propagators against general integrators: time and error"),
     "speed": ("pipeline.benchmarks.speed", "estimation and the command line against what they replace or import"),
@@ -60,6 +60,7 @@ _EXAMPLES = """\
 examples:
   isochrony benchmark corrections --quick
   isochrony benchmark corrections -o out/      tables, pictures; run again, it goes on where it was interrupted
+  isochrony benchmark honesty --method auto,general --kind gap --seeds 3 -o out/
   isochrony benchmark bars --json > bars.jsonl
 
 exit status: 0; 1 if some rows do not pass and some do; 3 if none passes"""
@@ -74,6 +75,10 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
     parser.add_argument("--quick", action="store_true", help="fewer and shorter records")
     parser.add_argument("--json", action="store_true", help="JSON Lines instead of a table")
     parser.add_argument("-o", dest="out", metavar="FOLDER", help="keep what the suite writes (created if absent)")
+    own = parser.add_argument_group("suite honesty")
+    own.add_argument("--method", metavar="NAME[,NAME]", help="methods to reduce by (default auto)")
+    own.add_argument("--kind", metavar="TEXT", help="only kinds with TEXT in their name, or of group sea or instrument")
+    own.add_argument("--seeds", metavar="N", type=positive("--seeds"), help="records of each kind (default 5)")
     return parser
 
 
@@ -82,11 +87,12 @@ def run(options: argparse.Namespace) -> int:
     folder = None if options.out is None else Path(options.out)
     if folder is not None and folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder}: is a file, but -o must be a folder here; name another")
+    own = _own(options)
     suite = importlib.import_module(SUITES[options.suite][0])
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
     rows = []
-    for row in suite.run(quick=options.quick, folder=folder):
+    for row in suite.run(quick=options.quick, folder=folder, **own):
         rows.append(row)
         if options.json:
             print_json(row)
@@ -99,3 +105,17 @@ def run(options: argparse.Namespace) -> int:
     if all(judged):
         return 0
     return 1 if any(judged) else 3
+
+
+def _own(options: argparse.Namespace) -> dict[str, Any]:
+    """Arguments that the suite `honesty` alone takes."""
+    from pipeline.cli.process import requested_methods
+
+    given = {name: value for name in ("method", "kind", "seeds") if (value := getattr(options, name)) is not None}
+    if given and options.suite != "honesty":
+        raise UsageError(f"--{next(iter(given))} is of the suite honesty; drop it for {options.suite}")
+    if "method" in given:
+        given["methods"] = requested_methods("benchmark", given.pop("method"))
+    if "kind" in given:
+        given["only"] = given.pop("kind")
+    return given

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.benchmarks import bars_integrators, ensemble_race, growth, honesty, integrators, work_precision
+from pipeline.benchmarks import bars_integrators, ensemble_race, estimated_errors, growth, integrators, work_precision
 from pipeline.benchmarks.curves import time_at
 from pipeline.benchmarks.growth import Growth
 from pipeline.benchmarks.kept import Kept
@@ -191,13 +191,13 @@ def test_elliptic_pendulum_has_the_period_of_the_sheet() -> None:
 
 
 def test_honest_is_within_ten_below_and_a_thousand_above() -> None:
-    assert honesty.honest(1e-9, 1e-9)
-    assert honesty.honest(9e-9, 1e-9)
-    assert not honesty.honest(11e-9, 1e-9)
-    assert not honesty.honest(0.9e-12, 1e-9)
-    assert honesty.honest(0.0, 1e-15)  # rounding may vanish
-    assert not honesty.honest(math.nan, 1e-9)
-    rows = list(honesty.judged([point("Radau", 1e-9, 1.0, own=True), point("heyoka", 1e-9, 1.0)]))
+    assert estimated_errors.honest(1e-9, 1e-9)
+    assert estimated_errors.honest(9e-9, 1e-9)
+    assert not estimated_errors.honest(11e-9, 1e-9)
+    assert not estimated_errors.honest(0.9e-12, 1e-9)
+    assert estimated_errors.honest(0.0, 1e-15)  # rounding may vanish
+    assert not estimated_errors.honest(math.nan, 1e-9)
+    rows = list(estimated_errors.judged([point("Radau", 1e-9, 1.0, own=True), point("heyoka", 1e-9, 1.0)]))
     assert [row["method"] for row in rows] == ["Radau"]
 
 

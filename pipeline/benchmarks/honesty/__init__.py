@@ -1,0 +1,1 @@
+"""Suite `honesty`: whether the stated uncertainty covers the error, on every kind of disturbance of a record."""

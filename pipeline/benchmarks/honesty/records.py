@@ -1,0 +1,208 @@
+"""A record of the suite by kind, strength and seed alone, with the gravity that it should give."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pipeline.benchmarks.honesty import plain, sea
+from pipeline.benchmarks.honesty.case import Case
+from pipeline.benchmarks.honesty.kinds import MIXABLE, case_of
+from pipeline.benchmarks.honesty.plain import Floats
+from pipeline.benchmarks.honesty.reading import read, sample_times
+
+if TYPE_CHECKING:
+    from xarray import Dataset, DataTree
+
+REFERENCE = 9.81
+"""m/s^2, at which the periods are stated."""
+_MGAL = 1e-5  # m/s^2
+_WAY = 5.0  # m/s, of a ship that turns
+
+
+class Made(NamedTuple):
+    """A record and the truth that a reduction must not see."""
+
+    tree: DataTree
+    """Layout "isochrony-record"."""
+    gravity: float
+    """Mean over the record, m/s^2."""
+    case: Case
+    """What it was made with."""
+
+
+def record(kind: str, strength: str, seed: int, *, duration: float | None = None) -> Made:
+    """Make the record of that kind, strength and number; always the same.
+
+    Parameters
+    ----------
+    kind : str
+        From `kinds.KINDS`.
+    strength : {"weak", "middle", "strong"}
+    seed : int
+    duration : float, optional
+        s, instead of the kind's own.
+
+    Returns
+    -------
+    Made
+    """
+    digest = hashlib.sha256(f"{kind}/{strength}/{seed}".encode()).digest()
+    random = np.random.default_rng(np.frombuffer(digest, dtype="<u4"))
+    case = case_of(kind, strength)
+    if kind == "mixture":
+        for name in random.choice(MIXABLE, 3, replace=False):
+            case = case_of(str(name), strength, case)
+    return _made(case if duration is None else replace(case, duration=duration), random, f"{kind}-{strength}-{seed}")
+
+
+def _made(case: Case, random: np.random.Generator, label: str) -> Made:
+    period = random.uniform(0.95, 1.05)
+    splits = [case.split or random.choice([-1, 1]) * 10.0 ** random.uniform(-4.3, -3.3) for _ in range(2)]
+    frequency = 2.0 * np.pi / period / np.array([1.0, *(1.0 + split for split in splits)])[: case.pendulums]
+    damping = case.damping + case.damping_difference * np.array([0.5, -0.5, 0.2])[: case.pendulums]
+    motion = _motion(case, frequency[0] / (2.0 * np.pi), random)
+    slope, wave = case.gravity_change * _MGAL / case.duration, case.gravity_wave * _MGAL
+    value, phase = random.uniform(9.78, 9.83), random.uniform(0.0, 2.0 * np.pi)
+    law = np.array([value, slope * random.choice([-1, 1]), 0.5 * case.duration, wave, 2.0 * np.pi / 1200.0, phase])
+    support = plain.Support(
+        motion.rate,
+        np.array([motion.across.real, motion.across.imag]),
+        np.array([motion.along.real, motion.along.imag]),
+        _pulses(case, random),
+        law,
+    )
+    every = np.ones(case.pendulums)
+    own = plain.Pendulums(REFERENCE / frequency**2, damping, case.quadratic * every, case.friction * every, case.linear)
+    times = sample_times(case, random)
+    prompt = times + case.delay  # the world begins before the record, by what a trace may come late
+    late = prompt - random.choice([-1, 1]) * case.delay
+    both = np.unique(np.concatenate([[0.0], prompt, late]))
+    angles = _swing(both, own, support, case, frequency, random)
+    first, shifted = angles[0, np.searchsorted(both, prompt)], angles[:, np.searchsorted(both, late)]
+    traces = read(np.vstack([first, shifted[:-1] - shifted[1:]]), times, case, random)
+    heave = sea.at(prompt - case.heave_delay, motion.rate, motion.along) * case.heave_scale
+    heave += case.heave_bias * _MGAL * random.choice([-1, 1]) + case.heave_noise * random.normal(size=times.size)
+    # the clock that is wrong is the record's; a step back never makes time run backwards at these rates
+    stamped = times + case.clock_step * random.choice([-1, 1]) * (times > 0.5 * case.duration)
+    dense = np.linspace(0.0, case.duration, 4001)
+    gravity = float(np.mean([plain.gravity_at(time, law) for time in 0.5 * (dense[1:] + dense[:-1])]))
+    return Made(_tree(label, stamped, traces, heave, frequency, damping, case, random), gravity, case)
+
+
+def _motion(case: Case, swing: float, random: np.random.Generator) -> sea.Motion:
+    parts = [sea.sea(random, case.swell_period, *case.swell), sea.sea(random, case.wind_period, *case.wind_sea)]
+    beat = random.choice([-1, 1]) / random.uniform(60.0, 300.0)
+    parts.append(sea.line(random, swing + beat, case.resonant, 0.0))
+    if case.vibration:
+        parts.append(sea.line(random, case.vibration_frequency, case.vibration, 0.0))
+    parts.append(sea.line(random, case.engine_frequency or 2.0 * swing + beat, 0.0, case.engine))
+    motion = sea.total(parts)
+    felt = (motion.across != 0.0) | (motion.along != 0.0)
+    return sea.Motion(*(column[felt] for column in motion))
+
+
+def _pulses(case: Case, random: np.random.Generator) -> Floats:
+    """Slow accelerations: a turn, across the ship; a change of speed, along it."""
+    rows = []
+    for size, span in (
+        (_WAY * math.radians(case.turn), 90.0 / case.turn if case.turn else 0.0),
+        (case.speed_change / 60.0, 60.0),
+    ):
+        if size:
+            begin = random.uniform(0.1, 0.6) * case.duration
+            rows.append([begin, begin + span, size * random.choice([-1, 1])])
+    return np.array(rows).reshape(-1, 3)
+
+
+def _swing(
+    times: Floats,
+    own: plain.Pendulums,
+    support: plain.Support,
+    case: Case,
+    frequency: Floats,
+    random: np.random.Generator,
+) -> Floats:
+    """Elongations, (pendulums, samples), with the knocks and restarts that part the record in two."""
+    # phases that keep the difference from vanishing, as an observer releases them
+    phase = random.uniform(0.0, 2.0 * np.pi) + np.array([0.0, np.pi, 0.0]) + random.uniform(-1.0, 1.0, 3)
+    count = frequency.size
+    sizes = np.array([*case.amplitudes, case.amplitudes[0]])[:count] * random.uniform(0.9, 1.1)
+
+    def free(size: Floats, angle: Floats) -> Floats:
+        return np.stack([size * np.cos(angle), -frequency * size * np.sin(angle)], axis=1)
+
+    state = plain.forced(own, support) + free(sizes, phase[:count])
+    strength = np.array([*case.kicks, case.kicks[0]])[:count] * frequency
+    kicks = strength[:, None] * random.normal(size=(count, times.size))
+    change = free(sizes * case.restart, random.uniform(0.0, 2.0 * np.pi, count))
+    change[:, 1] += frequency * np.array([*case.knocks, 0.0])[:count] * random.choice([-1, 1])
+    cut = int(np.searchsorted(times, case.duration * random.uniform(0.3, 0.7)))
+    before, state = plain.integrate(times[: cut + 1], state, own, support, kicks[:, : cut + 1])
+    after, _ = plain.integrate(times[cut:], state + change, own, support, kicks[:, cut:])
+    return np.concatenate([before[:, :-1], after], axis=1)
+
+
+def _tree(
+    label: str,
+    times: Floats,
+    traces: Floats,
+    heave: Floats,
+    frequency: Floats,
+    damping: Floats,
+    case: Case,
+    random: np.random.Generator,
+) -> DataTree:
+    """The record in its layout, with what it states."""
+    import xarray as xr
+
+    from data_schemas.layouts import CONVENTIONS, VERSION
+
+    count = frequency.size
+    labels = [str(k + 1) for k in range(count)]
+    rows = np.vstack([np.eye(count)[:1], np.eye(count)[:-1] - np.eye(count)[1:]])
+    period = 2.0 * np.pi / frequency
+    period[1:] *= 1.0 + case.ratio_error * random.choice([-1, 1])
+    read_values: dict[str, Any] = {
+        "trace": (("trace",), ["1", *(f"{k}-{k + 1}" for k in range(1, count))]),
+        "pendulum": (("pendulum",), labels),
+        "combination": (("trace", "pendulum"), rows),
+        "elongation": (("trace", "time"), traces),
+    }
+    if case.noise and case.states_noise:
+        read_values["elongation_uncertainty"] = (("trace",), np.full(count, case.noise))
+    if case.states_heave:
+        read_values["vertical_acceleration"] = (("time",), heave)
+    instrument: dict[str, Any] = {
+        "pendulum": (("pendulum",), labels),
+        "period": (("pendulum",), period),
+        "reference_gravity": ((), REFERENCE),
+    }
+    if case.states_damping:
+        instrument["damping_rate"] = (("pendulum",), damping)
+    law = {"restoring": "linear" if case.linear else "sine"} if case.states_law else {}
+    reference = {"reference": "case"} if case.tilt else {}
+    root = {"Conventions": CONVENTIONS, "schema": "isochrony-record", "schema_version": VERSION}
+    root |= {"record_id": label, "title": f"benchmark record {label}", "history": "", "source": "model"}
+    return xr.DataTree.from_dict(
+        {
+            "/": _dataset("", {"time": (("time",), times)}).assign_attrs(root),
+            "/record": _dataset("record/", read_values).assign_attrs(reference),
+            "/instrument": _dataset("instrument/", instrument).assign_attrs(law),
+        }
+    )
+
+
+def _dataset(group: str, values: dict[str, Any]) -> Dataset:
+    """Variables with the units and names of the table."""
+    import xarray as xr
+
+    from data_schemas.variables import attributes
+
+    table = {name: (*value, attributes(group + name)) for name, value in values.items()}
+    labels = {name: table.pop(name) for name in ("time", "trace", "pendulum") if name in table}
+    return xr.Dataset(table, coords=labels)

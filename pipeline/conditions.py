@@ -56,7 +56,7 @@ def refuse_impossible(constants: Constants, period: Floats, longer: Floats) -> N
 def by_temperature(constants: Constants) -> Floats:
     """What the record's mean temperature adds to the two periods, s, (2,); zero where it is not stated."""
     if any(name not in constants for name in TEMPERATURE):
-        return np.zeros(2)
+        return np.zeros(np.shape(constants["period"]))
     warm = float(constants["temperature"]) - float(constants["temperature_reference"])
     return np.asarray(constants["temperature_coefficient"]) * warm
 
@@ -64,6 +64,6 @@ def by_temperature(constants: Constants) -> Floats:
 def by_air(constants: Constants) -> Floats:
     """What the air adds to the two periods in vacuum, s, (2,); zero where it is not stated."""
     if any(name not in constants for name in AIR):
-        return np.zeros(2)
+        return np.zeros(np.shape(constants["period"]))
     relative = float(constants["air_density"]) / float(constants["air_density_reference"])
     return np.asarray(constants["density_coefficient"]) * relative

@@ -14,7 +14,7 @@ WINDOW = 100.0  # s
 LEAST_WINDOWS = 3
 BINS = 160
 LINE = 0.06  # half width about the swing's frequency and its harmonics, relative, that the swing itself fills
-FILLED = 0.5  # s: longest gap that is interpolated for the spectrum's sake
+FILLED = 1.5  # s: longest gap that is interpolated for the spectrum's sake
 
 
 def periodogram(problem: Problem, trace: int) -> tuple[Floats, Floats, Floats]:

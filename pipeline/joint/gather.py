@@ -1,0 +1,124 @@
+"""A record as the joint reduction takes it: every trace as it was read, what is stated of the instrument."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from data_schemas.errors import RecordError, RefusedError
+from pipeline.arrays import Floats
+from pipeline.joint.flow import NODES
+from pipeline.joint.lattice import lay
+from pipeline.joint.problem import Problem
+from pipeline.observation import instrument
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+LEAST_SWINGS = 20.0
+DENSE = 5.0  # recorded heave with so many values a period of its fastest waves is interpolated, s-1
+LONGEST_GAP = 1.0  # s, of a heave that is interpolated
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """Readings and constants.
+
+    Attributes
+    ----------
+    problem : Problem
+    pendulums, traces : tuple of str
+        Labels.
+    constants : mapping
+        What /instrument states; see `pipeline.observation.instrument`.
+    noise : (t,) array
+        Stated reading noise, rad; NaN = not stated.
+    heave : bool
+        Whether a vertical acceleration is recorded.
+    """
+
+    problem: Problem
+    pendulums: tuple[str, ...]
+    traces: tuple[str, ...]
+    constants: dict[str, Any]
+    noise: Floats
+    heave: bool
+
+    @property
+    def law(self) -> str | None:
+        """Stated law of restoring."""
+        law = self.constants["restoring"]
+        return None if law is None else str(law)
+
+
+def gather(record: DataTree) -> Gathered:
+    """Lay a record out.
+
+    Raises
+    ------
+    RecordError
+        Period or gravity is missing, or no trace has a reading.
+    RefusedError
+        The record is too short.
+    """
+    stored = record["record"].dataset
+    labels = tuple(str(label) for label in stored["pendulum"].values)
+    time: Floats = np.asarray(record.dataset["time"].values, dtype=np.float64)
+    series: Floats = np.asarray(stored["elongation"].values, dtype=np.float64)
+    combination: Floats = np.asarray(stored["combination"].values, dtype=np.float64)
+    known = instrument(record, labels)
+    frequency: Floats = np.asarray(known["frequency_reference"])
+    if known["period_change"] is not None:
+        frequency = frequency / (1.0 + known["period_change"])
+    frequency = frequency * (1.0 + known["chronometer_rate"] / 86400.0)  # in the record's own time
+    some = np.isfinite(series).any(axis=0)
+    if not some.any():
+        raise RecordError("record/elongation: no trace has a reading")
+    used = slice(int(np.argmax(some)), some.size - int(np.argmax(some[::-1])))
+    time, series = time[used], series[:, used]
+    swing = float(frequency.mean())
+    swings = float(time[-1] - time[0]) * swing / (2.0 * np.pi)
+    if swings < LEAST_SWINGS:
+        raise RefusedError(
+            f"time: {swings:.1f} swings are too few to tell gravity from the ship's motion; give at least "
+            f"{LEAST_SWINGS:.0f} swings ({LEAST_SWINGS * 2.0 * np.pi / swing:.0f} s)"
+        )
+    gravity = float(known["reference_gravity"])
+    rows, heave, dense = [series], None, False
+    if "vertical_acceleration" in stored:
+        heave = np.asarray(stored["vertical_acceleration"].values, dtype=np.float64)[used] / gravity
+        there = np.flatnonzero(np.isfinite(heave))
+        dense = there.size > 8 and float(np.diff(time[there]).max()) < LONGEST_GAP
+        dense = dense and float(np.median(np.diff(time[there]))) * DENSE < 2.5
+        if not dense:
+            rows += [np.full((1, time.size), np.nan), heave[None]]
+    lattice = lay(time, np.concatenate(rows), combination, swing)
+    recorded = slope = np.zeros((0, 3))
+    if heave is not None and dense:
+        from scipy.interpolate import CubicSpline
+
+        spline = CubicSpline(time[there] - time[0], heave[there])
+        at = lattice.step * (np.arange(lattice.nodes)[:, None] + NODES)
+        recorded, slope = spline(at), spline(at, 1)
+    stated = np.full(series.shape[0], np.nan)
+    if "elongation_uncertainty" in stored:
+        given = np.asarray(stored["elongation_uncertainty"].values, dtype=np.float64)
+        stated = given if given.ndim == 1 else np.sqrt(np.nanmean(given**2, axis=1))
+    damping = known["damping_rate"]
+    return Gathered(
+        Problem(
+            lattice,
+            frequency**2,
+            np.zeros(len(labels)) if damping is None else np.asarray(damping),
+            recorded,
+            slope,
+            np.zeros(lattice.node.size, dtype=bool),
+        ),
+        labels,
+        tuple(str(trace) for trace in stored["trace"].values),
+        known,
+        stated,
+        heave is not None,
+    )

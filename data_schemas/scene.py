@@ -17,6 +17,7 @@ from data_schemas.scene_conditions import Conditions
 from data_schemas.scene_faults import one_line
 from data_schemas.scene_fields import Number, Section, quantity
 from data_schemas.scene_film import Film
+from data_schemas.scene_gravity import GravityCourse
 from data_schemas.scene_motion import Motion
 from data_schemas.scene_pendulum import Pendulum
 from data_schemas.scene_recording import Recording, Seed, Trace
@@ -57,7 +58,10 @@ class Scene(Section):
         pattern=r"^[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}Z$",
     )  # fmt: skip
     duration: Number = quantity(..., "s", "length of the record, by its chronometer", gt=0, le=1e8)
-    gravity: Number = quantity(..., "m s-2", "true gravity", ge=0.1, le=100)
+    gravity: Number = quantity(..., "m s-2", "true gravity, without gravity_course", ge=0.1, le=100)
+    gravity_course: GravityCourse | None = quantity(
+        None, "", "change of gravity over the record, added to gravity: kind = 'linear', 'sine' or 'table'"
+    )
     reference_gravity: Number = quantity(
         9.81, "m s-2", "gravity at which the pendulums have their stated periods", ge=0.1, le=100
     )

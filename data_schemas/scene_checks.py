@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from data_schemas.scene_gravity import LARGEST_CHANGE, LinearCourse, SineCourse
 from data_schemas.scene_pendulum import FreeStart, Pendulum
 from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
 from data_schemas.scene_way import lightening
@@ -55,6 +56,7 @@ def check_physics(scene: Scene) -> None:
     if scene.restoring == "linear" and any(term.axis == "vertical" for term in scene.motion):
         raise ValueError("a vertical motion acts on real pendulums only; set restoring = 'sine'")
     _check_conditions(scene)
+    _check_changes(scene)
     for each in scene.pendulums:
         own = frequency(scene, each)
         if isinstance(each.start, FreeStart) and each.damping_rate >= own:
@@ -93,6 +95,23 @@ def _check_conditions(scene: Scene) -> None:
                 "conditions.temperature_amplitude needs pendulums of one metal; give temperature coefficients in"
                 " proportion to the periods"
             )
+
+
+def _check_changes(scene: Scene) -> None:
+    course, fixed = scene.gravity_course, scene.support.kind == "fixed"
+    if not fixed and course is not None:
+        raise ValueError("gravity_course acts on pendulums on a fixed support only; remove it, or the support")
+    if not fixed and any(each.kick_intensity for each in scene.pendulums):
+        raise ValueError("kick_intensity acts on pendulums on a fixed support only; set it to 0, or remove the support")
+    largest = 0.0
+    if isinstance(course, LinearCourse):
+        largest = abs(course.rate) * scene.duration
+    elif isinstance(course, SineCourse):
+        largest = abs(course.amplitude)
+    if largest > LARGEST_CHANGE * scene.gravity:
+        raise ValueError(
+            f"gravity_course changes gravity by {largest:.3g} m/s^2, above {LARGEST_CHANGE:g} of it; make it smaller"
+        )
 
 
 def _check_sine(scene: Scene) -> None:

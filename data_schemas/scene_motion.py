@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, Self, cast
+from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
@@ -127,15 +127,16 @@ class SeaMotion(Section):
     axis: Axis = axis()
 
 
-class TabulatedMotion(Section):
-    """An acceleration that was recorded: a column of a CSV or netCDF file."""
+class Table(Section):
+    """A series over time: a column of a CSV or netCDF file."""
 
-    kind: Literal["tabulated"] = quantity("tabulated", "", "a recorded series of accelerations")
+    section: ClassVar[str] = "motion"
+    """Where in a scene it stands, for messages."""
     file: Annotated[str, Field(strict=True, min_length=1)] = quantity(
         ..., "", "CSV or netCDF file (.nc), relative to the scene's own folder"
     )
     time: Column = quantity(1, "", "column of the times in s: a name, or a number counted from 1")
-    value: Column = quantity(2, "", "column of the accelerations: a name, or a number counted from 1")
+    value: Column = quantity(2, "", "column of the values: a name, or a number counted from 1")
     factor: Number = quantity(1.0, "1", "what turns the column into m s-2", ge=-1e6, le=1e6)
     begin: Number | None = quantity(
         None, "s", "the table's time at which the record begins; left out: the table's first time"
@@ -143,7 +144,6 @@ class TabulatedMotion(Section):
     interpolation: Literal["band-limited", "spline"] = quantity(
         "band-limited", "", "'band-limited' for even steps, 'spline' also for uneven ones"
     )
-    axis: Axis = axis()
 
     @field_validator("file")
     @classmethod
@@ -151,6 +151,13 @@ class TabulatedMotion(Section):
         """Make the path stand on its own, so that a loaded scene does not depend on the current folder."""
         folder = (info.context or {}).get("folder")
         return value if folder is None else str(folder / value)
+
+
+class TabulatedMotion(Table):
+    """An acceleration that was recorded: a column of a CSV or netCDF file."""
+
+    kind: Literal["tabulated"] = quantity("tabulated", "", "a recorded series of accelerations")
+    axis: Axis = axis()
 
 
 Motion = Annotated[

@@ -93,6 +93,10 @@ class Pendulum(Section):
     quadratic_damping: Number = quantity(
         0.0, "rad-1", "c of the resistance of turbulent air, theta'' gains -c |theta'| theta'", ge=0, le=1e4
     )
+    kick_intensity: Number = quantity(
+        0.0, "rad s-1/2", "k of random kicks by air and knife edge, d theta' = n k dW; white, and each pendulum's own",
+        ge=0, le=1e-2,
+    )  # fmt: skip
     knife_edge: KnifeEdge | None = quantity(None, "", "dry friction of the knife edge; left out: none")
     escapement: Escapement | None = quantity(
         None, "", "what keeps the pendulum going, kind = 'van-der-pol' or 'impulse'; left out: nothing"

@@ -8,12 +8,16 @@ _PENDULUM, _TIME, _BOTH = ("pendulum",), ("time",), ("pendulum", "time")
 
 TRUTH: dict[str, Variable] = {
     "pendulum": Variable(_PENDULUM, "str", "1", "label of the pendulum", required=True),
-    "gravity": Variable((), "f8", "m s-2", "gravity of the scene", required=True, limit="positive"),
+    "gravity": Variable((), "f8", "m s-2", "gravity, the mean of gravity_course", required=True, limit="positive"),
+    "gravity_course": Variable(_TIME, "f8", "m s-2", "gravity at each time, where it changes", limit="positive"),
     "frequency": Variable(
         _PENDULUM, "f8", "rad s-1", "circular frequency at infinitesimal arc", required=True, limit="positive"
     ),
     "damping_rate": Variable(
         _PENDULUM, "f8", "s-1", "rate at which the free amplitude decays", required=True, limit="not negative"
+    ),
+    "kick_intensity": Variable(
+        _PENDULUM, "f8", "rad s-1/2", "k of random kicks, d theta' = n k dW", limit="not negative"
     ),
     "theta": Variable(_BOTH, "f8", "rad", "elongation from the vertical without reading errors", required=True),
     "free_amplitude": Variable(

@@ -33,6 +33,33 @@ def even_times(count: int, step: float) -> Floats:
     return out
 
 
+def median_present(series: Floats) -> float:
+    """Median of the values that are not missing; NaN where all are, without NumPy's warning.
+
+    Examples
+    --------
+    >>> median_present(np.array([1.0, np.nan, 3.0])), median_present(np.array([np.nan]))
+    (2.0, nan)
+    """
+    present = series[~np.isnan(series)]
+    return float(np.median(present)) if present.size else float("nan")
+
+
+def row_means_present(rows: Floats) -> Floats:
+    """Mean of each row's values that are not missing, (rows,); NaN where all are, without NumPy's warning.
+
+    Examples
+    --------
+    >>> row_means_present(np.array([[1.0, np.nan, 3.0], [np.nan, np.nan, np.nan]])).tolist()
+    [2.0, nan]
+    """
+    missing = np.isnan(rows)
+    count = rows.shape[1] - missing.sum(axis=1)
+    total = np.where(missing, 0.0, rows).sum(axis=1)
+    means: Floats = np.divide(total, count, out=np.full(len(rows), np.nan), where=count > 0)
+    return means
+
+
 def variance(series: Floats) -> float:
     """Of the values that are there; NaN where none is."""
     count = readings(series)

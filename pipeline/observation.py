@@ -10,7 +10,7 @@ import numpy as np
 
 from data_schemas.errors import RecordError, UsageError
 from data_schemas.scratch import by_portions, portions, room
-from pipeline.arrays import Floats
+from pipeline.arrays import Floats, row_means_present
 from pipeline.base_stations import Tie, tie
 from pipeline.conditions import Constants, by_air, by_temperature, refuse_impossible
 from pipeline.vertical import bridged
@@ -372,7 +372,7 @@ def _uncertainty(traces: Any, count: int) -> Floats | None:
         return None
     sigma = np.asarray(traces["elongation_uncertainty"].values, dtype=np.float64)
     if sigma.ndim == 2:
-        sigma = np.sqrt(np.nanmean(np.square(sigma), axis=1))
+        sigma = np.sqrt(row_means_present(np.square(sigma)))
     return sigma.reshape(count)
 
 

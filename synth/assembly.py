@@ -15,11 +15,13 @@ from data_schemas.scene import Scene
 from data_schemas.scene_checks import felt_gravity
 from data_schemas.scene_pendulum import FreeStart, ImpulseEscapement, Pendulum, VanDerPolEscapement
 from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
+from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond
 from synth.pendulums.starting import start_state
 from synth.phase import Floats
 from synth.systems.harmonic_motion import Harmonics, harmonics
+from synth.systems.impulses import Impulses
 from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive, Viscous
 from synth.systems.restoring import Linear, Sine
 from synth.systems.terms import together
@@ -75,7 +77,14 @@ class Assembly:
         return np.vstack([angles, states[:, 0]]) if first else angles
 
 
-def assemble(scene: Scene, frequencies: Sequence[float], motion: HarmonicSum, vertical: HarmonicSum) -> Assembly:
+def assemble(
+    scene: Scene,
+    frequencies: Sequence[float],
+    motion: HarmonicSum,
+    vertical: HarmonicSum,
+    kicks: Kicks | None = None,
+    end: float = 0.0,
+) -> Assembly:
     """Build the equations of a scene.
 
     Parameters
@@ -86,6 +95,10 @@ def assemble(scene: Scene, frequencies: Sequence[float], motion: HarmonicSum, ve
         At infinitesimal arc on a rigid support, rad/s.
     motion, vertical : HarmonicSum
         Horizontal and vertical acceleration of the ship.
+    kicks : Kicks or None
+        Random impulses of pendulums on a fixed support.
+    end : float
+        Until when they are wanted, s.
 
     Raises
     ------
@@ -109,7 +122,7 @@ def assemble(scene: Scene, frequencies: Sequence[float], motion: HarmonicSum, ve
         from synth.systems.driven_pendulums import DrivenPendulums
 
         law = Sine() if scene.restoring == "sine" else Linear()
-        system = DrivenPendulums(own, gravity, law, sideways, upwards, terms)
+        system = DrivenPendulums(own, gravity, law, sideways, upwards, terms, _impulses(kicks, own, end))
         return Assembly(system, swing, _kicks(system, pendulums, np.ones(own.size)))
     masses = np.array([float(each.mass or 0.0) for each in pendulums])
     lengths = np.array([scene.reference_gravity * (each.period / (2 * np.pi)) ** 2 for each in pendulums])
@@ -154,6 +167,12 @@ def _terms(pendulums: Sequence[Pendulum]) -> Any:
         if any(drives)
         else None,
     )
+
+
+def _impulses(kicks: Kicks | None, own: Floats, end: float) -> Impulses | None:
+    if kicks is None:
+        return None
+    return Impulses(float(kicks.step), np.ascontiguousarray(kicks.some(0, int(end / kicks.step)).T * own))
 
 
 def _columns(rows: list[tuple[float, float]]) -> Floats:

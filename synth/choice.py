@@ -10,9 +10,11 @@ from data_schemas.scene_simulation import Propagator
 from synth.needs import (
     BEAM,
     BOARD,
+    CHANGING,
     FIXED,
     FRAME,
     IMPULSE,
+    KICKS,
     KNIFE_EDGE,
     LINEAR,
     OVERDAMPED,
@@ -34,13 +36,13 @@ NAMES: dict[Propagator, str] = {
 }
 """Propagators by their names in a scene, and as the truth calls them."""
 
-_SMOOTH = {LINEAR, SINE, OVERDAMPED, VERTICAL, QUADRATIC, KNIFE_EDGE, VAN_DER_POL, UNEVEN}
+_SMOOTH = {LINEAR, SINE, OVERDAMPED, VERTICAL, QUADRATIC, KNIFE_EDGE, VAN_DER_POL, UNEVEN, CHANGING}
 _YIELDING = {BEAM, REDUCED_BEAM, FRAME, BOARD}
 _KNOWN: dict[Propagator, frozenset[str]] = {
     "closed-form": frozenset({FIXED, LINEAR, UNEVEN}),
-    "picard": frozenset({FIXED, SINE, VERTICAL, UNEVEN}),
+    "picard": frozenset({FIXED, LINEAR, SINE, VERTICAL, UNEVEN, KICKS, CHANGING}),
     "beam-collocation": frozenset({LINEAR, SINE, VERTICAL, VAN_DER_POL, UNEVEN} | _YIELDING),
-    "explicit": frozenset(_SMOOTH | _YIELDING | {FIXED, IMPULSE}),
+    "explicit": frozenset(_SMOOTH | _YIELDING | {FIXED, IMPULSE, KICKS}),
     "radau": frozenset(_SMOOTH | _YIELDING | {FIXED}),
     "splitting": frozenset({FIXED, SINE, VERTICAL}),
 }
@@ -98,11 +100,14 @@ def chosen_at_sight(named: Propagator, asked: Sequence[str]) -> Choice | None:
     if _can("closed-form", asked):
         return Choice("closed-form", "linear pendulums on a fixed support have a solution in closed form")
     if _can("picard", asked):
+        what = "real pendulums" if SINE in asked else f"linear pendulums with {_and([*({KICKS, CHANGING} & {*asked})])}"
         return Choice(
             "picard",
-            "real pendulums on a fixed support: the exact linear motion, and a small remainder",
-            ("explicit", "radau"),
+            f"{what} on a fixed support: the exact linear motion, and a small remainder",
+            ("explicit",) if KICKS in asked else ("explicit", "radau"),
         )
+    if KICKS in asked:
+        return Choice("explicit", "random kicks come at set times, to which this propagator steps", aim=_aim(asked))
     if IMPULSE in asked:
         why = "an impulse escapement kicks at instants that this propagator locates"
         return Choice("explicit", why, aim=_aim(asked))

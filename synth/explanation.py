@@ -15,7 +15,7 @@ from synth.recording.clock import Clock, set_clock
 
 _TERMS = (
     "restoring", "viscous damping", "quadratic damping", "knife edge", "escapement", "yielding support",
-    "horizontal motion", "vertical motion",
+    "horizontal motion", "vertical motion", "random kicks", "changing gravity",
 )  # fmt: skip
 _MOST_PERIODS = 4
 
@@ -112,6 +112,11 @@ def _terms(scene: Scene, made: Plan) -> Iterator[tuple[str, str]]:
             count = motion.angular_frequency.size
             of_what = "" if list(kinds) == ["harmonics"] else f": {_and(kinds)}"
             yield f"{axis} motion", f"{count} harmonic{'s' if count > 1 else ''}{of_what}"
+    found = _each(pendulums, lambda each: each.kick_intensity and f"{each.kick_intensity:g} rad s-1/2")
+    if found:
+        yield "random kicks", found
+    if scene.gravity_course is not None:
+        yield "changing gravity", f"{scene.gravity_course.kind}, mean change {made.mean_change:.3g} m/s2"
     if made.caution is not None:
         yield "caution", made.caution
 

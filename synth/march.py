@@ -42,6 +42,8 @@ class Course:
         By what, as the truth calls it.
     support_displacement : (readings,) float64 or None
         Of a support that yields, m.
+    gravity_change : (readings,) float64 or None
+        What is added to the scene's gravity, m/s^2.
     """
 
     theta: Floats
@@ -52,6 +54,7 @@ class Course:
     estimated_error: float
     propagator: str
     support_displacement: Floats | None = None
+    gravity_change: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -104,12 +107,14 @@ def _course(plan: Plan, part: Clock, angles: _Angles) -> Course:
     count = len(plan.frequencies)
     theta = angles.rows[:count, kept]
     yielded = angles.rows[count, kept] if len(angles.rows) > count else None
+    change = plan.gravity_change
+    changed = None if change is None else times.acceleration(change)[kept]
     free = slow = None
     if plan.choice.propagator == "closed-form":
         free = np.array([times.free_harmonic(response, w)[kept] for response in plan.responses])
     elif plan.responses and (w.size or not plan.choice.integrates):
         slow = times.slow(plan.responses, w)[:, kept]
-    return Course(theta, free, slow, *moved, angles.estimated_error, angles.propagator, yielded)
+    return Course(theta, free, slow, *moved, angles.estimated_error, angles.propagator, yielded, changed)
 
 
 def _closed_form(plan: Plan, clock: Clock) -> Iterator[_Angles]:
@@ -138,6 +143,8 @@ def _picard(plan: Plan, clock: Clock) -> Iterator[_Angles]:
         plan.lift,
         plan.gravity,
         plan.times,
+        plan.linear,
+        plan.kicks,
     )
     done = 0
     sizes = (part.times.count for part in clock.portions(len(plan.frequencies)))

@@ -12,6 +12,8 @@ QUADRATIC = "quadratic damping"
 KNIFE_EDGE = "a knife edge"
 VAN_DER_POL = "a van der Pol escapement"
 IMPULSE = "an impulse escapement"
+KICKS = "random kicks"
+CHANGING = "changing gravity"
 FIXED, BEAM, REDUCED_BEAM = "a fixed support", "an elastic beam", "the reduced beam"
 FRAME, BOARD = "a flexible frame", "a rolling board"
 UNEVEN = "uneven times"
@@ -42,6 +44,8 @@ def needs(scene: Scene) -> tuple[str, ...]:
         KNIFE_EDGE: any(each.knife_edge is not None for each in pendulums),
         VAN_DER_POL: "van-der-pol" in drives,
         IMPULSE: "impulse" in drives,
+        KICKS: any(each.kick_intensity for each in pendulums),
+        CHANGING: scene.gravity_course is not None,
         _support(scene): True,
         UNEVEN: scene.recording.jitter > 0,
     }

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from data_schemas.errors import RefusedError, SceneError
@@ -13,6 +14,8 @@ from data_schemas.scene_checks import felt_gravity, frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
 from synth.choice import NAMES, Choice, chosen_at_sight, chosen_by_rates
 from synth.conditions import stiffening
+from synth.gravity_course import gravity_change, mean_change
+from synth.kicks import Kicks, kicks
 from synth.motion.harmonic_sum import HarmonicSum, add
 from synth.motion.harmonics import harmonics
 from synth.motion.near_resonant import near_resonant
@@ -40,7 +43,7 @@ class Plan:
     motion, vertical : HarmonicSum
         Horizontal and vertical acceleration of the ship; an empty sum where it is still.
     lift : HarmonicSum
-        The vertical one with what acts like it: a temperature that changes within the record.
+        The vertical one with what acts like it: a temperature or gravity that changes within the record.
     frequencies, damping_rates : tuple of float
         n in rad/s at infinitesimal arc on a rigid support, gamma in 1/s.
     responses : tuple of Response
@@ -55,6 +58,14 @@ class Plan:
         Builds the equations of motion, for general integrators only: it imports the compiler. Once built, they stay.
     yields : bool
         Whether the support moves with the pendulums.
+    linear : bool
+        Whether the law is linear.
+    kicks : Kicks or None
+        Random impulses.
+    gravity_change : HarmonicSum or None
+        What is added to the scene's gravity over time, m/s^2.
+    mean_change : float
+        Its mean over the record, m/s^2.
     """
 
     gravity: float
@@ -69,6 +80,10 @@ class Plan:
     tolerance: float | None
     assembly: Callable[[], Assembly]
     yields: bool
+    linear: bool
+    kicks: Kicks | None
+    gravity_change: HarmonicSum | None
+    mean_change: float
 
     @property
     def propagator(self) -> str:
@@ -97,15 +112,17 @@ def plan(scene: Scene, clock: Clock) -> Plan:
     frequencies = [frequency(scene, pendulum) for pendulum in scene.pendulums]
     motion, vertical = (_motion(scene, frequencies, clock, axis) for axis in ("horizontal", "vertical"))
 
-    course = stiffening(scene)
-    lift = vertical if course is None else add([vertical, course])
+    change = gravity_change(scene, clock.true_end)
+    like_heave = [each for each in (stiffening(scene), _in_swing_plane(scene, change)) if each is not None]
+    lift = add([vertical, *like_heave]) if like_heave else vertical
+    impulses = kicks(scene, max(frequencies), clock.times)
 
     @functools.cache
     def assembly() -> Assembly:
         from synth.assembly import assemble
 
         try:
-            return assemble(scene, frequencies, motion, lift)
+            return assemble(scene, frequencies, motion, lift, impulses, clock.true_end)
         except RefusedError as refusal:
             raise SceneError(str(refusal)) from None
 
@@ -122,7 +139,17 @@ def plan(scene: Scene, clock: Clock) -> Plan:
         scene.simulation.tolerance,
         assembly,
         scene.support.kind != "fixed",
+        scene.restoring == "linear",
+        impulses,
+        change,
+        0.0 if change is None else mean_change(change, clock.true_end),
     )
+
+
+def _in_swing_plane(scene: Scene, change: HarmonicSum | None) -> HarmonicSum | None:
+    """The share of a vertical acceleration that a tilted plane of swing feels."""
+    tilt = scene.conditions.tilt or 0.0
+    return None if change is None else replace(change, acceleration=change.acceleration * math.cos(tilt))
 
 
 def _responses(scene: Scene, frequencies: list[float], motion: HarmonicSum) -> tuple[Response, ...]:

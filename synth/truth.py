@@ -8,6 +8,7 @@ import numpy as np
 
 from data_schemas.contents import Contents
 from data_schemas.scene import Scene
+from data_schemas.scene_checks import frequency
 from synth.march import Course
 from synth.plan import Plan
 from synth.recording.clock import Clock
@@ -28,11 +29,16 @@ def reveal(scene: Scene, clock: Clock, plan: Plan, course: Course, unwrapped: Un
     moves_up = plan.vertical.angular_frequency.size > 0
     interval = float(scene.recording.mark_interval) if scene.recording.marks else scene.recording.gap_interval
     yielded = course.support_displacement
+    changed = course.gravity_change
+    at_mean = scene.model_copy(update={"gravity": scene.gravity + plan.mean_change})
+    kicked = np.array([each.kick_intensity for each in scene.pendulums])
     marks = np.arange(0.0, scene.duration, interval) * float(clock.scale)
     variables = {
-        "gravity": ((), scene.gravity),
-        "frequency": (one, np.array(plan.frequencies)),
+        "gravity": ((), at_mean.gravity),
+        **({"gravity_course": (("time",), scene.gravity + changed)} if changed is not None else {}),
+        "frequency": (one, np.array([frequency(at_mean, each) for each in scene.pendulums])),
         "damping_rate": (one, np.array(plan.damping_rates)),
+        **({"kick_intensity": (one, kicked)} if kicked.any() else {}),
         "theta": (both, course.theta),
         **_parts(clock, plan, course, unwrapped),
         "horizontal_acceleration": (("time",), course.horizontal_acceleration),

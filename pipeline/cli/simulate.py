@@ -86,7 +86,8 @@ def run(options: argparse.Namespace) -> int:
     with orderly(), folder_for_output(record_path.parent), progress(scene.record_id, " samples") as draw:
         samples = synth.simulate_to(scene, record_path, truth_path, overwrite=options.force, progress=draw)
     print(f"{record_path}: {samples} samples of {', '.join(trace.name for trace in scene.traces)}")
-    print(f"{truth_path}: gravity {scene.gravity:.8f} m/s2")
+    changing = ", to which gravity_course is added" if scene.gravity_course is not None else ""
+    print(f"{truth_path}: gravity {scene.gravity:.8f} m/s2{changing}")
     return 0
 
 

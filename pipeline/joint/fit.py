@@ -47,7 +47,7 @@ def first_constants(gathered: Gathered) -> tuple[Constant, ...]:
     found = [*starts(problem.pendulums, frequency), Constant("gravity", kernels.GRAVITY, 0.02, mean=1.0, value=1.0)]
     if gathered.constants["damping_rate"] is None:
         found.append(Constant("damping", kernels.DAMPING, 1e-3))
-        found += [Constant(f"damping of {i}", kernels.DAMPING, 2e-5, i) for i in range(1, problem.pendulums)]
+        found += [Constant(f"damping of {i}", kernels.DAMPING, 1e-7, i) for i in range(1, problem.pendulums)]
     elif "damping_rate_uncertainty" in gathered.constants["constants"]:
         spread = np.broadcast_to(gathered.constants["constants"]["damping_rate_uncertainty"], problem.kappa.shape)
         found += [Constant(f"damping of {i}", kernels.DAMPING, float(s), i) for i, s in enumerate(spread) if s > 0.0]
@@ -92,12 +92,22 @@ def relinearised(
 ) -> Fit:
     """Gauss-Newton about the smoothed path until the constants stand."""
     for _ in range(passes):
+        constants = with_difference(constants)
         path, _ = problem.smooth(assumed, constants, about=about, gate=gate)
         solution, of = problem.run(assumed, constants, about=path, gate=gate)
         about, constants = path, solution.constants
         if np.all(np.abs(solution.step) < 0.05 * np.sqrt(np.diag(solution.covariance))):
             break
     return Fit(assumed, solution, path, of.whitened)
+
+
+def with_difference(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
+    """Where no damping is stated: the prior of its difference, from the common rate."""
+    common = next((abs(c.value) for c in constants if c.name == "damping"), None)
+    if common is None:
+        return constants
+    width = max(DIFFERENCE * common, 1e-9)
+    return tuple(replace(c, prior=width) if c.name.startswith("damping of") else c for c in constants)
 
 
 def window(problem: Problem, seconds: float = WINDOW) -> tuple[int, int]:
@@ -111,8 +121,9 @@ def window(problem: Problem, seconds: float = WINDOW) -> tuple[int, int]:
     return begin, begin + length
 
 
-LOW, HIGH = 1e-9, 1.0
-STEP = 0.8
+STEP = 0.5
+NOISE_SPREAD = 0.3
+DIFFERENCE = 0.3  # 1 sigma of an unstated difference of damping over the damping
 
 
 def refined(
@@ -121,6 +132,8 @@ def refined(
     """Climb the likelihood of a stretch by coordinates: the ship's parameters and the reading noise."""
     traces = problem.traces if noise else 0
     best = np.concatenate([spectrum.parameters(assumed.ship), np.log(assumed.noise[:traces])])
+    centre = best.copy()
+    spread = np.concatenate([spectrum.spreads(assumed.ship), np.full(traces, NOISE_SPREAD)])
     here = padded(problem, path, assumed)
     at_start = shifted(constants, here, span[0])
 
@@ -134,13 +147,14 @@ def refined(
         if np.any(vector > 6.0) or np.any(vector < -25.0):
             return -np.inf
         try:
-            return problem.run(make(vector), at_start, span=span, about=here)[0].log_likelihood
+            prior = -0.5 * float(np.sum(((vector - centre) / spread) ** 2))
+            return problem.run(make(vector), at_start, span=span, about=here)[0].log_likelihood + prior
         except np.linalg.LinAlgError:
             return -np.inf
 
     top = value(best)
     step = np.full(best.size, STEP)
-    for _ in range(4):
+    for _ in range(2):
         before = top
         for k in range(best.size):
             around = []

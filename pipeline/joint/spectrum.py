@@ -155,6 +155,14 @@ def parameters(components: tuple[Component, ...]) -> Floats:
     return np.log(out)
 
 
+def spreads(components: tuple[Component, ...]) -> Floats:
+    """1 sigma of the logarithms of `parameters` about what a spectrum gives."""
+    out: list[float] = []
+    for each in components:
+        out += [1.0, 1.5] if isinstance(each, Vibration) else [0.2, 0.7, 1.0]
+    return np.array(out)
+
+
 def assemble(like: tuple[Component, ...], vector: Floats) -> tuple[Component, ...]:
     """Components of the same kinds with other numbers."""
     values = iter(np.exp(vector).tolist())

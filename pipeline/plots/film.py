@@ -11,6 +11,7 @@ import numpy as np
 
 from data_schemas.errors import UsageError
 from data_schemas.variables_record import ELONGATION_FLAGS
+from pipeline.arrays import row_means_present
 from pipeline.plots.canvas import GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, panel, sheet
 from pipeline.plots.film_image import picture
 from pipeline.plots.series import Floats
@@ -277,7 +278,7 @@ def _legend(figure: Figure, reading: Reading) -> None:
 
     handles: list[Any] = [
         Line2D([], [], color=_TRACES[trace % len(_TRACES)], label=f"trace {trace + 1} from the left")
-        for trace in np.argsort([np.nanmean(course) for course in reading.tracks.course])
+        for trace in np.argsort(row_means_present(reading.tracks.course))
     ]
     raised = int(np.bitwise_or.reduce(row_flags(reading), axis=None))
     handles += [

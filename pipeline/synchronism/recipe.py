@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from data_schemas.errors import RecordError, RefusedError
-from pipeline.arrays import Floats
+from pipeline.arrays import Floats, row_means_present
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -66,7 +66,7 @@ def synchrony(record: DataTree) -> DataTree:
             raise RefusedError(f"synchrony: {said}; a verdict needs {_LEAST_INSTANTS}")
         ratio = float(np.nanmedian(seen.amplitude[one] / seen.amplitude[two]))
         pairs.append(Pair(f"{labels[one]}-{labels[two]}", psi, sigma, judge(seen.time, psi, sigma), ratio))
-    size = np.nanmean(seen.amplitude[:, seen.time >= 0.5 * seen.time[-1]], axis=1)
+    size = row_means_present(seen.amplitude[:, seen.time >= 0.5 * seen.time[-1]])
     dataset = record["record"].dataset
     accelerations = {
         name: np.asarray(dataset[name].values, dtype=np.float64)

@@ -18,6 +18,8 @@ from synth.integrators.explicit_progress import (
     ERROR,
     EVALUATIONS,
     FINAL,
+    HALTED,
+    KICKS,
     PROPOSED,
     READY,
     REJECTED,
@@ -34,6 +36,7 @@ from synth.integrators.explicit_step import attempt, between, dense, local_error
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
+from synth.systems.impulses import halt, jolt
 
 DONE, UNDERFLOW, NOT_FINITE, TOO_STIFF, TOO_LONG, FULL = range(6)
 MOST_STEPS = 2_000_000_000
@@ -116,6 +119,7 @@ def march(
     clock, counts, n = progress.clock, progress.counts, progress.slope.size
     time, time_low, step, proposed = clock[TIME], clock[TIME_LOW], clock[STEP], clock[PROPOSED]
     error, share, ready, final = clock[ERROR], clock[SHARE], counts[READY] != 0, counts[FINAL] != 0
+    halted = counts[HALTED] != 0
     shortest = 4e-16 * max(abs(time), abs(end))
     written, status = 0, DONE
     while True:
@@ -143,6 +147,11 @@ def march(
             strike(event, memory, share, time, time_low, following, left_over, slope, system)
             derivative(time + time_low, following, system, slope)
             counts[EVALUATIONS] += 1
+        if halted:
+            jolt(system, counts[KICKS], following)
+            derivative(time + time_low, following, system, slope)
+            counts[KICKS] += 1
+            counts[EVALUATIONS] += 1
         shaken = amiss if share > 1.0 else 0.0  # a state put on a level stays there, lest it cross again
         for i in range(n):
             state[i] = following[i]
@@ -152,10 +161,13 @@ def march(
         allow(scale, expected, tolerance, allowed)
         step, growth, error_before = proposed, _LARGEST_GROWTH, max(error, 1e-8)
         while status == DONE:
-            left = (end - time) - time_low
+            stop = halt(system, counts[KICKS], end)
+            left = (stop - time) - time_low
             final = step >= left * (1.0 - 1e-12)
             if final:
                 step = left
+            halted = final and stop < end
+            final = final and not halted
             attempt(time + time_low, step, state, k, point, slope, increment, system)
             counts[EVALUATIONS] += 11
             error = local_error(step, k, allowed)
@@ -197,7 +209,7 @@ def march(
             share = locate(event, memory, state, low, following, left_over, polynomial)
             if share <= 1.0:
                 step *= share
-                final = False
+                final = halted = False
                 ready = False
                 attempt(time + time_low, step, state, k, point, slope, increment, system)
                 add(state, low, increment, following, left_over)
@@ -212,5 +224,5 @@ def march(
                     add(state, low, increment, following, left_over)
     clock[TIME], clock[TIME_LOW], clock[STEP], clock[PROPOSED] = time, time_low, step, proposed
     clock[ERROR], clock[SHARE] = error, share
-    counts[READY], counts[FINAL], counts[WRITTEN] = int(ready), int(final), written
+    counts[READY], counts[FINAL], counts[WRITTEN], counts[HALTED] = int(ready), int(final), written, int(halted)
     return status

@@ -9,7 +9,7 @@ import numpy as np
 from synth.phase import Floats, Integers
 
 TIME, TIME_LOW, STEP, PROPOSED, ERROR, SHARE = range(6)
-STEPS, REJECTED, EVALUATIONS, STIFF, CALM, READY, FINAL, WRITTEN = range(8)
+STEPS, REJECTED, EVALUATIONS, STIFF, CALM, READY, FINAL, WRITTEN, KICKS, HALTED = range(10)
 _NOT_YET = 2.0
 _AVERAGE = 1e-4
 
@@ -43,8 +43,8 @@ class Progress(NamedTuple):
     """(6,) start of the step as a sum of two doubles, its length, length of the next, error of the last, share of a
     crossing in it."""
     counts: Integers
-    """(8,) steps, rejected, evaluations; steps at the edge of stability and since; whether the polynomial is made;
-    whether the step ends the march; outputs of the last call."""
+    """(10,) steps, rejected, evaluations; steps at the edge of stability and since; whether the polynomial is made;
+    whether the step ends the march; outputs of the last call; impulses so far, and whether the step ends at the next."""
 
 
 def begin_at(start: Floats, time: float) -> Progress:
@@ -65,5 +65,5 @@ def begin_at(start: Floats, time: float) -> Progress:
         k=np.zeros((16, n)),
         polynomial=np.zeros((7, n)),
         clock=np.array([time, 0.0, 0.0, 0.0, _AVERAGE, _NOT_YET]),
-        counts=np.array([0, 0, 0, 0, 0, 1, 0, 0]),
+        counts=np.array([0, 0, 0, 0, 0, 1, 0, 0, 0, 0]),
     )

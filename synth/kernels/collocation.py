@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from synth.kernels.collocation_remainder import NODES, remainder_general, remainder_small
+from synth.kernels.collocation_remainder import NODES, remainder_general, remainder_linear, remainder_small
 from synth.kernels.compiled import kernel, summing_kernel
 
 POINTS = NODES + 2
@@ -35,6 +35,8 @@ def march(
     vertical: Any,
     horizontal: Any,
     drive: Any,
+    impulses: Any,
+    linear: bool,
     reach: Any,
     floor: Any,
     weights: Any,
@@ -54,6 +56,10 @@ def march(
         Steady linear answer at the nodes, rad.
     vertical, horizontal, drive : (intervals, NODES)
         zeta, u, and the part of u that `steady` does not answer.
+    impulses : (pendulums, intervals)
+        Jump of y'/n at the end of each interval.
+    linear : bool
+        Whether the law is linear.
     reach, floor : (pendulums,)
         Amplitude of y at the start of an interval from which theta might exceed 0.5 rad in it: the general remainder
         is then used. Square of an angle below which agreement is not asked for in relation to y alone.
@@ -91,7 +97,9 @@ def march(
             turns += 1
             now = 1 - now
             for p in range(pendulums):
-                if state[p, 0] * state[p, 0] + state[p, 2] * state[p, 2] < reach[p] * reach[p]:
+                if linear:
+                    remainder_linear(theta, vertical, horizontal, drive, p, i, known, now)
+                elif state[p, 0] * state[p, 0] + state[p, 2] * state[p, 2] < reach[p] * reach[p]:
                     remainder_small(theta, vertical, horizontal, drive, p, i, known, now)
                 else:
                     remainder_general(theta, vertical, horizontal, drive, p, i, known, now)
@@ -115,6 +123,7 @@ def march(
             for j in range(NODES):
                 points[p, i, j + 1] = theta[p, j] - steady[p, i, j]
             points[p, i, POINTS - 1] = state[p, 0]
+            state[p, 2] += impulses[p, i]
     remainder[:] = known[now]
     return int(intervals)
 

@@ -2,7 +2,9 @@
 
     r = (theta - sin theta) - zeta sin theta + u (1 - cos theta) - drive
 
-Both kernels take theta (pendulums, NODES), zeta, u and drive (intervals, NODES), the pendulum, the interval, and where
+    r = -zeta theta - drive                                        where the law is linear
+
+The kernels take theta (pendulums, NODES), zeta, u and drive (intervals, NODES), the pendulum, the interval, and where
 to put r: `known[now, pendulum]`. They are odd in (theta, u, drive) to the last bit.
 """
 
@@ -34,6 +36,15 @@ def remainder_small(
         rise = 1 / 3628800 + s * (-1 / 479001600 + s * (1 / 87178291200))
         rise = s * (0.5 + s * (-1 / 24 + s * (1 / 720 + s * (-1 / 40320 + s * rise))))
         known[now, p, j] = short - vertical[i, j] * (x - short) + horizontal[i, j] * rise - drive[i, j]
+
+
+@summing_kernel
+def remainder_linear(
+    theta: Any, vertical: Any, horizontal: Any, drive: Any, p: int, i: int, known: Any, now: int
+) -> None:
+    """The linear law, which the support's horizontal acceleration does not change."""
+    for j in range(NODES):
+        known[now, p, j] = -vertical[i, j] * theta[p, j] - drive[i, j]
 
 
 @kernel

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from data_schemas.errors import SceneError
-from data_schemas.scene_motion import TabulatedMotion
+from data_schemas.scene_motion import Table
 from synth.phase import Floats
 
 
-def read_table(term: TabulatedMotion) -> tuple[Floats, Floats]:
+def read_table(term: Table) -> tuple[Floats, Floats]:
     """Times in s and values times the factor.
 
     Raises
@@ -26,7 +26,7 @@ def read_table(term: TabulatedMotion) -> tuple[Floats, Floats]:
     try:
         columns = _netcdf(path, term) if path.suffix == ".nc" else _csv(path, term)
     except OSError as error:
-        raise SceneError(f"{path}: cannot be read ({error.strerror or error}); mend motion.file") from None
+        raise SceneError(f"{path}: cannot be read ({error.strerror or error}); mend {term.section}.file") from None
     seconds, values = columns
     if seconds.shape != values.shape or seconds.ndim != 1 or seconds.size < 2:
         raise SceneError(f"{path}: time and value must be two columns of equal length with two readings at least")
@@ -37,7 +37,7 @@ def read_table(term: TabulatedMotion) -> tuple[Floats, Floats]:
     return seconds, values * term.factor
 
 
-def _csv(path: Path, term: TabulatedMotion) -> tuple[Floats, Floats]:
+def _csv(path: Path, term: Table) -> tuple[Floats, Floats]:
     numbers = array("d")  # row by row: a list of a million rows would take half a gigabyte
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         first_line = file.readline()
@@ -78,7 +78,7 @@ def _place(path: Path, names: list[str], width: int, column: int | str) -> int:
     return names.index(column)
 
 
-def _netcdf(path: Path, term: TabulatedMotion) -> tuple[Floats, Floats]:
+def _netcdf(path: Path, term: Table) -> tuple[Floats, Floats]:
     import xarray
 
     with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as table:

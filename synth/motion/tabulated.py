@@ -23,7 +23,7 @@ from fractions import Fraction
 import numpy as np
 
 from data_schemas.errors import SceneError
-from data_schemas.scene_motion import TabulatedMotion
+from data_schemas.scene_motion import Table
 from synth.motion.harmonic_sum import Comb, HarmonicSum
 from synth.motion.jumps import first_jump
 from synth.motion.table_file import read_table
@@ -36,7 +36,7 @@ _EVENNESS = 1e-6  # of a step, by which readings may be off and still count as e
 _REFINEMENT = 4  # even steps a typical uneven step
 
 
-def tabulated(term: TabulatedMotion, duration: float) -> HarmonicSum:
+def tabulated(term: Table, duration: float) -> HarmonicSum:
     """Read a table and continue it.
 
     Parameters
@@ -56,7 +56,7 @@ def tabulated(term: TabulatedMotion, duration: float) -> HarmonicSum:
     if begin < seconds[0] or begin + duration > seconds[-1] + _EVENNESS:
         raise SceneError(
             f"{term.file}: covers {seconds[0]:g} to {seconds[-1]:g} s, the record needs {begin:g} to "
-            f"{begin + duration:g} s; shorten the scene's duration or set motion.begin"
+            f"{begin + duration:g} s; shorten the scene's duration or set {term.section}.begin"
         )
     jump = first_jump(seconds, values)
     if jump is not None:
@@ -68,7 +68,7 @@ def tabulated(term: TabulatedMotion, duration: float) -> HarmonicSum:
         seconds, values = _resampled(seconds, values)
     step = float(seconds[-1] - seconds[0]) / (seconds.size - 1)
     if np.max(np.abs(seconds - (seconds[0] + step * np.arange(seconds.size)))) > _EVENNESS * step:
-        raise SceneError(f"{term.file}: its steps are uneven; set motion.interpolation = 'spline'")
+        raise SceneError(f"{term.file}: its steps are uneven; set {term.section}.interpolation = 'spline'")
     return continued(values, step, begin - float(seconds[0]))
 
 

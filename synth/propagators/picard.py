@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import NEAR_RESONANT_BAND
 from synth.phase import Floats, Integers
@@ -73,7 +74,11 @@ class PicardPlan:
     gravity : float
         m/s^2
     times : EvenTimes or UnevenTimes
-        Readings. Uneven ones may come in any order and may be negative.
+        Readings. Uneven ones may come in any order and, without kicks, may be negative.
+    linear : bool
+        Whether the law is linear: r = -zeta theta - u_near.
+    kicks : Kicks or None
+        Impulses at ends of intervals.
 
     Examples
     --------
@@ -95,6 +100,8 @@ class PicardPlan:
     vertical: HarmonicSum
     gravity: float
     times: EvenTimes | UnevenTimes
+    linear: bool = False
+    kicks: Kicks | None = None
 
     def elongation(self) -> tuple[Floats, float]:
         """Angles at all readings.
@@ -129,13 +136,19 @@ class PicardPlan:
         """
         if isinstance(self.times, EvenTimes):
             step, count = self.times.step, self.times.count
-            for swing in march(self._equations(), [EvenReadings.among(step, count, each) for each in self._longest()]):
+            even = [EvenReadings.among(step, count, each) for each in self._longest()]
+            if self.kicks is not None:
+                pattern = self.kicks.step / step
+                even = [EvenReadings(step, count, pattern.numerator, pattern.denominator)]
+            for swing in march(self._equations(), even):
                 yield Swing(*swing)
             return
         seconds = self.times.seconds
         if seconds.size and seconds[0] >= 0 and np.all(seconds[1:] > seconds[:-1]):  # a clock's: no copies in order
             scale = self.times.scale
             uneven = [UnevenReadings.among(seconds, scale, each) for each in self._longest()]
+            if self.kicks is not None:
+                uneven = [UnevenReadings(seconds, scale, float(self.kicks.step / scale))]
             for swing in march(self._equations(), uneven):
                 yield Swing(*swing)
             return
@@ -186,6 +199,8 @@ class PicardPlan:
             np.array([angle, speed / self.frequencies]),
             Sums(w, np.vstack([steady, u, np.where(near, u, 0.0)] if near.any() else [steady, u]), horizontal.combs),
             Sums(vertical.angular_frequency, vertical.acceleration[None, :] / self.gravity, vertical.combs),
+            self.linear,
+            self.kicks,
         )
 
 

@@ -15,6 +15,7 @@ from data_schemas.errors import RefusedError
 from synth.kernels.collocation import POINTS
 from synth.kernels.collocation import march as march_intervals
 from synth.kernels.collocation_remainder import NODES
+from synth.kicks import Kicks
 from synth.phase import Floats
 from synth.propagators.picard_error import Estimate
 from synth.propagators.picard_forcing import Sums, node_grid
@@ -47,6 +48,10 @@ class Equations:
         Steady answers of all pendulums, u, and that part of u which they leave out, if any.
     vertical : Sums
         zeta.
+    linear : bool
+        Whether the law is linear.
+    kicks : Kicks or None
+        Whose step every interval is, or a whole part of it.
     """
 
     frequencies: Floats
@@ -54,6 +59,8 @@ class Equations:
     start: Floats
     horizontal: Sums
     vertical: Sums
+    linear: bool = False
+    kicks: Kicks | None = None
 
     def shadowed(self) -> Equations:
         """Every pendulum twice."""
@@ -85,6 +92,7 @@ class _Level:
             self._grids = [node_grid(each, readings.interval, GROUP, blocks) for each in (vertical, horizontal)]
         self.points = np.empty((self._pendulums, self.most, POINTS))
         self._still = np.zeros((self.most, NODES))
+        self.linear, self._kicks = equations.linear, equations.kicks
         self.steady = readings.steady(horizontal.some(slice(shown)), self.most)
         each_pendulum = zip(equations.frequencies.tolist(), equations.damping_rates.tolist(), strict=True)
         sets = [weights(n, gamma, readings.interval) for n, gamma in each_pendulum]
@@ -96,6 +104,17 @@ class _Level:
             np.array([each.propagator for each in sets]),
             legendre_tail(),
         )
+
+    def impulses(self, first: int, count: int) -> Floats:
+        """Jumps of theta'/n at the ends of intervals, (pendulums, count) rad."""
+        jumps = np.zeros((self._pendulums, count))
+        if self._kicks is not None:
+            every = round(self._kicks.step / self.readings.interval)  # intervals to an impulse, exactly
+            begin, end = first // every, (first + count) // every
+            drawn = self._kicks.some(begin, end - begin)
+            last = (np.arange(begin, end) + 1) * every - 1 - first
+            jumps[:, last] = np.tile(drawn, (self._pendulums // len(drawn), 1))  # a shadow gets its pendulum's
+        return jumps
 
     def forcing(self, first: int, count: int) -> tuple[Floats, Floats, Floats, Floats]:
         """Steady answers (pendulums, count, NODES), and zeta, u and drive (count, NODES)."""
@@ -181,6 +200,8 @@ def _stride(
         vertical,
         horizontal,
         drive,
+        level.impulses(first, count),
+        level.linear,
         np.maximum(_SMALL - peak - most, 0.0),
         (peak + np.minimum(turn, turn**2) * rest) ** 2,
         level.weights,

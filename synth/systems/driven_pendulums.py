@@ -39,6 +39,8 @@ class DrivenPendulums(NamedTuple):
     """z'', up positive: `Harmonics` or None."""
     terms: Any = None
     """Resistances and drives, `terms.together(...)`, or None."""
+    kicks: Any = None
+    """`impulses.Impulses`, which the explicit integrator alone knows, or None."""
 
     @property
     def first_angle(self) -> int:

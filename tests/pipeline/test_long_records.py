@@ -56,9 +56,15 @@ def numbers(result: xr.DataTree) -> dict[str, np.ndarray]:
 SIGMAS = {"/gravity/gravity_sigma", "/gravity/noise_sigma", "/gravity/reading_noise"}
 
 
-def told_of(name: str) -> tuple[set[str], float]:
-    """What sums over portions tell, and how far the rest follows, but gravity; so unstated damping is told."""
-    return (TOLD_BY_SENSORS | SIGMAS, 1e-9) if name == "damping not stated" else (TOLD_BY_SENSORS, 1e-12)
+SAME_GRAVITY, SAME_REST = 1e-11, 1e-9
+"""Relative. Portions change the order of a sum, and so its last bit; the processor decides by how much. Measured:
+1.1e-12 in the reading noise, 1e-9 in all but gravity where damping is fitted. A sample lost or counted twice where
+portions meet changes a sum over the record by 1e-5 or more."""
+
+
+def told_of(name: str) -> set[str]:
+    """What sums over portions tell; so unstated damping is told."""
+    return TOLD_BY_SENSORS | SIGMAS if name == "damping not stated" else TOLD_BY_SENSORS
 
 
 def assert_the_same_by_portions(
@@ -66,7 +72,6 @@ def assert_the_same_by_portions(
     method: str,
     monkeypatch: pytest.MonkeyPatch,
     told_by_sensors: set[str] = TOLD_BY_SENSORS,
-    rest: float = 1e-12,
 ) -> None:
     """The numbers by portions as short as they are now, and by the usual ones."""
     small = numbers(process(record, method=method))
@@ -76,7 +81,7 @@ def assert_the_same_by_portions(
     assert small.keys() == whole.keys()
     for key, values in whole.items():
         # the sigmas come from the inverse of ill-conditioned products, which a last bit of a sum changes by 1e-9
-        tolerance = 1e-6 if key in told_by_sensors else 1e-12 if key == "/gravity/gravity" else rest
+        tolerance = 1e-6 if key in told_by_sensors else SAME_GRAVITY if key == "/gravity/gravity" else SAME_REST
         assert small[key] == pytest.approx(values, rel=tolerance, abs=1e-18, nan_ok=True), key
 
 
@@ -84,7 +89,7 @@ def assert_the_same_by_portions(
 def test_portions_change_no_number(name: str, short: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Sums over blocks are the same wherever portions begin; what is told of the sensors is a sum over portions."""
     record, _ = simulate(**RECORDS[name])
-    assert_the_same_by_portions(record, "projection", monkeypatch, *told_of(name))
+    assert_the_same_by_portions(record, "projection", monkeypatch, told_of(name))
 
 
 @pytest.mark.compiled
@@ -94,7 +99,7 @@ def test_portions_change_no_number_of_the_nonlinear_identity(
 ) -> None:
     record, _ = simulate(**RECORDS[name] | SMALL_ARC)
     record["instrument"].attrs["restoring"] = "sine"
-    assert_the_same_by_portions(record, "shooting", monkeypatch, *told_of(name))
+    assert_the_same_by_portions(record, "shooting", monkeypatch, told_of(name))
 
 
 @pytest.mark.compiled

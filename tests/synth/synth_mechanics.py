@@ -37,6 +37,15 @@ def acceleration(scene: Scene, axis: str, time: float) -> float:
     return total
 
 
+def gravity(scene: Scene, time: float) -> float:
+    course: Any = scene.gravity_course
+    if course is None:
+        return scene.gravity
+    if course.kind == "linear":
+        return scene.gravity + course.rate * time
+    return scene.gravity + course.amplitude * float(np.sin(2 * np.pi * time / course.period + course.phase))
+
+
 def torques(scene: Scene, angle: Array, rate: Array) -> Array:
     """Angular acceleration by resistance and drive, one pendulum at a time."""
     result = np.zeros(angle.size)
@@ -61,7 +70,7 @@ def _fixed(scene: Scene) -> Slope:
     def slope(time: float, state: Array) -> Array:
         angle, rate = state[0::2], state[1::2]
         across, up = acceleration(scene, "horizontal", time), acceleration(scene, "vertical", time)
-        pull = ((scene.gravity + up) * sine(angle) + across * cosine(angle)) / length
+        pull = ((gravity(scene, time) + up) * sine(angle) + across * cosine(angle)) / length
         return np.stack([rate, torques(scene, angle, rate) - pull], axis=-1).ravel()
 
     return slope

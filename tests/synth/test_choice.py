@@ -46,6 +46,12 @@ CHOSEN = [
     ({"escapement": VAN_DER_POL | {"rate": 1e4}}, {}, "radau"),
     ({"escapement": {"kind": "impulse", "energy": 0.1}}, {}, "explicit"),
     ({"damping_rate": 1e4}, {}, "radau"),
+    ({"kick_intensity": 1e-7}, {}, "picard"),
+    ({"kick_intensity": 1e-7}, {"restoring": "linear"}, "picard"),
+    ({"kick_intensity": 1e-7, "knife_edge": {"friction": 0.1, "rate": 0.1}}, {}, "explicit"),
+    ({}, {"gravity_course": {"kind": "linear", "rate": 1e-6}}, "picard"),
+    ({}, {"gravity_course": {"kind": "linear", "rate": 1e-6}, "restoring": "linear"}, "picard"),
+    ({"damping_rate": 4.0}, {"gravity_course": {"kind": "linear", "rate": 1e-6}, "restoring": "linear"}, "explicit"),
     ({"mass": 0.25}, {"support": BEAM}, "beam-collocation"),
     ({"mass": 0.25}, {"support": BEAM | {"stiffness": 1e9}}, "radau"),
     ({"mass": 0.25, "quadratic_damping": 0.1}, {"support": BEAM}, "explicit"),
@@ -76,6 +82,9 @@ REFUSED = [
         {},
         "does not know quadratic damping; choose 'explicit' or 'radau' or 'auto'",
     ),
+    ("radau", {"kick_intensity": 1e-7}, {}, "'radau' does not know random kicks; choose 'picard' or 'explicit' or"),
+    ("closed-form", {"kick_intensity": 1e-7}, {"restoring": "linear"}, "'closed-form' does not know random kicks;"),
+    ("splitting", {}, {"gravity_course": {"kind": "linear", "rate": 1e-6}}, "does not know changing gravity;"),
     ("radau", {"escapement": {"kind": "impulse", "energy": 0.1}}, {}, "choose 'explicit' or 'auto'"),
     ("beam-collocation", {}, {}, "does not know a fixed support; choose 'picard'"),
     ("splitting", {}, {"recording": {"jitter": 0.1}}, "does not know uneven times; choose 'picard'"),
@@ -115,7 +124,7 @@ def test_shipped_scenes_explain_themselves(name: str) -> None:
     told = explain(load_scene(synth.scene_path(name)))
     assert told.terms["restoring"]
     assert set(told.terms).isdisjoint(told.left_out)
-    assert len(told.terms) + len(told.left_out) == 8
+    assert len(told.terms) + len(told.left_out) == 10
 
 
 def test_words_of_an_explanation() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
+from pipeline.arrays import row_means_present
 from pipeline.film.marks.pieces import exposed
 from pipeline.film.parts import Emulsion, Expected, Floats, Scan
 from pipeline.film.strobe.dense_start import SHADE, light_of
@@ -119,7 +120,7 @@ def rows_per_swing(exposure: NDArray[np.float32], found: list[Band], least: floa
     power = np.zeros(frequency.size)
     for band in found:
         _, series = light_of(exposure, band.left, band.right, least)
-        series = np.where(np.isfinite(series), series, np.nanmean(series))
+        series = np.where(np.isfinite(series), series, row_means_present(series[None])[0])
         power += np.abs(np.fft.rfft((series - series.mean()) * np.hanning(series.size), size)) ** 2
     inside = (frequency > 1.0 / LONGEST) & (frequency < 1.0 / SHORTEST)
     weighed: Floats = np.where(inside, power * frequency**2, 0.0)

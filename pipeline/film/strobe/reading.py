@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import median_present
 from pipeline.film.marks.closing import learned_width
 from pipeline.film.marks.gaps import Gaps
 from pipeline.film.marks.pieces import over_pieces
@@ -135,7 +136,7 @@ def bends(tracks: Tracks, gaps: Gaps) -> Floats:
         if steep.size < LEAST_STEEP:
             continue
         away = steep.column - between_rows(tracks, trace, steep.row)
-        out[trace] = max(BEND, AT_TURNS * 1.4826 * float(np.nanmedian(np.abs(away))))
+        out[trace] = max(BEND, AT_TURNS * 1.4826 * median_present(np.abs(away)))
     return out
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Floats
+from pipeline.arrays import Floats, median_present
 from pipeline.film.emulsion.film_emulsion import FilmEmulsion
 from pipeline.film.in_order import in_order
 from pipeline.film.parts import Scan
@@ -119,9 +119,9 @@ def _look_again(
         if k < 0 or begun.alive[k]:
             continue
         light = section.brightness[found]
-        begin = _solid_from(light > LIT * np.nanmedian(light), first - section.first, film.period)
+        begin = _solid_from(light > LIT * median_present(light), first - section.first, film.period)
         if begin is not None and section.first + begin < stop:
-            lamp = float(np.nanmedian(section.brightness[found]))
+            lamp = median_present(section.brightness[found])
             begun.restart(k, section.states[begin, found], lamp, alive=False)
             begins[k] = section.first + begin - first
 
@@ -180,11 +180,11 @@ def _turn_back(begun: Filter, forth: Piece, ahead: Forward, first: int, stop: in
         if begun.alive[k] or not ahead.followed[k].any():
             continue
         low, light = max(0, first - half), ahead.light[k]
-        read = np.isfinite(ahead.variance[k, low:stop]) & (light[low:stop] > LIT * np.nanmedian(light))
+        read = np.isfinite(ahead.variance[k, low:stop]) & (light[low:stop] > LIT * median_present(light))
         behind = _solid_from(read[::-1], 0, period)
         if behind is not None and behind < stop - first:
             row = stop - 1 - behind
-            lamp = float(np.nanmedian(light[max(0, row - half) : row + 1]))
+            lamp = median_present(light[max(0, row - half) : row + 1])
             begins[k] = row - first
             begun.restart(k, forth.states[begins[k], k], max(lamp, 0.02), alive=False)
     return begins

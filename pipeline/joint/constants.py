@@ -98,7 +98,9 @@ class Solution:
         return float(np.sqrt(self.covariance[at, at]))
 
 
-def solve(constants: tuple[Constant, ...], normal: Floats, log_deviations: float, count: float) -> Solution:
+def solve(
+    constants: tuple[Constant, ...], normal: Floats, log_deviations: float, count: float, root: Floats | None = None
+) -> Solution:
     """Least squares of the prediction errors and the priors.
 
     Parameters
@@ -107,23 +109,25 @@ def solve(constants: tuple[Constant, ...], normal: Floats, log_deviations: float
         Products of derivatives and errors, the errors last.
     log_deviations : float
         Sum over the readings.
+    root : (c, c) array, optional
+        Root of the priors' covariance where they are not independent.
     """
-    prior = np.array([each.prior for each in constants])
     value = np.array([each.value for each in constants])
     mean = np.array([each.mean for each in constants])
-    matrix, right, squares = normal[:-1, :-1] * np.outer(prior, prior), normal[:-1, -1] * prior, float(normal[-1, -1])
-    off = (value - mean) / prior
-    scaled = matrix + np.eye(prior.size)
-    root = np.linalg.cholesky(scaled)
+    if root is None:
+        root = np.diag([each.prior for each in constants])
+    matrix, right, squares = root.T @ normal[:-1, :-1] @ root, root.T @ normal[:-1, -1], float(normal[-1, -1])
+    off = np.linalg.solve(root, value - mean)
+    factor = np.linalg.cholesky(matrix + np.eye(off.size))
     wanted = -(right + off)
-    step = np.linalg.solve(root.T, np.linalg.solve(root, wanted))
+    step = np.linalg.solve(factor.T, np.linalg.solve(factor, wanted))
     squares_now = squares + float(off @ off) - float(wanted @ step)
-    inverse = np.linalg.inv(root)
-    covariance = (inverse.T @ inverse) * np.outer(prior, prior)
-    likelihood = -log_deviations - 0.5 * squares_now - float(np.log(np.diag(root)).sum())
+    spread = np.linalg.solve(factor, root.T)
+    likelihood = -log_deviations - 0.5 * squares_now - float(np.log(np.diag(factor)).sum())
     likelihood -= 0.5 * count * float(np.log(2.0 * np.pi))
-    moved = tuple(replace(each, value=float(v)) for each, v in zip(constants, value + step * prior, strict=True))
-    return Solution(moved, step * prior, covariance, likelihood, squares_now, int(count))
+    moved = root @ step
+    found = tuple(replace(each, value=float(v)) for each, v in zip(constants, value + moved, strict=True))
+    return Solution(found, moved, spread.T @ spread, likelihood, squares_now, int(count))
 
 
 def starts(pendulums: int, frequency: Floats, value: Floats | None = None) -> tuple[Constant, ...]:

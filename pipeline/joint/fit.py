@@ -8,7 +8,7 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
-from pipeline.joint import kernels, spectrum
+from pipeline.joint import choice, kernels, spectrum
 from pipeline.joint.constants import Constant, Solution, starts
 from pipeline.joint.gather import Gathered
 from pipeline.joint.problem import NONE2, Assumed, Problem
@@ -17,6 +17,7 @@ from pipeline.joint.ship import Component, Engine, Sea, Vibration
 LEAST_NOISE = 3e-7  # rad: readings are taken for no better
 WINDOW = 150.0  # s on which the ship's parameters are refined
 STAGES = (25.0, 100.0, 400.0)  # s: stretches on which a cold start is followed
+COARSE = 0.1  # reading noise of a cold start's first stretch, of the swing
 GATE = 7.0  # deviations beyond which a reading is left out
 
 
@@ -65,26 +66,38 @@ def released(constants: tuple[Constant, ...], like: tuple[Constant, ...]) -> tup
 
 
 def cold_start(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
-    """Follow the swing over longer and longer stretches, each linear enough for the one before it."""
+    """Follow the swing over longer and longer stretches, each linear enough for the one before it.
+
+    The first stretches are read as if they were noisier: the ship's motion would else be made to explain what a wrong
+    gravity leaves.
+    """
     first = constants
     step, nodes = problem.lattice.step, problem.lattice.nodes
+    size = float(np.std(problem.lattice.value[~problem.left_out]))
+    still = replace(assumed, ship=tuple(c for c in assumed.ship if c.axis == "horizontal"))
     for number, seconds in enumerate((*STAGES, np.inf)):
         end = int(min(nodes, np.ceil(seconds / step)))
+        coarse = np.maximum(assumed.noise, size * COARSE / 5.0**number if end < nodes else 0.0)
+        rough = replace(still if end < nodes else assumed, noise=coarse)
         if number == 0:
-            constants = released(problem.run(assumed, held(constants), span=(0, end))[0].constants, first)
-        for _ in range(3):
-            before = constants
-            solution, _ = problem.run(assumed, constants, span=(0, end), gate=30.0)
+            begun = replace(rough, sine=False, noise=np.maximum(coarse, size))
+            constants = released(problem.run(begun, held(constants), span=(0, end))[0].constants, first)
+        for _ in range(4):
+            solution, _ = problem.run(rough, constants, span=(0, end))
             constants = solution.constants
-            moved = max(
-                abs(a.value - b.value) / np.sqrt(max(v, 1e-300))
-                for a, b, v in zip(constants, before, np.diag(solution.covariance), strict=True)
-            )
-            if moved < 0.1:
+            if np.all(np.abs(solution.step) < 0.1 * np.sqrt(np.diag(solution.covariance))):
                 break
         if end == nodes:
             break
     return constants
+
+
+def without_outliers(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]) -> Problem:
+    """Leave out what lies far from the prediction, by the errors' own scale."""
+    _, of = problem.run(assumed, constants)
+    scale = max(float(np.nanmedian(np.abs(of.errors))) / 0.6745, 1.0)
+    _, of = problem.run(assumed, constants, gate=GATE * scale)
+    return replace(problem, left_out=~np.isfinite(of.whitened))
 
 
 def relinearised(
@@ -195,7 +208,7 @@ def shifted(constants: tuple[Constant, ...], path: Floats, begin: int) -> tuple[
     return tuple(replace(c, value=float(path[begin, c.index])) if c.kind == kernels.START else c for c in constants)
 
 
-def reduce(gathered: Gathered, *, sine: bool, verbose: bool = False) -> Fit:
+def reduce(gathered: Gathered, *, sine: bool, verbose: bool = False) -> tuple[choice.Fitted, list[tuple[float, choice.Fitted]]]:
     """Fit one law."""
     problem = gathered.problem
     constants = first_constants(gathered)
@@ -207,10 +220,9 @@ def reduce(gathered: Gathered, *, sine: bool, verbose: bool = False) -> Fit:
     ship: tuple[Component, ...] = (Sea(0.7, 0.15, 0.02), Vibration(6.0, 1e-3))
     if unknown_heave:
         ship = (*ship, Sea(0.7, 0.15, 0.01, "vertical"))
-    assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine)
+    assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
     constants = cold_start(problem, assumed, constants)
-    _, of = problem.run(assumed, constants, gate=30.0)
-    problem = replace(problem, left_out=~np.isfinite(of.whitened))
+    problem = without_outliers(problem, assumed, constants)
     floors = [spectrum.noise_floor(problem, j) for j in range(problem.traces)]
     for j, floor in enumerate(floors):
         if not np.isfinite(gathered.noise[j]) and np.isfinite(floor):
@@ -224,9 +236,11 @@ def reduce(gathered: Gathered, *, sine: bool, verbose: bool = False) -> Fit:
         start = (*start, replace(swell, axis="vertical", rms=0.5 * swell.rms))
     assumed = replace(assumed, ship=start, noise=noise)
     if verbose: print(start)
-    first = relinearised(problem, assumed, constants, passes=2)
+    first = relinearised(problem, assumed, constants, passes=1)
     span = window(problem)
     assumed, top = refined(problem, assumed, first.solution.constants, first.path, span)
     if verbose: print('refined', top, assumed)
-    fit = relinearised(problem, assumed, first.solution.constants, padded(problem, first.path, assumed), gate=GATE)
-    return fit
+    model = choice.Model((), assumed, with_difference(first.solution.constants), problem)
+    fit = choice.fitted(model, padded(problem, first.path, assumed))
+    fit, close = choice.settle(fit)
+    return fit, close

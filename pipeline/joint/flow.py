@@ -41,6 +41,9 @@ class Flow(NamedTuple):
         state at the end.
     noise : (d, d) array
         Covariance of the process noise.
+    heave_noise : float
+        White noise of a recorded heave over reference gravity times the root of its sampling step, s1/2: it acts on the
+        pendulums by their angles.
     response : (p, 4, 3, 2) array
         Angle and speed at each node and at the end to the Lagrange polynomials of an acceleration at the nodes.
     rates : (3, d) array
@@ -61,6 +64,7 @@ class Flow(NamedTuple):
     dry: Floats
     rows: Floats
     noise: Floats
+    heave_noise: float
     response: Floats
     rates: Floats
     heave: Floats
@@ -78,6 +82,7 @@ def flow(
     sine: bool,
     quadratic: Floats | None = None,
     dry: Floats | None = None,
+    heave_noise: float = 0.0,
 ) -> Flow:
     """Matrices of a step.
 
@@ -94,6 +99,8 @@ def flow(
         Restoring law.
     quadratic, dry : (p,) arrays, optional
         Friction proportional to the square of the speed, 1; knife-edge friction, s-2.
+    heave_noise : float
+        Of a recorded heave, see `Flow`.
     """
     from scipy.linalg import expm
 
@@ -136,6 +143,7 @@ def flow(
             )
         ),
         noise=0.5 * (noise + noise.T),
+        heave_noise=heave_noise,
         response=_response(step, kappa * gravity, np.asarray(damping)),
         rates=np.stack([u_row, u_row @ drift, u_row @ drift @ drift]),
         heave=np.stack([z_row, z_row @ drift]),

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 LEAST_SWINGS = 20.0
 DENSE = 5.0  # recorded heave with so many values a period of its fastest waves is interpolated, s-1
+FAR = 6.0  # of the median departure from the median
 LONGEST_GAP = 1.0  # s, of a heave that is interpolated
 
 
@@ -37,6 +38,8 @@ class Gathered:
         Stated reading noise, rad; NaN = not stated.
     heave : bool
         Whether a vertical acceleration is recorded.
+    heave_noise : float
+        White noise of a recording that is interpolated, over reference gravity, times the root of its step, s1/2.
     """
 
     problem: Problem
@@ -45,6 +48,7 @@ class Gathered:
     constants: dict[str, Any]
     noise: Floats
     heave: bool
+    heave_noise: float = 0.0
 
     @property
     def law(self) -> str | None:
@@ -86,7 +90,7 @@ def gather(record: DataTree) -> Gathered:
             f"{LEAST_SWINGS:.0f} swings ({LEAST_SWINGS * 2.0 * np.pi / swing:.0f} s)"
         )
     gravity = float(known["reference_gravity"])
-    rows, heave, dense = [series], None, False
+    rows, heave, dense, white = [series], None, False, 0.0
     if "vertical_acceleration" in stored:
         heave = np.asarray(stored["vertical_acceleration"].values, dtype=np.float64)[used] / gravity
         there = np.flatnonzero(np.isfinite(heave))
@@ -102,6 +106,7 @@ def gather(record: DataTree) -> Gathered:
         spline = CubicSpline(time[there] - time[0], heave[there])
         at = lattice.step * (np.arange(lattice.nodes)[:, None] + NODES)
         recorded, slope = spline(at), spline(at, 1)
+        white = _white(time[there], heave[there])
     stated = np.full(series.shape[0], np.nan)
     if "elongation_uncertainty" in stored:
         given = np.asarray(stored["elongation_uncertainty"].values, dtype=np.float64)
@@ -114,11 +119,31 @@ def gather(record: DataTree) -> Gathered:
             np.zeros(len(labels)) if damping is None else np.asarray(damping),
             recorded,
             slope,
-            np.zeros(lattice.node.size, dtype=bool),
+            _far(lattice.trace, lattice.value, series.shape[0]),
         ),
         labels,
         tuple(str(trace) for trace in stored["trace"].values),
         known,
         stated,
         heave is not None,
+        white,
     )
+
+
+def _far(trace: np.ndarray, value: Floats, traces: int) -> np.ndarray:
+    """Readings that lie where no swing of the trace goes."""
+    out = np.zeros(value.size, dtype=bool)
+    for j in range(traces):
+        own = value[trace == j]
+        if own.size:
+            off = np.abs(own - np.median(own))
+            out[trace == j] = off > FAR * np.median(off)
+    return out
+
+
+def _white(time: Floats, heave: Floats) -> float:
+    """White noise of a recorded heave times the root of its step, from what six neighbours do not foretell."""
+    weights = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])  # sixth difference: deaf to any wave of six samples
+    rest = np.convolve(heave, weights, "valid")
+    scale = float(np.median(np.abs(rest))) / 0.6745 / float(np.sqrt(weights @ weights))
+    return scale * float(np.sqrt(np.median(np.diff(time))))

@@ -98,7 +98,7 @@ def row_of(flow: Flow, readings: Readings, which: int, row: Floats) -> None:
 
 
 @kernel
-def bend(flow: Flow, nodes: Floats, known: Floats, extra: Floats, slopes: Floats) -> None:
+def bend(flow: Flow, nodes: Floats, known: Floats, extra: Floats, slopes: Floats, scratch: Floats) -> None:
     """What the linear flow leaves: its effect at the end of a step, and its derivative by the rows of `flow.rows`.
 
     Sine and cosine are taken once a node; collocation moves the angle by 1e-5 rad at most, for which two terms serve.
@@ -111,6 +111,7 @@ def bend(flow: Flow, nodes: Floats, known: Floats, extra: Floats, slopes: Floats
         Z at the nodes beside the states: recorded heave, change of gravity.
     extra : (2 p,) array, out
     slopes : (2 p, 6 p + 6) array, out
+    scratch : (3, 3) array
     """
     count = flow.kappa.size
     horizontal, vertical = 6 * count, 6 * count + 3
@@ -118,7 +119,7 @@ def bend(flow: Flow, nodes: Floats, known: Floats, extra: Floats, slopes: Floats
     for m in range(3):
         nodes[vertical + m] += known[m]
         still = still and nodes[vertical + m] == 0.0
-    sine, cosine, force = np.empty(3), np.empty(3), np.empty(3)
+    sine, cosine, force = scratch[0], scratch[1], scratch[2]
     for i in range(count):
         extra[2 * i] = extra[2 * i + 1] = 0.0
         if not flow.sine and still and flow.quadratic[i] == 0.0 and flow.dry[i] == 0.0:
@@ -283,6 +284,14 @@ class Kept(NamedTuple):
 
 
 @kernel
+def add(to: Floats, what: Floats) -> None:
+    """Add in place."""
+    for r in range(to.shape[0]):
+        for c in range(to.shape[1]):
+            to[r, c] += what[r, c]
+
+
+@kernel
 def whiten(square: Floats, used: int, rows: Floats) -> bool:
     """Cholesky factor in place of `square` (lower), and its inverse applied to the rows; whether it went."""
     for j in range(used):
@@ -352,19 +361,23 @@ def sweep(
     both, alone = np.empty((size, wide)), np.empty((size, constants + 1))
     both[:, :size], both[:, size:] = of.covariance, of.state
     both_rows, alone_rows = np.empty((before + size, wide)), np.empty((before + size, constants + 1))
-    back, predicted = np.empty((size, before + size)), of.covariance.copy()
-    turned = np.ascontiguousarray(flow.rows.T)
+    predicted, flat = of.covariance.copy(), np.empty((size, size))
+    back, back_rows = np.empty((size, size)), np.empty((size, before))
+    to_end, to_rows = np.ascontiguousarray(flow.rows[before:].T), np.ascontiguousarray(flow.rows[:before].T)
     nodes, base_rows, extra = np.zeros(before), np.zeros(before + size), np.zeros(two)
-    slopes, slopes_turned = np.zeros((two, before)), np.zeros((before, two))
+    slopes, back_bent = np.zeros((two, before)), np.empty((size, two))
     bent_wide, bent_alone = np.empty((two, wide)), np.empty((two, constants + 1))
     plain = not flow.sine and not np.any(flow.quadratic) and not np.any(flow.dry) and known.shape[0] == 0
     row, square, root = np.zeros((most, size)), np.zeros((most, most)), np.zeros((most, most))
     gain, old_gain = np.zeros((most, size)), np.zeros((most, size))
+    seen_both, seen_alone = np.empty((most, wide)), np.empty((most, constants + 1))
+    pulled, moved_both, moved_alone = np.empty((most, wide)), np.empty((size, wide)), np.empty((size, constants + 1))
     errors = np.zeros((most, constants + 1))
     trace, offset, variance = np.full(most, -1), np.zeros(most), np.zeros(most)
     index, slots = np.zeros(most, dtype=np.int64), -1
+    sine = np.zeros(count)
     buffer, rows = np.zeros((ROWS, constants + 1)), 0
-    nothing = np.zeros(3)
+    nothing, scratch = np.zeros(3), np.empty((3, 3))
     keeping = keep.state.shape[0] > 0
     for k in range(begin, end):
         time = k * flow.step
@@ -398,13 +411,16 @@ def sweep(
                 keep.covariance[k - begin] = both[:, :size] if moving else predicted
             if used == 0:
                 break
-            seen = np.dot(row[:used], x)
+            seen = seen_both if moving else seen_alone
+            np.dot(row[:used], x, seen[:used])
             for j in range(used):
-                errors[j] = seen[j, lead:]
+                for c in range(constants + 1):
+                    errors[j, c] = seen[j, lead + c]
                 derive_errors(readings, columns, index[j], time + offset[j], lead, x, errors[j])
             if moving:
                 for j in range(used):
-                    gain[j] = seen[j, :size]
+                    for r in range(size):
+                        gain[j, r] = seen[j, r]
                     for q in range(j + 1):
                         total = 0.0
                         for r in range(size):
@@ -444,7 +460,9 @@ def sweep(
         lead = size if moving else 0
         if kept_used > 0:
             if moving:
-                root[:kept_used, :kept_used] = square[:kept_used, :kept_used]
+                for j in range(kept_used):
+                    for q in range(kept_used):
+                        root[j, q] = square[j, q]
                 if not whiten(root, kept_used, gain[:kept_used]):
                     return False
                 change = 0.0
@@ -458,17 +476,22 @@ def sweep(
                     if spread > 0.0:
                         change = max(change, most_change / spread)
             substitute(root, kept_used, errors[:kept_used])
-            push = np.ascontiguousarray(gain[:kept_used].T)
             if moving:
-                pulled = np.empty((kept_used, wide))
-                pulled[:, :size], pulled[:, size:] = -gain[:kept_used], errors[:kept_used]
-                both += np.dot(push, pulled)
+                for j in range(kept_used):
+                    for r in range(size):
+                        pulled[j, r] = -gain[j, r]
+                    for c in range(constants + 1):
+                        pulled[j, size + c] = errors[j, c]
+                np.dot(gain[:kept_used].T, pulled[:kept_used], moved_both)
+                add(both, moved_both)
             else:
-                alone += np.dot(push, errors[:kept_used])
+                np.dot(gain[:kept_used].T, errors[:kept_used], moved_alone)
+                add(alone, moved_alone)
             for j in range(kept_used):
                 of.totals[0] += np.log(root[j, j])
                 of.whitened[index[j]] = errors[j, constants]
-                buffer[rows] = errors[j]
+                for c in range(constants + 1):
+                    buffer[rows, c] = errors[j, c]
                 rows += 1
                 if rows == ROWS:
                     of.normal[:] += np.dot(buffer.T, buffer)
@@ -490,24 +513,29 @@ def sweep(
         if about.shape[0] > 0:
             np.dot(flow.rows, about[k], base_rows)
         else:
-            base_rows[:] = y[:, last]
-        if not plain or constants > 0:
-            nodes[:] = base_rows[:before]
-        if plain:
-            x[:] = y[before:]
-        else:
-            bend(flow, nodes, known[k] if known.shape[0] > 0 else nothing, extra, slopes)
-            x[:] = y[before:]
+            for r in range(before):
+                base_rows[r] = y[r, last]
+        for r in range(before):
+            nodes[r] = base_rows[r]
+        for r in range(size):
+            for c in range(x.shape[1]):
+                x[r, c] = y[before + r, c]
+        if not plain:
+            bend(flow, nodes, known[k] if known.shape[0] > 0 else nothing, extra, slopes, scratch)
             bent = bent_wide if moving else bent_alone
             np.dot(slopes, y[:before], bent)
             if about.shape[0] > 0:
-                from_base = np.dot(slopes, base_rows[:before])
                 for r in range(two):
-                    bent[r, last] += extra[r] - from_base[r]
+                    total = extra[r]
+                    for q in range(before):
+                        total -= slopes[r, q] * base_rows[q]
+                    bent[r, last] += total
             else:
                 for r in range(two):
                     bent[r, last] = extra[r]
-            x[:two] += bent
+            for r in range(two):
+                for c in range(x.shape[1]):
+                    x[r, c] += bent[r, c]
         if constants > 0:
             force_columns(
                 flow,
@@ -524,15 +552,30 @@ def sweep(
             if not plain:
                 keep.swing[k - begin] += np.dot(slopes, flow.rows[:before])
         if moving:
-            flat = np.ascontiguousarray(both[:, :size])
-            np.dot(flat, turned, back)
+            for r in range(size):
+                for q in range(size):
+                    flat[r, q] = both[r, q]
+            np.dot(flat, to_end, back)
             if not plain:
-                slopes_turned[:] = slopes.T
-                back[:, before : before + two] += np.dot(np.ascontiguousarray(back[:, :before]), slopes_turned)
+                np.dot(flat, to_rows, back_rows)
+                np.dot(back_rows, slopes.T, back_bent)
+                for r in range(size):
+                    for q in range(two):
+                        back[r, q] += back_bent[r, q]
             for r in range(size):
                 for q in range(r + 1):
-                    mean = 0.5 * (back[r, before + q] + back[q, before + r]) + flow.noise[r, q]
+                    mean = 0.5 * (back[r, q] + back[q, r]) + flow.noise[r, q]
                     both[r, q] = both[q, r] = mean
+            if flow.heave_noise > 0.0:  # an impulse in mid-step, as large as the angle makes it
+                for i in range(count):
+                    sine[i] = flow.kappa[i] * np.sin(nodes[3 * i + 1]) * flow.heave_noise * np.sqrt(flow.step)
+                for i in range(count):
+                    for j in range(count):
+                        product = sine[i] * sine[j]
+                        both[2 * i, 2 * j] += 0.25 * flow.step**2 * product
+                        both[2 * i, 2 * j + 1] += 0.5 * flow.step * product
+                        both[2 * i + 1, 2 * j] += 0.5 * flow.step * product
+                        both[2 * i + 1, 2 * j + 1] += product
             if settling:
                 moving = False
                 predicted[:] = both[:, :size]

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint.kernels import Readings
 
-MOST_ANGLE = 0.5  # of the swing a step, rad
+MOST_ANGLE = 0.7  # of the swing a step, rad
 OFFSET_ANGLE = 0.3  # the same where readings lie off the nodes
 
 

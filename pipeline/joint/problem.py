@@ -32,12 +32,15 @@ class Assumed:
         1 sigma of the readings of each trace, rad, and of recorded accelerations over reference gravity.
     sine : bool
         Restoring law.
+    heave_noise : float
+        Of an interpolated recording of the heave; see `flow.Flow`.
     """
 
     ship: tuple[Component, ...]
     kick: Floats
     noise: Floats
     sine: bool
+    heave_noise: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,7 @@ class Problem:
             sine=assumed.sine,
             quadratic=unknown.total(constants, kernels.QUADRATIC, count),
             dry=unknown.total(constants, kernels.DRY, count),
+            heave_noise=assumed.heave_noise,
         )
 
     def readings(self, assumed: Assumed, constants: tuple[Constant, ...]) -> kernels.Readings:
@@ -130,6 +134,7 @@ class Problem:
         span: tuple[int, int] | None = None,
         about: Floats = NONE2,
         gate: float = 0.0,
+        root: Floats | None = None,
     ) -> tuple[Solution, kernels.Pass]:
         """One pass with derivatives by all constants, and their solution.
 
@@ -141,11 +146,13 @@ class Problem:
             Path about which the flow is linearised.
         gate : float
             Readings farther off are left out, in deviations; 0: none.
+        root : (c, c) array, optional
+            Root of the priors' covariance where they are not independent.
         """
         begin, end = (0, self.lattice.nodes) if span is None else span
         ship = Ship.of(assumed.ship)
         of = self._start(constants, ship)
-        kernels.sweep(
+        went = kernels.sweep(
             self.flow(assumed, constants, ship),
             self.readings(assumed, constants),
             unknown.columns(constants),
@@ -159,7 +166,9 @@ class Problem:
             of,
             NOTHING_KEPT,
         )
-        return unknown.solve(constants, of.normal, float(of.totals[0]), float(of.totals[1])), of
+        if not went or not np.all(np.isfinite(of.normal)):
+            raise np.linalg.LinAlgError("a covariance of the filter lost its sign")
+        return unknown.solve(constants, of.normal, float(of.totals[0]), float(of.totals[1]), root), of
 
     def _start(self, constants: tuple[Constant, ...], ship: Ship, derivatives: bool = True) -> kernels.Pass:
         two = 2 * self.pendulums

@@ -1,0 +1,83 @@
+"""Gravity along the track: values at knots, straight lines between, a prior that is smooth in time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint import kernels
+from pipeline.joint.constants import Constant, Solution, solve
+
+MOST_KNOTS, LEAST_SPACING = 24, 60.0  # s
+SIZES = 1e-6 * np.array([0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
+"""Root mean squares of the change over reference gravity that are tried: .3 to 300 mGal."""
+LENGTHS = np.array([0.1, 0.3, 1.0])
+"""Correlation times that are tried, of the record's length."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Prior of a course: Gaussian, squared-exponential in time.
+
+    Attributes
+    ----------
+    size : float
+        Root mean square over reference gravity.
+    length : float
+        Correlation time, s.
+    """
+
+    size: float
+    length: float
+
+
+def knots(duration: float) -> tuple[Constant, ...]:
+    """Constants of a course, one a knot."""
+    count = int(np.clip(duration / LEAST_SPACING, 4, MOST_KNOTS))
+    spacing = duration / (count - 1)
+    return tuple(
+        Constant(f"course {k}", kernels.GRAVITY, 1e-15, centre=k * spacing, width=spacing) for k in range(count)
+    )
+
+
+def is_knot(constant: Constant) -> bool:
+    """Whether a constant is one of a course."""
+    return constant.kind == kernels.GRAVITY and constant.width > 0.0
+
+
+def prior_root(constants: tuple[Constant, ...], course: Course | None) -> Floats:
+    """Root of the covariance of all priors; of a course that is not assumed next to nothing is left."""
+    root = np.diag([each.prior for each in constants])
+    rows = [k for k, each in enumerate(constants) if is_knot(each)]
+    if course is not None and rows:
+        at = np.array([constants[k].centre for k in rows])
+        apart = (at[:, None] - at) / course.length
+        covariance = course.size**2 * (np.exp(-0.5 * apart**2) + 1e-6 * np.eye(at.size))
+        root[np.ix_(rows, rows)] = np.linalg.cholesky(covariance)
+    return root
+
+
+def best_course(
+    constants: tuple[Constant, ...], normal: Floats, totals: Floats, duration: float
+) -> tuple[Course, Solution]:
+    """The prior that the likelihood likes best, from the normal matrix of one pass."""
+    best: tuple[Course, Solution] | None = None
+    for size in SIZES:
+        for part in LENGTHS:
+            course = Course(float(size), float(part * duration))
+            found = solve(constants, normal, float(totals[0]), float(totals[1]), prior_root(constants, course))
+            if best is None or found.log_likelihood > best[1].log_likelihood:
+                best = course, found
+    assert best is not None
+    return best
+
+
+def weights(constants: tuple[Constant, ...], times: Floats) -> Floats:
+    """Rows that give gravity over reference gravity at times since the first node, (n, c)."""
+    out = np.zeros((times.size, len(constants)))
+    for k, each in enumerate(constants):
+        if each.kind == kernels.GRAVITY:
+            out[:, k] = 1.0 if each.width == 0.0 else np.maximum(0.0, 1.0 - np.abs(times - each.centre) / each.width)
+    return out

@@ -61,7 +61,15 @@ LAYOUTS: Mapping[Kind, Layout] = {
     ),
     "result": Layout(
         "isochrony-result",
-        {"phases": False, "correction": False, "gravity": False, "joint": False, "period": False, "synchrony": False},
+        {
+            "phases": False,
+            "correction": False,
+            "gravity": False,
+            "course": False,
+            "joint": False,
+            "period": False,
+            "synchrony": False,
+        },
         {
             **_COMMON,
             "input_sha256": True,

@@ -106,6 +106,16 @@ GRAVITY: dict[str, Variable] = {
     "flag": _FLAG,
 }  # fmt: skip
 
+COURSE: dict[str, Variable] = {
+    "gravity_course": Variable(
+        ("time",), "f8", "m s-2", "gravity along the track, after all corrections; its mean is that of the method joint",
+        required=True, limit="positive",
+    ),
+    "gravity_course_sigma": Variable(
+        ("time",), "f8", "mGal", "standard deviation of gravity along the track", required=True, limit="not negative"
+    ),
+}  # fmt: skip
+
 PERIOD: dict[str, Variable] = {
     "period": Variable(
         (), "f8", "s", "full period at infinitesimal arc", required=True, limit="positive", missing=True

@@ -37,6 +37,14 @@ MEANINGS = {
     DAMPING_ASSUMED: "no damping is stated and the pendulums decay; their difference is told from the "
     "record, or taken as nought where it does not tell; sigma holds the doubt",
 }
+JOINT = {
+    "random-kicks": "the pendulums' phases walk at random (air, knife edge); sigma holds it",
+    "gravity-changes": "gravity changes over the record: see group course; gravity is its mean",
+    "friction-not-viscous": "friction that is not viscous was found and reduced",
+    "errors-not-white": "the prediction errors exceed every explanation tried; sigma is widened by it",
+}
+"""Raised by `joint` alone."""
+MEANINGS.update(JOINT)
 UNDECIDED = "restoring-undecided"
 """Raised by `auto` alone: neither the record nor its residual tells linear pendulums from real ones."""
 LINEAR_FITS = "linear-fits-better"

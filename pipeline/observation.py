@@ -144,7 +144,7 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     traces = record["record"].dataset
     labels = [str(label) for label in traces["pendulum"].values]
     combination = np.asarray(traces["combination"].values, dtype=np.float64)
-    first, second = _choose_pair(labels, combination, pair)
+    first, second = choose_pair(labels, combination, pair)
     unit = np.eye(len(labels))
     one, two = labels.index(first), labels.index(second)
     weights = {
@@ -301,7 +301,7 @@ def uniform_grid(time: Floats, series: Sequence[Floats]) -> tuple[Floats, float 
     return grid, step, laid
 
 
-def _choose_pair(labels: list[str], combination: Floats, pair: str | None) -> tuple[str, str]:
+def choose_pair(labels: list[str], combination: Floats, pair: str | None) -> tuple[str, str]:
     if pair is not None:
         for first in labels:
             for second in labels:
@@ -344,7 +344,7 @@ def noise_covariance(record: DataTree, pairs: Sequence[str]) -> Floats:
     unit = np.eye(len(labels))
     rows = []
     for pair in pairs:
-        first, second = _choose_pair(labels, combination, pair)
+        first, second = choose_pair(labels, combination, pair)
         rows.append(_solve(combination, unit[labels.index(first)] - unit[labels.index(second)], pair))
     sigma = _uncertainty(traces, len(combination))
     weights = np.stack(rows)

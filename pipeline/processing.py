@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from data_schemas.errors import RecordError, UsageError
+from data_schemas.errors import RecordError, RefusedError, UsageError
 from pipeline import methods
 from pipeline.observation import observe
 
 if TYPE_CHECKING:
     from xarray import DataTree
+
+    from pipeline.joint.reduction import Joint
+    from pipeline.prepared import Prepared
+    from pipeline.reduction import Reduction
 
 
 def process(
@@ -54,7 +58,7 @@ def process(
     started = time.perf_counter()
     requested = [method] if isinstance(method, str) else list(method)
     for name in requested:
-        if name != "auto":
+        if name not in ("auto", "joint"):
             methods.method(name)
     if not gain_uncertainty >= 0.0:
         raise UsageError(f"gain_uncertainty: {gain_uncertainty} is not a relative uncertainty; give 0 or more")
@@ -65,20 +69,57 @@ def process(
         from pipeline.period.result import period_result
 
         return period_result(record, requested, started)
-    from pipeline.reduction import reduce_by
     from pipeline.result import build_result
-    from pipeline.sensors.examination import examine
 
-    found = examine(observe(record, pair))
-    reductions = [reduce_by(name, found.prepared, gain_uncertainty, found) for name in requested]
-    result = build_result(record, found.prepared, reductions, started)
-    result.attrs.update(found.attributes)
-    if pair is None and record["record"].sizes["pendulum"] > 2:
+    joint = _joint(record, pair, gain_uncertainty, alone=requested == ["joint"]) if "joint" in requested else None
+    others = [name for name in requested if name != "joint"]
+    prepared, reductions, attributes = _classical(record, others, pair, gain_uncertainty, spare=joint)
+    if joint is not None:
+        reductions.insert(requested.index("joint"), joint.reduction)
+    result = build_result(record, prepared, reductions, started)
+    result.attrs.update(attributes)
+    if joint is not None and joint.reduction.gravity is not None:
+        result["course"] = joint.course(result["time"].values)
+    if others and pair is None and record["record"].sizes["pendulum"] > 2:
         from pipeline.pairs import join
 
         def reduce(each: str) -> DataTree:
-            done = f"{found.prepared.observation.first}-{found.prepared.observation.second}" == each
-            return result if done else process(record, method=method, pair=each, gain_uncertainty=gain_uncertainty)
+            done = f"{prepared.observation.first}-{prepared.observation.second}" == each and joint is None
+            return result if done else process(record, method=others, pair=each, gain_uncertainty=gain_uncertainty)
 
         result["joint"] = join(record, reduce)
     return result
+
+
+def _joint(record: DataTree, pair: str | None, gain_uncertainty: float, *, alone: bool) -> Joint:
+    """All pendulums in one fit; beside other methods a refusal is a row."""
+    from pipeline.joint.reduction import reduce_jointly, refused
+
+    started = time.perf_counter()
+    try:
+        return reduce_jointly(record, pair, gain_uncertainty)
+    except RefusedError as refusal:
+        if alone:
+            raise
+        return refused(str(refusal), time.perf_counter() - started)
+
+
+def _classical(
+    record: DataTree, names: Sequence[str], pair: str | None, gain_uncertainty: float, spare: Joint | None
+) -> tuple[Prepared, list[Reduction], Mapping[str, float]]:
+    """The methods that look at one difference; where the record cannot be prepared for them, the joint fit's path is."""
+    from pipeline.reduction import Reduction, reduce_by
+    from pipeline.sensors.examination import examine
+
+    path = None if spare is None else spare.prepared
+    if not names and path is not None:
+        return path, [], {}
+    started = time.perf_counter()
+    try:
+        found = examine(observe(record, pair))
+    except RefusedError as refusal:
+        if path is None:
+            raise
+        elapsed = time.perf_counter() - started
+        return path, [Reduction(name, name, "", None, None, (), str(refusal), elapsed) for name in names], {}
+    return found.prepared, [reduce_by(name, found.prepared, gain_uncertainty, found) for name in names], found.attributes

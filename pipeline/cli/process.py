@@ -26,6 +26,7 @@ _METHOD_TEXTS = {
     "complex": "complex form of (27), works where the amplitude passes through zero",
     "projection": "exact identity of linear pendulums, by variable projection",
     "shooting": "exact identity of real pendulums; heave as recorded, or told from the phase",
+    "joint": "state-space model of all pendulums, ship and instrument, by likelihood; gravity along the track",
     "auto": "projection for linear pendulums, shooting for real ones (default); the result says which and why",
 }
 _METHOD_LIST = "\n".join(f"  {name:<14}  {text}" for name, text in _METHOD_TEXTS.items())

@@ -14,15 +14,23 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import kernels
+from pipeline.joint.climb import grown, refined, shifted, window
 from pipeline.joint.constants import Constant, Solution, solve
 from pipeline.joint.course import Course, best_course, is_knot, knots, prior_root, weights
 from pipeline.joint.problem import Assumed, Problem
-from pipeline.joint.ship import Engine, Sea
+from pipeline.joint.ship import Component, Engine, Sea
 
 PAYS = 5.0  # in log-likelihood
 ROUNDS = 8
 KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])
 """rad s-1/2, tried where none is assumed."""
+FEIGNED = 2.0  # in log-likelihood
+MOST_COMPONENTS = 3
+CALM = 0.5  # of the swing's frequency: below it lines of the sea are left, which cost nothing
+SHAPES = ((Engine, 0.01, 1e-4), (Engine, 0.01, 1e-3), (Sea, 0.1, 3e-4), (Sea, 0.1, 3e-3))
+"""Kind, relative damping and size of the components that are tried at a line."""
+SPARSE = 2.0  # of the swing between readings, rad: above it a line cannot be told from its aliases
+QUIET = 0.3  # of the power that white errors of unit variance have
 PEAK = 14.0  # of a whitened spectrum over its mean: chance reaches it once in a thousand records
 
 
@@ -38,12 +46,15 @@ class Model:
     constants : tuple of Constant
     course : Course or None
     problem : Problem
+    first_ship : tuple of Component
+        Before any was added.
     """
 
     words: tuple[str, ...]
     assumed: Assumed
     constants: tuple[Constant, ...]
     problem: Problem
+    first_ship: tuple[Component, ...]
     course: Course | None = None
 
 
@@ -64,14 +75,6 @@ class Fitted:
     path: Floats
     whitened: Floats
 
-    @property
-    def mean(self) -> tuple[float, float]:
-        """Mean of gravity over the record over reference gravity, and its 1 sigma."""
-        lattice = self.model.problem.lattice
-        row = weights(self.solution.constants, np.linspace(0.0, lattice.step * (lattice.nodes - 1), 512)).mean(axis=0)
-        values = np.array([each.value for each in self.solution.constants])
-        return float(row @ values), float(np.sqrt(row @ self.solution.covariance @ row))
-
 
 def fitted(model: Model, about: Floats, passes: int = 2) -> Fitted:
     """Gauss-Newton about the smoothed path."""
@@ -86,27 +89,39 @@ def fitted(model: Model, about: Floats, passes: int = 2) -> Fitted:
     return Fitted(replace(model, constants=constants), solution, path, of.whitened)
 
 
-def likelihood(model: Model, about: Floats) -> float:
-    """Of a model, linearised about a path."""
+Candidate = tuple[float, Model, Solution]
+
+
+def priced(model: Model, about: Floats, cost: float = 0.0, span: tuple[int, int] | None = None) -> Candidate:
+    """A model with its log-likelihood less what its own parameters cost, linearised about a path."""
+    root = prior_root(model.constants, model.course)
     try:
-        root = prior_root(model.constants, model.course)
-        return model.problem.run(model.assumed, model.constants, about=about, root=root)[0].log_likelihood
+        solution, _ = model.problem.run(model.assumed, model.constants, about=about, root=root, span=span)
     except np.linalg.LinAlgError:
-        return -np.inf
+        return -np.inf, model, NO_SOLUTION
+    return solution.log_likelihood - cost, model, solution
 
 
-def candidates(fit: Fitted) -> Iterator[tuple[float, Model]]:
+NO_SOLUTION = Solution((), np.zeros(0), np.zeros((0, 0)), -np.inf, np.inf, 0)
+
+
+def candidates(fit: Fitted) -> list[Candidate]:
     """Explanations that add one thing to a fitted one, with their log-likelihoods."""
-    yield from _constants(fit)
-    yield from _kicks(fit)
-    yield from _components(fit)
+    found = list(_constants(fit))
+    # random kicks show as a course or a friction that they feign: what nothing feigns is not there
+    if np.any(fit.model.assumed.kick) or max(each[0] for each in found) > fit.solution.log_likelihood + FEIGNED:
+        found += _kicks(fit)
+    added = len(fit.model.assumed.ship) - len(fit.model.first_ship)
+    if added < MOST_COMPONENTS:
+        found += _components(fit)
+    return found
 
 
-def _constants(fit: Fitted) -> Iterator[tuple[float, Model]]:
+def _constants(fit: Fitted) -> Iterator[Candidate]:
     """Friction, a course of gravity, and knocks, all priced by one pass."""
     model = fit.model
     problem, own = model.problem, model.constants
-    duration = problem.lattice.step * (problem.lattice.nodes - 1)
+    duration = problem.lattice.duration
     kinds = {each.kind for each in own}
     extra: list[Constant] = []
     if kernels.QUADRATIC not in kinds:
@@ -135,24 +150,24 @@ def _constants(fit: Fitted) -> Iterator[tuple[float, Model]]:
         sub[: len(own), : len(own)] = base
         sub[-1, -1] = each.prior
         found = solve(some, normal, float(of.totals[0]), float(of.totals[1]), sub)
-        yield found.log_likelihood, replace(model, words=(*model.words, each.name), constants=found.constants)
+        yield found.log_likelihood, replace(model, words=(*model.words, each.name), constants=found.constants), found
     track = tuple(each for each in extra if is_knot(each))
     if track:
         some, normal = part(track)
         course, found = best_course(some, normal, of.totals, duration)
         words = (*model.words, "gravity changes")
         # two more parameters, of the prior
-        yield found.log_likelihood - 2.0, replace(model, words=words, constants=found.constants, course=course)
+        yield found.log_likelihood - 2.0, replace(model, words=words, constants=found.constants, course=course), found
 
 
-def _kicks(fit: Fitted) -> Iterator[tuple[float, Model]]:
+def _kicks(fit: Fitted) -> Iterator[Candidate]:
     model = fit.model
     now = model.assumed.kick
     words = (*(w for w in model.words if w != "kicks"), "kicks")
 
-    def of(kick: Floats) -> tuple[float, Model]:
+    def of(kick: Floats) -> Candidate:
         trial = replace(model, words=words, assumed=replace(model.assumed, kick=kick))
-        return likelihood(trial, fit.path), trial
+        return priced(trial, fit.path, cost=1.0)
 
     if not np.any(now):
         found = [of(np.full(now.size, size)) for size in KICKS]
@@ -167,76 +182,108 @@ def _kicks(fit: Fitted) -> Iterator[tuple[float, Model]]:
         yield of(now * factor)
 
 
-def _components(fit: Fitted) -> Iterator[tuple[float, Model]]:
+def _components(fit: Fitted) -> Iterator[Candidate]:
     """Lines of the ship's motion where the whitened errors have one."""
     model = fit.model
     problem, lattice = model.problem, model.problem.lattice
     swing = float(np.sqrt(problem.kappa.mean()))
     for trace in range(problem.traces):
         used = (lattice.trace == trace) & np.isfinite(fit.whitened)
-        if used.sum() < 256:
+        if used.sum() < LEAST_READINGS:
             continue
         step = max(float(np.median(np.diff(lattice.time[used]))), 1e-3)
+        if step * swing > SPARSE:
+            continue
         grid = np.rint(lattice.time[used] / step).astype(np.int64)
         series = np.zeros(int(grid[-1]) + 1)
         series[grid] = fit.whitened[used]
         power = np.abs(np.fft.rfft(series)) ** 2
         smooth = np.convolve(power, np.ones(5) / 5.0, "same")
-        smooth[:3] = 0.0
+        smooth[: 3 + int(CALM * swing / (2.0 * np.pi) * series.size * step)] = 0.0
         at = int(np.argmax(smooth))
-        if smooth[at] < PEAK / 2.0 * power.mean():
+        # errors far below their own scale need no explanation
+        if smooth[at] < PEAK / 2.0 * max(float(np.median(power)) / np.log(2.0), QUIET * float(used.sum())):
             continue
         frequency = 2.0 * np.pi * at / (series.size * step)
         options = [("horizontal", frequency)]
         if model.assumed.sine:
             options += [("vertical", f) for f in (frequency + swing, abs(frequency - swing)) if f > 0.2]
-        for axis, own in options:
-            for rms in (1e-4, 1e-3):
-                for line in (Engine(own, 0.01, rms, axis), Sea(own, 0.1 * own, 3.0 * rms, axis)):  # type: ignore[arg-type]
-                    ship = (*model.assumed.ship, line)
-                    trial = replace(
-                        model,
-                        words=(*model.words, f"{axis} motion at {own / (2.0 * np.pi):.2f} Hz"),
-                        assumed=replace(model.assumed, ship=ship),
-                    )
-                    size = fit.path.shape[1] + line.system()[1].size
-                    about = np.zeros((fit.path.shape[0], size))
-                    about[:, : fit.path.shape[1]] = fit.path
-                    yield likelihood(trial, about) - 3.0, trial
+        lines = [make(own, width * own, rms, axis) for axis, own in options for make, width, rms in SHAPES]  # type: ignore[arg-type]
+        span = window(problem)
+        found: tuple[float, tuple[Component, ...]] = (-np.inf, ())
+        for line in lines:
+            ship = (*model.assumed.ship, line)
+            about = grown(fit.path, problem.pendulums, ship)
+            trial = replace(model, assumed=replace(model.assumed, ship=ship), constants=shifted(model.constants, about, span[0]))
+            found = max(found, (priced(trial, about, span=span)[0], ship), key=lambda each: each[0])
+        about = grown(fit.path, problem.pendulums, found[1])
+        assumed, _ = refined(problem, replace(model.assumed, ship=found[1]), model.constants, about, span)
+        line = assumed.ship[-1]
+        words = f"{line.axis} motion at {line.frequency / (2.0 * np.pi):.2f} Hz"  # type: ignore[union-attr]
+        yield priced(replace(model, words=(*model.words, words), assumed=assumed), about, cost=15.0)
 
 
-def settle(fit: Fitted) -> tuple[Fitted, list[tuple[float, Fitted]]]:
-    """Add what pays, the best first; the last fit, and those that stay close to it with their log-likelihoods."""
-    close: list[tuple[float, Fitted]] = []
+def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
+    """Add what pays, the best first; the last fit, and the explanations that stay close to it."""
+    close: list[Candidate] = []
     for _ in range(ROUNDS):
         base = fit.solution.log_likelihood
-        found = sorted(candidates(fit), key=lambda pair: -pair[0])
-        best, model = found[0]
-        if best - base < PAYS:
-            for value, other in found[:3]:
-                if value > base - PAYS:
-                    close.append((value, fitted(other, grown(fit.path, other), passes=1)))
+        found = sorted(candidates(fit), key=lambda each: -each[0])
+        close = [each for each in found if base - PAYS < each[0] < base + PAYS]
+        better = next((new for each in found if each[0] > base + PAYS and (new := _taken(fit, each[1])) is not None), None)
+        if better is None:
             break
-        fit = fitted(model, grown(fit.path, model))
-    return fit, close
+        fit = better
+    return fitted(fit.model, fit.path), close
 
 
-def grown(path: Floats, model: Model) -> Floats:
-    """A path with room for the states that a model adds."""
-    size = 2 * model.problem.pendulums + sum(each.system()[1].size for each in model.assumed.ship)
-    if size == path.shape[1]:
-        return path
-    out = np.zeros((path.shape[0], size))
-    out[:, : path.shape[1]] = path
-    return out
+def _taken(fit: Fitted, model: Model) -> Fitted | None:
+    """A candidate fitted anew; None where that makes it no better."""
+    try:
+        found = fitted(model, grown(fit.path, model.problem.pendulums, model.assumed.ship), passes=1)
+    except np.linalg.LinAlgError:
+        return None
+    return found if found.solution.log_likelihood > fit.solution.log_likelihood else None
 
 
-def averaged(fit: Fitted, close: list[tuple[float, Fitted]]) -> tuple[float, float]:
+def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:
     """Gravity over reference gravity and its 1 sigma, over the explanations that stay close."""
-    parts = [(fit.solution.log_likelihood, *fit.mean)] + [(value, *other.mean) for value, other in close]
+    duration = fit.model.problem.lattice.duration
+    parts = [(fit.solution.log_likelihood, *mean_gravity(fit.solution, duration))]
+    parts += [(value, *mean_gravity(solution, duration)) for value, _, solution in close]
     logs = np.array([part[0] for part in parts])
     share = np.exp(logs - logs.max())
     share /= share.sum()
     values, sigmas = np.array([part[1] for part in parts]), np.array([part[2] for part in parts])
     mean = float(share @ values)
     return mean, float(np.sqrt(share @ (sigmas**2 + (values - mean) ** 2)))
+
+
+def mean_gravity(solution: Solution, duration: float) -> tuple[float, float]:
+    """Mean of gravity over the record over reference gravity, and its 1 sigma."""
+    row = weights(solution.constants, np.linspace(0.0, duration, 512)).mean(axis=0)
+    values = np.array([each.value for each in solution.constants])
+    return float(row @ values), float(np.sqrt(row @ solution.covariance @ row))
+
+
+def unexplained(fit: Fitted) -> float:
+    """Factor by which the prediction errors exceed the model: over all, in the worst stretch, near the swing; at least 1.
+
+    Sums over a tenth of the record, and over a narrow band, scatter by chance: only what exceeds that counts.
+    """
+    problem, lattice = fit.model.problem, fit.model.problem.lattice
+    swing = float(np.sqrt(problem.kappa.mean()))
+    worst = 1.0
+    for trace in range(problem.traces):
+        used = (lattice.trace == trace) & np.isfinite(fit.whitened)
+        if used.sum() < LEAST_READINGS:
+            continue
+        errors, time = fit.whitened[used], lattice.time[used]
+        parts = np.array_split(errors, 10)
+        worst = max(worst, *(float(np.mean(part**2)) / (1.0 + 5.0 * np.sqrt(2.0 / part.size)) for part in parts))
+        turned = [np.abs(np.sum(part)) ** 2 / part.size for part in np.array_split(errors * np.exp(-1j * swing * time), 30)]
+        worst = max(worst, float(np.mean(turned)) / (1.0 + 5.0 / np.sqrt(30.0)))
+    return float(np.sqrt(worst))
+
+
+LEAST_READINGS = 100

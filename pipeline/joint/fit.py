@@ -7,38 +7,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import Floats
 from pipeline.joint import choice, kernels, spectrum
-from pipeline.joint.constants import Constant, Solution, starts
+from pipeline.joint.climb import LEAST_NOISE, grown, refined, window
+from pipeline.joint.constants import Constant, starts
 from pipeline.joint.gather import Gathered
-from pipeline.joint.problem import NONE2, Assumed, Problem
-from pipeline.joint.ship import Component, Engine, Sea, Vibration
+from pipeline.joint.problem import Assumed, Problem
+from pipeline.joint.ship import Component, Sea, Vibration
 
-LEAST_NOISE = 3e-7  # rad: readings are taken for no better
-WINDOW = 150.0  # s on which the ship's parameters are refined
 STAGES = (25.0, 100.0, 400.0)  # s: stretches on which a cold start is followed
+EARTH = 0.004  # 1 sigma of gravity over reference gravity in a cold start
+SPARSE = 2.0  # of the swing between readings, rad
 COARSE = 0.1  # reading noise of a cold start's first stretch, of the swing
+MOST_OUTLIERS = 0.1  # share of the readings
+UNSTATED = 1e-4  # rad: reading noise of a cold start where none is stated
+GENEROUS = (Sea(0.7, 0.1, 0.02), Vibration(6.0, 1e-3))
+"""The ship's motion that a cold start allows for."""
 GATE = 7.0  # deviations beyond which a reading is left out
-
-
-@dataclass(frozen=True)
-class Fit:
-    """What was found under one set of assumptions.
-
-    Attributes
-    ----------
-    assumed : Assumed
-    solution : Solution
-    path : (k, d) array
-        Smoothed states at the nodes.
-    whitened : (r,) array
-        Prediction errors, white and of unit variance where the model holds.
-    """
-
-    assumed: Assumed
-    solution: Solution
-    path: Floats
-    whitened: Floats
 
 
 def first_constants(gathered: Gathered) -> tuple[Constant, ...]:
@@ -60,9 +44,20 @@ def held(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
     return tuple(c if c.kind == kernels.START else replace(c, prior=1e-15, mean=c.value) for c in constants)
 
 
+DIFFERENCE = 0.3  # 1 sigma of an unstated difference of damping over the damping
+
+
 def released(constants: tuple[Constant, ...], like: tuple[Constant, ...]) -> tuple[Constant, ...]:
     """Values of the first, priors of the second."""
     return tuple(replace(b, value=a.value) for a, b in zip(constants, like, strict=True))
+
+
+def narrowed(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
+    """All but the start and gravity held; gravity within what the Earth has."""
+    return tuple(
+        replace(c, prior=EARTH) if c.kind == kernels.GRAVITY else (c if c.kind == kernels.START else held((c,))[0])
+        for c in constants
+    )
 
 
 def cold_start(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
@@ -75,7 +70,10 @@ def cold_start(problem: Problem, assumed: Assumed, constants: tuple[Constant, ..
     step, nodes = problem.lattice.step, problem.lattice.nodes
     size = float(np.std(problem.lattice.value[~problem.left_out]))
     still = replace(assumed, ship=tuple(c for c in assumed.ship if c.axis == "horizontal"))
-    for number, seconds in enumerate((*STAGES, np.inf)):
+    # readings that fall on one phase of the swing show the other only after a while
+    between = float(np.median(np.diff(np.unique(problem.lattice.node)))) * step * float(np.sqrt(problem.kappa.mean()))
+    stages = STAGES if between < SPARSE else STAGES[1:]
+    for number, seconds in enumerate((*stages, np.inf)):
         end = int(min(nodes, np.ceil(seconds / step)))
         coarse = np.maximum(assumed.noise, size * COARSE / 5.0**number if end < nodes else 0.0)
         rough = replace(still if end < nodes else assumed, noise=coarse)
@@ -83,8 +81,9 @@ def cold_start(problem: Problem, assumed: Assumed, constants: tuple[Constant, ..
             begun = replace(rough, sine=False, noise=np.maximum(coarse, size))
             constants = released(problem.run(begun, held(constants), span=(0, end))[0].constants, first)
         for _ in range(4):
-            solution, _ = problem.run(rough, constants, span=(0, end))
-            constants = solution.constants
+            own = constants if end == nodes else narrowed(constants)
+            solution, _ = problem.run(rough, own, span=(0, end))
+            constants = released(solution.constants, first)
             if np.all(np.abs(solution.step) < 0.1 * np.sqrt(np.diag(solution.covariance))):
                 break
         if end == nodes:
@@ -93,25 +92,16 @@ def cold_start(problem: Problem, assumed: Assumed, constants: tuple[Constant, ..
 
 
 def without_outliers(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]) -> Problem:
-    """Leave out what lies far from the prediction, by the errors' own scale."""
+    """Leave out what lies far from the prediction, by the errors' own scale; what is common is no outlier."""
     _, of = problem.run(assumed, constants)
-    scale = max(float(np.nanmedian(np.abs(of.errors))) / 0.6745, 1.0)
-    _, of = problem.run(assumed, constants, gate=GATE * scale)
-    return replace(problem, left_out=~np.isfinite(of.whitened))
-
-
-def relinearised(
-    problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], about: Floats = NONE2, passes: int = 3, gate: float = 0.0
-) -> Fit:
-    """Gauss-Newton about the smoothed path until the constants stand."""
-    for _ in range(passes):
-        constants = with_difference(constants)
-        path, _ = problem.smooth(assumed, constants, about=about, gate=gate)
-        solution, of = problem.run(assumed, constants, about=path, gate=gate)
-        about, constants = path, solution.constants
-        if np.all(np.abs(solution.step) < 0.05 * np.sqrt(np.diag(solution.covariance))):
-            break
-    return Fit(assumed, solution, path, of.whitened)
+    gate = GATE * max(float(np.nanmedian(np.abs(of.errors))) / 0.6745, 1.0)
+    for _ in range(4):
+        _, of = problem.run(assumed, constants, gate=gate)
+        out = ~np.isfinite(of.whitened)
+        if np.mean(out) < MOST_OUTLIERS + np.mean(problem.left_out):
+            return replace(problem, left_out=out)
+        gate *= 3.0
+    return problem
 
 
 def with_difference(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
@@ -123,124 +113,111 @@ def with_difference(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
     return tuple(replace(c, prior=width) if c.name.startswith("damping of") else c for c in constants)
 
 
-def window(problem: Problem, seconds: float = WINDOW) -> tuple[int, int]:
-    """The stretch of that length with the most readings."""
-    nodes = problem.lattice.nodes
-    length = int(min(nodes, np.ceil(seconds / problem.lattice.step)))
-    used = problem.lattice.node[~problem.left_out]
-    counts = np.concatenate([[0], np.cumsum(np.bincount(used, minlength=nodes))])
-    starts = np.arange(0, nodes - length + 1, max(1, length // 8))
-    begin = int(starts[np.argmax(counts[starts + length] - counts[starts])])
-    return begin, begin + length
+@dataclass(frozen=True)
+class Outcome:
+    """Posterior of gravity, every explanation weighed.
+
+    Attributes
+    ----------
+    fit : choice.Fitted
+        The best explanation.
+    close : list of choice.Candidate
+        Those that stay close to it.
+    mean, sigma : float
+        Gravity over reference gravity, mean over the record, and its 1 sigma from the readings.
+    spread : float
+        Factor in `sigma` by which the prediction errors exceed the model; 1: they are white.
+    left_out : int
+        Readings that were not used.
+    """
+
+    fit: choice.Fitted
+    close: list[choice.Candidate]
+    mean: float
+    sigma: float
+    spread: float
+    left_out: int
+
+    @property
+    def words(self) -> str:
+        """The best explanation, and how close others come."""
+        model = self.fit.model
+        law = "sine" if model.assumed.sine else "linear"
+        parts = [f"restoring = {law}", *model.words]
+        near = [
+            f"{(other.words or ('nothing else',))[-1]} at {value - self.fit.solution.log_likelihood:+.1f}"
+            for value, other, _ in self.close
+        ]
+        return "; ".join(parts) + (f" (close in log-likelihood: {', '.join(near)})" if near else "")
 
 
-STEP = 0.5
-NOISE_SPREAD = 0.3
-DIFFERENCE = 0.3  # 1 sigma of an unstated difference of damping over the damping
+def reduce(gathered: Gathered) -> Outcome:
+    """Fit the stated law, or both where none is stated, and weigh all explanations.
+
+    Raises
+    ------
+    RefusedError
+        No explanation is left of which the readings do not deny the most part, or two that are close disagree.
+    """
+    laws = [gathered.law != "linear"] if gathered.law else [True, False]
+    try:
+        found = [fitted(gathered, sine=sine) for sine in laws]
+    except np.linalg.LinAlgError as error:
+        raise RefusedError(
+            f"elongation: no swing at the stated period can be followed ({error}); check instrument/period and "
+            "record/combination"
+        ) from None
+    found.sort(key=lambda pair: -pair[0].solution.log_likelihood)
+    fit, close = found[0]
+    for other, others in found[1:]:
+        behind = other.solution.log_likelihood - fit.solution.log_likelihood
+        if behind > -choice.PAYS:
+            close = [*close, (other.solution.log_likelihood, other.model, other.solution), *others]
+    mean, sigma = choice.averaged(fit, close)
+    spread = choice.unexplained(fit)
+    if spread > MOST_SPREAD:
+        raise RefusedError(
+            f"elongation: the readings are {spread:.0f} times farther from the best explanation than their noise allows; "
+            "check instrument/period, record/combination and the unit of the elongations (rad)"
+        )
+    if abs(mean - 1.0) > CAPTURE:
+        raise RefusedError(
+            f"instrument/period: gravity would be {100.0 * (mean - 1.0):+.1f} % off reference_gravity; "
+            "check period, reference_gravity and the time axis"
+        )
+    return Outcome(fit, close, mean, sigma, spread, int(fit.model.problem.left_out.sum()))
 
 
-def refined(
-    problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], path: Floats, span: tuple[int, int], noise: bool = True
-) -> tuple[Assumed, float]:
-    """Climb the likelihood of a stretch by coordinates: the ship's parameters and the reading noise."""
-    traces = problem.traces if noise else 0
-    best = np.concatenate([spectrum.parameters(assumed.ship), np.log(assumed.noise[:traces])])
-    centre = best.copy()
-    spread = np.concatenate([spectrum.spreads(assumed.ship), np.full(traces, NOISE_SPREAD)])
-    here = padded(problem, path, assumed)
-    at_start = shifted(constants, here, span[0])
-
-    def make(vector: Floats) -> Assumed:
-        ship = spectrum.assemble(assumed.ship, vector[: vector.size - traces])
-        size = assumed.noise.copy()
-        size[:traces] = np.maximum(np.exp(vector[vector.size - traces :]), LEAST_NOISE)
-        return replace(assumed, ship=ship, noise=size)
-
-    def value(vector: Floats) -> float:
-        if np.any(vector > 6.0) or np.any(vector < -25.0):
-            return -np.inf
-        try:
-            prior = -0.5 * float(np.sum(((vector - centre) / spread) ** 2))
-            return problem.run(make(vector), at_start, span=span, about=here)[0].log_likelihood + prior
-        except np.linalg.LinAlgError:
-            return -np.inf
-
-    top = value(best)
-    step = np.full(best.size, STEP)
-    for _ in range(2):
-        before = top
-        for k in range(best.size):
-            around = []
-            for sign in (1.0, -1.0):
-                trial = best.copy()
-                trial[k] += sign * step[k]
-                around.append(value(trial))
-            up, down = around
-            curve = up + down - 2.0 * top
-            move = 0.5 * step[k] * (down - up) / curve if curve < 0.0 and np.isfinite(curve) else np.nan
-            options = [(top, 0.0), (up, step[k]), (down, -step[k])]
-            if np.isfinite(move) and abs(move) < 2.0 * step[k]:
-                trial = best.copy()
-                trial[k] += move
-                options.append((value(trial), move))
-            top, by = max(options)
-            best[k] += by
-            step[k] = max(0.25 * step[k], min(2.0 * abs(by), 2.0)) if by else 0.4 * step[k]
-        if top - before < 1.0:
-            break
-    return make(best), top
+MOST_SPREAD = 30.0
+CAPTURE = 0.02  # of gravity, from the reference
 
 
-def padded(problem: Problem, path: Floats, assumed: Assumed) -> Floats:
-    """A path with room for other states of the ship: their place along the path does not matter where they act linearly."""
-    two = 2 * problem.pendulums
-    size = two + sum(component.system()[1].size for component in assumed.ship)
-    if size == path.shape[1]:
-        return path
-    out = np.zeros((path.shape[0], size))
-    kept = min(size, path.shape[1])
-    out[:, :kept] = path[:, :kept]
-    return out
-
-
-def shifted(constants: tuple[Constant, ...], path: Floats, begin: int) -> tuple[Constant, ...]:
-    """Constants whose start is the path's at a later node."""
-    return tuple(replace(c, value=float(path[begin, c.index])) if c.kind == kernels.START else c for c in constants)
-
-
-def reduce(gathered: Gathered, *, sine: bool, verbose: bool = False) -> tuple[choice.Fitted, list[tuple[float, choice.Fitted]]]:
-    """Fit one law."""
+def fitted(gathered: Gathered, *, sine: bool) -> tuple[choice.Fitted, list[choice.Candidate]]:
+    """Fit one law: cold start, outliers, the ship's spectrum, then what else the likelihood pays for."""
     problem = gathered.problem
-    constants = first_constants(gathered)
     unknown_heave = sine and not gathered.heave
     base = int(np.argmax(np.abs(problem.lattice.combination.sum(axis=1))))
-    # a generous ship first
-    stated = np.where(np.isfinite(gathered.noise), gathered.noise, 1e-4)
-    noise = np.concatenate([np.maximum(stated, LEAST_NOISE), [1e-4, 1e-4]])
-    ship: tuple[Component, ...] = (Sea(0.7, 0.15, 0.02), Vibration(6.0, 1e-3))
+    stated = np.where(np.isfinite(gathered.noise), gathered.noise, UNSTATED)
+    noise = np.concatenate([np.maximum(stated, LEAST_NOISE), [UNSTATED, UNSTATED]])
+    ship: tuple[Component, ...] = GENEROUS
     if unknown_heave:
-        ship = (*ship, Sea(0.7, 0.15, 0.01, "vertical"))
+        ship = (*ship, replace(GENEROUS[0], axis="vertical", rms=0.5 * GENEROUS[0].rms))
     assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
-    constants = cold_start(problem, assumed, constants)
+    constants = cold_start(problem, assumed, first_constants(gathered))
     problem = without_outliers(problem, assumed, constants)
     floors = [spectrum.noise_floor(problem, j) for j in range(problem.traces)]
     for j, floor in enumerate(floors):
         if not np.isfinite(gathered.noise[j]) and np.isfinite(floor):
             noise[j] = max(floor, LEAST_NOISE)
-    if verbose:
-        print('floors', floors, 'cold', constants[2 * problem.pendulums].value, np.nanstd(of.whitened))
     start = spectrum.begin(problem, base, max(float(np.nanmin([*floors, 1.0])), LEAST_NOISE))
     if unknown_heave:
         swell = start[0]
         assert isinstance(swell, Sea)
         start = (*start, replace(swell, axis="vertical", rms=0.5 * swell.rms))
     assumed = replace(assumed, ship=start, noise=noise)
-    if verbose: print(start)
-    first = relinearised(problem, assumed, constants, passes=1)
-    span = window(problem)
-    assumed, top = refined(problem, assumed, first.solution.constants, first.path, span)
-    if verbose: print('refined', top, assumed)
-    model = choice.Model((), assumed, with_difference(first.solution.constants), problem)
-    fit = choice.fitted(model, padded(problem, first.path, assumed))
-    fit, close = choice.settle(fit)
-    return fit, close
+    constants = with_difference(constants)
+    path, _ = problem.smooth(assumed, constants)
+    solution, _ = problem.run(assumed, constants, about=path)
+    assumed, _ = refined(problem, assumed, solution.constants, path, window(problem))
+    model = choice.Model((), assumed, with_difference(solution.constants), problem, assumed.ship)
+    return choice.settle(choice.fitted(model, grown(path, problem.pendulums, assumed.ship), passes=1))

@@ -42,6 +42,11 @@ class Lattice:
         """Of each reading since the first node, s."""
         return np.asarray(self.node * self.step + self.offset)
 
+    @property
+    def duration(self) -> float:
+        """From the first node to the last, s."""
+        return self.step * (self.nodes - 1)
+
     def readings(self, variance: Floats, value: Floats | None = None, delay: Floats | None = None) -> Readings:
         """What the kernels take.
 

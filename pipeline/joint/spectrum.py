@@ -129,6 +129,7 @@ def begin(problem: Problem, trace: int, noise: float) -> tuple[Component, ...]:
     start = parameters(first)
 
     def cost(vector: Floats) -> float:
+        vector = np.clip(vector, start - 2.0 * REACH, start + 2.0 * REACH)
         model = answer * density(assemble(first, vector), frequency, "horizontal") + white
         outside = np.sum(np.maximum(0.0, np.abs(vector - start) - REACH) ** 2)
         return float(np.sum(weight * (np.log(model) + power / model))) + 1e3 * float(outside)

@@ -23,7 +23,7 @@ _WHERE = {
     "projection": "pipeline.methods.projection",
     "shooting": "pipeline.methods.shooting",
 }
-METHODS: tuple[str, ...] = (*_WHERE, "auto")
+METHODS: tuple[str, ...] = (*_WHERE, "joint", "auto")
 PHASE_METHODS = ("uncorrected", "vening-meinesz", "panteleev", "general", "complex")
 """Methods that work on the separated harmonics; the others never compute them."""
 

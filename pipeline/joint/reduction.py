@@ -1,0 +1,152 @@
+"""`joint` among the methods: its outcome as an estimate with ledger and flags, its path as the harmonics' source."""
+
+from __future__ import annotations
+
+import time as clock
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.estimate import Estimate
+from pipeline.flags import flags
+from pipeline.gravity import MGAL, gravity
+from pipeline.joint.choice import mean_gravity
+from pipeline.joint.course import weights
+from pipeline.joint.fit import Outcome, reduce
+from pipeline.joint.gather import Gathered, gather
+from pipeline.observation import Observation, choose_pair, instrument
+from pipeline.prepared import Prepared
+from pipeline.reduction import Reduction
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+KINDS = {"kicks": "random-kicks", "gravity changes": "gravity-changes"}
+WIDENED = 1.1  # factor in sigma from which the flag says so
+
+
+@dataclass(frozen=True)
+class Joint:
+    """The method's outcome on a record.
+
+    Attributes
+    ----------
+    reduction : Reduction
+    prepared : Prepared or None
+        The smoothed pendulums of the pair, even and without gaps; None where the method refused.
+    outcome : Outcome or None
+    """
+
+    reduction: Reduction
+    prepared: Prepared | None = None
+    outcome: Outcome | None = None
+
+    def course(self, time: Floats) -> DataTree:
+        """Group `course` of a result: gravity with its band at instants of the record's own time, s, (n,)."""
+        from xarray import Dataset, DataTree
+
+        from data_schemas.variables import attributes
+
+        assert self.prepared is not None and self.outcome is not None and self.reduction.gravity is not None
+        outcome, reference = self.outcome, self.prepared.observation.reference_gravity
+        solution, lattice = outcome.fit.solution, outcome.fit.model.problem.lattice
+        rows = weights(solution.constants, np.clip(time - lattice.start, 0.0, lattice.duration))
+        values = np.array([each.value for each in solution.constants])
+        own, sigma = mean_gravity(solution, lattice.duration)
+        band = np.einsum("ij,jk,ik->i", rows, solution.covariance, rows)
+        # what explanations that stay close add to the variance of the mean, they add to that of each instant
+        band = (band + max(outcome.sigma**2 - sigma**2, 0.0)) * outcome.spread**2
+        track = outcome.fit.model.course
+        return DataTree(
+            Dataset(
+                {
+                    "gravity_course": (
+                        "time",
+                        self.reduction.gravity.gravity + reference * (rows @ values - own),
+                        attributes("course/gravity_course"),
+                    ),
+                    "gravity_course_sigma": (
+                        "time",
+                        reference * np.sqrt(band) / MGAL,
+                        attributes("course/gravity_course_sigma"),
+                    ),
+                },
+                attrs={
+                    "correlation_length_s": float("inf") if track is None else track.length,
+                    "eotvos": "included as its mean over the record, see the ledger",
+                },
+            )
+        )
+
+
+def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) -> Joint:
+    """Fit the joint model to a record.
+
+    Raises
+    ------
+    RecordError, RefusedError, UsageError
+        As `pipeline.process`.
+    """
+    started = clock.perf_counter()
+    gathered = gather(record)
+    outcome = reduce(gathered)
+    prepared = _prepared(record, gathered, outcome, pair)
+    seen, model = prepared.observation, outcome.fit.model
+    second = gathered.pendulums.index(seen.second)
+    frequency = float(np.sqrt(outcome.fit.model.problem.kappa[second] * outcome.mean))
+    damping = model.problem.flow(model.assumed, outcome.fit.solution.constants).damping
+    trace = int(np.argmax(~np.isclose(gathered.problem.lattice.combination.sum(axis=1), 1.0)))
+    estimate = Estimate(
+        frequency=frequency,
+        uncorrected=float(np.hypot(prepared.nominal + prepared.rough_slope, damping[second])),
+        sigma=0.5 * frequency * outcome.sigma * outcome.spread / outcome.mean,
+        noise=float(model.assumed.noise[trace]),
+        damping_rate=float(damping[second]),
+        samples=int(model.problem.lattice.node.size - outcome.left_out),
+        acceleration_reduced=model.assumed.sine,
+    )
+    value = gravity(estimate, prepared, gain_uncertainty)
+    raised = [*flags(prepared, estimate, value), *(name for words, name in KINDS.items() if words in model.words)]
+    if any("friction" in words for words in model.words):
+        raised.append("friction-not-viscous")
+    if outcome.spread > WIDENED:
+        raised.append("errors-not-white")
+    elapsed = clock.perf_counter() - started
+    reduction = Reduction(
+        "joint", "joint", outcome.words, estimate, value, tuple(dict.fromkeys(raised)), "", elapsed
+    )
+    return Joint(reduction, prepared, outcome)
+
+
+def _prepared(record: DataTree, gathered: Gathered, outcome: Outcome, pair: str | None) -> Prepared:
+    """The smoothed path of a pair of pendulums as an observation like any other."""
+    problem = outcome.fit.model.problem
+    first, second = choose_pair(list(gathered.pendulums), problem.lattice.combination, pair)
+    one, two = gathered.pendulums.index(first), gathered.pendulums.index(second)
+    path, step = outcome.fit.path, problem.lattice.step
+    theta: Floats = path[:, 2 * one].copy()
+    constants = instrument(record, (first, second))
+    vertical = None
+    if problem.recorded.size:
+        vertical = problem.recorded[:, 1] * constants["reference_gravity"]
+    observation = Observation(
+        first=first,
+        second=second,
+        start=problem.lattice.start,
+        time=step * np.arange(problem.lattice.nodes),
+        step=step,
+        theta=theta,
+        difference=theta - path[:, 2 * two],
+        sigma_theta=None,
+        sigma_difference=None,
+        vertical=vertical,
+        **constants,
+    )
+    return Prepared(observation, theta, step, 0.0, 0.0, 0.0)
+
+
+def refused(reason: str, elapsed: float) -> Joint:
+    """The method's refusal."""
+    return Joint(Reduction("joint", "joint", "", None, None, (), reason, elapsed))

@@ -108,7 +108,7 @@ GRAVITY: dict[str, Variable] = {
 
 COURSE: dict[str, Variable] = {
     "gravity_course": Variable(
-        ("time",), "f8", "m s-2", "gravity along the track, after all corrections; its mean is that of the method joint",
+        ("time",), "f8", "m s-2", "gravity along the track, all corrections applied; its mean is that of method joint",
         required=True, limit="positive",
     ),
     "gravity_course_sigma": Variable(

@@ -226,7 +226,7 @@ def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
     gravity = float(constants["reference_gravity"])
     time = np.asarray(record.dataset["time"].values, dtype=np.float64)
     tied = tie(constants, 0.5 * float(time[0] + time[-1]), gravity)
-    uncertainty = constants["period_uncertainty"] / period if "period_uncertainty" in constants else np.zeros(period.shape)
+    uncertainty = constants["period_uncertainty"] / period if "period_uncertainty" in constants else 0.0 * period
     longer = by_temperature(constants) + by_air(constants) + (0.0 if tied is None else tied.period - period)
     refuse_impossible(constants, period, longer)
     restoring = record["instrument"].attrs.get("restoring")
@@ -302,6 +302,7 @@ def uniform_grid(time: Floats, series: Sequence[Floats]) -> tuple[Floats, float 
 
 
 def choose_pair(labels: list[str], combination: Floats, pair: str | None) -> tuple[str, str]:
+    """Labels of the two pendulums: those named, else of the first recorded difference, else the first two."""
     if pair is not None:
         for first in labels:
             for second in labels:

@@ -6,6 +6,8 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from data_schemas.errors import RecordError, RefusedError, UsageError
 from pipeline import methods
 from pipeline.observation import observe
@@ -79,7 +81,7 @@ def process(
     result = build_result(record, prepared, reductions, started)
     result.attrs.update(attributes)
     if joint is not None and joint.reduction.gravity is not None:
-        result["course"] = joint.course(result["time"].values)
+        result["course"] = joint.course(np.asarray(result.dataset["time"].values))
     if others and pair is None and record["record"].sizes["pendulum"] > 2:
         from pipeline.pairs import join
 
@@ -107,7 +109,7 @@ def _joint(record: DataTree, pair: str | None, gain_uncertainty: float, *, alone
 def _classical(
     record: DataTree, names: Sequence[str], pair: str | None, gain_uncertainty: float, spare: Joint | None
 ) -> tuple[Prepared, list[Reduction], Mapping[str, float]]:
-    """The methods that look at one difference; where the record cannot be prepared for them, the joint fit's path is."""
+    """The methods that look at one difference; a record that cannot be prepared for them lends the joint fit's path."""
     from pipeline.reduction import Reduction, reduce_by
     from pipeline.sensors.examination import examine
 
@@ -122,4 +124,8 @@ def _classical(
             raise
         elapsed = time.perf_counter() - started
         return path, [Reduction(name, name, "", None, None, (), str(refusal), elapsed) for name in names], {}
-    return found.prepared, [reduce_by(name, found.prepared, gain_uncertainty, found) for name in names], found.attributes
+    return (
+        found.prepared,
+        [reduce_by(name, found.prepared, gain_uncertainty, found) for name in names],
+        found.attributes,
+    )

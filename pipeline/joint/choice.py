@@ -214,7 +214,9 @@ def _components(fit: Fitted) -> Iterator[Candidate]:
         for line in lines:
             ship = (*model.assumed.ship, line)
             about = grown(fit.path, problem.pendulums, ship)
-            trial = replace(model, assumed=replace(model.assumed, ship=ship), constants=shifted(model.constants, about, span[0]))
+            trial = replace(
+                model, assumed=replace(model.assumed, ship=ship), constants=shifted(model.constants, about, span[0])
+            )
             found = max(found, (priced(trial, about, span=span)[0], ship), key=lambda each: each[0])
         about = grown(fit.path, problem.pendulums, found[1])
         assumed, _ = refined(problem, replace(model.assumed, ship=found[1]), model.constants, about, span)
@@ -230,7 +232,9 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
         base = fit.solution.log_likelihood
         found = sorted(candidates(fit), key=lambda each: -each[0])
         close = [each for each in found if base - PAYS < each[0] < base + PAYS]
-        better = next((new for each in found if each[0] > base + PAYS and (new := _taken(fit, each[1])) is not None), None)
+        better = next(
+            (new for each in found if each[0] > base + PAYS and (new := _taken(fit, each[1])) is not None), None
+        )
         if better is None:
             break
         fit = better
@@ -281,7 +285,9 @@ def unexplained(fit: Fitted) -> float:
         errors, time = fit.whitened[used], lattice.time[used]
         parts = np.array_split(errors, 10)
         worst = max(worst, *(float(np.mean(part**2)) / (1.0 + 5.0 * np.sqrt(2.0 / part.size)) for part in parts))
-        turned = [np.abs(np.sum(part)) ** 2 / part.size for part in np.array_split(errors * np.exp(-1j * swing * time), 30)]
+        turned = [
+            np.abs(np.sum(part)) ** 2 / part.size for part in np.array_split(errors * np.exp(-1j * swing * time), 30)
+        ]
         worst = max(worst, float(np.mean(turned)) / (1.0 + 5.0 / np.sqrt(30.0)))
     return float(np.sqrt(worst))
 

@@ -42,7 +42,12 @@ def window(problem: Problem, seconds: float = WINDOW) -> tuple[int, int]:
 
 
 def refined(
-    problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], path: Floats, span: tuple[int, int], noise: bool = True
+    problem: Problem,
+    assumed: Assumed,
+    constants: tuple[Constant, ...],
+    path: Floats,
+    span: tuple[int, int],
+    noise: bool = True,
 ) -> tuple[Assumed, float]:
     """Climb the likelihood of a stretch by coordinates: the ship's parameters and the reading noise."""
     traces = problem.traces if noise else 0

@@ -94,7 +94,7 @@ def gather(record: DataTree) -> Gathered:
     if "vertical_acceleration" in stored:
         heave = np.asarray(stored["vertical_acceleration"].values, dtype=np.float64)[used] / gravity
         there = np.flatnonzero(np.isfinite(heave))
-        dense = there.size > 8 and float(np.diff(time[there]).max()) < LONGEST_GAP
+        dense = bool(there.size > 8) and float(np.diff(time[there]).max()) < LONGEST_GAP
         dense = dense and float(np.median(np.diff(time[there]))) * DENSE < 2.5
         if not dense:
             rows += [np.full((1, time.size), np.nan), heave[None]]

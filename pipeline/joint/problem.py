@@ -70,7 +70,7 @@ class Problem:
     @property
     def pendulums(self) -> int:
         """Number of pendulums."""
-        return self.kappa.size
+        return int(self.kappa.size)
 
     @property
     def traces(self) -> int:

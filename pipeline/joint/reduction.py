@@ -49,7 +49,9 @@ class Joint:
 
         from data_schemas.variables import attributes
 
-        assert self.prepared is not None and self.outcome is not None and self.reduction.gravity is not None
+        assert self.prepared is not None  # of a record that was not refused
+        assert self.outcome is not None
+        assert self.reduction.gravity is not None
         outcome, reference = self.outcome, self.prepared.observation.reference_gravity
         solution, lattice = outcome.fit.solution, outcome.fit.model.problem.lattice
         rows = weights(solution.constants, np.clip(time - lattice.start, 0.0, lattice.duration))
@@ -114,9 +116,7 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
     if outcome.spread > WIDENED:
         raised.append("errors-not-white")
     elapsed = clock.perf_counter() - started
-    reduction = Reduction(
-        "joint", "joint", outcome.words, estimate, value, tuple(dict.fromkeys(raised)), "", elapsed
-    )
+    reduction = Reduction("joint", "joint", outcome.words, estimate, value, tuple(dict.fromkeys(raised)), "", elapsed)
     return Joint(reduction, prepared, outcome)
 
 

@@ -57,7 +57,9 @@ def periodogram(problem: Problem, trace: int) -> tuple[Floats, Floats, Floats]:
             continue
         if np.diff(here).max() > max(FILLED, 1.5 * step):
             continue
-        series = there if here.size == rows and np.abs(here - grid).max() < 1e-6 * step else np.interp(grid, here, there)
+        series = (
+            there if here.size == rows and np.abs(here - grid).max() < 1e-6 * step else np.interp(grid, here, there)
+        )
         series = series - design @ (inverse @ series)
         total += np.abs(np.fft.rfft(taper * series)) ** 2
         count += 1
@@ -136,7 +138,10 @@ def begin(problem: Problem, trace: int, noise: float) -> tuple[Component, ...]:
 
     simplex = np.vstack([start, *(start + 0.5 * row for row in np.eye(start.size))])
     found = minimize(
-        cost, start, method="Nelder-Mead", options={"initial_simplex": simplex, "maxfev": 400, "xatol": 0.02, "fatol": 0.1}
+        cost,
+        start,
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "maxfev": 400, "xatol": 0.02, "fatol": 0.1},
     )
     return assemble(first, found.x)
 

@@ -67,34 +67,35 @@ class Columns(NamedTuple):
 
 
 @kernel
-def row_of(flow: Flow, readings: Readings, which: int, row: Floats) -> None:
-    """Row of a reading in the state: the linear flow to its own time."""
-    row[:] = 0.0
+def row_of(flow: Flow, readings: Readings, which: int, row: Floats, j: int) -> None:
+    """Row of a reading in the state, into row j: the linear flow to its own time."""
+    size = row.shape[1]
+    for q in range(size):
+        row[j, q] = 0.0
     trace, tau = readings.trace[which], readings.offset[which]
     if trace >= readings.combination.shape[0]:
-        if trace == readings.combination.shape[0]:
-            for q in range(row.size):
-                row[q] = flow.rates[0, q] + tau * flow.rates[1, q]
-        else:
-            for q in range(row.size):
-                row[q] = flow.heave[0, q] + tau * flow.heave[1, q]
+        for q in range(size):
+            if trace == readings.combination.shape[0]:
+                row[j, q] = flow.rates[0, q] + tau * flow.rates[1, q]
+            else:
+                row[j, q] = flow.heave[0, q] + tau * flow.heave[1, q]
         return
     for i in range(flow.kappa.size):
         weight = readings.combination[trace, i]
         if weight == 0.0:
             continue
         if tau == 0.0:
-            row[2 * i] = weight
+            row[j, 2 * i] = weight
             continue
         own2 = flow.kappa[i] * flow.gravity - flow.damping[i] ** 2
         own, fade = np.sqrt(own2), np.exp(-flow.damping[i] * tau)
         moved = fade * np.sin(own * tau) / own
-        row[2 * i] = weight * (fade * np.cos(own * tau) + flow.damping[i] * moved)
-        row[2 * i + 1] = weight * moved
+        row[j, 2 * i] = weight * (fade * np.cos(own * tau) + flow.damping[i] * moved)
+        row[j, 2 * i + 1] = weight * moved
         forced = -weight * flow.kappa[i] * tau * tau
         zeroth, first, second = forced * (0.5 - own2 * tau * tau / 24.0), forced * tau / 6.0, forced * tau * tau / 24.0
-        for q in range(2 * flow.kappa.size, row.size):
-            row[q] += zeroth * flow.rates[0, q] + first * flow.rates[1, q] + second * flow.rates[2, q]
+        for q in range(2 * flow.kappa.size, size):
+            row[j, q] += zeroth * flow.rates[0, q] + first * flow.rates[1, q] + second * flow.rates[2, q]
 
 
 @kernel
@@ -126,7 +127,7 @@ def reach_nodes(columns: Floats, path: Floats, at: int, nodes: Floats) -> None:
 
 
 @kernel
-def collocate(flow: Flow, i: int, nodes: Floats, sine: Floats, cosine: Floats, force: Floats) -> None:
+def collocate(flow: Flow, i: int, nodes: Floats, rest: Floats) -> None:
     """Angles of pendulum i at the nodes under what the linear flow leaves, and that remainder.
 
     Sine and cosine are taken once a node; collocation moves the angle by 1e-5 rad at most, for which two terms serve.
@@ -135,30 +136,32 @@ def collocate(flow: Flow, i: int, nodes: Floats, sine: Floats, cosine: Floats, f
     ----------
     nodes : (6 p + 6,) array, changed
         Angles, speeds, U and Z at the nodes; the angles are moved.
-    sine, cosine, force : (3,) arrays, out
-        Of the angles before they are moved; acceleration left by the linear flow, rad s-2.
+    rest : (3, 3) array, out
+        At each node, sine and cosine of the angle before it is moved, and the acceleration left by the linear flow.
     """
-    count, kappa, gravity, answer = flow.kappa.size, flow.kappa[i], flow.gravity, flow.response
+    count, kappa, gravity = flow.kappa.size, flow.kappa[i], flow.gravity
     angle, speed, horizontal, vertical = 3 * i, 3 * (count + i), 6 * count, 6 * count + 3
     quadratic, dry = flow.quadratic[i], flow.dry[i]
     for m in range(3):
-        sine[m], cosine[m] = sine_and_cosine(nodes[angle + m])
+        rest[m, 0], rest[m, 1] = sine_and_cosine(nodes[angle + m])
     moved0 = moved1 = moved2 = 0.0
     for _ in range(3):
         for m in range(3):
             by = moved0 if m == 0 else (moved1 if m == 1 else moved2)
             u, z, at = nodes[horizontal + m], nodes[vertical + m], nodes[angle + m] + by
             if flow.sine:
-                s = sine[m] + by * (cosine[m] - 0.5 * by * sine[m])
-                c = cosine[m] - by * (sine[m] + 0.5 * by * cosine[m])
-                force[m] = -kappa * ((gravity + z) * s - gravity * at + u * (c - 1.0))
+                sine, cosine = rest[m, 0], rest[m, 1]
+                s = sine + by * (cosine - 0.5 * by * sine)
+                c = cosine - by * (sine + 0.5 * by * cosine)
+                rest[m, 2] = -kappa * ((gravity + z) * s - gravity * at + u * (c - 1.0))
             else:
-                force[m] = -kappa * z * at
+                rest[m, 2] = -kappa * z * at
             if quadratic != 0.0 or dry != 0.0:
-                force[m] -= quadratic * abs(nodes[speed + m]) * nodes[speed + m] + dry * np.sign(nodes[speed + m])
-        moved0 = answer[i, 0, 0, 0] * force[0] + answer[i, 0, 1, 0] * force[1] + answer[i, 0, 2, 0] * force[2]
-        moved1 = answer[i, 1, 0, 0] * force[0] + answer[i, 1, 1, 0] * force[1] + answer[i, 1, 2, 0] * force[2]
-        moved2 = answer[i, 2, 0, 0] * force[0] + answer[i, 2, 1, 0] * force[1] + answer[i, 2, 2, 0] * force[2]
+                rest[m, 2] -= quadratic * abs(nodes[speed + m]) * nodes[speed + m] + dry * np.sign(nodes[speed + m])
+        f0, f1, f2 = rest[0, 2], rest[1, 2], rest[2, 2]
+        moved0 = flow.response[i, 0, 0, 0] * f0 + flow.response[i, 0, 1, 0] * f1 + flow.response[i, 0, 2, 0] * f2
+        moved1 = flow.response[i, 1, 0, 0] * f0 + flow.response[i, 1, 1, 0] * f1 + flow.response[i, 1, 2, 0] * f2
+        moved2 = flow.response[i, 2, 0, 0] * f0 + flow.response[i, 2, 1, 0] * f1 + flow.response[i, 2, 2, 0] * f2
     nodes[angle] += moved0
     nodes[angle + 1] += moved1
     nodes[angle + 2] += moved2
@@ -199,7 +202,8 @@ def bend(
     known: Floats,
     k: int,
     nodes: Floats,
-    scratch: Floats,
+    rest: Floats,
+    by: Floats,
     extra: Floats,
     ahead: Floats,
     ahead_columns: Floats,
@@ -212,41 +216,43 @@ def bend(
         Z at the nodes beside the states: recorded heave, change of gravity; may be empty.
     nodes : (6 p + 6,) array, changed
         Angles, speeds, U and Z at the nodes by the linear flow; angles become those of the remainder, Z the whole.
-    scratch : (7, 4) array
+    rest, by : (3, 3) and (3, 4) arrays
+        Room for the remainder at the nodes and its derivatives.
     extra : (2 p,) array, out
     ahead, ahead_columns : (d, d) arrays, changed
         Derivative of the step, and its transpose.
     """
     count, gravity = flow.kappa.size, flow.gravity
     horizontal, vertical = 6 * count, 6 * count + 3
-    sine, cosine, force, by = scratch[0], scratch[1], scratch[2], scratch[3:6]
-    beside = scratch[6]
     still = True
     for m in range(3):
-        beside[m] = known[k, m] if known.shape[0] > 0 else 0.0
-        nodes[vertical + m] += beside[m]
+        if known.shape[0] > 0:
+            nodes[vertical + m] += known[k, m]
         still = still and nodes[vertical + m] == 0.0
     for i in range(count):
         extra[2 * i] = extra[2 * i + 1] = 0.0
         if not flow.sine and still and flow.quadratic[i] == 0.0 and flow.dry[i] == 0.0:
-            by[:] = 0.0
+            for m in range(3):
+                by[m, 0] = by[m, 1] = by[m, 2] = by[m, 3] = 0.0
             tilt(flow.rows, count, i, by, flow.response, ahead, ahead_columns)
             continue
         kappa, angle, speed = flow.kappa[i], 3 * i, 3 * (count + i)
         a0, a1, a2 = nodes[angle], nodes[angle + 1], nodes[angle + 2]
-        collocate(flow, i, nodes, sine, cosine, force)
+        collocate(flow, i, nodes, rest)
         for m in range(3):
             u, z = nodes[horizontal + m], nodes[vertical + m]
+            beside = known[k, m] if known.shape[0] > 0 else 0.0
             if flow.sine:
-                by[m, 0] = -kappa * ((gravity + z) * cosine[m] - gravity - u * sine[m])
-                by[m, 2], by[m, 3] = -kappa * (cosine[m] - 1.0), -kappa * sine[m]
+                sine, cosine = rest[m, 0], rest[m, 1]
+                by[m, 0] = -kappa * ((gravity + z) * cosine - gravity - u * sine)
+                by[m, 2], by[m, 3] = -kappa * (cosine - 1.0), -kappa * sine
             else:
                 by[m, 0], by[m, 2], by[m, 3] = -kappa * z, 0.0, 0.0
             by[m, 1] = -2.0 * flow.quadratic[i] * abs(nodes[speed + m])
             linear = by[m, 0] * (a0 if m == 0 else (a1 if m == 1 else a2)) + by[m, 1] * nodes[speed + m]
-            linear += by[m, 2] * u + by[m, 3] * (z - beside[m])
-            extra[2 * i] += flow.response[i, 3, m, 0] * (force[m] - linear)
-            extra[2 * i + 1] += flow.response[i, 3, m, 1] * (force[m] - linear)
+            linear += by[m, 2] * u + by[m, 3] * (z - beside)
+            extra[2 * i] += flow.response[i, 3, m, 0] * (rest[m, 2] - linear)
+            extra[2 * i + 1] += flow.response[i, 3, m, 1] * (rest[m, 2] - linear)
         tilt(flow.rows, count, i, by, flow.response, ahead, ahead_columns)
 
 
@@ -264,7 +270,8 @@ def force_columns(
     """What the constants `forced` add to the derivatives during the step from node k, (c + 1, d)."""
     count, time = flow.kappa.size, k * flow.step
     at = (0.5 - np.sqrt(15.0) / 10.0, 0.5, 0.5 + np.sqrt(15.0) / 10.0)
-    for c in forced:
+    for n in range(forced.size):
+        c = forced[n]
         kind, width = columns.kind[c], columns.width[c]
         if kind == GRAVITY and width > 0.0 and abs(time + 0.5 * flow.step - columns.centre[c]) > width + flow.step:
             continue
@@ -312,7 +319,8 @@ def derive_errors(
     error; last: the error itself, to which the reading is still to be added.
     """
     last, trace = errors.shape[1] - 1, readings.trace[which]
-    for c in told:
+    for n in range(told.size):
+        c = told[n]
         kind = columns.kind[c]
         if columns.index[c] != trace:
             continue
@@ -419,7 +427,7 @@ def fill(flow: Flow, readings: Readings, k: int, before: int, slots: Slots, of: 
         if not (alike and same):
             alike = False
             slots.trace[j], slots.offset[j], slots.variance[j] = readings.trace[which], readings.offset[which], 0.0
-            row_of(flow, readings, which, slots.row[j])
+            row_of(flow, readings, which, slots.row, j)
             find_places(slots, j)
         if slots.variance[j] != readings.variance[which]:
             alike, slots.variance[j] = False, readings.variance[which]
@@ -544,7 +552,10 @@ def set_aside(slots: Slots, used: int, gate: float, of: Pass, errors: Floats, ga
             continue
         if stay != j:
             move_slot(slots, j, stay)
-            errors[stay], gain[stay] = errors[j], gain[j]
+            for c in range(errors.shape[1]):
+                errors[stay, c] = errors[j, c]
+            for r in range(gain.shape[1]):
+                gain[stay, r] = gain[j, r]
         stay += 1
     return stay
 
@@ -675,7 +686,7 @@ def sweep(
     state, state_updated = predicted[size:], updated[size:]
     ahead = flow.rows[between:].copy()
     ahead_columns, to_nodes = np.ascontiguousarray(ahead.T), np.ascontiguousarray(flow.rows[:between].T)
-    nodes, extra, scratch = np.zeros(between), np.zeros(two), np.zeros((7, 4))
+    nodes, extra, rest, by = np.zeros(between), np.zeros(two), np.zeros((3, 3)), np.zeros((3, 4))
     slots = Slots(
         np.zeros(most, dtype=np.int64), np.full(most, -1), np.zeros(most), np.zeros(most), np.zeros((most, size)),
         np.zeros(most, dtype=np.int64), np.zeros((most, size), dtype=np.int64),
@@ -692,9 +703,9 @@ def sweep(
     asked = not plain or forced.size > 0 or flow.heave_noise > 0.0
     moving, before, product = True, -1, 1.0
     for k in range(begin, end):
-        for c in knocks:
-            if columns.centre[c] == k:
-                state[c, columns.index[c]] += 1.0
+        for n in range(knocks.size):
+            if columns.centre[knocks[n]] == k:
+                state[knocks[n], columns.index[knocks[n]]] += 1.0
         used, alike = fill(flow, readings, k, before, slots, of)
         before, moving = used, moving or not alike
         if keeping:
@@ -761,7 +772,7 @@ def sweep(
             else:
                 reach_nodes(to_nodes, updated, last, nodes)
         if not plain:
-            bend(flow, known, k, nodes, scratch, extra, ahead, ahead_columns)
+            bend(flow, known, k, nodes, rest, by, extra, ahead, ahead_columns)
         if moving:
             np.dot(updated, ahead_columns, moved)
             np.dot(ahead, back, squared)

@@ -67,38 +67,6 @@ class Columns(NamedTuple):
 
 
 @kernel
-def row_of(flow: Flow, readings: Readings, which: int, row: Floats, j: int) -> None:
-    """Row of a reading in the state, into row j: the linear flow to its own time."""
-    size = row.shape[1]
-    for q in range(size):
-        row[j, q] = 0.0
-    trace, tau = readings.trace[which], readings.offset[which]
-    if trace >= readings.combination.shape[0]:
-        for q in range(size):
-            if trace == readings.combination.shape[0]:
-                row[j, q] = flow.rates[0, q] + tau * flow.rates[1, q]
-            else:
-                row[j, q] = flow.heave[0, q] + tau * flow.heave[1, q]
-        return
-    for i in range(flow.kappa.size):
-        weight = readings.combination[trace, i]
-        if weight == 0.0:
-            continue
-        if tau == 0.0:
-            row[j, 2 * i] = weight
-            continue
-        own2 = flow.kappa[i] * flow.gravity - flow.damping[i] ** 2
-        own, fade = np.sqrt(own2), np.exp(-flow.damping[i] * tau)
-        moved = fade * np.sin(own * tau) / own
-        row[j, 2 * i] = weight * (fade * np.cos(own * tau) + flow.damping[i] * moved)
-        row[j, 2 * i + 1] = weight * moved
-        forced = -weight * flow.kappa[i] * tau * tau
-        zeroth, first, second = forced * (0.5 - own2 * tau * tau / 24.0), forced * tau / 6.0, forced * tau * tau / 24.0
-        for q in range(2 * flow.kappa.size, size):
-            row[j, q] += zeroth * flow.rates[0, q] + first * flow.rates[1, q] + second * flow.rates[2, q]
-
-
-@kernel
 def sine_and_cosine(angle: float) -> tuple[float, float]:
     """Both to the last digits; a swing's angles need no reduction."""
     if abs(angle) > 0.5:
@@ -168,31 +136,38 @@ def collocate(flow: Flow, i: int, nodes: Floats, rest: Floats) -> None:
 
 
 @summing_kernel
-def tilt(rows: Floats, count: int, i: int, by: Floats, answer: Floats, ahead: Floats, ahead_columns: Floats) -> None:
+def tilt(flow: Flow, i: int, by: Floats, ahead: Floats, ahead_columns: Floats) -> None:
     """Turn the two rows of pendulum i in the step's derivative, and their transpose.
 
     Parameters
     ----------
-    rows : (6 p + 6 + d, d) array
-        Of the flow.
     by : (3, 4) array
         Derivative of the remaining acceleration at each node by angle, speed, U and Z.
-    answer : (p, 4, 3, 2) array
-        Response of the flow.
     ahead, ahead_columns : (d, d) arrays, changed
     """
+    count, size = flow.kappa.size, ahead.shape[0]
     angle, speed, u, z, end = 3 * i, 3 * (count + i), 6 * count, 6 * count + 3, 6 * count + 6 + 2 * i
     a0, a1, a2, s0, s1, s2 = by[0, 0], by[1, 0], by[2, 0], by[0, 1], by[1, 1], by[2, 1]
     u0, u1, u2, z0, z1, z2 = by[0, 2], by[1, 2], by[2, 2], by[0, 3], by[1, 3], by[2, 3]
-    p0, p1, p2 = answer[i, 3, 0, 0], answer[i, 3, 1, 0], answer[i, 3, 2, 0]
-    v0, v1, v2 = answer[i, 3, 0, 1], answer[i, 3, 1, 1], answer[i, 3, 2, 1]
-    for q in range(rows.shape[1]):
-        f0 = a0 * rows[angle, q] + s0 * rows[speed, q] + u0 * rows[u, q] + z0 * rows[z, q]
-        f1 = a1 * rows[angle + 1, q] + s1 * rows[speed + 1, q] + u1 * rows[u + 1, q] + z1 * rows[z + 1, q]
-        f2 = a2 * rows[angle + 2, q] + s2 * rows[speed + 2, q] + u2 * rows[u + 2, q] + z2 * rows[z + 2, q]
-        ahead[2 * i, q] = rows[end, q] + p0 * f0 + p1 * f1 + p2 * f2
-        ahead[2 * i + 1, q] = rows[end + 1, q] + v0 * f0 + v1 * f1 + v2 * f2
-    for q in range(rows.shape[1]):
+    p0, p1, p2 = flow.response[i, 3, 0, 0], flow.response[i, 3, 1, 0], flow.response[i, 3, 2, 0]
+    v0, v1, v2 = flow.response[i, 3, 0, 1], flow.response[i, 3, 1, 1], flow.response[i, 3, 2, 1]
+    for q in range(size):
+        f0 = a0 * flow.rows[angle, q] + s0 * flow.rows[speed, q] + u0 * flow.rows[u, q] + z0 * flow.rows[z, q]
+        f1 = (
+            a1 * flow.rows[angle + 1, q]
+            + s1 * flow.rows[speed + 1, q]
+            + u1 * flow.rows[u + 1, q]
+            + z1 * flow.rows[z + 1, q]
+        )
+        f2 = (
+            a2 * flow.rows[angle + 2, q]
+            + s2 * flow.rows[speed + 2, q]
+            + u2 * flow.rows[u + 2, q]
+            + z2 * flow.rows[z + 2, q]
+        )
+        ahead[2 * i, q] = flow.rows[end, q] + p0 * f0 + p1 * f1 + p2 * f2
+        ahead[2 * i + 1, q] = flow.rows[end + 1, q] + v0 * f0 + v1 * f1 + v2 * f2
+    for q in range(size):
         ahead_columns[q, 2 * i], ahead_columns[q, 2 * i + 1] = ahead[2 * i, q], ahead[2 * i + 1, q]
 
 
@@ -234,7 +209,7 @@ def bend(
         if not flow.sine and still and flow.quadratic[i] == 0.0 and flow.dry[i] == 0.0:
             for m in range(3):
                 by[m, 0] = by[m, 1] = by[m, 2] = by[m, 3] = 0.0
-            tilt(flow.rows, count, i, by, flow.response, ahead, ahead_columns)
+            tilt(flow, i, by, ahead, ahead_columns)
             continue
         kappa, angle, speed = flow.kappa[i], 3 * i, 3 * (count + i)
         a0, a1, a2 = nodes[angle], nodes[angle + 1], nodes[angle + 2]
@@ -253,7 +228,7 @@ def bend(
             linear += by[m, 2] * u + by[m, 3] * (z - beside)
             extra[2 * i] += flow.response[i, 3, m, 0] * (rest[m, 2] - linear)
             extra[2 * i + 1] += flow.response[i, 3, m, 1] * (rest[m, 2] - linear)
-        tilt(flow.rows, count, i, by, flow.response, ahead, ahead_columns)
+        tilt(flow, i, by, ahead, ahead_columns)
 
 
 @kernel
@@ -411,6 +386,38 @@ class Slots(NamedTuple):
 
 
 @kernel
+def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> None:
+    """Row of a reading in the state, into slot j: the linear flow to its own time."""
+    size = slots.row.shape[1]
+    for q in range(size):
+        slots.row[j, q] = 0.0
+    trace, tau = readings.trace[which], readings.offset[which]
+    if trace >= readings.combination.shape[0]:
+        for q in range(size):
+            if trace == readings.combination.shape[0]:
+                slots.row[j, q] = flow.rates[0, q] + tau * flow.rates[1, q]
+            else:
+                slots.row[j, q] = flow.heave[0, q] + tau * flow.heave[1, q]
+        return
+    for i in range(flow.kappa.size):
+        weight = readings.combination[trace, i]
+        if weight == 0.0:
+            continue
+        if tau == 0.0:
+            slots.row[j, 2 * i] = weight
+            continue
+        own2 = flow.kappa[i] * flow.gravity - flow.damping[i] ** 2
+        own, fade = np.sqrt(own2), np.exp(-flow.damping[i] * tau)
+        moved = fade * np.sin(own * tau) / own
+        slots.row[j, 2 * i] = weight * (fade * np.cos(own * tau) + flow.damping[i] * moved)
+        slots.row[j, 2 * i + 1] = weight * moved
+        forced = -weight * flow.kappa[i] * tau * tau
+        zeroth, first, second = forced * (0.5 - own2 * tau * tau / 24.0), forced * tau / 6.0, forced * tau * tau / 24.0
+        for q in range(2 * flow.kappa.size, size):
+            slots.row[j, q] += zeroth * flow.rates[0, q] + first * flow.rates[1, q] + second * flow.rates[2, q]
+
+
+@kernel
 def fill(flow: Flow, readings: Readings, k: int, before: int, slots: Slots, of: Pass) -> tuple[int, bool]:
     """How many readings of node k are used, and whether they are like the last node's, of which there were `before`."""
     used = 0
@@ -427,7 +434,7 @@ def fill(flow: Flow, readings: Readings, k: int, before: int, slots: Slots, of: 
         if not (alike and same):
             alike = False
             slots.trace[j], slots.offset[j], slots.variance[j] = readings.trace[which], readings.offset[which], 0.0
-            row_of(flow, readings, which, slots.row, j)
+            row_of(flow, readings, which, slots, j)
             find_places(slots, j)
         if slots.variance[j] != readings.variance[which]:
             alike, slots.variance[j] = False, readings.variance[which]
@@ -447,7 +454,11 @@ def find_places(slots: Slots, j: int) -> None:
 @kernel
 def move_slot(slots: Slots, source: int, to: int) -> None:
     """Take a slot's reading and row to another slot."""
-    slots.index[to], slots.variance[to], slots.filled[to] = slots.index[source], slots.variance[source], slots.filled[source]
+    slots.index[to], slots.variance[to], slots.filled[to] = (
+        slots.index[source],
+        slots.variance[source],
+        slots.filled[source],
+    )
     for q in range(slots.row.shape[1]):
         slots.row[to, q], slots.place[to, q] = slots.row[source, q], slots.place[source, q]
 
@@ -713,7 +724,9 @@ def sweep(
         look(slots, used, state, errors)
         for j in range(used):
             if told.size > 0:
-                derive_errors(readings, columns, told, slots.index[j], k * flow.step + slots.offset[j], state, errors, j)
+                derive_errors(
+                    readings, columns, told, slots.index[j], k * flow.step + slots.offset[j], state, errors, j
+                )
             errors[j, constants] += readings.value[slots.index[j]]
         if moving:
             project(slots, used, covariance, gain)

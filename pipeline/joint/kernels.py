@@ -104,14 +104,16 @@ def collocate(flow: Flow, i: int, nodes: Floats, rest: Floats) -> None:
     ----------
     nodes : (6 p + 6,) array, changed
         Angles, speeds, U and Z at the nodes; the angles are moved.
-    rest : (3, 3) array, out
-        At each node, sine and cosine of the angle before it is moved, and the acceleration left by the linear flow.
+    rest : (3, 4) array, out
+        At each node, sine and cosine of the angle before it is moved, the acceleration left by the linear flow, and
+        that angle.
     """
     count, kappa, gravity = flow.kappa.size, flow.kappa[i], flow.gravity
     angle, speed, horizontal, vertical = 3 * i, 3 * (count + i), 6 * count, 6 * count + 3
     quadratic, dry = flow.quadratic[i], flow.dry[i]
     for m in range(3):
-        rest[m, 0], rest[m, 1] = sine_and_cosine(nodes[angle + m])
+        rest[m, 3] = nodes[angle + m]
+        rest[m, 0], rest[m, 1] = sine_and_cosine(rest[m, 3])
     moved0 = moved1 = moved2 = 0.0
     for _ in range(3):
         for m in range(3):
@@ -172,63 +174,38 @@ def tilt(flow: Flow, i: int, by: Floats, ahead: Floats, ahead_columns: Floats) -
 
 
 @kernel
-def bend(
-    flow: Flow,
-    known: Floats,
-    k: int,
-    nodes: Floats,
-    rest: Floats,
-    by: Floats,
-    extra: Floats,
-    ahead: Floats,
-    ahead_columns: Floats,
+def differentiate(
+    flow: Flow, i: int, known: Floats, k: int, nodes: Floats, rest: Floats, by: Floats, extra: Floats
 ) -> None:
-    """Derivative of a step with what the linear flow leaves, and what the step adds to that derivative times the state.
+    """Derivatives of what the linear flow leaves of pendulum i, and what the step adds to them times the state.
 
     Parameters
     ----------
     known : (k, 3) array
-        Z at the nodes beside the states: recorded heave, change of gravity; may be empty.
-    nodes : (6 p + 6,) array, changed
-        Angles, speeds, U and Z at the nodes by the linear flow; angles become those of the remainder, Z the whole.
-    rest, by : (3, 3) and (3, 4) arrays
-        Room for the remainder at the nodes and its derivatives.
+        Z at the nodes beside the states; may be empty.
+    nodes : (6 p + 6,) array
+        Angles of the remainder, speeds, U, whole Z.
+    rest : (3, 4) array
+        At each node, see `collocate`.
+    by : (3, 4) array, out
+        Derivative of the remaining acceleration at each node by angle, speed, U and Z.
     extra : (2 p,) array, out
-    ahead, ahead_columns : (d, d) arrays, changed
-        Derivative of the step, and its transpose.
     """
-    count, gravity = flow.kappa.size, flow.gravity
-    horizontal, vertical = 6 * count, 6 * count + 3
-    still = True
+    count, gravity, kappa = flow.kappa.size, flow.gravity, flow.kappa[i]
+    extra[2 * i] = extra[2 * i + 1] = 0.0
     for m in range(3):
-        if known.shape[0] > 0:
-            nodes[vertical + m] += known[k, m]
-        still = still and nodes[vertical + m] == 0.0
-    for i in range(count):
-        extra[2 * i] = extra[2 * i + 1] = 0.0
-        if not flow.sine and still and flow.quadratic[i] == 0.0 and flow.dry[i] == 0.0:
-            for m in range(3):
-                by[m, 0] = by[m, 1] = by[m, 2] = by[m, 3] = 0.0
-            tilt(flow, i, by, ahead, ahead_columns)
-            continue
-        kappa, angle, speed = flow.kappa[i], 3 * i, 3 * (count + i)
-        a0, a1, a2 = nodes[angle], nodes[angle + 1], nodes[angle + 2]
-        collocate(flow, i, nodes, rest)
-        for m in range(3):
-            u, z = nodes[horizontal + m], nodes[vertical + m]
-            beside = known[k, m] if known.shape[0] > 0 else 0.0
-            if flow.sine:
-                sine, cosine = rest[m, 0], rest[m, 1]
-                by[m, 0] = -kappa * ((gravity + z) * cosine - gravity - u * sine)
-                by[m, 2], by[m, 3] = -kappa * (cosine - 1.0), -kappa * sine
-            else:
-                by[m, 0], by[m, 2], by[m, 3] = -kappa * z, 0.0, 0.0
-            by[m, 1] = -2.0 * flow.quadratic[i] * abs(nodes[speed + m])
-            linear = by[m, 0] * (a0 if m == 0 else (a1 if m == 1 else a2)) + by[m, 1] * nodes[speed + m]
-            linear += by[m, 2] * u + by[m, 3] * (z - beside)
-            extra[2 * i] += flow.response[i, 3, m, 0] * (rest[m, 2] - linear)
-            extra[2 * i + 1] += flow.response[i, 3, m, 1] * (rest[m, 2] - linear)
-        tilt(flow, i, by, ahead, ahead_columns)
+        speed, u, z = nodes[3 * (count + i) + m], nodes[6 * count + m], nodes[6 * count + 3 + m]
+        beside = known[k, m] if known.shape[0] > 0 else 0.0
+        if flow.sine:
+            sine, cosine = rest[m, 0], rest[m, 1]
+            by[m, 0] = -kappa * ((gravity + z) * cosine - gravity - u * sine)
+            by[m, 2], by[m, 3] = -kappa * (cosine - 1.0), -kappa * sine
+        else:
+            by[m, 0], by[m, 2], by[m, 3] = -kappa * z, 0.0, 0.0
+        by[m, 1] = -2.0 * flow.quadratic[i] * abs(speed)
+        linear = by[m, 0] * rest[m, 3] + by[m, 1] * speed + by[m, 2] * u + by[m, 3] * (z - beside)
+        extra[2 * i] += flow.response[i, 3, m, 0] * (rest[m, 2] - linear)
+        extra[2 * i + 1] += flow.response[i, 3, m, 1] * (rest[m, 2] - linear)
 
 
 @kernel
@@ -418,8 +395,8 @@ def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> 
 
 
 @kernel
-def fill(flow: Flow, readings: Readings, k: int, before: int, slots: Slots, of: Pass) -> tuple[int, bool]:
-    """How many readings of node k are used, and whether they are like the last node's, of which there were `before`."""
+def pick(readings: Readings, k: int, slots: Slots, of: Pass) -> int:
+    """Put the readings of node k that are used into the slots; how many there are."""
     used = 0
     for which in range(readings.first[k], readings.first[k + 1]):
         if readings.variance[which] < np.inf:
@@ -427,18 +404,20 @@ def fill(flow: Flow, readings: Readings, k: int, before: int, slots: Slots, of: 
             used += 1
         else:
             of.errors[which] = of.whitened[which] = np.nan
-    alike = before == used
+    return used
+
+
+@kernel
+def recognise(readings: Readings, slots: Slots, used: int) -> bool:
+    """Whether readings are like those that stood in their slots; notes what the slots hold now."""
+    alike = True
     for j in range(used):
         which = slots.index[j]
         same = slots.trace[j] == readings.trace[which] and slots.offset[j] == readings.offset[which]
-        if not (alike and same):
-            alike = False
-            slots.trace[j], slots.offset[j], slots.variance[j] = readings.trace[which], readings.offset[which], 0.0
-            row_of(flow, readings, which, slots, j)
-            find_places(slots, j)
-        if slots.variance[j] != readings.variance[which]:
-            alike, slots.variance[j] = False, readings.variance[which]
-    return used, alike
+        alike = alike and same and slots.variance[j] == readings.variance[which]
+        slots.trace[j], slots.offset[j] = readings.trace[which], readings.offset[which]
+        slots.variance[j] = readings.variance[which]
+    return alike
 
 
 @kernel
@@ -449,18 +428,6 @@ def find_places(slots: Slots, j: int) -> None:
         if slots.row[j, q] != 0.0:
             slots.place[j, slots.filled[j]] = q
             slots.filled[j] += 1
-
-
-@kernel
-def move_slot(slots: Slots, source: int, to: int) -> None:
-    """Take a slot's reading and row to another slot."""
-    slots.index[to], slots.variance[to], slots.filled[to] = (
-        slots.index[source],
-        slots.variance[source],
-        slots.filled[source],
-    )
-    for q in range(slots.row.shape[1]):
-        slots.row[to, q], slots.place[to, q] = slots.row[source, q], slots.place[source, q]
 
 
 @kernel
@@ -561,12 +528,12 @@ def set_aside(slots: Slots, used: int, gate: float, of: Pass, errors: Floats, ga
             of.totals[2] += 1.0
             of.whitened[which] = np.nan
             continue
-        if stay != j:
-            move_slot(slots, j, stay)
-            for c in range(errors.shape[1]):
-                errors[stay, c] = errors[j, c]
-            for r in range(gain.shape[1]):
-                gain[stay, r] = gain[j, r]
+        slots.index[stay], slots.variance[stay], slots.filled[stay] = which, slots.variance[j], slots.filled[j]
+        for r in range(gain.shape[1]):
+            gain[stay, r] = gain[j, r]
+            slots.row[stay, r], slots.place[stay, r] = slots.row[j, r], slots.place[j, r]
+        for c in range(errors.shape[1]):
+            errors[stay, c] = errors[j, c]
         stay += 1
     return stay
 
@@ -697,7 +664,7 @@ def sweep(
     state, state_updated = predicted[size:], updated[size:]
     ahead = flow.rows[between:].copy()
     ahead_columns, to_nodes = np.ascontiguousarray(ahead.T), np.ascontiguousarray(flow.rows[:between].T)
-    nodes, extra, rest, by = np.zeros(between), np.zeros(two), np.zeros((3, 3)), np.zeros((3, 4))
+    nodes, extra, rest, by = np.zeros(between), np.zeros(two), np.zeros((3, 4)), np.zeros((3, 4))
     slots = Slots(
         np.zeros(most, dtype=np.int64), np.full(most, -1), np.zeros(most), np.zeros(most), np.zeros((most, size)),
         np.zeros(most, dtype=np.int64), np.zeros((most, size), dtype=np.int64),
@@ -717,7 +684,12 @@ def sweep(
         for n in range(knocks.size):
             if columns.centre[knocks[n]] == k:
                 state[knocks[n], columns.index[knocks[n]]] += 1.0
-        used, alike = fill(flow, readings, k, before, slots, of)
+        used = pick(readings, k, slots, of)
+        alike = recognise(readings, slots, used) and used == before
+        if not alike:
+            for j in range(used):
+                row_of(flow, readings, slots.index[j], slots, j)
+                find_places(slots, j)
         before, moving = used, moving or not alike
         if keeping:
             keep_prediction(keep, k - begin, predicted)
@@ -784,8 +756,14 @@ def sweep(
                 reach_nodes(to_nodes, about, k, nodes)
             else:
                 reach_nodes(to_nodes, updated, last, nodes)
+        if known.shape[0] > 0:
+            for m in range(3):
+                nodes[6 * count + 3 + m] += known[k, m]
         if not plain:
-            bend(flow, known, k, nodes, rest, by, extra, ahead, ahead_columns)
+            for i in range(count):
+                collocate(flow, i, nodes, rest)
+                differentiate(flow, i, known, k, nodes, rest, by, extra)
+                tilt(flow, i, by, ahead, ahead_columns)
         if moving:
             np.dot(updated, ahead_columns, moved)
             np.dot(ahead, back, squared)

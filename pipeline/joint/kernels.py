@@ -720,7 +720,8 @@ def sweep(
                 if not factorise(square, used, root):
                     return False
                 substitute(root, used, gain)
-                change = change_of(gain, used, old_gain, covariance)
+                if not flow.varying:
+                    change = change_of(gain, used, old_gain, covariance)
                 for j in range(used):
                     for r in range(size):
                         pull[j, r] = -gain[j, r]

@@ -1,9 +1,12 @@
 """Filter and smoother over the lattice: prediction errors and their derivatives, the smoothed path by adjoints.
 
 The state's covariance holds what is random (ship, kicks); whatever is a constant (gravity, damping, zeros, the start of
-the free swing) is a column beside it: the derivative of the prediction, taken through the same gain. One sweep then
-gives the normal matrix of all constants, whose priors can be chosen afterwards (de Jong 1991). With even sampling the gain
+the free swing) is a row below it: the derivative of the prediction, taken through the same gain. One sweep then gives
+the normal matrix of all constants, whose priors can be chosen afterwards (de Jong 1991). With even sampling the gain
 settles and is kept; a gap lets it move again.
+
+What runs at each node makes no views of arrays and calls no kernel that takes arrays, `sweep` itself apart: Numba would
+count references there, which costs more than the arithmetic.
 """
 
 from __future__ import annotations
@@ -639,8 +642,8 @@ def sweep(
 ) -> bool:
     """Filter nodes `begin` to `end`, with derivatives by all constants; whether every covariance stayed positive.
 
-    Covariance and derivatives stand one upon the other, (d + c + 1, d), each derivative a row: the covariance's rows are
-    left alone once the gain has settled.
+    Covariance and derivatives stand one upon the other, (d + c + 1, d), each derivative a row: the covariance's rows
+    are left alone once the gain has settled.
 
     Parameters
     ----------

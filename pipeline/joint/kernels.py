@@ -1,9 +1,12 @@
 """Filter and smoother over the lattice: prediction errors and their derivatives, the smoothed path by adjoints.
 
 The state's covariance holds what is random (ship, kicks); whatever is a constant (gravity, damping, zeros, the start of
-the free swing) is a column beside it: the derivative of the prediction, taken through the same gain. One sweep then
-gives the normal matrix of all constants, whose priors can be chosen afterwards (de Jong 1991). With even sampling the gain
+the free swing) is a row below it: the derivative of the prediction, taken through the same gain. One sweep then gives
+the normal matrix of all constants, whose priors can be chosen afterwards (de Jong 1991). With even sampling the gain
 settles and is kept; a gap lets it move again.
+
+What runs at each node makes no views of arrays and calls no kernel that takes arrays, `sweep` itself apart: Numba would
+count references there, which costs more than the arithmetic.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint.flow import Flow
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, summing_kernel
 
 ROWS = 256  # prediction errors that are multiplied out at once
 SETTLED = 2e-6  # relative change of a gain from node to node below which it is kept
@@ -67,115 +70,164 @@ class Columns(NamedTuple):
 
 
 @kernel
-def row_of(flow: Flow, readings: Readings, which: int, row: Floats) -> None:
-    """Row of a reading in the state: the linear flow to its own time."""
-    row[:] = 0.0
-    trace, tau = readings.trace[which], readings.offset[which]
-    if trace >= readings.combination.shape[0]:
-        if trace == readings.combination.shape[0]:
-            for q in range(row.size):
-                row[q] = flow.rates[0, q] + tau * flow.rates[1, q]
-        else:
-            for q in range(row.size):
-                row[q] = flow.heave[0, q] + tau * flow.heave[1, q]
-        return
-    for i in range(flow.kappa.size):
-        weight = readings.combination[trace, i]
-        if weight == 0.0:
-            continue
-        if tau == 0.0:
-            row[2 * i] = weight
-            continue
-        own2 = flow.kappa[i] * flow.gravity - flow.damping[i] ** 2
-        own, fade = np.sqrt(own2), np.exp(-flow.damping[i] * tau)
-        moved = fade * np.sin(own * tau) / own
-        row[2 * i] = weight * (fade * np.cos(own * tau) + flow.damping[i] * moved)
-        row[2 * i + 1] = weight * moved
-        forced = -weight * flow.kappa[i] * tau * tau
-        zeroth, first, second = forced * (0.5 - own2 * tau * tau / 24.0), forced * tau / 6.0, forced * tau * tau / 24.0
-        for q in range(2 * flow.kappa.size, row.size):
-            row[q] += zeroth * flow.rates[0, q] + first * flow.rates[1, q] + second * flow.rates[2, q]
+def sine_and_cosine(angle: float) -> tuple[float, float]:
+    """Both to the last digits; a swing's angles need no reduction."""
+    if abs(angle) > 0.5:
+        return np.sin(angle), np.cos(angle)
+    s = angle * angle
+    odd = s * (1 / 120 - s * (1 / 5040 - s * (1 / 362880 - s * (1 / 39916800 - s * (1 / 6227020800)))))
+    even = s * (1 / 24 - s * (1 / 720 - s * (1 / 40320 - s * (1 / 3628800 - s * (1 / 479001600 - s / 87178291200)))))
+    return angle - angle * s * (1 / 6 - odd), 1.0 - s * (0.5 - even)
+
+
+@summing_kernel
+def reach_nodes(columns: Floats, path: Floats, at: int, nodes: Floats) -> None:
+    """What the linear flow makes of row `at` of a path at the nodes; `columns` (d, n): the flow's rows, transposed."""
+    size, count = columns.shape[0], nodes.size
+    for m in range(count):
+        nodes[m] = 0.0
+    whole = size - size % 4
+    for q in range(0, whole, 4):
+        a, b, c, d = path[at, q], path[at, q + 1], path[at, q + 2], path[at, q + 3]
+        for m in range(count):
+            nodes[m] += a * columns[q, m] + b * columns[q + 1, m] + c * columns[q + 2, m] + d * columns[q + 3, m]
+    for q in range(whole, size):
+        a = path[at, q]
+        for m in range(count):
+            nodes[m] += a * columns[q, m]
 
 
 @kernel
-def bend(flow: Flow, nodes: Floats, known: Floats, extra: Floats, slopes: Floats, scratch: Floats) -> None:
-    """What the linear flow leaves: its effect at the end of a step, and its derivative by the rows of `flow.rows`.
+def collocate(flow: Flow, i: int, nodes: Floats, rest: Floats) -> None:
+    """Angles of pendulum i at the nodes under what the linear flow leaves, and that remainder.
 
     Sine and cosine are taken once a node; collocation moves the angle by 1e-5 rad at most, for which two terms serve.
 
     Parameters
     ----------
     nodes : (6 p + 6,) array, changed
-        Angles, speeds, U and Z at the nodes by the linear flow; angles become those of the remainder, Z the whole.
-    known : (3,) array
-        Z at the nodes beside the states: recorded heave, change of gravity.
-    extra : (2 p,) array, out
-    slopes : (2 p, 6 p + 6) array, out
-    scratch : (3, 3) array
+        Angles, speeds, U and Z at the nodes; the angles are moved.
+    rest : (3, 4) array, out
+        At each node, sine and cosine of the angle before it is moved, the acceleration left by the linear flow, and
+        that angle.
     """
-    count = flow.kappa.size
-    horizontal, vertical = 6 * count, 6 * count + 3
-    still = True
+    count, kappa, gravity = flow.kappa.size, flow.kappa[i], flow.gravity
+    angle, speed, horizontal, vertical = 3 * i, 3 * (count + i), 6 * count, 6 * count + 3
+    quadratic, dry = flow.quadratic[i], flow.dry[i]
     for m in range(3):
-        nodes[vertical + m] += known[m]
-        still = still and nodes[vertical + m] == 0.0
-    sine, cosine, force = scratch[0], scratch[1], scratch[2]
-    for i in range(count):
-        extra[2 * i] = extra[2 * i + 1] = 0.0
-        if not flow.sine and still and flow.quadratic[i] == 0.0 and flow.dry[i] == 0.0:
-            continue
-        kappa, gravity, answer = flow.kappa[i], flow.gravity, flow.response[i]
-        angle, speed = 3 * i, 3 * (count + i)
+        rest[m, 3] = nodes[angle + m]
+        rest[m, 0], rest[m, 1] = sine_and_cosine(rest[m, 3])
+    moved0 = moved1 = moved2 = 0.0
+    for _ in range(3):
         for m in range(3):
-            sine[m], cosine[m] = np.sin(nodes[angle + m]), np.cos(nodes[angle + m])
-        moved0 = moved1 = moved2 = 0.0
-        for _ in range(3):
-            for m in range(3):
-                by = moved0 if m == 0 else (moved1 if m == 1 else moved2)
-                u, z, at = nodes[horizontal + m], nodes[vertical + m], nodes[angle + m] + by
-                if flow.sine:
-                    s = sine[m] + by * (cosine[m] - 0.5 * by * sine[m])
-                    c = cosine[m] - by * (sine[m] + 0.5 * by * cosine[m])
-                    force[m] = -kappa * ((gravity + z) * s - gravity * at + u * (c - 1.0))
-                else:
-                    force[m] = -kappa * z * at
-                force[m] -= flow.quadratic[i] * abs(nodes[speed + m]) * nodes[speed + m]
-                force[m] -= flow.dry[i] * np.sign(nodes[speed + m])
-            moved0 = answer[0, 0, 0] * force[0] + answer[0, 1, 0] * force[1] + answer[0, 2, 0] * force[2]
-            moved1 = answer[1, 0, 0] * force[0] + answer[1, 1, 0] * force[1] + answer[1, 2, 0] * force[2]
-            moved2 = answer[2, 0, 0] * force[0] + answer[2, 1, 0] * force[1] + answer[2, 2, 0] * force[2]
-        nodes[angle] += moved0
-        nodes[angle + 1] += moved1
-        nodes[angle + 2] += moved2
-        for m in range(3):
-            u, z = nodes[horizontal + m], nodes[vertical + m]
+            by = moved0 if m == 0 else (moved1 if m == 1 else moved2)
+            u, z, at = nodes[horizontal + m], nodes[vertical + m], nodes[angle + m] + by
             if flow.sine:
-                by_angle = -kappa * ((gravity + z) * cosine[m] - gravity - u * sine[m])
-                by_u, by_z = -kappa * (cosine[m] - 1.0), -kappa * sine[m]
+                sine, cosine = rest[m, 0], rest[m, 1]
+                s = sine + by * (cosine - 0.5 * by * sine)
+                c = cosine - by * (sine + 0.5 * by * cosine)
+                rest[m, 2] = -kappa * ((gravity + z) * s - gravity * at + u * (c - 1.0))
             else:
-                by_angle, by_u, by_z = -kappa * z, 0.0, 0.0
-            by_speed = -2.0 * flow.quadratic[i] * abs(nodes[speed + m])
-            for r in range(2):
-                weight = answer[3, m, r]
-                extra[2 * i + r] += weight * force[m]
-                slopes[2 * i + r, angle + m] = weight * by_angle
-                slopes[2 * i + r, speed + m] = weight * by_speed
-                slopes[2 * i + r, horizontal + m] = weight * by_u
-                slopes[2 * i + r, vertical + m] = weight * by_z
+                rest[m, 2] = -kappa * z * at
+            if quadratic != 0.0 or dry != 0.0:
+                rest[m, 2] -= quadratic * abs(nodes[speed + m]) * nodes[speed + m] + dry * np.sign(nodes[speed + m])
+        f0, f1, f2 = rest[0, 2], rest[1, 2], rest[2, 2]
+        moved0 = flow.response[i, 0, 0, 0] * f0 + flow.response[i, 0, 1, 0] * f1 + flow.response[i, 0, 2, 0] * f2
+        moved1 = flow.response[i, 1, 0, 0] * f0 + flow.response[i, 1, 1, 0] * f1 + flow.response[i, 1, 2, 0] * f2
+        moved2 = flow.response[i, 2, 0, 0] * f0 + flow.response[i, 2, 1, 0] * f1 + flow.response[i, 2, 2, 0] * f2
+    nodes[angle] += moved0
+    nodes[angle + 1] += moved1
+    nodes[angle + 2] += moved2
+
+
+@summing_kernel
+def tilt(flow: Flow, i: int, by: Floats, ahead: Floats, ahead_columns: Floats) -> None:
+    """Turn the two rows of pendulum i in the step's derivative, and their transpose.
+
+    Parameters
+    ----------
+    by : (3, 4) array
+        Derivative of the remaining acceleration at each node by angle, speed, U and Z.
+    ahead, ahead_columns : (d, d) arrays, changed
+    """
+    count, size = flow.kappa.size, ahead.shape[0]
+    angle, speed, u, z, end = 3 * i, 3 * (count + i), 6 * count, 6 * count + 3, 6 * count + 6 + 2 * i
+    a0, a1, a2, s0, s1, s2 = by[0, 0], by[1, 0], by[2, 0], by[0, 1], by[1, 1], by[2, 1]
+    u0, u1, u2, z0, z1, z2 = by[0, 2], by[1, 2], by[2, 2], by[0, 3], by[1, 3], by[2, 3]
+    p0, p1, p2 = flow.response[i, 3, 0, 0], flow.response[i, 3, 1, 0], flow.response[i, 3, 2, 0]
+    v0, v1, v2 = flow.response[i, 3, 0, 1], flow.response[i, 3, 1, 1], flow.response[i, 3, 2, 1]
+    for q in range(size):
+        f0 = a0 * flow.rows[angle, q] + s0 * flow.rows[speed, q] + u0 * flow.rows[u, q] + z0 * flow.rows[z, q]
+        f1 = (
+            a1 * flow.rows[angle + 1, q]
+            + s1 * flow.rows[speed + 1, q]
+            + u1 * flow.rows[u + 1, q]
+            + z1 * flow.rows[z + 1, q]
+        )
+        f2 = (
+            a2 * flow.rows[angle + 2, q]
+            + s2 * flow.rows[speed + 2, q]
+            + u2 * flow.rows[u + 2, q]
+            + z2 * flow.rows[z + 2, q]
+        )
+        ahead[2 * i, q] = flow.rows[end, q] + p0 * f0 + p1 * f1 + p2 * f2
+        ahead[2 * i + 1, q] = flow.rows[end + 1, q] + v0 * f0 + v1 * f1 + v2 * f2
+    for q in range(size):
+        ahead_columns[q, 2 * i], ahead_columns[q, 2 * i + 1] = ahead[2 * i, q], ahead[2 * i + 1, q]
+
+
+@kernel
+def differentiate(
+    flow: Flow, i: int, known: Floats, k: int, nodes: Floats, rest: Floats, by: Floats, extra: Floats
+) -> None:
+    """Derivatives of what the linear flow leaves of pendulum i, and what the step adds to them times the state.
+
+    Parameters
+    ----------
+    known : (k, 3) array
+        Z at the nodes beside the states; may be empty.
+    nodes : (6 p + 6,) array
+        Angles of the remainder, speeds, U, whole Z.
+    rest : (3, 4) array
+        At each node, see `collocate`.
+    by : (3, 4) array, out
+        Derivative of the remaining acceleration at each node by angle, speed, U and Z.
+    extra : (2 p,) array, out
+    """
+    count, gravity, kappa = flow.kappa.size, flow.gravity, flow.kappa[i]
+    extra[2 * i] = extra[2 * i + 1] = 0.0
+    for m in range(3):
+        speed, u, z = nodes[3 * (count + i) + m], nodes[6 * count + m], nodes[6 * count + 3 + m]
+        beside = known[k, m] if known.shape[0] > 0 else 0.0
+        if flow.sine:
+            sine, cosine = rest[m, 0], rest[m, 1]
+            by[m, 0] = -kappa * ((gravity + z) * cosine - gravity - u * sine)
+            by[m, 2], by[m, 3] = -kappa * (cosine - 1.0), -kappa * sine
+        else:
+            by[m, 0], by[m, 2], by[m, 3] = -kappa * z, 0.0, 0.0
+        by[m, 1] = -2.0 * flow.quadratic[i] * abs(speed)
+        linear = by[m, 0] * rest[m, 3] + by[m, 1] * speed + by[m, 2] * u + by[m, 3] * (z - beside)
+        extra[2 * i] += flow.response[i, 3, m, 0] * (rest[m, 2] - linear)
+        extra[2 * i + 1] += flow.response[i, 3, m, 1] * (rest[m, 2] - linear)
 
 
 @kernel
 def force_columns(
-    flow: Flow, columns: Columns, nodes: Floats, recorded: Floats, slope: Floats, time: float, lead: int, state: Floats
+    flow: Flow,
+    columns: Columns,
+    forced: np.ndarray,
+    nodes: Floats,
+    recorded: Floats,
+    slope: Floats,
+    k: int,
+    state: Floats,
 ) -> None:
-    """What the constants add to the derivatives during a step that began at `time`; they begin at column `lead`."""
-    count = flow.kappa.size
+    """What the constants `forced` add to the derivatives during the step from node k, (c + 1, d)."""
+    count, time = flow.kappa.size, k * flow.step
     at = (0.5 - np.sqrt(15.0) / 10.0, 0.5, 0.5 + np.sqrt(15.0) / 10.0)
-    for c in range(columns.kind.size):
-        kind = columns.kind[c]
-        if kind == START or kind >= ZERO:
-            continue
-        width = columns.width[c]
+    for n in range(forced.size):
+        c = forced[n]
+        kind, width = columns.kind[c], columns.width[c]
         if kind == GRAVITY and width > 0.0 and abs(time + 0.5 * flow.step - columns.centre[c]) > width + flow.step:
             continue
         for i in range(count):
@@ -193,46 +245,51 @@ def force_columns(
                     lever = angle
                     if flow.sine:
                         square = angle * angle
-                        lever *= 1.0 - square * (1.0 - square * (1.0 - square / 42.0) / 20.0) / 6.0
+                        lever *= 1.0 - square * (1.0 - square * (1.0 - square * (1 / 42)) * (1 / 20)) * (1 / 6)
                     force = -flow.kappa[i] * lever
                     if kind == HEAVE_SCALE:
-                        force *= recorded[m]
+                        force *= recorded[k, m] if recorded.shape[0] > 0 else 0.0
                     elif kind == HEAVE_DELAY:
-                        force *= slope[m]
+                        force *= slope[k, m] if slope.shape[0] > 0 else 0.0
                     elif width > 0.0:
                         force *= max(0.0, 1.0 - abs(time + at[m] * flow.step - columns.centre[c]) / width)
-                state[2 * i, lead + c] += flow.response[i, 3, m, 0] * force
-                state[2 * i + 1, lead + c] += flow.response[i, 3, m, 1] * force
+                state[c, 2 * i] += flow.response[i, 3, m, 0] * force
+                state[c, 2 * i + 1] += flow.response[i, 3, m, 1] * force
 
 
 @kernel
 def derive_errors(
-    readings: Readings, columns: Columns, which: int, time: float, lead: int, state: Floats, errors: Floats
+    readings: Readings,
+    columns: Columns,
+    told: np.ndarray,
+    which: int,
+    time: float,
+    state: Floats,
+    errors: Floats,
+    j: int,
 ) -> None:
-    """What the constants of a trace add to the derivatives of a reading's prediction error; last: the error itself.
+    """What the constants `told` of a trace add to the derivatives of a prediction error.
 
-    On entry `errors` holds what the rows make of the state, (c + 1,), with the sign of the prediction.
+    On entry row j of `errors`, (u, c + 1), holds what the reading's row makes of the state, with the sign of the
+    error; last: the error itself, to which the reading is still to be added.
     """
-    last = errors.size - 1
-    for c in range(errors.size):
-        errors[c] = -errors[c]
-    trace = readings.trace[which]
-    for c in range(columns.kind.size):
+    last, trace = errors.shape[1] - 1, readings.trace[which]
+    for n in range(told.size):
+        c = told[n]
         kind = columns.kind[c]
-        if kind < ZERO or kind == KNOCK or columns.index[c] != trace:
+        if columns.index[c] != trace:
             continue
         if kind == ZERO:
-            errors[c] -= 1.0
+            errors[j, c] -= 1.0
         elif kind == DRIFT:
-            errors[c] -= (time - columns.centre[c]) / columns.width[c]
+            errors[j, c] -= (time - columns.centre[c]) / columns.width[c]
         elif kind == GAIN:
-            errors[c] += errors[last]
+            errors[j, c] += errors[j, last]
         elif kind == STEP and time >= columns.centre[c]:
-            errors[c] -= 1.0
+            errors[j, c] -= 1.0
         elif kind == DELAY:
             for i in range(readings.combination.shape[1]):
-                errors[c] += readings.combination[trace, i] * state[2 * i + 1, lead + last]
-    errors[last] += readings.value[which]
+                errors[j, c] += readings.combination[trace, i] * state[last, 2 * i + 1]
 
 
 class Pass(NamedTuple):
@@ -283,30 +340,155 @@ class Kept(NamedTuple):
     gain: Floats
 
 
-@kernel
-def add(to: Floats, what: Floats) -> None:
-    """Add in place."""
-    for r in range(to.shape[0]):
-        for c in range(to.shape[1]):
-            to[r, c] += what[r, c]
+class Slots(NamedTuple):
+    """The readings of a node in their order; u of them at most, kept while the next node's are alike.
+
+    Attributes
+    ----------
+    index, trace : (u,) arrays of int
+        Reading; its trace.
+    offset, variance : (u,) arrays
+    row : (u, d) array
+        Row of the reading in the state.
+    filled : (u,) array of int
+        How many of its elements are not zero.
+    place : (u, d) array of int
+        Where they stand.
+    """
+
+    index: np.ndarray
+    trace: np.ndarray
+    offset: Floats
+    variance: Floats
+    row: Floats
+    filled: np.ndarray
+    place: np.ndarray
 
 
 @kernel
-def whiten(square: Floats, used: int, rows: Floats) -> bool:
-    """Cholesky factor in place of `square` (lower), and its inverse applied to the rows; whether it went."""
+def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> None:
+    """Row of a reading in the state, into slot j: the linear flow to its own time."""
+    size = slots.row.shape[1]
+    for q in range(size):
+        slots.row[j, q] = 0.0
+    trace, tau = readings.trace[which], readings.offset[which]
+    if trace >= readings.combination.shape[0]:
+        for q in range(size):
+            if trace == readings.combination.shape[0]:
+                slots.row[j, q] = flow.rates[0, q] + tau * flow.rates[1, q]
+            else:
+                slots.row[j, q] = flow.heave[0, q] + tau * flow.heave[1, q]
+        return
+    for i in range(flow.kappa.size):
+        weight = readings.combination[trace, i]
+        if weight == 0.0:
+            continue
+        if tau == 0.0:
+            slots.row[j, 2 * i] = weight
+            continue
+        own2 = flow.kappa[i] * flow.gravity - flow.damping[i] ** 2
+        own, fade = np.sqrt(own2), np.exp(-flow.damping[i] * tau)
+        moved = fade * np.sin(own * tau) / own
+        slots.row[j, 2 * i] = weight * (fade * np.cos(own * tau) + flow.damping[i] * moved)
+        slots.row[j, 2 * i + 1] = weight * moved
+        forced = -weight * flow.kappa[i] * tau * tau
+        zeroth, first, second = forced * (0.5 - own2 * tau * tau / 24.0), forced * tau / 6.0, forced * tau * tau / 24.0
+        for q in range(2 * flow.kappa.size, size):
+            slots.row[j, q] += zeroth * flow.rates[0, q] + first * flow.rates[1, q] + second * flow.rates[2, q]
+
+
+@kernel
+def pick(readings: Readings, k: int, slots: Slots, of: Pass) -> int:
+    """Put the readings of node k that are used into the slots; how many there are."""
+    used = 0
+    for which in range(readings.first[k], readings.first[k + 1]):
+        if readings.variance[which] < np.inf:
+            slots.index[used] = which
+            used += 1
+        else:
+            of.errors[which] = of.whitened[which] = np.nan
+    return used
+
+
+@kernel
+def recognise(readings: Readings, slots: Slots, used: int) -> bool:
+    """Whether readings are like those that stood in their slots; notes what the slots hold now."""
+    alike = True
+    for j in range(used):
+        which = slots.index[j]
+        same = slots.trace[j] == readings.trace[which] and slots.offset[j] == readings.offset[which]
+        alike = alike and same and slots.variance[j] == readings.variance[which]
+        slots.trace[j], slots.offset[j] = readings.trace[which], readings.offset[which]
+        slots.variance[j] = readings.variance[which]
+    return alike
+
+
+@kernel
+def find_places(slots: Slots, j: int) -> None:
+    """Note where the row of a slot is not zero."""
+    slots.filled[j] = 0
+    for q in range(slots.row.shape[1]):
+        if slots.row[j, q] != 0.0:
+            slots.place[j, slots.filled[j]] = q
+            slots.filled[j] += 1
+
+
+@kernel
+def look(slots: Slots, used: int, state: Floats, errors: Floats) -> None:
+    """What the readings' rows make of the state, (c + 1, d), with the sign of the error."""
+    for j in range(used):
+        for c in range(errors.shape[1]):
+            total = 0.0
+            for n in range(slots.filled[j]):
+                q = slots.place[j, n]
+                total -= slots.row[j, q] * state[c, q]
+            errors[j, c] = total
+
+
+@summing_kernel
+def project(slots: Slots, used: int, covariance: Floats, gain: Floats) -> None:
+    """Covariance of the readings' predictions with the state, into `gain`."""
+    size = gain.shape[1]
+    for j in range(used):
+        for n in range(slots.filled[j]):
+            q = slots.place[j, n]
+            weight = slots.row[j, q]
+            if n == 0:
+                for r in range(size):
+                    gain[j, r] = weight * covariance[q, r]
+            else:
+                for r in range(size):
+                    gain[j, r] += weight * covariance[q, r]
+
+
+@kernel
+def square_up(slots: Slots, used: int, gain: Floats, square: Floats) -> None:
+    """Covariance of the prediction errors of a node."""
+    for j in range(used):
+        for q in range(j + 1):
+            total = 0.0
+            for n in range(slots.filled[q]):
+                r = slots.place[q, n]
+                total += gain[j, r] * slots.row[q, r]
+            square[j, q] = square[q, j] = total
+        square[j, j] += slots.variance[j]
+
+
+@kernel
+def factorise(square: Floats, used: int, root: Floats) -> bool:
+    """Lower Cholesky factor; whether it went."""
     for j in range(used):
         total = square[j, j]
         for q in range(j):
-            total -= square[j, q] * square[j, q]
+            total -= root[j, q] * root[j, q]
         if not total > 0.0:
             return False
-        square[j, j] = np.sqrt(total)
+        root[j, j] = np.sqrt(total)
         for r in range(j + 1, used):
             total = square[r, j]
             for q in range(j):
-                total -= square[r, q] * square[j, q]
-            square[r, j] = total / square[j, j]
-    substitute(square, used, rows)
+                total -= root[r, q] * root[j, q]
+            root[r, j] = total / root[j, j]
     return True
 
 
@@ -321,6 +503,126 @@ def substitute(root: Floats, used: int, rows: Floats) -> None:
         factor = 1.0 / root[j, j]
         for c in range(rows.shape[1]):
             rows[j, c] *= factor
+
+
+@kernel
+def change_of(gain: Floats, used: int, old: Floats, covariance: Floats) -> float:
+    """Largest change of a gain since it was noted, relative to it and to the state's deviation; notes the new one."""
+    change = 0.0
+    for r in range(gain.shape[1]):
+        most, off = 0.0, 0.0
+        for j in range(used):
+            most = max(most, abs(gain[j, r]))
+            off = max(off, abs(gain[j, r] - old[j, r]))
+            old[j, r] = gain[j, r]
+        spread = most + np.sqrt(max(covariance[r, r], 0.0))
+        if spread > 0.0:
+            change = max(change, off / spread)
+    return change
+
+
+@kernel
+def set_aside(slots: Slots, used: int, gate: float, of: Pass, errors: Floats, gain: Floats) -> int:
+    """Leave out the readings over the gate; how many stay."""
+    stay = 0
+    for j in range(used):
+        which = slots.index[j]
+        if abs(of.errors[which]) > gate:
+            of.totals[2] += 1.0
+            of.whitened[which] = np.nan
+            continue
+        slots.index[stay], slots.variance[stay], slots.filled[stay] = which, slots.variance[j], slots.filled[j]
+        for r in range(gain.shape[1]):
+            gain[stay, r] = gain[j, r]
+            slots.row[stay, r], slots.place[stay, r] = slots.row[j, r], slots.place[j, r]
+        for c in range(errors.shape[1]):
+            errors[stay, c] = errors[j, c]
+        stay += 1
+    return stay
+
+
+@summing_kernel
+def lift(predicted: Floats, pull: Floats, gain: Floats, used: int, first: int, updated: Floats) -> None:
+    """Add to rows from `first` on what the readings move them by, two readings at a time.
+
+    Parameters
+    ----------
+    predicted, updated : (n, d) arrays
+    pull : (u, n) array
+    gain : (u, d) array
+        One row more than readings where these are odd, of zeros in `pull`.
+    """
+    for r in range(first, predicted.shape[0]):
+        a, b = pull[0, r], pull[1, r]
+        for q in range(predicted.shape[1]):
+            updated[r, q] = predicted[r, q] + a * gain[0, q] + b * gain[1, q]
+    for j in range(2, used, 2):
+        for r in range(first, predicted.shape[0]):
+            a, b = pull[j, r], pull[j + 1, r]
+            for q in range(predicted.shape[1]):
+                updated[r, q] += a * gain[j, q] + b * gain[j + 1, q]
+
+
+@kernel
+def copy(source: Floats, first: int, to: Floats) -> None:
+    """Copy the rows from `first` on."""
+    for r in range(first, source.shape[0]):
+        for q in range(source.shape[1]):
+            to[r, q] = source[r, q]
+
+
+@kernel
+def even_out(moved: Floats, noise: Floats, covariance: Floats) -> None:
+    """Covariance at the next node: the moved one, made symmetric, and the process noise."""
+    for r in range(noise.shape[0]):
+        for q in range(r + 1):
+            mean = 0.5 * (moved[r, q] + moved[q, r]) + noise[r, q]
+            covariance[r, q] = covariance[q, r] = mean
+
+
+@kernel
+def shake(flow: Flow, nodes: Floats, covariance: Floats) -> None:
+    """Noise of a recorded heave: an impulse in mid-step, as large as the angle makes it."""
+    count, step = flow.kappa.size, flow.step
+    for i in range(count):
+        one = flow.kappa[i] * np.sin(nodes[3 * i + 1]) * flow.heave_noise * np.sqrt(step)
+        for j in range(count):
+            product = one * flow.kappa[j] * np.sin(nodes[3 * j + 1]) * flow.heave_noise * np.sqrt(step)
+            covariance[2 * i, 2 * j] += 0.25 * step**2 * product
+            covariance[2 * i, 2 * j + 1] += 0.5 * step * product
+            covariance[2 * i + 1, 2 * j] += 0.5 * step * product
+            covariance[2 * i + 1, 2 * j + 1] += product
+
+
+@kernel
+def sum_up(buffer: Floats, rows: int, normal: Floats) -> None:
+    """Add the products of whitened errors and derivatives."""
+    normal[:] += np.dot(buffer[:rows].T, buffer[:rows])
+
+
+@kernel
+def keep_prediction(keep: Kept, s: int, whole: Floats) -> None:
+    """Keep state and covariance of a node; `whole` as in `sweep`."""
+    size = whole.shape[1]
+    for q in range(size):
+        keep.state[s, q] = whole[whole.shape[0] - 1, q]
+    for r in range(size):
+        for q in range(size):
+            keep.covariance[s, r, q] = whole[r, q]
+
+
+@kernel
+def keep_readings(keep: Kept, start: int, slots: Slots, used: int, root: Floats, gain: Floats) -> None:
+    """Keep the whitened rows of a node's readings, and their gains."""
+    size = gain.shape[1]
+    for j in range(used):
+        at = slots.index[j] - start
+        for r in range(size):
+            total = slots.row[j, r]
+            for q in range(j):
+                total -= root[j, q] * keep.row[slots.index[q] - start, r]
+            keep.row[at, r] = total / root[j, j]
+            keep.gain[at, r] = gain[j, r]
 
 
 @kernel
@@ -340,6 +642,9 @@ def sweep(
 ) -> bool:
     """Filter nodes `begin` to `end`, with derivatives by all constants; whether every covariance stayed positive.
 
+    Covariance and derivatives stand one upon the other, (d + c + 1, d), each derivative a row: the covariance's rows
+    are left alone once the gain has settled.
+
     Parameters
     ----------
     known, recorded, slope : (k, 3) arrays
@@ -351,238 +656,139 @@ def sweep(
         Readings whose error is larger than so many deviations are left out; 0: none.
     """
     count, size = flow.kappa.size, of.state.shape[0]
-    two, constants = 2 * count, of.state.shape[1] - 1
-    before, wide = 6 * count + 6, size + constants + 1
-    moving = True
-    most = 1
+    two, constants, between = 2 * count, of.state.shape[1] - 1, 6 * count + 6
+    wide, last = size + constants + 1, size + constants
+    most = 2
     for k in range(begin, end):
-        most = max(most, readings.first[k + 1] - readings.first[k])
-    # covariance and derivatives side by side while the gain moves, the latter alone once it has settled
-    both, alone = np.empty((size, wide)), np.empty((size, constants + 1))
-    both[:, :size], both[:, size:] = of.covariance, of.state
-    both_rows, alone_rows = np.empty((before + size, wide)), np.empty((before + size, constants + 1))
-    predicted, flat = of.covariance.copy(), np.empty((size, size))
-    back, back_rows = np.empty((size, size)), np.empty((size, before))
-    to_end, to_rows = np.ascontiguousarray(flow.rows[before:].T), np.ascontiguousarray(flow.rows[:before].T)
-    nodes, base_rows, extra = np.zeros(before), np.zeros(before + size), np.zeros(two)
-    slopes, back_bent = np.zeros((two, before)), np.empty((size, two))
-    bent_wide, bent_alone = np.empty((two, wide)), np.empty((two, constants + 1))
-    plain = not flow.sine and not np.any(flow.quadratic) and not np.any(flow.dry) and known.shape[0] == 0
-    row, square, root = np.zeros((most, size)), np.zeros((most, most)), np.zeros((most, most))
+        most = max(most, readings.first[k + 1] - readings.first[k] + 1)
+    predicted, updated, moved = np.empty((wide, size)), np.empty((wide, size)), np.empty((wide, size))
+    predicted[:size], predicted[size:] = of.covariance, of.state.T
+    covariance, back, squared = predicted[:size], moved[:size], np.empty((size, size))
+    state, state_updated = predicted[size:], updated[size:]
+    ahead = flow.rows[between:].copy()
+    ahead_columns, to_nodes = np.ascontiguousarray(ahead.T), np.ascontiguousarray(flow.rows[:between].T)
+    nodes, extra, rest, by = np.zeros(between), np.zeros(two), np.zeros((3, 4)), np.zeros((3, 4))
+    slots = Slots(
+        np.zeros(most, dtype=np.int64), np.full(most, -1), np.zeros(most), np.zeros(most), np.zeros((most, size)),
+        np.zeros(most, dtype=np.int64), np.zeros((most, size), dtype=np.int64),
+    )  # fmt: skip
+    square, root = np.zeros((most, most)), np.zeros((most, most))
     gain, old_gain = np.zeros((most, size)), np.zeros((most, size))
-    seen_both, seen_alone = np.empty((most, wide)), np.empty((most, constants + 1))
-    pulled, moved_both, moved_alone = np.empty((most, wide)), np.empty((size, wide)), np.empty((size, constants + 1))
-    errors = np.zeros((most, constants + 1))
-    trace, offset, variance = np.full(most, -1), np.zeros(most), np.zeros(most)
-    index, slots = np.zeros(most, dtype=np.int64), -1
-    sine = np.zeros(count)
+    errors, pull = np.zeros((most, constants + 1)), np.zeros((most, wide))
     buffer, rows = np.zeros((ROWS, constants + 1)), 0
-    nothing, scratch = np.zeros(3), np.empty((3, 3))
+    forced = np.flatnonzero((columns.kind > START) & (columns.kind < ZERO))
+    told = np.flatnonzero((columns.kind >= ZERO) & (columns.kind != KNOCK))
+    knocks = np.flatnonzero(columns.kind == KNOCK)
+    plain = not flow.sine and not np.any(flow.quadratic) and not np.any(flow.dry) and known.shape[0] == 0
     keeping = keep.state.shape[0] > 0
+    asked = not plain or forced.size > 0 or flow.heave_noise > 0.0
+    moving, before, product = True, -1, 1.0
     for k in range(begin, end):
-        time = k * flow.step
-        start, used, over = readings.first[k], 0, False
-        for which in range(start, readings.first[k + 1]):
-            of.errors[which] = of.whitened[which] = np.nan
-            if readings.variance[which] < np.inf:
-                index[used] = which
-                used += 1
-        alike = slots == used
-        for j in range(used):
-            which = index[j]
-            if not (alike and trace[j] == readings.trace[which] and offset[j] == readings.offset[which]):
-                alike = False
-                trace[j], offset[j], variance[j] = readings.trace[which], readings.offset[which], 0.0
-                row_of(flow, readings, which, row[j])
-            if variance[j] != readings.variance[which]:
-                alike, variance[j] = False, readings.variance[which]
-        slots = used
-        if not (alike or moving):
-            moving = True
-            both[:, :size], both[:, size:] = predicted, alone
-        for attempt in range(2):
-            x = both if moving else alone
-            lead = size if moving else 0
-            for c in range(constants):
-                if attempt == 0 and columns.kind[c] == KNOCK and columns.centre[c] == k:
-                    x[columns.index[c], lead + c] += 1.0
-            if keeping:
-                keep.state[k - begin] = x[:, lead + constants]
-                keep.covariance[k - begin] = both[:, :size] if moving else predicted
-            if used == 0:
-                break
-            seen = seen_both if moving else seen_alone
-            np.dot(row[:used], x, seen[:used])
+        for n in range(knocks.size):
+            if columns.centre[knocks[n]] == k:
+                state[knocks[n], columns.index[knocks[n]]] += 1.0
+        used = pick(readings, k, slots, of)
+        alike = recognise(readings, slots, used) and used == before
+        if not alike:
             for j in range(used):
-                for c in range(constants + 1):
-                    errors[j, c] = seen[j, lead + c]
-                derive_errors(readings, columns, index[j], time + offset[j], lead, x, errors[j])
+                row_of(flow, readings, slots.index[j], slots, j)
+                find_places(slots, j)
+        before, moving = used, moving or not alike
+        if keeping:
+            keep_prediction(keep, k - begin, predicted)
+        look(slots, used, state, errors)
+        for j in range(used):
+            if told.size > 0:
+                derive_errors(
+                    readings, columns, told, slots.index[j], k * flow.step + slots.offset[j], state, errors, j
+                )
+            errors[j, constants] += readings.value[slots.index[j]]
+        if moving:
+            project(slots, used, covariance, gain)
+            square_up(slots, used, gain, square)
+        over = False
+        for j in range(used):
+            deviation = np.sqrt(square[j, j])
+            of.errors[slots.index[j]] = errors[j, constants] / deviation
+            over = over or (gate > 0.0 and abs(errors[j, constants]) > gate * deviation)
+        if over:
+            if not moving:  # a reading over the gate lets the gain move
+                moving = True
+                project(slots, used, covariance, gain)
+            used, alike, before = set_aside(slots, used, gate, of, errors, gain), False, -1
+            square_up(slots, used, gain, square)
+        change, first = 1.0, 0 if moving else size
+        if used > 0:
             if moving:
+                if not factorise(square, used, root):
+                    return False
+                substitute(root, used, gain)
+                if not flow.varying:
+                    change = change_of(gain, used, old_gain, covariance)
                 for j in range(used):
                     for r in range(size):
-                        gain[j, r] = seen[j, r]
-                    for q in range(j + 1):
-                        total = 0.0
-                        for r in range(size):
-                            total += seen[j, r] * row[q, r]
-                        square[j, q] = square[q, j] = total
-                    square[j, j] += variance[j]
-            over = False
+                        pull[j, r] = -gain[j, r]
+            substitute(root, used, errors)
             for j in range(used):
-                deviation = np.sqrt(square[j, j])
-                of.errors[index[j]] = errors[j, constants] / deviation
-                over = over or (gate > 0.0 and abs(errors[j, constants]) > gate * deviation)
-            if not over or moving:
-                break
-            moving = True  # a reading over the gate lets the gain move
-            both[:, :size], both[:, size:] = predicted, alone
-        kept_used = used
-        if over:
-            kept_used = 0
-            for j in range(used):
-                if abs(of.errors[index[j]]) > gate:
-                    of.totals[2] += 1.0
-                    continue
-                to = kept_used
-                index[to], errors[to], gain[to], row[to] = index[j], errors[j], gain[j], row[j]
-                variance[to] = variance[j]
-                kept_used += 1
-            for j in range(kept_used):
-                for q in range(j + 1):
-                    total = 0.0
-                    for r in range(size):
-                        total += gain[j, r] * row[q, r]
-                    square[j, q] = square[q, j] = total
-                square[j, j] += variance[j]
-            alike, slots = False, -1
-        change = 1.0
-        x = both if moving else alone
-        lead = size if moving else 0
-        if kept_used > 0:
-            if moving:
-                for j in range(kept_used):
-                    for q in range(kept_used):
-                        root[j, q] = square[j, q]
-                if not whiten(root, kept_used, gain[:kept_used]):
-                    return False
-                change = 0.0
-                for r in range(size):
-                    least, most_change = 0.0, 0.0
-                    for j in range(kept_used):
-                        least = max(least, abs(gain[j, r]))
-                        most_change = max(most_change, abs(gain[j, r] - old_gain[j, r]))
-                        old_gain[j, r] = gain[j, r]
-                    spread = least + np.sqrt(max(both[r, r], 0.0))
-                    if spread > 0.0:
-                        change = max(change, most_change / spread)
-            substitute(root, kept_used, errors[:kept_used])
-            if moving:
-                for j in range(kept_used):
-                    for r in range(size):
-                        pulled[j, r] = -gain[j, r]
-                    for c in range(constants + 1):
-                        pulled[j, size + c] = errors[j, c]
-                np.dot(gain[:kept_used].T, pulled[:kept_used], moved_both)
-                add(both, moved_both)
-            else:
-                np.dot(gain[:kept_used].T, errors[:kept_used], moved_alone)
-                add(alone, moved_alone)
-            for j in range(kept_used):
-                of.totals[0] += np.log(root[j, j])
-                of.whitened[index[j]] = errors[j, constants]
+                product *= root[j, j]
+                of.whitened[slots.index[j]] = errors[j, constants]
                 for c in range(constants + 1):
-                    buffer[rows, c] = errors[j, c]
+                    pull[j, size + c] = buffer[rows, c] = errors[j, c]
                 rows += 1
                 if rows == ROWS:
-                    of.normal[:] += np.dot(buffer.T, buffer)
+                    sum_up(buffer, rows, of.normal)
                     rows = 0
-            of.totals[1] += kept_used
+            if used % 2 > 0:
+                for r in range(wide):
+                    pull[used, r] = 0.0
+            lift(predicted, pull, gain, used, first, updated)
+            if not 1e-100 < product < 1e100:
+                of.totals[0] += np.log(product)
+                product = 1.0
+            of.totals[1] += used
             if keeping:
-                whitened = row[:kept_used].copy()
-                substitute(root, kept_used, whitened)
-                for j in range(kept_used):
-                    keep.row[index[j] - readings.first[begin]] = whitened[j]
-                    keep.gain[index[j] - readings.first[begin]] = gain[j]
+                keep_readings(keep, readings.first[begin], slots, used, root, gain)
+        else:
+            copy(predicted, first, updated)
         if k + 1 == readings.first.size - 1:
+            copy(updated, first, predicted)
             break
         # to the next node
         settling = moving and alike and not flow.varying and change < SETTLED and used > 0
-        y = both_rows if moving else alone_rows
-        np.dot(flow.rows, x, y)
-        last = lead + constants
-        if about.shape[0] > 0:
-            np.dot(flow.rows, about[k], base_rows)
-        else:
-            for r in range(before):
-                base_rows[r] = y[r, last]
-        for r in range(before):
-            nodes[r] = base_rows[r]
-        for r in range(size):
-            for c in range(x.shape[1]):
-                x[r, c] = y[before + r, c]
-        if not plain:
-            bend(flow, nodes, known[k] if known.shape[0] > 0 else nothing, extra, slopes, scratch)
-            bent = bent_wide if moving else bent_alone
-            np.dot(slopes, y[:before], bent)
+        if asked:
             if about.shape[0] > 0:
-                for r in range(two):
-                    total = extra[r]
-                    for q in range(before):
-                        total -= slopes[r, q] * base_rows[q]
-                    bent[r, last] += total
+                reach_nodes(to_nodes, about, k, nodes)
             else:
-                for r in range(two):
-                    bent[r, last] = extra[r]
-            for r in range(two):
-                for c in range(x.shape[1]):
-                    x[r, c] += bent[r, c]
-        if constants > 0:
-            force_columns(
-                flow,
-                columns,
-                nodes,
-                recorded[k] if recorded.shape[0] > 0 else nothing,
-                slope[k] if slope.shape[0] > 0 else nothing,
-                time,
-                lead,
-                x,
-            )
-        if keeping:
-            keep.swing[k - begin] = flow.rows[before : before + two]
-            if not plain:
-                keep.swing[k - begin] += np.dot(slopes, flow.rows[:before])
+                reach_nodes(to_nodes, updated, last, nodes)
+        if known.shape[0] > 0:
+            for m in range(3):
+                nodes[6 * count + 3 + m] += known[k, m]
+        if not plain:
+            for i in range(count):
+                collocate(flow, i, nodes, rest)
+                differentiate(flow, i, known, k, nodes, rest, by, extra)
+                tilt(flow, i, by, ahead, ahead_columns)
         if moving:
-            for r in range(size):
+            np.dot(updated, ahead_columns, moved)
+            np.dot(ahead, back, squared)
+            even_out(squared, flow.noise, covariance)
+            if flow.heave_noise > 0.0:
+                shake(flow, nodes, covariance)
+            copy(moved, size, predicted)
+        else:
+            np.dot(state_updated, ahead_columns, state)
+        for r in range(two):
+            predicted[last, r] += extra[r]
+        if forced.size > 0:
+            force_columns(flow, columns, forced, nodes, recorded, slope, k, state)
+        if keeping:
+            for r in range(two):
                 for q in range(size):
-                    flat[r, q] = both[r, q]
-            np.dot(flat, to_end, back)
-            if not plain:
-                np.dot(flat, to_rows, back_rows)
-                np.dot(back_rows, slopes.T, back_bent)
-                for r in range(size):
-                    for q in range(two):
-                        back[r, q] += back_bent[r, q]
-            for r in range(size):
-                for q in range(r + 1):
-                    mean = 0.5 * (back[r, q] + back[q, r]) + flow.noise[r, q]
-                    both[r, q] = both[q, r] = mean
-            if flow.heave_noise > 0.0:  # an impulse in mid-step, as large as the angle makes it
-                for i in range(count):
-                    sine[i] = flow.kappa[i] * np.sin(nodes[3 * i + 1]) * flow.heave_noise * np.sqrt(flow.step)
-                for i in range(count):
-                    for j in range(count):
-                        product = sine[i] * sine[j]
-                        both[2 * i, 2 * j] += 0.25 * flow.step**2 * product
-                        both[2 * i, 2 * j + 1] += 0.5 * flow.step * product
-                        both[2 * i + 1, 2 * j] += 0.5 * flow.step * product
-                        both[2 * i + 1, 2 * j + 1] += product
-            if settling:
-                moving = False
-                predicted[:] = both[:, :size]
-                alone[:] = both[:, size:]
-    of.normal[:] += np.dot(buffer[:rows].T, buffer[:rows])
-    of.state[:] = both[:, size:] if moving else alone
-    of.covariance[:] = both[:, :size] if moving else predicted
+                    keep.swing[k - begin, r, q] = ahead[r, q]
+        moving = moving and not settling
+    sum_up(buffer, rows, of.normal)
+    of.totals[0] += np.log(product)
+    of.state[:], of.covariance[:] = state.T, covariance
     return True
 
 
@@ -608,16 +814,49 @@ def smooth(
     path : (k, d) array, out
         Smoothed states; rows `begin` to `end` are written.
     """
-    two, size = keep.swing.shape[1], adjoint.size
-    ship = np.ascontiguousarray(flow.rows[flow.rows.shape[0] - size + two :].T)
+    two, size, start = keep.swing.shape[1], adjoint.size, readings.first[begin]
+    ship = flow.rows[flow.rows.shape[0] - size + two :].copy()
+    later = np.zeros(size)
     for k in range(end - 1, begin - 1, -1):
         s = k - begin
         if k + 2 < readings.first.size:
-            adjoint[:] = np.dot(ship, adjoint[two:]) + np.dot(adjoint[:two], keep.swing[s])
-        change = np.zeros(size)
-        for which in range(readings.first[k], readings.first[k + 1]):
-            if np.isfinite(whitened[which]):
-                j = which - readings.first[begin]
-                change += keep.row[j] * (whitened[which] - np.dot(keep.gain[j], adjoint))
-        adjoint += change
-        path[k] = keep.state[s] + np.dot(keep.covariance[s], adjoint)
+            for q in range(size):
+                later[q], adjoint[q] = adjoint[q], 0.0
+            for r in range(two):
+                for q in range(size):
+                    adjoint[q] += later[r] * keep.swing[s, r, q]
+            for r in range(size - two):
+                for q in range(two, size):
+                    adjoint[q] += later[two + r] * ship[r, q]
+        gather_readings(readings, k, start, whitened, keep, adjoint, later)
+        for r in range(size):
+            path[k, r] = keep.state[s, r] + weigh(keep.covariance, s, r, adjoint)
+
+
+@summing_kernel
+def weigh(covariance: Floats, s: int, r: int, adjoint: Floats) -> float:
+    """Row r of a kept covariance times the adjoint."""
+    total = 0.0
+    for q in range(adjoint.size):
+        total += covariance[s, r, q] * adjoint[q]
+    return total
+
+
+@kernel
+def gather_readings(
+    readings: Readings, k: int, start: int, whitened: Floats, keep: Kept, adjoint: Floats, change: Floats
+) -> None:
+    """Add to the adjoint what the readings of node k say; kept from reading `start` on."""
+    size = adjoint.size
+    for q in range(size):
+        change[q] = 0.0
+    for which in range(readings.first[k], readings.first[k + 1]):
+        if np.isfinite(whitened[which]):
+            j = which - start
+            rest = whitened[which]
+            for q in range(size):
+                rest -= keep.gain[j, q] * adjoint[q]
+            for q in range(size):
+                change[q] += keep.row[j, q] * rest
+    for q in range(size):
+        adjoint[q] += change[q]

@@ -18,7 +18,7 @@ from pipeline.joint.climb import grown, refined, shifted, window
 from pipeline.joint.constants import Constant, Solution, solve
 from pipeline.joint.course import Course, best_course, is_knot, knots, prior_root, weights
 from pipeline.joint.problem import Assumed, Problem
-from pipeline.joint.ship import Component, Engine, Sea
+from pipeline.joint.ship import Axis, Component, Engine, Sea
 
 PAYS = 5.0  # in log-likelihood
 ROUNDS = 8
@@ -30,6 +30,7 @@ CALM = 0.5  # of the swing's frequency: below it lines of the sea are left, whic
 SHAPES = ((Engine, 0.01, 1e-4), (Engine, 0.01, 1e-3), (Sea, 0.1, 3e-4), (Sea, 0.1, 3e-3))
 """Kind, relative damping and size of the components that are tried at a line."""
 SPARSE = 2.0  # of the swing between readings, rad: above it a line cannot be told from its aliases
+SAME_LINE = 0.2  # in the logarithm of the frequency
 QUIET = 0.3  # of the power that white errors of unit variance have
 PEAK = 14.0  # of a whitened spectrum over its mean: chance reaches it once in a thousand records
 
@@ -205,10 +206,10 @@ def _components(fit: Fitted) -> Iterator[Candidate]:
         if smooth[at] < PEAK / 2.0 * max(float(np.median(power)) / np.log(2.0), QUIET * float(used.sum())):
             continue
         frequency = 2.0 * np.pi * at / (series.size * step)
-        options = [("horizontal", frequency)]
+        options: list[tuple[Axis, float]] = [("horizontal", frequency)]
         if model.assumed.sine:
             options += [("vertical", f) for f in (frequency + swing, abs(frequency - swing)) if f > 0.2]
-        lines = [make(own, width * own, rms, axis) for axis, own in options for make, width, rms in SHAPES]  # type: ignore[arg-type]
+        lines = [make(own, width * own, rms, axis) for axis, own in options for make, width, rms in SHAPES]
         span = window(problem)
         found: tuple[float, tuple[Component, ...]] = (-np.inf, ())
         for line in lines:
@@ -220,8 +221,10 @@ def _components(fit: Fitted) -> Iterator[Candidate]:
             found = max(found, (priced(trial, about, span=span)[0], ship), key=lambda each: each[0])
         about = grown(fit.path, problem.pendulums, found[1])
         assumed, _ = refined(problem, replace(model.assumed, ship=found[1]), model.constants, about, span)
-        line = assumed.ship[-1]
-        words = f"{line.axis} motion at {line.frequency / (2.0 * np.pi):.2f} Hz"  # type: ignore[union-attr]
+        added = assumed.ship[-1]
+        if abs(np.log(added.peak / found[1][-1].peak)) > SAME_LINE:
+            continue  # it went off to better what is there already
+        words = f"{added.axis} motion at {added.peak / (2.0 * np.pi):.2f} Hz"
         yield priced(replace(model, words=(*model.words, words), assumed=assumed), about, cost=15.0)
 
 
@@ -271,7 +274,7 @@ def mean_gravity(solution: Solution, duration: float) -> tuple[float, float]:
 
 
 def unexplained(fit: Fitted) -> float:
-    """Factor by which the prediction errors exceed the model: over all, in the worst stretch, near the swing; at least 1.
+    """Factor by which the prediction errors exceed the model, in the worst stretch or near the swing; at least 1.
 
     Sums over a tenth of the record, and over a narrow band, scatter by chance: only what exceeds that counts.
     """

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from pipeline.arrays import Floats
 from pipeline.joint import choice, kernels, spectrum
-from pipeline.joint.climb import LEAST_NOISE, grown, refined, window
+from pipeline.joint.climb import LEAST_NOISE, refined, window
 from pipeline.joint.constants import Constant, starts
 from pipeline.joint.gather import Gathered
 from pipeline.joint.problem import Assumed, Problem
@@ -18,6 +19,8 @@ STAGES = (25.0, 100.0, 400.0)  # s: stretches on which a cold start is followed
 EARTH = 0.004  # 1 sigma of gravity over reference gravity in a cold start
 SPARSE = 2.0  # of the swing between readings, rad
 COARSE = 0.1  # reading noise of a cold start's first stretch, of the swing
+COARSE_GATE = 100.0  # deviations, of a pass whose errors' scale is not known yet
+STRETCH, MOST_TOGETHER = 60.0, 0.25  # s; share of a trace's readings there that may be outliers
 MOST_OUTLIERS = 0.1  # share of the readings
 UNSTATED = 1e-4  # rad: reading noise of a cold start where none is stated
 GENEROUS = (Sea(0.7, 0.1, 0.02), Vibration(6.0, 1e-3))
@@ -60,11 +63,13 @@ def narrowed(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
     )
 
 
-def cold_start(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
+def cold_start(
+    problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]
+) -> tuple[Problem, tuple[Constant, ...]]:
     """Follow the swing over longer and longer stretches, each linear enough for the one before it.
 
     The first stretches are read as if they were noisier: the ship's motion would else be made to explain what a wrong
-    gravity leaves.
+    gravity leaves. Outliers are set aside by the last of them.
     """
     first = constants
     step, nodes = problem.lattice.step, problem.lattice.nodes
@@ -75,31 +80,59 @@ def cold_start(problem: Problem, assumed: Assumed, constants: tuple[Constant, ..
     stages = STAGES if between < SPARSE else STAGES[1:]
     for number, seconds in enumerate((*stages, np.inf)):
         end = int(min(nodes, np.ceil(seconds / step)))
-        coarse = np.maximum(assumed.noise, size * COARSE / 5.0**number if end < nodes else 0.0)
-        rough = replace(still if end < nodes else assumed, noise=coarse)
+        rough = replace(still, noise=np.maximum(assumed.noise, size * COARSE / 5.0 ** min(number, 2)))
         if number == 0:
-            begun = replace(rough, sine=False, noise=np.maximum(coarse, size))
+            begun = replace(rough, sine=False, noise=np.maximum(rough.noise, size))
             constants = released(problem.run(begun, held(constants), span=(0, end))[0].constants, first)
-        for _ in range(4):
-            own = constants if end == nodes else narrowed(constants)
-            solution, _ = problem.run(rough, own, span=(0, end))
-            constants = released(solution.constants, first)
-            if np.all(np.abs(solution.step) < 0.1 * np.sqrt(np.diag(solution.covariance))):
-                break
+        constants, of = followed(problem, rough, narrowed(constants), end)
+        constants = released(constants, first)
         if end == nodes:
             break
-    return constants
+    problem = replace(problem, left_out=problem.left_out | outliers(problem, of))
+    constants, _ = followed(problem, assumed, constants, nodes)
+    return problem, released(constants, first)
+
+
+def followed(
+    problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], end: int
+) -> tuple[tuple[Constant, ...], kernels.Pass]:
+    """Gauss-Newton on the first nodes; readings far off are left out as long as they are few."""
+    gate = COARSE_GATE
+    for _ in range(4):
+        solution, of = problem.run(assumed, constants, span=(0, end), gate=gate)
+        share = float(of.totals[2] / max(of.totals[1] + of.totals[2], 1.0))
+        gate = GATE * deviation(of.errors) if share < MOST_OUTLIERS else 0.0
+        constants = solution.constants
+        if share < MOST_OUTLIERS and np.all(np.abs(solution.step) < 0.1 * np.sqrt(np.diag(solution.covariance))):
+            break
+    return constants, of
+
+
+def deviation(errors: Floats) -> float:
+    """Of errors in their own deviations, from their median; at least 1."""
+    return max(float(np.nanmedian(np.abs(errors))) / 0.6745, 1.0)
+
+
+def outliers(problem: Problem, of: kernels.Pass) -> np.ndarray:
+    """Readings over the gate that stand among others below it; where many are, the model is at fault and not they."""
+    over = np.isfinite(of.errors) & ~np.isfinite(of.whitened)
+    lattice = problem.lattice
+    stretch = (lattice.time // STRETCH).astype(np.int64) * problem.traces + np.minimum(
+        lattice.trace, problem.traces - 1
+    )
+    counts = np.bincount(stretch), np.bincount(stretch, over)
+    return np.asarray(over & (counts[1] < MOST_TOGETHER * counts[0])[stretch])
 
 
 def without_outliers(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]) -> Problem:
     """Leave out what lies far from the prediction, by the errors' own scale; what is common is no outlier."""
-    _, of = problem.run(assumed, constants)
-    gate = GATE * max(float(np.nanmedian(np.abs(of.errors))) / 0.6745, 1.0)
+    _, of = problem.run(assumed, constants, gate=COARSE_GATE)
+    gate = GATE * deviation(of.errors)
     for _ in range(4):
         _, of = problem.run(assumed, constants, gate=gate)
-        out = ~np.isfinite(of.whitened)
-        if np.mean(out) < MOST_OUTLIERS + np.mean(problem.left_out):
-            return replace(problem, left_out=out)
+        out = outliers(problem, of)
+        if np.mean(out) < MOST_OUTLIERS:
+            return replace(problem, left_out=problem.left_out | out)
         gate *= 3.0
     return problem
 
@@ -177,7 +210,7 @@ def reduce(gathered: Gathered) -> Outcome:
     spread = choice.unexplained(fit)
     if spread > MOST_SPREAD:
         raise RefusedError(
-            f"elongation: the readings are {spread:.0f} times farther from the best explanation than their noise allows; "
+            f"elongation: the readings lie {spread:.0f} times farther from the best explanation than their noise; "
             "check instrument/period, record/combination and the unit of the elongations (rad)"
         )
     if abs(mean - 1.0) > CAPTURE:
@@ -203,7 +236,7 @@ def fitted(gathered: Gathered, *, sine: bool) -> tuple[choice.Fitted, list[choic
     if unknown_heave:
         ship = (*ship, replace(GENEROUS[0], axis="vertical", rms=0.5 * GENEROUS[0].rms))
     assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
-    constants = cold_start(problem, assumed, first_constants(gathered))
+    problem, constants = cold_start(problem, assumed, first_constants(gathered))
     problem = without_outliers(problem, assumed, constants)
     floors = [spectrum.noise_floor(problem, j) for j in range(problem.traces)]
     for j, floor in enumerate(floors):
@@ -214,10 +247,13 @@ def fitted(gathered: Gathered, *, sine: bool) -> tuple[choice.Fitted, list[choic
         swell = start[0]
         assert isinstance(swell, Sea)
         start = (*start, replace(swell, axis="vertical", rms=0.5 * swell.rms))
-    assumed = replace(assumed, ship=start, noise=noise)
     constants = with_difference(constants)
     path, _ = problem.smooth(assumed, constants)
-    solution, _ = problem.run(assumed, constants, about=path)
-    assumed, _ = refined(problem, assumed, solution.constants, path, window(problem))
-    model = choice.Model((), assumed, with_difference(solution.constants), problem, assumed.ship)
-    return choice.settle(choice.fitted(model, grown(path, problem.pendulums, assumed.ship), passes=1))
+    # what fits a spectrum or a stretch may fail elsewhere: a turn, a knock; the whole record decides
+    best = choice.priced(choice.Model((), assumed, constants, problem, assumed.ship), path)
+    other = replace(assumed, ship=start, noise=noise)
+    best = max(best, choice.priced(choice.Model((), other, constants, problem, start), path), key=lambda each: each[0])
+    finer, _ = refined(problem, best[1].assumed, constants, path, window(problem))
+    model = choice.Model((), finer, constants, problem, finer.ship)
+    _, model, solution = max(best, choice.priced(model, path), key=lambda each: each[0])
+    return choice.settle(choice.fitted(replace(model, constants=with_difference(solution.constants)), path, passes=1))

@@ -5,8 +5,8 @@ over reference gravity,
 
     theta_i'' = -2 gamma_i theta_i' - kappa_i [(G + Z) sin theta_i + U cos theta_i] + kicks
 
-where U and Z are the ship's horizontal and vertical acceleration over *reference* gravity, so that gravity stands in one
-place alone. Linear pendulums: sin theta -> theta, cos theta -> 1, without Z.
+where U and Z are the ship's horizontal and vertical acceleration over *reference* gravity: gravity itself
+stands in one place alone. Linear pendulums: sin theta -> theta, cos theta -> 1, without Z.
 """
 
 from __future__ import annotations

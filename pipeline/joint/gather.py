@@ -77,7 +77,7 @@ def gather(record: DataTree) -> Gathered:
     if known["period_change"] is not None:
         frequency = frequency / (1.0 + known["period_change"])
     frequency = frequency * (1.0 + known["chronometer_rate"] / 86400.0)  # in the record's own time
-    some = np.isfinite(series).any(axis=0)
+    some = np.asarray(np.isfinite(series).any(axis=0))
     if not some.any():
         raise RecordError("record/elongation: no trace has a reading")
     used = slice(int(np.argmax(some)), some.size - int(np.argmax(some[::-1])))

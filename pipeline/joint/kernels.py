@@ -57,14 +57,14 @@ class Columns(NamedTuple):
 
     Attributes
     ----------
-    kind, index : (c,) arrays of int
+    kind, member : (c,) arrays of int
         Kind as above; pendulum (-1: all), trace or state that it belongs to.
     centre, width : (c,) arrays
         s: of GRAVITY a hat's, width 0: the whole record; of DRIFT centre and scale; of STEP and KNOCK its time.
     """
 
     kind: np.ndarray
-    index: np.ndarray
+    member: np.ndarray
     centre: Floats
     width: Floats
 
@@ -231,7 +231,7 @@ def force_columns(
         if kind == GRAVITY and width > 0.0 and abs(time + 0.5 * flow.step - columns.centre[c]) > width + flow.step:
             continue
         for i in range(count):
-            if columns.index[c] >= 0 and columns.index[c] != i:
+            if columns.member[c] >= 0 and columns.member[c] != i:
                 continue
             for m in range(3):
                 angle, speed = nodes[3 * i + m], nodes[3 * (count + i) + m]
@@ -277,7 +277,7 @@ def derive_errors(
     for n in range(told.size):
         c = told[n]
         kind = columns.kind[c]
-        if columns.index[c] != trace:
+        if columns.member[c] != trace:
             continue
         if kind == ZERO:
             errors[j, c] -= 1.0
@@ -345,7 +345,7 @@ class Slots(NamedTuple):
 
     Attributes
     ----------
-    index, trace : (u,) arrays of int
+    reading, trace : (u,) arrays of int
         Reading; its trace.
     offset, variance : (u,) arrays
     row : (u, d) array
@@ -356,7 +356,7 @@ class Slots(NamedTuple):
         Where they stand.
     """
 
-    index: np.ndarray
+    reading: np.ndarray
     trace: np.ndarray
     offset: Floats
     variance: Floats
@@ -403,7 +403,7 @@ def pick(readings: Readings, k: int, slots: Slots, of: Pass) -> int:
     used = 0
     for which in range(readings.first[k], readings.first[k + 1]):
         if readings.variance[which] < np.inf:
-            slots.index[used] = which
+            slots.reading[used] = which
             used += 1
         else:
             of.errors[which] = of.whitened[which] = np.nan
@@ -415,7 +415,7 @@ def recognise(readings: Readings, slots: Slots, used: int) -> bool:
     """Whether readings are like those that stood in their slots; notes what the slots hold now."""
     alike = True
     for j in range(used):
-        which = slots.index[j]
+        which = slots.reading[j]
         same = slots.trace[j] == readings.trace[which] and slots.offset[j] == readings.offset[which]
         alike = alike and same and slots.variance[j] == readings.variance[which]
         slots.trace[j], slots.offset[j] = readings.trace[which], readings.offset[which]
@@ -526,12 +526,12 @@ def set_aside(slots: Slots, used: int, gate: float, of: Pass, errors: Floats, ga
     """Leave out the readings over the gate; how many stay."""
     stay = 0
     for j in range(used):
-        which = slots.index[j]
+        which = slots.reading[j]
         if abs(of.errors[which]) > gate:
             of.totals[2] += 1.0
             of.whitened[which] = np.nan
             continue
-        slots.index[stay], slots.variance[stay], slots.filled[stay] = which, slots.variance[j], slots.filled[j]
+        slots.reading[stay], slots.variance[stay], slots.filled[stay] = which, slots.variance[j], slots.filled[j]
         for r in range(gain.shape[1]):
             gain[stay, r] = gain[j, r]
             slots.row[stay, r], slots.place[stay, r] = slots.row[j, r], slots.place[j, r]
@@ -616,11 +616,11 @@ def keep_readings(keep: Kept, start: int, slots: Slots, used: int, root: Floats,
     """Keep the whitened rows of a node's readings, and their gains."""
     size = gain.shape[1]
     for j in range(used):
-        at = slots.index[j] - start
+        at = slots.reading[j] - start
         for r in range(size):
             total = slots.row[j, r]
             for q in range(j):
-                total -= root[j, q] * keep.row[slots.index[q] - start, r]
+                total -= root[j, q] * keep.row[slots.reading[q] - start, r]
             keep.row[at, r] = total / root[j, j]
             keep.gain[at, r] = gain[j, r]
 
@@ -686,12 +686,12 @@ def sweep(
     for k in range(begin, end):
         for n in range(knocks.size):
             if columns.centre[knocks[n]] == k:
-                state[knocks[n], columns.index[knocks[n]]] += 1.0
+                state[knocks[n], columns.member[knocks[n]]] += 1.0
         used = pick(readings, k, slots, of)
         alike = recognise(readings, slots, used) and used == before
         if not alike:
             for j in range(used):
-                row_of(flow, readings, slots.index[j], slots, j)
+                row_of(flow, readings, slots.reading[j], slots, j)
                 find_places(slots, j)
         before, moving = used, moving or not alike
         if keeping:
@@ -700,16 +700,16 @@ def sweep(
         for j in range(used):
             if told.size > 0:
                 derive_errors(
-                    readings, columns, told, slots.index[j], k * flow.step + slots.offset[j], state, errors, j
+                    readings, columns, told, slots.reading[j], k * flow.step + slots.offset[j], state, errors, j
                 )
-            errors[j, constants] += readings.value[slots.index[j]]
+            errors[j, constants] += readings.value[slots.reading[j]]
         if moving:
             project(slots, used, covariance, gain)
             square_up(slots, used, gain, square)
         over = False
         for j in range(used):
             deviation = np.sqrt(square[j, j])
-            of.errors[slots.index[j]] = errors[j, constants] / deviation
+            of.errors[slots.reading[j]] = errors[j, constants] / deviation
             over = over or (gate > 0.0 and abs(errors[j, constants]) > gate * deviation)
         if over:
             if not moving:  # a reading over the gate lets the gain move
@@ -731,7 +731,7 @@ def sweep(
             substitute(root, used, errors)
             for j in range(used):
                 product *= root[j, j]
-                of.whitened[slots.index[j]] = errors[j, constants]
+                of.whitened[slots.reading[j]] = errors[j, constants]
                 for c in range(constants + 1):
                     pull[j, size + c] = buffer[rows, c] = errors[j, c]
                 rows += 1

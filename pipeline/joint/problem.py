@@ -75,7 +75,7 @@ class Problem:
     @property
     def traces(self) -> int:
         """Number of traces."""
-        return self.lattice.combination.shape[0]
+        return int(self.lattice.combination.shape[0])
 
     def flow(self, assumed: Assumed, constants: tuple[Constant, ...], ship: Ship | None = None) -> Flow:
         """One step under the constants' values."""
@@ -118,8 +118,8 @@ class Problem:
         recorded = self.recorded if sine else np.zeros((0, 3))
         if not hats and (not recorded.size or (scale == 1.0 and late == 0.0)):
             return recorded
-        at = self.lattice.step * (np.arange(self.lattice.nodes)[:, None] + NODES)
-        out = np.zeros_like(at)
+        at: Floats = self.lattice.step * (np.arange(self.lattice.nodes)[:, None] + NODES)
+        out: Floats = np.zeros_like(at)
         if recorded.size:
             out += scale * recorded + late * self.slope
         for each in hats:

@@ -54,6 +54,11 @@ class Sea:
         drift[3, 0], drift[5, 2] = w * w, 1.0
         return drift, np.array([0.0, 0.0, 1.0, 0.0, -w * w, -2.0 * l]), 1
 
+    @property
+    def peak(self) -> float:
+        """Frequency that it is named by, rad s-1."""
+        return self.frequency
+
     def shape(self, frequency: Floats) -> Floats:
         """Spectral density for a drive of unit intensity."""
         return self.frequency**4 * frequency**4 * _oscillator(self.frequency, self.damping, frequency) ** 3
@@ -81,6 +86,11 @@ class Vibration:
         a = self.rate
         drift = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-(a**3), -3.0 * a**2, -3.0 * a]])
         return drift, np.array([1.0, 0.0, 0.0]), 2
+
+    @property
+    def peak(self) -> float:
+        """Frequency up to which it is white, rad s-1."""
+        return self.rate
 
     def shape(self, frequency: Floats) -> Floats:
         """Spectral density for a drive of unit intensity."""
@@ -113,6 +123,11 @@ class Engine:
             drift[k, k + 1], drift[k + 1, k], drift[k + 1, k + 1] = 1.0, -w * w, -2.0 * l
         drift[3, 0] = w * w
         return drift, np.array([0.0, 0.0, 0.0, 1.0]), 1
+
+    @property
+    def peak(self) -> float:
+        """Frequency that it is named by, rad s-1."""
+        return self.frequency
 
     def shape(self, frequency: Floats) -> Floats:
         """Spectral density for a drive of unit intensity."""

@@ -1,0 +1,142 @@
+"""Filter, smoother and derivatives: against one dense Gaussian, and against differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.joint import kernels
+from pipeline.joint.constants import Constant, starts
+from pipeline.joint.lattice import lay
+from pipeline.joint.problem import Assumed, Problem
+from pipeline.joint.ship import Sea, Ship, Vibration
+
+KAPPA = np.array([38.7, 38.6])
+COMBINATION = np.array([[1.0, 0.0], [1.0, -1.0]])
+STEP = 0.04
+
+
+def problem(nodes: int = 30, jitter: float = 0.0, lost: tuple[int, ...] = ()) -> Problem:
+    rng = np.random.default_rng(5)
+    time = STEP * np.arange(nodes) + jitter * STEP * rng.uniform(-0.5, 0.5, nodes)
+    time[[0, -1]] = STEP * 0, STEP * (nodes - 1)
+    swing = 0.02 * np.cos(6.2 * time) + 1e-3 * rng.normal(size=nodes)
+    series = np.stack([swing, 0.7 * swing + 1e-3 * rng.normal(size=nodes)])
+    series[0, list(lost)] = np.nan
+    return Problem(lay(time, series, COMBINATION, 6.2), KAPPA, np.array([1e-3, 2e-3]))
+
+
+def assumed(sine: bool = False) -> Assumed:
+    ship = (Sea(0.7, 0.3, 0.02), Vibration(6.0, 1e-2))
+    return Assumed(ship, np.array([1e-3, 2e-3]), np.array([1e-3, 2e-3, 1.0, 1.0]), sine)
+
+
+def constants() -> tuple[Constant, ...]:
+    begun = starts(2, np.sqrt(KAPPA), np.array([0.02, 0.0, 0.005, 0.01]))
+    return (*begun, Constant("gravity", kernels.GRAVITY, 0.01, mean=1.0, value=1.0))
+
+
+def dense(of: Problem, model: Assumed) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Mean and covariance of all states, rows of all readings, and their values, from the flow's matrices alone."""
+    ship = Ship.of(model.ship)
+    step = of.flow(model, constants(), ship)
+    size = step.noise.shape[0]
+    transition, nodes = step.rows[-size:], of.lattice.nodes
+    start = np.zeros((size, size))
+    start[4:, 4:] = ship.stationary
+    for each in starts(2, np.sqrt(KAPPA)):
+        start[each.index, each.index] = each.prior**2
+    covariance = np.zeros((nodes * size, nodes * size))
+    here = start
+    for k in range(nodes):
+        rows = slice(k * size, (k + 1) * size)
+        covariance[rows, rows] = here
+        for j in range(k + 1, nodes):
+            before, now = slice((j - 1) * size, j * size), slice(j * size, (j + 1) * size)
+            covariance[now, rows] = transition @ covariance[before, rows]
+            covariance[rows, now] = covariance[now, rows].T
+        here = transition @ here @ transition.T + step.noise
+    lattice = of.lattice
+    rows = np.zeros((lattice.node.size, nodes * size))
+    for r, (node, trace) in enumerate(zip(lattice.node, lattice.trace, strict=True)):
+        rows[r, node * size : node * size + 4 : 2] = COMBINATION[trace]
+    return covariance, rows, lattice.value, model.noise[lattice.trace] ** 2
+
+
+@pytest.mark.parametrize("lost", [(), (3, 4, 5, 6, 20)])
+def test_likelihood_and_path_are_those_of_one_dense_gaussian(lost: tuple[int, ...]) -> None:
+    of, model = problem(12, lost=tuple(k for k in lost if k < 12)), assumed()
+    covariance, rows, value, noise = dense(of, model)
+    of_readings = rows @ covariance @ rows.T + np.diag(noise)
+    expected = -0.5 * value @ np.linalg.solve(of_readings, value)
+    expected -= 0.5 * np.linalg.slogdet(2.0 * np.pi * of_readings)[1]
+    at_zero = tuple(replace(each, value=0.0) for each in starts(2, np.sqrt(KAPPA)))
+    held = (*at_zero, Constant("gravity", kernels.GRAVITY, 1e-12, mean=1.0, value=1.0))
+    solution, _ = of.run(model, held)
+    assert solution.log_likelihood == pytest.approx(expected, abs=1e-6)
+    path, _ = of.smooth(model, solution.constants)
+    mean = (covariance @ rows.T @ np.linalg.solve(of_readings, value)).reshape(of.lattice.nodes, -1)
+    assert np.abs(path[:, :4] - mean[:, :4]).max() < 1e-8
+
+
+@pytest.mark.parametrize("sine", [False, True])
+@pytest.mark.parametrize(
+    "constant",
+    [
+        Constant("gravity", kernels.GRAVITY, 1.0, value=1.0),
+        Constant("hat", kernels.GRAVITY, 1.0, centre=0.5, width=0.4),
+        Constant("damping", kernels.DAMPING, 1.0),
+        Constant("quadratic", kernels.QUADRATIC, 1.0, value=0.01),
+        Constant("zero", kernels.ZERO, 1.0, index=1),
+        Constant("drift", kernels.DRIFT, 1.0, index=0, centre=0.4, width=0.8),
+        Constant("gain", kernels.GAIN, 1.0, index=0),
+        Constant("step", kernels.STEP, 1.0, index=1, centre=0.5),
+        Constant("start", kernels.START, 1.0, index=1, value=0.01),
+    ],
+    ids=lambda constant: constant.name,
+)
+def test_derivatives_are_those_of_the_prediction_errors(constant: Constant, sine: bool) -> None:
+    # readings that say next to nothing keep the gain at nought: a difference would change it too
+    of, model = problem(), replace(assumed(sine), noise=np.array([1e4, 2e4, 1.0, 1.0]))
+    plain = tuple(each for each in constants() if (each.kind, each.index) != (constant.kind, constant.index))
+    if constant.name == "hat":
+        plain = constants()
+    whole = (*plain, constant)
+
+    def errors(value: float) -> np.ndarray:
+        moved = (*plain, replace(constant, value=value))
+        return np.asarray(of.run(model, moved)[1].whitened)
+
+    by = 1e-5
+    slope = (errors(constant.value + by) - errors(constant.value - by)) / (2.0 * by)
+    here = errors(constant.value)
+    normal = of.run(model, whole)[1].normal
+    at = len(whole) - 1
+    # a gain here divides the readings, which scales the error as well
+    rel = 0.1 if constant.kind == kernels.GAIN else 2e-3
+    assert normal[at, at] == pytest.approx(slope @ slope, rel=rel)
+    if constant.kind != kernels.GAIN:
+        assert normal[at, -1] == pytest.approx(slope @ here, rel=rel, abs=rel * np.sqrt(slope @ slope))
+
+
+def test_readings_off_the_nodes_cost_nothing() -> None:
+    rng = np.random.default_rng(2)
+    fine = np.arange(0.0, 4.0, 0.005)
+    angle = 0.02 * np.cos(np.sqrt(KAPPA[0]) * fine)
+    some = np.append(0, np.sort(rng.choice(np.arange(1, fine.size), 200, replace=False)))
+    lattice = lay(fine[some], np.stack([angle[some]]), np.array([[1.0]]), 6.2)
+    of = Problem(lattice, KAPPA[:1], np.zeros(1))
+    model = Assumed((Vibration(6.0, 1e-9),), np.zeros(1), np.array([1e-7, 1.0, 1.0]), sine=False)
+    begun = starts(1, np.sqrt(KAPPA[:1]), np.array([0.02, 0.0]))
+    _, done = of.run(model, (*begun, Constant("gravity", kernels.GRAVITY, 1e-9, mean=1.0, value=1.0)))
+    assert np.nanmax(np.abs(done.whitened)) < 0.05  # 5e-9 rad
+
+
+def test_a_reading_over_the_gate_is_left_out() -> None:
+    of, model = problem(), assumed()
+    of.lattice.value[20] += 1.0
+    _, done = of.run(model, constants(), gate=20.0)
+    assert np.isnan(done.whitened[20])
+    assert np.isfinite(np.delete(done.whitened, 20)).all()

@@ -1,0 +1,110 @@
+"""One step of the lattice: against an integrator of the equations as they are printed, and against its own laws."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_ivp
+
+from pipeline.joint import kernels
+from pipeline.joint.constants import Constant, starts
+from pipeline.joint.flow import NODES, flow
+from pipeline.joint.lattice import lay
+from pipeline.joint.problem import Assumed, Problem
+from pipeline.joint.ship import Component, Engine, Sea, Ship, Vibration, density
+
+KAPPA, DAMPING = np.array([38.7, 38.69]), np.array([1e-3, 2e-3])
+SHIP: tuple[Component, ...] = (Sea(0.7, 0.1, 0.02), Vibration(6.0, 1e-3), Sea(0.9, 0.1, 0.03, "vertical"))
+
+
+GRAVITY = 0.999
+
+
+def heave(time: np.ndarray) -> np.ndarray:
+    return 0.02 * np.cos(0.8 * np.asarray(time) + 0.3)
+
+
+@pytest.mark.parametrize("sine", [False, True])
+@pytest.mark.parametrize("step", [0.04, 0.1])
+@pytest.mark.parametrize("rough", [0.0, 3e-3])
+def test_steps_follow_the_printed_equations(sine: bool, step: float, rough: float) -> None:
+    time = step * np.arange(60)
+    at = time[:, None] + step * NODES
+    problem = Problem(
+        lay(time, np.zeros((1, 60)), np.array([[1.0, 0.0]]), 6.2), KAPPA, DAMPING, recorded=heave(at), slope=0.0 * at
+    )
+    assert problem.lattice.step == pytest.approx(step)
+    begin = np.array([0.05, 0.2, -0.04, 0.1])
+    constants = (
+        *starts(2, np.sqrt(KAPPA), begin),
+        Constant("gravity", kernels.GRAVITY, 1e-9, value=GRAVITY),
+        Constant("quadratic", kernels.QUADRATIC, 1e-9, value=rough),
+    )
+    # readings that say nothing: what is left is the prediction, the ship at rest
+    deaf = Assumed((Vibration(6.0, 1e-12),), np.zeros(2), np.full(3, 1e9), sine)
+    path, _ = problem.smooth(deaf, constants)
+
+    def slope(t: float, state: np.ndarray) -> np.ndarray:
+        out = np.empty(4)
+        for i in range(2):
+            angle, speed = state[2 * i : 2 * i + 2]
+            back = (GRAVITY + heave(t)) * np.sin(angle) if sine else GRAVITY * angle
+            out[2 * i] = speed
+            out[2 * i + 1] = -2.0 * DAMPING[i] * speed - rough * abs(speed) * speed - KAPPA[i] * back
+        return out
+
+    expected = solve_ivp(slope, (0.0, time[-1]), begin, t_eval=time, rtol=1e-12, atol=1e-14, max_step=0.02).y.T
+    # |speed| speed has a kink at each turn, of which nodes see 1e-3 of its effect (.015 mGal in a gravity of 50 mrad)
+    assert np.abs(path[:, :4] - expected).max() < (5e-6 if rough else 5e-8)
+
+
+@pytest.mark.parametrize("step", [0.04, 0.1])
+def test_a_real_swing_is_exact_without_friction(step: float) -> None:
+    time = step * np.arange(200)
+    problem = Problem(lay(time, np.zeros((1, 200)), np.array([[1.0]]), 6.2), KAPPA[:1], np.zeros(1))
+    begin = np.array([0.3, 0.0])
+    constants = (*starts(1, np.sqrt(KAPPA[:1]), begin), Constant("gravity", kernels.GRAVITY, 1e-9, value=1.0))
+    deaf = Assumed((Vibration(6.0, 1e-12),), np.zeros(1), np.full(3, 1e9), sine=True)
+    path, _ = problem.smooth(deaf, constants)
+    energy = 0.5 * path[:, 1] ** 2 - KAPPA[0] * np.cos(path[:, 0])
+    # of the energy above rest; it comes back each swing
+    assert np.abs(energy - energy[0]).max() < 1e-6 * (energy[0] + KAPPA[0])
+    assert np.abs(energy[-20:].max() - energy[:20].max()) < 1e-7 * (energy[0] + KAPPA[0])
+
+
+@pytest.mark.parametrize("component", [Sea(0.7, 0.1, 0.02), Vibration(6.0, 1e-3), Engine(12.0, 0.05, 1e-3)])
+def test_stationary_variance_is_the_integral_of_the_spectrum(component: Component) -> None:
+    ship = Ship.of((component,))
+    row = ship.horizontal
+    assert row @ ship.stationary @ row == pytest.approx(component.rms**2, rel=1e-9)
+    edges = [0.0, 0.5 * component.peak, component.peak, 2.0 * component.peak, 100.0 * component.peak]
+    area = sum(
+        quad(lambda w: density((component,), np.array([w]), "horizontal")[0], low, high, limit=400)[0]
+        for low, high in itertools.pairwise(edges)
+    )
+    assert area / np.pi == pytest.approx(component.rms**2, rel=1e-4)
+
+
+def test_the_sea_vanishes_at_zero_frequency_as_the_fourth_power() -> None:
+    low = density((Sea(0.7, 0.1, 0.02),), np.array([1e-3, 2e-3]), "horizontal")
+    assert low[1] / low[0] == pytest.approx(16.0, rel=1e-4)
+
+
+def test_process_noise_keeps_the_stationary_covariance() -> None:
+    ship = Ship.of(SHIP)
+    step = flow(0.1, KAPPA, DAMPING, np.zeros(2), ship, gravity=1.0, sine=False)
+    transition = step.rows[-19:][4:, 4:]
+    again = transition @ ship.stationary @ transition.T + step.noise[4:, 4:]
+    scale = np.sqrt(np.outer(np.diag(ship.stationary), np.diag(ship.stationary)))
+    assert np.abs((again - ship.stationary) / scale).max() < 1e-8
+
+
+def test_kicks_add_their_variance() -> None:
+    kick = np.array([1e-5, 0.0])
+    quiet = flow(0.05, KAPPA, DAMPING, np.zeros(2), Ship.of(SHIP), gravity=1.0, sine=False)
+    loud = flow(0.05, KAPPA, DAMPING, kick, Ship.of(SHIP), gravity=1.0, sine=False)
+    # d theta' = n k dW over a short step
+    assert (loud.noise - quiet.noise)[1, 1] == pytest.approx(KAPPA[0] * 1e-10 * 0.05, rel=0.05)
+    assert np.abs((loud.noise - quiet.noise)[2:]).max() == 0.0

@@ -1,0 +1,121 @@
+"""`joint` on records of the simulator: gravity within its sigma, what it says of the record, what it refuses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import synth
+from data_schemas import check, read, write
+from data_schemas.errors import RefusedError
+from data_schemas.scene import Scene
+from pipeline import process, summaries
+
+GRAVITY = 9.8123
+
+
+def record(**changes: Any) -> tuple[xr.DataTree, float]:
+    """Five minutes of two real pendulums in a swell, heave recorded, and their mean gravity."""
+    pendulum = {"damping_rate": 1e-4} | changes.pop("pendulum", {})
+    recording = {"sampling_rate": 10, "noise": 1e-5, "vertical_acceleration": True}
+    recording |= changes.pop("recording", {})
+    scene = {
+        "record_id": "joint",
+        "seed": 4,
+        "duration": 300.0,
+        "gravity": GRAVITY,
+        "restoring": "sine",
+        "pendulums": [
+            {"label": "1", "period": 1.01, "start": {"kind": "free", "amplitude": 0.012, "phase": 0.4}} | pendulum,
+            {"label": "2", "period": 1.0101, "start": {"kind": "free", "amplitude": 0.010, "phase": 2.2}} | pendulum,
+        ],
+        "motion": [
+            {"kind": "harmonics", "amplitude": [0.05, 0.03], "period": [9.0, 7.0]},
+            {"kind": "harmonics", "axis": "vertical", "amplitude": [0.05], "period": [8.0]},
+        ],
+        "recording": recording,
+    }
+    made, truth = synth.simulate(Scene.model_validate(scene | changes))
+    return made, float(truth["truth"]["gravity"])
+
+
+def row(made: xr.DataTree, **options: Any) -> dict[str, Any]:
+    return summaries(process(made, method="joint", **options))[0]
+
+
+def in_sigmas(found: dict[str, Any], gravity: float) -> float:
+    return float((found["gravity_m_s2"] - gravity) / 1e-5 / found["gravity_sigma_mgal"])
+
+
+pytestmark = pytest.mark.compiled
+
+KINDS: dict[str, dict[str, Any]] = {
+    "as it is": {},
+    "law not stated": {"recording": {"write_restoring": False}},
+    "damping not stated": {"recording": {"write_damping": False}},
+    "linear": {"restoring": "linear"},
+    "half-second marks": {"recording": {"sampling_rate": 2}},
+    "uneven times": {"recording": {"jitter": 0.01}},
+    "a gap of both traces": {"recording": {"missing": [{"start": 100.0, "stop": 130.0}]}},
+    "outliers": {"recording": {"outliers": 60, "outlier_amplitude": 0.003}},
+    "kicks": {"pendulum": {"kick_intensity": 1e-6}},
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_gravity_lies_within_its_sigma(kind: str) -> None:
+    made, gravity = record(**KINDS[kind])
+    found = row(made)
+    assert abs(in_sigmas(found, gravity)) < 3.5
+    assert found["gravity_sigma_mgal"] < (
+        5.0 if kind in ("kicks", "half-second marks", "a gap of both traces") else 1.0
+    )
+
+
+def test_the_result_keeps_its_layout_and_its_course(tmp_path: Any) -> None:
+    made, gravity = record(gravity_course={"kind": "linear", "rate": 2e-6}, duration=600.0)
+    result = process(made, method=["joint", "uncorrected"])
+    assert check(result, "result") == []
+    write(result, tmp_path / "a.result.nc")
+    course = read(tmp_path / "a.result.nc")["course"].dataset
+    values, sigma = course["gravity_course"].values, course["gravity_course_sigma"].values
+    time = result["time"].values
+    truth = gravity + 2e-6 * (time - 300.0)
+    assert np.sqrt(np.mean(((values - truth) / 1e-5 / sigma) ** 2)) < 2.5
+    (joint, plain) = summaries(result)
+    assert "gravity-changes" in joint["flags"]
+    assert np.mean(values) == pytest.approx(joint["gravity_m_s2"], abs=3e-6)  # the ends of the grid differ
+    assert plain["method"] == "uncorrected"
+
+
+def test_kicks_are_named_and_widen_sigma() -> None:
+    quiet, _ = record()
+    loud, gravity = record(pendulum={"kick_intensity": 1e-5})
+    found = row(loud)
+    assert "random-kicks" in found["flags"]
+    assert found["gravity_sigma_mgal"] > 10.0 * row(quiet)["gravity_sigma_mgal"]
+    assert abs(in_sigmas(found, gravity)) < 3.5
+
+
+def test_a_short_record_is_refused_by_name() -> None:
+    made, _ = record(duration=15.0)
+    with pytest.raises(RefusedError, match="swings are too few"):
+        process(made, method="joint")
+
+
+def test_a_wrong_period_is_refused_by_name() -> None:
+    made, _ = record()
+    stored = made["instrument"].to_dataset()
+    made["instrument"] = xr.DataTree(stored.assign(period=stored["period"] * 1.15))
+    with pytest.raises(RefusedError, match="instrument/period"):
+        process(made, method="joint")
+
+
+def test_beside_a_refusal_other_methods_stand() -> None:
+    made, gravity = record(recording={"missing": [{"start": 60.0, "stop": 120.0}]})
+    rows = summaries(process(made, method=["joint", "general"]))
+    assert [each["requested_method"] for each in rows] == ["joint", "general"]
+    assert abs(in_sigmas(rows[0], gravity)) < 3.5

@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     if options.seed is not None:
         scene = scene.model_copy(update={"seed": options.seed})
     record, truth = synth.simulate(scene)
-    methods = [name for name in METHODS if name != "auto"]
+    methods = [name for name in METHODS if name not in ("auto", "joint")]
     process(record, method=methods)  # the first use loads the compiled kernels: not the methods' own time
     result = process(record, method=methods)
     for kind, tree in (("record", record), ("truth", truth), ("result", result)):

@@ -207,7 +207,7 @@ def _components(fit: Fitted) -> Iterator[Candidate]:
             continue
         frequency = 2.0 * np.pi * at / (series.size * step)
         options: list[tuple[Axis, float]] = [("horizontal", frequency)]
-        if model.assumed.sine:
+        if model.assumed.sine and not problem.recorded.size:
             options += [("vertical", f) for f in (frequency + swing, abs(frequency - swing)) if f > 0.2]
         lines = [make(own, width * own, rms, axis) for axis, own in options for make, width, rms in SHAPES]
         span = window(problem)

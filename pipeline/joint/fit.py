@@ -23,6 +23,7 @@ COARSE_GATE = 100.0  # deviations, of a pass whose errors' scale is not known ye
 STRETCH, MOST_TOGETHER = 60.0, 0.25  # s; share of a trace's readings there that may be outliers
 MOST_OUTLIERS = 0.1  # share of the readings
 UNSTATED = 1e-4  # rad: reading noise of a cold start where none is stated
+ACCELEROMETER = 3e-5  # over reference gravity: noise of a recorded acceleration that is too sparse to be interpolated
 GENEROUS = (Sea(0.7, 0.1, 0.02), Vibration(6.0, 1e-3))
 """The ship's motion that a cold start allows for."""
 GATE = 7.0  # deviations beyond which a reading is left out
@@ -228,16 +229,17 @@ CAPTURE = 0.02  # of gravity, from the reference
 def fitted(gathered: Gathered, *, sine: bool) -> tuple[choice.Fitted, list[choice.Candidate]]:
     """Fit one law: cold start, outliers, the ship's spectrum, then what else the likelihood pays for."""
     problem = gathered.problem
-    unknown_heave = sine and not gathered.heave
+    unknown_heave = sine and not problem.recorded.size
     base = int(np.argmax(np.abs(problem.lattice.combination.sum(axis=1))))
     stated = np.where(np.isfinite(gathered.noise), gathered.noise, UNSTATED)
-    noise = np.concatenate([np.maximum(stated, LEAST_NOISE), [UNSTATED, UNSTATED]])
+    noise = np.concatenate([np.maximum(stated, LEAST_NOISE), [ACCELEROMETER, ACCELEROMETER]])
     ship: tuple[Component, ...] = GENEROUS
     if unknown_heave:
         ship = (*ship, replace(GENEROUS[0], axis="vertical", rms=0.5 * GENEROUS[0].rms))
     assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
     problem, constants = cold_start(problem, assumed, first_constants(gathered))
     problem = without_outliers(problem, assumed, constants)
+    noise = noise.copy()
     floors = [spectrum.noise_floor(problem, j) for j in range(problem.traces)]
     for j, floor in enumerate(floors):
         if not np.isfinite(gathered.noise[j]) and np.isfinite(floor):

@@ -36,8 +36,6 @@ class Gathered:
         What /instrument states; see `pipeline.observation.instrument`.
     noise : (t,) array
         Stated reading noise, rad; NaN = not stated.
-    heave : bool
-        Whether a vertical acceleration is recorded.
     heave_noise : float
         White noise of a recording that is interpolated, over reference gravity, times the root of its step, s1/2.
     """
@@ -47,7 +45,6 @@ class Gathered:
     traces: tuple[str, ...]
     constants: dict[str, Any]
     noise: Floats
-    heave: bool
     heave_noise: float = 0.0
 
     @property
@@ -125,7 +122,6 @@ def gather(record: DataTree) -> Gathered:
         tuple(str(trace) for trace in stored["trace"].values),
         known,
         stated,
-        heave is not None,
         white,
     )
 
@@ -143,7 +139,7 @@ def _far(trace: np.ndarray, value: Floats, traces: int) -> np.ndarray:
 
 def _white(time: Floats, heave: Floats) -> float:
     """White noise of a recorded heave times the root of its step, from what six neighbours do not foretell."""
-    weights = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])  # sixth difference: deaf to any wave of six samples
+    weights = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])  # sixth difference: insensitive to slow waves
     rest = np.convolve(heave, weights, "valid")
     scale = float(np.median(np.abs(rest))) / 0.6745 / float(np.sqrt(weights @ weights))
     return scale * float(np.sqrt(np.median(np.diff(time))))

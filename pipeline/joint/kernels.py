@@ -261,21 +261,21 @@ def force_columns(
 def derive_errors(
     readings: Readings,
     columns: Columns,
-    told: np.ndarray,
+    of_traces: np.ndarray,
     which: int,
     time: float,
     state: Floats,
     errors: Floats,
     j: int,
 ) -> None:
-    """What the constants `told` of a trace add to the derivatives of a prediction error.
+    """What the constants `of_traces` of a trace add to the derivatives of a prediction error.
 
     On entry row j of `errors`, (u, c + 1), holds what the reading's row makes of the state, with the sign of the
     error; last: the error itself, to which the reading is still to be added.
     """
     last, trace = errors.shape[1] - 1, readings.trace[which]
-    for n in range(told.size):
-        c = told[n]
+    for n in range(of_traces.size):
+        c = of_traces[n]
         kind = columns.kind[c]
         if columns.member[c] != trace:
             continue
@@ -677,7 +677,7 @@ def sweep(
     errors, pull = np.zeros((most, constants + 1)), np.zeros((most, wide))
     buffer, rows = np.zeros((ROWS, constants + 1)), 0
     forced = np.flatnonzero((columns.kind > START) & (columns.kind < ZERO))
-    told = np.flatnonzero((columns.kind >= ZERO) & (columns.kind != KNOCK))
+    of_traces = np.flatnonzero((columns.kind >= ZERO) & (columns.kind != KNOCK))
     knocks = np.flatnonzero(columns.kind == KNOCK)
     plain = not flow.sine and not np.any(flow.quadratic) and not np.any(flow.dry) and known.shape[0] == 0
     keeping = keep.state.shape[0] > 0
@@ -698,9 +698,9 @@ def sweep(
             keep_prediction(keep, k - begin, predicted)
         look(slots, used, state, errors)
         for j in range(used):
-            if told.size > 0:
+            if of_traces.size > 0:
                 derive_errors(
-                    readings, columns, told, slots.reading[j], k * flow.step + slots.offset[j], state, errors, j
+                    readings, columns, of_traces, slots.reading[j], k * flow.step + slots.offset[j], state, errors, j
                 )
             errors[j, constants] += readings.value[slots.reading[j]]
         if moving:

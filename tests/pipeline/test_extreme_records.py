@@ -113,7 +113,7 @@ RECORDS: dict[str, Callable[[], xr.DataTree]] = {
 
 def rows_or_refusal(name: str) -> list[dict[str, Any]] | str:
     try:
-        return summaries(process(RECORDS[name](), method=list(METHODS)))
+        return summaries(process(RECORDS[name](), method=[name for name in METHODS if name != "joint"]))
     except IsochronyError as error:  # anything else is a traceback at the user, and fails
         return str(error)
 

@@ -15,7 +15,7 @@ from data_schemas.errors import RecordError
 from pipeline import METHODS, process
 from pipeline.ledger.book import CORRECTIONS, GIVEN
 
-PLAIN = [name for name in METHODS if name != "auto"]
+PLAIN = [name for name in METHODS if name not in ("auto", "joint")]
 UNCERTAIN = {
     "chronometer_rate_uncertainty": 0.1,
     "temperature_uncertainty": 0.05,

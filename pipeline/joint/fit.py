@@ -201,12 +201,7 @@ def reduce(gathered: Gathered) -> Outcome:
             f"elongation: no swing at the stated period can be followed ({error}); check instrument/period and "
             "record/combination"
         ) from None
-    found.sort(key=lambda pair: -pair[0].solution.log_likelihood)
-    fit, close = found[0]
-    for other, others in found[1:]:
-        behind = other.solution.log_likelihood - fit.solution.log_likelihood
-        if behind > -choice.PAYS:
-            close = [*close, (other.solution.log_likelihood, other.model, other.solution), *others]
+    fit, close = found[0] if len(found) == 1 else weighed(found, float(gathered.constants["reference_gravity"]))
     mean, sigma = choice.averaged(fit, close)
     spread = choice.unexplained(fit)
     if spread > MOST_SPREAD:
@@ -222,6 +217,41 @@ def reduce(gathered: Gathered) -> Outcome:
     return Outcome(fit, close, mean, sigma, spread, int(fit.model.problem.left_out.sum()))
 
 
+def weighed(
+    laws: list[tuple[choice.Fitted, list[choice.Candidate]]], reference: float
+) -> tuple[choice.Fitted, list[choice.Candidate]]:
+    """The likelier of two laws over the readings that both use; refused where that says little and much hangs on it.
+
+    Raises
+    ------
+    RefusedError
+        They are close, or neither holds, and they lie more than 10 mGal apart.
+    """
+    out = laws[0][0].model.problem.left_out | laws[1][0].model.problem.left_out
+    values = []
+    for fit, _ in laws:
+        model = replace(fit.model, problem=replace(fit.model.problem, left_out=out))
+        values.append(choice.priced(model, fit.path)[0])
+    order = [0, 1] if values[0] >= values[1] else [1, 0]
+    (fit, close), (other, others) = (laws[k] for k in order)
+    ahead = values[order[0]] - values[order[1]]
+    apart = abs(choice.averaged(fit, close)[0] - choice.averaged(other, others)[0]) * reference / MGAL
+    if apart > MOST_APART and ahead < (DECISIVE if choice.unexplained(fit) > DOUBTFUL else CLOSE):
+        first, second = ("sine" if each.model.assumed.sine else "linear" for each in (fit, other))
+        raise RefusedError(
+            f"instrument attribute restoring: not stated, and the readings do not tell it: '{first}' is ahead of "
+            f"'{second}' by {ahead:.1f} in log-likelihood, their gravities lie {apart:.0f} mGal apart; state restoring"
+        )
+    if ahead < CLOSE:
+        moved = fit.solution.log_likelihood - ahead
+        close = [*close, (moved, other.model, other.solution)]
+    return fit, close
+
+
+MGAL = 1e-5  # m s-2
+MOST_APART = 10.0  # mGal
+CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law explains the readings, and where it does not
+DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
 MOST_SPREAD = 30.0
 CAPTURE = 0.02  # of gravity, from the reference
 

@@ -160,13 +160,13 @@ def requested_methods(verb: str, text: str) -> tuple[str, ...]:
     UsageError
         An unknown one, or one twice.
     """
-    from pipeline.methods import METHODS
+    from pipeline.methods import METHODS, NAMES
 
     every = [name for name in METHODS if name != "auto"]
     names = [name for part in text.split(",") for name in (every if part.strip() == "all" else [part.strip()])]
     for name in names:
-        if name not in METHODS:
-            raise UsageError(f"{verb}: unknown method '{name}'{did_you_mean(name, (*METHODS, 'all'))}")
+        if name not in NAMES:
+            raise UsageError(f"{verb}: unknown method '{name}'{did_you_mean(name, (*NAMES, 'all'))}")
     if len(set(names)) < len(names):
         raise UsageError(f"{verb}: --method {text} names a method twice; name each once")
     return tuple(names)

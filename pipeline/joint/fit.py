@@ -204,7 +204,7 @@ def reduce(gathered: Gathered) -> Outcome:
     fit, close = found[0] if len(found) == 1 else weighed(found, float(gathered.constants["reference_gravity"]))
     mean, sigma = choice.averaged(fit, close)
     spread = choice.unexplained(fit)
-    if spread > MOST_SPREAD:
+    if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:
         raise RefusedError(
             f"elongation: the readings lie {spread:.0f} times farther from the best explanation than their noise; "
             "check instrument/period, record/combination and the unit of the elongations (rad)"
@@ -253,6 +253,7 @@ MOST_APART = 10.0  # mGal
 CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law explains the readings, and where it does not
 DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
 MOST_SPREAD = 30.0
+MOST_SIGMA = 1e-3  # over gravity: a sigma of a gal says that no swing at the stated period was followed
 CAPTURE = 0.02  # of gravity, from the reference
 
 

@@ -23,7 +23,9 @@ _WHERE = {
     "projection": "pipeline.methods.projection",
     "shooting": "pipeline.methods.shooting",
 }
-METHODS: tuple[str, ...] = (*_WHERE, "joint", "auto")
+METHODS: tuple[str, ...] = (*_WHERE, "auto")
+NAMES: tuple[str, ...] = (*METHODS, "joint")
+"""What `process` takes; `joint`, which takes seconds, is asked for by its name alone."""
 PHASE_METHODS = ("uncorrected", "vening-meinesz", "panteleev", "general", "complex")
 """Methods that work on the separated harmonics; the others never compute them."""
 

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 from made_records import RESONANT, SWELL, changed, row, simulate
 
-from pipeline.flags import LINEAR_FITS, MEANINGS, MOST_BRIDGED, MOST_MISSING, SENSORS, SHORT_SECONDS, UNDECIDED
+from pipeline.flags import JOINT, LINEAR_FITS, MEANINGS, MOST_BRIDGED, MOST_MISSING, SENSORS, SHORT_SECONDS, UNDECIDED
 
 LONG = SHORT_SECONDS + 20.0
 QUIET: dict[str, Any] = {"duration": LONG, "noise": 2e-5, "motion": [SWELL | {"amplitude": [0.02, 0.02, 0.02]}]}
@@ -101,7 +101,7 @@ CASES: dict[str, tuple[Callable[[], xr.DataTree], Callable[[], xr.DataTree]]] = 
 
 def test_every_flag_has_its_records() -> None:
     # only auto can be undecided, only shooting mistake linear pendulums; what sensors raise is tested beside them
-    assert CASES.keys() | {UNDECIDED, LINEAR_FITS} | SENSORS.keys() == MEANINGS.keys()
+    assert CASES.keys() | {UNDECIDED, LINEAR_FITS} | SENSORS.keys() | JOINT.keys() == MEANINGS.keys()
 
 
 @pytest.mark.parametrize("flag", CASES)

@@ -206,7 +206,8 @@ def reduce(gathered: Gathered) -> Outcome:
     spread = choice.unexplained(fit)
     if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:
         raise RefusedError(
-            f"elongation: the readings lie {spread:.0f} times farther from the best explanation than their noise; "
+            f"elongation: no explanation follows the readings (errors {spread:.1f} times their noise, sigma of gravity "
+            f"{sigma * spread:.1g} of it); "
             "check instrument/period, record/combination and the unit of the elongations (rad)"
         )
     if abs(mean - 1.0) > CAPTURE:

@@ -26,8 +26,8 @@ _METHOD_TEXTS = {
     "complex": "complex form of (27), works where the amplitude passes through zero",
     "projection": "exact identity of linear pendulums, by variable projection",
     "shooting": "exact identity of real pendulums; heave as recorded, or told from the phase",
-    "joint": "state-space model of all pendulums, ship and instrument, by likelihood; gravity along the track",
     "auto": "projection for linear pendulums, shooting for real ones (default); the result says which and why",
+    "joint": "state-space model of all pendulums, ship and instrument, by likelihood; gravity along the track",
 }
 _METHOD_LIST = "\n".join(f"  {name:<14}  {text}" for name, text in _METHOD_TEXTS.items())
 
@@ -51,7 +51,7 @@ base_time, base_gravity, base_period of base stations before and after; X_uncert
 
 methods:
 {_METHOD_LIST}
-  all             every one of the above but auto"""
+  all             every one of the above but auto and joint"""
 
 _EXAMPLES = """\
 examples:

@@ -20,6 +20,7 @@ from pipeline.joint.ship import Ship
 
 NODES = np.array([0.5 - np.sqrt(15.0) / 10.0, 0.5, 0.5 + np.sqrt(15.0) / 10.0])
 """Gauss nodes of a step."""
+POWERS = 15
 HALVINGS = 6  # Van Loan's exponential is taken of a short step, then doubled: stable where the drift is stiff
 
 
@@ -46,10 +47,13 @@ class Flow(NamedTuple):
         pendulums by their angles.
     response : (p, 4, 3, 2) array
         Angle and speed at each node and at the end to the Lagrange polynomials of an acceleration at the nodes.
-    rates : (3, d) array
-        Rows of U, U' and U'' at the step's start.
-    heave : (2, d) array
-        Rows of Z and Z' at the step's start.
+    angles : (p, e, d) array
+        Rows of each pendulum's angle near a node by the powers of the time from it, under the linear flow.
+    horizontal, vertical : (e, d) arrays
+        The same of U and Z.
+    pull : (3, 3) array
+        Lagrange polynomials of the nodes, integrated twice from the step's start: factors of the square, cube and
+        fourth power of the time.
     varying : bool
         Whether the flow's derivative turns with the swing; the covariance then follows it. (What the ship's motion does
         to two pendulums differs by their arcs as much as by their periods: a gain without the arcs errs by 2 mGal.)
@@ -66,8 +70,10 @@ class Flow(NamedTuple):
     noise: Floats
     heave_noise: float
     response: Floats
-    rates: Floats
-    heave: Floats
+    angles: Floats
+    horizontal: Floats
+    vertical: Floats
+    pull: Floats
     varying: bool
 
 
@@ -145,16 +151,30 @@ def flow(
         noise=0.5 * (noise + noise.T),
         heave_noise=heave_noise,
         response=_response(step, kappa * gravity, np.asarray(damping)),
-        rates=np.stack([u_row, u_row @ drift, u_row @ drift @ drift]),
-        heave=np.stack([z_row, z_row @ drift]),
+        angles=np.stack([_powers(drift, row) for row in np.eye(size)[:two:2]]),
+        horizontal=_powers(drift, u_row),
+        vertical=_powers(drift, z_row),
+        pull=np.array([p.coeffs[::-1] / p(at) for p, at in zip(_POLYNOMIALS, NODES, strict=True)])
+        / step ** np.arange(3)
+        / np.array([2.0, 6.0, 12.0]),
         varying=bool(sine),
     )
+
+
+_POLYNOMIALS = [np.poly1d(np.delete(NODES, m), r=True) for m in range(3)]
+
+
+def _powers(drift: Floats, row: Floats) -> Floats:
+    """Terms of the exponential series of a row, (e, d)."""
+    out = [row]
+    for power in range(1, POWERS):
+        out.append(out[-1] @ drift / power)
+    return np.array(out)
 
 
 def _response(step: float, stiffness: Floats, damping: Floats) -> Floats:
     """Integrals of each pendulum's response to the Lagrange polynomials through the nodes, (p, 4, 3, 2)."""
     points, weights = np.polynomial.legendre.leggauss(12)
-    polynomials = [np.poly1d(np.delete(NODES, m), r=True) for m in range(3)]
     out = np.zeros((stiffness.size, 4, 3, 2))
     for i, (square, rate) in enumerate(zip(stiffness, damping, strict=True)):
         own = np.sqrt(square - rate**2)
@@ -164,7 +184,7 @@ def _response(step: float, stiffness: Floats, damping: Floats) -> Floats:
             fading = 0.5 * weights * end * step * np.exp(-rate * since)
             moved = fading * np.sin(own * since) / own
             speed = fading * np.cos(own * since) - rate * moved
-            for m, polynomial in enumerate(polynomials):
+            for m, polynomial in enumerate(_POLYNOMIALS):
                 value = polynomial(at) / polynomial(NODES[m])
                 out[i, j, m] = moved @ value, speed @ value
     return out

@@ -100,7 +100,7 @@ def gather(record: DataTree) -> Gathered:
     if heave is not None and dense:
         from scipy.interpolate import CubicSpline
 
-        spline = CubicSpline(time[there] - time[0], heave[there])
+        spline = CubicSpline(time[there] - lattice.start, heave[there])
         at = lattice.step * (np.arange(lattice.nodes)[:, None] + NODES)
         recorded, slope = spline(at), spline(at, 1)
         white = _white(time[there], heave[there])

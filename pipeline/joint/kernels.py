@@ -98,6 +98,18 @@ def reach_nodes(columns: Floats, path: Floats, at: int, nodes: Floats) -> None:
 
 
 @kernel
+def reach(columns: Floats, about: Floats, k: int, whole: Floats, known: Floats, nodes: Floats) -> None:
+    """Angles, speeds, U and Z at the nodes of step k, from a path or else from the state, the last row of `whole`."""
+    if about.shape[0] > 0:
+        reach_nodes(columns, about, k, nodes)
+    else:
+        reach_nodes(columns, whole, whole.shape[0] - 1, nodes)
+    if known.shape[0] > 0:
+        for m in range(3):
+            nodes[nodes.size - 3 + m] += known[k, m]
+
+
+@kernel
 def collocate(flow: Flow, i: int, nodes: Floats, rest: Floats) -> None:
     """Angles of pendulum i at the nodes under what the linear flow leaves, and that remainder.
 
@@ -107,7 +119,7 @@ def collocate(flow: Flow, i: int, nodes: Floats, rest: Floats) -> None:
     ----------
     nodes : (6 p + 6,) array, changed
         Angles, speeds, U and Z at the nodes; the angles are moved.
-    rest : (3, 4) array, out
+    rest : (p, 3, 4) array, out
         At each node, sine and cosine of the angle before it is moved, the acceleration left by the linear flow, and
         that angle.
     """
@@ -115,23 +127,23 @@ def collocate(flow: Flow, i: int, nodes: Floats, rest: Floats) -> None:
     angle, speed, horizontal, vertical = 3 * i, 3 * (count + i), 6 * count, 6 * count + 3
     quadratic, dry = flow.quadratic[i], flow.dry[i]
     for m in range(3):
-        rest[m, 3] = nodes[angle + m]
-        rest[m, 0], rest[m, 1] = sine_and_cosine(rest[m, 3])
+        rest[i, m, 3] = nodes[angle + m]
+        rest[i, m, 0], rest[i, m, 1] = sine_and_cosine(rest[i, m, 3])
     moved0 = moved1 = moved2 = 0.0
     for _ in range(3):
         for m in range(3):
             by = moved0 if m == 0 else (moved1 if m == 1 else moved2)
             u, z, at = nodes[horizontal + m], nodes[vertical + m], nodes[angle + m] + by
             if flow.sine:
-                sine, cosine = rest[m, 0], rest[m, 1]
+                sine, cosine = rest[i, m, 0], rest[i, m, 1]
                 s = sine + by * (cosine - 0.5 * by * sine)
                 c = cosine - by * (sine + 0.5 * by * cosine)
-                rest[m, 2] = -kappa * ((gravity + z) * s - gravity * at + u * (c - 1.0))
+                rest[i, m, 2] = -kappa * ((gravity + z) * s - gravity * at + u * (c - 1.0))
             else:
-                rest[m, 2] = -kappa * z * at
+                rest[i, m, 2] = -kappa * z * at
             if quadratic != 0.0 or dry != 0.0:
-                rest[m, 2] -= quadratic * abs(nodes[speed + m]) * nodes[speed + m] + dry * np.sign(nodes[speed + m])
-        f0, f1, f2 = rest[0, 2], rest[1, 2], rest[2, 2]
+                rest[i, m, 2] -= quadratic * abs(nodes[speed + m]) * nodes[speed + m] + dry * np.sign(nodes[speed + m])
+        f0, f1, f2 = rest[i, 0, 2], rest[i, 1, 2], rest[i, 2, 2]
         moved0 = flow.response[i, 0, 0, 0] * f0 + flow.response[i, 0, 1, 0] * f1 + flow.response[i, 0, 2, 0] * f2
         moved1 = flow.response[i, 1, 0, 0] * f0 + flow.response[i, 1, 1, 0] * f1 + flow.response[i, 1, 2, 0] * f2
         moved2 = flow.response[i, 2, 0, 0] * f0 + flow.response[i, 2, 1, 0] * f1 + flow.response[i, 2, 2, 0] * f2
@@ -188,7 +200,7 @@ def differentiate(
         Z at the nodes beside the states; may be empty.
     nodes : (6 p + 6,) array
         Angles of the remainder, speeds, U, whole Z.
-    rest : (3, 4) array
+    rest : (p, 3, 4) array
         At each node, see `collocate`.
     by : (3, 4) array, out
         Derivative of the remaining acceleration at each node by angle, speed, U and Z.
@@ -200,15 +212,15 @@ def differentiate(
         speed, u, z = nodes[3 * (count + i) + m], nodes[6 * count + m], nodes[6 * count + 3 + m]
         beside = known[k, m] if known.shape[0] > 0 else 0.0
         if flow.sine:
-            sine, cosine = rest[m, 0], rest[m, 1]
+            sine, cosine = rest[i, m, 0], rest[i, m, 1]
             by[m, 0] = -kappa * ((gravity + z) * cosine - gravity - u * sine)
             by[m, 2], by[m, 3] = -kappa * (cosine - 1.0), -kappa * sine
         else:
             by[m, 0], by[m, 2], by[m, 3] = -kappa * z, 0.0, 0.0
         by[m, 1] = -2.0 * flow.quadratic[i] * abs(speed)
-        linear = by[m, 0] * rest[m, 3] + by[m, 1] * speed + by[m, 2] * u + by[m, 3] * (z - beside)
-        extra[2 * i] += flow.response[i, 3, m, 0] * (rest[m, 2] - linear)
-        extra[2 * i + 1] += flow.response[i, 3, m, 1] * (rest[m, 2] - linear)
+        linear = by[m, 0] * rest[i, m, 3] + by[m, 1] * speed + by[m, 2] * u + by[m, 3] * (z - beside)
+        extra[2 * i] += flow.response[i, 3, m, 0] * (rest[i, m, 2] - linear)
+        extra[2 * i + 1] += flow.response[i, 3, m, 1] * (rest[i, m, 2] - linear)
 
 
 @kernel
@@ -350,10 +362,8 @@ class Slots(NamedTuple):
     offset, variance : (u,) arrays
     row : (u, d) array
         Row of the reading in the state.
-    filled : (u,) array of int
-        How many of its elements are not zero.
-    place : (u, d) array of int
-        Where they stand.
+    pull : (u, 3) array
+        Factors of the remaining accelerations at the step's nodes in a pendulum's angle at the reading's time.
     """
 
     reading: np.ndarray
@@ -361,40 +371,34 @@ class Slots(NamedTuple):
     offset: Floats
     variance: Floats
     row: Floats
-    filled: np.ndarray
-    place: np.ndarray
+    pull: Floats
 
 
 @kernel
 def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> None:
-    """Row of a reading in the state, into slot j: the linear flow to its own time."""
-    size = slots.row.shape[1]
+    """Row of a reading in the state, into slot j: the linear flow to its own time; and the pull of what it leaves."""
+    size, traces = slots.row.shape[1], readings.combination.shape[0]
+    trace, tau = readings.trace[which], readings.offset[which]
     for q in range(size):
         slots.row[j, q] = 0.0
-    trace, tau = readings.trace[which], readings.offset[which]
-    if trace >= readings.combination.shape[0]:
-        for q in range(size):
-            if trace == readings.combination.shape[0]:
-                slots.row[j, q] = flow.rates[0, q] + tau * flow.rates[1, q]
-            else:
-                slots.row[j, q] = flow.heave[0, q] + tau * flow.heave[1, q]
-        return
-    for i in range(flow.kappa.size):
-        weight = readings.combination[trace, i]
-        if weight == 0.0:
-            continue
-        if tau == 0.0:
-            slots.row[j, 2 * i] = weight
-            continue
-        own2 = flow.kappa[i] * flow.gravity - flow.damping[i] ** 2
-        own, fade = np.sqrt(own2), np.exp(-flow.damping[i] * tau)
-        moved = fade * np.sin(own * tau) / own
-        slots.row[j, 2 * i] = weight * (fade * np.cos(own * tau) + flow.damping[i] * moved)
-        slots.row[j, 2 * i + 1] = weight * moved
-        forced = -weight * flow.kappa[i] * tau * tau
-        zeroth, first, second = forced * (0.5 - own2 * tau * tau / 24.0), forced * tau / 6.0, forced * tau * tau / 24.0
-        for q in range(2 * flow.kappa.size, size):
-            slots.row[j, q] += zeroth * flow.rates[0, q] + first * flow.rates[1, q] + second * flow.rates[2, q]
+    for m in range(3):
+        slots.pull[j, m] = tau * tau * (flow.pull[m, 0] + tau * (flow.pull[m, 1] + tau * flow.pull[m, 2]))
+    power = 1.0
+    for e in range(flow.horizontal.shape[0]):
+        if trace < traces:
+            for i in range(flow.kappa.size):
+                factor = power * readings.combination[trace, i]
+                for q in range(size):
+                    slots.row[j, q] += factor * flow.angles[i, e, q]
+        elif trace == traces:
+            for q in range(size):
+                slots.row[j, q] += power * flow.horizontal[e, q]
+        else:
+            for q in range(size):
+                slots.row[j, q] += power * flow.vertical[e, q]
+        power *= tau
+        if power == 0.0:
+            break
 
 
 @kernel
@@ -423,26 +427,28 @@ def recognise(readings: Readings, slots: Slots, used: int) -> bool:
     return alike
 
 
-@kernel
-def find_places(slots: Slots, j: int) -> None:
-    """Note where the row of a slot is not zero."""
-    slots.filled[j] = 0
-    for q in range(slots.row.shape[1]):
-        if slots.row[j, q] != 0.0:
-            slots.place[j, slots.filled[j]] = q
-            slots.filled[j] += 1
-
-
-@kernel
+@summing_kernel
 def look(slots: Slots, used: int, state: Floats, errors: Floats) -> None:
     """What the readings' rows make of the state, (c + 1, d), with the sign of the error."""
-    for j in range(used):
-        for c in range(errors.shape[1]):
+    for c in range(errors.shape[1]):
+        for j in range(used):
             total = 0.0
-            for n in range(slots.filled[j]):
-                q = slots.place[j, n]
-                total -= slots.row[j, q] * state[c, q]
-            errors[j, c] = total
+            for q in range(state.shape[1]):
+                total += slots.row[j, q] * state[c, q]
+            errors[j, c] = -total
+
+
+@kernel
+def pull_aside(slots: Slots, used: int, readings: Readings, rest: Floats, errors: Floats) -> None:
+    """Take from the prediction errors what the linear flow leaves out between node and reading."""
+    last = errors.shape[1] - 1
+    for j in range(used):
+        trace = slots.trace[j]
+        if trace < readings.combination.shape[0]:
+            for i in range(rest.shape[0]):
+                moved = slots.pull[j, 0] * rest[i, 0, 2] + slots.pull[j, 1] * rest[i, 1, 2]
+                moved += slots.pull[j, 2] * rest[i, 2, 2]
+                errors[j, last] -= readings.combination[trace, i] * moved
 
 
 @summing_kernel
@@ -450,25 +456,21 @@ def project(slots: Slots, used: int, covariance: Floats, gain: Floats) -> None:
     """Covariance of the readings' predictions with the state, into `gain`."""
     size = gain.shape[1]
     for j in range(used):
-        for n in range(slots.filled[j]):
-            q = slots.place[j, n]
+        for r in range(size):
+            gain[j, r] = slots.row[j, 0] * covariance[0, r]
+        for q in range(1, size):
             weight = slots.row[j, q]
-            if n == 0:
-                for r in range(size):
-                    gain[j, r] = weight * covariance[q, r]
-            else:
-                for r in range(size):
-                    gain[j, r] += weight * covariance[q, r]
+            for r in range(size):
+                gain[j, r] += weight * covariance[q, r]
 
 
-@kernel
+@summing_kernel
 def square_up(slots: Slots, used: int, gain: Floats, square: Floats) -> None:
     """Covariance of the prediction errors of a node."""
     for j in range(used):
         for q in range(j + 1):
             total = 0.0
-            for n in range(slots.filled[q]):
-                r = slots.place[q, n]
+            for r in range(gain.shape[1]):
                 total += gain[j, r] * slots.row[q, r]
             square[j, q] = square[q, j] = total
         square[j, j] += slots.variance[j]
@@ -531,10 +533,9 @@ def set_aside(slots: Slots, used: int, gate: float, of: Pass, errors: Floats, ga
             of.totals[2] += 1.0
             of.whitened[which] = np.nan
             continue
-        slots.reading[stay], slots.variance[stay], slots.filled[stay] = which, slots.variance[j], slots.filled[j]
+        slots.reading[stay], slots.trace[stay], slots.variance[stay] = which, slots.trace[j], slots.variance[j]
         for r in range(gain.shape[1]):
-            gain[stay, r] = gain[j, r]
-            slots.row[stay, r], slots.place[stay, r] = slots.row[j, r], slots.place[j, r]
+            gain[stay, r], slots.row[stay, r] = gain[j, r], slots.row[j, r]
         for c in range(errors.shape[1]):
             errors[stay, c] = errors[j, c]
         stay += 1
@@ -667,10 +668,10 @@ def sweep(
     state, state_updated = predicted[size:], updated[size:]
     ahead = flow.rows[between:].copy()
     ahead_columns, to_nodes = np.ascontiguousarray(ahead.T), np.ascontiguousarray(flow.rows[:between].T)
-    nodes, extra, rest, by = np.zeros(between), np.zeros(two), np.zeros((3, 4)), np.zeros((3, 4))
+    nodes, extra, rest, by = np.zeros(between), np.zeros(two), np.zeros((count, 3, 4)), np.zeros((3, 4))
     slots = Slots(
         np.zeros(most, dtype=np.int64), np.full(most, -1), np.zeros(most), np.zeros(most), np.zeros((most, size)),
-        np.zeros(most, dtype=np.int64), np.zeros((most, size), dtype=np.int64),
+        np.zeros((most, 3)),
     )  # fmt: skip
     square, root = np.zeros((most, most)), np.zeros((most, most))
     gain, old_gain = np.zeros((most, size)), np.zeros((most, size))
@@ -692,11 +693,16 @@ def sweep(
         if not alike:
             for j in range(used):
                 row_of(flow, readings, slots.reading[j], slots, j)
-                find_places(slots, j)
         before, moving = used, moving or not alike
         if keeping:
             keep_prediction(keep, k - begin, predicted)
+        if asked:
+            reach(to_nodes, about, k, predicted, known, nodes)
         look(slots, used, state, errors)
+        if not plain:
+            for i in range(count):
+                collocate(flow, i, nodes, rest)
+            pull_aside(slots, used, readings, rest, errors)
         for j in range(used):
             if of_traces.size > 0:
                 derive_errors(
@@ -755,17 +761,13 @@ def sweep(
             break
         # to the next node
         settling = moving and alike and not flow.varying and change < SETTLED and used > 0
-        if asked:
-            if about.shape[0] > 0:
-                reach_nodes(to_nodes, about, k, nodes)
-            else:
-                reach_nodes(to_nodes, updated, last, nodes)
-        if known.shape[0] > 0:
-            for m in range(3):
-                nodes[6 * count + 3 + m] += known[k, m]
+        if asked and about.shape[0] == 0:
+            reach(to_nodes, about, k, updated, known, nodes)
+            if not plain:
+                for i in range(count):
+                    collocate(flow, i, nodes, rest)
         if not plain:
             for i in range(count):
-                collocate(flow, i, nodes, rest)
                 differentiate(flow, i, known, k, nodes, rest, by, extra)
                 tilt(flow, i, by, ahead, ahead_columns)
         if moving:

@@ -9,8 +9,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint.kernels import Readings
 
-MOST_ANGLE = 0.7  # of the swing a step, rad
-OFFSET_ANGLE = 0.3  # the same where readings lie off the nodes
+MOST_ANGLE = 0.8  # of the swing a step, rad: readings lie within half of it about their node
 
 
 @dataclass(frozen=True)
@@ -82,19 +81,23 @@ def lay(time: Floats, series: Floats, combination: Floats, frequency: float) -> 
     """
     spacing = np.diff(time)
     even = float(time[-1] - time[0]) / max(time.size - 1, 1)
-    if spacing.size and np.abs(spacing - np.rint(spacing / spacing.min()) * spacing.min()).max() < 1e-6 * spacing.min():
-        even = float(time[-1] - time[0]) / np.rint((time[-1] - time[0]) / spacing.min())
+    least = float(spacing.min(initial=np.inf))
+    regular = bool(np.all(np.abs(spacing - np.rint(spacing / least) * least) < 1e-6 * least))
+    if regular and spacing.size:
+        even = float(time[-1] - time[0]) / np.rint((time[-1] - time[0]) / least)
     angle = even * frequency
-    step = even / np.ceil(angle / MOST_ANGLE) if angle > 0.5 * OFFSET_ANGLE else even * np.floor(OFFSET_ANGLE / angle)
-    since = time - time[0]
-    node = np.rint(since / step).astype(np.int64)
-    offset = since - node * step
-    offset[np.abs(offset) < 1e-9 * step + 1e-12 * since[-1]] = 0.0
+    together = max(1.0, float(np.floor(MOST_ANGLE / angle)))  # of a trace's readings, about each node
+    step = even * together / np.ceil(angle / MOST_ANGLE)
+    start = float(time[0]) + 0.5 * (together - 1.0) * even
+    node = np.rint((time - start) / step).astype(np.int64)
+    offset = time - start - node * step
+    if regular:  # equal offsets are equal to the last digit
+        offset = 0.5 * even * np.rint(2.0 * offset / even)
     trace, at = np.nonzero(np.isfinite(series))
     order = np.lexsort((trace, at))
     trace, at = trace[order], at[order]
     return Lattice(
-        start=float(time[0]),
+        start=start,
         step=step,
         nodes=int(node[-1]) + 1,
         node=node[at],

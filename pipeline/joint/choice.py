@@ -82,12 +82,11 @@ def fitted(model: Model, about: Floats, passes: int = 2) -> Fitted:
     root = prior_root(model.constants, model.course)
     constants = model.constants
     for _ in range(passes):
-        path, _ = model.problem.smooth(model.assumed, constants, about=about)
-        solution, of = model.problem.run(model.assumed, constants, about=path, root=root)
-        about, constants = path, solution.constants
+        solution, of, about = model.problem.fit(model.assumed, constants, about=about, root=root)
+        constants = solution.constants
         if np.all(np.abs(solution.step) < 0.05 * np.sqrt(np.diag(solution.covariance))):
             break
-    return Fitted(replace(model, constants=constants), solution, path, of.whitened)
+    return Fitted(replace(model, constants=constants), solution, about, of.whitened)
 
 
 Candidate = tuple[float, Model, Solution]

@@ -282,7 +282,7 @@ def fitted(gathered: Gathered, *, sine: bool) -> tuple[choice.Fitted, list[choic
         assert isinstance(swell, Sea)
         start = (*start, replace(swell, axis="vertical", rms=0.5 * swell.rms))
     constants = with_difference(constants)
-    path, _ = problem.smooth(assumed, constants)
+    _, _, path = problem.fit(assumed, constants)
     # what fits a spectrum or a stretch may fail elsewhere: a turn, a knock; the whole record decides
     best = choice.priced(choice.Model((), assumed, constants, problem, assumed.ship), path)
     other = replace(assumed, ship=start, noise=noise)

@@ -335,21 +335,21 @@ class Kept(NamedTuple):
 
     Attributes
     ----------
-    state : (s, d) array
-        Predicted.
-    covariance : (s, d, d) array
-        Predicted.
+    whole : (s, d + c + 1, d) array
+        Predicted covariance, derivatives of the state by the constants, and the state.
     swing : (s, 2 p, d) array
         Derivative's rows of the step that begins at the node.
     row, gain : (r, d) arrays
         Whitened rows of the stretch's readings in the state, and what they move it by; 0 where left out.
+    errors : (r, c + 1) array
+        Derivatives of the whitened prediction errors, and these; NaN where left out.
     """
 
-    state: Floats
-    covariance: Floats
+    whole: Floats
     swing: Floats
     row: Floats
     gain: Floats
+    errors: Floats
 
 
 class Slots(NamedTuple):
@@ -603,18 +603,15 @@ def sum_up(buffer: Floats, rows: int, normal: Floats) -> None:
 
 @kernel
 def keep_prediction(keep: Kept, s: int, whole: Floats) -> None:
-    """Keep state and covariance of a node; `whole` as in `sweep`."""
-    size = whole.shape[1]
-    for q in range(size):
-        keep.state[s, q] = whole[whole.shape[0] - 1, q]
-    for r in range(size):
-        for q in range(size):
-            keep.covariance[s, r, q] = whole[r, q]
+    """Keep what is predicted for a node; `whole` as in `sweep`."""
+    for r in range(whole.shape[0]):
+        for q in range(whole.shape[1]):
+            keep.whole[s, r, q] = whole[r, q]
 
 
 @kernel
-def keep_readings(keep: Kept, start: int, slots: Slots, used: int, root: Floats, gain: Floats) -> None:
-    """Keep the whitened rows of a node's readings, and their gains."""
+def keep_readings(keep: Kept, start: int, slots: Slots, used: int, root: Floats, gain: Floats, errors: Floats) -> None:
+    """Keep the whitened rows of a node's readings, their gains and errors."""
     size = gain.shape[1]
     for j in range(used):
         at = slots.reading[j] - start
@@ -624,6 +621,8 @@ def keep_readings(keep: Kept, start: int, slots: Slots, used: int, root: Floats,
                 total -= root[j, q] * keep.row[slots.reading[q] - start, r]
             keep.row[at, r] = total / root[j, j]
             keep.gain[at, r] = gain[j, r]
+        for c in range(errors.shape[1]):
+            keep.errors[at, c] = errors[j, c]
 
 
 @kernel
@@ -681,7 +680,7 @@ def sweep(
     of_traces = np.flatnonzero((columns.kind >= ZERO) & (columns.kind != KNOCK))
     knocks = np.flatnonzero(columns.kind == KNOCK)
     plain = not flow.sine and not np.any(flow.quadratic) and not np.any(flow.dry) and known.shape[0] == 0
-    keeping = keep.state.shape[0] > 0
+    keeping = keep.whole.shape[0] > 0
     asked = not plain or forced.size > 0 or flow.heave_noise > 0.0
     moving, before, product = True, -1, 1.0
     for k in range(begin, end):
@@ -753,7 +752,7 @@ def sweep(
                 product = 1.0
             of.totals[1] += used
             if keeping:
-                keep_readings(keep, readings.first[begin], slots, used, root, gain)
+                keep_readings(keep, readings.first[begin], slots, used, root, gain, errors)
         else:
             copy(predicted, first, updated)
         if k + 1 == readings.first.size - 1:
@@ -800,17 +799,20 @@ def smooth(
     readings: Readings,
     begin: int,
     end: int,
+    change: Floats,
     whitened: Floats,
     keep: Kept,
     adjoint: Floats,
     path: Floats,
 ) -> None:
-    """Smoothed states of a stretch, by adjoints, backwards (Bryson and Frazier).
+    """Smoothed states of a stretch at changed constants, by adjoints, backwards (Bryson and Frazier).
 
     Parameters
     ----------
+    change : (c + 1,) array
+        Of the constants since the sweep; last: 1.
     whitened : (r,) array
-        Prediction errors of the sweep.
+        Prediction errors at the changed constants.
     adjoint : (d,) array, changed
         Of the predicted state behind the stretch; of its first node on return.
     path : (k, d) array, out
@@ -831,17 +833,23 @@ def smooth(
                 for q in range(two, size):
                     adjoint[q] += later[two + r] * ship[r, q]
         gather_readings(readings, k, start, whitened, keep, adjoint, later)
-        for r in range(size):
-            path[k, r] = keep.state[s, r] + weigh(keep.covariance, s, r, adjoint)
+        weigh(keep.whole, s, adjoint, change, later)
+        for q in range(size):
+            path[k, q] = later[q]
 
 
 @summing_kernel
-def weigh(covariance: Floats, s: int, r: int, adjoint: Floats) -> float:
-    """Row r of a kept covariance times the adjoint."""
-    total = 0.0
-    for q in range(adjoint.size):
-        total += covariance[s, r, q] * adjoint[q]
-    return total
+def weigh(whole: Floats, s: int, adjoint: Floats, change: Floats, state: Floats) -> None:
+    """The smoothed state of a kept node: prediction at the changed constants, and covariance times adjoint."""
+    size = adjoint.size
+    for q in range(size):
+        state[q] = 0.0
+    for r in range(size):
+        for q in range(size):
+            state[q] += adjoint[r] * whole[s, r, q]
+    for c in range(change.size):
+        for q in range(size):
+            state[q] += change[c] * whole[s, size + c, q]
 
 
 @kernel

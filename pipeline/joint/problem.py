@@ -15,8 +15,8 @@ from pipeline.joint.lattice import Lattice
 from pipeline.joint.ship import Component, Ship
 
 NONE2, NONE3 = np.zeros((0, 0)), np.zeros((0, 0, 0))
-NOTHING_KEPT = kernels.Kept(NONE2, NONE3, NONE3, NONE2, NONE2)
-STRETCH = 2048  # nodes whose covariances are kept at once by the smoother
+NOTHING_KEPT = kernels.Kept(NONE3, NONE3, NONE2, NONE2, NONE2)
+STRETCH = 16384  # nodes whose covariances are kept at once by the smoother
 
 
 @dataclass(frozen=True)
@@ -148,87 +148,107 @@ class Problem:
             Readings farther off are left out, in deviations; 0: none.
         root : (c, c) array, optional
             Root of the priors' covariance where they are not independent.
-        """
-        begin, end = (0, self.lattice.nodes) if span is None else span
-        ship = Ship.of(assumed.ship)
-        of = self._start(constants, ship)
-        went = kernels.sweep(
-            self.flow(assumed, constants, ship),
-            self.readings(assumed, constants),
-            unknown.columns(constants),
-            self.known(constants, assumed.sine),
-            self.recorded,
-            self.slope,
-            about,
-            begin,
-            end,
-            gate,
-            of,
-            NOTHING_KEPT,
-        )
-        if not went or not np.all(np.isfinite(of.normal)):
-            raise np.linalg.LinAlgError("a covariance of the filter lost its sign")
-        return unknown.solve(constants, of.normal, float(of.totals[0]), float(of.totals[1]), root), of
 
-    def _start(self, constants: tuple[Constant, ...], ship: Ship, derivatives: bool = True) -> kernels.Pass:
+        Raises
+        ------
+        LinAlgError
+            A covariance lost its sign: the assumptions do not go with the readings at all.
+        """
+        sweep = self._sweep(assumed, constants, about, gate)
+        sweep.go(*((0, self.lattice.nodes) if span is None else span))
+        return sweep.solution(constants, root), sweep.of
+
+    def fit(
+        self,
+        assumed: Assumed,
+        constants: tuple[Constant, ...],
+        *,
+        about: Floats = NONE2,
+        gate: float = 0.0,
+        root: Floats | None = None,
+    ) -> tuple[Solution, kernels.Pass, Floats]:
+        """The same of the whole record, with prediction errors and smoothed path, (k, d), at the solution."""
+        sweep = self._sweep(assumed, constants, about, gate)
+        nodes, of = self.lattice.nodes, sweep.of
+        begins = list(range(0, nodes, STRETCH))
+        keep = sweep.room(0, min(STRETCH, nodes))
+        states = []
+        for begin in begins:
+            states.append((of.state.copy(), of.covariance.copy()))
+            sweep.go(begin, min(begin + STRETCH, nodes), keep if len(begins) == 1 else NOTHING_KEPT)
+        solution = sweep.solution(constants, root)
+        change = np.append(solution.step, 1.0)
+        adjoint, path = np.zeros(of.state.shape[0]), np.zeros((nodes, of.state.shape[0]))
+        for begin, (state, covariance) in zip(reversed(begins), reversed(states), strict=True):
+            end = min(begin + STRETCH, nodes)
+            if len(begins) > 1:  # gone through again, and kept this time
+                keep = sweep.room(begin, end)
+                sums = np.zeros_like(of.normal), np.zeros_like(of.totals)
+                again = of._replace(state=state, covariance=covariance, normal=sums[0], totals=sums[1])
+                replace(sweep, of=again).go(begin, end, keep)
+            of.whitened[sweep.readings.first[begin] : sweep.readings.first[end]] = keep.errors @ change
+            kernels.smooth(sweep.flow, sweep.readings, begin, end, change, of.whitened, keep, adjoint, path)
+        return solution, of, path
+
+    def _sweep(self, assumed: Assumed, constants: tuple[Constant, ...], about: Floats, gate: float) -> _Sweep:
+        ship = Ship.of(assumed.ship)
         two = 2 * self.pendulums
-        size, width = two + ship.drift.shape[0], (len(constants) if derivatives else 0) + 1
+        size, width = two + ship.drift.shape[0], len(constants) + 1
         state, covariance = np.zeros((size, width)), np.zeros((size, size))
         for c, each in enumerate(constants):
             if each.kind == kernels.START:
                 state[each.index, -1] = each.value
-                if derivatives:
-                    state[each.index, c] = 1.0
+                state[each.index, c] = 1.0
         covariance[two:, two:] = ship.stationary
-        count = self.lattice.node.size
-        return kernels.Pass(
-            state, covariance, np.zeros((width, width)), np.zeros(3), np.full(count, np.nan), np.full(count, np.nan)
+        nothing = np.full(self.lattice.node.size, np.nan)
+        return _Sweep(
+            flow=self.flow(assumed, constants, ship),
+            readings=self.readings(assumed, constants),
+            columns=unknown.columns(constants),
+            known=self.known(constants, assumed.sine),
+            recorded=self.recorded,
+            slope=self.slope,
+            about=about,
+            gate=gate,
+            of=kernels.Pass(state, covariance, np.zeros((width, width)), np.zeros(3), nothing, nothing.copy()),
         )
 
-    def smooth(
-        self, assumed: Assumed, constants: tuple[Constant, ...], *, about: Floats = NONE2, gate: float = 0.0
-    ) -> tuple[Floats, kernels.Pass]:
-        """Smoothed path of the whole record at the constants' values, (k, d), and the pass it came from."""
-        ship = Ship.of(assumed.ship)
-        of = self._start(constants, ship, derivatives=False)
-        step, readings = self.flow(assumed, constants, ship), self.readings(assumed, constants)
-        known, columns = self.known(constants, assumed.sine), unknown.columns(())
-        size, nodes = of.state.shape[0], self.lattice.nodes
-        path = np.zeros((nodes, size))
-        begins = list(range(0, nodes, STRETCH))
-        kept = []
 
-        def go(begin: int, start: kernels.Pass, keep: kernels.Kept) -> None:
-            kernels.sweep(
-                step, readings, columns, known, self.recorded, self.slope, about,
-                begin, min(begin + STRETCH, nodes), gate, start, keep,
-            )  # fmt: skip
+@dataclass(frozen=True)
+class _Sweep:
+    """One pass of the filter; what `kernels.sweep` takes."""
 
-        for begin in begins:
-            kept.append((of.state.copy(), of.covariance.copy()))
-            if begin != begins[-1]:
-                go(begin, of, NOTHING_KEPT)
-        adjoint = np.zeros(size)
-        last = of
-        for begin, (state, covariance) in zip(reversed(begins), reversed(kept), strict=True):
-            end = min(begin + STRETCH, nodes)
-            count, rows = end - begin, int(readings.first[end] - readings.first[begin])
-            keep = kernels.Kept(
-                np.zeros((count, size)), np.zeros((count, size, size)), np.zeros((count, 2 * self.pendulums, size)),
-                np.zeros((rows, size)), np.zeros((rows, size)),
-            )  # fmt: skip
-            again = replace_pass(last, state, covariance, final=begin == begins[-1])
-            go(begin, again, keep)
-            kernels.smooth(step, readings, begin, end, of.whitened, keep, adjoint, path)
-        return path, of
+    flow: Flow
+    readings: kernels.Readings
+    columns: kernels.Columns
+    known: Floats
+    recorded: Floats
+    slope: Floats
+    about: Floats
+    gate: float
+    of: kernels.Pass
 
+    def go(self, begin: int, end: int, keep: kernels.Kept = NOTHING_KEPT) -> None:
+        """Filter a stretch."""
+        went = kernels.sweep(
+            self.flow, self.readings, self.columns, self.known, self.recorded, self.slope, self.about,
+            begin, end, self.gate, self.of, keep,
+        )  # fmt: skip
+        if not went or not np.all(np.isfinite(self.of.normal)):
+            raise np.linalg.LinAlgError("a covariance of the filter lost its sign")
 
-def replace_pass(of: kernels.Pass, state: Floats, covariance: Floats, *, final: bool) -> kernels.Pass:
-    """The same pass begun again from a kept state; sums are kept of the first time alone."""
-    sums = (of.normal, of.totals) if final else (np.zeros_like(of.normal), np.zeros_like(of.totals))
-    return of._replace(state=state.copy(), covariance=covariance.copy(), normal=sums[0], totals=sums[1])
+    def room(self, begin: int, end: int) -> kernels.Kept:
+        """For what the smoother needs of a stretch."""
+        size, width = self.of.state.shape
+        count, rows = end - begin, int(self.readings.first[end] - self.readings.first[begin])
+        return kernels.Kept(
+            np.zeros((count, size + width, size)),
+            np.zeros((count, 2 * self.flow.kappa.size, size)),
+            np.zeros((rows, size)),
+            np.zeros((rows, size)),
+            np.full((rows, width), np.nan),
+        )
 
-
-def with_noise(assumed: Assumed, noise: Floats) -> Assumed:
-    """The same with other reading noise."""
-    return replace(assumed, noise=noise)
+    def solution(self, constants: tuple[Constant, ...], root: Floats | None) -> Solution:
+        """What the pass says of the constants."""
+        return unknown.solve(constants, self.of.normal, float(self.of.totals[0]), float(self.of.totals[1]), root)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm, logm
 
 from pipeline.joint import kernels
 from pipeline.joint.constants import Constant, starts
@@ -44,6 +45,7 @@ def dense(of: Problem, model: Assumed) -> tuple[np.ndarray, np.ndarray, np.ndarr
     step = of.flow(model, constants(), ship)
     size = step.noise.shape[0]
     transition, nodes = step.rows[-size:], of.lattice.nodes
+    drift = logm(transition).real / of.lattice.step
     start = np.zeros((size, size))
     start[4:, 4:] = ship.stationary
     for each in starts(2, np.sqrt(KAPPA)):
@@ -61,7 +63,7 @@ def dense(of: Problem, model: Assumed) -> tuple[np.ndarray, np.ndarray, np.ndarr
     lattice = of.lattice
     rows = np.zeros((lattice.node.size, nodes * size))
     for r, (node, trace) in enumerate(zip(lattice.node, lattice.trace, strict=True)):
-        rows[r, node * size : node * size + 4 : 2] = COMBINATION[trace]
+        rows[r, node * size : (node + 1) * size] = COMBINATION[trace] @ expm(drift * lattice.offset[r])[:4:2]
     return covariance, rows, lattice.value, model.noise[lattice.trace] ** 2
 
 
@@ -76,7 +78,7 @@ def test_likelihood_and_path_are_those_of_one_dense_gaussian(lost: tuple[int, ..
     held = (*at_zero, Constant("gravity", kernels.GRAVITY, 1e-12, mean=1.0, value=1.0))
     solution, _ = of.run(model, held)
     assert solution.log_likelihood == pytest.approx(expected, abs=1e-6)
-    path, _ = of.smooth(model, solution.constants)
+    _, _, path = of.fit(model, solution.constants)
     mean = (covariance @ rows.T @ np.linalg.solve(of_readings, value)).reshape(of.lattice.nodes, -1)
     assert np.abs(path[:, :4] - mean[:, :4]).max() < 1e-8
 
@@ -129,7 +131,8 @@ def test_readings_off_the_nodes_cost_nothing() -> None:
     lattice = lay(fine[some], np.stack([angle[some]]), np.array([[1.0]]), 6.2)
     of = Problem(lattice, KAPPA[:1], np.zeros(1))
     model = Assumed((Vibration(6.0, 1e-9),), np.zeros(1), np.array([1e-7, 1.0, 1.0]), sine=False)
-    begun = starts(1, np.sqrt(KAPPA[:1]), np.array([0.02, 0.0]))
+    turn = np.sqrt(KAPPA[0]) * lattice.start
+    begun = starts(1, np.sqrt(KAPPA[:1]), 0.02 * np.array([np.cos(turn), -np.sqrt(KAPPA[0]) * np.sin(turn)]))
     _, done = of.run(model, (*begun, Constant("gravity", kernels.GRAVITY, 1e-9, mean=1.0, value=1.0)))
     assert np.nanmax(np.abs(done.whitened)) < 0.05  # 5e-9 rad
 

@@ -18,8 +18,10 @@ from pipeline.joint.climb import grown, refined, shifted, window
 from pipeline.joint.constants import Constant, Solution, solve
 from pipeline.joint.course import Course, best_course, is_knot, knots, prior_root, weights
 from pipeline.joint.problem import Assumed, Problem
-from pipeline.joint.ship import Axis, Component, Engine, Sea
+from pipeline.joint.ship import Axis, Component, Engine, Sea, Ship
 
+MOST_FITS = 6
+STRAIGHT = 0.1  # of the reading noise
 PAYS = 5.0  # in log-likelihood
 ROUNDS = 8
 KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])
@@ -77,16 +79,29 @@ class Fitted:
     whitened: Floats
 
 
-def fitted(model: Model, about: Floats, passes: int = 2) -> Fitted:
-    """Gauss-Newton about the smoothed path."""
+def fitted(model: Model, about: Floats) -> Fitted:
+    """Gauss-Newton about the smoothed path, until it is straight between the last two."""
     root = prior_root(model.constants, model.course)
     constants = model.constants
-    for _ in range(passes):
-        solution, of, about = model.problem.fit(model.assumed, constants, about=about, root=root)
-        constants = solution.constants
-        if np.all(np.abs(solution.step) < 0.05 * np.sqrt(np.diag(solution.covariance))):
+    for _ in range(MOST_FITS):
+        solution, of, path = model.problem.fit(model.assumed, constants, about=about, root=root)
+        constants, straight = solution.constants, bend(model, path, about) < STRAIGHT
+        about = path
+        if straight and np.all(np.abs(solution.step) < 0.05 * np.sqrt(np.diag(solution.covariance))):
             break
-    return Fitted(replace(model, constants=constants), solution, about, of.whitened)
+    return Fitted(replace(model, constants=constants), solution, path, of.whitened)
+
+
+def bend(model: Model, path: Floats, about: Floats) -> float:
+    """What linearising about one path leaves out of another, of the reading noise."""
+    if not model.assumed.sine:
+        return 0.0
+    two = 2 * model.problem.pendulums
+    ship = Ship.of(model.assumed.ship)
+    away = path - about
+    angle, off = np.abs(path[:, :two:2]).max(axis=1), np.abs(away[:, :two:2]).max(axis=1)
+    pulls = np.abs(away[:, two:] @ ship.vertical) + angle * (off + np.abs(away[:, two:] @ ship.horizontal))
+    return float(np.max(off * pulls)) / float(model.assumed.noise[: model.problem.traces].min())
 
 
 Candidate = tuple[float, Model, Solution]
@@ -219,7 +234,7 @@ def _components(fit: Fitted) -> Iterator[Candidate]:
             )
             found = max(found, (priced(trial, about, span=span)[0], ship), key=lambda each: each[0])
         about = grown(fit.path, problem.pendulums, found[1])
-        assumed, _ = refined(problem, replace(model.assumed, ship=found[1]), model.constants, about, span)
+        assumed = refined(problem, replace(model.assumed, ship=found[1]), model.constants, about, span, last=True)
         added = assumed.ship[-1]
         if abs(np.log(added.peak / found[1][-1].peak)) > SAME_LINE:
             continue  # it went off to better what is there already
@@ -240,13 +255,13 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
         if better is None:
             break
         fit = better
-    return fitted(fit.model, fit.path), close
+    return fit, close
 
 
 def _taken(fit: Fitted, model: Model) -> Fitted | None:
     """A candidate fitted anew; None where that makes it no better."""
     try:
-        found = fitted(model, grown(fit.path, model.problem.pendulums, model.assumed.ship), passes=1)
+        found = fitted(model, grown(fit.path, model.problem.pendulums, model.assumed.ship))
     except np.linalg.LinAlgError:
         return None
     return found if found.solution.log_likelihood > fit.solution.log_likelihood else None

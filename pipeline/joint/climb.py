@@ -14,8 +14,10 @@ from pipeline.joint.ship import Component
 
 WINDOW = 150.0  # s
 LEAST_NOISE = 1e-6  # rad: readings are taken for no better
-STEP = 0.5  # first step of each logarithm
-ROUNDS = 2
+STEP = 0.05  # of a logarithm, for its slope
+MOST_STEP = 1.5
+ROUNDS, HALVINGS = 4, 3
+ENOUGH = 1.0  # in log-likelihood
 NOISE_SPREAD = 0.3  # 1 sigma of the logarithm of the reading noise
 
 
@@ -47,55 +49,61 @@ def refined(
     constants: tuple[Constant, ...],
     path: Floats,
     span: tuple[int, int],
-    noise: bool = True,
-) -> tuple[Assumed, float]:
-    """Climb the likelihood of a stretch by coordinates: the ship's parameters and the reading noise."""
-    traces = problem.traces if noise else 0
-    best = np.concatenate([spectrum.parameters(assumed.ship), np.log(assumed.noise[:traces])])
-    centre = best.copy()
+    last: bool = False,
+) -> Assumed:
+    """Climb the likelihood of a stretch: the ship's parameters and the reading noise.
+
+    Scoring: the slope by differences, the curvature from the spread of the readings' own slopes (Berndt, Hall, Hall and
+    Hausman 1974), so that a step costs one pass over the stretch a parameter.
+
+    Parameters
+    ----------
+    last : bool
+        The last component's parameters alone.
+    """
+    ship = spectrum.parameters(assumed.ship)
+    traces = 0 if last else problem.traces
+    centre = np.concatenate([ship, np.log(assumed.noise[:traces])])
     spread = np.concatenate([spectrum.spreads(assumed.ship), np.full(traces, NOISE_SPREAD)])
+    free = np.arange(ship.size - 3, ship.size) if last else np.arange(centre.size)
     here = grown(path, problem.pendulums, assumed.ship)
     at_start = shifted(constants, here, span[0])
 
     def make(vector: Floats) -> Assumed:
-        ship = spectrum.assemble(assumed.ship, vector[: vector.size - traces])
         size = assumed.noise.copy()
-        size[:traces] = np.maximum(np.exp(vector[vector.size - traces :]), LEAST_NOISE)
-        return replace(assumed, ship=ship, noise=size)
+        size[:traces] = np.maximum(np.exp(vector[ship.size :]), LEAST_NOISE)
+        return replace(assumed, ship=spectrum.assemble(assumed.ship, vector[: ship.size]), noise=size)
 
-    def value(vector: Floats) -> float:
-        if np.any(vector > 6.0) or np.any(vector < -25.0):
-            return -np.inf
+    def value(vector: Floats) -> tuple[float, Floats]:
         try:
-            prior = -0.5 * float(np.sum(((vector - centre) / spread) ** 2))
-            return problem.run(make(vector), at_start, span=span, about=here)[0].log_likelihood + prior
+            solution, of = problem.run(make(vector), at_start, span=span, about=here)
         except np.linalg.LinAlgError:
-            return -np.inf
+            return -np.inf, np.zeros(0)
+        prior = -0.5 * float(np.sum(((vector - centre) / spread) ** 2))
+        return solution.log_likelihood + prior, -np.log(of.scale) - 0.5 * of.whitened**2
 
-    top = value(best)
-    step = np.full(best.size, STEP)
+    best = centre
+    top, parts = value(best)
     for _ in range(ROUNDS):
+        slope, rows = np.zeros(free.size), np.zeros((free.size, parts.size))
+        for k, at in enumerate(free):
+            moved, each = value(best + STEP * (np.arange(best.size) == at))
+            if np.isfinite(moved):
+                slope[k], rows[k] = (moved - top) / STEP, np.nan_to_num(each - parts) / STEP
+        by = np.zeros(best.size)
+        curvature = rows @ rows.T + np.diag(spread[free] ** -2.0)
+        by[free] = np.linalg.solve(curvature, slope)
+        by *= min(1.0, MOST_STEP / max(float(np.abs(by).max()), 1e-12))
         before = top
-        for k in range(best.size):
-            around = []
-            for sign in (1.0, -1.0):
-                trial = best.copy()
-                trial[k] += sign * step[k]
-                around.append(value(trial))
-            up, down = around
-            curve = up + down - 2.0 * top
-            move = 0.5 * step[k] * (down - up) / curve if curve < 0.0 and np.isfinite(curve) else np.nan
-            options = [(top, 0.0), (up, step[k]), (down, -step[k])]
-            if np.isfinite(move) and abs(move) < 2.0 * step[k]:
-                trial = best.copy()
-                trial[k] += move
-                options.append((value(trial), move))
-            top, by = max(options)
-            best[k] += by
-            step[k] = max(0.25 * step[k], min(2.0 * abs(by), 2.0)) if by else 0.4 * step[k]
-        if top - before < 1.0:
+        for _ in range(HALVINGS):
+            trial = value(best + by)
+            if trial[0] > top:
+                best, (top, parts) = best + by, trial
+                break
+            by *= 0.3
+        if top - before < ENOUGH:
             break
-    return make(best), top
+    return make(best)
 
 
 def shifted(constants: tuple[Constant, ...], path: Floats, begin: int) -> tuple[Constant, ...]:

@@ -9,10 +9,10 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.joint import choice, kernels, spectrum
-from pipeline.joint.climb import LEAST_NOISE, refined, window
-from pipeline.joint.constants import Constant, starts
+from pipeline.joint.climb import LEAST_NOISE, grown, refined, window
+from pipeline.joint.constants import Constant, Solution, starts
 from pipeline.joint.gather import Gathered
-from pipeline.joint.problem import Assumed, Problem
+from pipeline.joint.problem import NONE2, Assumed, Problem
 from pipeline.joint.ship import Component, Sea, Vibration
 
 STAGES = (25.0, 100.0, 400.0)  # s: stretches on which a cold start is followed
@@ -24,8 +24,10 @@ STRETCH, MOST_TOGETHER = 60.0, 0.25  # s; share of a trace's readings there that
 MOST_OUTLIERS = 0.1  # share of the readings
 UNSTATED = 1e-4  # rad: reading noise of a cold start where none is stated
 ACCELEROMETER = 3e-5  # over reference gravity: noise of a recorded acceleration that is too sparse to be interpolated
-GENEROUS = (Sea(0.7, 0.1, 0.02), Vibration(6.0, 1e-3))
+GENEROUS = (Sea(0.9, 0.45, 0.03), Vibration(6.0, 1e-3))
 """The ship's motion that a cold start allows for."""
+MOST_FITS = 4
+WILD = float(np.log(0.01 / 0.1))  # of a reading in a hundred, over .1 rad
 GATE = 7.0  # deviations beyond which a reading is left out
 
 
@@ -66,11 +68,11 @@ def narrowed(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
 
 def cold_start(
     problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]
-) -> tuple[Problem, tuple[Constant, ...]]:
-    """Follow the swing over longer and longer stretches, each linear enough for the one before it.
+) -> tuple[Problem, tuple[Constant, ...], Floats]:
+    """Follow the swing over longer and longer stretches, each linear enough for the one before it; and the path.
 
-    The first stretches are read as if they were noisier: the ship's motion would else be made to explain what a wrong
-    gravity leaves. Outliers are set aside by the last of them.
+    They are read as if they were noisier: the ship's motion would else be made to explain what a wrong gravity leaves.
+    Outliers are set aside by the last of them.
     """
     first = constants
     step, nodes = problem.lattice.step, problem.lattice.nodes
@@ -78,35 +80,32 @@ def cold_start(
     still = replace(assumed, ship=tuple(c for c in assumed.ship if c.axis == "horizontal"))
     # readings that fall on one phase of the swing show the other only after a while
     between = float(np.median(np.diff(np.unique(problem.lattice.node)))) * step * float(np.sqrt(problem.kappa.mean()))
-    stages = STAGES if between < SPARSE else STAGES[1:]
-    for number, seconds in enumerate((*stages, np.inf)):
+    for number, seconds in enumerate(STAGES if between < SPARSE else STAGES[1:]):
         end = int(min(nodes, np.ceil(seconds / step)))
         rough = replace(still, noise=np.maximum(assumed.noise, size * COARSE / 5.0 ** min(number, 2)))
         if number == 0:
             begun = replace(rough, sine=False, noise=np.maximum(rough.noise, size))
             constants = released(problem.run(begun, held(constants), span=(0, end))[0].constants, first)
-        constants, of = followed(problem, rough, narrowed(constants), end)
-        constants = released(constants, first)
+        constants = released(followed(problem, rough, narrowed(constants), end), first)
         if end == nodes:
             break
-    problem = replace(problem, left_out=problem.left_out | outliers(problem, of))
-    constants, _ = followed(problem, assumed, constants, nodes)
-    return problem, released(constants, first)
+    problem, solution, path = smoothed(problem, rough, narrowed(constants), NONE2)
+    path = grown(path, problem.pendulums, assumed.ship)
+    problem, solution, path = smoothed(problem, assumed, released(solution.constants, first), path)
+    return problem, with_difference(solution.constants), path
 
 
-def followed(
-    problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], end: int
-) -> tuple[tuple[Constant, ...], kernels.Pass]:
+def followed(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], end: int) -> tuple[Constant, ...]:
     """Gauss-Newton on the first nodes; readings far off are left out as long as they are few."""
     gate = COARSE_GATE
-    for _ in range(4):
+    for _ in range(MOST_FITS):
         solution, of = problem.run(assumed, constants, span=(0, end), gate=gate)
         share = float(of.totals[2] / max(of.totals[1] + of.totals[2], 1.0))
         gate = GATE * deviation(of.errors) if share < MOST_OUTLIERS else 0.0
         constants = solution.constants
         if share < MOST_OUTLIERS and np.all(np.abs(solution.step) < 0.1 * np.sqrt(np.diag(solution.covariance))):
             break
-    return constants, of
+    return constants
 
 
 def deviation(errors: Floats) -> float:
@@ -118,24 +117,41 @@ def outliers(problem: Problem, of: kernels.Pass) -> np.ndarray:
     """Readings over the gate that stand among others below it; where many are, the model is at fault and not they."""
     over = np.isfinite(of.errors) & ~np.isfinite(of.whitened)
     lattice = problem.lattice
-    stretch = (lattice.time // STRETCH).astype(np.int64) * problem.traces + np.minimum(
+    stretch = (lattice.node * lattice.step // STRETCH).astype(np.int64) * problem.traces + np.minimum(
         lattice.trace, problem.traces - 1
     )
     counts = np.bincount(stretch), np.bincount(stretch, over)
     return np.asarray(over & (counts[1] < MOST_TOGETHER * counts[0])[stretch])
 
 
-def without_outliers(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]) -> Problem:
-    """Leave out what lies far from the prediction, by the errors' own scale; what is common is no outlier."""
-    _, of = problem.run(assumed, constants, gate=COARSE_GATE)
-    gate = GATE * deviation(of.errors)
-    for _ in range(4):
-        _, of = problem.run(assumed, constants, gate=gate)
-        out = outliers(problem, of)
-        if np.mean(out) < MOST_OUTLIERS:
+def smoothed(
+    problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], about: Floats
+) -> tuple[Problem, Solution, Floats]:
+    """Gauss-Newton on the whole path, without the outliers that show on the way."""
+    gate = COARSE_GATE
+    for _ in range(MOST_FITS):
+        solution, of, about = problem.fit(assumed, constants, about=about, gate=gate)
+        constants = solution.constants
+        gate = GATE * deviation(of.errors)
+        if np.any(np.abs(of.errors) > gate):
+            problem = judged(problem, assumed, constants, about)
+        elif np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
+            break
+    return problem, solution, about
+
+
+def judged(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], about: Floats) -> Problem:
+    """Leave out what lies over the gate; what is common is no outlier, and the gate is too narrow."""
+    gate = GATE
+    while True:
+        _, of = problem.run(assumed, constants, about=about, gate=gate)
+        scaled, out = GATE * deviation(of.errors), outliers(problem, of)
+        if scaled > 1.2 * gate:
+            gate = scaled
+        elif np.mean(out) < MOST_OUTLIERS:
             return replace(problem, left_out=problem.left_out | out)
-        gate *= 3.0
-    return problem
+        else:
+            gate *= 3.0
 
 
 def with_difference(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
@@ -221,18 +237,14 @@ def reduce(gathered: Gathered) -> Outcome:
 def weighed(
     laws: list[tuple[choice.Fitted, list[choice.Candidate]]], reference: float
 ) -> tuple[choice.Fitted, list[choice.Candidate]]:
-    """The likelier of two laws over the readings that both use; refused where that says little and much hangs on it.
+    """The likelier of two laws; refused where that says little and much hangs on it.
 
     Raises
     ------
     RefusedError
         They are close, or neither holds, and they lie more than 10 mGal apart.
     """
-    out = laws[0][0].model.problem.left_out | laws[1][0].model.problem.left_out
-    values = []
-    for fit, _ in laws:
-        model = replace(fit.model, problem=replace(fit.model.problem, left_out=out))
-        values.append(choice.priced(model, fit.path)[0])
+    values = [standing(fit) for fit, _ in laws]
     order = [0, 1] if values[0] >= values[1] else [1, 0]
     (fit, close), (other, others) = (laws[k] for k in order)
     ahead = values[order[0]] - values[order[1]]
@@ -267,27 +279,37 @@ def fitted(gathered: Gathered, *, sine: bool) -> tuple[choice.Fitted, list[choic
     noise = np.concatenate([np.maximum(stated, LEAST_NOISE), [ACCELEROMETER, ACCELEROMETER]])
     ship: tuple[Component, ...] = GENEROUS
     if unknown_heave:
-        ship = (*ship, replace(GENEROUS[0], axis="vertical", rms=0.5 * GENEROUS[0].rms))
+        ship = (*ship, replace(GENEROUS[0], axis="vertical"))
     assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
-    problem, constants = cold_start(problem, assumed, first_constants(gathered))
-    problem = without_outliers(problem, assumed, constants)
+    problem, constants, path = cold_start(problem, assumed, first_constants(gathered))
     noise = noise.copy()
-    floors = [spectrum.noise_floor(problem, j) for j in range(problem.traces)]
+    floors = [spectrum.noise_floor(problem, j, path) for j in range(problem.traces)]
     for j, floor in enumerate(floors):
         if not np.isfinite(gathered.noise[j]) and np.isfinite(floor):
             noise[j] = max(floor, LEAST_NOISE)
-    start = spectrum.begin(problem, base, max(float(np.nanmin([*floors, 1.0])), LEAST_NOISE))
-    if unknown_heave:
-        swell = start[0]
-        assert isinstance(swell, Sea)
-        start = (*start, replace(swell, axis="vertical", rms=0.5 * swell.rms))
-    constants = with_difference(constants)
-    _, _, path = problem.fit(assumed, constants)
+    floor = max(float(np.nanmin([*floors, 1.0])), LEAST_NOISE)
+    start = spectrum.begin(problem, base, path, floor, sine=sine, heave=unknown_heave)
+    spectral = replace(assumed, ship=start, noise=noise)
     # what fits a spectrum or a stretch may fail elsewhere: a turn, a knock; the whole record decides
-    best = choice.priced(choice.Model((), assumed, constants, problem, assumed.ship), path)
-    other = replace(assumed, ship=start, noise=noise)
-    best = max(best, choice.priced(choice.Model((), other, constants, problem, start), path), key=lambda each: each[0])
-    finer, _ = refined(problem, best[1].assumed, constants, path, window(problem))
-    model = choice.Model((), finer, constants, problem, finer.ship)
-    _, model, solution = max(best, choice.priced(model, path), key=lambda each: each[0])
-    return choice.settle(choice.fitted(replace(model, constants=with_difference(solution.constants)), path, passes=1))
+    rivals = [choice.Model((), each, constants, problem, each.ship) for each in (assumed, spectral)]
+    best = max((choice.fitted(each, path) for each in rivals), key=standing)
+    best = heard_again(best, gathered.problem)
+    finer = refined(problem, best.model.assumed, best.model.constants, best.path, window(problem))
+    fit = choice.fitted(replace(best.model, assumed=finer, first_ship=finer.ship), best.path)
+    return choice.settle(max(heard_again(fit, gathered.problem), best, key=standing))
+
+
+def heard_again(fit: choice.Fitted, problem: Problem) -> choice.Fitted:
+    """The same where readings were left out by what was assumed before: decided anew."""
+    model = fit.model
+    if not np.any(model.problem.left_out != problem.left_out):
+        return fit
+    problem = judged(problem, model.assumed, model.constants, fit.path)
+    if np.all(model.problem.left_out == problem.left_out):
+        return fit
+    return max(fit, choice.fitted(replace(model, problem=problem), fit.path), key=standing)
+
+
+def standing(fit: choice.Fitted) -> float:
+    """Log-likelihood of all readings, those left out included: wild ones fall anywhere."""
+    return fit.solution.log_likelihood + WILD * float(fit.model.problem.left_out.sum())

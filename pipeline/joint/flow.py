@@ -128,7 +128,7 @@ def flow(
     noise = transition @ short[:size, size:]
     for _ in range(HALVINGS):
         noise, transition = transition @ noise @ transition.T + noise, transition @ transition
-    to_node = np.array([expm(drift * (node * step)) for node in NODES])
+    to_node = expm(drift * (NODES * step)[:, None, None])
     return Flow(
         step=step,
         sine=sine,
@@ -154,14 +154,13 @@ def flow(
         angles=np.stack([_powers(drift, row) for row in np.eye(size)[:two:2]]),
         horizontal=_powers(drift, u_row),
         vertical=_powers(drift, z_row),
-        pull=np.array([p.coeffs[::-1] / p(at) for p, at in zip(_POLYNOMIALS, NODES, strict=True)])
-        / step ** np.arange(3)
-        / np.array([2.0, 6.0, 12.0]),
+        pull=_PULL / step ** np.arange(3),
         varying=bool(sine),
     )
 
 
 _POLYNOMIALS = [np.poly1d(np.delete(NODES, m), r=True) for m in range(3)]
+_PULL = np.array([p.coeffs[::-1] / p(node) for p, node in zip(_POLYNOMIALS, NODES, strict=True)]) / [2.0, 6.0, 12.0]
 
 
 def _powers(drift: Floats, row: Floats) -> Floats:
@@ -172,19 +171,20 @@ def _powers(drift: Floats, row: Floats) -> Floats:
     return np.array(out)
 
 
+_POINTS, _WEIGHTS = (each * 0.5 for each in np.polynomial.legendre.leggauss(12))
+_ENDS = np.append(NODES, 1.0)
+_AT = _ENDS[:, None] * (0.5 + _POINTS)  # of the integrals to each node and to the end, in steps
+_LAGRANGE = np.array([p(_AT) / p(node) for p, node in zip(_POLYNOMIALS, NODES, strict=True)])
+
+
 def _response(step: float, stiffness: Floats, damping: Floats) -> Floats:
     """Integrals of each pendulum's response to the Lagrange polynomials through the nodes, (p, 4, 3, 2)."""
-    points, weights = np.polynomial.legendre.leggauss(12)
+    since = (_ENDS[:, None] - _AT) * step
     out = np.zeros((stiffness.size, 4, 3, 2))
     for i, (square, rate) in enumerate(zip(stiffness, damping, strict=True)):
         own = np.sqrt(square - rate**2)
-        for j, end in enumerate([*NODES, 1.0]):
-            at = 0.5 * (points + 1.0) * end
-            since = (end - at) * step
-            fading = 0.5 * weights * end * step * np.exp(-rate * since)
-            moved = fading * np.sin(own * since) / own
-            speed = fading * np.cos(own * since) - rate * moved
-            for m, polynomial in enumerate(_POLYNOMIALS):
-                value = polynomial(at) / polynomial(NODES[m])
-                out[i, j, m] = moved @ value, speed @ value
+        fading = _WEIGHTS * (_ENDS[:, None] * step) * np.exp(-rate * since)
+        moved = fading * np.sin(own * since) / own
+        out[i, ..., 0] = np.einsum("je,mje->jm", moved, _LAGRANGE)
+        out[i, ..., 1] = np.einsum("je,mje->jm", fading * np.cos(own * since) - rate * moved, _LAGRANGE)
     return out

@@ -318,8 +318,8 @@ class Pass(NamedTuple):
         Sum of the logarithms of the deviations; readings used; readings over the gate.
     errors : (r,) array
         Prediction errors in their own standard deviations; NaN where there is none.
-    whitened : (r,) array
-        The same, independent of each other; NaN where the reading was left out.
+    whitened, scale : (r,) arrays
+        The same, independent of each other, and their deviations; NaN where the reading was left out.
     """
 
     state: Floats
@@ -328,6 +328,7 @@ class Pass(NamedTuple):
     totals: Floats
     errors: Floats
     whitened: Floats
+    scale: Floats
 
 
 class Kept(NamedTuple):
@@ -736,7 +737,7 @@ def sweep(
             substitute(root, used, errors)
             for j in range(used):
                 product *= root[j, j]
-                of.whitened[slots.reading[j]] = errors[j, constants]
+                of.whitened[slots.reading[j]], of.scale[slots.reading[j]] = errors[j, constants], root[j, j]
                 for c in range(constants + 1):
                     pull[j, size + c] = buffer[rows, c] = errors[j, c]
                 rows += 1

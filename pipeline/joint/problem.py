@@ -200,7 +200,7 @@ class Problem:
                 state[each.index, -1] = each.value
                 state[each.index, c] = 1.0
         covariance[two:, two:] = ship.stationary
-        nothing = np.full(self.lattice.node.size, np.nan)
+        count = self.lattice.node.size
         return _Sweep(
             flow=self.flow(assumed, constants, ship),
             readings=self.readings(assumed, constants),
@@ -210,7 +210,7 @@ class Problem:
             slope=self.slope,
             about=about,
             gate=gate,
-            of=kernels.Pass(state, covariance, np.zeros((width, width)), np.zeros(3), nothing, nothing.copy()),
+            of=kernels.Pass(state, covariance, np.zeros((width, width)), np.zeros(3), *np.full((3, count), np.nan)),
         )
 
 

@@ -23,13 +23,20 @@ from pipeline.arrays import Floats
 Axis = Literal["horizontal", "vertical"]
 
 
-def _oscillator(own: float, damping: float, frequency: Floats) -> Floats:
+def _chain(frequency: float, damping: float, oscillators: int) -> Floats:
+    drift = np.zeros((2 * oscillators, 2 * oscillators))
+    for k in range(0, 2 * oscillators, 2):
+        drift[k, k + 1], drift[k + 1, k], drift[k + 1, k + 1] = 1.0, -(frequency**2), -2.0 * damping
+    return drift
+
+
+def _answer(own: float, damping: float, frequency: Floats) -> Floats:
     return np.asarray(1.0 / ((own**2 - frequency**2) ** 2 + (2.0 * damping * frequency) ** 2))
 
 
 @dataclass(frozen=True)
-class Sea:
-    """A narrow-band component of the ship's acceleration in units of reference gravity.
+class Oscillators:
+    """A chain of damped oscillators driven by white noise; an acceleration in units of reference gravity.
 
     Attributes
     ----------
@@ -45,23 +52,51 @@ class Sea:
     rms: float
     axis: Axis = "horizontal"
 
-    def system(self) -> tuple[Floats, Floats, int]:
-        """Drift matrix (6, 6), output row (6,), and the state that is driven; unit output variance after scaling."""
-        w, l = self.frequency, self.damping  # noqa: E741  # symbols of the equation above
-        drift = np.zeros((6, 6))
-        for k in (0, 2, 4):
-            drift[k, k + 1], drift[k + 1, k], drift[k + 1, k + 1] = 1.0, -w * w, -2.0 * l
-        drift[3, 0], drift[5, 2] = w * w, 1.0
-        return drift, np.array([0.0, 0.0, 1.0, 0.0, -w * w, -2.0 * l]), 1
-
     @property
     def peak(self) -> float:
         """Frequency that it is named by, rad s-1."""
         return self.frequency
 
+
+@dataclass(frozen=True)
+class Sea(Oscillators):
+    """Acceleration of a displacement that three oscillators pass on, as above."""
+
+    def system(self) -> tuple[Floats, Floats, int]:
+        """Drift matrix (6, 6), output row (6,), and the state that is driven."""
+        w, l = self.frequency, self.damping  # noqa: E741  # symbols of the equation above
+        drift = _chain(w, l, 3)
+        drift[3, 0], drift[5, 2] = w * w, 1.0
+        return drift, np.array([0.0, 0.0, 1.0, 0.0, -w * w, -2.0 * l]), 1
+
+    @property
+    def unit_variance(self) -> float:
+        """Variance under a drive of unit intensity."""
+        return 3.0 * self.frequency**2 / (512.0 * self.damping**5)
+
     def shape(self, frequency: Floats) -> Floats:
-        """Spectral density for a drive of unit intensity."""
-        return self.frequency**4 * frequency**4 * _oscillator(self.frequency, self.damping, frequency) ** 3
+        """Two-sided spectral density for a drive of unit intensity."""
+        return self.frequency**4 * frequency**4 * _answer(self.frequency, self.damping, frequency) ** 3
+
+
+@dataclass(frozen=True)
+class Engine(Oscillators):
+    """A narrow line: the speed of the second of two oscillators."""
+
+    def system(self) -> tuple[Floats, Floats, int]:
+        """Drift matrix (4, 4), output row (4,), and the state that is driven."""
+        drift = _chain(self.frequency, self.damping, 2)
+        drift[3, 0] = self.frequency**2
+        return drift, np.array([0.0, 0.0, 0.0, 1.0]), 1
+
+    @property
+    def unit_variance(self) -> float:
+        """Variance under a drive of unit intensity."""
+        return self.frequency**2 / (32.0 * self.damping**3)
+
+    def shape(self, frequency: Floats) -> Floats:
+        """Two-sided spectral density for a drive of unit intensity."""
+        return self.frequency**4 * frequency**2 * _answer(self.frequency, self.damping, frequency) ** 2
 
 
 @dataclass(frozen=True)
@@ -92,46 +127,14 @@ class Vibration:
         """Frequency up to which it is white, rad s-1."""
         return self.rate
 
-    def shape(self, frequency: Floats) -> Floats:
-        """Spectral density for a drive of unit intensity."""
-        return 1.0 / (self.rate**2 + frequency**2) ** 3
-
-
-@dataclass(frozen=True)
-class Engine:
-    """A narrow line: the speed of the second of two damped oscillators in a row.
-
-    Attributes
-    ----------
-    frequency, damping : float
-        rad s-1, s-1.
-    rms : float
-        Of the acceleration over reference gravity.
-    axis : "horizontal" or "vertical"
-    """
-
-    frequency: float
-    damping: float
-    rms: float
-    axis: Axis = "horizontal"
-
-    def system(self) -> tuple[Floats, Floats, int]:
-        """Drift matrix (4, 4) of two oscillators in a row, output row (4,), and the state that is driven."""
-        w, l = self.frequency, self.damping  # noqa: E741
-        drift = np.zeros((4, 4))
-        for k in (0, 2):
-            drift[k, k + 1], drift[k + 1, k], drift[k + 1, k + 1] = 1.0, -w * w, -2.0 * l
-        drift[3, 0] = w * w
-        return drift, np.array([0.0, 0.0, 0.0, 1.0]), 1
-
     @property
-    def peak(self) -> float:
-        """Frequency that it is named by, rad s-1."""
-        return self.frequency
+    def unit_variance(self) -> float:
+        """Variance under a drive of unit intensity."""
+        return 3.0 / (16.0 * self.rate**5)
 
     def shape(self, frequency: Floats) -> Floats:
-        """Spectral density for a drive of unit intensity."""
-        return self.frequency**4 * frequency**2 * _oscillator(self.frequency, self.damping, frequency) ** 2
+        """Two-sided spectral density for a drive of unit intensity."""
+        return 1.0 / (self.rate**2 + frequency**2) ** 3
 
 
 Component = Sea | Vibration | Engine
@@ -174,7 +177,7 @@ class Ship:
             white = np.zeros_like(own)
             white[driven, driven] = 1.0
             steady = solve_continuous_lyapunov(own, -white)
-            scale = component.rms**2 / float(row @ steady @ row)
+            scale = component.rms**2 / component.unit_variance
             drift[here, here], rows[component.axis][here] = own, row
             drive[here, here], stationary[here, here] = scale * white, scale * 0.5 * (steady + steady.T)
             at += row.size
@@ -186,15 +189,5 @@ def density(components: tuple[Component, ...], frequency: Floats, axis: Axis) ->
     total = np.zeros(frequency.size)
     for component in components:
         if component.axis == axis:
-            total += component.rms**2 / unit_variance(component) * component.shape(frequency)
+            total += component.rms**2 / component.unit_variance * component.shape(frequency)
     return total
-
-
-def unit_variance(component: Component) -> float:
-    """Variance of a component's output under white noise of unit intensity."""
-    from scipy.linalg import solve_continuous_lyapunov
-
-    own, row, driven = component.system()
-    white = np.zeros_like(own)
-    white[driven, driven] = 1.0
-    return float(row @ solve_continuous_lyapunov(own, -white) @ row)

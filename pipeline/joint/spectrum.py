@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,15 +11,17 @@ from pipeline.arrays import Floats
 from pipeline.joint.problem import Problem
 from pipeline.joint.ship import Component, Sea, Vibration, density
 
-WINDOW = 100.0  # s
+WINDOWS = (100.0, 50.0, 25.0)  # s: the longest that a record has three of
 LEAST_WINDOWS = 3
 BINS = 160
-LINE = 0.06  # half width about the swing's frequency and its harmonics, relative, that the swing itself fills
+LOBE = 3.0  # half width of the taper's main lobe, in turns a window
+LINE = 0.06  # least half width about the swing's frequency and its harmonics, relative, that the swing itself fills
+SIDEBANDS = 0.4  # of the swing's frequency
 FILLED = 1.5  # s: longest gap that is interpolated for the spectrum's sake
 
 
-def periodogram(problem: Problem, trace: int) -> tuple[Floats, Floats, Floats]:
-    """Mean periodogram of a trace without its own swing.
+def periodogram(problem: Problem, trace: int, path: Floats) -> tuple[Floats, Floats, Floats]:
+    """Mean periodogram of a trace without its own swing; readings that are missing are taken from a path, (k, d).
 
     Returns
     -------
@@ -26,6 +29,8 @@ def periodogram(problem: Problem, trace: int) -> tuple[Floats, Floats, Floats]:
         rad s-1; two-sided density, rad2 s; number of periodogram ordinates in each bin. Empty where the trace has no
         stretch of three windows.
     """
+    from scipy.interpolate import CubicHermiteSpline
+
     lattice = problem.lattice
     used = lattice.trace == trace
     if problem.left_out.size:
@@ -34,9 +39,23 @@ def periodogram(problem: Problem, trace: int) -> tuple[Floats, Floats, Floats]:
     if time.size < 64:
         return np.zeros(0), np.zeros(0), np.zeros(0)
     step = max(float(np.median(np.diff(time))), 1e-3)
-    length = min(WINDOW, float(time[-1] - time[0]) / LEAST_WINDOWS)
-    rows = int(length / step)
+    weights = lattice.combination[trace]
+    angles, speeds = (path[:, q : 2 * problem.pendulums : 2] @ weights for q in (0, 1))
+    followed = CubicHermiteSpline(lattice.step * np.arange(lattice.nodes), angles, speeds)
+    rest = value - followed(time)
     swing = float(np.sqrt(problem.kappa.mean()))
+    for length in WINDOWS:
+        found = _averaged(time, rest, followed, step, length, swing)
+        if found is not None:
+            return found
+    return np.zeros(0), np.zeros(0), np.zeros(0)
+
+
+def _averaged(
+    time: Floats, rest: Floats, followed: Callable[[Floats], Floats], step: float, length: float, swing: float
+) -> tuple[Floats, Floats, Floats] | None:
+    """Periodogram of windows of that length; None where there are too few without a gap."""
+    rows = int(length / step)
     taper = np.hanning(rows + 2)[1:-1] ** 2
     own = np.arange(rows) * step
     own -= own.mean()
@@ -52,25 +71,24 @@ def periodogram(problem: Problem, trace: int) -> tuple[Floats, Floats, Floats]:
     for begin in np.arange(time[0], time[-1] - length, 0.5 * length):
         grid = begin + step * np.arange(rows)
         low, high = np.searchsorted(time, (grid[0] - FILLED, grid[-1] + FILLED))
-        here, there = time[low:high], value[low:high]
+        here, there = time[low:high], rest[low:high]
         if here.size < 8 or here[0] > grid[0] + step or here[-1] < grid[-1] - step:
             continue
         if np.diff(here).max() > max(FILLED, 1.5 * step):
             continue
-        series = (
-            there if here.size == rows and np.abs(here - grid).max() < 1e-6 * step else np.interp(grid, here, there)
-        )
+        series = followed(grid) + np.interp(grid, here, there)
         series = series - design @ (inverse @ series)
         total += np.abs(np.fft.rfft(taper * series)) ** 2
         count += 1
-    if count == 0:
-        return np.zeros(0), np.zeros(0), np.zeros(0)
+    if count < LEAST_WINDOWS:
+        return None
     frequency = 2.0 * np.pi * np.fft.rfftfreq(rows, step)
     power = total * step / (count * float(taper @ taper))
+    line = max(LINE, LOBE * 2.0 * np.pi / (length * swing))
     keep = np.ones(frequency.size, dtype=bool)
     keep[:2] = False
     for multiple in (1.0, 3.0):
-        keep &= np.abs(frequency / (multiple * swing) - 1.0) > LINE / multiple
+        keep &= np.abs(frequency / swing - multiple) > line
     keep &= frequency < 0.95 * np.pi / step
     return _binned(frequency[keep], power[keep], 0.5 * count)
 
@@ -87,9 +105,9 @@ def _binned(frequency: Floats, power: Floats, each: float) -> tuple[Floats, Floa
     )
 
 
-def noise_floor(problem: Problem, trace: int) -> float:
+def noise_floor(problem: Problem, trace: int, path: Floats) -> float:
     """White reading noise of a trace from the quietest part of its spectrum, rad."""
-    frequency, power, weight = periodogram(problem, trace)
+    frequency, power, weight = periodogram(problem, trace, path)
     if not frequency.size:
         return float("nan")
     order = np.argsort(power)
@@ -108,32 +126,54 @@ def transfer(problem: Problem, trace: int, frequency: Floats) -> Floats:
     return np.asarray(answer**2)
 
 
-def begin(problem: Problem, trace: int, noise: float) -> tuple[Component, ...]:
-    """Swell and vibration that a trace's spectrum asks for, by Whittle's likelihood."""
+def begin(
+    problem: Problem, trace: int, path: Floats, noise: float, *, sine: bool, heave: bool
+) -> tuple[Component, ...]:
+    """Swell and vibration that a trace's spectrum asks for, by Whittle's likelihood; and the swell's heave.
+
+    Heave puts sidebands of the swing about its line (law `sine`): they tell of it where it is sought, and are left out
+    where it is recorded.
+    """
     from scipy.optimize import minimize
 
-    frequency, power, weight = periodogram(problem, trace)
-    if not frequency.size:
-        return (Sea(0.7, 0.12, 1e-2), Vibration(6.0, 1e-3))
+    first: tuple[Component, ...] = (Sea(0.7, 0.12, 1e-2), Vibration(6.0, 1e-3))
+    frequency, power, weight = periodogram(problem, trace, path)
+    swing = float(np.sqrt(problem.kappa.mean()))
+    if sine and not heave:
+        keep = np.abs(frequency / swing - 1.0) > SIDEBANDS
+        frequency, power, weight = frequency[keep], power[keep], weight[keep]
     answer = transfer(problem, trace, frequency)
     used = problem.lattice.trace == trace
     step = max(float(np.median(np.diff(problem.lattice.time[used]))), 1e-3)
     white = noise**2 * step
     motion = np.maximum(power - white, 1e-6 * power) / answer
-    swing = float(np.sqrt(problem.kappa.mean()))
-    sea = frequency < 0.8 * swing
-    peak = float(frequency[sea][np.argmax((motion * frequency)[sea])])
-    size = float(np.sqrt(np.trapezoid(motion[sea], frequency[sea]) / np.pi))
-    fast = motion[frequency > 0.6 * swing]
-    rate = 6.0
-    level = float(np.sqrt(max(np.median(fast), 1e-30) * rate * 3.0 / 16.0)) if fast.size else 0.1 * size
-    first = (Sea(peak, 0.15 * peak, max(size, 1e-9)), Vibration(rate, max(level, 1e-9)))
+    sea = frequency < 0.6 * swing
+    if sea.sum() > 8:
+        peak = float(frequency[sea][np.argmax((motion * frequency)[sea])])
+        size = float(np.sqrt(np.trapezoid(motion[sea], frequency[sea]) / np.pi))
+        fast = motion[frequency > (1.0 + SIDEBANDS) * swing]
+        rate = 6.0
+        level = float(np.sqrt(max(np.median(fast), 1e-30) * rate * 3.0 / 16.0)) if fast.size else 0.1 * size
+        first = (Sea(peak, 0.15 * peak, max(size, 1e-9)), Vibration(rate, max(level, 1e-9)))
+    # a quarter of the square of the arc: half of the mean square
+    arc = 0.5 * float(np.mean((problem.lattice.combination[trace] @ path[:, : 2 * problem.pendulums : 2].T) ** 2))
+    if heave:
+        own = first[0]
+        assert isinstance(own, Sea)
+        first = (*first, replace(own, axis="vertical", rms=0.5 * own.rms))
+    if not frequency.size:
+        return first
     start = parameters(first)
+    reach = np.concatenate([REACH, REACH[:3]])[: start.size]
 
     def cost(vector: Floats) -> float:
-        vector = np.clip(vector, start - 2.0 * REACH, start + 2.0 * REACH)
-        model = answer * density(assemble(first, vector), frequency, "horizontal") + white
-        outside = np.sum(np.maximum(0.0, np.abs(vector - start) - REACH) ** 2)
+        vector = np.clip(vector, start - 2.0 * reach, start + 2.0 * reach)
+        ship = assemble(first, vector)
+        model = answer * density(ship, frequency, "horizontal") + white
+        if heave:
+            beside = sum(density(ship, np.abs(frequency + by), "vertical") for by in (swing, -swing))
+            model = model + answer * arc * beside
+        outside = np.sum(np.maximum(0.0, np.abs(vector - start) - reach) ** 2)
         return float(np.sum(weight * (np.log(model) + power / model))) + 1e3 * float(outside)
 
     simplex = np.vstack([start, *(start + 0.5 * row for row in np.eye(start.size))])
@@ -141,7 +181,7 @@ def begin(problem: Problem, trace: int, noise: float) -> tuple[Component, ...]:
         cost,
         start,
         method="Nelder-Mead",
-        options={"initial_simplex": simplex, "maxfev": 400, "xatol": 0.02, "fatol": 0.1},
+        options={"initial_simplex": simplex, "maxfev": 150 * start.size, "xatol": 0.02, "fatol": 0.1},
     )
     return assemble(first, found.x)
 
@@ -165,7 +205,7 @@ def spreads(components: tuple[Component, ...]) -> Floats:
     """1 sigma of the logarithms of `parameters` about what a spectrum gives."""
     out: list[float] = []
     for each in components:
-        out += [1.0, 1.5] if isinstance(each, Vibration) else [0.2, 0.7, 1.0]
+        out += [0.3, 2.0] if isinstance(each, Vibration) else [0.2, 0.7, 1.0]
     return np.array(out)
 
 

@@ -10,7 +10,7 @@ from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.joint import choice, kernels, spectrum
 from pipeline.joint.climb import LEAST_NOISE, grown, refined, window
-from pipeline.joint.constants import Constant, Solution, starts
+from pipeline.joint.constants import Constant, starts
 from pipeline.joint.gather import Gathered
 from pipeline.joint.problem import NONE2, Assumed, Problem
 from pipeline.joint.ship import Component, Sea, Vibration
@@ -21,12 +21,15 @@ SPARSE = 2.0  # of the swing between readings, rad
 COARSE = 0.1  # reading noise of a cold start's first stretch, of the swing
 COARSE_GATE = 100.0  # deviations, of a pass whose errors' scale is not known yet
 STRETCH, MOST_TOGETHER = 60.0, 0.25  # s; share of a trace's readings there that may be outliers
+BURST, LEAST_BURST, BURST_SHARE = 1.0, 3, 0.15  # s; readings, and share of them, about one that is doubted with them
 MOST_OUTLIERS = 0.1  # share of the readings
 UNSTATED = 1e-4  # rad: reading noise of a cold start where none is stated
 ACCELEROMETER = 3e-5  # over reference gravity: noise of a recorded acceleration that is too sparse to be interpolated
 GENEROUS = (Sea(0.9, 0.45, 0.03), Vibration(6.0, 1e-3))
 """The ship's motion that a cold start allows for."""
 MOST_FITS = 4
+MOST_BREAKS = 6
+LASTING = 5.0  # s: wild readings that last so long are no outliers but a pendulum that was knocked
 WILD = float(np.log(0.01 / 0.1))  # of a reading in a hundred, over .1 rad
 GATE = 7.0  # deviations beyond which a reading is left out
 
@@ -68,7 +71,7 @@ def narrowed(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
 
 def cold_start(
     problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]
-) -> tuple[Problem, tuple[Constant, ...], Floats]:
+) -> tuple[Problem, Assumed, tuple[Constant, ...], Floats]:
     """Follow the swing over longer and longer stretches, each linear enough for the one before it; and the path.
 
     They are read as if they were noisier: the ship's motion would else be made to explain what a wrong gravity leaves.
@@ -86,17 +89,21 @@ def cold_start(
         if number == 0:
             begun = replace(rough, sine=False, noise=np.maximum(rough.noise, size))
             constants = released(problem.run(begun, held(constants), span=(0, end))[0].constants, first)
-        constants = released(followed(problem, rough, narrowed(constants), end), first)
+        constants, gate = followed(problem, rough, narrowed(constants), end)
+        constants = released(constants, first)
         if end == nodes:
             break
-    problem, solution, path = smoothed(problem, rough, narrowed(constants), NONE2)
+    problem, rough, constants, path = smoothed(problem, rough, narrowed(constants), NONE2, gate)
     path = grown(path, problem.pendulums, assumed.ship)
-    problem, solution, path = smoothed(problem, assumed, released(solution.constants, first), path)
-    return problem, with_difference(solution.constants), path
+    assumed = replace(assumed, breaks=rough.breaks)
+    problem, assumed, constants, path = smoothed(problem, assumed, released(constants, first), path)
+    return problem, assumed, with_difference(constants), path
 
 
-def followed(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], end: int) -> tuple[Constant, ...]:
-    """Gauss-Newton on the first nodes; readings far off are left out as long as they are few."""
+def followed(
+    problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], end: int
+) -> tuple[tuple[Constant, ...], float]:
+    """Gauss-Newton on the first nodes, without readings far off as long as they are few; and where these begin."""
     gate = COARSE_GATE
     for _ in range(MOST_FITS):
         solution, of = problem.run(assumed, constants, span=(0, end), gate=gate)
@@ -105,39 +112,69 @@ def followed(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]
         constants = solution.constants
         if share < MOST_OUTLIERS and np.all(np.abs(solution.step) < 0.1 * np.sqrt(np.diag(solution.covariance))):
             break
-    return constants
+    return constants, 2.0 * GATE * deviation(of.errors)
 
 
 def deviation(errors: Floats) -> float:
-    """Of errors in their own deviations, from their median; at least 1."""
-    return max(float(np.nanmedian(np.abs(errors))) / 0.6745, 1.0)
+    """Of errors in their own deviations, from the smaller half of them; at least 1."""
+    return max(float(np.nanquantile(np.abs(errors), 0.25)) / 0.3186, 1.0)
 
 
-def outliers(problem: Problem, of: kernels.Pass) -> np.ndarray:
-    """Readings over the gate that stand among others below it; where many are, the model is at fault and not they."""
-    over = np.isfinite(of.errors) & ~np.isfinite(of.whitened)
+def outliers(problem: Problem, errors: Floats, gate: float) -> np.ndarray:
+    """Readings over the gate that stand among others below it; where many are, the model is at fault and not they.
+
+    Where several come together, what lies between them is no better than they.
+    """
     lattice = problem.lattice
-    stretch = (lattice.node * lattice.step // STRETCH).astype(np.int64) * problem.traces + np.minimum(
-        lattice.trace, problem.traces - 1
-    )
+    time = lattice.node * lattice.step
+    over = np.abs(errors) > gate
+    stretch = (time // STRETCH).astype(np.int64) * problem.traces + np.minimum(lattice.trace, problem.traces - 1)
     counts = np.bincount(stretch), np.bincount(stretch, over)
-    return np.asarray(over & (counts[1] < MOST_TOGETHER * counts[0])[stretch])
+    out = over & (counts[1] < MOST_TOGETHER * counts[0])[stretch]
+    for trace in range(problem.traces):
+        own = np.flatnonzero((lattice.trace == trace) & np.isfinite(errors))
+        begins, ends = (np.searchsorted(time[own], time[own] + by) for by in (-BURST, BURST))
+        beyond = np.append(0, np.cumsum(out[own]))
+        beyond = beyond[ends] - beyond[begins]
+        out[own[(beyond >= LEAST_BURST) & (beyond > BURST_SHARE * (ends - begins))]] = True
+    return np.asarray(out)
 
 
 def smoothed(
-    problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], about: Floats
-) -> tuple[Problem, Solution, Floats]:
-    """Gauss-Newton on the whole path, without the outliers that show on the way."""
-    gate = COARSE_GATE
-    for _ in range(MOST_FITS):
-        solution, of, about = problem.fit(assumed, constants, about=about, gate=gate)
-        constants = solution.constants
+    problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], about: Floats, first_gate: float = COARSE_GATE
+) -> tuple[Problem, Assumed, tuple[Constant, ...], Floats]:
+    """Gauss-Newton on the whole path; breaks and outliers that show on the way are allowed for."""
+    gate = first_gate
+    for _ in range(MOST_FITS + MOST_BREAKS):
+        solution, of, path = problem.fit(assumed, constants, about=about, gate=gate)
         gate = GATE * deviation(of.errors)
-        if np.any(np.abs(of.errors) > gate):
-            problem = judged(problem, assumed, constants, about)
-        elif np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
+        out = outliers(problem, of.errors, gate)
+        problem = replace(problem, left_out=problem.left_out | out)
+        node = first_break(problem, (np.abs(of.errors) > gate) & ~out)
+        if node is not None and len(assumed.breaks) < MOST_BREAKS * problem.pendulums:
+            assumed = replace(assumed, breaks=(*assumed.breaks, *((node, i) for i in range(problem.pendulums))))
+            gate = first_gate
+            continue
+        constants, about = solution.constants, path
+        if not out.any() and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
             break
-    return problem, solution, about
+    return problem, assumed, solution.constants, path
+
+
+def first_break(problem: Problem, over: np.ndarray) -> int | None:
+    """First node from which most readings of a trace are over the gate for some time."""
+    lattice = problem.lattice
+    nodes = lattice.nodes
+    ends = np.minimum(np.arange(nodes) + int(np.ceil(LASTING / lattice.step)), nodes)
+    found = []
+    for trace in range(problem.traces):
+        read = (lattice.trace == trace) & ~problem.left_out
+        counts = (np.bincount(lattice.node[some], minlength=nodes) for some in (read, read & over))
+        whole, beyond = (np.append(0, np.cumsum(each)) for each in counts)
+        share = (beyond[ends] - beyond[:nodes]) / np.maximum(whole[ends] - whole[:nodes], 4)
+        found.append(np.flatnonzero((share > 0.5) & (np.diff(beyond) > 0))[:1])
+    first = np.concatenate(found)
+    return int(first.min()) if first.size else None
 
 
 def judged(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], about: Floats) -> Problem:
@@ -145,7 +182,7 @@ def judged(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], 
     gate = GATE
     while True:
         _, of = problem.run(assumed, constants, about=about, gate=gate)
-        scaled, out = GATE * deviation(of.errors), outliers(problem, of)
+        scaled, out = GATE * deviation(of.errors), outliers(problem, of.errors, gate)
         if scaled > 1.2 * gate:
             gate = scaled
         elif np.mean(out) < MOST_OUTLIERS:
@@ -281,7 +318,7 @@ def fitted(gathered: Gathered, *, sine: bool) -> tuple[choice.Fitted, list[choic
     if unknown_heave:
         ship = (*ship, replace(GENEROUS[0], axis="vertical"))
     assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
-    problem, constants, path = cold_start(problem, assumed, first_constants(gathered))
+    problem, assumed, constants, path = cold_start(problem, assumed, first_constants(gathered))
     noise = noise.copy()
     floors = [spectrum.noise_floor(problem, j, path) for j in range(problem.traces)]
     for j, floor in enumerate(floors):

@@ -19,11 +19,13 @@ from pipeline.arrays import Floats
 from pipeline.joint.flow import Flow
 from synth.kernels.compiled import kernel, summing_kernel
 
+ANYWHERE = 0.1  # rad
+MOST_ARC, MOST_ACCELERATION = 0.5, 0.3  # rad; over reference gravity
 ROWS = 256  # prediction errors that are multiplied out at once
 SETTLED = 2e-6  # relative change of a gain from node to node below which it is kept
 
 # kinds of columns
-START, GRAVITY, DAMPING, QUADRATIC, DRY, HEAVE_SCALE, HEAVE_DELAY, ZERO, DRIFT, GAIN, DELAY, STEP, KNOCK = range(13)
+START, GRAVITY, DAMPING, QUADRATIC, DRY, HEAVE_SCALE, HEAVE_DELAY, ZERO, DRIFT, GAIN, DELAY, STEP = range(12)
 
 
 class Readings(NamedTuple):
@@ -60,7 +62,7 @@ class Columns(NamedTuple):
     kind, member : (c,) arrays of int
         Kind as above; pendulum (-1: all), trace or state that it belongs to.
     centre, width : (c,) arrays
-        s: of GRAVITY a hat's, width 0: the whole record; of DRIFT centre and scale; of STEP and KNOCK its time.
+        s: of GRAVITY a hat's, width 0: the whole record; of DRIFT centre and scale; of STEP its time.
     """
 
     kind: np.ndarray
@@ -99,11 +101,18 @@ def reach_nodes(columns: Floats, path: Floats, at: int, nodes: Floats) -> None:
 
 @kernel
 def reach(columns: Floats, about: Floats, k: int, whole: Floats, known: Floats, nodes: Floats) -> None:
-    """Angles, speeds, U and Z at the nodes of step k, from a path or else from the state, the last row of `whole`."""
+    """Angles, speeds, U and Z at the nodes of step k, from a path or else from the state, the last row of `whole`.
+
+    A state that runs away with wild readings is taken for no more than a pendulum or a ship can do: the flow stays
+    close to a linear one, which comes back.
+    """
     if about.shape[0] > 0:
         reach_nodes(columns, about, k, nodes)
     else:
         reach_nodes(columns, whole, whole.shape[0] - 1, nodes)
+        for m in range(nodes.size):
+            most = MOST_ACCELERATION if m >= nodes.size - 6 else (MOST_ARC if m < (nodes.size - 6) // 2 else np.inf)
+            nodes[m] = min(max(nodes[m], -most), most)
     if known.shape[0] > 0:
         for m in range(3):
             nodes[nodes.size - 3 + m] += known[k, m]
@@ -583,6 +592,13 @@ def even_out(moved: Floats, noise: Floats, covariance: Floats) -> None:
 
 
 @kernel
+def loosen(flow: Flow, i: int, covariance: Floats) -> None:
+    """Let pendulum i be anywhere within its swing."""
+    covariance[2 * i, 2 * i] += ANYWHERE**2
+    covariance[2 * i + 1, 2 * i + 1] += flow.kappa[i] * ANYWHERE**2
+
+
+@kernel
 def shake(flow: Flow, nodes: Floats, covariance: Floats) -> None:
     """Noise of a recorded heave: an impulse in mid-step, as large as the angle makes it."""
     count, step = flow.kappa.size, flow.step
@@ -635,6 +651,7 @@ def sweep(
     recorded: Floats,
     slope: Floats,
     about: Floats,
+    breaks: np.ndarray,
     begin: int,
     end: int,
     gate: float,
@@ -653,6 +670,8 @@ def sweep(
         empty where nothing asks for it.
     about : (k, d) array
         Path about which the flow is linearised; empty: the prediction itself.
+    breaks : (b, 2) array of int
+        Nodes, in order, at which a pendulum is where nothing before tells, and that pendulum.
     gate : float
         Readings whose error is larger than so many deviations are left out; 0: none.
     """
@@ -678,16 +697,17 @@ def sweep(
     errors, pull = np.zeros((most, constants + 1)), np.zeros((most, wide))
     buffer, rows = np.zeros((ROWS, constants + 1)), 0
     forced = np.flatnonzero((columns.kind > START) & (columns.kind < ZERO))
-    of_traces = np.flatnonzero((columns.kind >= ZERO) & (columns.kind != KNOCK))
-    knocks = np.flatnonzero(columns.kind == KNOCK)
+    of_traces = np.flatnonzero(columns.kind >= ZERO)
     plain = not flow.sine and not np.any(flow.quadratic) and not np.any(flow.dry) and known.shape[0] == 0
     keeping = keep.whole.shape[0] > 0
     asked = not plain or forced.size > 0 or flow.heave_noise > 0.0
-    moving, before, product = True, -1, 1.0
+    moving, before, product, at_break = True, -1, 1.0, 0
     for k in range(begin, end):
-        for n in range(knocks.size):
-            if columns.centre[knocks[n]] == k:
-                state[knocks[n], columns.member[knocks[n]]] += 1.0
+        while at_break < breaks.shape[0] and breaks[at_break, 0] <= k:
+            if breaks[at_break, 0] == k:
+                loosen(flow, breaks[at_break, 1], predicted)
+                moving = True
+            at_break += 1
         used = pick(readings, k, slots, of)
         alike = recognise(readings, slots, used) and used == before
         if not alike:

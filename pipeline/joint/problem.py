@@ -34,6 +34,8 @@ class Assumed:
         Restoring law.
     heave_noise : float
         Of an interpolated recording of the heave; see `flow.Flow`.
+    breaks : tuple of (int, int)
+        Nodes from which a pendulum goes on as nothing before tells, and that pendulum: a knock, a restart.
     """
 
     ship: tuple[Component, ...]
@@ -41,6 +43,7 @@ class Assumed:
     noise: Floats
     sine: bool
     heave_noise: float = 0.0
+    breaks: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -209,6 +212,7 @@ class Problem:
             recorded=self.recorded,
             slope=self.slope,
             about=about,
+            breaks=np.array(sorted(assumed.breaks), dtype=np.int64).reshape(-1, 2),
             gate=gate,
             of=kernels.Pass(state, covariance, np.zeros((width, width)), np.zeros(3), *np.full((3, count), np.nan)),
         )
@@ -225,13 +229,14 @@ class _Sweep:
     recorded: Floats
     slope: Floats
     about: Floats
+    breaks: np.ndarray
     gate: float
     of: kernels.Pass
 
     def go(self, begin: int, end: int, keep: kernels.Kept = NOTHING_KEPT) -> None:
         """Filter a stretch."""
         went = kernels.sweep(
-            self.flow, self.readings, self.columns, self.known, self.recorded, self.slope, self.about,
+            self.flow, self.readings, self.columns, self.known, self.recorded, self.slope, self.about, self.breaks,
             begin, end, self.gate, self.of, keep,
         )  # fmt: skip
         if not went or not np.all(np.isfinite(self.of.normal)):

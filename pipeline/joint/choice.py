@@ -21,7 +21,7 @@ from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Axis, Component, Engine, Sea, Ship
 
 MOST_FITS = 6
-STRAIGHT = 0.1  # of the reading noise
+STRAIGHT = 0.02  # of the reading noise
 PAYS = 5.0  # in log-likelihood
 ROUNDS = 8
 KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])
@@ -85,23 +85,28 @@ def fitted(model: Model, about: Floats) -> Fitted:
     constants = model.constants
     for _ in range(MOST_FITS):
         solution, of, path = model.problem.fit(model.assumed, constants, about=about, root=root)
-        constants, straight = solution.constants, bend(model, path, about) < STRAIGHT
+        constants, left = solution.constants, bend(model, path, about)
         about = path
-        if straight and np.all(np.abs(solution.step) < 0.05 * np.sqrt(np.diag(solution.covariance))):
+        if left < STRAIGHT:
             break
     return Fitted(replace(model, constants=constants), solution, path, of.whitened)
 
 
 def bend(model: Model, path: Floats, about: Floats) -> float:
-    """What linearising about one path leaves out of another, of the reading noise."""
+    """What linearising about one path leaves out of another, as if it added up all along, over the reading noise."""
+    problem, two = model.problem, 2 * model.problem.pendulums
     if not model.assumed.sine:
         return 0.0
-    two = 2 * model.problem.pendulums
     ship = Ship.of(model.assumed.ship)
     away = path - about
-    angle, off = np.abs(path[:, :two:2]).max(axis=1), np.abs(away[:, :two:2]).max(axis=1)
-    pulls = np.abs(away[:, two:] @ ship.vertical) + angle * (off + np.abs(away[:, two:] @ ship.horizontal))
-    return float(np.max(off * pulls)) / float(model.assumed.noise[: model.problem.traces].min())
+    horizontal, vertical = (np.abs(away[:, two:] @ row) for row in (ship.horizontal, ship.vertical))
+    angle = np.abs(path[:, :two:2]).max(axis=1)
+    # within a step the angle follows what is assumed of the ship at its start
+    within = 0.5 * float(problem.kappa.max()) * problem.lattice.step**2
+    off = np.abs(away[:, :two:2]).max(axis=1) + within * (horizontal + angle * vertical)
+    turns = float(np.sqrt(problem.kappa.max())) * problem.lattice.duration / 2.0
+    mean = float(np.mean(off * (vertical + angle * (off + horizontal))))
+    return mean * turns / float(model.assumed.noise[: problem.traces].min())
 
 
 Candidate = tuple[float, Model, Solution]

@@ -13,7 +13,6 @@ from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Component
 
 WINDOW = 150.0  # s
-LEAST_NOISE = 1e-6  # rad: readings are taken for no better
 STEP = 0.05  # of a logarithm, for its slope
 MOST_STEP = 1.5
 ROUNDS, HALVINGS = 4, 3
@@ -71,7 +70,7 @@ def refined(
 
     def make(vector: Floats) -> Assumed:
         size = assumed.noise.copy()
-        size[:traces] = np.maximum(np.exp(vector[ship.size :]), LEAST_NOISE)
+        size[:traces] = np.maximum(np.exp(vector[ship.size :]), spectrum.LEAST_NOISE)
         return replace(assumed, ship=spectrum.assemble(assumed.ship, vector[: ship.size]), noise=size)
 
     def value(vector: Floats) -> tuple[float, Floats]:

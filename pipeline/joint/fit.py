@@ -9,7 +9,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.joint import choice, kernels, spectrum
-from pipeline.joint.climb import LEAST_NOISE, grown, refined, window
+from pipeline.joint.climb import grown, refined, window
 from pipeline.joint.constants import Constant, starts
 from pipeline.joint.gather import Gathered
 from pipeline.joint.problem import NONE2, Assumed, Problem
@@ -29,6 +29,8 @@ GENEROUS = (Sea(0.9, 0.45, 0.03), Vibration(6.0, 1e-3))
 """The ship's motion that a cold start allows for."""
 MOST_FITS = 4
 MOST_BREAKS = 6
+ROUGH_KICK, KICK = 1e-5, 3e-6  # rad s-1/2, of pendulums that are followed at first
+JUMP = 4.0  # of the errors across a break
 LASTING = 5.0  # s: wild readings that last so long are no outliers but a pendulum that was knocked
 WILD = float(np.log(0.01 / 0.1))  # of a reading in a hundred, over .1 rad
 GATE = 7.0  # deviations beyond which a reading is left out
@@ -69,13 +71,11 @@ def narrowed(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
     )
 
 
-def cold_start(
-    problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]
-) -> tuple[Problem, Assumed, tuple[Constant, ...], Floats]:
-    """Follow the swing over longer and longer stretches, each linear enough for the one before it; and the path.
+def cold_start(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]) -> choice.Fitted:
+    """Follow the swing over longer and longer stretches, each linear enough for the one before it.
 
     They are read as if they were noisier: the ship's motion would else be made to explain what a wrong gravity leaves.
-    Outliers are set aside by the last of them.
+    At last the pendulums are let wander, that friction or gravity which changes is not taken for wild readings.
     """
     first = constants
     step, nodes = problem.lattice.step, problem.lattice.nodes
@@ -87,17 +87,16 @@ def cold_start(
         end = int(min(nodes, np.ceil(seconds / step)))
         rough = replace(still, noise=np.maximum(assumed.noise, size * COARSE / 5.0 ** min(number, 2)))
         if number == 0:
-            begun = replace(rough, sine=False, noise=np.maximum(rough.noise, size))
-            constants = released(problem.run(begun, held(constants), span=(0, end))[0].constants, first)
+            easy = replace(rough, sine=False, noise=np.maximum(rough.noise, size))
+            constants = released(problem.run(easy, held(constants), span=(0, end))[0].constants, first)
         constants, gate = followed(problem, rough, narrowed(constants), end)
         constants = released(constants, first)
         if end == nodes:
             break
-    problem, rough, constants, path = smoothed(problem, rough, narrowed(constants), NONE2, gate)
-    path = grown(path, problem.pendulums, assumed.ship)
-    assumed = replace(assumed, breaks=rough.breaks)
-    problem, assumed, constants, path = smoothed(problem, assumed, released(constants, first), path)
-    return problem, assumed, with_difference(constants), path
+    begun = smoothed(problem, replace(rough, kick=assumed.kick + ROUGH_KICK), narrowed(constants), NONE2, gate)
+    path = grown(begun.path, problem.pendulums, assumed.ship)
+    assumed = replace(assumed, breaks=begun.model.assumed.breaks, kick=assumed.kick + KICK)
+    return smoothed(begun.model.problem, assumed, released(begun.model.constants, first), path)
 
 
 def followed(
@@ -142,7 +141,7 @@ def outliers(problem: Problem, errors: Floats, gate: float) -> np.ndarray:
 
 def smoothed(
     problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], about: Floats, first_gate: float = COARSE_GATE
-) -> tuple[Problem, Assumed, tuple[Constant, ...], Floats]:
+) -> choice.Fitted:
     """Gauss-Newton on the whole path; breaks and outliers that show on the way are allowed for."""
     gate = first_gate
     for _ in range(MOST_FITS + MOST_BREAKS):
@@ -150,7 +149,7 @@ def smoothed(
         gate = GATE * deviation(of.errors)
         out = outliers(problem, of.errors, gate)
         problem = replace(problem, left_out=problem.left_out | out)
-        node = first_break(problem, (np.abs(of.errors) > gate) & ~out)
+        node = first_break(problem, of.errors, (np.abs(of.errors) > gate) & ~out)
         if node is not None and len(assumed.breaks) < MOST_BREAKS * problem.pendulums:
             assumed = replace(assumed, breaks=(*assumed.breaks, *((node, i) for i in range(problem.pendulums))))
             gate = first_gate
@@ -158,21 +157,25 @@ def smoothed(
         constants, about = solution.constants, path
         if not out.any() and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
             break
-    return problem, assumed, solution.constants, path
+    model = choice.Model((), assumed, with_difference(solution.constants), problem, assumed.ship)
+    return choice.Fitted(model, solution, path, of.whitened)
 
 
-def first_break(problem: Problem, over: np.ndarray) -> int | None:
-    """First node from which most readings of a trace are over the gate for some time."""
+def first_break(problem: Problem, errors: Floats, over: np.ndarray) -> int | None:
+    """First node at which the errors of a trace jump, and stay over the gate for some time."""
     lattice = problem.lattice
-    nodes = lattice.nodes
-    ends = np.minimum(np.arange(nodes) + int(np.ceil(LASTING / lattice.step)), nodes)
+    nodes, ahead = lattice.nodes, int(np.ceil(LASTING / lattice.step))
+    here = np.arange(nodes)
     found = []
     for trace in range(problem.traces):
-        read = (lattice.trace == trace) & ~problem.left_out
-        counts = (np.bincount(lattice.node[some], minlength=nodes) for some in (read, read & over))
-        whole, beyond = (np.append(0, np.cumsum(each)) for each in counts)
-        share = (beyond[ends] - beyond[:nodes]) / np.maximum(whole[ends] - whole[:nodes], 4)
-        found.append(np.flatnonzero((share > 0.5) & (np.diff(beyond) > 0))[:1])
+        read = (lattice.trace == trace) & ~problem.left_out & np.isfinite(errors)
+        per_node = (np.bincount(lattice.node[read], w, nodes) for w in (None, over[read], errors[read] ** 2))
+        whole, beyond, squares = (np.append(0, np.cumsum(each)) for each in per_node)
+        after, before = np.minimum(here + ahead, nodes), np.maximum(here - ahead, 0)
+        many = np.maximum(whole[after] - whole[:nodes], 4)
+        share, power = (beyond[after] - beyond[:nodes]) / many, (squares[after] - squares[:nodes]) / many
+        calm = (squares[:nodes] - squares[before]) / np.maximum(whole[:nodes] - whole[before], 1)
+        found.append(np.flatnonzero((share > 0.5) & (np.diff(beyond) > 0) & (power > JUMP**2 * calm))[:1])
     first = np.concatenate(found)
     return int(first.min()) if first.size else None
 
@@ -313,27 +316,42 @@ def fitted(gathered: Gathered, *, sine: bool) -> tuple[choice.Fitted, list[choic
     unknown_heave = sine and not problem.recorded.size
     base = int(np.argmax(np.abs(problem.lattice.combination.sum(axis=1))))
     stated = np.where(np.isfinite(gathered.noise), gathered.noise, UNSTATED)
-    noise = np.concatenate([np.maximum(stated, LEAST_NOISE), [ACCELEROMETER, ACCELEROMETER]])
+    noise = np.concatenate([np.maximum(stated, spectrum.LEAST_NOISE), [ACCELEROMETER, ACCELEROMETER]])
     ship: tuple[Component, ...] = GENEROUS
     if unknown_heave:
         ship = (*ship, replace(GENEROUS[0], axis="vertical"))
     assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
-    problem, assumed, constants, path = cold_start(problem, assumed, first_constants(gathered))
+    begun = cold_start(problem, assumed, first_constants(gathered))
+    problem, path = begun.model.problem, begun.path
     noise = noise.copy()
     floors = [spectrum.noise_floor(problem, j, path) for j in range(problem.traces)]
     for j, floor in enumerate(floors):
         if not np.isfinite(gathered.noise[j]) and np.isfinite(floor):
-            noise[j] = max(floor, LEAST_NOISE)
-    floor = max(float(np.nanmin([*floors, 1.0])), LEAST_NOISE)
-    start = spectrum.begin(problem, base, path, floor, sine=sine, heave=unknown_heave)
-    spectral = replace(assumed, ship=start, noise=noise)
+            noise[j] = max(floor, spectrum.LEAST_NOISE)
+    floor = max(float(np.nanmin([*floors, 1.0])), spectrum.LEAST_NOISE)
+    ship = spectrum.begin(problem, base, path, floor, sine=sine, heave=unknown_heave)
+    spectral = replace(begun.model.assumed, ship=ship, noise=noise)
     # what fits a spectrum or a stretch may fail elsewhere: a turn, a knock; the whole record decides
-    rivals = [choice.Model((), each, constants, problem, each.ship) for each in (assumed, spectral)]
-    best = max((choice.fitted(each, path) for each in rivals), key=standing)
+    best = better(replace(begun.model, assumed=spectral, first_ship=ship), begun)
     best = heard_again(best, gathered.problem)
-    finer = refined(problem, best.model.assumed, best.model.constants, best.path, window(problem))
-    fit = choice.fitted(replace(best.model, assumed=finer, first_ship=finer.ship), best.path)
-    return choice.settle(max(heard_again(fit, gathered.problem), best, key=standing))
+    model = best.model
+    finer = refined(model.problem, model.assumed, model.constants, best.path, window(model.problem))
+    options = [
+        replace(model, assumed=replace(each, kick=assumed.kick), first_ship=each.ship)
+        for each in (finer, model.assumed)
+    ]
+    fit = choice.fitted(options[0], best.path)
+    if choice.priced(options[1], fit.path)[0] > fit.solution.log_likelihood:
+        fit = better(options[1], fit)
+    return choice.settle(fit)
+
+
+def better(model: choice.Model, fit: choice.Fitted) -> choice.Fitted:
+    """A model fitted about the path of a fit, or that fit where it stands higher."""
+    try:
+        return max(choice.fitted(model, fit.path), fit, key=standing)
+    except np.linalg.LinAlgError:
+        return fit
 
 
 def heard_again(fit: choice.Fitted, problem: Problem) -> choice.Fitted:
@@ -344,7 +362,7 @@ def heard_again(fit: choice.Fitted, problem: Problem) -> choice.Fitted:
     problem = judged(problem, model.assumed, model.constants, fit.path)
     if np.all(model.problem.left_out == problem.left_out):
         return fit
-    return max(fit, choice.fitted(replace(model, problem=problem), fit.path), key=standing)
+    return better(replace(model, problem=problem), fit)
 
 
 def standing(fit: choice.Fitted) -> float:

@@ -12,6 +12,7 @@ from pipeline.arrays import Floats
 from pipeline.joint.flow import NODES
 from pipeline.joint.lattice import lay
 from pipeline.joint.problem import Problem
+from pipeline.joint.spectrum import is_calm
 from pipeline.observation import instrument
 
 if TYPE_CHECKING:
@@ -95,7 +96,8 @@ def gather(record: DataTree) -> Gathered:
         dense = dense and float(np.median(np.diff(time[there]))) * DENSE < 2.5
         if not dense:
             rows += [np.full((1, time.size), np.nan), heave[None]]
-    lattice = lay(time, np.concatenate(rows), combination, swing)
+    calm = all(is_calm(time, each, swing) for each in series)
+    lattice = lay(time, np.concatenate(rows), combination, swing, calm=calm)
     recorded = slope = np.zeros((0, 3))
     if heave is not None and dense:
         from scipy.interpolate import CubicSpline

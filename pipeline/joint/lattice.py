@@ -10,6 +10,7 @@ from pipeline.arrays import Floats
 from pipeline.joint.kernels import Readings
 
 MOST_ANGLE = 0.8  # of the swing a step, rad: readings lie within half of it about their node
+FAST_ANGLE = 0.3  # the same of readings that share a node where the ship vibrates
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Lattice:
         return Readings(first, self.trace, offset, self.value if value is None else value, variance, self.combination)
 
 
-def lay(time: Floats, series: Floats, combination: Floats, frequency: float) -> Lattice:
+def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, calm: bool = True) -> Lattice:
     """Lay series on a lattice.
 
     Parameters
@@ -78,6 +79,8 @@ def lay(time: Floats, series: Floats, combination: Floats, frequency: float) -> 
     combination : (t, p) array
     frequency : float
         Of the swing, rad s-1.
+    calm : bool
+        Whether nothing moves much faster than the swing.
     """
     spacing = np.diff(time)
     even = float(time[-1] - time[0]) / max(time.size - 1, 1)
@@ -86,7 +89,7 @@ def lay(time: Floats, series: Floats, combination: Floats, frequency: float) -> 
     if regular and spacing.size:
         even = float(time[-1] - time[0]) / np.rint((time[-1] - time[0]) / least)
     angle = even * frequency
-    together = max(1.0, float(np.floor(MOST_ANGLE / angle)))  # of a trace's readings, about each node
+    together = max(1.0, float(np.floor((MOST_ANGLE if calm else FAST_ANGLE) / angle)))  # readings about each node
     step = even * together / np.ceil(angle / MOST_ANGLE)
     start = float(time[0]) + 0.5 * (together - 1.0) * even
     node = np.rint((time - start) / step).astype(np.int64)

@@ -16,6 +16,9 @@ LEAST_WINDOWS = 3
 BINS = 160
 LOBE = 3.0  # half width of the taper's main lobe, in turns a window
 LINE = 0.06  # least half width about the swing's frequency and its harmonics, relative, that the swing itself fills
+FAST, FAST_LINE, FAST_PEAK = 1.8, 0.3, 12.0  # of the swing; about its third harmonic; of the median power
+LEAST_GAP = 0.2  # s: shorter ones are interpolated without harm
+LEAST_NOISE = 1e-6  # rad: readings are taken for no better
 SIDEBANDS = 0.4  # of the swing's frequency
 FILLED = 1.5  # s: longest gap that is interpolated for the spectrum's sake
 
@@ -103,6 +106,32 @@ def _binned(frequency: Floats, power: Floats, each: float) -> tuple[Floats, Floa
         np.bincount(at, power, BINS)[some] / count[some],
         each * count[some],
     )
+
+
+def is_calm(time: Floats, series: Floats, swing: float) -> bool:
+    """Whether readings, (n,), NaN where missing, show no motion much faster than the swing."""
+    from scipy.interpolate import CubicSpline
+    from scipy.signal.windows import blackmanharris
+
+    there = np.isfinite(series)
+    if there.sum() < 64:
+        return True
+    at, value = time[there], series[there]
+    step = max(float(np.median(np.diff(at))), 1e-3)
+    rows = int(WINDOWS[-1] / step)
+    turns = 2.0 * np.pi * np.fft.rfftfreq(rows, step) / swing
+    fast = (turns > FAST) & (np.abs(turns - 3.0) > FAST_LINE)
+    if not fast.any():
+        return True
+    filled, taper, found = CubicSpline(at, value), blackmanharris(rows), []
+    for begin in np.arange(at[0], at[-1] - WINDOWS[-1], WINDOWS[-1]):
+        low, high = np.searchsorted(at, (begin, begin + WINDOWS[-1]))
+        if high - low > 2 and np.diff(at[low:high]).max() < LEAST_GAP:
+            found.append(np.abs(np.fft.rfft(taper * filled(begin + step * np.arange(rows)))[fast]) ** 2)
+    if not found:
+        return False
+    power = np.median(found, axis=0) / float(taper @ taper)
+    return bool(power.max() < FAST_PEAK * max(float(np.median(power)), LEAST_NOISE**2))
 
 
 def noise_floor(problem: Problem, trace: int, path: Floats) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.joint import choice, kernels, spectrum
-from pipeline.joint.climb import grown, refined, window
+from pipeline.joint.climb import grown, refined, shifted, window
 from pipeline.joint.constants import Constant, starts
 from pipeline.joint.gather import Gathered
 from pipeline.joint.problem import NONE2, Assumed, Problem
@@ -20,18 +20,18 @@ EARTH = 0.004  # 1 sigma of gravity over reference gravity in a cold start
 SPARSE = 2.0  # of the swing between readings, rad
 COARSE = 0.1  # reading noise of a cold start's first stretch, of the swing
 COARSE_GATE = 100.0  # deviations, of a pass whose errors' scale is not known yet
-STRETCH, MOST_TOGETHER = 60.0, 0.25  # s; share of a trace's readings there that may be outliers
-BURST, LEAST_BURST, BURST_SHARE = 1.0, 3, 0.15  # s; readings, and share of them, about one that is doubted with them
-MOST_OUTLIERS = 0.1  # share of the readings
+MOST_OUTLIERS = 0.1  # share of the readings of a cold start
+MOST_OVER = 0.3  # share of the readings over a gate above which the gate is at fault
+BROKEN = 200.0  # in log-likelihood, that a pendulum which was knocked must be worth
+LINKED, LEAST_BURST, BURST_SHARE = 0.5, 3, 0.2  # s between readings that are doubted together; fewer are wild
+BURST = 1.0  # s on either side, at most, in which all are doubted
+LASTING = 8.0  # s on either side that a doubt is decided by
 UNSTATED = 1e-4  # rad: reading noise of a cold start where none is stated
 ACCELEROMETER = 3e-5  # over reference gravity: noise of a recorded acceleration that is too sparse to be interpolated
 GENEROUS = (Sea(0.9, 0.45, 0.03), Vibration(6.0, 1e-3))
 """The ship's motion that a cold start allows for."""
 MOST_FITS = 4
-MOST_BREAKS = 6
 ROUGH_KICK, KICK = 1e-5, 3e-6  # rad s-1/2, of pendulums that are followed at first
-JUMP = 4.0  # of the errors across a break
-LASTING = 5.0  # s: wild readings that last so long are no outliers but a pendulum that was knocked
 WILD = float(np.log(0.01 / 0.1))  # of a reading in a hundred, over .1 rad
 GATE = 7.0  # deviations beyond which a reading is left out
 
@@ -119,79 +119,65 @@ def deviation(errors: Floats) -> float:
     return max(float(np.nanquantile(np.abs(errors), 0.25)) / 0.3186, 1.0)
 
 
-def outliers(problem: Problem, errors: Floats, gate: float) -> np.ndarray:
-    """Readings over the gate that stand among others below it; where many are, the model is at fault and not they.
-
-    Where several come together, what lies between them is no better than they.
-    """
-    lattice = problem.lattice
-    time = lattice.node * lattice.step
-    over = np.abs(errors) > gate
-    stretch = (time // STRETCH).astype(np.int64) * problem.traces + np.minimum(lattice.trace, problem.traces - 1)
-    counts = np.bincount(stretch), np.bincount(stretch, over)
-    out = over & (counts[1] < MOST_TOGETHER * counts[0])[stretch]
-    for trace in range(problem.traces):
-        own = np.flatnonzero((lattice.trace == trace) & np.isfinite(errors))
-        begins, ends = (np.searchsorted(time[own], time[own] + by) for by in (-BURST, BURST))
-        beyond = np.append(0, np.cumsum(out[own]))
-        beyond = beyond[ends] - beyond[begins]
-        out[own[(beyond >= LEAST_BURST) & (beyond > BURST_SHARE * (ends - begins))]] = True
-    return np.asarray(out)
-
-
 def smoothed(
     problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], about: Floats, first_gate: float = COARSE_GATE
 ) -> choice.Fitted:
     """Gauss-Newton on the whole path; breaks and outliers that show on the way are allowed for."""
     gate = first_gate
-    for _ in range(MOST_FITS + MOST_BREAKS):
-        solution, of, path = problem.fit(assumed, constants, about=about, gate=gate)
-        gate = GATE * deviation(of.errors)
-        out = outliers(problem, of.errors, gate)
-        problem = replace(problem, left_out=problem.left_out | out)
-        node = first_break(problem, of.errors, (np.abs(of.errors) > gate) & ~out)
-        if node is not None and len(assumed.breaks) < MOST_BREAKS * problem.pendulums:
-            assumed = replace(assumed, breaks=(*assumed.breaks, *((node, i) for i in range(problem.pendulums))))
-            gate = first_gate
-            continue
-        constants, about = solution.constants, path
-        if not out.any() and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
+    for _ in range(MOST_FITS):
+        solution, of, about = problem.fit(assumed, constants, about=about, gate=gate)
+        constants, gate = solution.constants, GATE * deviation(of.errors)
+        model = choice.Model((), assumed, with_difference(constants), problem, assumed.ship)
+        fit = choice.Fitted(model, solution, about, of.whitened)
+        heard = contested(model, about, of.errors, gate)
+        if heard is model and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
             break
-    model = choice.Model((), assumed, with_difference(solution.constants), problem, assumed.ship)
-    return choice.Fitted(model, solution, path, of.whitened)
+        problem, assumed = heard.problem, heard.assumed
+    return fit
 
 
-def first_break(problem: Problem, errors: Floats, over: np.ndarray) -> int | None:
-    """First node at which the errors of a trace jump, and stay over the gate for some time."""
-    lattice = problem.lattice
-    nodes, ahead = lattice.nodes, int(np.ceil(LASTING / lattice.step))
-    here = np.arange(nodes)
-    found = []
-    for trace in range(problem.traces):
-        read = (lattice.trace == trace) & ~problem.left_out & np.isfinite(errors)
-        per_node = (np.bincount(lattice.node[read], w, nodes) for w in (None, over[read], errors[read] ** 2))
-        whole, beyond, squares = (np.append(0, np.cumsum(each)) for each in per_node)
-        after, before = np.minimum(here + ahead, nodes), np.maximum(here - ahead, 0)
-        many = np.maximum(whole[after] - whole[:nodes], 4)
-        share, power = (beyond[after] - beyond[:nodes]) / many, (squares[after] - squares[:nodes]) / many
-        calm = (squares[:nodes] - squares[before]) / np.maximum(whole[:nodes] - whole[before], 1)
-        found.append(np.flatnonzero((share > 0.5) & (np.diff(beyond) > 0) & (power > JUMP**2 * calm))[:1])
-    first = np.concatenate(found)
-    return int(first.min()) if first.size else None
+def contested(model: choice.Model, path: Floats, errors: Floats, gate: float) -> choice.Model:
+    """What to make of prediction errors over a gate: wild readings, a pendulum that was knocked, or neither.
 
-
-def judged(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], about: Floats) -> Problem:
-    """Leave out what lies over the gate; what is common is no outlier, and the gate is too narrow."""
-    gate = GATE
-    while True:
-        _, of = problem.run(assumed, constants, about=about, gate=gate)
-        scaled, out = GATE * deviation(of.errors), outliers(problem, of.errors, gate)
-        if scaled > 1.2 * gate:
-            gate = scaled
-        elif np.mean(out) < MOST_OUTLIERS:
-            return replace(problem, left_out=problem.left_out | out)
-        else:
-            gate *= 3.0
+    Single readings are wild; of several together the likelihood of the seconds about them decides.
+    """
+    problem, assumed, lattice = model.problem, model.assumed, model.problem.lattice
+    over = np.abs(errors) > gate
+    if not over.any() or np.mean(over) > MOST_OVER:
+        return model
+    time = lattice.node * lattice.step
+    at = np.flatnonzero(over)
+    wild = problem.left_out.copy()
+    for cluster in np.split(at, np.flatnonzero(np.diff(time[at]) > LINKED) + 1):
+        first, last = time[cluster[[0, -1]]]
+        between = cluster[-1] - cluster[0] + 1
+        if cluster.size < max(LEAST_BURST, BURST_SHARE * between):
+            wild[cluster] = True
+            continue
+        about = min(last - first, BURST)
+        begin, end = np.searchsorted(time, (first - about, last + about))
+        doubted = np.arange(begin, end)[np.isin(lattice.trace[begin:end], lattice.trace[cluster])]
+        span = (
+            max(int((first - LASTING) / lattice.step), 0),
+            min(int((last + LASTING) / lattice.step) + 1, lattice.nodes),
+        )
+        left = wild.copy()
+        left[doubted] = True
+        node = int(lattice.node[cluster[0]])
+        members = range(problem.pendulums)
+        broken = [tuple((node, i) for i in some) for some in (*([i] for i in members), members)]
+        options = [(wild, assumed), (left, assumed)]
+        options += [(wild, replace(assumed, breaks=(*assumed.breaks, *each))) for each in broken]
+        here = shifted(model.constants, path, span[0])
+        worth = []
+        for some, each in options:
+            trial = replace(model, problem=replace(problem, left_out=some), assumed=each, constants=here)
+            cost = BROKEN * (len(each.breaks) - len(assumed.breaks)) - WILD * float(some[doubted].sum())
+            worth.append(choice.priced(trial, path, cost, span)[0])
+        wild, assumed = options[int(np.argmax(worth))]
+    if assumed is model.assumed and np.all(wild == problem.left_out):
+        return model
+    return replace(model, problem=replace(problem, left_out=wild), assumed=assumed)
 
 
 def with_difference(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
@@ -359,10 +345,9 @@ def heard_again(fit: choice.Fitted, problem: Problem) -> choice.Fitted:
     model = fit.model
     if not np.any(model.problem.left_out != problem.left_out):
         return fit
-    problem = judged(problem, model.assumed, model.constants, fit.path)
-    if np.all(model.problem.left_out == problem.left_out):
-        return fit
-    return better(replace(model, problem=problem), fit)
+    model = replace(model, problem=problem)
+    _, of = problem.run(model.assumed, model.constants, about=fit.path, gate=GATE)
+    return better(contested(model, fit.path, of.errors, GATE * deviation(of.errors)), fit)
 
 
 def standing(fit: choice.Fitted) -> float:

@@ -29,7 +29,14 @@ KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])
 FEIGNED = 2.0  # in log-likelihood
 MOST_COMPONENTS = 3
 CALM = 0.5  # of the swing's frequency: below it lines of the sea are left, which cost nothing
-SHAPES = ((Engine, 0.01, 1e-4), (Engine, 0.01, 1e-3), (Sea, 0.1, 3e-4), (Sea, 0.1, 3e-3))
+SHAPES = (
+    (Engine, 1e-3, 1e-4),
+    (Engine, 1e-3, 1e-3),
+    (Engine, 0.01, 1e-4),
+    (Engine, 0.01, 1e-3),
+    (Sea, 0.1, 3e-4),
+    (Sea, 0.1, 3e-3),
+)
 """Kind, relative damping and size of the components that are tried at a line."""
 SPARSE = 2.0  # of the swing between readings, rad: above it a line cannot be told from its aliases
 SAME_LINE = 0.2  # in the logarithm of the frequency
@@ -228,7 +235,11 @@ def _components(fit: Fitted) -> Iterator[Candidate]:
         options: list[tuple[Axis, float]] = [("horizontal", frequency)]
         if model.assumed.sine and not problem.recorded.size:
             options += [("vertical", f) for f in (frequency + swing, abs(frequency - swing)) if f > 0.2]
-        lines = [make(own, width * own, rms, axis) for axis, own in options for make, width, rms in SHAPES]
+        # a vertical motion acts by the angle
+        lever = {"horizontal": 1.0, "vertical": float(np.std(fit.path[:, : 2 * problem.pendulums : 2]))}
+        lines = [
+            make(own, width * own, rms / lever[axis], axis) for axis, own in options for make, width, rms in SHAPES
+        ]
         span = window(problem)
         found: tuple[float, tuple[Component, ...]] = (-np.inf, ())
         for line in lines:

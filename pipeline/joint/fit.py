@@ -157,10 +157,7 @@ def contested(model: choice.Model, path: Floats, errors: Floats, gate: float) ->
         about = min(last - first, BURST)
         begin, end = np.searchsorted(time, (first - about, last + about))
         doubted = np.arange(begin, end)[np.isin(lattice.trace[begin:end], lattice.trace[cluster])]
-        span = (
-            max(int((first - LASTING) / lattice.step), 0),
-            min(int((last + LASTING) / lattice.step) + 1, lattice.nodes),
-        )
+        span = stretch(problem, int(lattice.node[cluster[0]]), int(lattice.node[cluster[-1]]))
         left = wild.copy()
         left[doubted] = True
         node = int(lattice.node[cluster[0]])
@@ -341,13 +338,27 @@ def better(model: choice.Model, fit: choice.Fitted) -> choice.Fitted:
 
 
 def heard_again(fit: choice.Fitted, problem: Problem) -> choice.Fitted:
-    """The same where readings were left out by what was assumed before: decided anew."""
+    """The same where readings were left out, or pendulums knocked, by what was assumed before: decided anew."""
     model = fit.model
-    if not np.any(model.problem.left_out != problem.left_out):
+    nodes = {node for node, _ in model.assumed.breaks}
+    if not nodes and not np.any(model.problem.left_out != problem.left_out):
         return fit
-    model = replace(model, problem=problem)
-    _, of = problem.run(model.assumed, model.constants, about=fit.path, gate=GATE)
-    return better(contested(model, fit.path, of.errors, GATE * deviation(of.errors)), fit)
+    for node in nodes:
+        span = stretch(problem, node, node)
+        here = replace(model, constants=shifted(model.constants, fit.path, span[0]))
+        whole = replace(here.assumed, breaks=tuple(each for each in here.assumed.breaks if each[0] != node))
+        values = [choice.priced(replace(here, assumed=each), fit.path, span=span)[0] for each in (here.assumed, whole)]
+        if values[0] < values[1] + BROKEN:
+            model = replace(model, assumed=whole)
+    heard = replace(model, problem=problem)
+    _, of = problem.run(heard.assumed, heard.constants, about=fit.path, gate=GATE)
+    return better(contested(heard, fit.path, of.errors, GATE * deviation(of.errors)), fit)
+
+
+def stretch(problem: Problem, first: int, last: int) -> tuple[int, int]:
+    """Nodes about some of them that a doubt is decided by."""
+    beside = int(LASTING / problem.lattice.step)
+    return max(first - beside, 0), min(last + beside + 1, problem.lattice.nodes)
 
 
 def standing(fit: choice.Fitted) -> float:

@@ -96,7 +96,8 @@ def gather(record: DataTree) -> Gathered:
         dense = dense and float(np.median(np.diff(time[there]))) * DENSE < 2.5
         if not dense:
             rows += [np.full((1, time.size), np.nan), heave[None]]
-    calm = all(is_calm(time, each, swing) for each in series)
+    arc = 1.5 * float(np.nanmax(np.nanstd(series[np.isfinite(series).any(axis=1)], axis=1)))
+    calm = all(is_calm(time, each, swing, arc) for each in series)
     lattice = lay(time, np.concatenate(rows), combination, swing, calm=calm)
     recorded = slope = np.zeros((0, 3))
     if heave is not None and dense:

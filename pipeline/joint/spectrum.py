@@ -16,7 +16,7 @@ LEAST_WINDOWS = 3
 BINS = 160
 LOBE = 3.0  # half width of the taper's main lobe, in turns a window
 LINE = 0.06  # least half width about the swing's frequency and its harmonics, relative, that the swing itself fills
-FAST, FAST_LINE, FAST_PEAK = 1.8, 0.3, 12.0  # of the swing; about its third harmonic; of the median power
+FAST, FAST_PEAK, FAST_LINE = 1.8, 6.0, 0.3  # of the swing; deviations of a mean power; of the third harmonic
 LEAST_GAP = 0.2  # s: shorter ones are interpolated without harm
 LEAST_NOISE = 1e-6  # rad: readings are taken for no better
 SIDEBANDS = 0.4  # of the swing's frequency
@@ -108,8 +108,8 @@ def _binned(frequency: Floats, power: Floats, each: float) -> tuple[Floats, Floa
     )
 
 
-def is_calm(time: Floats, series: Floats, swing: float) -> bool:
-    """Whether readings, (n,), NaN where missing, show no motion much faster than the swing."""
+def is_calm(time: Floats, series: Floats, swing: float, arc: float) -> bool:
+    """Whether readings, (n,), NaN where missing, show no motion much faster than a swing of that arc, rad."""
     from scipy.interpolate import CubicSpline
     from scipy.signal.windows import blackmanharris
 
@@ -120,18 +120,26 @@ def is_calm(time: Floats, series: Floats, swing: float) -> bool:
     step = max(float(np.median(np.diff(at))), 1e-3)
     rows = int(WINDOWS[-1] / step)
     turns = 2.0 * np.pi * np.fft.rfftfreq(rows, step) / swing
-    fast = (turns > FAST) & (np.abs(turns - 3.0) > FAST_LINE)
+    fast = turns > FAST
     if not fast.any():
         return True
     filled, taper, found = CubicSpline(at, value), blackmanharris(rows), []
+    own = np.arange(rows) * step
+    turn = np.cos(swing * own), np.sin(swing * own)
+    design = np.stack([np.ones(rows), *turn, own * turn[0], own * turn[1]], axis=1)
+    away = np.linalg.solve(design.T @ (taper[:, None] * design), design.T * taper)
     for begin in np.arange(at[0], at[-1] - WINDOWS[-1], WINDOWS[-1]):
         low, high = np.searchsorted(at, (begin, begin + WINDOWS[-1]))
         if high - low > 2 and np.diff(at[low:high]).max() < LEAST_GAP:
-            found.append(np.abs(np.fft.rfft(taper * filled(begin + step * np.arange(rows)))[fast]) ** 2)
+            series = filled(begin + own)
+            found.append(np.abs(np.fft.rfft(taper * (series - design @ (away @ series)))[fast]) ** 2)
     if not found:
         return False
-    power = np.median(found, axis=0) / float(taper @ taper)
-    return bool(power.max() < FAST_PEAK * max(float(np.median(power)), LEAST_NOISE**2))
+    power = np.mean(found, axis=0) / float(taper @ taper)
+    allowed = (1.0 + FAST_PEAK / np.sqrt(len(found))) * max(float(np.median(power)), LEAST_NOISE**2)
+    # the swing's own third harmonic, whose amplitude the ship changes
+    third = float(taper.sum()) ** 2 / float(taper @ taper) * (arc**3 / 192.0) ** 2
+    return bool(np.all(power < allowed + third * (np.abs(turns[fast] - 3.0) < FAST_LINE)))
 
 
 def noise_floor(problem: Problem, trace: int, path: Floats) -> float:

@@ -114,3 +114,25 @@ def test_kicks_add_their_variance() -> None:
     # d theta' = n k dW over a short step
     assert (loud.noise - quiet.noise)[1, 1] == pytest.approx(KAPPA[0] * 1e-10 * 0.05, rel=0.05)
     assert np.abs((loud.noise - quiet.noise)[2:]).max() == 0.0
+
+
+def test_readings_off_the_nodes_are_exact_under_heave() -> None:
+    time = 0.04 * np.arange(1500)
+    lattice = lay(time, np.zeros((1, time.size)), np.array([[1.0]]), 6.2)
+    nodes = lattice.start + lattice.step * np.arange(lattice.nodes)
+    assert lattice.nodes < 0.4 * time.size
+
+    def slope(t: float, state: np.ndarray) -> np.ndarray:
+        return np.array([state[1], -KAPPA[0] * (1.0 + heave(t)) * np.sin(state[0])])
+
+    done = solve_ivp(slope, (0.0, time[-1]), [0.02, 0.0], dense_output=True, rtol=1e-12, atol=1e-15, max_step=0.02)
+    angles = done.sol(time)[0]
+    at = nodes[:, None] + lattice.step * NODES
+    problem = Problem(replace(lattice, value=angles), KAPPA[:1], np.zeros(1), recorded=heave(at), slope=0.0 * at)
+    constants = (
+        *begun(1, done.sol(lattice.start)),
+        Constant("gravity", kernels.GRAVITY, 1e-12, mean=1.0, value=1.0),
+    )
+    told = Assumed((Vibration(6.0, 1e-12),), np.zeros(1), np.array([1e-6, 1.0, 1.0]), sine=True)
+    _, of = problem.run(told, constants)
+    assert np.abs(of.whitened).max() < 0.2  # 2e-7 rad of 2e-2

@@ -13,6 +13,7 @@ from data_schemas import check, read, write
 from data_schemas.errors import RefusedError
 from data_schemas.scene import Scene
 from pipeline import process, summaries
+from pipeline.joint.gather import gather
 
 GRAVITY = 9.8123
 
@@ -101,6 +102,44 @@ def test_kicks_are_named_and_widen_sigma() -> None:
     assert "random-kicks" in found["flags"]
     assert found["gravity_sigma_mgal"] > 10.0 * row(quiet)["gravity_sigma_mgal"]
     assert abs(in_sigmas(found, gravity)) < 3.5
+
+
+def spliced(at: float, **changes: Any) -> tuple[xr.DataTree, float]:
+    """A record of pendulums that are started anew at an instant: two of the same sea, one after the other."""
+    made, gravity = record(duration=600.0)
+    other, _ = record(duration=600.0, pendulum={"start": {"kind": "free", "amplitude": 0.014, "phase": 1.3}})
+    late = made["time"].values >= at
+    made["record"]["elongation"].values[:, late] = other["record"]["elongation"].values[:, late]
+    return made, gravity
+
+
+def test_pendulums_started_anew_cost_little() -> None:
+    plain = row(record(duration=600.0)[0])
+    made, gravity = spliced(330.0)
+    found = row(made)
+    assert abs(in_sigmas(found, gravity)) < 3.5
+    assert found["gravity_sigma_mgal"] < 6.0 * plain["gravity_sigma_mgal"]  # two halves: 2.8 times
+
+
+def test_bursts_of_wild_readings_cost_what_they_hide() -> None:
+    plain = row(record(duration=600.0)[0])
+    made, gravity = record(duration=600.0)
+    random, time = np.random.default_rng(3), made["time"].values
+    for begin in (50.0, 210.0, 400.0, 555.0):
+        during = (time >= begin) & (time < begin + 2.0)
+        made["record"]["elongation"].values[0, during] += 3e-3 * random.standard_normal(during.sum())
+    found = row(made)
+    assert abs(in_sigmas(found, gravity)) < 3.5
+    assert found["gravity_sigma_mgal"] < 3.0 * plain["gravity_sigma_mgal"]
+
+
+@pytest.mark.parametrize("vibration", [0.0, 0.03])
+def test_nodes_lie_denser_where_the_ship_vibrates(vibration: float) -> None:
+    motion = [{"kind": "harmonics", "amplitude": [0.05, 0.03], "period": [9.0, 7.0]}]
+    if vibration:
+        motion.append({"kind": "harmonics", "amplitude": [vibration], "period": [0.2]})
+    made, _ = record(motion=motion, recording={"sampling_rate": 25, "vertical_acceleration": False})
+    assert gather(made).problem.lattice.step == pytest.approx(0.04 if vibration else 0.12)
 
 
 def test_a_short_record_is_refused_by_name() -> None:

@@ -22,9 +22,11 @@ COARSE = 0.1  # reading noise of a cold start's first stretch, of the swing
 COARSE_GATE = 100.0  # deviations, of a pass whose errors' scale is not known yet
 MOST_OUTLIERS = 0.1  # share of the readings of a cold start
 MOST_OVER = 0.3  # share of the readings over a gate above which the gate is at fault
+MOST_WILD = 0.4  # share of the readings: so many are not wild
 BROKEN = 200.0  # in log-likelihood, that a pendulum which was knocked must be worth
 LINKED, LEAST_BURST, BURST_SHARE = 0.5, 3, 0.2  # s between readings that are doubted together; fewer are wild
 BURST = 1.0  # s on either side, at most, in which all are doubted
+LONGEST = 20.0  # s of readings that are doubted together
 LASTING = 8.0  # s on either side that a doubt is decided by
 UNSTATED = 1e-4  # rad: reading noise of a cold start where none is stated
 ACCELEROMETER = 3e-5  # over reference gravity: noise of a recorded acceleration that is too sparse to be interpolated
@@ -147,12 +149,12 @@ def contested(model: choice.Model, path: Floats, errors: Floats, gate: float) ->
         return model
     time = lattice.node * lattice.step
     at = np.flatnonzero(over)
-    wild = problem.left_out.copy()
+    wild, lone = problem.left_out.copy(), problem.left_out.copy()
     for cluster in np.split(at, np.flatnonzero(np.diff(time[at]) > LINKED) + 1):
         first, last = time[cluster[[0, -1]]]
         between = cluster[-1] - cluster[0] + 1
         if cluster.size < max(LEAST_BURST, BURST_SHARE * between):
-            wild[cluster] = True
+            wild[cluster] = lone[cluster] = True
             continue
         about = min(last - first, BURST)
         begin, end = np.searchsorted(time, (first - about, last + about))
@@ -163,7 +165,9 @@ def contested(model: choice.Model, path: Floats, errors: Floats, gate: float) ->
         node = int(lattice.node[cluster[0]])
         members = range(problem.pendulums)
         broken = [tuple((node, i) for i in some) for some in (*([i] for i in members), members)]
-        options = [(wild, assumed), (left, assumed)]
+        options = [(wild, assumed)]
+        if last - first < LONGEST:  # else the model is at fault
+            options.append((left, assumed))
         options += [(wild, replace(assumed, breaks=(*assumed.breaks, *each))) for each in broken]
         here = shifted(model.constants, path, span[0])
         worth = []
@@ -172,6 +176,8 @@ def contested(model: choice.Model, path: Floats, errors: Floats, gate: float) ->
             cost = BROKEN * (len(each.breaks) - len(assumed.breaks)) - WILD * float(some[doubted].sum())
             worth.append(choice.priced(trial, path, cost, span)[0])
         wild, assumed = options[int(np.argmax(worth))]
+    if np.mean(wild) > MOST_WILD:
+        wild, assumed = lone, model.assumed
     if assumed is model.assumed and np.all(wild == problem.left_out):
         return model
     return replace(model, problem=replace(problem, left_out=wild), assumed=assumed)

@@ -95,7 +95,7 @@ def flow(
     Parameters
     ----------
     step : float
-        s; less than half a radian of the swing.
+        s; at most .8 rad of the swing.
     kappa, damping, kick : (p,) arrays
         n^2 at reference gravity, s-2; damping rates, s-1; intensities of the random kicks, rad s-1/2.
     ship : Ship

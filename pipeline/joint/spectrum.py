@@ -61,15 +61,7 @@ def _averaged(
     rows = int(length / step)
     taper = np.hanning(rows + 2)[1:-1] ** 2
     own = np.arange(rows) * step
-    own -= own.mean()
-    columns = [np.ones(rows), own]
-    for multiple in (1.0, 3.0):
-        if multiple * swing * step < np.pi:
-            turn = np.cos(multiple * swing * own), np.sin(multiple * swing * own)
-            columns += [*turn, own * turn[0], own * turn[1]] if multiple == 1.0 else turn
-    design = np.stack(columns, axis=1)
-    left = taper[:, None] * design
-    inverse = np.linalg.solve(design.T @ left, left.T)
+    design, inverse = _of_the_swing(own, swing, taper)
     total, count = np.zeros(rows // 2 + 1), 0
     for begin in np.arange(time[0], time[-1] - length, 0.5 * length):
         grid = begin + step * np.arange(rows)
@@ -94,6 +86,19 @@ def _averaged(
         keep &= np.abs(frequency / swing - multiple) > line
     keep &= frequency < 0.95 * np.pi / step
     return _binned(frequency[keep], power[keep], 0.5 * count)
+
+
+def _of_the_swing(own: Floats, swing: float, taper: Floats) -> tuple[Floats, Floats]:
+    """A line, the swing with an amplitude that changes evenly, its third harmonic; and what fits them under a taper."""
+    since, step = own - own.mean(), float(own[1] - own[0])
+    columns = [np.ones(own.size), since]
+    for multiple in (1.0, 3.0):
+        if multiple * swing * step < np.pi:
+            turn = np.cos(multiple * swing * since), np.sin(multiple * swing * since)
+            columns += [*turn, since * turn[0], since * turn[1]] if multiple == 1.0 else turn
+    design = np.stack(columns, axis=1)
+    left = taper[:, None] * design
+    return design, np.linalg.solve(design.T @ left, left.T)
 
 
 def _binned(frequency: Floats, power: Floats, each: float) -> tuple[Floats, Floats, Floats]:
@@ -125,14 +130,12 @@ def is_calm(time: Floats, series: Floats, swing: float, arc: float) -> bool:
         return True
     filled, taper, found = CubicSpline(at, value), blackmanharris(rows), []
     own = np.arange(rows) * step
-    turn = np.cos(swing * own), np.sin(swing * own)
-    design = np.stack([np.ones(rows), *turn, own * turn[0], own * turn[1]], axis=1)
-    away = np.linalg.solve(design.T @ (taper[:, None] * design), design.T * taper)
+    design, inverse = _of_the_swing(own, swing, taper)
     for begin in np.arange(at[0], at[-1] - WINDOWS[-1], WINDOWS[-1]):
         low, high = np.searchsorted(at, (begin, begin + WINDOWS[-1]))
         if high - low > 2 and np.diff(at[low:high]).max() < LEAST_GAP:
             series = filled(begin + own)
-            found.append(np.abs(np.fft.rfft(taper * (series - design @ (away @ series)))[fast]) ** 2)
+            found.append(np.abs(np.fft.rfft(taper * (series - design @ (inverse @ series)))[fast]) ** 2)
     if not found:
         return False
     power = np.mean(found, axis=0) / float(taper @ taper)

@@ -66,7 +66,6 @@ LAYOUTS: Mapping[Kind, Layout] = {
             "correction": False,
             "gravity": False,
             "course": False,
-            "joint": False,
             "period": False,
             "synchrony": False,
         },

@@ -14,7 +14,7 @@ from typing import Any
 from .variable import Variable
 from .variables_film_truth import MARKS, SLICES
 from .variables_record import FILM, INSTRUMENT, RECORD
-from .variables_result import CORRECTION, COURSE, GRAVITY, JOINT, PERIOD, PHASES
+from .variables_result import CORRECTION, COURSE, GRAVITY, PERIOD, PHASES
 from .variables_summary import SUMMARY
 from .variables_synchrony import SYNCHRONY
 from .variables_truth import TRUTH
@@ -41,7 +41,6 @@ _GROUPS: Mapping[str, Mapping[str, Variable]] = {
     "phases": PHASES,
     "correction": CORRECTION,
     "gravity": GRAVITY,
-    "joint": JOINT,
     "course": COURSE,
     "period": PERIOD,
     "synchrony": SYNCHRONY,

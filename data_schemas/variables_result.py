@@ -22,37 +22,6 @@ PHASES: dict[str, Variable] = {
     "phase_qc": Variable(_COMPONENT_TIME, "u2", "1", "quality flags of the phase", attrs=flag_attributes()),
 }
 
-_PAIR = ("method", "pair")
-JOINT: dict[str, Variable] = {
-    "method": Variable(_METHOD, "str", "1", "name of the method", required=True),
-    "pair": Variable(("pair",), "str", "1", "fictitious pendulum: difference of two neighbours", required=True),
-    "gravity": Variable(
-        _METHOD, "f8", "m s-2", "gravity of all pairs, weighted", required=True, limit="positive", missing=True
-    ),
-    "gravity_sigma": Variable(
-        _METHOD,
-        "f8",
-        "mGal",
-        "standard deviation of the weighted gravity",
-        required=True,
-        limit="not negative",
-        missing=True,
-    ),
-    "consistency": Variable(
-        _METHOD,
-        "f8",
-        "1",
-        "root of chi squared for each pair too many, about 1 where pairs agree",
-        limit="not negative",
-        missing=True,
-    ),
-    "pair_gravity": Variable(_PAIR, "f8", "m s-2", "gravity of a pair", limit="positive", missing=True),
-    "pair_sigma": Variable(
-        _PAIR, "f8", "mGal", "standard deviation of the gravity of a pair", limit="not negative", missing=True
-    ),
-    "weight": Variable(_PAIR, "f8", "1", "weight of a pair in the weighted gravity"),
-}
-
 CORRECTION: dict[str, Variable] = {
     "method": Variable(_METHOD, "str", "1", "name of the method", required=True),
     "phase_speed_correction": Variable(

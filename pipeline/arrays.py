@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schemas.scratch import portions, room
+from data_schemas.scratch import portions
 
 Floats = NDArray[np.floating[Any]]
 """Real numbers, double precision in practice."""
@@ -23,14 +23,6 @@ def readings(series: Floats) -> int:
 def sum_of_squares(series: Floats) -> float:
     """Sum of the squares of a series without gaps."""
     return sum(float(series[part] @ series[part]) for part in portions(series.size, series))
-
-
-def even_times(count: int, step: float) -> Floats:
-    """0, step, 2 step ..., so many."""
-    out = room(count)
-    for part in portions(count, out):
-        out[part] = np.arange(part.start, part.stop) * step
-    return out
 
 
 def median_present(series: Floats) -> float:

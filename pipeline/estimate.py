@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +23,8 @@ class Budget:
         d n2 / d (n1/n2), rad s-1.
     by_gain : float
         d n2 / d ln(gain of the first pendulum's trace), rad s-1.
+    by_damping : float
+        d n2 / d (gamma1 - gamma2).
     influence : (k,) complex array
         g of `d n2 = Re sum conj(g) dD` over the envelope's instants, s-1.
     """
@@ -32,6 +33,7 @@ class Budget:
     noise_theta: float
     by_ratio: float
     by_gain: float
+    by_damping: float
     influence: Complexes
 
 
@@ -63,8 +65,6 @@ class Estimate:
         Part of the correction that is due to the finite arc, rad s-1.
     acceleration_reduced : bool
         Whether the support's acceleration was reduced as it acts on real pendulums.
-    heave : float or None
-        Root mean square of z''/g that was told from the phase; None where it was recorded or none shows.
     """
 
     frequency: float
@@ -78,27 +78,17 @@ class Estimate:
     speed_correction: Floats | None = None
     finite_arc: float = 0.0
     acceleration_reduced: bool = False
-    heave: float | None = None
 
 
-def budget(
-    envelope: Envelope,
-    fit: NarrowbandFit,
-    ratio: float,
-    damping_difference: float,
-    parted: Sequence[slice] = (),
-) -> Budget:
+def budget(envelope: Envelope, fit: NarrowbandFit, ratio: float, damping_difference: float) -> Budget:
     """Propagate noise, ratio and gain through the least-squares fit of the complex form.
 
     Noise of the first pendulum enters through the running integral, hence by the adjoint: the influence of one instant
-    of it is the tail sum of the influences of all later instants of the difference. `parted`: instants of pieces that
-    each swing freely with an amplitude of their own.
+    of it is the tail sum of the influences of all later instants of the difference.
     """
     weight = np.where(np.isfinite(envelope.difference), envelope.coverage, 0.0)
     # complex influence per instant: d n2 = Re sum conj(g_k) dD_k
-    g: Complexes = weight * (
-        _parted_influence(envelope, fit, weight, parted) if parted else fit.influence @ fit.jacobian
-    )
+    g: Complexes = weight * (fit.influence @ fit.jacobian)
     growth = fit.jacobian[0]
     kappa = 1j * fit.frequency * (ratio - 1.0) - damping_difference
     tail = np.cumsum((np.conj(g) * growth)[::-1]) / growth[::-1]
@@ -111,23 +101,6 @@ def budget(
         noise_theta=abs(kappa) * envelope.hop * float(np.sqrt(2.0 / samples_theta * np.sum(np.abs(tail) ** 2))),
         by_ratio=-float((1j * fit.frequency * response).real),
         by_gain=-float((kappa * response).real),
+        by_damping=float(response.real),
         influence=g,
     )
-
-
-def _parted_influence(envelope: Envelope, fit: NarrowbandFit, weight: Floats, pieces: Sequence[slice]) -> Complexes:
-    """Influence, per weight, on n2 where pieces share it (and gamma2 where it was fitted) but not the amplitude."""
-    columns = fit.jacobian[2 : 4 if fit.influence[3] else 3].copy()
-    turns = np.array([1j, -1.0])[: len(columns)]
-    for piece in pieces:
-        growth = fit.jacobian[0, piece]
-        own = weight[piece] * growth.conj() / max(float(weight[piece] @ np.abs(growth) ** 2), 1e-300)
-        # the amplitude that the piece has, beside that of the model
-        beside = own @ np.nan_to_num(envelope.difference[piece] - fit.model[piece])
-        columns[:, piece] += beside * np.outer(turns, envelope.time[piece] * growth)
-        columns[:, piece] -= np.outer(columns[:, piece] @ own, growth)
-    inside = np.zeros(weight.size)
-    for piece in pieces:
-        inside[piece] = weight[piece]
-    normal = ((inside * columns) @ columns.conj().T).real
-    return np.asarray(np.linalg.pinv(normal)[0] @ columns * (inside > 0.0))

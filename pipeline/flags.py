@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arrays import readings
 from pipeline.estimate import Estimate
 from pipeline.gravity import MGAL, Gravity
 from pipeline.methods.phases import passes_zero
 from pipeline.prepared import Prepared
 
 SHORT_SECONDS = 300.0  # below it the near-resonant beat and the damping are not told from the frequency
-MOST_MISSING = 0.3  # share of the difference's samples
-MOST_BRIDGED = 0.1  # share of the first pendulum's samples
 NOISE_ABOVE, NOISE_BELOW = 1.3, 0.7  # found over stated
 COLOUR = 1.6  # power near the pendulum's frequency over white
 COLOUR_FLOOR = 3e-4  # of the amplitude: a residual below it is the method's, not the readings'
@@ -20,12 +17,9 @@ LEAST_BROWNE = 0.05  # mGal of horizontal acceleration
 IMPLAUSIBLE = (9.75, 9.85)  # m s-2; at sea gravity lies between 9.77 and 9.84
 
 DAMPING_ASSUMED = "damping-difference-assumed"
-"""Raised here and, where it leaves a doubt, by `pipeline.sensors`."""
 MEANINGS = {
     "beats-through-zero": "the difference's amplitude passes near zero; phase methods mean nothing there",
     "short-record": f"shorter than {SHORT_SECONDS:.0f} s",
-    "many-gaps": f"more than {100 * MOST_MISSING:.0f} % of the difference, or {100 * MOST_BRIDGED:.0f} % of the first "
-    "pendulum, is missing",
     "frequency-difference-unresolved": "the stated uncertainty of n1-n2 costs more than the reading noise",
     "noise-above-stated": "residual noise above the stated reading noise",
     "noise-below-stated": "residual noise below the stated reading noise",
@@ -34,33 +28,15 @@ MEANINGS = {
     "acceleration-not-reduced": "the support's acceleration changes the period of real pendulums and is not reduced",
     "correction-without-uncertainty": "a correction larger than sigma is made from inputs that state no uncertainty; "
     "sigma takes it as exact",
-    DAMPING_ASSUMED: "no damping is stated and the pendulums decay; their difference is told from the "
-    "record, or taken as nought where it does not tell; sigma holds the doubt",
-}
-JOINT = {
+    DAMPING_ASSUMED: "no damping is stated and the pendulums decay; their difference is taken to "
+    "be near zero; sigma holds the doubt",
     "random-kicks": "the pendulums' phases walk at random (air, knife edge); sigma holds it",
     "gravity-changes": "gravity changes over the record: see group course; gravity is its mean",
     "friction-not-viscous": "friction that is not viscous was found and reduced",
+    "apparatus-fault": "a wrong zero, drift, gain, delay, period or a step was found and reduced; the reason names it",
     "errors-not-white": "the prediction errors exceed every explanation tried; sigma is widened by it",
 }
-"""Raised by `joint` alone."""
-MEANINGS.update(JOINT)
-UNDECIDED = "restoring-undecided"
-"""Raised by `auto` alone: neither the record nor its residual tells linear pendulums from real ones."""
-LINEAR_FITS = "linear-fits-better"
-"""Raised by `shooting` alone, asked for by name, where no law is stated and heave was told from the phase."""
-MEANINGS[LINEAR_FITS] = "linear pendulums explain the record better; state instrument attribute restoring"
-MEANINGS[UNDECIDED] = "linear or real pendulums? the arcs' share is in sigma; state instrument attribute restoring"
-SENSORS = {
-    "traces-exchanged": "the first pendulum's trace and the difference's stood in each other's place; put right",
-    "traces-sign": "the first trace has the wrong sign (or the two periods are exchanged); put right as a sign",
-    "traces-time-offset": "the first trace is late or early against the difference; put right, see the attributes",
-    "traces-time-offset-or-damping": "the first trace is late or early, or the damping of the two differs, which is "
-    "not stated; put right as a time offset, which serves either",
-    "traces-gain": "the first trace's scale is wrong (or n1-n2 is); put right, see the attributes",
-}
-"""Raised before any method, by `pipeline.sensors`."""
-MEANINGS.update(SENSORS)
+"""`joint` alone raises the last five."""
 _DECAY = 3e-6  # s-1: one per cent of it as a difference costs about 0.01 mGal at a relative period difference of 1e-4
 
 
@@ -71,8 +47,6 @@ def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
     raised = {
         "beats-through-zero": passes_zero(amplitude),
         "short-record": float(seen.time[-1]) < SHORT_SECONDS,
-        "many-gaps": 1.0 - readings(seen.difference) / seen.difference.size > MOST_MISSING
-        or prepared.bridged > MOST_BRIDGED,
         "frequency-difference-unresolved": _unresolved(prepared, value),
         "gravity-implausible": not IMPLAUSIBLE[0] < value.gravity < IMPLAUSIBLE[1],
         DAMPING_ASSUMED: seen.damping_rate is None and _decays(prepared, estimate),

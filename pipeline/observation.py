@@ -8,19 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from data_schemas.errors import RecordError, UsageError
+from data_schemas.errors import RecordError, RefusedError, UsageError
 from data_schemas.scratch import by_portions, portions, room
 from pipeline.arrays import Floats, row_means_present
 from pipeline.base_stations import Tie, tie
 from pipeline.conditions import Constants, by_air, by_temperature, refuse_impossible
-from pipeline.vertical import bridged
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
 
 GRID_TOLERANCE = 1e-9  # s; times this close to a uniform grid are taken to lie on it
-MOST_TIME_RATE = 0.1  # s/s: times that run more unevenly are none
 MOST_GRID_ROWS = 4  # a grid more than this many times longer than the series is no grid
 
 
@@ -36,8 +34,8 @@ class Observation:
         Time of the first sample that is used, in the record's own time, s.
     time : (n,) array
         Seconds from that sample.
-    step : float or None
-        Sampling step in seconds when `time` is uniform (missing samples are NaN), else None.
+    step : float
+        Sampling step, s; missing samples are NaN.
     theta : (n,) array
         Elongation of the first pendulum, rad, NaN = missing.
     difference : (n,) array
@@ -57,9 +55,7 @@ class Observation:
     restoring : str or None
         "sine", "linear", or None where the record does not say.
     vertical : (n,) array or None
-        Recorded vertical acceleration of the support, m s-2, up positive, its gaps bridged.
-    vertical_doubt : float
-        1 sigma of its mean from the bridges, m s-2.
+        Recorded vertical acceleration of the support, m s-2, up positive, NaN = missing.
     constants : mapping
         What else /instrument states, by name; of pendulums those of the pair. A temperature with a course within the
         record is its mean here, the course is `temperature_course`.
@@ -69,17 +65,13 @@ class Observation:
         Periods from base stations.
     period_change : (2,) array or None
         Relative change of the two periods from the stated ones under the record's conditions.
-    time_rate_sigma : float
-        1 sigma of how unevenly the record's times run, s/s: of a film, what its marks leave of the paper's motion.
-    damping_apart : float
-        gamma1 - gamma2 as told from the record, s-1, where no damping is stated; see `pipeline.sensors.damping`.
     """
 
     first: str
     second: str
     start: float
     time: Floats
-    step: float | None
+    step: float
     theta: Floats
     difference: Floats
     sigma_theta: float | None
@@ -91,13 +83,10 @@ class Observation:
     chronometer_rate: float
     restoring: str | None
     vertical: Floats | None = None
-    vertical_doubt: float = 0.0
     constants: Constants = field(default_factory=dict)
     course_time: Floats | None = None
     tie: Tie | None = None
     period_change: Floats | None = None
-    time_rate_sigma: float = 0.0
-    damping_apart: float = 0.0
 
     @property
     def frequency_ratio(self) -> float:
@@ -120,8 +109,8 @@ class Observation:
 
     @property
     def damping_difference(self) -> float:
-        """gamma1 - gamma2, s-1, as stated or told from the record."""
-        return self.damping_apart if self.damping_rate is None else float(self.damping_rate[0] - self.damping_rate[1])
+        """gamma1 - gamma2, s-1; zero where no damping is stated."""
+        return 0.0 if self.damping_rate is None else float(self.damping_rate[0] - self.damping_rate[1])
 
 
 def observe(record: DataTree, pair: str | None = None) -> Observation:
@@ -140,6 +129,8 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
         `pair` names no two pendulums of the record.
     RecordError
         The traces cannot give the difference or its first pendulum, or period or gravity is missing.
+    RefusedError
+        The samples lie at uneven times.
     """
     traces = record["record"].dataset
     labels = [str(label) for label in traces["pendulum"].values]
@@ -165,9 +156,6 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     since = by_portions(lambda part: part - start, time[within])
     time, step, series = uniform_grid(since, [row[within] for row in rows])
     constants = instrument(record, (first, second))
-    vertical, doubt = None, 0.0
-    if len(rows) == 3:
-        vertical, doubt = bridged(time, step, series[2], float(constants["frequency_reference"][1]))
     return Observation(
         start=start,
         first=first,
@@ -176,19 +164,11 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
         step=step,
         theta=series[0],
         difference=series[1],
-        vertical=vertical,
-        vertical_doubt=doubt,
+        vertical=series[2] if len(rows) == 3 else None,
         sigma_theta=_combined_sigma(weights["theta"], sigma),
         sigma_difference=_combined_sigma(weights["difference"], sigma),
-        time_rate_sigma=_time_rate_sigma(record),
         **constants,
     )
-
-
-def _time_rate_sigma(record: DataTree) -> float:
-    """What a film's reader says of it; 0 where nothing is said that can be meant."""
-    said = record["film"].attrs.get("time_rate_sigma", 0.0) if "film" in record.children else 0.0
-    return float(said) if isinstance(said, (float, np.floating)) and 0.0 <= said < MOST_TIME_RATE else 0.0
 
 
 def span(series: Floats) -> slice:
@@ -261,7 +241,7 @@ def _constants(stored: Any, rows: list[int]) -> dict[str, Any]:
     return constants
 
 
-def uniform_grid(time: Floats, series: Sequence[Floats]) -> tuple[Floats, float | None, Sequence[Floats]]:
+def uniform_grid(time: Floats, series: Sequence[Floats]) -> tuple[Floats, float, Sequence[Floats]]:
     """Lay samples on a uniform grid where their times allow it; absent samples become NaN.
 
     Parameters
@@ -273,19 +253,24 @@ def uniform_grid(time: Floats, series: Sequence[Floats]) -> tuple[Floats, float 
     Returns
     -------
     time, step, series
-        `step` is None, and the input is returned, when the times lie on no grid.
+
+    Raises
+    ------
+    RefusedError
+        The times lie on no grid.
     """
+    uneven = RefusedError("time: the samples lie at uneven times; use --method joint")
     parts = portions(time.size - 1, time)
     step = min((float(np.diff(time[part.start : part.stop + 1]).min()) for part in parts), default=0.0)
     if not step > 0.0 or time[-1] / step > MOST_GRID_ROWS * time.size:
-        return time, None, series
+        raise uneven
     # the first spacing fixes the row numbers, the whole length the step
     last = int(np.rint(time[-1] / step))
     step = float(time[-1] / last)
     for part in portions(time.size, time):
         here = time[part]
         if np.abs(here - np.rint(here / step) * step).max() > GRID_TOLERANCE:
-            return time, None, series
+            raise uneven
     if last + 1 == time.size:
         return time, step, series
     grid = room(last + 1)
@@ -332,26 +317,6 @@ def _solve(combination: Floats, wanted: Floats, name: str) -> Floats:
         )
     weights[np.abs(weights) < 1e-12] = 0.0
     return weights
-
-
-def noise_covariance(record: DataTree, pairs: Sequence[str]) -> Floats:
-    """Covariance of the white reading noise of several differences, (pairs, pairs), rad2 or in any unit.
-
-    Traces that state no uncertainty count as equally noisy.
-    """
-    traces = record["record"].dataset
-    labels = [str(label) for label in traces["pendulum"].values]
-    combination = np.asarray(traces["combination"].values, dtype=np.float64)
-    unit = np.eye(len(labels))
-    rows = []
-    for pair in pairs:
-        first, second = choose_pair(labels, combination, pair)
-        rows.append(_solve(combination, unit[labels.index(first)] - unit[labels.index(second)], pair))
-    sigma = _uncertainty(traces, len(combination))
-    weights = np.stack(rows)
-    if sigma is not None and np.isfinite(sigma).all() and (sigma > 0.0).all():
-        weights = weights * sigma
-    return np.asarray(weights @ weights.T)
 
 
 def _combine(weights: Floats, elongation: Floats) -> Floats:

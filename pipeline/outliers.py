@@ -1,7 +1,7 @@
 """Single wild readings, found by what their neighbours say.
 
 Each sample is compared with the fit of {1, t, t^2, t^3, cos, sin, t cos, t sin} through the half second on either side,
-itself left out. The largest disagreement of its neighbourhood is taken out first, because it spoils its neighbours'.
+itself left out.
 """
 
 from __future__ import annotations
@@ -10,11 +10,9 @@ import functools
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from data_schemas.scratch import by_portions, portions, release
+from data_schemas.scratch import portions
 from pipeline.arrays import Floats
-from pipeline.gaps import LONG_GAP, bridge, missing_stretches
 from synth.kernels.compiled import kernel, summing_kernel
 
 SAMPLE = 2000  # places from which the scale is taken
@@ -24,81 +22,37 @@ REACH_SECONDS = 0.5
 LEAST_REACH = 6  # samples on each side
 THRESHOLD = 6.0  # robust sigmas; of 45000 Gaussian samples 1e-4 exceed it
 MOST_ANGLE = 0.5 * np.pi  # swing between samples; with fewer than four a swing neighbours do not tell
-_ROUNDS = 20
-FLOOR = 1e-9  # of the largest elongation: below it lies rounding, not reading error
+FLOOR = 1e-6  # of the largest elongation: what departs less harms nothing
 
 
-def reject_outliers(series: Floats, step: float, frequency: float) -> tuple[Floats, int, float]:
-    """Replace wild readings by NaN.
+def outliers_and_noise(series: Floats, step: float, frequency: float) -> tuple[bool, float]:
+    """Whether a series has wild readings, and its white noise.
 
     Parameters
     ----------
     series : (n,) array
-        Uniform samples, rad, NaN = missing.
+        Uniform samples, rad, NaN = missing; what lies beside a missing one is not judged.
     step, frequency : float
         s, rad s-1.
 
     Returns
     -------
-    (n,) array, int, float
-        The series (itself when nothing was found), how many samples were rejected, and the white noise that
-        the neighbours leave unexplained (1 sigma, rad; NaN where the series is too short to tell).
+    bool, float
+        The noise is what the neighbours leave unexplained (1 sigma, rad; NaN where they do not tell).
     """
     reach = max(LEAST_REACH, round(REACH_SECONDS / step))
     if series.size < 6 * reach or step * frequency > MOST_ANGLE:
-        return series, 0, float("nan")
+        return False, float("nan")
     filter_taps = _leave_one_out(reach, step, frequency)
-    gain = float(np.linalg.norm(filter_taps))
     scale, limit = scale_and_limit(series, filter_taps)
-    # the usual record: one pass that keeps nothing shows that nothing is wild and nothing missing
-    if not any(beyond(here, filter_taps, limit) for _, here in _windows(series, reach)):
-        return series, 0, scale / gain
-    # a poor bridge would make its neighbours look wild
-    work, _ = bridge(series, step, frequency, noise=scale / gain if np.isfinite(scale) else np.inf)
-    if work is series:
-        work = by_portions(np.copy, series)
-    for start, stop in missing_stretches(series):
-        if (stop - start) * step > LONG_GAP:  # in a bridge all agrees: it would pass for a record without noise
-            work[start + 2 * reach : stop - 2 * reach] = np.nan
-    rejected = np.empty(0, dtype=np.intp)
-    noise = float("nan")
-    for _ in range(_ROUNDS):
-        scale, limit = scale_and_limit(work, filter_taps)
-        if not np.isfinite(scale):
-            break
-        noise = scale / gain
-        wild, error = _wild(work, filter_taps, limit)
-        if wild.size == 0:
-            break
-        tops = local_maxima(np.abs(error), wild, reach)
-        work[wild[tops]] -= error[tops]
-        release(work)
-        rejected = np.union1d(rejected, wild[tops])
-    rejected = rejected[np.isfinite(series[rejected])]
-    if not rejected.size:
-        return series, 0, noise
-    cleaned = by_portions(np.copy, series)
-    cleaned[rejected] = np.nan
-    release(series, cleaned)
-    return cleaned, rejected.size, noise
+    wild = any(beyond(here, filter_taps, limit) for _, here in _windows(series, reach))
+    return wild, scale / float(np.linalg.norm(filter_taps))
 
 
 def _windows(series: Floats, reach: int) -> Iterator[tuple[int, Floats]]:
     """Portions of a series with the taps' reach on both sides, and the first sample that has its neighbours in each."""
     for part in portions(series.size - 2 * reach, series, unit=BLOCK):
         yield part.start + reach, series[part.start : part.stop + 2 * reach]
-
-
-def _wild(series: Floats, filter_taps: Floats, limit: float) -> tuple[NDArray[np.intp], Floats]:
-    """The samples whose disagreement exceeds the limit, and their disagreement."""
-    where, errors = [np.empty(0, dtype=np.intp)], [np.empty(0)]
-    for first, here in _windows(series, filter_taps.size // 2):
-        error = np.empty(here.size - filter_taps.size + 1)
-        disagreement(here, filter_taps, error)
-        wild = np.flatnonzero(np.abs(error) > limit)
-        where.append(wild + first)
-        errors.append(error[wild])
-    return np.concatenate(where), np.concatenate(errors)
 
 
 @functools.lru_cache(maxsize=64)
@@ -179,7 +133,7 @@ def disagreement(series: Floats, filter_taps: Floats, out: Floats) -> None:
 
 @summing_kernel
 def beyond(series: Floats, filter_taps: Floats, limit: float) -> int:
-    """Count the places where the disagreement exceeds the limit or is NaN, without keeping it."""
+    """Count the places where the disagreement exceeds the limit, without keeping it."""
     part = np.empty(BLOCK)
     total = 0
     count = series.size - filter_taps.size + 1
@@ -187,18 +141,5 @@ def beyond(series: Floats, filter_taps: Floats, limit: float) -> int:
         length = min(BLOCK, count - start)
         disagreement(series[start : start + length + filter_taps.size - 1], filter_taps, part[:length])
         for k in range(length):
-            total += 0 if abs(part[k]) <= limit else 1
+            total += 1 if abs(part[k]) > limit else 0
     return total
-
-
-def local_maxima(size: Floats, wild: NDArray[np.intp], reach: int) -> NDArray[np.intp]:
-    """Numbers of the wild samples that no larger one lies within reach of, the largest first; `wild` is in order."""
-    first = np.searchsorted(wild, wild - reach)
-    last = np.searchsorted(wild, wild + reach, side="right")
-    free = np.ones(wild.size, dtype=bool)
-    tops = []
-    for number in np.argsort(-size):
-        if free[number]:
-            tops.append(number)
-            free[first[number] : last[number]] = False
-    return np.asarray(tops, dtype=np.intp)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from pipeline.reduction import Reduction
 
 
+_JOINTLY = ("auto", "joint")
+
+
 def process(
     record: DataTree,
     *,
@@ -34,10 +38,10 @@ def process(
     record : DataTree
         Layout "isochrony-record"; it is not modified.
     method : str or sequence of str
-        From `pipeline.METHODS`.
+        From `pipeline.METHODS`; `auto` is `joint`.
     pair : str, optional
         "A-B": which two of the record's pendulums form the difference. Without it the first difference that is recorded
-        is taken; of three pendulums and more all neighbouring pairs are reduced too, and weighed (group `joint`).
+        is taken. The joint fit takes all pendulums in any case; of these two it lends the path.
     gain_uncertainty : float
         Relative 1-sigma uncertainty of the first pendulum's scale.
 
@@ -60,7 +64,7 @@ def process(
     started = time.perf_counter()
     requested = [method] if isinstance(method, str) else list(method)
     for name in requested:
-        if name not in ("auto", "joint"):
+        if name not in _JOINTLY:
             methods.method(name)
     if not gain_uncertainty >= 0.0:
         raise UsageError(f"gain_uncertainty: {gain_uncertainty} is not a relative uncertainty; give 0 or more")
@@ -73,23 +77,16 @@ def process(
         return period_result(record, requested, started)
     from pipeline.result import build_result
 
-    joint = _joint(record, pair, gain_uncertainty, alone=requested == ["joint"]) if "joint" in requested else None
-    others = [name for name in requested if name != "joint"]
-    prepared, reductions, attributes = _classical(record, others, pair, gain_uncertainty, spare=joint)
+    others = [name for name in requested if name not in _JOINTLY]
+    joint = None
+    if len(others) < len(requested):
+        joint = _joint(record, pair, gain_uncertainty, alone=not others)
+    prepared, found = _by_pair(record, others, pair, gain_uncertainty, spare=joint)
     if joint is not None:
-        reductions.insert(requested.index("joint"), joint.reduction)
-    result = build_result(record, prepared, reductions, started)
-    result.attrs.update(attributes)
+        found |= {name: replace(joint.reduction, requested=name) for name in _JOINTLY}
+    result = build_result(record, prepared, [found[name] for name in requested], started)
     if joint is not None and joint.reduction.gravity is not None:
         result["course"] = joint.course(np.asarray(result.dataset["time"].values))
-    if others and pair is None and record["record"].sizes["pendulum"] > 2:
-        from pipeline.pairs import join
-
-        def reduce(each: str) -> DataTree:
-            done = f"{prepared.observation.first}-{prepared.observation.second}" == each and joint is None
-            return result if done else process(record, method=others, pair=each, gain_uncertainty=gain_uncertainty)
-
-        result["joint"] = join(record, reduce)
     return result
 
 
@@ -106,26 +103,22 @@ def _joint(record: DataTree, pair: str | None, gain_uncertainty: float, *, alone
         return refused(str(refusal), time.perf_counter() - started)
 
 
-def _classical(
+def _by_pair(
     record: DataTree, names: Sequence[str], pair: str | None, gain_uncertainty: float, spare: Joint | None
-) -> tuple[Prepared, list[Reduction], Mapping[str, float]]:
+) -> tuple[Prepared, dict[str, Reduction]]:
     """The methods that look at one difference; a record that cannot be prepared for them lends the joint fit's path."""
+    from pipeline.prepared import prepare
     from pipeline.reduction import Reduction, reduce_by
-    from pipeline.sensors.examination import examine
 
     path = None if spare is None else spare.prepared
     if not names and path is not None:
-        return path, [], {}
+        return path, {}
     started = time.perf_counter()
     try:
-        found = examine(observe(record, pair))
+        prepared = prepare(observe(record, pair))
     except RefusedError as refusal:
         if path is None:
             raise
         elapsed = time.perf_counter() - started
-        return path, [Reduction(name, name, "", None, None, (), str(refusal), elapsed) for name in names], {}
-    return (
-        found.prepared,
-        [reduce_by(name, found.prepared, gain_uncertainty, found) for name in names],
-        found.attributes,
-    )
+        return path, {name: Reduction(name, name, "", None, None, (), str(refusal), elapsed) for name in names}
+    return prepared, {name: reduce_by(name, prepared, gain_uncertainty) for name in names}

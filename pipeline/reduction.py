@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.estimate import Estimate
-from pipeline.flags import LINEAR_FITS, UNDECIDED, flags
-from pipeline.gaps import require_bridges
+from pipeline.flags import flags
 from pipeline.gravity import Gravity, gravity
 from pipeline.methods import method
-from pipeline.outliers import MOST_ANGLE
 from pipeline.prepared import CAPTURE, Prepared
 
-if TYPE_CHECKING:
-    from pipeline.sensors.examination import Examination
+DAMPING_DOUBT = 0.3
+"""1 sigma of a difference of damping that is not stated, over the damping."""
 
 
 @dataclass(frozen=True)
@@ -35,49 +32,20 @@ class Reduction:
     elapsed: float
 
 
-def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float, sensors: Examination | None = None) -> Reduction:
-    """Run a method (`auto` chooses one) and complete it with gravity and flags; `sensors` is what led to `prepared`."""
+def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float) -> Reduction:
+    """Run a method and complete it with gravity and flags."""
     started = time.perf_counter()
-    chosen, reason, doubt, undecided = name, "", 0.0, False
     try:
-        if name == "auto":
-            from pipeline.choice import choose
-
-            choice = choose(prepared)
-            chosen, reason, doubt, undecided = choice.method, choice.reason, choice.doubt, choice.undecided
-        if chosen != "projection":
-            require_bridges(prepared.long_gaps, prepared.whole_step)
-        estimate = method(chosen)(prepared)
-        unsure = float(np.hypot(doubt, 0.0 if sensors is None else sensors.doubt))
-        seen = prepared.observation
-        if estimate.acceleration_reduced and seen.vertical is not None:  # dn/n = dg/2g
-            unsure = float(np.hypot(unsure, 0.5 * estimate.frequency * seen.vertical_doubt / seen.reference_gravity))
-        if unsure:
-            estimate = replace(estimate, sigma=float(np.hypot(estimate.sigma, unsure)))
+        estimate = method(name)(prepared)
+        if prepared.known_damping is None:
+            doubt = DAMPING_DOUBT * estimate.damping_rate * prepared.rough_budget.by_damping
+            estimate = replace(estimate, sigma=float(np.hypot(estimate.sigma, doubt)))
         _require_capture(estimate, prepared)
     except RefusedError as refusal:
-        elapsed = time.perf_counter() - started
-        return Reduction(name, chosen, reason, None, None, (), str(refusal), elapsed)
+        return Reduction(name, name, "", None, None, (), str(refusal), time.perf_counter() - started)
     value = gravity(estimate, prepared, gain_uncertainty)
-    found = (*((UNDECIDED,) if undecided else ()), *(sensors.flags if sensors else ()))
-    raised = tuple(dict.fromkeys([*flags(prepared, estimate, value), *found]))
-    if name == "shooting" and _linear_fits(prepared, estimate):
-        raised = (*raised, LINEAR_FITS)
-    return Reduction(name, chosen, reason, estimate, value, raised, "", time.perf_counter() - started)
-
-
-def _linear_fits(prepared: Prepared, real: Estimate) -> bool:
-    """Whether linear pendulums explain the record better, where heave told from the phase feigns what arcs would do.
-
-    Of sparse readings, which hide a third harmonic, it is asked too.
-    """
-    seen = prepared.observation
-    sparse = seen.step is None or seen.step * prepared.nominal > MOST_ANGLE
-    if seen.restoring is not None or not (sparse or real.heave is not None):
-        return False
-    from pipeline.choice import choose
-
-    return choose(prepared).method == "projection"
+    raised = tuple(flags(prepared, estimate, value))
+    return Reduction(name, name, "", estimate, value, raised, "", time.perf_counter() - started)
 
 
 def _require_capture(estimate: Estimate, prepared: Prepared) -> None:

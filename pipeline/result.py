@@ -27,7 +27,7 @@ _EXTRA = {
     "resolved": ("1", "method that was used"),
     "status": ("1", "ok, or refused"),
     "error": ("1", "why the method refused"),
-    "choice_reason": ("1", "why auto chose the method"),
+    "choice_reason": ("1", "what the joint fit found in the record"),
     "method_flags": ("1", "flags of the method, separated by blanks"),
     "samples_used": ("1", "samples of the difference that were used"),
     "reading_noise": ("rad", "white reading noise found in the difference, 1 sigma"),
@@ -47,7 +47,7 @@ def build_result(record: DataTree, prepared: Prepared, reductions: Sequence[Redu
     """
     from xarray import Dataset, DataTree
 
-    sliding = any(reduction.method in PHASE_METHODS or reduction.requested == "auto" for reduction in reductions)
+    sliding = any(reduction.method in PHASE_METHODS for reduction in reductions)
     envelope = prepared.sliding if sliding else prepared.blocks
     seen = prepared.observation
     components = [seen.first, seen.second, f"{seen.first}-{seen.second}"]

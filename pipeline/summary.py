@@ -52,28 +52,9 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
                 "choice_reason": str(row["choice_reason"].values) or None,
                 "samples_used": int(row["samples_used"]),
                 "elapsed_s": float(row["elapsed"]),
-                **({"joint": joint(result["joint"].dataset.isel(method=k))} if "joint" in result.children else {}),
             }
         )
     return rows
-
-
-def joint(row: Dataset) -> dict[str, Any]:
-    """What all pairs of three pendulums and more tell together, by one method."""
-    pairs = [str(pair) for pair in row["pair"].values]
-    return {
-        "gravity_m_s2": float(row["gravity"]),
-        "gravity_sigma_mgal": float(row["gravity_sigma"]),
-        "consistency": float(row["consistency"]),
-        "pairs": {
-            pair: {
-                "gravity_m_s2": float(row["pair_gravity"][k]),
-                "gravity_sigma_mgal": float(row["pair_sigma"][k]),
-                "weight": float(row["weight"][k]),
-            }
-            for k, pair in enumerate(pairs)
-        },
-    }
 
 
 def ledger(row: Dataset) -> list[dict[str, Any]]:

@@ -1,23 +1,20 @@
-"""Bars on single noise-free records, on the noisy record with gaps, and on what `auto` chooses."""
+"""Bars on single noise-free records."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
-
 from data_schemas.scene import Scene
-from pipeline.benchmarks.bar import Row, at_most, holds, reported
+from pipeline.benchmarks.bar import Row, at_most, holds
 from pipeline.benchmarks.paper import marks_error, plain_error
-from pipeline.benchmarks.scenes import beats_through_zero, linear, marks_only, noisy_gaps, uneven
-from pipeline.benchmarks.trials import Outcome, campaign, outcome, prepared, reduce_all
+from pipeline.benchmarks.scenes import beats_through_zero, linear
+from pipeline.benchmarks.trials import outcome, prepared, reduce_all
 from pipeline.reduction import reduce_by
 from pipeline.validity import neglected_terms
 
 SILENT: Mapping[str, Any] = {"write_restoring": False, "write_damping": False}
 """A record that states neither its restoring law nor its damping."""
-GAP_SEEDS = 30
 
 
 def rows() -> Iterator[Row]:
@@ -25,9 +22,6 @@ def rows() -> Iterator[Row]:
     yield from _linear()
     yield from _wrong_by_nature()
     yield from _through_zero()
-    yield from _gaps()
-    yield from _uneven()
-    yield from _auto()
 
 
 def undamped(**changes: Any) -> Scene:
@@ -66,41 +60,3 @@ def _through_zero() -> Iterator[Row]:
     flagged = "beats-through-zero" in found["projection"].flags
     yield holds("beats through zero: projection carries the flag", flagged, "flag beats-through-zero")
     yield holds("beats through zero: panteleev declines", bool(found["panteleev"].refusal), "refused")
-
-
-def _gaps() -> Iterator[Row]:
-    for words, scene in (
-        ("", noisy_gaps()),
-        (", nothing stated", noisy_gaps(damping_rates=(0.0, 0.0), **SILENT)),
-    ):
-        found = campaign(scene, ("projection",), GAP_SEEDS)["projection"]
-        yield at_most(f"noise and gaps{words}: projection, r.m.s. of {GAP_SEEDS}", found.rmse, 0.06, "mGal")
-        worst = float(np.max(np.abs(found.errors)))
-        yield at_most(f"noise and gaps{words}: projection, worst of {GAP_SEEDS}", worst, 0.15, "mGal")
-
-
-def _uneven() -> Iterator[Row]:
-    found = reduce_all(uneven(), ("projection", "auto", "complex", "panteleev"))
-    for name in ("projection", "auto"):
-        yield at_most(f"10 ms jitter, 20 % dropped: {name}", abs(found[name].error), 0.01, "mGal")
-    for name in ("complex", "panteleev"):
-        yield reported(f"10 ms jitter, 20 % dropped: {name}", abs(found[name].error), "mGal")
-
-
-def _auto() -> Iterator[Row]:
-    """`auto` beside the exact method, whether or not the record says what law its pendulums have."""
-    kinds = {
-        "linear": linear(),
-        "linear, nothing stated": undamped(),
-        "beats through zero": beats_through_zero(),
-        "beats through zero, nothing stated": beats_through_zero(**SILENT),
-        "noise and gaps": noisy_gaps(),
-        "noise and gaps, nothing stated": noisy_gaps(damping_rates=(0.0, 0.0), **SILENT),
-        "marks": marks_only(),
-        "marks, nothing stated": marks_only(damping_rates=(0.0, 0.0), **SILENT),
-    }
-    for words, scene in kinds.items():
-        # simulated with its noise: the scene's own seed
-        found: dict[str, Outcome] = reduce_all(scene, ("auto", "projection"))
-        apart = abs(found["auto"].error - found["projection"].error)
-        yield at_most(f"{words}: auto beside projection", apart, 0.01, "mGal")

@@ -1,30 +1,23 @@
-"""Bars of the nonlinear inversion: accuracy, efficiency, honest uncertainty, sensors, speed."""
+"""Bars of the nonlinear inversion: accuracy, efficiency, honest uncertainty, speed."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from data_schemas.scene import Scene
 from pipeline.benchmarks import speed
-from pipeline.benchmarks.bar import Row, at_most, between, holds, of_few, reported
+from pipeline.benchmarks.bar import Row, at_most, between, of_few, reported
 from pipeline.benchmarks.efficiency import gravity_bound
 from pipeline.benchmarks.scenes import linear, resonant, swell
 from pipeline.benchmarks.scenes_real import real, real_heave
-from pipeline.benchmarks.trials import campaign, outcome, prepared, reduce_all
-from pipeline.observation import Observation, observe
-from pipeline.reduction import reduce_by
-from pipeline.sensors.examination import examine
-from pipeline.sensors.shifting import advanced
-from synth import simulate
+from pipeline.benchmarks.trials import campaign, reduce_all
 
 NOISE = 1e-4  # rad
-EFFICIENCY, COVERAGE, UNRECORDED, DAMPED = 400, 2000, 25, 30
+EFFICIENCY, COVERAGE, DAMPED = 400, 2000, 30
 QUICK_EFFICIENCY, QUICK_COVERAGE = 60, 200
-LATE = 0.01  # s
 BROWNE_AMPLITUDE, BROWNE_PERIOD = 0.1, 10.0  # m s-2, s
 
 
@@ -32,11 +25,8 @@ def rows(*, quick: bool) -> Iterator[Row]:
     """Yield the bars; quick: fewer records, with limits as much wider as chance asks."""
     yield from _exact()
     yield from _browne()
-    yield from _unrecorded()
-    yield from _auto()
     yield from _efficiency(QUICK_EFFICIENCY if quick else EFFICIENCY)
     yield from _uncertainty(QUICK_COVERAGE if quick else COVERAGE)
-    yield from _sensors()
     yield from _speed(quick=quick)
 
 
@@ -52,8 +42,6 @@ def _exact() -> Iterator[Row]:
     found = reduce_all(real_heave(), ("shooting", "general"))
     yield at_most("nonlinear, heave recorded: shooting", abs(found["shooting"].error), 0.005, "mGal")
     yield reported("nonlinear, heave recorded: general", abs(found["general"].error), "mGal")
-    found = reduce_all(real_heave(recorded=False), ("shooting",))
-    yield at_most("nonlinear, heave not recorded: shooting, noise-free", abs(found["shooting"].error), 0.02, "mGal")
 
 
 def _browne() -> Iterator[Row]:
@@ -77,26 +65,6 @@ def _browne() -> Iterator[Row]:
         yield at_most(f"{bar}: left by shooting", max(left), 0.02, "mGal")
 
 
-def _unrecorded() -> Iterator[Row]:
-    found = campaign(real_heave(recorded=False, noise=NOISE), ("shooting",), UNRECORDED)["shooting"]
-    yield at_most(f"heave not recorded, noise 1e-4: shooting, r.m.s. of {UNRECORDED}", found.rmse, 0.25, "mGal")
-
-
-def _auto() -> Iterator[Row]:
-    kinds = {
-        "nonlinear": nonlinear(),
-        "nonlinear, nothing stated": real(write_restoring=False),
-        "heave recorded": real_heave(noise=NOISE),
-        "heave not recorded": real_heave(recorded=False, noise=NOISE),
-        "heave not recorded, nothing stated": real_heave(recorded=False, noise=NOISE, write_restoring=False),
-    }
-    for words, scene in kinds.items():
-        ready = prepared(scene)
-        chosen = [reduce_by(name, ready, 0.0) for name in ("auto", "shooting")]
-        apart = abs(outcome(chosen[0], scene.gravity).error - outcome(chosen[1], scene.gravity).error)
-        yield at_most(f"{words}: auto ({chosen[0].method}) beside shooting", apart, 0.01, "mGal")
-
-
 def _efficiency(seeds: int) -> Iterator[Row]:
     """The bound is that of linear pendulums of the same arcs, in the same swell: the arcs carry no more than that."""
     scene = real(1e-5, noise=NOISE)
@@ -112,55 +80,22 @@ def _efficiency(seeds: int) -> Iterator[Row]:
 
 
 def kinds() -> dict[str, Scene]:
-    """Four kinds of real records whose uncertainty has different sources."""
+    """Three kinds of real records whose uncertainty has different sources."""
     return {
         "swell": real(noise=NOISE),
         "eps 1e-3": real(1e-3, noise=NOISE),
         "heave recorded": real_heave(noise=NOISE),
-        "heave not recorded": real_heave(recorded=False, noise=NOISE),
     }
 
 
 def _uncertainty(records: int) -> Iterator[Row]:
     hits = [
-        campaign(scene, ("shooting",), records // 4, first_seed=30_000)["shooting"].covered()
+        campaign(scene, ("shooting",), records // 3, first_seed=30_000)["shooting"].covered()
         for scene in kinds().values()
     ]
     half = 0.015 if records >= COVERAGE else 3.0 * math.sqrt(0.95 * 0.05 / records)
     bar = f"real pendulums: 95 % interval holds the truth, share of {records}"
     yield between(bar, float(np.mean(hits)), 0.95 - half, min(0.95 + half, 1.0))
-
-
-def late(seen: Observation, seconds: float) -> Observation:
-    """The observation with its first trace late by so much."""
-    assert seen.step is not None
-    moved = advanced(seen.theta, seen.step, -seconds, float(seen.frequency_reference[1]))
-    known = np.flatnonzero(np.isfinite(moved))
-    rows = slice(known[0], known[-1] + 1)
-    return replace(
-        seen,
-        time=seen.time[rows] - seen.time[rows][0],
-        theta=moved[rows],
-        difference=seen.difference[rows],
-        vertical=None if seen.vertical is None else seen.vertical[rows],
-    )
-
-
-def _sensors() -> Iterator[Row]:
-    for words, scene in (
-        ("linear", linear()),
-        ("linear, nothing stated", linear(damping_rates=(0.0, 0.0), write_damping=False, write_restoring=False)),
-        ("nonlinear", real()),
-    ):
-        clean = observe(simulate(scene)[0])
-        found = examine(late(clean, LATE))
-        left = outcome(reduce_by("auto", found.prepared, 0.0), scene.gravity).error
-        yield holds(f"{words}, first trace 10 ms late: told", "traces-time-offset" in found.flags, "flag")
-        yield at_most(f"{words}, first trace 10 ms late: left after correction", abs(left), 0.02, "mGal")
-        for name, factor in (("sign", -1.0), ("gain", 1.01)):
-            found = examine(replace(clean, theta=factor * clean.theta))
-            left = outcome(reduce_by("auto", found.prepared, 0.0), scene.gravity).error
-            yield at_most(f"{words}, first trace of wrong {name}: left after correction", abs(left), 0.02, "mGal")
 
 
 def _speed(*, quick: bool) -> Iterator[Row]:

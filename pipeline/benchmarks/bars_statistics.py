@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from data_schemas.scene import Scene
-from pipeline.benchmarks.bar import Row, at_most, between, of_few, reported
+from pipeline.benchmarks.bar import Row, at_most, between, of_few
 from pipeline.benchmarks.efficiency import gravity_bound
-from pipeline.benchmarks.scenes import linear, marks_only, noisy_gaps
+from pipeline.benchmarks.scenes import linear
 from pipeline.benchmarks.trials import campaign
 
 NOISE = 1e-4  # rad
@@ -22,7 +22,6 @@ def rows(*, quick: bool) -> Iterator[Row]:
     """Yield the statistical bars; their seeds are fixed."""
     seeds = QUICK_EFFICIENCY if quick else EFFICIENCY
     yield from _efficiency(seeds)
-    yield from _marks(seeds)
     yield from _uncertainty(QUICK_COVERAGE if quick else COVERAGE)
     yield from _flags()
 
@@ -39,29 +38,17 @@ def _efficiency(seeds: int) -> Iterator[Row]:
                 yield at_most(bar, each.rmse / bound, limit)
 
 
-def _marks(seeds: int) -> Iterator[Row]:
-    scene = marks_only()
-    bound = gravity_bound(scene)
-    found = campaign(scene, ("projection", "complex"), seeds)
-    bar = f"marks only: {{}}, RMSE/CRLB ({bound:.4f} mGal) of {seeds}"
-    yield at_most(bar.format("projection"), found["projection"].rmse / bound, of_few(1.15, seeds, EFFICIENCY))
-    # its window of 100 s leaves out the ends of the record, which weigh most
-    yield reported(bar.format("complex"), found["complex"].rmse / bound)
-
-
 def kinds() -> dict[str, Scene]:
-    """Four kinds of records whose uncertainty has different sources."""
+    """Two kinds of records whose uncertainty has different sources."""
     return {
         "eps 1e-5, noise of the difference": linear(1e-5, noise=NOISE),
         "eps 1e-3, noise of the first pendulum": linear(1e-3, noise=NOISE),
-        "gaps and outliers, damping fitted": noisy_gaps(damping_rates=(1e-4, 1e-4), write_damping=False),
-        "half-second marks": marks_only(noise=NOISE),
     }
 
 
 def _uncertainty(records: int) -> Iterator[Row]:
     """The 95 % interval over all kinds together, and the root mean square error over the mean sigma in each."""
-    each_kind = records // 4
+    each_kind = records // 2
     hits = []
     scatter = 3.0 / math.sqrt(2 * each_kind)  # of a root mean square
     margin = max(0.1, scatter)
@@ -80,10 +67,9 @@ def _flags() -> Iterator[Row]:
         linear(1e-5, noise=NOISE),
         linear(1e-4, noise=NOISE, sampling_rate=10),
         linear(1e-5, noise=NOISE, damping_rates=(0.0, 0.0), write_damping=False),
-        marks_only(),
     )
     found = [
-        campaign(scene, ("auto",), CLEAN // len(clean), first_seed=20_000 + 1000 * number)["auto"]
+        campaign(scene, ("projection",), CLEAN // len(clean), first_seed=20_000 + 1000 * number)["projection"]
         for number, scene in enumerate(clean)
     ]
     share = float(np.mean([each.flagged for each in found]))

@@ -19,10 +19,10 @@ from pipeline.benchmarks import corrections_cases, corrections_grid, corrections
 from pipeline.benchmarks.corrections_points import FULL_LENGTH, QUICK_LENGTH, places
 from pipeline.benchmarks.csv_table import write
 from pipeline.benchmarks.kept import Kept
-from pipeline.methods import METHODS
+from pipeline.methods import PAIR_METHODS
 
 Row = dict[str, Any]
-HONEST = ("general", "shooting", "auto")
+HONEST = ("general", "shooting")
 """Methods that reduce what acts on real pendulums: their sigma must hold, or a flag must say why not."""
 SIGMAS = 5.0
 PROMISED = {"general": 0.1, "shooting": 0.005}
@@ -86,7 +86,7 @@ def refusals(points: Sequence[Row]) -> list[Row]:
 def summary(points: Sequence[Row]) -> list[Row]:
     """One row a method over all records of the grids."""
     table = []
-    for name in METHODS:
+    for name in PAIR_METHODS:
         rows = [row for row in points if row["method"] == name]
         errors = [abs(row["error_mgal"]) for row in rows if not row["refused"]]
         table.append(

@@ -19,7 +19,7 @@ from pipeline.benchmarks.clock import rounds
 from pipeline.benchmarks.scenes import resonant, swell, two_pendulums
 from pipeline.benchmarks.trials import outcome, prepared
 from pipeline.gravity import MGAL
-from pipeline.methods import METHODS, method
+from pipeline.methods import PAIR_METHODS, method
 from pipeline.observation import observe
 from pipeline.prepared import Prepared, prepare
 from pipeline.reduction import reduce_by
@@ -27,7 +27,7 @@ from synth import simulate
 
 AVERAGED = "panteleev-averaged"
 """(27) done wrong: its mean subtracted from the slope of a regression."""
-COLUMNS = (*(name for name in METHODS if name not in ("auto", "panteleev")), AVERAGED, "panteleev")
+COLUMNS = (*(name for name in PAIR_METHODS if name != "panteleev"), AVERAGED, "panteleev")
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pipeline.methods import METHODS
+from pipeline.methods import PAIR_METHODS
 from pipeline.plots.canvas import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
 FLOOR = 1e-8  # mGal: below it lies rounding
-DRAWN = tuple(name for name in METHODS if name != "auto")
-"""`auto` is always one of the others."""
+DRAWN = PAIR_METHODS
 
 MARKS: dict[str, tuple[str, str]] = {
     "uncorrected": (SKY, "v"),

@@ -15,7 +15,7 @@ from pipeline.benchmarks.corrections_points import Place, Point, scene
 from pipeline.benchmarks.kept import Kept
 from pipeline.benchmarks.progress import progress
 from pipeline.benchmarks.trials import outcome
-from pipeline.methods import METHODS
+from pipeline.methods import PAIR_METHODS
 from pipeline.observation import Observation, observe
 from pipeline.prepared import prepare
 from pipeline.reduction import reduce_by
@@ -23,7 +23,7 @@ from synth import simulate
 
 Row = dict[str, Any]
 REPEATS = 3  # timed runs of each method in a full run
-_WARM = 660.0  # s: a record that no method declines, marks too, so that every kernel is compiled
+_WARM = 660.0  # s: a record that no method declines, so that every kernel is compiled
 
 
 def measured(places: Sequence[Place], kept: Kept, *, quick: bool) -> Iterator[list[Row]]:
@@ -32,11 +32,11 @@ def measured(places: Sequence[Place], kept: Kept, *, quick: bool) -> Iterator[li
     for place in progress(places, "corrections", len(places)):
         repeats = 1 if quick else REPEATS
         made = scene(place.point)
-        configuration = {"scene": made.model_dump(mode="json"), "repeats": repeats, "methods": list(METHODS)}
+        configuration = {"scene": made.model_dump(mode="json"), "repeats": repeats, "methods": list(PAIR_METHODS)}
         rows = kept.get(configuration)
         if rows is None:
             kind = place.point.sampling
-            if kind not in warm:  # half-second marks have kernels of their own
+            if kind not in warm:
                 reduce(scene(replace(Point(), sampling=kind, length=_WARM)), 1)
                 warm.add(kind)
             rows = reduce(made, repeats)
@@ -54,8 +54,8 @@ def reduce(made: Scene, repeats: int) -> list[Row]:
     try:
         seen = observe(simulate(made)[0])
     except IsochronyError as refusal:
-        return [_declined(name, str(refusal)) for name in METHODS]
-    return [_row(name, seen, made.gravity, repeats) for name in METHODS]
+        return [_declined(name, str(refusal)) for name in PAIR_METHODS]
+    return [_row(name, seen, made.gravity, repeats) for name in PAIR_METHODS]
 
 
 def _row(name: str, seen: Observation, gravity: float, repeats: int) -> Row:

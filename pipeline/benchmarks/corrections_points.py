@@ -23,7 +23,7 @@ _HEIGHT = 3.0  # m, of the sea that is met at depth
 _SAMPLINGS: dict[str, dict[str, Any]] = {
     "25 Hz": {"sampling_rate": 25},
     "10 Hz": {"sampling_rate": 10},
-    "marks": {"marks": True},
+    "8 Hz": {"sampling_rate": 8},
 }
 
 
@@ -50,7 +50,7 @@ class Point:
     length : float
         s.
     sampling : str
-        "25 Hz", "10 Hz" or "marks", one reading each half second.
+        "25 Hz", "10 Hz" or "8 Hz".
     """
 
     difference: float = 1e-4

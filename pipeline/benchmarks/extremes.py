@@ -10,15 +10,7 @@ import numpy as np
 from xarray import DataTree
 
 from data_schemas.scene import Scene
-from pipeline.benchmarks.scenes import (
-    GRAVITY,
-    beats_through_zero,
-    linear,
-    own_frequency,
-    swell,
-    two_pendulums,
-    uneven,
-)
+from pipeline.benchmarks.scenes import GRAVITY, beats_through_zero, linear, own_frequency, swell, two_pendulums
 from synth import simulate
 
 NOISE = 1e-5  # rad: without it every sigma would be zero and no error within it
@@ -52,14 +44,10 @@ def extremes() -> list[Extreme]:
         Extreme("huge arc, linear", lambda: _record(_huge())),
         Extreme("huge arc, sine, stated", lambda: _real_pendulums("sine")),
         Extreme("huge arc, sine, unsaid", lambda: _real_pendulums(None)),
-        Extreme("NaN for 5 min, both traces", lambda: _blank("both")),
-        Extreme("NaN for 5 min, difference", lambda: _blank("difference")),
-        Extreme("NaN for 5 min, first pendulum", lambda: _blank("first")),
         Extreme("NaN for the first 5 min", lambda: _record(linear(noise=NOISE, missing=[(0.0, 300.0)]))),
-        Extreme("all NaN, first pendulum", lambda: _blank("first", 0.0, 1e9), None),
+        Extreme("all NaN, first pendulum", _without_the_first, None),
         Extreme("10 s long", lambda: _record(linear(noise=NOISE, duration=10.0))),
         Extreme("60 s long", lambda: _record(linear(noise=NOISE, duration=60.0))),
-        Extreme("10 ms jitter, 20 % dropped", lambda: _record(uneven(noise=NOISE))),
         Extreme("two samples a swing", lambda: _record(linear(1e-4, noise=NOISE, marks=True))),
         Extreme("less than two a swing", lambda: _record(linear(1e-4, noise=NOISE, sampling_rate=0.8))),
         Extreme("pure noise", _pure_noise, None),
@@ -113,13 +101,10 @@ def _real_pendulums(restoring: str | None) -> DataTree:
     return record
 
 
-def _blank(which: str, start: float = 700.0, stop: float = 1000.0) -> DataTree:
+def _without_the_first() -> DataTree:
     record = _record(linear(noise=NOISE))
-    time = np.asarray(record["time"].values)
     values = np.array(record["record/elongation"].values)
-    rows = {"both": [0, 1], "first": [0], "difference": [1]}[which]
-    for row in rows:
-        values[row, (time >= start) & (time < stop)] = np.nan
+    values[0] = np.nan
     return _with(record, values)
 
 

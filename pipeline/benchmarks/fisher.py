@@ -152,9 +152,3 @@ def _conjugate_gradients(matrix: Callable[[Floats], Floats], right: Floats) -> F
             break
         direction = residual + square / before * direction
     return solution
-
-
-def printed_bound(samples: int, noise: float, rate: float, amplitude: float) -> float:
-    """`sqrt(24/(N (N^2-1))) sigma fs/a`: frequency of one sinusoid in white noise, rad s-1."""
-    n = float(samples)
-    return float(np.sqrt(24.0 / (n * (n * n - 1.0))) * noise * rate / amplitude)

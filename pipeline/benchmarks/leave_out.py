@@ -16,7 +16,7 @@ from typing import Any
 import data_schemas
 from pipeline.benchmarks.clock import tree_environment
 from pipeline.benchmarks.scenes import linear
-from pipeline.methods import METHODS
+from pipeline.methods import PAIR_METHODS
 from synth import simulate
 
 FORBIDDEN = ("scipy.signal", "matplotlib", "dask", "pydantic")
@@ -28,8 +28,8 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "linear.record.nc"
         data_schemas.write(simulate(scene)[0], path)
-        _probe(path, ",".join(METHODS))  # kernels are compiled and cached before anything is timed
-        for method in METHODS:
+        _probe(path, ",".join(PAIR_METHODS))  # kernels are compiled and cached before anything is timed
+        for method in PAIR_METHODS:
             found = _probe(path, method)
             modules = set(found["modules"])
             seconds = found["seconds"]

@@ -125,27 +125,3 @@ def linear(relative_difference: float = 1e-4, **changes: Any) -> Scene:
 def beats_through_zero(**changes: Any) -> Scene:
     """Equal arcs at a period difference of 1e-3: the difference's amplitude passes through zero."""
     return two_pendulums("beats-through-zero", 1e-3, amplitudes=(0.01, 0.01), **changes)
-
-
-def noisy_gaps(**changes: Any) -> Scene:
-    """Noise, 0.6 s lost at every minute mark, single readings lost, wild readings."""
-    changes = {
-        "noise": 1e-4,
-        "mark_gap": 0.6,
-        "missing_samples": 200,
-        "outliers": 60,
-        "outlier_amplitude": 0.01,
-        **changes,
-    }
-    return linear(1e-4, **changes)
-
-
-def marks_only(**changes: Any) -> Scene:
-    """One reading each half second: the first pendulum lies at 0.99 of the Nyquist frequency."""
-    changes.setdefault("noise", 1e-4)
-    return linear(1e-5, marks=True, **changes)
-
-
-def uneven(**changes: Any) -> Scene:
-    """Readings 10 ms off their even times, a fifth of them absent."""
-    return linear(1e-4, jitter=0.01, drop_fraction=0.2, **changes)

@@ -36,8 +36,8 @@ def real(relative_difference: float = 1e-4, **changes: Any) -> Scene:
     return two_pendulums("real", relative_difference, **(given | changes))
 
 
-def real_heave(relative_difference: float = 1e-4, *, recorded: bool = True, **changes: Any) -> Scene:
-    """As `real`, in heavier swell and in heave, which the record holds or does not."""
+def real_heave(relative_difference: float = 1e-4, **changes: Any) -> Scene:
+    """As `real`, in heavier swell and in heave, which the record holds."""
     motion: Motion = [swell(2.0 * SWAY), heave()]
-    given: dict[str, Any] = {"motion": motion, "vertical_acceleration": recorded}
+    given: dict[str, Any] = {"motion": motion, "vertical_acceleration": True}
     return real(relative_difference, **(given | changes))

@@ -42,7 +42,6 @@ _VIOLENT = "the motion is far from that of the linear pendulum about which it is
 _STIFF = "stiff: the motion is far slower than what an explicit step can bear"
 _LONG = "a million swings are the closed form's business"
 _TOP = "on the separatrix rounding alone decides where the pendulum goes"
-_FAST = "the forcing is far faster than the swing about which it is expanded"
 MAY_REFUSE: Mapping[tuple[str, str], str] = {
     ("overdamped, 1e4 /s", EXPLICIT): _STIFF,
     ("1e7 s long, every 10 s", EXPLICIT): _LONG,

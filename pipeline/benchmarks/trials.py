@@ -1,7 +1,6 @@
 """One record and one method, or thousands of noisy ones: errors against the truth.
 
-Linear motion and reading noise add, so a scene is simulated once and noise of each seed is laid on it. Scenes that
-also lose readings or have wild ones are simulated anew for each seed.
+Linear motion and reading noise add, so a scene is simulated once and noise of each seed is laid on it.
 """
 
 from __future__ import annotations
@@ -101,10 +100,6 @@ def observations(scene: Scene, count: int, first_seed: int = 0) -> Iterator[Obse
     """Observations of a scene under `count` draws of its noise."""
     recording = scene.recording
     seeds = range(first_seed, first_seed + count)
-    if recording.missing_samples or recording.outliers or recording.jitter or recording.drop_fraction:
-        for seed in seeds:
-            yield observe(simulate(scene.model_copy(update={"seed": seed}))[0])
-        return
     noise = recording.noise
     quiet = recording.model_copy(update={"noise": 0.0, "record_uncertainty": False})
     clean = observe(simulate(scene.model_copy(update={"recording": quiet}))[0])

@@ -24,15 +24,16 @@ _METHOD_TEXTS = {
     "panteleev": "formula (27), the separated free harmonic",
     "general": "formulas (36) and (38) with the model's phase speeds, finite arc, slow acceleration of the support",
     "complex": "complex form of (27), works where the amplitude passes through zero",
-    "projection": "exact identity of linear pendulums, by variable projection",
-    "shooting": "exact identity of real pendulums; heave as recorded, or told from the phase",
-    "auto": "projection for linear pendulums, shooting for real ones (default); the result says which and why",
+    "projection": "exact identity of linear pendulums, clean uniform records",
+    "shooting": "exact identity of real pendulums, clean uniform records; heave as recorded, or none",
     "joint": "state-space model of all pendulums, ship and instrument, by likelihood; gravity along the track",
+    "auto": "joint (default); of a single trace its period",
 }
 _METHOD_LIST = "\n".join(f"  {name:<14}  {text}" for name, text in _METHOD_TEXTS.items())
 
 _DESCRIPTION = f"""\
-Gravity from records: the difference of two pendulums, its phase, the corrections, the uncertainty.
+Gravity from records: all pendulums and the ship fitted at once, or the difference of two pendulums by the paper's
+formulas; the corrections, the uncertainty.
 
 With --synchrony the record is read as one of clocks on a common support instead: for each pair its verdict (in
 phase, antiphase, quadrature, other angle, drifting, intermittent) with the confidence, the angle in degrees, from
@@ -51,14 +52,14 @@ base_time, base_gravity, base_period of base stations before and after; X_uncert
 
 methods:
 {_METHOD_LIST}
-  all             every one of the above but auto and joint"""
+  all             every one of the above but auto"""
 
 _EXAMPLES = """\
 examples:
   isochrony process ship.record.nc
   isochrony process ship.record.nc --method panteleev,projection --json
   isochrony process *.record.nc -o results/       one result file a record, in the folder results
-  isochrony process three.record.nc --pair 2-3    which two of three pendulums
+  isochrony process three.record.nc --pair 2-3    the difference of two of three pendulums
   isochrony process clocks.record.nc --synchrony  do these clocks keep step?
 
 exit status: 0 every record gave a value; 1 some did; 3 none did; 2 usage"""
@@ -160,13 +161,13 @@ def requested_methods(verb: str, text: str) -> tuple[str, ...]:
     UsageError
         An unknown one, or one twice.
     """
-    from pipeline.methods import METHODS, NAMES
+    from pipeline.methods import METHODS
 
     every = [name for name in METHODS if name != "auto"]
     names = [name for part in text.split(",") for name in (every if part.strip() == "all" else [part.strip()])]
     for name in names:
-        if name not in NAMES:
-            raise UsageError(f"{verb}: unknown method '{name}'{did_you_mean(name, (*NAMES, 'all'))}")
+        if name not in METHODS:
+            raise UsageError(f"{verb}: unknown method '{name}'{did_you_mean(name, (*METHODS, 'all'))}")
     if len(set(names)) < len(names):
         raise UsageError(f"{verb}: --method {text} names a method twice; name each once")
     return tuple(names)

@@ -94,10 +94,8 @@ class SummaryPrinter:
         )
         flags = ", ".join(row["flags"]) or "none"
         print_row(columns, [*lead, *value, _number(1e3 * row["elapsed_s"], ".1f"), flags])
-        if row.get("joint"):
-            print(f"    {_joint(row['joint'])}", flush=True)
-        if row["requested_method"] == "auto" and row.get("choice_reason"):
-            print(f"    auto: {row['choice_reason']}", flush=True)
+        if row.get("choice_reason"):
+            print(f"    {row['choice_reason']}", flush=True)
 
 
 _TAIL = (Column("time ms"), Column("flags", right=False))
@@ -142,15 +140,6 @@ def _synchrony(pair: Mapping[str, Any]) -> list[str]:
 def _small(value: float | None) -> str:
     """Four decimals, or two digits where four decimals would show none."""
     return _number(value, ".4f" if value is None or abs(value) >= 1e-3 else ".1e")
-
-
-def _joint(found: Mapping[str, Any]) -> str:
-    pairs = ", ".join(
-        f"{pair} {_number(one['gravity_m_s2'], '.8f')} +- {_small(one['gravity_sigma_mgal'])}"
-        for pair, one in found["pairs"].items()
-    )
-    together = f"{_number(found['gravity_m_s2'], '.8f')} +- {_small(found['gravity_sigma_mgal'])} mGal"
-    return f"all pairs: {together}, consistency {_number(found['consistency'], '.2f')} ({pairs})"
 
 
 def _corrections(entries: Mapping[str, float | None]) -> str:

@@ -1,63 +1,39 @@
 """A cheap envelope from adjoining blocks: the start of the exact fits, and the weights of their error budget.
 
-Each block is fitted by {cos, sin, 1, t}. On a uniform grid all complete blocks are one small matrix product.
+Each block is fitted by {cos, sin, 1, t}. All complete blocks are one small matrix product.
 """
 
 from __future__ import annotations
 
 import functools
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
 
 from data_schemas.scratch import portions, release
-from pipeline.arrays import Complexes, Floats, even_times
+from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics.envelope import Envelope, window_length
 from synth.kernels.compiled import summing_kernel
 
-Series = tuple[Floats, Floats]
-"""Times and values."""
-
 BLOCK_SECONDS = 4.0
 LEAST_COVERAGE = 0.5
-TOGETHER = 512  # blocks of uneven readings, after which their memory is given back
 
 
-def block_envelope(
-    time: Floats,
-    step: float | None,
-    first: Floats,
-    difference: Floats,
-    frequency: float,
-    first_step: float | None = None,
-) -> Envelope:
+def block_envelope(time: Floats, step: float, first: Floats, difference: Floats, frequency: float) -> Envelope:
     """Envelope of both series at block centres.
 
     Parameters
     ----------
     time, first, difference : (n,) arrays
         s, rad, rad; NaN = missing.
-    step : float or None
-        Sampling step when uniform.
+    step : float
+        Sampling step, s.
     frequency : float
         Carrier, rad s-1.
-    first_step : float, optional
-        Step of `first` where it stands on a grid of its own, s.
     """
-    mean_step = step if step is not None else float(time[-1]) / (time.size - 1)
-    duration = float(time[-1]) + mean_step
-    length = window_length(frequency, mean_step, BLOCK_SECONDS, duration)
-    if step is not None:
-        rows = max(4, round(length / step))
-        centres, coefficients, counts = _uniform((first, difference), step, rows, frequency)
-        length = rows * step
-    else:
-        first_time = time if first_step is None else even_times(first.size, first_step)
-        pairs = ((first_time, first), (time, difference))
-        edges = np.arange(0.0, duration - 0.5 * length, length)
-        centres, coefficients, counts = _uneven(pairs, edges, length, frequency)
-        rows = max(4, round(length / mean_step))
+    rows = max(4, round(window_length(frequency, step, BLOCK_SECONDS, float(time[-1]) + step) / step))
+    centres, coefficients, counts = _fits((first, difference), step, rows, frequency)
+    length = rows * step
     carrier = np.cos(frequency * centres) - 1j * np.sin(frequency * centres)
     amplitude = (coefficients[:, 0] - 1j * coefficients[:, 1]) * carrier
     coverage = counts / rows
@@ -89,7 +65,7 @@ def _complete_block(rows: int, step: float, frequency: float) -> tuple[Floats, F
     return basis, np.linalg.pinv(basis).copy()
 
 
-def _uniform(series: Sequence[Floats], step: float, rows: int, frequency: float) -> tuple[Floats, Floats, Floats]:
+def _fits(series: Sequence[Floats], step: float, rows: int, frequency: float) -> tuple[Floats, Floats, Floats]:
     count = series[0].size // rows
     basis, inverse = _complete_block(rows, step, frequency)
     coefficients = np.empty((2, 4, count))
@@ -120,20 +96,6 @@ def fit_blocks(values: Floats, inverse: Floats, out: Floats, first: int) -> None
             s3 += i3[m] * value
         to = first + block
         out[0, to], out[1, to], out[2, to], out[3, to] = s0, s1, s2, s3
-
-
-def _uneven(series: Sequence[Series], edges: Floats, length: float, frequency: float) -> tuple[Floats, Floats, Floats]:
-    centres, ends = edges + 0.5 * length, np.append(edges, edges[-1] + length)
-    coefficients = np.full((2, 4, edges.size), np.nan)
-    counts = np.zeros((2, edges.size))
-    for which, (time, values) in enumerate(series):
-        for begin in range(0, edges.size, TOGETHER):
-            bounds = np.searchsorted(time, ends[begin : begin + TOGETHER + 1])
-            for block, (low, high) in enumerate(itertools.pairwise(bounds), begin):
-                basis = _basis(time[low:high] - centres[block], 0.5 * length, frequency)
-                coefficients[which, :, block], counts[which, block] = _fit(basis, values[low:high])
-            release(time, values)
-    return centres, coefficients, counts
 
 
 def _fit(basis: Floats, values: Floats) -> tuple[Floats, int]:

@@ -36,8 +36,8 @@ class Envelope:
     noise_gain : float
         Variance of one component of an envelope (mean of the two) per variance of white reading noise, complete window.
     taps : (m,) complex array or None
-        Weights of a complete window's readings in the amplitude, counted from its own centre, where it is known to
-        be the same for all: hop/step readings from window to window.
+        Weights of a complete sliding window's readings in the amplitude, counted from its own centre: hop/step readings
+        from window to window. None of adjoining blocks.
     """
 
     time: Floats

@@ -14,12 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from data_schemas.scratch import portions, release
-from pipeline.arrays import Complexes, Floats, even_times
+from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics.envelope import Envelope, window_length
 from synth.kernels.compiled import summing_kernel
-
-Series = tuple[Floats, Floats]
-"""Times and values."""
 
 WINDOW_SECONDS = 16.0
 HOP_SECONDS = 1.0
@@ -29,43 +26,24 @@ LEAST_COVERAGE = 0.7  # of the window's weight; an instant with less has no valu
 TERMS = 8
 
 
-def sliding_envelope(
-    time: Floats,
-    step: float | None,
-    first: Floats,
-    difference: Floats,
-    frequency: float,
-    first_step: float | None = None,
-) -> Envelope:
+def sliding_envelope(time: Floats, step: float, first: Floats, difference: Floats, frequency: float) -> Envelope:
     """Envelope of both series at instants `HOP_SECONDS` apart (further where the window must be long).
 
     Parameters
     ----------
     time, first, difference : (n,) arrays
         s, rad, rad; NaN = missing.
-    step : float or None
-        Sampling step when uniform.
+    step : float
+        Sampling step, s.
     frequency : float
         Carrier, rad s-1.
-    first_step : float, optional
-        Step of `first` where it stands on a grid of its own, s.
     """
-    taps = None
-    mean_step = step if step is not None else float(time[-1]) / (time.size - 1)
-    length = window_length(frequency, mean_step, WINDOW_SECONDS, float(time[-1]) + mean_step)
+    length = window_length(frequency, step, WINDOW_SECONDS, float(time[-1]) + step)
     hop = HOP_SECONDS * max(1.0, length / WINDOW_SECONDS)
-    if step is not None:
-        half = max(8, round(0.5 * length / step))
-        every = max(1, round(hop / step))
-        centres, fit, coverage, filters = _uniform((first, difference), step, half, every, frequency)
-        hop, half_length = every * step, half * step
-        taps = filters[0] - 1j * filters[1]
-    else:
-        first_time = time if first_step is None else even_times(first.size, first_step)
-        pairs = ((first_time, first), (time, difference))
-        half_length = 0.5 * length
-        centres = np.arange(half_length, float(time[-1]) - half_length + 0.5 * hop, hop)
-        fit, coverage = _uneven(pairs, centres, half_length, frequency)
+    half = max(8, round(0.5 * length / step))
+    every = max(1, round(hop / step))
+    centres, fit, coverage, filters = _fits((first, difference), step, half, every, frequency)
+    half_length = half * step
     fit[coverage < LEAST_COVERAGE] = np.nan
     carrier = np.exp(-1j * frequency * centres)
     amplitude: Complexes = (fit[:, :, 0] - 1j * fit[:, :, 1]) * carrier
@@ -80,9 +58,9 @@ def sliding_envelope(
         slow=fit[:, :, 6],
         slow_speed=fit[:, :, 7] / half_length,
         coverage=coverage[1],
-        samples=coverage.mean(axis=1) * hop / mean_step,
-        noise_gain=_noise_gain(half_length, mean_step, frequency),
-        taps=taps,
+        samples=coverage.mean(axis=1) * every,
+        noise_gain=float(0.5 * np.sum(filters[:2] ** 2)),
+        taps=filters[0] - 1j * filters[1],
     )
 
 
@@ -95,11 +73,6 @@ def _basis(tau: Floats, half_length: float, frequency: float) -> Floats:
 
 def _kaiser(x: Floats) -> Floats:
     return np.asarray(np.i0(KAISER_SHAPE * np.sqrt(np.clip(1.0 - x * x, 0.0, None))) / np.i0(KAISER_SHAPE))
-
-
-def _noise_gain(half_length: float, step: float, frequency: float) -> float:
-    filters = _complete_window(max(8, round(half_length / step)), step, frequency)[2]
-    return float(0.5 * np.sum(filters[:2] ** 2))
 
 
 @functools.lru_cache(maxsize=64)
@@ -145,7 +118,7 @@ def fit_windows(series: Floats, even: Floats, odd: Floats, every: int, out: Floa
         out[1, to], out[2, to], out[5, to], out[7, to] = d0, d1, d2, d3
 
 
-def _uniform(
+def _fits(
     series: Sequence[Floats], step: float, half: int, every: int, frequency: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
     basis, weight, filters = _complete_window(half, step, frequency)
@@ -175,26 +148,3 @@ def _uniform(
                 fit[which, here[usable]] = np.linalg.solve(normal[usable], right[usable][:, :, None])[:, :, 0]
                 release(values)
     return centres, fit, coverage, filters
-
-
-def _uneven(series: Sequence[Series], centres: Floats, half_length: float, frequency: float) -> tuple[Floats, Floats]:
-    fit = np.full((2, centres.size, TERMS), np.nan)
-    coverage = np.zeros((2, centres.size))
-    for which, (time, values) in enumerate(series):
-        spread = float(time[-1]) / (time.size - 1)
-        full = _kaiser(np.arange(-half_length, half_length, spread) / half_length).sum()
-        for begin in range(0, centres.size, BROKEN):
-            here = centres[begin : begin + BROKEN]
-            bounds = np.searchsorted(time, here - half_length), np.searchsorted(time, here + half_length)
-            for k, (low, high) in enumerate(zip(*bounds, strict=True), begin):
-                part = values[low:high]
-                present = np.isfinite(part)
-                tau = time[low:high][present] - centres[k]
-                weight = _kaiser(tau / half_length)
-                coverage[which, k] = weight.sum() / full
-                if coverage[which, k] >= LEAST_COVERAGE and tau.size > TERMS:
-                    root = np.sqrt(weight)
-                    basis = root[:, None] * _basis(tau, half_length, frequency)
-                    fit[which, k] = np.linalg.lstsq(basis, root * part[present], rcond=None)[0]
-            release(time, values)
-    return fit, np.minimum(coverage, 1.0)

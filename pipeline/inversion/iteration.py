@@ -11,13 +11,13 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from data_schemas.scratch import by_portions, portions, release, room
+from data_schemas.scratch import by_portions, portions, room
 from pipeline.arrays import Floats
 from pipeline.inversion import kernels, sums
-from pipeline.inversion.motion import Grid, Motion, Readings
+from pipeline.inversion.motion import Motion
+from pipeline.observation import Observation
 from pipeline.projection.solve import ProjectionFit
 from pipeline.projection.taps import NODES, continuation, stencil, taps
-from pipeline.projection.uneven import from_grid, taken
 from pipeline.projection.uniform import UniformProblem, oscillation
 
 _KEPT, _PASSING = 8, 4  # series that are kept, and those of one portion
@@ -31,38 +31,32 @@ class Iteration:
     ----------
     held : ProjectionFit
         The linear fit: its frequency is held in the linear part, its solution starts the iteration.
-    ratio, damping_difference : float
-        n1/n2, gamma1 - gamma2.
     gravity : callable
         m/s^2 of a trial n2.
     """
 
     def __init__(
         self,
-        grid: Grid,
+        seen: Observation,
         motion: Motion,
         held: ProjectionFit,
-        ratio: float,
-        damping_difference: float,
         gravity: Callable[[float], float],
     ) -> None:
         self.motion, self._held, self._gravity = motion, held.frequency, gravity
-        self._linear = UniformProblem(grid.theta, grid.difference, grid.step, held.frequency, ratio, damping_difference)
-        self._cardinal = stencil(held.frequency, grid.step)
+        constants = (held.frequency, seen.frequency_ratio, seen.damping_difference)
+        self._linear = UniformProblem(seen.theta, seen.difference, seen.step, *constants)
+        self._cardinal = stencil(held.frequency, seen.step)
         self.frequency, self.damping_rate, self.offset = held.frequency, held.damping_rate, float(held.coefficient[2])
-        self.difference = grid.difference[motion.inside]
+        self.difference = seen.difference[motion.inside]
         self.parts, self.count = motion.parts, self.difference.size
-        self.half = 0.5 * (self.count - 1) * grid.step
+        self.half = 0.5 * (self.count - 1) * seen.step
         self._make_room()
         self._gram = np.empty((sums.COLUMNS, sums.COLUMNS))
         self._hold_damping()
-        begin = motion.inside.start * grid.step
+        begin = motion.inside.start * seen.step
         self.start = complex(held.coefficient[1], held.coefficient[0]) * np.exp(self.eigenvalue * begin)
         # a later model departs from the readings by little
         self._small = motion.small & self._begin_about()
-        self._readings: Readings | None = None
-        if grid.readings is not None:
-            self._place(grid.readings, begin)
         # n2 with which the nonlinear pull does the work that the held frequency did
         work = square = 0.0
         for part in self._portions():
@@ -95,25 +89,13 @@ class Iteration:
         return portions(self.count, *arrays, unit=kernels.BLOCK)
 
     def _begin_about(self) -> bool:
-        """The readings, and the held fit where there are none, to expand about; whether all are small."""
+        """The readings to expand about; whether all are small."""
         small = True
         for part in self._portions():
             about = self.about[part]
             np.subtract(self.difference[part], self.offset, out=about)
-            missing = np.isnan(about)
-            if missing.any():
-                age = (part.start + np.flatnonzero(missing)) * self.motion.step
-                about[missing] = self._response[part][missing] + (self.start * np.exp(self.eigenvalue * age)).imag
             small &= bool(max(-about.min(), about.max()) < 0.9 * kernels.SMALL)
         return small
-
-    def _place(self, readings: Readings, begin: float) -> None:
-        """Readings between the grid's ends, and what takes a series there."""
-        low = int(np.searchsorted(readings.time, begin))
-        self.within = slice(low, int(np.searchsorted(readings.time, begin + 2.0 * self.half, side="right")))
-        time = by_portions(lambda part: part - begin, readings.time[self.within])
-        self._readings = Readings(time, readings.difference[self.within])
-        self._where, self._weights = from_grid(time, self.motion.step, self.count, self._held)
 
     def _hold_damping(self) -> None:
         """Response of the linear part at the present damping."""
@@ -184,41 +166,13 @@ class Iteration:
         model, angle, rate, frequency = self.columns
         return model[part], angle[part], rate[part], frequency[part]
 
-    def moments(self, limit: float) -> tuple[Floats, int]:
-        """Gram matrix of (start angle, start rate, n2, gamma2, offset, residual) and the number of wild readings."""
-        if self._readings is not None:
-            return self._uneven_moments(self._readings, limit)
+    def moments(self) -> Floats:
+        """Gram matrix of (start angle, start rate, n2, gamma2, offset, residual)."""
         self._gram[:] = 0.0
-        beyond = 0
         for part in self._portions():
             columns = self._columns(part)
-            beyond += sums.moments(
-                self.difference[part], *columns, self.offset, limit, part.start, self.count, self._gram
-            )
-        return self._gram, beyond
-
-    def _uneven_moments(self, readings: Readings, limit: float) -> tuple[Floats, int]:
-        self._gram[:] = 0.0
-        beyond = 0
-        for part in self._portions_of_readings(readings):
-            model, angle, rate, frequency = (self._taken(series, part) for series in self.columns)
-            residual = readings.difference[part] - model - self.offset
-            damping = (1.0 - readings.time[part] / self.half) * model
-            columns = np.stack([angle, rate, frequency, damping, np.ones(model.size), residual])
-            size = np.abs(residual)
-            used = size <= limit
-            chosen = columns if used.all() else columns[:, used]
-            self._gram += chosen @ chosen.T
-            beyond += int(np.count_nonzero(size > limit))
-        return self._gram, beyond
-
-    def _portions_of_readings(self, readings: Readings) -> Iterator[slice]:
-        arrays = (readings.time, readings.difference, self._where, self._weights, self.columns)
-        return portions(readings.time.size, *arrays)
-
-    def _taken(self, series: Floats, part: slice) -> Floats:
-        """A series on the grid taken to some of the uneven times."""
-        return taken(series, self._where[part], self._weights[part])
+            sums.moments(self.difference[part], *columns, self.offset, part.start, self.count, self._gram)
+        return self._gram
 
     def improve(self, change: Floats) -> None:
         """Follow the tangents to the improved parameters."""
@@ -238,42 +192,16 @@ class Iteration:
             raise RefusedError("difference: no swing near the nominal period; check instrument/period and the traces")
 
     def least_squares_influence(self, weights: Floats) -> Floats:
-        """d n2 / d (reading of the difference) on the grid, s-1; zero where there is none; see `InversionFit`."""
+        """d n2 / d (reading of the difference), s-1; see `InversionFit`."""
         for part in self._portions():
             _, angle, rate, frequency = self._columns(part)
-            here = self.about[part], self.difference[part]
-            sums.combined(angle, rate, frequency, weights, *here, part.start, self.count, self.influence[part])
+            about = self.about[part]
+            sums.combined(angle, rate, frequency, weights, about, part.start, self.count, self.influence[part])
         return self.influence
 
-    def adopt(self, other: Iteration) -> None:
-        """Take over the parameters, and the angle to expand about, of an iteration on the same grid."""
-        self.damping_rate = other.damping_rate
-        self._hold_damping()
-        self.start, self.frequency, self.offset = other.start, other.frequency, other.offset
-        for part in self._portions():
-            self.about[part] = other.about[part]
-            release(other.about)
-
     def residual(self) -> Floats:
-        """Readings less the model, rad, NaN = missing."""
-        if self._readings is None:
-            return self.on_grid()
-        read = self._readings.difference
-        residual = room(read.size)
-        for part in self._portions_of_readings(self._readings):
-            residual[part] = read[part] - self._taken(self.about, part) - self.offset
-            release(residual)
-        return residual
-
-    def on_grid(self) -> Floats:
-        """Residual on the grid, NaN = missing; of uneven readings, that of the angle that was expanded about."""
+        """Readings less the model, rad."""
         return by_portions(lambda read, model: read - model - self.offset, self.difference, self.about)
-
-    def wild(self, limit: float) -> int:
-        """Readings farther than the limit from the model."""
-        residual = self.residual()
-        parts = portions(residual.size, residual)
-        return sum(int(np.count_nonzero(np.abs(residual[part]) > limit)) for part in parts)
 
 
 def past_taps(eigenvalue: complex, step: float) -> Floats:

@@ -1,8 +1,6 @@
-"""What is known before the nonlinear fit: the series on one grid, and what of the first pendulum enters it."""
+"""What is known before the nonlinear fit: what of the first pendulum and of heave enters it."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,30 +10,8 @@ from pipeline.inversion import kernels
 from pipeline.inversion.filters import design
 
 
-@dataclass(frozen=True)
-class Grid:
-    """Both series on one uniform grid, rad; theta whole, NaN = missing in the difference.
-
-    Where the difference was read at uneven times, `difference` on the grid is only an angle to expand about, and
-    `readings` are what is fitted.
-    """
-
-    theta: Floats
-    difference: Floats
-    step: float
-    readings: Readings | None = None
-
-
-@dataclass(frozen=True)
-class Readings:
-    """Readings at uneven times (s from the grid's start), rad, NaN = missing."""
-
-    time: Floats
-    difference: Floats
-
-
 class Motion:
-    """What is known before the fit: the first pendulum, its acceleration, heave, on the grid less its ends.
+    """What is known before the fit: the first pendulum, its acceleration, heave, of the samples less the ends.
 
     Parameters
     ----------
@@ -73,7 +49,6 @@ class Motion:
         count = theta.size - 2 * reach
         self.step, self.inside = step, slice(reach, reach + count)
         self.parts = list(portions(count, unit=kernels.BLOCK))
-        self.heave: Floats | None = None  # zeta found by `heave.py`
         self.low, self.curvature = room(count), room(count)
         self.vertical = None if vertical is None else vertical[self.inside]
         self.third, self.small = third is not None, True
@@ -95,8 +70,6 @@ class Motion:
 
     def pull(self, gravity: float, part: slice = slice(None)) -> Floats:
         """1 + zeta, of some samples."""
-        if self.heave is not None:
-            return 1.0 + self.heave[part]
         if self.vertical is None:
             return np.ones(self.low[part].size)
         return 1.0 + self.vertical[part] / gravity

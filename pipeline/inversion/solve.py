@@ -20,12 +20,10 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.inversion.iteration import Iteration
-from pipeline.projection.solve import REJECTION
+from pipeline.projection.solve import refuse_wild
 
 ITERATIONS = 12
 _SETTLED = 1e-9  # of the frequency: what is left after such a step is a thousandth of it at most, 2e-6 mGal
-_FLOOR = 1e-6  # of the amplitude: what departs less is rounding and quadrature, not a wild reading
-_NEAR = 1e-3  # rad over half the record
 _RIDGE = 1e-14
 
 
@@ -41,12 +39,10 @@ class InversionFit:
         1-sigma residual, rad.
     noise_gain : float
         1-sigma of n2 per radian of white noise in the difference, s-1.
-    samples, rejected : int
-        Readings used and left out as wild.
+    samples : int
+        Readings used.
     weights : (5,) array
         Row of the covariance that belongs to n2, s-1.
-    limit : float
-        Departure from which readings count as wild, rad.
     """
 
     frequency: float
@@ -55,9 +51,7 @@ class InversionFit:
     noise: float
     noise_gain: float
     samples: int
-    rejected: int
     weights: Floats
-    limit: float
 
 
 def fit_inversion(iteration: Iteration, *, fit_damping: bool) -> InversionFit:
@@ -67,20 +61,21 @@ def fit_inversion(iteration: Iteration, *, fit_damping: bool) -> InversionFit:
     ----------
     fit_damping : bool
         Whether gamma2 is fitted too.
+
+    Raises
+    ------
+    RefusedError
+        No swing at the nominal period, or a wild reading.
     """
     free = [0, 1, 2, 3, 4] if fit_damping else [0, 1, 2, 4]
-    limit = np.inf
     for _ in range(ITERATIONS):
         iteration.sweep()
-        gram, rejected = iteration.moments(limit)
+        gram = iteration.moments()
         found = solve(gram, free)
         iteration.improve(found.change)
-        new_limit = max(REJECTION * found.noise, _FLOOR * abs(iteration.start))
-        settled = abs(found.change[2]) < _SETTLED * iteration.frequency
-        if settled and (new_limit > 0.98 * limit or iteration.wild(new_limit) == 0):
+        if abs(found.change[2]) < _SETTLED * iteration.frequency:
             break
-        if abs(found.change[2]) * iteration.half < _NEAR:
-            limit = new_limit
+    refuse_wild(iteration.residual(), found.noise, abs(iteration.start))
     return InversionFit(
         frequency=iteration.frequency,
         damping_rate=iteration.damping_rate,
@@ -88,9 +83,7 @@ def fit_inversion(iteration: Iteration, *, fit_damping: bool) -> InversionFit:
         noise=found.noise,
         noise_gain=float(np.sqrt(found.covariance[2, 2])),
         samples=int(gram[4, 4]),
-        rejected=rejected,
         weights=found.covariance[2],
-        limit=limit,
     )
 
 

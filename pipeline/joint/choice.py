@@ -8,183 +8,105 @@ nothing pays. Explanations that stay close are averaged into value and sigma.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint import kernels
-from pipeline.joint.climb import grown, refined, shifted, window
+from pipeline.joint import apparatus, kernels, motion
+from pipeline.joint.climb import grown
 from pipeline.joint.constants import Constant, Solution, solve
-from pipeline.joint.course import Course, best_course, is_knot, knots, prior_root, weights
-from pipeline.joint.problem import Assumed, Problem
-from pipeline.joint.ship import Axis, Component, Engine, Sea, Ship
+from pipeline.joint.course import best_course, is_knot, knots, prior_root, weights
+from pipeline.joint.explanation import Candidate, Fitted, fitted, priced
 
-MOST_FITS = 6
-STRAIGHT = 0.02  # of the reading noise
 PAYS = 5.0  # in log-likelihood
 ROUNDS = 8
+STEPS, LEAST_STEP = 12, 0.3  # times tried at once; of the lattice's step
+FAULT, STEP_COST = 5.0, 9.0  # in log-likelihood: of what an apparatus seldom has; of a time that may be any
 KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])
 """rad s-1/2, tried where none is assumed."""
+FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
+MUCH, HARMLESS = 100.0, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
-MOST_COMPONENTS = 3
-CALM = 0.5  # of the swing's frequency: below it lines of the sea are left, which cost nothing
-SHAPES = (
-    (Engine, 1e-3, 1e-4),
-    (Engine, 1e-3, 1e-3),
-    (Engine, 0.01, 1e-4),
-    (Engine, 0.01, 1e-3),
-    (Sea, 0.1, 3e-4),
-    (Sea, 0.1, 3e-3),
-)
-"""Kind, relative damping and size of the components that are tried at a line."""
-SPARSE = 2.0  # of the swing between readings, rad: above it a line cannot be told from its aliases
-SAME_LINE = 0.2  # in the logarithm of the frequency
-QUIET = 0.3  # of the power that white errors of unit variance have
-PEAK = 14.0  # of a whitened spectrum over its mean: chance reaches it once in a thousand records
 
 
-@dataclass(frozen=True)
-class Model:
-    """One explanation.
-
-    Attributes
-    ----------
-    words : tuple of str
-        What it adds to the plainest one.
-    assumed : Assumed
-    constants : tuple of Constant
-    course : Course or None
-    problem : Problem
-    first_ship : tuple of Component
-        Before any was added.
-    """
-
-    words: tuple[str, ...]
-    assumed: Assumed
-    constants: tuple[Constant, ...]
-    problem: Problem
-    first_ship: tuple[Component, ...]
-    course: Course | None = None
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """An explanation with what it gives.
-
-    Attributes
-    ----------
-    model : Model
-    solution : Solution
-    path : (k, d) array
-    whitened : (r,) array
-    """
-
-    model: Model
-    solution: Solution
-    path: Floats
-    whitened: Floats
-
-
-def fitted(model: Model, about: Floats) -> Fitted:
-    """Gauss-Newton about the smoothed path, until it is straight between the last two."""
-    root = prior_root(model.constants, model.course)
-    constants = model.constants
-    for _ in range(MOST_FITS):
-        solution, of, path = model.problem.fit(model.assumed, constants, about=about, root=root)
-        constants, left = solution.constants, bend(model, path, about)
-        about = path
-        if left < STRAIGHT:
-            break
-    return Fitted(replace(model, constants=constants), solution, path, of.whitened)
-
-
-def bend(model: Model, path: Floats, about: Floats) -> float:
-    """What linearising about one path leaves out of another, as if it added up all along, over the reading noise."""
-    problem, two = model.problem, 2 * model.problem.pendulums
-    if not model.assumed.sine:
-        return 0.0
-    ship = Ship.of(model.assumed.ship)
-    away = path - about
-    horizontal, vertical = (np.abs(away[:, two:] @ row) for row in (ship.horizontal, ship.vertical))
-    angle = np.abs(path[:, :two:2]).max(axis=1)
-    # within a step the angle follows what is assumed of the ship at its start
-    within = 0.5 * float(problem.kappa.max()) * problem.lattice.step**2
-    off = np.abs(away[:, :two:2]).max(axis=1) + within * (horizontal + angle * vertical)
-    turns = float(np.sqrt(problem.kappa.max())) * problem.lattice.duration / 2.0
-    mean = float(np.mean(off * (vertical + angle * (off + horizontal))))
-    return mean * turns / float(model.assumed.noise[: problem.traces].min())
-
-
-Candidate = tuple[float, Model, Solution]
-
-
-def priced(model: Model, about: Floats, cost: float = 0.0, span: tuple[int, int] | None = None) -> Candidate:
-    """A model with its log-likelihood less what its own parameters cost, linearised about a path."""
-    root = prior_root(model.constants, model.course)
-    try:
-        solution, _ = model.problem.run(model.assumed, model.constants, about=about, root=root, span=span)
-    except np.linalg.LinAlgError:
-        return -np.inf, model, NO_SOLUTION
-    return solution.log_likelihood - cost, model, solution
-
-
-NO_SOLUTION = Solution((), np.zeros(0), np.zeros((0, 0)), -np.inf, np.inf, 0)
-
-
-def candidates(fit: Fitted) -> list[Candidate]:
-    """Explanations that add one thing to a fitted one, with their log-likelihoods."""
-    found = list(_constants(fit))
-    # random kicks show as a course or a friction that they feign: what nothing feigns is not there
-    if np.any(fit.model.assumed.kick) or max(each[0] for each in found) > fit.solution.log_likelihood + FEIGNED:
-        found += _kicks(fit)
-    added = len(fit.model.assumed.ship) - len(fit.model.first_ship)
-    if added < MOST_COMPONENTS:
-        found += _components(fit)
-    return found
+def candidates(fit: Fitted) -> Iterator[Candidate]:
+    """Explanations that add one thing to a fitted one, with their log-likelihoods; what takes long comes last."""
+    found = []
+    for each in _constants(fit):
+        found.append(each)
+        yield each
+    # random kicks and turns show as a course, a friction, a step that they feign: what nothing feigns is not there
+    feigned = max(each[0] for each in found) > fit.solution.log_likelihood + FEIGNED
+    if feigned or np.any(fit.model.assumed.kick):
+        yield from _kicks(fit)
+    yield from motion.components(fit, slow=feigned)
 
 
 def _constants(fit: Fitted) -> Iterator[Candidate]:
-    """Friction, a course of gravity, and knocks, all priced by one pass."""
+    """Friction, a course of gravity, faults of the apparatus, all priced by one pass; and steps where these pay."""
     model = fit.model
     problem, own = model.problem, model.constants
-    duration = problem.lattice.duration
-    kinds = {each.kind for each in own}
-    extra: list[Constant] = []
-    if kernels.QUADRATIC not in kinds:
-        extra.append(Constant("quadratic friction", kernels.QUADRATIC, 1e-2))
-    if kernels.DRY not in kinds:
-        extra.append(Constant("knife-edge friction", kernels.DRY, 1e-4))
-    if not any(is_knot(each) for each in own):
-        extra += knots(duration)
-    whole = (*own, *extra)
-    base = prior_root(own, model.course)
-    root = np.zeros((len(whole), len(whole)))
-    root[: len(own), : len(own)] = base
-    root[len(own) :, len(own) :] = np.diag([each.prior for each in extra])
+    names = {each.name for each in own}
+    frictions = (
+        Constant("quadratic friction", kernels.QUADRATIC, 1e-2),
+        Constant("knife-edge friction", kernels.DRY, 1e-4),
+    )
+    extra = [*(each for each in frictions if each.name not in names), *apparatus.faults(problem, own)]
+    course = () if any(is_knot(each) for each in own) else knots(problem.lattice.duration)
+    best = -np.inf
+    for each in _added(fit, extra, course):
+        best = max(best, each[0])
+        yield each
+    # a step shows as the drift, the friction or the course that it resembles
+    if best > fit.solution.log_likelihood + FEIGNED:
+        yield from _steps(fit)
+
+
+def _added(
+    fit: Fitted, extra: list[Constant], course: tuple[Constant, ...] = (), cost: float = FAULT
+) -> list[Candidate]:
+    """Each of several constants added alone, or a course of gravity: all priced by one pass."""
+    model = fit.model
+    problem, own = model.problem, model.constants
+    whole = (*own, *extra, *course)
+    root = np.diag([each.prior for each in whole])
+    root[: len(own), : len(own)] = prior_root(own, model.course)
     _, of = problem.run(model.assumed, whole, about=fit.path, root=root)
-
-    def part(chosen: tuple[Constant, ...]) -> tuple[tuple[Constant, ...], Floats]:
-        names = {each.name for each in own} | {each.name for each in chosen}
-        rows = [k for k, each in enumerate(whole) if each.name in names]
-        return tuple(whole[k] for k in rows), of.normal[np.ix_([*rows, -1], [*rows, -1])]
-
-    for each in extra:
-        if is_knot(each):
-            continue
-        some, normal = part((each,))
-        sub = np.zeros((len(some), len(some)))
-        sub[: len(own), : len(own)] = base
-        sub[-1, -1] = each.prior
-        found = solve(some, normal, float(of.totals[0]), float(of.totals[1]), sub)
-        yield found.log_likelihood, replace(model, words=(*model.words, each.name), constants=found.constants), found
-    track = tuple(each for each in extra if is_knot(each))
-    if track:
-        some, normal = part(track)
-        course, found = best_course(some, normal, of.totals, duration)
+    first = list(range(len(own)))
+    found = []
+    for at, each in enumerate(extra, len(own)):
+        rows = [*first, at]
+        normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
+        solution = solve((*own, each), normal, float(of.totals[0]), float(of.totals[1]), root[np.ix_(rows, rows)])
+        trial = replace(model, words=(*model.words, each.name), constants=solution.constants)
+        found.append((solution.log_likelihood - cost, trial, solution))
+    if course:
+        rows = [*first, *range(len(whole) - len(course), len(whole))]
+        normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
+        track, solution = best_course((*own, *course), normal, of.totals, problem.lattice.duration)
         words = (*model.words, "gravity changes")
         # two more parameters, of the prior
-        yield found.log_likelihood - 2.0, replace(model, words=words, constants=found.constants, course=course), found
+        trial = replace(model, words=words, constants=solution.constants, course=track)
+        found.append((solution.log_likelihood - 2.0, trial, solution))
+    return found
+
+
+def _steps(fit: Fitted) -> list[Candidate]:
+    """The likeliest step of a zero or of the clock: on a coarse grid, then finer and finer about the best."""
+    lattice = fit.model.problem.lattice
+    low, high = 0.0, lattice.duration
+    best: list[Candidate] = []
+    while high - low > LEAST_STEP * lattice.step:
+        grid = np.linspace(low, high, STEPS + 2)[1:-1]
+        tried = apparatus.steps(fit.model.problem, grid)
+        if best:
+            last = best[0][1].constants[-1]
+            tried = [each for each in tried if (each.kind, each.index) == (last.kind, last.index)]
+        best = [max([*best, *_added(fit, tried, cost=STEP_COST)], key=lambda each: each[0])]
+        at = best[0][1].constants[-1].centre
+        low, high = max(0.0, at - (high - low) / STEPS), min(lattice.duration, at + (high - low) / STEPS)
+    return best
 
 
 def _kicks(fit: Fitted) -> Iterator[Candidate]:
@@ -209,78 +131,112 @@ def _kicks(fit: Fitted) -> Iterator[Candidate]:
         yield of(now * factor)
 
 
-def _components(fit: Fitted) -> Iterator[Candidate]:
-    """Lines of the ship's motion where the whitened errors have one."""
-    model = fit.model
-    problem, lattice = model.problem, model.problem.lattice
-    swing = float(np.sqrt(problem.kappa.mean()))
-    for trace in range(problem.traces):
-        used = (lattice.trace == trace) & np.isfinite(fit.whitened)
-        if used.sum() < LEAST_READINGS:
+def simplified(fit: Fitted) -> Fitted:
+    """Without zeros, and without scale and delay of a recorded heave, where these do not pay."""
+    for each in fit.model.constants:
+        if each.kind not in (kernels.HEAVE_DELAY, kernels.HEAVE_SCALE, kernels.ZERO):
             continue
-        step = max(float(np.median(np.diff(lattice.time[used]))), 1e-3)
-        if step * swing > SPARSE:
-            continue
-        grid = np.rint(lattice.time[used] / step).astype(np.int64)
-        series = np.zeros(int(grid[-1]) + 1)
-        series[grid] = fit.whitened[used]
-        power = np.abs(np.fft.rfft(series)) ** 2
-        smooth = np.convolve(power, np.ones(5) / 5.0, "same")
-        smooth[: 3 + int(CALM * swing / (2.0 * np.pi) * series.size * step)] = 0.0
-        at = int(np.argmax(smooth))
-        # errors far below their own scale need no explanation
-        if smooth[at] < PEAK / 2.0 * max(float(np.median(power)) / np.log(2.0), QUIET * float(used.sum())):
-            continue
-        frequency = 2.0 * np.pi * at / (series.size * step)
-        options: list[tuple[Axis, float]] = [("horizontal", frequency)]
-        if model.assumed.sine and not problem.recorded.size:
-            options += [("vertical", f) for f in (frequency + swing, abs(frequency - swing)) if f > 0.2]
-        # a vertical motion acts by the angle
-        lever = {"horizontal": 1.0, "vertical": float(np.std(fit.path[:, : 2 * problem.pendulums : 2]))}
-        lines = [
-            make(own, width * own, rms / lever[axis], axis) for axis, own in options for make, width, rms in SHAPES
-        ]
-        span = window(problem)
-        found: tuple[float, tuple[Component, ...]] = (-np.inf, ())
-        for line in lines:
-            ship = (*model.assumed.ship, line)
-            about = grown(fit.path, problem.pendulums, ship)
-            trial = replace(
-                model, assumed=replace(model.assumed, ship=ship), constants=shifted(model.constants, about, span[0])
-            )
-            found = max(found, (priced(trial, about, span=span)[0], ship), key=lambda each: each[0])
-        about = grown(fit.path, problem.pendulums, found[1])
-        assumed = refined(problem, replace(model.assumed, ship=found[1]), model.constants, about, span, last=True)
-        added = assumed.ship[-1]
-        if abs(np.log(added.peak / found[1][-1].peak)) > SAME_LINE:
-            continue  # it went off to better what is there already
-        words = f"{added.axis} motion at {added.peak / (2.0 * np.pi):.2f} Hz"
-        yield priced(replace(model, words=(*model.words, words), assumed=assumed), about, cost=15.0)
+        trial = replace(fit.model, constants=tuple(other for other in fit.model.constants if other.name != each.name))
+        if priced(trial, fit.path)[0] > fit.solution.log_likelihood:
+            fit = fitted(trial, fit.path)
+    return fit
 
 
 def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
-    """Add what pays, the best first; the last fit, and the explanations that stay close to it."""
+    """Add what pays, the best first; the last fit, and the explanations that stay close to it.
+
+    A spectrum serves as long as nothing asks for more: gains and periods answer to whatever it gets wrong.
+    """
     close: list[Candidate] = []
+    rivals: list[Candidate] = []  # of what was taken
+    fit = simplified(fit)
     for _ in range(ROUNDS):
         base = fit.solution.log_likelihood
-        found = sorted(candidates(fit), key=lambda each: -each[0])
+        found, asks = [], False
+        for each in candidates(fit):
+            if each[0] > base + PAYS and not _matters(fit, each):
+                continue
+            found.append(each)
+            asks = not fit.model.climbed and (each[0] > base + PAYS or (_of_scale(each) and each[0] > base - PAYS))
+            if asks:
+                break
+        if asks:
+            fit = simplified(motion.climbed(fit))
+            continue
+        found.sort(key=lambda each: -each[0])
         close = [each for each in found if base - PAYS < each[0] < base + PAYS]
-        better = next(
-            (new for each in found if each[0] > base + PAYS and (new := _taken(fit, each[1])) is not None), None
-        )
-        if better is None:
-            break
-        fit = better
-    return fit, close
+        ahead = [each for each in found if each[0] > base + PAYS]
+        taken, others = _taken(fit, ahead)
+        if taken is None:
+            simple = simplified(fit)
+            if simple is fit:
+                break
+            fit = simple  # what stays close is weighed against this one
+            continue
+        if len(taken.model.assumed.ship) > len(fit.model.assumed.ship):
+            taken = motion.resized(taken)
+        rivals += others
+        fit = taken
+    close = [_refitted(fit, each) for each in close]
+    least = fit.solution.log_likelihood - PAYS
+    return fit, [*close, *(each for each in rivals if each[0] > least)]
 
 
-def _taken(fit: Fitted, model: Model) -> Fitted | None:
-    """A candidate fitted anew; None where that makes it no better."""
+def _matters(fit: Fitted, candidate: Candidate) -> bool:
+    """Whether it is more than a line of the sea that leaves gravity and its sigma where they are."""
+    if (
+        len(candidate[1].assumed.ship) == len(fit.model.assumed.ship)
+        or candidate[0] > fit.solution.log_likelihood + MUCH
+    ):
+        return True
+    found = _fitted(fit, candidate, -np.inf)
+    if found is None:
+        return False
+    duration = fit.model.problem.lattice.duration
+    (value, sigma), (other, wider) = (mean_gravity(each.solution, duration) for each in (fit, found))
+    return abs(other - value) > HARMLESS * sigma or wider > (1.0 + HARMLESS) * sigma
+
+
+def _of_scale(candidate: Candidate) -> bool:
+    """Whether it adds a gain or a period: these stand for each other."""
+    return candidate[1].constants[-1].kind in (kernels.GAIN, kernels.RATIO)
+
+
+def _taken(fit: Fitted, ahead: list[Candidate]) -> tuple[Fitted | None, list[Candidate]]:
+    """The first that still pays when it is fitted, of gains and periods the likeliest; and the others of these."""
+    for number, each in enumerate(ahead):
+        same = [each, *(other for other in ahead[number + 1 :] if _of_scale(each) and _of_scale(other))]
+        fits = [(candidate, found) for candidate in same if (found := _fitted(fit, candidate, PAYS)) is not None]
+        if fits:
+            fits.sort(key=lambda pair: -pair[1].solution.log_likelihood)
+            return fits[0][1], [_as_candidate(*pair) for pair in fits[1:]]
+    return None, []
+
+
+def _refitted(fit: Fitted, candidate: Candidate) -> Candidate:
+    """A close explanation fitted for itself where it is ahead, or has vertical motion, which acts by its own path."""
+    more = candidate[1].assumed.ship[len(fit.model.assumed.ship) :]
+    if candidate[0] < fit.solution.log_likelihood and not any(each.axis == "vertical" for each in more):
+        return candidate
+    found = _fitted(fit, candidate, -np.inf)
+    return candidate if found is None else _as_candidate(candidate, found)
+
+
+def _as_candidate(candidate: Candidate, found: Fitted) -> Candidate:
+    cost = candidate[2].log_likelihood - candidate[0]
+    return found.solution.log_likelihood - cost, found.model, found.solution
+
+
+def _fitted(fit: Fitted, candidate: Candidate, least: float) -> Fitted | None:
+    """A candidate fitted anew; None where that is not ahead of the fit by so much, its cost paid."""
+    model = candidate[1]
     try:
         found = fitted(model, grown(fit.path, model.problem.pendulums, model.assumed.ship))
     except np.linalg.LinAlgError:
         return None
-    return found if found.solution.log_likelihood > fit.solution.log_likelihood else None
+    far = any(abs(each.value - each.mean) > FAR * each.prior for each in found.model.constants if not is_knot(each))
+    ahead = _as_candidate(candidate, found)[0] - fit.solution.log_likelihood
+    return None if far or ahead <= least else found
 
 
 def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:
@@ -304,7 +260,8 @@ def mean_gravity(solution: Solution, duration: float) -> tuple[float, float]:
 
 
 def unexplained(fit: Fitted) -> float:
-    """Factor by which the prediction errors exceed the model, in the worst stretch or near the swing; at least 1.
+    """Factor by which the prediction errors exceed the model, in the worst stretch, or near the swing in a
+    difference; at least 1.
 
     Sums over a tenth of the record, and over a narrow band, scatter by chance: only what exceeds that counts.
     """
@@ -312,17 +269,16 @@ def unexplained(fit: Fitted) -> float:
     swing = float(np.sqrt(problem.kappa.mean()))
     worst = 1.0
     for trace in range(problem.traces):
-        used = (lattice.trace == trace) & np.isfinite(fit.whitened)
-        if used.sum() < LEAST_READINGS:
+        used = (lattice.trace == trace) & np.isfinite(fit.of.whitened)
+        if used.sum() < motion.LEAST_READINGS:
             continue
-        errors, time = fit.whitened[used], lattice.time[used]
+        errors, time = fit.of.whitened[used], lattice.time[used]
         parts = np.array_split(errors, 10)
         worst = max(worst, *(float(np.mean(part**2)) / (1.0 + 5.0 * np.sqrt(2.0 / part.size)) for part in parts))
+        if trace not in problem.differences:
+            continue  # the ship swings the pendulums at their own frequency too
         turned = [
             np.abs(np.sum(part)) ** 2 / part.size for part in np.array_split(errors * np.exp(-1j * swing * time), 30)
         ]
         worst = max(worst, float(np.mean(turned)) / (1.0 + 5.0 / np.sqrt(30.0)))
     return float(np.sqrt(worst))
-
-
-LEAST_READINGS = 100

@@ -10,7 +10,7 @@ from pipeline.arrays import Floats
 from pipeline.joint import kernels, spectrum
 from pipeline.joint.constants import Constant
 from pipeline.joint.problem import Assumed, Problem
-from pipeline.joint.ship import Component
+from pipeline.joint.ship import Axis, Component
 
 WINDOW = 150.0  # s
 STEP = 0.05  # of a logarithm, for its slope
@@ -48,7 +48,7 @@ def refined(
     constants: tuple[Constant, ...],
     path: Floats,
     span: tuple[int, int],
-    last: bool = False,
+    moves: Floats | None = None,
 ) -> Assumed:
     """Climb the likelihood of a stretch: the ship's parameters and the reading noise.
 
@@ -57,14 +57,13 @@ def refined(
 
     Parameters
     ----------
-    last : bool
-        The last component's parameters alone.
+    moves : (m, q) array, optional
+        Directions in the logarithms of the q parameters, the noise of each trace last; each by itself, by default.
     """
-    ship = spectrum.parameters(assumed.ship)
-    traces = 0 if last else problem.traces
+    ship, traces = spectrum.parameters(assumed.ship), problem.traces
     centre = np.concatenate([ship, np.log(assumed.noise[:traces])])
     spread = np.concatenate([spectrum.spreads(assumed.ship), np.full(traces, NOISE_SPREAD)])
-    free = np.arange(ship.size - 3, ship.size) if last else np.arange(centre.size)
+    moves = np.eye(centre.size) if moves is None else moves
     here = grown(path, problem.pendulums, assumed.ship)
     at_start = shifted(constants, here, span[0])
 
@@ -84,14 +83,13 @@ def refined(
     best = centre
     top, parts = value(best)
     for _ in range(ROUNDS):
-        slope, rows = np.zeros(free.size), np.zeros((free.size, parts.size))
-        for k, at in enumerate(free):
-            moved, each = value(best + STEP * (np.arange(best.size) == at))
+        slope, rows = np.zeros(len(moves)), np.zeros((len(moves), parts.size))
+        for k, move in enumerate(moves):
+            moved, each = value(best + STEP * move)
             if np.isfinite(moved):
                 slope[k], rows[k] = (moved - top) / STEP, np.nan_to_num(each - parts) / STEP
-        by = np.zeros(best.size)
-        curvature = rows @ rows.T + np.diag(spread[free] ** -2.0)
-        by[free] = np.linalg.solve(curvature, slope)
+        curvature = rows @ rows.T + moves @ np.diag(spread**-2.0) @ moves.T
+        by = moves.T @ np.linalg.solve(curvature, slope)
         by *= min(1.0, MOST_STEP / max(float(np.abs(by).max()), 1e-12))
         before = top
         for _ in range(HALVINGS):
@@ -103,6 +101,26 @@ def refined(
         if top - before < ENOUGH:
             break
     return make(best)
+
+
+def of_an_axis(problem: Problem, ship: tuple[Component, ...], axis: Axis) -> Floats:
+    """Directions in which the components of an axis, and the noise of each trace, move."""
+    moved = [each.axis == axis for each in ship for _ in spectrum.parameters((each,))]
+    return np.eye(len(moved) + problem.traces)[[*moved, *[True] * problem.traces]]
+
+
+def of_the_last(problem: Problem, ship: tuple[Component, ...]) -> Floats:
+    """Directions in which the last component alone moves."""
+    count, own = spectrum.parameters(ship).size, spectrum.parameters(ship[-1:]).size
+    return np.eye(count + problem.traces)[count - own : count]
+
+
+def of_sizes(problem: Problem, ship: tuple[Component, ...]) -> Floats:
+    """Directions in which each component grows."""
+    moves = np.zeros((len(ship), spectrum.parameters(ship).size + problem.traces))
+    ends = np.cumsum([spectrum.parameters((each,)).size for each in ship])
+    moves[np.arange(len(ship)), ends - 1] = 1.0
+    return moves
 
 
 def shifted(constants: tuple[Constant, ...], path: Floats, begin: int) -> tuple[Constant, ...]:

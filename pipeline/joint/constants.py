@@ -130,13 +130,13 @@ def solve(
     return Solution(found, moved, spread.T @ spread, likelihood, squares_now, int(count))
 
 
-def starts(pendulums: int, frequency: Floats, value: Floats | None = None) -> tuple[Constant, ...]:
-    """Angle and speed of each pendulum at the first node."""
+def starts(pendulums: int, frequency: Floats, value: Floats | None = None, arc: float = 0.5) -> tuple[Constant, ...]:
+    """Angle and speed of each pendulum at the first node, within some arc, rad."""
     out = []
     for i in range(pendulums):
         for q, scale in ((0, 1.0), (1, float(frequency[i]))):
             at = 2 * i + q
             out.append(
-                Constant(f"start {at}", kernels.START, 0.5 * scale, at, value=0.0 if value is None else value[at])
+                Constant(f"start {at}", kernels.START, arc * scale, at, value=0.0 if value is None else value[at])
             )
     return tuple(out)

@@ -8,8 +8,8 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
-from pipeline.joint import choice, kernels, spectrum
-from pipeline.joint.climb import grown, refined, shifted, window
+from pipeline.joint import apparatus, choice, explanation, kernels, motion, spectrum
+from pipeline.joint.climb import grown, shifted
 from pipeline.joint.constants import Constant, starts
 from pipeline.joint.gather import Gathered
 from pipeline.joint.problem import NONE2, Assumed, Problem
@@ -18,6 +18,7 @@ from pipeline.joint.ship import Component, Sea, Vibration
 STAGES = (25.0, 100.0, 400.0)  # s: stretches on which a cold start is followed
 EARTH = 0.004  # 1 sigma of gravity over reference gravity in a cold start
 SPARSE = 2.0  # of the swing between readings, rad
+WIDE = 2.0  # 1 sigma of a pendulum's start over the largest readings
 COARSE = 0.1  # reading noise of a cold start's first stretch, of the swing
 COARSE_GATE = 100.0  # deviations, of a pass whose errors' scale is not known yet
 MOST_OUTLIERS = 0.1  # share of the readings of a cold start
@@ -25,8 +26,10 @@ MOST_OVER = 0.3  # share of the readings over a gate above which the gate is at 
 MOST_WILD = 0.4  # share of the readings: so many are not wild
 BROKEN = 200.0  # in log-likelihood, that a pendulum which was knocked must be worth
 LINKED, LEAST_BURST, BURST_SHARE = 0.5, 3, 0.2  # s between readings that are doubted together; fewer are wild
+MOST_CLUSTERS = 60
 BURST = 1.0  # s on either side, at most, in which all are doubted
 LONGEST = 20.0  # s of readings that are doubted together
+HARDLY = 1e-6  # s before the first reading that shows a step
 LASTING = 8.0  # s on either side that a doubt is decided by
 UNSTATED = 1e-4  # rad: reading noise of a cold start where none is stated
 ACCELEROMETER = 3e-5  # over reference gravity: noise of a recorded acceleration that is too sparse to be interpolated
@@ -42,7 +45,10 @@ def first_constants(gathered: Gathered) -> tuple[Constant, ...]:
     """Gravity, damping and the start of the free swing, with their priors."""
     problem = gathered.problem
     frequency = np.sqrt(problem.kappa)
-    found = [*starts(problem.pendulums, frequency), Constant("gravity", kernels.GRAVITY, 0.02, mean=1.0, value=1.0)]
+    arc = WIDE * float(np.quantile(np.abs(problem.lattice.value[~problem.left_out]), 0.99))
+    found = list(starts(problem.pendulums, frequency, arc=arc))
+    found.append(Constant("gravity", kernels.GRAVITY, 0.02, mean=1.0, value=1.0))
+    found += apparatus.constants(problem)
     if gathered.constants["damping_rate"] is None:
         found.append(Constant("damping", kernels.DAMPING, 1e-3))
         found += [Constant(f"damping of {i}", kernels.DAMPING, 1e-7, i) for i in range(1, problem.pendulums)]
@@ -53,33 +59,31 @@ def first_constants(gathered: Gathered) -> tuple[Constant, ...]:
 
 
 def held(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
-    """All but the start held where they are."""
-    return tuple(c if c.kind == kernels.START else replace(c, prior=1e-15, mean=c.value) for c in constants)
+    """Gravity and damping held where they are."""
+    stiff = (kernels.DAMPING, kernels.GRAVITY)
+    return tuple(replace(c, prior=1e-15, mean=c.value) if c.kind in stiff else c for c in constants)
 
 
 DIFFERENCE = 0.3  # 1 sigma of an unstated difference of damping over the damping
 
 
 def released(constants: tuple[Constant, ...], like: tuple[Constant, ...]) -> tuple[Constant, ...]:
-    """Values of the first, priors of the second."""
-    return tuple(replace(b, value=a.value) for a, b in zip(constants, like, strict=True))
+    """Values of the first, priors of the second; what the first has more stays."""
+    found = tuple(replace(b, value=a.value) for a, b in zip(constants, like, strict=False))
+    return (*found, *constants[len(like) :])
 
 
 def narrowed(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
-    """All but the start and gravity held; gravity within what the Earth has."""
-    return tuple(
-        replace(c, prior=EARTH) if c.kind == kernels.GRAVITY else (c if c.kind == kernels.START else held((c,))[0])
-        for c in constants
-    )
+    """Gravity within what the Earth has, damping held where it is."""
+    return tuple(replace(c, prior=EARTH) if c.kind == kernels.GRAVITY else held((c,))[0] for c in constants)
 
 
-def cold_start(problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]) -> choice.Fitted:
+def cold_start(problem: Problem, assumed: Assumed, first: tuple[Constant, ...]) -> explanation.Fitted:
     """Follow the swing over longer and longer stretches, each linear enough for the one before it.
 
     They are read as if they were noisier: the ship's motion would else be made to explain what a wrong gravity leaves.
-    At last the pendulums are let wander, that friction or gravity which changes is not taken for wild readings.
     """
-    first = constants
+    constants = first
     step, nodes = problem.lattice.step, problem.lattice.nodes
     size = float(np.std(problem.lattice.value[~problem.left_out]))
     still = replace(assumed, ship=tuple(c for c in assumed.ship if c.axis == "horizontal"))
@@ -95,10 +99,19 @@ def cold_start(problem: Problem, assumed: Assumed, constants: tuple[Constant, ..
         constants = released(constants, first)
         if end == nodes:
             break
-    begun = smoothed(problem, replace(rough, kick=assumed.kick + ROUGH_KICK), narrowed(constants), NONE2, gate)
+    rough = replace(rough, kick=assumed.kick + ROUGH_KICK)
+    return smoothed(problem, rough, narrowed(constants), NONE2, gate)
+
+
+def wandering(begun: explanation.Fitted, assumed: Assumed, first: tuple[Constant, ...]) -> explanation.Fitted:
+    """A cold start read as well as the record can be.
+
+    The pendulums are let wander, that friction or gravity which changes is not taken for wild readings.
+    """
+    problem = begun.model.problem
     path = grown(begun.path, problem.pendulums, assumed.ship)
     assumed = replace(assumed, breaks=begun.model.assumed.breaks, kick=assumed.kick + KICK)
-    return smoothed(begun.model.problem, assumed, released(begun.model.constants, first), path)
+    return smoothed(problem, assumed, released(begun.model.constants, first), path)
 
 
 def followed(
@@ -123,39 +136,44 @@ def deviation(errors: Floats) -> float:
 
 def smoothed(
     problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], about: Floats, first_gate: float = COARSE_GATE
-) -> choice.Fitted:
+) -> explanation.Fitted:
     """Gauss-Newton on the whole path; breaks and outliers that show on the way are allowed for."""
     gate = first_gate
     for _ in range(MOST_FITS):
         solution, of, about = problem.fit(assumed, constants, about=about, gate=gate)
-        constants, gate = solution.constants, GATE * deviation(of.errors)
-        model = choice.Model((), assumed, with_difference(constants), problem, assumed.ship)
-        fit = choice.Fitted(model, solution, about, of.whitened)
+        before, constants, gate = constants, solution.constants, GATE * deviation(of.errors)
+        model = explanation.Model((), assumed, with_difference(constants), problem, assumed.ship)
+        fit = explanation.Fitted(model, solution, about, of, before)
         heard = contested(model, about, of.errors, gate)
         if heard is model and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
             break
-        problem, assumed = heard.problem, heard.assumed
+        problem, assumed, constants = heard.problem, heard.assumed, heard.constants
     return fit
 
 
-def contested(model: choice.Model, path: Floats, errors: Floats, gate: float) -> choice.Model:
-    """What to make of prediction errors over a gate: wild readings, a pendulum that was knocked, or neither.
+def contested(model: explanation.Model, path: Floats, errors: Floats, gate: float) -> explanation.Model:
+    """What to make of prediction errors over a gate: wild readings, a knock, a step of a zero, or none of these.
 
     Single readings are wild; of several together the likelihood of the seconds about them decides.
     """
     problem, assumed, lattice = model.problem, model.assumed, model.problem.lattice
     over = np.abs(errors) > gate
-    if not over.any() or np.mean(over) > MOST_OVER:
+    if not over.any():
         return model
     time = lattice.node * lattice.step
     at = np.flatnonzero(over)
     wild, lone = problem.left_out.copy(), problem.left_out.copy()
-    for cluster in np.split(at, np.flatnonzero(np.diff(time[at]) > LINKED) + 1):
+    clusters = np.split(at, np.flatnonzero(np.diff(time[at]) > LINKED) + 1)
+    stepped: tuple[Constant, ...] = ()
+    doubtful = sum(cluster.size >= LEAST_BURST for cluster in clusters)
+    for cluster in clusters if np.mean(over) < MOST_OVER else clusters[:1]:
         first, last = time[cluster[[0, -1]]]
         between = cluster[-1] - cluster[0] + 1
         if cluster.size < max(LEAST_BURST, BURST_SHARE * between):
             wild[cluster] = lone[cluster] = True
             continue
+        if doubtful > MOST_CLUSTERS:
+            continue  # the model is at fault
         about = min(last - first, BURST)
         begin, end = np.searchsorted(time, (first - about, last + about))
         doubted = np.arange(begin, end)[np.isin(lattice.trace[begin:end], lattice.trace[cluster])]
@@ -165,22 +183,26 @@ def contested(model: choice.Model, path: Floats, errors: Floats, gate: float) ->
         node = int(lattice.node[cluster[0]])
         members = range(problem.pendulums)
         broken = [tuple((node, i) for i in some) for some in (*([i] for i in members), members)]
-        options = [(wild, assumed)]
+        options = [(wild, assumed, stepped)]
         if last - first < LONGEST:  # else the model is at fault
-            options.append((left, assumed))
-        options += [(wild, replace(assumed, breaks=(*assumed.breaks, *each))) for each in broken]
+            options.append((left, assumed, stepped))
+        options += [(wild, replace(assumed, breaks=(*assumed.breaks, *each)), stepped) for each in broken]
+        begun = float(lattice.time[cluster[0]]) - HARDLY
+        for j in np.unique(lattice.trace[cluster]):
+            options.append((wild, assumed, (*stepped, apparatus.step_of_zero(int(j), begun))))
         here = shifted(model.constants, path, span[0])
         worth = []
-        for some, each in options:
-            trial = replace(model, problem=replace(problem, left_out=some), assumed=each, constants=here)
-            cost = BROKEN * (len(each.breaks) - len(assumed.breaks)) - WILD * float(some[doubted].sum())
-            worth.append(choice.priced(trial, path, cost, span)[0])
-        wild, assumed = options[int(np.argmax(worth))]
+        for some, each, steps in options:
+            trial = replace(model, problem=replace(problem, left_out=some), assumed=each, constants=(*here, *steps))
+            cost = BROKEN * (len(each.breaks) - len(assumed.breaks) + len(steps) - len(stepped))
+            worth.append(explanation.priced(trial, path, cost - WILD * float(some[doubted].sum()), span)[0])
+        wild, assumed, stepped = options[int(np.argmax(worth))]
     if np.mean(wild) > MOST_WILD:
         wild, assumed = lone, model.assumed
-    if assumed is model.assumed and np.all(wild == problem.left_out):
+    if not stepped and assumed is model.assumed and np.all(wild == problem.left_out):
         return model
-    return replace(model, problem=replace(problem, left_out=wild), assumed=assumed)
+    constants = (*model.constants, *stepped)
+    return replace(model, problem=replace(problem, left_out=wild), assumed=assumed, constants=constants)
 
 
 def with_difference(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
@@ -198,9 +220,9 @@ class Outcome:
 
     Attributes
     ----------
-    fit : choice.Fitted
+    fit : explanation.Fitted
         The best explanation.
-    close : list of choice.Candidate
+    close : list of explanation.Candidate
         Those that stay close to it.
     mean, sigma : float
         Gravity over reference gravity, mean over the record, and its 1 sigma from the readings.
@@ -210,8 +232,8 @@ class Outcome:
         Readings that were not used.
     """
 
-    fit: choice.Fitted
-    close: list[choice.Candidate]
+    fit: explanation.Fitted
+    close: list[explanation.Candidate]
     mean: float
     sigma: float
     spread: float
@@ -222,7 +244,9 @@ class Outcome:
         """The best explanation, and how close others come."""
         model = self.fit.model
         law = "sine" if model.assumed.sine else "linear"
-        parts = [f"restoring = {law}", *model.words]
+        faults = apparatus.found(self.fit.solution)
+        named = [words for words in model.words if not any(fault.startswith(f"{words}:") for fault in faults)]
+        parts = [f"restoring = {law}", *named, *faults]
         near = [
             f"{(other.words or ('nothing else',))[-1]} at {value - self.fit.solution.log_likelihood:+.1f}"
             for value, other, _ in self.close
@@ -238,16 +262,19 @@ def reduce(gathered: Gathered) -> Outcome:
     RefusedError
         No explanation is left of which the readings do not deny the most part, or two that are close disagree.
     """
-    laws = [gathered.law != "linear"] if gathered.law else [True, False]
     try:
-        found = [fitted(gathered, sine=sine) for sine in laws]
+        found = fitted(gathered)
     except np.linalg.LinAlgError as error:
         raise RefusedError(
             f"elongation: no swing at the stated period can be followed ({error}); check instrument/period and "
             "record/combination"
         ) from None
-    fit, close = found[0] if len(found) == 1 else weighed(found, float(gathered.constants["reference_gravity"]))
+    fit, close = choice.settle(found[0])
+    if len(found) > 1 and (fit.model.words or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
+        reference = float(gathered.constants["reference_gravity"])
+        fit, close = weighed([(fit, close), choice.settle(found[1])], reference)
     mean, sigma = choice.averaged(fit, close)
+    sigma = float(np.hypot(sigma, gathered.heave_doubt))
     spread = choice.unexplained(fit)
     if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:
         raise RefusedError(
@@ -263,9 +290,19 @@ def reduce(gathered: Gathered) -> Outcome:
     return Outcome(fit, close, mean, sigma, spread, int(fit.model.problem.left_out.sum()))
 
 
+def of_the_law(fit: explanation.Fitted) -> float:
+    """Log-likelihood of the differences beside what was read before them: it tells the law.
+
+    That of the other traces hangs on how well the sea's spectrum is met.
+    """
+    of, some = fit.of, np.isin(fit.model.problem.lattice.trace, fit.model.problem.differences)
+    wild = WILD * float(fit.model.problem.left_out[some].sum())
+    return wild - float(np.nansum(np.log(of.scale[some]) + 0.5 * of.whitened[some] ** 2))
+
+
 def weighed(
-    laws: list[tuple[choice.Fitted, list[choice.Candidate]]], reference: float
-) -> tuple[choice.Fitted, list[choice.Candidate]]:
+    laws: list[tuple[explanation.Fitted, list[explanation.Candidate]]], reference: float
+) -> tuple[explanation.Fitted, list[explanation.Candidate]]:
     """The likelier of two laws; refused where that says little and much hangs on it.
 
     Raises
@@ -273,7 +310,7 @@ def weighed(
     RefusedError
         They are close, or neither holds, and they lie more than 10 mGal apart.
     """
-    values = [standing(fit) for fit, _ in laws]
+    values = [of_the_law(fit) for fit, _ in laws]
     order = [0, 1] if values[0] >= values[1] else [1, 0]
     (fit, close), (other, others) = (laws[k] for k in order)
     ahead = values[order[0]] - values[order[1]]
@@ -299,51 +336,106 @@ MOST_SIGMA = 1e-3  # over gravity: a sigma of a gal says that no swing at the st
 CAPTURE = 0.02  # of gravity, from the reference
 
 
-def fitted(gathered: Gathered, *, sine: bool) -> tuple[choice.Fitted, list[choice.Candidate]]:
-    """Fit one law: cold start, outliers, the ship's spectrum, then what else the likelihood pays for."""
-    problem = gathered.problem
-    unknown_heave = sine and not problem.recorded.size
-    base = int(np.argmax(np.abs(problem.lattice.combination.sum(axis=1))))
-    stated = np.where(np.isfinite(gathered.noise), gathered.noise, UNSTATED)
-    noise = np.concatenate([np.maximum(stated, spectrum.LEAST_NOISE), [ACCELEROMETER, ACCELEROMETER]])
-    ship: tuple[Component, ...] = GENEROUS
-    if unknown_heave:
-        ship = (*ship, replace(GENEROUS[0], axis="vertical"))
-    assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
-    begun = cold_start(problem, assumed, first_constants(gathered))
-    problem, path = begun.model.problem, begun.path
-    noise = noise.copy()
-    floors = [spectrum.noise_floor(problem, j, path) for j in range(problem.traces)]
-    for j, floor in enumerate(floors):
-        if not np.isfinite(gathered.noise[j]) and np.isfinite(floor):
-            noise[j] = max(floor, spectrum.LEAST_NOISE)
-    floor = max(float(np.nanmin([*floors, 1.0])), spectrum.LEAST_NOISE)
-    ship = spectrum.begin(problem, base, path, floor, sine=sine, heave=unknown_heave)
-    spectral = replace(begun.model.assumed, ship=ship, noise=noise)
-    # what fits a spectrum or a stretch may fail elsewhere: a turn, a knock; the whole record decides
-    best = better(replace(begun.model, assumed=spectral, first_ship=ship), begun)
-    best = heard_again(best, gathered.problem)
-    model = best.model
-    finer = refined(model.problem, model.assumed, model.constants, best.path, window(model.problem))
-    options = [
-        replace(model, assumed=replace(each, kick=assumed.kick), first_ship=each.ship)
-        for each in (finer, model.assumed)
-    ]
-    fit = choice.fitted(options[0], best.path)
-    if choice.priced(options[1], fit.path)[0] > fit.solution.log_likelihood:
-        fit = better(options[1], fit)
-    return choice.settle(fit)
+def fitted(gathered: Gathered) -> list[explanation.Fitted]:
+    """Fit the stated law, or both where none is stated, the likelier first.
+
+    Cold start, then all readings with the ship's motion by its spectrum. Only where that holds for no law, readings are
+    left out, pendulums knocked, and all parameters of the ship sought.
+    """
+    begun = [Begun.of(gathered, sine=sine) for sine in ([gathered.law != "linear"] if gathered.law else [True, False])]
+    plain = [fit for each in begun if (fit := each.plain()) is not None]
+    return sorted(plain or (each.heard() for each in begun), key=of_the_law, reverse=True)
 
 
-def better(model: choice.Model, fit: choice.Fitted) -> choice.Fitted:
+@dataclass(frozen=True)
+class Begun:
+    """A law with its cold start.
+
+    Attributes
+    ----------
+    gathered : Gathered
+    assumed : Assumed
+    first : tuple of Constant
+        With their priors.
+    rough : explanation.Fitted
+    """
+
+    gathered: Gathered
+    assumed: Assumed
+    first: tuple[Constant, ...]
+    rough: explanation.Fitted
+
+    @staticmethod
+    def of(gathered: Gathered, *, sine: bool) -> Begun:
+        """Follow the swing from a cold start."""
+        problem = gathered.problem
+        stated = np.where(np.isfinite(gathered.noise), gathered.noise, UNSTATED)
+        noise = np.concatenate([np.maximum(stated, spectrum.LEAST_NOISE), [ACCELEROMETER, ACCELEROMETER]])
+        ship: tuple[Component, ...] = GENEROUS
+        if sine and not problem.recorded.size:
+            ship = (*ship, replace(GENEROUS[0], axis="vertical"))
+        assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
+        first = first_constants(gathered)
+        return Begun(gathered, assumed, first, cold_start(problem, assumed, first))
+
+    def plain(self) -> explanation.Fitted | None:
+        """All readings; what the rough start doubts may be the ship's motion. None where one is far off."""
+        model, constants = self.rough.model, released(self.rough.model.constants, self.first)[: len(self.first)]
+        assumed = replace(model.assumed, breaks=())
+        model = replace(model, problem=self.gathered.problem, constants=constants, assumed=assumed)
+        try:
+            fit = risen(spectral(model, self.rough.path, self.gathered), self.rough.path)
+        except np.linalg.LinAlgError:
+            return None
+        return fit if np.nanmax(np.abs(fit.of.whitened)) < GATE else None
+
+    def heard(self) -> explanation.Fitted:
+        """Without what is wild, the pendulums knocked where they were."""
+        begun = wandering(self.rough, self.assumed, self.first)
+        model = spectral(begun.model, begun.path, self.gathered)
+        # what fits a spectrum or a stretch may fail elsewhere: a turn, a knock; the whole record decides
+        kicked = replace(model.assumed, kick=begun.model.assumed.kick)
+        best = heard_again(better(replace(model, assumed=kicked), begun), self.gathered.problem)
+        model = replace(best.model, assumed=replace(best.model.assumed, kick=self.assumed.kick))
+        return motion.climbed(explanation.fitted(model, best.path))
+
+
+def risen(model: explanation.Model, path: Floats) -> explanation.Fitted:
+    """Fitted without vertical motion where the differences ask for none; it is slow, and would explain other things."""
+    problem, ship = model.problem, model.assumed.ship
+    level = tuple(each for each in ship if each.axis == "horizontal")
+    still = replace(model, assumed=replace(model.assumed, ship=level), first_ship=level)
+    fit = explanation.fitted(still, grown(path, problem.pendulums, level))
+    if len(level) == len(ship) or motion.is_white(fit, problem.differences):
+        return fit
+    other = motion.upright(explanation.fitted(model, grown(path, problem.pendulums, ship)))
+    return max(fit, other, key=standing)
+
+
+def spectral(model: explanation.Model, path: Floats, gathered: Gathered) -> explanation.Model:
+    """With the noise of the traces, where it is not stated, and the ship's motion by their spectra, without kicks."""
+    problem, assumed = model.problem, model.assumed
+    noise = np.append(gathered.noise, [ACCELEROMETER, ACCELEROMETER])
+    for j in np.flatnonzero(~np.isfinite(gathered.noise)):
+        floor = spectrum.noise_floor(problem, int(j), path)
+        noise[j] = floor if np.isfinite(floor) else UNSTATED
+    noise = np.maximum(noise, spectrum.LEAST_NOISE)
+    heave = assumed.sine and not problem.recorded.size
+    ship = spectrum.begin(problem, path, noise, sine=assumed.sine, heave=heave)
+    assumed = replace(assumed, ship=ship, noise=noise, kick=np.zeros(problem.pendulums))
+    return replace(model, assumed=assumed, first_ship=ship)
+
+
+def better(model: explanation.Model, fit: explanation.Fitted) -> explanation.Fitted:
     """A model fitted about the path of a fit, or that fit where it stands higher."""
     try:
-        return max(choice.fitted(model, fit.path), fit, key=standing)
+        about = grown(fit.path, model.problem.pendulums, model.assumed.ship)
+        return max(explanation.fitted(model, about), fit, key=standing)
     except np.linalg.LinAlgError:
         return fit
 
 
-def heard_again(fit: choice.Fitted, problem: Problem) -> choice.Fitted:
+def heard_again(fit: explanation.Fitted, problem: Problem) -> explanation.Fitted:
     """The same where readings were left out, or pendulums knocked, by what was assumed before: decided anew."""
     model = fit.model
     nodes = {node for node, _ in model.assumed.breaks}
@@ -353,7 +445,9 @@ def heard_again(fit: choice.Fitted, problem: Problem) -> choice.Fitted:
         span = stretch(problem, node, node)
         here = replace(model, constants=shifted(model.constants, fit.path, span[0]))
         whole = replace(here.assumed, breaks=tuple(each for each in here.assumed.breaks if each[0] != node))
-        values = [choice.priced(replace(here, assumed=each), fit.path, span=span)[0] for each in (here.assumed, whole)]
+        values = [
+            explanation.priced(replace(here, assumed=each), fit.path, span=span)[0] for each in (here.assumed, whole)
+        ]
         if values[0] < values[1] + BROKEN:
             model = replace(model, assumed=whole)
     heard = replace(model, problem=problem)
@@ -367,6 +461,6 @@ def stretch(problem: Problem, first: int, last: int) -> tuple[int, int]:
     return max(first - beside, 0), min(last + beside + 1, problem.lattice.nodes)
 
 
-def standing(fit: choice.Fitted) -> float:
+def standing(fit: explanation.Fitted) -> float:
     """Log-likelihood of all readings, those left out included: wild ones fall anywhere."""
     return fit.solution.log_likelihood + WILD * float(fit.model.problem.left_out.sum())

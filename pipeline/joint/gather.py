@@ -19,8 +19,11 @@ if TYPE_CHECKING:
     from xarray import DataTree
 
 LEAST_SWINGS = 20.0
+LARGEST = 1.0  # rad, of the usual reading
 DENSE = 5.0  # recorded heave with so many values a period of its fastest waves is interpolated, s-1
 FAR = 6.0  # of the median departure from the median
+OFTEN, FEW = 10.0, 5.0  # times as often as other values; readings a value from which rounding shows
+SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 pass; turns in the record
 LONGEST_GAP = 1.0  # s, of a heave that is interpolated
 
 
@@ -39,6 +42,8 @@ class Gathered:
         Stated reading noise, rad; NaN = not stated.
     heave_noise : float
         White noise of a recording that is interpolated, over reference gravity, times the root of its step, s1/2.
+    heave_doubt : float
+        1 sigma of its mean over reference gravity, which gravity shares.
     """
 
     problem: Problem
@@ -47,6 +52,7 @@ class Gathered:
     constants: dict[str, Any]
     noise: Floats
     heave_noise: float = 0.0
+    heave_doubt: float = 0.0
 
     @property
     def law(self) -> str | None:
@@ -78,6 +84,9 @@ def gather(record: DataTree) -> Gathered:
     some = np.asarray(np.isfinite(series).any(axis=0))
     if not some.any():
         raise RecordError("record/elongation: no trace has a reading")
+    largest = float(np.nanmedian(np.abs(series)))
+    if largest > LARGEST:
+        raise RefusedError(f"record/elongation: half of the readings exceed {largest:.3g} rad; give elongations in rad")
     used = slice(int(np.argmax(some)), some.size - int(np.argmax(some[::-1])))
     time, series = time[used], series[:, used]
     swing = float(frequency.mean())
@@ -100,10 +109,12 @@ def gather(record: DataTree) -> Gathered:
     calm = all(is_calm(time, each, swing, arc) for each in series)
     lattice = lay(time, np.concatenate(rows), combination, swing, calm=calm)
     recorded = slope = np.zeros((0, 3))
+    spline, doubt = None, 0.0
     if heave is not None and dense:
         from scipy.interpolate import CubicSpline
 
-        spline = CubicSpline(time[there] - lattice.start, heave[there])
+        bias, doubt = _bias(time[there], heave[there])
+        spline = CubicSpline(time[there] - lattice.start, heave[there] - bias)
         at = lattice.step * (np.arange(lattice.nodes)[:, None] + NODES)
         recorded, slope = spline(at), spline(at, 1)
         white = _white(time[there], heave[there])
@@ -111,6 +122,8 @@ def gather(record: DataTree) -> Gathered:
     if "elongation_uncertainty" in stored:
         given = np.asarray(stored["elongation_uncertainty"].values, dtype=np.float64)
         stated = given if given.ndim == 1 else np.sqrt(np.nanmean(given**2, axis=1))
+    steps = np.array([_quantum(each) for each in series])
+    stated = np.where(steps > 0.0, np.hypot(np.nan_to_num(stated), steps / np.sqrt(12.0)), stated)
     damping = known["damping_rate"]
     return Gathered(
         Problem(
@@ -120,12 +133,14 @@ def gather(record: DataTree) -> Gathered:
             recorded,
             slope,
             _far(lattice.trace, lattice.value, series.shape[0]),
+            spline,
         ),
         labels,
         tuple(str(trace) for trace in stored["trace"].values),
         known,
         stated,
         white,
+        doubt,
     )
 
 
@@ -136,8 +151,42 @@ def _far(trace: np.ndarray, value: Floats, traces: int) -> np.ndarray:
         own = value[trace == j]
         if own.size:
             off = np.abs(own - np.median(own))
-            out[trace == j] = off > FAR * np.median(off)
+            out[trace == j] = (off > FAR * np.median(off)) | _clipped(own)
     return out
+
+
+def _clipped(value: Floats) -> np.ndarray:
+    """Readings at the end of a range, which hold the same value many times more often than any other."""
+    found, count = np.unique(value, return_counts=True)
+    if found.size < 8:
+        return np.zeros(value.size, dtype=bool)
+    often = OFTEN * max(int(count[1:-1].max()), 1)
+    ends = [end for end, times in ((found[0], count[0]), (found[-1], count[-1])) if times > often]
+    return np.isin(value, ends)
+
+
+def _quantum(value: Floats) -> float:
+    """Step of readings that were rounded to few values; 0: not so few that it shows."""
+    found, count = np.unique(value[np.isfinite(value)], return_counts=True)
+    if found.size < 3 or found.size * FEW > count.sum():
+        return 0.0
+    return float(np.median(np.diff(found)))
+
+
+def _bias(time: Floats, heave: Floats) -> tuple[float, float]:
+    """Bias of a recorded heave over reference gravity, and its 1 sigma: the ship neither sinks nor flies.
+
+    A mean under a taper that lets nothing of the sea pass; its sigma from what stands beside zero frequency, below the
+    sea.
+    """
+    from scipy.signal.windows import kaiser
+
+    since = (time - time[0]) / (time[-1] - time[0])
+    grid = np.linspace(0.0, 1.0, 1024)
+    weight = np.interp(since, grid, kaiser(1024, SHAPE)) * np.gradient(time)
+    weight /= weight.sum()
+    beside = [np.abs(np.sum(weight * np.exp(2j * np.pi * turns * since) * heave)) for turns in BESIDE]
+    return float(weight @ heave), float(np.sqrt(np.mean(np.square(beside))))
 
 
 def _white(time: Floats, heave: Floats) -> float:

@@ -25,7 +25,8 @@ ROWS = 256  # prediction errors that are multiplied out at once
 SETTLED = 2e-6  # relative change of a gain from node to node below which it is kept
 
 # kinds of columns
-START, GRAVITY, DAMPING, QUADRATIC, DRY, HEAVE_SCALE, HEAVE_DELAY, ZERO, DRIFT, GAIN, DELAY, STEP = range(12)
+START, GRAVITY, DAMPING, QUADRATIC, DRY, RATIO, HEAVE_SCALE, HEAVE_DELAY = range(8)  # move the pendulums
+ZERO, DRIFT, GAIN, DELAY, STEP, CLOCK = range(8, 14)  # are in the reading
 
 
 class Readings(NamedTuple):
@@ -60,9 +61,9 @@ class Columns(NamedTuple):
     Attributes
     ----------
     kind, member : (c,) arrays of int
-        Kind as above; pendulum (-1: all), trace or state that it belongs to.
+        Kind as above; pendulum, trace (-1: all) or state that it belongs to.
     centre, width : (c,) arrays
-        s: of GRAVITY a hat's, width 0: the whole record; of DRIFT centre and scale; of STEP its time.
+        s: of GRAVITY a hat's, width 0: the whole record; of DRIFT centre and scale; of STEP and CLOCK their time.
     """
 
     kind: np.ndarray
@@ -267,6 +268,9 @@ def force_columns(
                     if flow.sine:
                         square = angle * angle
                         lever *= 1.0 - square * (1.0 - square * (1.0 - square * (1 / 42)) * (1 / 20)) * (1 / 6)
+                    if kind == RATIO:
+                        cosine = 1.0 - 0.5 * angle * angle if flow.sine else 1.0
+                        lever = lever * (flow.gravity + nodes[6 * count + 3 + m]) + cosine * nodes[6 * count + m]
                     force = -flow.kappa[i] * lever
                     if kind == HEAVE_SCALE:
                         force *= recorded[k, m] if recorded.shape[0] > 0 else 0.0
@@ -298,7 +302,8 @@ def derive_errors(
     for n in range(of_traces.size):
         c = of_traces[n]
         kind = columns.kind[c]
-        if columns.member[c] != trace:
+        own = columns.member[c]
+        if (own >= 0 and own != trace) or (own < 0 and trace >= readings.combination.shape[0]):
             continue
         if kind == ZERO:
             errors[j, c] -= 1.0
@@ -308,7 +313,7 @@ def derive_errors(
             errors[j, c] += errors[j, last]
         elif kind == STEP and time >= columns.centre[c]:
             errors[j, c] -= 1.0
-        elif kind == DELAY:
+        elif kind == DELAY or (kind == CLOCK and time >= columns.centre[c]):
             for i in range(readings.combination.shape[1]):
                 errors[j, c] += readings.combination[trace, i] * state[last, 2 * i + 1]
 

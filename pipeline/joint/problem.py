@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -16,7 +18,9 @@ from pipeline.joint.ship import Component, Ship
 
 NONE2, NONE3 = np.zeros((0, 0)), np.zeros((0, 0, 0))
 NOTHING_KEPT = kernels.Kept(NONE3, NONE3, NONE2, NONE2, NONE2)
-STRETCH = 16384  # nodes whose covariances are kept at once by the smoother
+LEVEL = 0.5  # of one pendulum's answer to the ship
+LEAST = 0.1  # of reference gravity, and of a trace's scale
+KEPT = 2**28  # bytes of covariances that are kept at once by the smoother
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,8 @@ class Problem:
         Its derivative with time.
     left_out : (r,) array of bool
         Readings that are not used.
+    heave : callable, optional
+        The same recording at any times since the first node, s.
     """
 
     lattice: Lattice
@@ -69,6 +75,7 @@ class Problem:
     recorded: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     slope: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     left_out: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    heave: Callable[[Floats], Floats] | None = None
 
     @property
     def pendulums(self) -> int:
@@ -80,38 +87,57 @@ class Problem:
         """Number of traces."""
         return int(self.lattice.combination.shape[0])
 
-    def flow(self, assumed: Assumed, constants: tuple[Constant, ...], ship: Ship | None = None) -> Flow:
+    @property
+    def differences(self) -> list[int]:
+        """Traces that hardly see the ship's horizontal motion; all of them where none does."""
+        found = np.abs(self.lattice.combination.sum(axis=1)) < LEVEL
+        return [j for j in range(self.traces) if found[j] or not found.any()]
+
+    def flow(self, assumed: Assumed, constants: tuple[Constant, ...]) -> Flow:
         """One step under the constants' values."""
-        count = self.pendulums
-        return flow(
-            self.lattice.step,
-            self.kappa,
-            self.damping + unknown.total(constants, kernels.DAMPING, count),
-            assumed.kick,
-            Ship.of(assumed.ship) if ship is None else ship,
-            gravity=float(unknown.total(constants, kernels.GRAVITY, 1)[0]),
-            sine=assumed.sine,
-            quadratic=unknown.total(constants, kernels.QUADRATIC, count),
-            dry=unknown.total(constants, kernels.DRY, count),
-            heave_noise=assumed.heave_noise,
+        count, gravity = self.pendulums, float(unknown.total(constants, kernels.GRAVITY, 1)[0])
+        if gravity < LEAST or np.any(self.gain(constants) < LEAST - 1.0):
+            raise np.linalg.LinAlgError("nothing swings, or is read, under the constants that would be")
+        ratio, damping, quadratic, dry = (
+            unknown.total(constants, kind, count)
+            for kind in (kernels.RATIO, kernels.DAMPING, kernels.QUADRATIC, kernels.DRY)
         )
+        return _flow(
+            self.lattice.step,
+            tuple(self.kappa * (1.0 + ratio)),
+            tuple(self.damping + damping),
+            tuple(assumed.kick),
+            assumed.ship,
+            gravity,
+            assumed.sine,
+            tuple(quadratic),
+            tuple(dry),
+            assumed.heave_noise,
+        )
+
+    def gain(self, constants: tuple[Constant, ...]) -> Floats:
+        """Error of the scale of each trace, and none of the accelerations."""
+        return np.append(unknown.total(constants, kernels.GAIN, self.traces), np.zeros(2))
 
     def readings(self, assumed: Assumed, constants: tuple[Constant, ...]) -> kernels.Readings:
         """The readings less what the constants say of the traces."""
         own, lattice = self.lattice, self.lattice
         zero = unknown.total(constants, kernels.ZERO, self.traces + 2)
-        gain = unknown.total(constants, kernels.GAIN, self.traces + 2)
+        gain = self.gain(constants)
+        late = np.append(unknown.total(constants, kernels.DELAY, self.traces), np.zeros(2))[own.trace]
         value = lattice.value - zero[own.trace]
         for each in constants:
             if each.kind == kernels.STEP:
                 value -= np.where((own.trace == each.index) & (own.time >= each.centre), each.value, 0.0)
             elif each.kind == kernels.DRIFT:
                 value -= np.where(own.trace == each.index, each.value * (own.time - each.centre) / each.width, 0.0)
+            elif each.kind == kernels.CLOCK:
+                late += np.where((own.trace < self.traces) & (own.time >= each.centre), each.value, 0.0)
         value /= 1.0 + gain[own.trace]
-        variance = (assumed.noise**2)[own.trace]
+        variance = (assumed.noise**2 / (1.0 + gain) ** 2)[own.trace]
         if self.left_out.size:
             variance[self.left_out] = np.inf
-        return lattice.readings(variance, value, unknown.total(constants, kernels.DELAY, self.traces))
+        return lattice.readings(variance, value, late)
 
     def known(self, constants: tuple[Constant, ...], sine: bool) -> Floats:
         """Z that acts beside the states: recorded heave under its constants, and gravity's change along the track."""
@@ -124,7 +150,7 @@ class Problem:
         at: Floats = self.lattice.step * (np.arange(self.lattice.nodes)[:, None] + NODES)
         out: Floats = np.zeros_like(at)
         if recorded.size:
-            out += scale * recorded + late * self.slope
+            out += scale * (self.heave(at + late) if late and self.heave else recorded + late * self.slope)
         for each in hats:
             out += each.value * np.maximum(0.0, 1.0 - np.abs(at - each.centre) / each.width)
         return out
@@ -173,17 +199,19 @@ class Problem:
         """The same of the whole record, with prediction errors and smoothed path, (k, d), at the solution."""
         sweep = self._sweep(assumed, constants, about, gate)
         nodes, of = self.lattice.nodes, sweep.of
-        begins = list(range(0, nodes, STRETCH))
-        keep = sweep.room(0, min(STRETCH, nodes))
+        size, width = of.state.shape
+        stretch = max(1, KEPT // (8 * size * (size + width + 2 * self.pendulums)))
+        begins = list(range(0, nodes, stretch))
+        keep = sweep.room(0, min(stretch, nodes))
         states = []
         for begin in begins:
             states.append((of.state.copy(), of.covariance.copy()))
-            sweep.go(begin, min(begin + STRETCH, nodes), keep if len(begins) == 1 else NOTHING_KEPT)
+            sweep.go(begin, min(begin + stretch, nodes), keep if len(begins) == 1 else NOTHING_KEPT)
         solution = sweep.solution(constants, root)
         change = np.append(solution.step, 1.0)
         adjoint, path = np.zeros(of.state.shape[0]), np.zeros((nodes, of.state.shape[0]))
         for begin, (state, covariance) in zip(reversed(begins), reversed(states), strict=True):
-            end = min(begin + STRETCH, nodes)
+            end = min(begin + stretch, nodes)
             if len(begins) > 1:  # gone through again, and kept this time
                 keep = sweep.room(begin, end)
                 sums = np.zeros_like(of.normal), np.zeros_like(of.totals)
@@ -205,17 +233,37 @@ class Problem:
         covariance[two:, two:] = ship.stationary
         count = self.lattice.node.size
         return _Sweep(
-            flow=self.flow(assumed, constants, ship),
+            flow=self.flow(assumed, constants),
             readings=self.readings(assumed, constants),
             columns=unknown.columns(constants),
             known=self.known(constants, assumed.sine),
             recorded=self.recorded,
-            slope=self.slope,
+            slope=self.slope * (1.0 + float(unknown.total(constants, kernels.HEAVE_SCALE, 1)[0])),
             about=about,
             breaks=np.array(sorted(assumed.breaks), dtype=np.int64).reshape(-1, 2),
             gate=gate,
+            gain=self.gain(constants),
             of=kernels.Pass(state, covariance, np.zeros((width, width)), np.zeros(3), *np.full((3, count), np.nan)),
         )
+
+
+@lru_cache(maxsize=4)  # trials of breaks and wild readings share it
+def _flow(
+    step: float,
+    kappa: tuple[float, ...],
+    damping: tuple[float, ...],
+    kick: tuple[float, ...],
+    ship: tuple[Component, ...],
+    gravity: float,
+    sine: bool,
+    quadratic: tuple[float, ...],
+    dry: tuple[float, ...],
+    heave_noise: float,
+) -> Flow:
+    return flow(
+        step, np.array(kappa), np.array(damping), np.array(kick), Ship.of(ship), gravity=gravity, sine=sine,
+        quadratic=np.array(quadratic), dry=np.array(dry), heave_noise=heave_noise,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -231,6 +279,7 @@ class _Sweep:
     about: Floats
     breaks: np.ndarray
     gate: float
+    gain: Floats
     of: kernels.Pass
 
     def go(self, begin: int, end: int, keep: kernels.Kept = NOTHING_KEPT) -> None:
@@ -241,6 +290,9 @@ class _Sweep:
         )  # fmt: skip
         if not went or not np.all(np.isfinite(self.of.normal)):
             raise np.linalg.LinAlgError("a covariance of the filter lost its sign")
+        if np.any(self.gain):  # readings were divided by it: their density is that of what was read
+            of, span = self.readings, slice(self.readings.first[begin], self.readings.first[end])
+            self.of.totals[0] += np.sum(np.log1p(self.gain)[of.trace[span]][np.isfinite(of.variance[span])])
 
     def room(self, begin: int, end: int) -> kernels.Kept:
         """For what the smoother needs of a stretch."""

@@ -12,6 +12,7 @@ from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
 from pipeline.flags import flags
 from pipeline.gravity import MGAL, gravity
+from pipeline.joint import apparatus
 from pipeline.joint.choice import mean_gravity
 from pipeline.joint.course import weights
 from pipeline.joint.fit import Outcome, reduce
@@ -113,6 +114,8 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
     raised = [*flags(prepared, estimate, value), *(name for words, name in KINDS.items() if words in model.words)]
     if any("friction" in words for words in model.words):
         raised.append("friction-not-viscous")
+    if apparatus.found(outcome.fit.solution):
+        raised.append("apparatus-fault")
     if outcome.spread > WIDENED:
         raised.append("errors-not-white")
     elapsed = clock.perf_counter() - started
@@ -144,7 +147,7 @@ def _prepared(record: DataTree, gathered: Gathered, outcome: Outcome, pair: str 
         vertical=vertical,
         **constants,
     )
-    return Prepared(observation, theta, step, 0.0, 0.0, 0.0)
+    return Prepared(observation)
 
 
 def refused(reason: str, elapsed: float) -> Joint:

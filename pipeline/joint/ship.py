@@ -14,6 +14,7 @@ smoothness 5/2: a rougher one costs up to .05 mGal on noise-free records.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -163,6 +164,7 @@ class Ship:
     stationary: Floats
 
     @staticmethod
+    @lru_cache(maxsize=4)
     def of(components: tuple[Component, ...]) -> Ship:
         """Lay the components side by side."""
         from scipy.linalg import solve_continuous_lyapunov

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint.problem import Problem
-from pipeline.joint.ship import Component, Sea, Vibration, density
+from pipeline.joint.ship import Axis, Component, Sea, Vibration, density
 
 WINDOWS = (100.0, 50.0, 25.0)  # s: the longest that a record has three of
 LEAST_WINDOWS = 3
@@ -19,7 +19,15 @@ LINE = 0.06  # least half width about the swing's frequency and its harmonics, r
 FAST, FAST_PEAK, FAST_LINE = 1.8, 6.0, 0.3  # of the swing; deviations of a mean power; of the third harmonic
 LEAST_GAP = 0.2  # s: shorter ones are interpolated without harm
 LEAST_NOISE = 1e-6  # rad: readings are taken for no better
+SPARSE = 2.0  # of the swing between readings, rad
 SIDEBANDS = 0.4  # of the swing's frequency
+REACH = {Sea: np.array([0.9, 1.6, 7.0]), Vibration: np.array([2.0, 7.0])}
+"""How far the logarithms may go from where they began."""
+BROADEST = 0.7  # of the frequency, a sea's damping
+LOWEST = 1.27  # mean of the lowest quarter of normal deviates, with its sign changed
+MORE = 15.0  # in log-likelihood, that a further sea must be worth
+MOST_SEAS = 1
+MISSED = 1.0  # in log-likelihood
 FILLED = 1.5  # s: longest gap that is interpolated for the spectrum's sake
 
 
@@ -83,22 +91,27 @@ def _averaged(
     keep = np.ones(frequency.size, dtype=bool)
     keep[:2] = False
     for multiple in (1.0, 3.0):
-        keep &= np.abs(frequency / swing - multiple) > line
+        keep &= np.abs(frequency - folded(multiple * swing, step)) > line * swing
     keep &= frequency < 0.95 * np.pi / step
     return _binned(frequency[keep], power[keep], 0.5 * count)
 
 
+def folded(frequency: float, step: float) -> float:
+    """Where readings at that step show a frequency, rad s-1."""
+    turns = frequency * step / (2.0 * np.pi)
+    return float(abs(turns - np.rint(turns)) * 2.0 * np.pi / step)
+
+
 def _of_the_swing(own: Floats, swing: float, taper: Floats) -> tuple[Floats, Floats]:
     """A line, the swing with an amplitude that changes evenly, its third harmonic; and what fits them under a taper."""
-    since, step = own - own.mean(), float(own[1] - own[0])
+    since = own - own.mean()
     columns = [np.ones(own.size), since]
     for multiple in (1.0, 3.0):
-        if multiple * swing * step < np.pi:
-            turn = np.cos(multiple * swing * since), np.sin(multiple * swing * since)
-            columns += [*turn, since * turn[0], since * turn[1]] if multiple == 1.0 else turn
+        turn = np.cos(multiple * swing * since), np.sin(multiple * swing * since)
+        columns += [*turn, since * turn[0], since * turn[1]] if multiple == 1.0 else turn
     design = np.stack(columns, axis=1)
     left = taper[:, None] * design
-    return design, np.linalg.solve(design.T @ left, left.T)
+    return design, np.linalg.pinv(design.T @ left, hermitian=True) @ left.T
 
 
 def _binned(frequency: Floats, power: Floats, each: float) -> tuple[Floats, Floats, Floats]:
@@ -154,7 +167,8 @@ def noise_floor(problem: Problem, trace: int, path: Floats) -> float:
     part = order[: max(4, order.size // 4)]
     used = problem.lattice.trace == trace
     step = max(float(np.median(np.diff(problem.lattice.time[used]))), 1e-3)
-    return float(np.sqrt(np.average(power[part], weights=weight[part]) / step))
+    lower = max(1.0 - LOWEST / np.sqrt(float(np.median(weight[part]))), 0.3)  # the lowest of many are low by chance
+    return float(np.sqrt(np.average(power[part], weights=weight[part]) / (lower * step)))
 
 
 def transfer(problem: Problem, trace: int, frequency: Floats) -> Floats:
@@ -166,68 +180,143 @@ def transfer(problem: Problem, trace: int, frequency: Floats) -> Floats:
     return np.asarray(answer**2)
 
 
-def begin(
-    problem: Problem, trace: int, path: Floats, noise: float, *, sine: bool, heave: bool
-) -> tuple[Component, ...]:
-    """Swell and vibration that a trace's spectrum asks for, by Whittle's likelihood; and the swell's heave.
+@dataclass(frozen=True)
+class Seen:
+    """What a trace shows of the ship.
 
-    Heave puts sidebands of the swing about its line (law `sine`): they tell of it where it is sought, and are left out
-    where it is recorded.
+    Attributes
+    ----------
+    frequency, power, weight : (f,) arrays
+        See `periodogram`.
+    across, upright : (f,) arrays
+        What the trace makes of the density of the horizontal acceleration, and of that of the vertical one at either
+        side of the swing.
+    white : float
+        Density of the reading noise.
+    swing : float
+        rad s-1.
     """
-    from scipy.optimize import minimize
 
-    first: tuple[Component, ...] = (Sea(0.7, 0.12, 1e-2), Vibration(6.0, 1e-3))
+    frequency: Floats
+    power: Floats
+    weight: Floats
+    across: Floats
+    upright: Floats
+    white: float
+    swing: float
+
+    def model(self, ship: tuple[Component, ...]) -> Floats:
+        """Density that a ship makes expect."""
+        beside = sum(density(ship, np.abs(self.frequency + by), "vertical") for by in (self.swing, -self.swing))
+        return self.across * density(ship, self.frequency, "horizontal") + self.upright * beside + self.white
+
+    def cost(self, ship: tuple[Component, ...]) -> float:
+        """Minus Whittle's log-likelihood."""
+        model = self.model(ship)
+        return float(np.sum(self.weight * (np.log(model) + self.power / model)))
+
+    def climbed(self, own: tuple[Component, ...], beside: tuple[Component, ...]) -> tuple[Component, ...]:
+        """Components of the greatest likelihood beside others, within reach of where they begin."""
+        from scipy.optimize import minimize
+
+        start = parameters(own)
+        reach = np.concatenate([REACH[type(each)] for each in own])
+
+        def cost(vector: Floats) -> float:
+            outside = np.sum(np.maximum(0.0, np.abs(vector - start) - reach) ** 2)
+            vector = np.clip(vector, start - 2.0 * reach, start + 2.0 * reach)
+            return self.cost((*beside, *assemble(own, vector))) + 1e3 * float(outside)
+
+        simplex = np.vstack([start, *(start + 0.5 * row for row in np.eye(start.size))])
+        found = minimize(
+            cost,
+            start,
+            method="Nelder-Mead",
+            options={"initial_simplex": simplex, "maxfev": 150 * start.size, "xatol": 0.02, "fatol": 0.1},
+        )
+        return assemble(own, found.x)
+
+    def extended(self, ship: tuple[Component, ...], axis: Axis) -> tuple[Component, ...]:
+        """More of the sea of that axis where the power exceeds what is expected, while it pays."""
+        for _ in range(MOST_SEAS):
+            expected = self.model(ship)
+            over = self.power / expected - 1.0
+            at = int(np.argmax(over * np.sqrt(self.weight)))
+            answer, rate = (self.across, 0.0) if axis == "horizontal" else (self.upright, self.swing)
+            tried = []
+            for peak in {abs(float(self.frequency[at]) + by) for by in (rate, -rate)}:
+                size = float(np.sqrt(max(over[at], 1e-6) * expected[at] / answer[at] * 0.1 * peak))
+                tried.append((*ship, *self.climbed((Sea(peak, 0.1 * peak, max(size, 1e-9), axis),), ship)))
+            best = min(tried, key=self.cost)
+            if self.cost(best) > self.cost(ship) - MORE:
+                break
+            ship = best
+        return ship
+
+    def needed(self, ship: tuple[Component, ...]) -> tuple[Component, ...]:
+        """Without horizontal components, but the first, that the spectrum does not miss."""
+        for each in ship[1:]:
+            rest = tuple(other for other in ship if other is not each)
+            if each.axis == "horizontal" and self.cost(rest) < self.cost(ship) + MISSED:
+                ship = rest
+        return ship
+
+
+def seen(problem: Problem, trace: int, path: Floats, noise: float, *, sidebands: bool) -> Seen:
+    """Spectrum of a trace and how it answers to the ship; without the sidebands of the swing where these are known."""
     frequency, power, weight = periodogram(problem, trace, path)
     swing = float(np.sqrt(problem.kappa.mean()))
-    if sine and not heave:
-        keep = np.abs(frequency / swing - 1.0) > SIDEBANDS
-        frequency, power, weight = frequency[keep], power[keep], weight[keep]
-    answer = transfer(problem, trace, frequency)
     used = problem.lattice.trace == trace
     step = max(float(np.median(np.diff(problem.lattice.time[used]))), 1e-3)
-    white = noise**2 * step
-    motion = np.maximum(power - white, 1e-6 * power) / answer
-    sea = frequency < 0.6 * swing
-    if sea.sum() > 8:
-        peak = float(frequency[sea][np.argmax((motion * frequency)[sea])])
-        size = float(np.sqrt(np.trapezoid(motion[sea], frequency[sea]) / np.pi))
-        fast = motion[frequency > (1.0 + SIDEBANDS) * swing]
+    if not sidebands:
+        keep = np.abs(frequency / swing - 1.0) > SIDEBANDS
+        frequency, power, weight = frequency[keep], power[keep], weight[keep]
+    # a quarter of the square of the arc: half of the mean square
+    arc = 0.5 * float(np.mean((problem.lattice.combination[trace] @ path[:, : 2 * problem.pendulums : 2].T) ** 2))
+    upright = arc * (swing**2 / (swing**2 - frequency**2)) ** 2
+    return Seen(frequency, power, weight, transfer(problem, trace, frequency), upright, noise**2 * step, swing)
+
+
+def begin(problem: Problem, path: Floats, noise: Floats, *, sine: bool, heave: bool) -> tuple[Component, ...]:
+    """Swell and vibration that the traces' spectra ask for, by Whittle's likelihood; and the heave, where it is sought.
+
+    Heave puts sidebands of the swing about its line (law `sine`): a difference, which hardly sees horizontal motion,
+    tells of it, and where it shows none there is none; they are left out where it is recorded.
+    """
+    sums = np.abs(problem.lattice.combination.sum(axis=1))
+    base, difference = int(np.argmax(sums)), int(np.argmin(sums))
+    swing = float(np.sqrt(problem.kappa.mean()))
+    used = problem.lattice.trace == base
+    sparse = float(np.median(np.diff(problem.lattice.time[used]))) * swing > SPARSE  # sidebands lie upon each other
+    of = seen(problem, base, path, float(noise[base]), sidebands=sparse or not sine or heave)
+    upright: tuple[Component, ...] = ()
+    untold = heave
+    if heave and not sparse and sums[difference] < 0.5 and of.frequency.size:
+        by = seen(problem, difference, path, float(noise[difference]), sidebands=True)
+        untold = not by.frequency.size
+        if not untold:
+            level = 0.1 * float(np.sqrt(np.median(by.power / by.upright) * swing))
+            starts = [(Sea(f, 0.3 * f, level, "vertical"),) for f in np.geomspace(0.05, 2.5, 8) * swing]
+            likeliest = min((by.climbed(each, ()) for each in starts), key=by.cost)
+            if by.cost(likeliest) < by.cost(()) - MORE:
+                upright = by.extended(likeliest, "vertical")
+    first: tuple[Component, ...] = (Sea(0.7, 0.12, 1e-2), Vibration(6.0, 1e-3))
+    motion = np.maximum(of.power - of.white, 1e-6 * of.power) / of.across
+    slow = of.frequency < 0.6 * swing
+    if slow.sum() > 8:
+        peak = float(of.frequency[slow][np.argmax((motion * of.frequency)[slow])])
+        size = float(np.sqrt(np.trapezoid(motion[slow], of.frequency[slow]) / np.pi))
+        fast = motion[of.frequency > (1.0 + SIDEBANDS) * swing]
         rate = 6.0
         level = float(np.sqrt(max(np.median(fast), 1e-30) * rate * 3.0 / 16.0)) if fast.size else 0.1 * size
         first = (Sea(peak, 0.15 * peak, max(size, 1e-9)), Vibration(rate, max(level, 1e-9)))
-    # a quarter of the square of the arc: half of the mean square
-    arc = 0.5 * float(np.mean((problem.lattice.combination[trace] @ path[:, : 2 * problem.pendulums : 2].T) ** 2))
-    if heave:
+    if untold:
         own = first[0]
         assert isinstance(own, Sea)
-        first = (*first, replace(own, axis="vertical", rms=0.5 * own.rms))
-    if not frequency.size:
+        first = (*first, replace(own, axis="vertical", rms=0.05 * own.rms))
+    if not of.frequency.size:
         return first
-    start = parameters(first)
-    reach = np.concatenate([REACH, REACH[:3]])[: start.size]
-
-    def cost(vector: Floats) -> float:
-        vector = np.clip(vector, start - 2.0 * reach, start + 2.0 * reach)
-        ship = assemble(first, vector)
-        model = answer * density(ship, frequency, "horizontal") + white
-        if heave:
-            beside = sum(density(ship, np.abs(frequency + by), "vertical") for by in (swing, -swing))
-            model = model + answer * arc * beside
-        outside = np.sum(np.maximum(0.0, np.abs(vector - start) - reach) ** 2)
-        return float(np.sum(weight * (np.log(model) + power / model))) + 1e3 * float(outside)
-
-    simplex = np.vstack([start, *(start + 0.5 * row for row in np.eye(start.size))])
-    found = minimize(
-        cost,
-        start,
-        method="Nelder-Mead",
-        options={"initial_simplex": simplex, "maxfev": 150 * start.size, "xatol": 0.02, "fatol": 0.1},
-    )
-    return assemble(first, found.x)
-
-
-REACH = np.array([0.9, 1.6, 5.0, 2.0, 7.0])
-"""How far the logarithms may go from where they began."""
+    return of.needed(of.extended((*of.climbed(first, upright), *upright), "horizontal"))
 
 
 def parameters(components: tuple[Component, ...]) -> Floats:
@@ -258,5 +347,7 @@ def assemble(like: tuple[Component, ...], vector: Floats) -> tuple[Component, ..
             out.append(replace(each, rate=next(values), rms=next(values)))
         else:
             frequency = next(values)
-            out.append(replace(each, frequency=frequency, damping=frequency * next(values), rms=next(values)))
+            out.append(
+                replace(each, frequency=frequency, damping=frequency * min(next(values), BROADEST), rms=next(values))
+            )
     return tuple(out)

@@ -62,8 +62,6 @@ def shares(estimate: Estimate, prepared: Prepared) -> Shares:
         horizontal = -turned(prepared, gained_phase(still, frequency, envelope.time))
         if slow.zeta is not None:
             vertical = -turned(prepared, gained_phase(slow, frequency, envelope.time)) - horizontal
-        elif estimate.heave is not None:
-            vertical = frequency * estimate.heave**2 / 8.0  # dn/n = dg/2g
     return Shares(
         arc=arc,
         horizontal=horizontal,
@@ -119,10 +117,8 @@ def turned(prepared: Prepared, phase: Floats) -> float:
     return _answer(prepared, growth * np.concatenate([[0.0], np.cumsum(steps)]))
 
 
-def mean_over_record(prepared: Prepared, estimate: Estimate, time: Floats, series: Floats) -> float:
+def mean_over_record(prepared: Prepared, time: Floats, series: Floats) -> float:
     """Mean of a course over the record as it acts on n2, when n2 changes in proportion to it.
-
-    Where heave was told from the phase, n2 is the mean under a Hann window; elsewhere least squares weigh the course.
 
     Parameters
     ----------
@@ -130,10 +126,6 @@ def mean_over_record(prepared: Prepared, estimate: Estimate, time: Floats, serie
         s by the record's clock; the course.
     """
     seen = prepared.observation
-    if estimate.heave is not None:
-        part = np.clip((time - seen.start) / float(seen.time[-1]), 0.0, 1.0)
-        window = np.sin(np.pi * part) ** 2 * np.gradient(time)
-        return float(np.sum(window * series) / np.sum(window))
     centre = float(series.mean())
     grown = np.concatenate([[0.0], np.cumsum(0.5 * (series[1:] + series[:-1] - 2.0 * centre) * np.diff(time))])
     at = np.interp(prepared.blocks.time + seen.start, time, grown)

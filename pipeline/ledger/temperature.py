@@ -26,7 +26,7 @@ def change(case: Case, gravity: float) -> Change:
     if "temperature_course" in constants:
         seen = case.prepared.observation
         course, time = case.pair("temperature_course"), np.asarray(seen.course_time)
-        warm = mean_over_record(case.prepared, case.estimate, time, course) - case.scalar("temperature_reference")
+        warm = mean_over_record(case.prepared, time, course) - case.scalar("temperature_reference")
         low, high = float(course.min()), float(course.max())
         told = f"{low:.2f} to {high:.2f} K, acting as {warm + case.scalar('temperature_reference'):.3f} K"
     period = case.period

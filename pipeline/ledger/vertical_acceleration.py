@@ -13,13 +13,11 @@ USES: tuple[str, ...] = ()
 
 
 def change(case: Case, gravity: float) -> Change:
-    """From the recorded heave, or from what the method told of it by the phase."""
+    """From the recorded heave."""
     after = case.gravity_of(case.estimate.frequency)
     shares = case.shares
     if not shares.reduced:
         return Change(after, 0.0, why_not(case), applied=False)
     if case.prepared.observation.vertical is not None:
         return Change(after, 0.0, "record/vertical_acceleration")
-    if case.estimate.heave is not None:
-        return Change(after, 0.0, f"not recorded; told from the phase, rms {case.estimate.heave * gravity:.3f} m/s2")
     return Change(after, 0.0, "no record/vertical_acceleration in the record", applied=False)

@@ -1,4 +1,8 @@
-"""The methods of `process`, by name. A method is a function `Prepared -> Estimate`, imported when it is asked for."""
+"""The methods of `process`, by name.
+
+A method of one difference is a function `Prepared -> Estimate`, imported when it is asked for; `joint` fits all traces
+at once (`pipeline.joint`), and `auto` is `joint`, or the period of a single trace.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +27,10 @@ _WHERE = {
     "projection": "pipeline.methods.projection",
     "shooting": "pipeline.methods.shooting",
 }
-METHODS: tuple[str, ...] = (*_WHERE, "auto")
-NAMES: tuple[str, ...] = (*METHODS, "joint")
-"""What `process` takes; `joint`, which takes seconds, is asked for by its name alone."""
+PAIR_METHODS: tuple[str, ...] = tuple(_WHERE)
+"""Methods that look at one difference of two pendulums."""
+METHODS: tuple[str, ...] = (*PAIR_METHODS, "joint", "auto")
+"""What `process` takes."""
 PHASE_METHODS = ("uncorrected", "vening-meinesz", "panteleev", "general", "complex")
 """Methods that work on the separated harmonics; the others never compute them."""
 

@@ -26,7 +26,7 @@ class Phases:
     ----------
     envelope : Envelope
     phase : (k,) array
-        phi less carrier times time, rad; NaN = missing.
+        phi less carrier times time, rad.
     weight : (k,) array
         a^2 times coverage: the phase's variance goes as 1/a^2.
     """
@@ -42,12 +42,18 @@ def phases(prepared: Prepared, *, through_zero: bool = False) -> Phases:
     Raises
     ------
     RefusedError
-        The amplitude passes so near zero that its phase means nothing (unless `through_zero`).
+        Gaps are longer than a window, or the amplitude passes so near zero that its phase means nothing (unless
+        `through_zero`).
     """
     envelope = prepared.sliding
     require_swing(envelope)
     amplitude = np.abs(envelope.difference)
-    present = np.isfinite(amplitude)
+    missing = int((np.isnan(amplitude) | np.isnan(envelope.first)).sum())
+    if missing:
+        raise RefusedError(
+            f"record/elongation: gaps leave the swing unknown at {missing} of {amplitude.size} instants; "
+            "use --method joint"
+        )
     if prepared.fine_explained < LEAST_EXPLAINED:
         raise RefusedError(
             "difference: a swing at the nominal period does not explain it; check instrument/period and that the trace "
@@ -58,10 +64,7 @@ def phases(prepared: Prepared, *, through_zero: bool = False) -> Phases:
             "difference: its amplitude falls below a tenth of its maximum, where a phase means nothing; "
             "use the method 'complex' or 'projection'"
         )
-    phase = np.full(amplitude.size, np.nan)
-    phase[present] = np.unwrap(np.angle(envelope.difference[present]))
-    weight = np.where(present, envelope.coverage * np.where(present, amplitude, 0.0) ** 2, 0.0)
-    return Phases(envelope=envelope, phase=phase, weight=weight)
+    return Phases(envelope, np.unwrap(np.angle(envelope.difference)), envelope.coverage * amplitude**2)
 
 
 def passes_zero(amplitude: Floats) -> bool:
@@ -70,20 +73,9 @@ def passes_zero(amplitude: Floats) -> bool:
     return bool(present.size and present.min() < LEAST_AMPLITUDE * present.max())
 
 
-_UNKNOWN = (
-    "correction: known at no instant, as the first pendulum's swing cannot be told from so few readings; "
-    "use the method 'projection' or 'shooting'"
-)
-
-
 def integrate(speed: Floats, hop: float) -> Floats:
-    """Integrated correction; its own missing instants are bridged linearly (it is an input, not the difference)."""
-    present = np.isfinite(speed)
-    if not present.any():
-        raise RefusedError(_UNKNOWN)
-    where = np.arange(speed.size)
-    whole = np.interp(where, where[present], speed[present])
-    return np.asarray(running_integral(whole.astype(np.complex128), hop).real)
+    """Integrated correction."""
+    return np.asarray(running_integral(speed.astype(np.complex128), hop).real)
 
 
 def corrected(
@@ -116,8 +108,6 @@ def corrected(
     if shift is not None and gained is not None:
         shift = shift + gained
     residual = (found.phase if shift is None else found.phase - shift)[present]
-    if not np.isfinite(residual).all():
-        raise RefusedError(_UNKNOWN)
     slant = float(lever @ residual)
     oscillation = envelope.carrier + slant
     arc = 0.0 if finite_arc is None else float(lever @ integrate(finite_arc, envelope.hop)[present])
@@ -132,7 +122,6 @@ def corrected(
         prepared,
         envelope,
         quadrature,
-        bridging=0.0 if speed is None else bridging_error(speed, envelope),
         frequency=float(np.hypot(oscillation, gamma)),
         uncorrected=float(np.hypot(envelope.carrier + plain, gamma)),
         damping_rate=gamma,
@@ -141,22 +130,6 @@ def corrected(
         finite_arc=-arc,
         acceleration_reduced=gained is not None,
     )
-
-
-def bridging_error(speed: Floats, envelope: Envelope) -> float:
-    """Error of the slope from a correction interpolated across gaps, 1 sigma, rad s-1.
-
-    Inside a gap the correction departs from the straight line by about its own scatter, for about a third of the gap in
-    sum; a step of the phase in mid-record tilts the regression by 3/2 of it over the length.
-    """
-    missing = np.concatenate(([0], np.isnan(speed).astype(np.int8), [0]))
-    edges = np.flatnonzero(np.diff(missing))
-    lengths = (edges[1::2] - edges[::2] + 1.0) * envelope.hop
-    if not lengths.size or np.isnan(speed).all():
-        return 0.0
-    steps = float(np.nanstd(speed)) * lengths / 3.0
-    duration = float(envelope.time[-1] - envelope.time[0])
-    return 1.5 * float(np.sqrt(np.sum(steps**2))) / duration
 
 
 WHOLE = 0.97  # coverage from which a window's noise is that of a complete one
@@ -170,17 +143,13 @@ def component_variance(squares: Floats, envelope: Envelope) -> float:
     return 0.5 * float(np.mean(squares[chosen]))
 
 
-def with_noise(
-    prepared: Prepared, envelope: Envelope, variance: float, bridging: float = 0.0, **found: Any
-) -> Estimate:
+def with_noise(prepared: Prepared, envelope: Envelope, variance: float, **found: Any) -> Estimate:
     """Complete an estimate with its error budget.
 
     Parameters
     ----------
     variance : float
         Mean square of one component of the envelope's residual, rad2.
-    bridging : float
-        1-sigma of the slope from a correction that was interpolated across gaps, rad s-1.
     """
     noise = prepared.noise_difference
     if not np.isfinite(noise):
@@ -189,16 +158,16 @@ def with_noise(
     shared = prepared.fine_budget
     gain = shared.noise_difference
     step = prepared.observation.step
-    if step is not None and step * prepared.nominal > MOST_ANGLE and envelope.taps is not None:
-        difference = prepared.clean_difference
+    difference = prepared.observation.difference
+    if step * prepared.nominal > MOST_ANGLE:
         influence = envelope.influence(shared.influence, difference.size, round(envelope.hop / step))
         gain = float(np.sqrt(np.sum(influence[np.isfinite(difference)] ** 2)))
     return Estimate(
         sigma=float(
-            np.sqrt((gain * noise) ** 2 * max(colour, 1.0) + prepared.theta_error(shared, noise) ** 2 + bridging**2)
+            np.hypot(gain * noise * np.sqrt(max(colour, 1.0)), prepared.theta_error(shared.noise_theta, noise))
         ),
         noise=noise,
-        samples=int(np.isfinite(prepared.clean_difference).sum()),
+        samples=int(np.isfinite(difference).sum()),
         residual_colour=colour,
         **found,
     )

@@ -5,20 +5,41 @@ from __future__ import annotations
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from data_schemas.scratch import portions, release
+from data_schemas.scratch import portions
+from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
 from pipeline.prepared import LEAST_EXPLAINED, Prepared
-from pipeline.projection.sampling import linear_fit
-from pipeline.projection.solve import ProjectionFit
+from pipeline.projection.solve import ITERATIONS, ProjectionFit, fit_projection
+from pipeline.projection.uniform import UniformProblem
 
-TOGETHER = 512  # blocks of uneven readings, after which their memory is given back
+FINE_ANGLE = 0.8  # swing between readings, at most: eight readings a swing
+
+
+def require_clean(prepared: Prepared) -> None:
+    """Refuse what the exact identities, which integrate both series, do not take."""
+    seen = prepared.observation
+    if seen.step * prepared.nominal > FINE_ANGLE:
+        raise RefusedError(
+            f"time: {2.0 * np.pi / (seen.step * prepared.nominal):.1f} readings a swing are fewer than eight; "
+            "use --method joint"
+        )
+    prepared.require_whole("theta", "difference", "vertical")
+
+
+def linear_fit(prepared: Prepared, rounds: int = ITERATIONS) -> ProjectionFit:
+    """The linear identity fitted to a record, the damping held where it is stated; see `fit_projection`."""
+    seen, start = prepared.observation, prepared.rough
+    constants = (prepared.nominal, seen.frequency_ratio, seen.damping_difference)
+    problem = UniformProblem(seen.theta, seen.difference, seen.step, *constants)
+    return fit_projection(problem, start.frequency, start.damping_rate, prepared.known_damping is None, rounds)
 
 
 def estimate(prepared: Prepared) -> Estimate:
     """Fit n2 with n1/n2 held, the damping held where the record states it."""
+    require_clean(prepared)
     rough = prepared.rough
     fit = linear_fit(prepared)
-    colour = residual_colour(fit, prepared)
+    colour = residual_colour(fit.residual, fit.frequency, fit.noise, prepared)
     swing = 0.5 * float(np.vdot(rough.model, rough.model).real) / rough.model.size
     explained = swing / (swing + fit.noise**2)
     if explained < LEAST_EXPLAINED:
@@ -32,7 +53,7 @@ def estimate(prepared: Prepared) -> Estimate:
         sigma=float(
             np.hypot(
                 fit.noise_gain * fit.noise * np.sqrt(max(colour, 1.0)),
-                prepared.theta_error(prepared.rough_budget, fit.noise, cut=True),
+                prepared.theta_error(prepared.rough_budget.noise_theta, fit.noise),
             )
         ),
         noise=fit.noise,
@@ -42,39 +63,17 @@ def estimate(prepared: Prepared) -> Estimate:
     )
 
 
-def residual_colour(fit: ProjectionFit, prepared: Prepared) -> float:
+def residual_colour(residual: Floats, frequency: float, noise: float, prepared: Prepared) -> float:
     """Power of the residual in blocks near the pendulum's frequency over that of white noise of the same total."""
-    seen = prepared.observation
-    if fit.noise == 0.0:
+    if noise == 0.0:
         return 1.0
-    residual = fit.residual
-    if residual.size != seen.time.size:  # marks on a finer grid
-        residual = residual[:: (residual.size - 1) // (seen.time.size - 1)]
-    if seen.step is not None:
-        rows = max(4, round(prepared.blocks.hop / seen.step))
-        count = residual.size // rows
-        turn = np.exp(-1j * fit.frequency * seen.step * np.arange(rows))
-        power, counts = np.empty(count), np.full(count, float(rows))
-        for part in portions(count * rows, residual, unit=rows):
-            blocks, here = residual[part].reshape(-1, rows), slice(part.start // rows, part.stop // rows)
-            if fit.samples < seen.time.size:
-                present = np.isfinite(blocks)
-                blocks, counts[here] = np.where(present, blocks, 0.0), present.sum(axis=1)
-            power[here] = (blocks @ turn.real) ** 2 + (blocks @ turn.imag) ** 2
-    else:
-        edges = np.arange(0.0, float(seen.time[-1]), prepared.blocks.hop)
-        power, counts = np.empty((2, edges.size))
-        for begin in range(0, edges.size, TOGETHER):
-            bounds = np.searchsorted(seen.time, edges[begin : begin + TOGETHER + 1])
-            here = slice(begin, min(begin + TOGETHER, edges.size))
-            end = max(bounds[-1], bounds[-2] + 1) if here.stop < edges.size else residual.size
-            bounds, part = bounds[: here.stop - begin] - bounds[0], slice(bounds[0], end)
-            present = np.isfinite(residual[part])
-            turn = np.exp(-1j * fit.frequency * seen.time[part])
-            turned = np.where(present, residual[part], 0.0) * turn
-            power[here] = np.abs(np.add.reduceat(turned, bounds)) ** 2
-            counts[here] = np.add.reduceat(present.astype(np.float64), bounds)
-            release(seen.time, residual)
-    used = counts > 0.5 * counts.max()
+    step = prepared.observation.step
+    rows = max(4, round(prepared.blocks.hop / step))
+    count = residual.size // rows
+    turn = np.exp(-1j * frequency * step * np.arange(rows))
+    power = np.empty(count)
+    for part in portions(count * rows, residual, unit=rows):
+        blocks, here = residual[part].reshape(-1, rows), slice(part.start // rows, part.stop // rows)
+        power[here] = (blocks @ turn.real) ** 2 + (blocks @ turn.imag) ** 2
     # |sum r e^{-int}|^2 has mean sigma^2 N for white noise
-    return float(np.mean(power[used] / counts[used]) / fit.noise**2)
+    return float(np.mean(power) / rows / noise**2)

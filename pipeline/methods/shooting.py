@@ -11,12 +11,13 @@ from pipeline.prepared import Prepared
 
 
 def estimate(prepared: Prepared) -> Estimate:
-    """Fit n2 with n1/n2 held; vertical acceleration from the record, or told from the phase where it shows there.
+    """Fit n2 with n1/n2 held; vertical acceleration from the record, or none.
 
     Where the record says `restoring = linear`, the nonlinear identity is the linear one.
     """
     if prepared.observation.restoring == "linear":
         return projection.estimate(prepared)
+    projection.require_clean(prepared)
     found = invert(prepared)
     return Estimate(
         frequency=found.frequency,
@@ -27,5 +28,4 @@ def estimate(prepared: Prepared) -> Estimate:
         samples=found.samples,
         residual_colour=found.colour,
         acceleration_reduced=True,
-        heave=found.heave,
     )

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from xarray import DataTree
 
 _MILLIGAL = 1e-5  # m s-2
-_BEST_FIRST = ("shooting", "projection", "complex", "panteleev", "general", "vening-meinesz", "uncorrected")
+_BEST_FIRST = ("joint", "shooting", "projection", "complex", "panteleev", "general", "vening-meinesz", "uncorrected")
 _LINE_FIRST = ("panteleev", "complex", "general", "vening-meinesz")
 _BORNE_OUT = 1.0  # mGal
 
@@ -34,7 +34,10 @@ def result_figure(result: DataTree, *, true_gravity: float | None = None) -> Fig
     grid = figure.add_gridspec(2, 2, height_ratios=(1, 1), width_ratios=(1, 1))
     draw_amplitudes(panel(figure, grid[0, 0], "Amplitude of each harmonic", "", ""), result)
     draw_gravity(panel(figure, grid[0, 1], "Gravity by method", "", ""), result, true_gravity)
-    draw_phase_speed(panel(figure, grid[1, :], "Phase speed of the difference pendulum", "", ""), result)
+    if "course" in result.children and _method_with_line(result) is None:
+        draw_course(panel(figure, grid[1, :], "Gravity along the track", "", ""), result)
+    else:
+        draw_phase_speed(panel(figure, grid[1, :], "Phase speed of the difference pendulum", "", ""), result)
     return figure
 
 
@@ -83,6 +86,23 @@ def draw_amplitudes(axes: Axes, result: DataTree) -> None:
     axes.set_xlabel(f"time from the start, {unit_of_time}")
     axes.set_ylabel(f"amplitude, {unit}")
     legend(axes, loc="upper center", ncols=3)
+
+
+def draw_course(axes: Axes, result: DataTree) -> None:
+    """Draw gravity along the track, from its mean, with the band of 1 sigma."""
+    course = result["course"].dataset
+    time = _seconds(result)
+    seconds, unit_of_time = time_scale(float(time[-1]))
+    gravity = np.asarray(course["gravity_course"].values, dtype=np.float64)
+    sigma = np.asarray(course["gravity_course_sigma"].values, dtype=np.float64)
+    mean = float(gravity.mean())
+    offset = (gravity - mean) / _MILLIGAL
+    axes.fill_between(time * seconds, offset - sigma, offset + sigma, color=BLUE, alpha=0.25, linewidth=0, label="1 σ")
+    axes.plot(time * seconds, offset, color=BLUE, label="gravity")
+    axes.set_xlim(0.0, time[-1] * seconds)
+    axes.set_xlabel(f"time from the start, {unit_of_time}")
+    axes.set_ylabel(f"mGal from {mean:.7f} m/s²")
+    legend(axes, loc="upper right", ncols=2)
 
 
 def draw_phase_speed(axes: Axes, result: DataTree) -> None:

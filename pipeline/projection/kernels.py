@@ -128,32 +128,29 @@ def moments(
     block: int,
     eigenvalue: complex,
     amounts: Floats,
-    threshold: float,
     first: int,
     samples: int,
     residual: Floats,
     gram: Floats,
-) -> int:
+) -> None:
     """Add some adjoining blocks to the Gram matrix of (cos, sin, 1, t cos, t sin, slope, slope_damping, e).
 
     `first` is the number of the first block, `samples` that of all samples of the record; the other arrays are those of
     the blocks. cos and sin carry the decay; t runs from -1 to 1 over the record; the slopes are the imaginary part of
     the complex `slopes` (blocks + 1, 2), which turn with cos and sin and are straight between blocks; e is the residual
-    `difference - response - amounts of the other seven columns`. Samples that are NaN, or where e exceeds `threshold`,
-    have no weight and become NaN in `residual`. Returns the number of samples beyond the threshold.
+    `difference - response - amounts of the other seven columns`.
     """
     count = difference.size
-    table = np.ones((3, MOST))  # rows by index: unpacked ones are not known to be contiguous
-    cos, sin, weight = table[0], table[1], table[2]
+    table = np.ones((2, MOST))  # rows by index: unpacked ones are not known to be contiguous
+    cos, sin = table[0], table[1]
     phasors(eigenvalue * step, cos, sin)
     number = np.arange(MOST) * 1.0
     complete, local = np.empty((LOCAL, LOCAL)), np.empty((LOCAL, LOCAL))
-    local_gram(weight[:block], cos, sin, complete)
+    local_gram(block, cos, sin, complete)
     part, turned = np.zeros((LOCAL, COLUMNS - 1)), np.empty((LOCAL, COLUMNS - 1))
     part[2, 2] = 1.0
     sums = np.empty(LOCAL)
     unit = 2.0 / (samples - 1)
-    beyond = 0
     for which in range(slopes.shape[0] - 1):
         start, whole_start = which * block, (first + which) * block
         length = min(block, count - start)
@@ -174,25 +171,14 @@ def moments(
             y3 += part[3, k] * amounts[k]
             y4 += part[4, k] * amounts[k]
         d, f, r = difference[start : start + length], response[start : start + length], residual[start : start + length]
-        used = out = 0
-        for m in range(length):
-            e = d[m] - f[m] - (y0 + y3 * number[m]) * cos[m] - (y1 + y4 * number[m]) * sin[m] - y2
-            used += 1 if abs(e) <= threshold else 0
-            out += 1 if abs(e) > threshold else 0
-            r[m] = e
-        beyond += out
         products = complete
         s0 = s1 = s2 = s3 = s4 = squares = 0.0
-        if used < block:
+        if length < block:
             products = local
-            for m in range(length):
-                good = abs(r[m]) <= threshold
-                weight[m] = 1.0 if good else 0.0
-                if not good:
-                    r[m] = 0.0
-            local_gram(weight[:length], cos, sin, local)
+            local_gram(length, cos, sin, local)
         for m in range(length):
-            e = r[m]
+            e = d[m] - f[m] - (y0 + y3 * number[m]) * cos[m] - (y1 + y4 * number[m]) * sin[m] - y2
+            r[m] = e
             ec, es = e * cos[m], e * sin[m]
             s0 += ec
             s1 += es
@@ -200,10 +186,6 @@ def moments(
             s3 += ec * number[m]
             s4 += es * number[m]
             squares += e * e
-        if used < length:
-            for m in range(length):
-                if weight[m] == 0.0:
-                    r[m] = np.nan
         sums[0], sums[1], sums[2], sums[3], sums[4] = s0, s1, s2, s3, s4
         gram[7, 7] += squares
         for k in range(COLUMNS - 1):
@@ -222,7 +204,6 @@ def moments(
     for k in range(COLUMNS):
         for n in range(k):
             gram[k, n] = gram[n, k]
-    return beyond
 
 
 @kernel
@@ -237,29 +218,27 @@ def _columns(origin: complex, base: float, unit: float, part: Floats) -> None:
 
 
 @summing_kernel
-def local_gram(weight: Floats, cos: Floats, sin: Floats, out: Floats) -> None:
-    """Weighted products (5, 5) of a block's five functions."""
-    size = weight.size
+def local_gram(size: int, cos: Floats, sin: Floats, out: Floats) -> None:
+    """Products (5, 5) of a block's five functions."""
     out[:] = 0.0
     cc = cs = ss = c1 = s1 = n1 = 0.0
     mcc = mcs = mss = mc1 = ms1 = mmcc = mmcs = mmss = 0.0
     for m in range(size):
-        w, c, s, x = weight[m], cos[m], sin[m], float(m)
-        wc, ws = w * c, w * s
-        cc += wc * c
-        cs += wc * s
-        ss += ws * s
-        c1 += wc
-        s1 += ws
-        n1 += w
-        mcc += x * wc * c
-        mcs += x * wc * s
-        mss += x * ws * s
-        mc1 += x * wc
-        ms1 += x * ws
-        mmcc += x * x * wc * c
-        mmcs += x * x * wc * s
-        mmss += x * x * ws * s
+        c, s, x = cos[m], sin[m], float(m)
+        cc += c * c
+        cs += c * s
+        ss += s * s
+        c1 += c
+        s1 += s
+        n1 += 1.0
+        mcc += x * c * c
+        mcs += x * c * s
+        mss += x * s * s
+        mc1 += x * c
+        ms1 += x * s
+        mmcc += x * x * c * c
+        mmcs += x * x * c * s
+        mmss += x * x * s * s
     out[0, 0], out[0, 1], out[0, 2], out[0, 3], out[0, 4] = cc, cs, c1, mcc, mcs
     out[1, 1], out[1, 2], out[1, 3], out[1, 4] = ss, s1, mcs, mss
     out[2, 2], out[2, 3], out[2, 4] = n1, mc1, ms1

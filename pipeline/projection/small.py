@@ -16,10 +16,7 @@ RIDGE = 1e-14  # of the unit diagonal: keeps a column that vanishes from stoppin
 
 @dataclass(frozen=True)
 class SmallFit:
-    """Solution of the least squares that the moments stand for, linear in the change of frequency and damping.
-
-    `coefficient` is (3,), or (pieces, 3).
-    """
+    """Solution of the least squares that the moments stand for, linear in the change of frequency and damping."""
 
     coefficient: Floats
     frequency_change: float

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import functools
-import itertools
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -35,7 +33,7 @@ def oscillation(frequency: float, gamma: float) -> float:
 
 
 class UniformProblem:
-    """Uniform samples of both series; the first pendulum whole, the difference NaN where missing.
+    """Uniform samples of both series, none missing.
 
     The samples are gone through in portions of whole blocks. What a portion starts from, the state of the recursion,
     is kept, so that the response of any portion can be had again and need not be stored; the numbers do not depend on
@@ -48,8 +46,8 @@ class UniformProblem:
     slopes : (blocks + 1, 2) array
         Those of the response by n2 and gamma2 at the blocks' starts and at the end, as `kernels.moments` has them; of
         the portions asked for.
-    pieces : list of slice
-        What is left of the samples between the spans that are cut out, (begin, end) in s.
+    half : float
+        Half the record's length, s.
     """
 
     def __init__(
@@ -60,7 +58,6 @@ class UniformProblem:
         fitted_at: float,
         ratio: float,
         damping_difference: float,
-        cut: Sequence[tuple[float, float]] = (),
     ) -> None:
         self._theta, self._difference, self._step = theta, difference, step
         self._ratio, self._damping_difference = ratio, damping_difference
@@ -74,23 +71,17 @@ class UniformProblem:
         self._starts = np.empty(len(self.parts))  # the response at the first sample of each portion
         self._response: Floats = np.empty(self.parts[0].stop + 1)
         self._held = -1  # the portion whose response that is
-        begins = [0, *(int(np.ceil(end / step)) for _, end in cut)]
-        ends = [*(max(int(begin / step), 0) for begin, _ in cut), theta.size]
-        self.pieces = [slice(*bounds) for bounds in zip(begins, ends, strict=True)]
-        self._gram = np.empty((len(self.pieces), kernels.COLUMNS, kernels.COLUMNS))
+        self._gram = np.empty((kernels.COLUMNS, kernels.COLUMNS))
         self._amounts = np.zeros(kernels.COLUMNS - 1)
         self.half = 0.5 * (theta.size - 1) * step
 
     @functools.cached_property
     def residual(self) -> Floats:
-        """See `Problem`."""
-        residual = room(self._theta.size)
-        for before, after in itertools.pairwise(self.pieces):
-            residual[before.stop : after.start] = np.nan
-        return residual
+        """What the last `moments` found at every sample."""
+        return room(self._theta.size)
 
     def respond(self, frequency: float, gamma: float) -> None:
-        """See `Problem`."""
+        """Compute the response to the first pendulum, and its slopes, at (n2, gamma2)."""
         self._constants = response_constants(frequency, gamma, self._ratio, self._damping_difference)
         weights = taps(self._cardinal, self._constants[0], self._step)
         self._taps = weights.real.copy(), weights.imag.copy()
@@ -143,43 +134,28 @@ class UniformProblem:
         return whole
 
     def nudge(self, frequency_change: float, damping_change: float) -> None:
-        """See `Problem`."""
+        """Take the response to nearby (n2, gamma2) by its slopes."""
         self._amounts[5:] += frequency_change, damping_change
 
-    def moments(self, frequency: float, gamma: float, coefficient: Floats, limit: float) -> tuple[Floats, int]:
-        """See `Problem`."""
+    def moments(self, frequency: float, gamma: float, coefficient: Floats) -> Floats:
+        """Gram matrix (8, 8) as `kernels.moments` has it; `coefficient` (3,) is (A, B, offset)."""
         self._gram[:] = 0.0
-        beyond = 0
+        self._amounts[:3] = coefficient
         for number, samples in enumerate(self.parts):
             response = self.part(number)
-            for which, piece in enumerate(self.pieces):
-                begin, end = max(piece.start, samples.start), min(piece.stop, samples.stop)
-                if begin >= end:
-                    continue
-                first, last = begin // self.block, -(-end // self.block)
-                blocks = slice(first * self.block, min(last * self.block, samples.stop))
-                difference, residual = self._difference[blocks], self.residual[blocks]
-                inside = slice(begin - blocks.start, end - blocks.start)
-                whole = inside == slice(0, difference.size)
-                if not whole:  # a block that pieces share is gone through for each
-                    difference, residual = np.full_like(difference, np.nan), np.empty_like(residual)
-                    difference[inside] = self._difference[begin:end]
-                self._amounts[:3] = coefficient[which]
-                beyond += kernels.moments(
-                    difference,
-                    response[blocks.start - samples.start : blocks.stop - samples.start],
-                    self.slopes[first : last + 1],
-                    self._step,
-                    self.block,
-                    complex(-gamma, oscillation(frequency, gamma)),
-                    self._amounts,
-                    limit,
-                    first,
-                    self._theta.size,
-                    residual,
-                    self._gram[which],
-                )
-                if not whole:
-                    self.residual[begin:end] = residual[inside]
+            first, last = samples.start // self.block, -(-samples.stop // self.block)
+            kernels.moments(
+                self._difference[samples],
+                response,
+                self.slopes[first : last + 1],
+                self._step,
+                self.block,
+                complex(-gamma, oscillation(frequency, gamma)),
+                self._amounts,
+                first,
+                self._theta.size,
+                self.residual[samples],
+                self._gram,
+            )
             release(self._difference, self.residual)
-        return self._gram, beyond
+        return self._gram

@@ -48,7 +48,7 @@ def check(address, small, tmp_path, out, words):
     path, config = jobs[0]
     alone = config_of(out / "serial", config.key)
     ((one,),) = serial([(path, alone)])
-    assert one.rows == outcomes[config.key].rows
+    assert alike(one.rows, outcomes[config.key].rows)
     assert alike(numbers_of(alone.output), numbers_of(config.output))
 
 
@@ -56,9 +56,17 @@ def lost(*_):
     raise TypeError("no such thing here")
 
 
+def _end_children():
+    """Of the cluster's threads: they would end with this process only."""
+    for child in multiprocessing.active_children():
+        child.terminate()
+        child.join()
+
+
 @pytest.mark.compiled
-def test_a_local_cluster(small, tmp_path, out, monkeypatch):
+def test_a_local_cluster(small, tmp_path, out, monkeypatch, request):
     """In threads: what is in these processes is seen by coverage; faults of the cluster's own are outcomes too."""
+    request.addfinalizer(_end_children)
     LocalCluster = distributed.LocalCluster
     settings = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
     with LocalCluster(**settings, local_directory=str(tmp_path / "dask")) as local:
@@ -70,9 +78,6 @@ def test_a_local_cluster(small, tmp_path, out, monkeypatch):
         assert one.error_class == "WorkerLost"
         assert "odd.result.nc: the cluster gave it up: TypeError" in one.error
         assert list(clustered([], address=local.scheduler_address, methods=METHODS, timeout=1.0)) == []
-    for child in multiprocessing.active_children():  # of the cluster's threads: they would end with this process only
-        child.terminate()
-        child.join()
 
 
 @pytest.mark.compiled

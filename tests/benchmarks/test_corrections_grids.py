@@ -26,7 +26,7 @@ from pipeline.benchmarks import (
 )
 from pipeline.benchmarks.corrections_points import FACTORS, MAP, Place, Point, places, scene
 from pipeline.benchmarks.kept import Kept
-from pipeline.methods import METHODS
+from pipeline.methods import PAIR_METHODS
 
 TINY = Point(length=30.0, sampling="10 Hz", arc=0.02, first_arc=0.06)
 
@@ -60,7 +60,7 @@ def test_the_issue_s_ranges_are_covered() -> None:
     assert ends["psi/a"] == (0.0, 10.0)
     assert ends["Theta1/a"] == (0.5, 10.0)
     assert ends["arc a"] == (1.0, 50.0)
-    assert FACTORS[-1].values == ("25 Hz", "10 Hz", "marks")
+    assert FACTORS[-1].values == ("25 Hz", "10 Hz", "8 Hz")
 
 
 def test_a_calm_sea_is_no_motion_and_a_sea_moves_both_axes() -> None:
@@ -90,8 +90,6 @@ def declined(method: str, **changes: Any) -> dict[str, Any]:
         (row("shooting", 4e-3, 0.0), False),
         (row("shooting", 6e-3, 0.0), True),
         (row("general", 0.09, 0.0), False),
-        (row("auto", 0.09, 0.0, used="general"), False),
-        (row("auto", 0.09, 0.0, used="projection"), True),
         (row("shooting", math.nan), True),
         (declined("shooting"), False),
     ],
@@ -101,11 +99,11 @@ def test_wrong_without_a_word(found: dict[str, Any], wrong: bool) -> None:
 
 
 def test_only_methods_for_real_pendulums_are_judged() -> None:
-    wrong = [row(name, 100.0) for name in METHODS]
+    wrong = [row(name, 100.0) for name in PAIR_METHODS]
     judged = corrections.judged(wrong)
-    assert judged["silently_wrong"] == "general shooting auto"
+    assert judged["silently_wrong"] == "general shooting"
     assert judged["pass"] is False
-    assert corrections.judged([row(name, 0.01) for name in METHODS])["pass"] is True
+    assert corrections.judged([row(name, 0.01) for name in PAIR_METHODS])["pass"] is True
 
 
 def test_refusals_are_rows_and_the_summary_counts_them() -> None:
@@ -137,7 +135,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[float]:
                 for key, value in each.items()
                 if key not in asdict(Point()) | {"factor": 0, "value": 0, "unit": 0}
             }
-            for each in (declined("general"), *(row(name, 1e-3) for name in METHODS if name != "general"))
+            for each in (declined("general"), *(row(name, 1e-3) for name in PAIR_METHODS if name != "general"))
         ]
 
     monkeypatch.setattr(corrections_grid, "reduce", reduce)
@@ -172,18 +170,19 @@ def test_a_record_that_is_declined_as_a_whole_is_declined_by_each(monkeypatch: p
         with monkeypatch.context() as patch:
             patch.setattr(corrections_grid, name, refuse)
             rows = corrections_grid.reduce(scenes.linear(duration=10.0, sampling_rate=5), 1)
-        assert [(each["method"], each["refused"]) for each in rows] == [(name, "no difference") for name in METHODS]
+        assert [(each["method"], each["refused"]) for each in rows] == [
+            (name, "no difference") for name in PAIR_METHODS
+        ]
 
 
 def test_methods_that_decline_are_rows_beside_those_that_do_not() -> None:
-    beats = scenes.beats_through_zero(duration=600.0, sampling_rate=5, motion=[], phases=(0.0, 0.3))
+    beats = scenes.beats_through_zero(duration=600.0, sampling_rate=10, motion=[], phases=(0.0, 0.3))
     rows = {each["method"]: each for each in corrections_grid.reduce(beats, 2)}
-    assert tuple(rows) == METHODS
+    assert tuple(rows) == PAIR_METHODS
     assert "a phase means nothing" in rows["panteleev"]["refused"]
     assert rows["projection"]["refused"] == ""
-    assert abs(rows["projection"]["error_mgal"]) < 0.01  # exact; at 5 Hz its quadrature leaves 1e-4
+    assert abs(rows["projection"]["error_mgal"]) < 0.01  # exact; its quadrature leaves less
     assert rows["projection"]["ms"] > 0.0
-    assert rows["auto"]["used"] in METHODS
 
 
 @pytest.fixture
@@ -203,11 +202,11 @@ def test_the_suite_yields_its_tables_and_writes_them(small: list[dict[str, Any]]
     judged = [each for each in rows if "silently_wrong" in each]
     assert all(each["pass"] for each in judged)
     assert sum("refused" in each for each in rows) == len(judged)  # `general` declines each
-    assert sum("median_ms" in each for each in rows) == len(METHODS)
+    assert sum("median_ms" in each for each in rows) == len(PAIR_METHODS)
     assert [each for each in rows if "entry" in each] == small
     with (tmp_path / "corrections.csv").open(newline="") as stream:
         table = list(csv.DictReader(stream))
-    assert len(table) == len(judged) * len(METHODS)
+    assert len(table) == len(judged) * len(PAIR_METHODS)
     assert {each["refused"] for each in table if each["method"] == "general"} == {"too short; record longer"}
     content = json.loads((tmp_path / "corrections.json").read_text())
     assert list(content) == ["quick", "cases", "points", "methods", "ledger"]
@@ -326,7 +325,7 @@ def test_a_waterfall_is_drawn_without_rows_too(tmp_path: Path) -> None:
 
 def test_sweeps_mark_refusals(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    points = [declined(name) if name == "panteleev" else row(name, 1e-3) for name in METHODS]
+    points = [declined(name) if name == "panteleev" else row(name, 1e-3) for name in PAIR_METHODS]
     corrections_sweeps.draw(points, tmp_path / "sweeps.png")
     corrections_sweeps.draw_cost(points, tmp_path / "cost.png")
     for name in ("sweeps", "cost"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.benchmarks.efficiency import gravity_bound
-from pipeline.benchmarks.fisher import Pair, _apply, bound, jacobian, printed_bound, respond
+from pipeline.benchmarks.fisher import Pair, _apply, bound, jacobian, respond
 from pipeline.benchmarks.scenes import linear, two_pendulums
 from synth import simulate
 
@@ -17,6 +17,11 @@ STEP = 0.04
 
 def swing(count: int) -> np.ndarray:
     return 0.01 * np.cos(6.2 * STEP * np.arange(count) + 0.4)
+
+
+def printed_bound(samples: int, noise: float, rate: float, amplitude: float) -> float:
+    """`sqrt(24/(N (N^2-1))) sigma fs/a`: frequency of one sinusoid in white noise, rad s-1."""
+    return float(np.sqrt(24.0 / (samples * (samples**2 - 1.0))) * noise * rate / amplitude)
 
 
 def test_equal_pendulums_have_the_printed_bound_of_one_sinusoid() -> None:

@@ -50,7 +50,7 @@ def test_a_film_becomes_a_record_that_gives_gravity(run, film, tmp_path):
     assert row["output"] == str(path)
     assert data_schemas.validate(path) == []
     assert (tmp_path / "night.film.png").stat().st_size > 10_000
-    outcome = run("process", path, "--json", "--method", "projection")
+    outcome = run("process", path, "--json")
     found = json.loads(outcome.out)
     error = abs(found["gravity_m_s2"] - 9.8123) / 1e-5
     assert error < 4.0 * found["gravity_sigma_mgal"]

@@ -12,7 +12,7 @@ from made_trees import GRAVITY, made_record
 
 import data_schemas
 from pipeline.cli import process as verb
-from pipeline.methods import METHODS, NAMES
+from pipeline.methods import METHODS
 
 CONTRACT = [
     "record_id", "input", "output", "status", "error", "requested_method", "method", "gravity_m_s2",
@@ -41,7 +41,7 @@ def three(tmp_path):
 
 
 def test_every_method_is_described_and_every_description_is_a_method():
-    assert tuple(verb._METHOD_TEXTS) == NAMES
+    assert tuple(verb._METHOD_TEXTS) == METHODS
 
 
 def test_a_record_gives_a_table_and_a_result_beside_it(run, tmp_path, record_path):
@@ -80,22 +80,25 @@ def test_json_has_the_keys_of_the_contract_in_their_order(run, record_path, tmp_
         assert row["elapsed_s"] > 0
 
 
-def test_the_default_is_auto_and_says_what_it_chose(run, record_path):
+@pytest.mark.compiled
+def test_the_default_is_the_joint_fit_and_says_what_it_assumed(run, record_path):
     outcome = run("process", record_path, "--json", "--no-output")
     (row,) = rows(outcome.out)
     assert row["requested_method"] == "auto"
-    assert row["method"] in METHODS
+    assert row["method"] == "joint"
     assert row["output"] is None
     outcome = run("process", record_path, "--no-output")
-    assert f"    auto: {row['choice_reason']}" in outcome.out.splitlines()
+    assert f"    {row['choice_reason']}" in outcome.out.splitlines()
     assert not record_path.with_name("ship.result.nc").exists()
 
 
+@pytest.mark.compiled
 def test_all_is_every_method_but_auto(run, record_path):
     outcome = run("process", record_path, "--method", "all", "--json", "--no-output")
     assert [row["requested_method"] for row in rows(outcome.out)] == [name for name in METHODS if name != "auto"]
 
 
+@pytest.mark.compiled
 def test_a_gap_makes_no_noise_on_stderr(run, tmp_path):
     path = tmp_path / "gap.record.nc"
     data_schemas.write(made_record(gap=10), path)

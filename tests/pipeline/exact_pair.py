@@ -55,7 +55,7 @@ class Pair:
             (alpha * np.cos(m * time + delta) for alpha, m, delta in self.forcing), np.zeros_like(np.asarray(time))
         )
 
-    def observe(self, time: np.ndarray, *, step: float | None = None, **changes: object) -> Observation:
+    def observe(self, time: np.ndarray, *, step: float, **changes: object) -> Observation:
         """The pair as an `Observation` whose periods are right at g = 9.81."""
         seen = Observation(
             first="1",

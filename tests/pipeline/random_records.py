@@ -1,4 +1,4 @@
-"""Random noisy observations of four kinds, from the closed form, for the tests of stated uncertainties."""
+"""Random noisy observations of two kinds, from the closed form, for the tests of stated uncertainties."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from pipeline.prepared import prepare
 from pipeline.reduction import reduce_by
 
 SIGMA = 2e-5  # rad
-KINDS = ("plain", "gaps", "marks", "damped")
+KINDS = ("plain", "damped")
 
 
 def observation(kind: str, eps: float, seed: int) -> Observation:
-    """`plain` 300 s at 10 Hz; `gaps` with lost seconds, lost and wild readings; `marks` 20 min; `damped`, stated."""
+    """`plain` 300 s at 10 Hz; `damped`, stated."""
     random = np.random.default_rng([seed, KINDS.index(kind)])
-    step, count = (0.5, 2400) if kind == "marks" else (0.1, 3000)
+    step, count = 0.1, 3000
     time = np.arange(count) * step
     damping = (3e-4, 2e-4) if kind == "damped" else (0.0, 0.0)
     # one amplitude of the difference for all, so that RMSE over mean sigma means what it says
@@ -27,14 +27,6 @@ def observation(kind: str, eps: float, seed: int) -> Observation:
     pair = Pair.apart(eps, damping=damping, free=(one, two), forcing=swell(8, 0.02, int(random.integers(1 << 30))))
     seen = pair.observe(time, step=step, sigma_theta=SIGMA, sigma_difference=SIGMA)
     series = [values + random.normal(0.0, SIGMA, count) for values in (seen.theta, seen.difference)]
-    if kind == "gaps":
-        lost = (time % 60.0) < 0.5
-        for values in series:
-            wild = random.choice(count, 15, replace=False)
-            values[wild] += random.choice([-1.0, 1.0], 15) * 40.0 * SIGMA
-            values[lost] = np.nan
-        series[1][random.random(count) < 0.05] = np.nan
-        series[1][1200:1500] = np.nan
     return pair.observe(
         time, step=step, theta=series[0], difference=series[1], sigma_theta=SIGMA, sigma_difference=SIGMA
     )

@@ -166,38 +166,22 @@ def test_general_reduces_the_arcs_of_real_pendulums(amplitudes: tuple[float, flo
     assert abs(right) < 1e-3 * largest
 
 
-@pytest.mark.parametrize("eps", [1e-4, 1.5e-3])
-@pytest.mark.parametrize("restoring", [None, "sine"])
-def test_auto_on_real_pendulums(restoring: str | None, eps: float) -> None:
-    """In slow beats, and in one through zero."""
-    found = row(nonlinear_record((0.02, 0.02), eps, restoring), "auto")
-    assert found["method"] == "shooting"
-    assert found["requested_method"] == "auto"
-    assert found["choice_reason"]
-    assert ("beats-through-zero" in found["flags"]) == (eps > 1e-3)
-    assert abs(found["gravity_m_s2"] - 9.81) * 1e5 < 1e-3
+@pytest.mark.compiled
+def test_auto_is_joint() -> None:
+    """On real pendulums whose arcs are worth some mGal; noise-free, so the bound is the numerical one."""
+    found = row(nonlinear_record((0.02, 0.02), restoring="sine"), "auto")
+    assert (found["requested_method"], found["method"]) == ("auto", "joint")
+    off = abs(found["gravity_m_s2"] - 9.81) * 1e5
+    assert off < 4.0 * found["gravity_sigma_mgal"] + 1e-3
+    assert found["gravity_sigma_mgal"] < 0.01
 
 
-def test_auto_obeys_what_is_stated_of_the_law() -> None:
-    assert row(nonlinear_record((0.02, 0.02), restoring="linear"), "auto")["method"] == "projection"
-
-
-@pytest.mark.parametrize("write", [True, False])
-@pytest.mark.parametrize("amplitude", [0.006, 0.02])
-def test_auto_on_linear_pendulums_is_within_a_hundredth_milligal(write: bool, amplitude: float) -> None:
-    record, _ = simulate(eps=1e-4, free=((amplitude, 0.4), (amplitude, 2.2)), write_restoring=write)
+@pytest.mark.compiled
+def test_auto_on_linear_pendulums_whose_law_is_not_stated() -> None:
+    record, _ = simulate(eps=1e-4, free=((0.02, 0.4), (0.02, 2.2)), write_restoring=False)
     found = row(record, "auto")
-    assert found["method"] == "projection"
-    assert abs(found["gravity_m_s2"] - GRAVITY) * 1e5 < 0.01
-
-
-def test_auto_says_when_arcs_are_negligible_and_when_they_cannot_be_told() -> None:
-    tiny, _ = simulate(eps=1e-4, free=((1e-4, 0.4), (1e-4, 2.2)), write_restoring=False, motion=[])
-    assert "motion amount to" in row(tiny, "auto")["choice_reason"]
-    noisy, _ = simulate(eps=1e-4, write_restoring=False, noise=3e-4, motion=[], free=((0.02, 0.4), (0.02, 2.2)))
-    undecided = row(noisy, "auto")
-    assert "hardly smaller" in undecided["choice_reason"]
-    assert abs(undecided["gravity_m_s2"] - GRAVITY) * 1e5 < 2.0 * undecided["gravity_sigma_mgal"]
+    assert abs(found["gravity_m_s2"] - GRAVITY) * 1e5 < 4.0 * found["gravity_sigma_mgal"] + 1e-3
+    assert found["gravity_sigma_mgal"] < 0.01
 
 
 ZERO = ((0.01, 0.0), (0.01, 0.7))
@@ -226,17 +210,18 @@ def test_exact_forms_pass_through_zero_and_say_so(method: str, limit: float, thr
 
 def test_several_methods_share_one_result_in_the_order_asked() -> None:
     record, _ = simulate()
-    asked = ["projection", "auto", "uncorrected"]
+    asked = ["projection", "auto", "uncorrected", "joint"]
     rows = summaries(process(record, method=asked))
     assert [r["requested_method"] for r in rows] == asked
-    assert rows[0]["gravity_m_s2"] == rows[1]["gravity_m_s2"] == row(record, "projection")["gravity_m_s2"]
+    assert [r["method"] for r in rows] == ["projection", "joint", "uncorrected", "joint"]
+    assert rows[1]["gravity_m_s2"] == rows[3]["gravity_m_s2"]
+    assert rows[0]["gravity_m_s2"] == row(record, "projection")["gravity_m_s2"]
 
 
-@pytest.mark.parametrize("method", [m for m in METHODS if m not in ("auto", "joint")])
-def test_the_record_is_not_modified(method: str) -> None:
-    record, _ = simulate(outliers=3, outlier_amplitude=0.01, missing_samples=20)
+def test_the_record_is_not_modified() -> None:
+    record, _ = simulate(duration=120.0, noise=1e-5)
     before = record.copy(deep=True)
-    process(record, method=method)
+    process(record, method=[name for name in METHODS if name != "joint"])
     assert record.identical(before)
 
 

@@ -8,7 +8,7 @@ import xarray as xr
 from made_records import changed, row, simulate
 
 import synth
-from data_schemas.errors import RecordError, UsageError
+from data_schemas.errors import RecordError, RefusedError, UsageError
 from data_schemas.scene import Scene
 from pipeline import observe
 from pipeline.observation import uniform_grid
@@ -145,15 +145,15 @@ def test_holes_become_missing_readings_on_the_grid() -> None:
 
 
 @pytest.mark.parametrize(("jitter", "uniform"), [(0.0, True), (2e-10, True), (1e-6, False), (0.01, False)])
-def test_times_off_the_grid_stay_as_they_are(jitter: float, uniform: bool) -> None:
+def test_times_off_the_grid_are_refused(jitter: float, uniform: bool) -> None:
     random = np.random.default_rng(0)
     time = np.arange(500) * 0.04 + np.concatenate([[0.0], random.uniform(-jitter, jitter, 499)])
     series = np.ones((2, 500))
-    grid, step, same = uniform_grid(time, series)
-    assert (step is not None) == uniform
-    if not uniform:
-        assert grid is time
-        assert same is series
+    if uniform:
+        assert uniform_grid(time, series)[1] == pytest.approx(0.04)
+        return
+    with pytest.raises(RefusedError, match="uneven times; use --method joint"):
+        uniform_grid(time, series)
 
 
 def test_an_hour_of_a_ratio_that_is_no_decimal_lies_on_its_grid() -> None:
@@ -167,7 +167,8 @@ def test_an_hour_of_a_ratio_that_is_no_decimal_lies_on_its_grid() -> None:
 
 def test_a_long_silence_makes_no_grid_of_millions() -> None:
     time = np.concatenate([np.arange(10) * 0.04, 1e6 + np.arange(10) * 0.04])
-    assert uniform_grid(time, np.ones((1, 20)))[1] is None
+    with pytest.raises(RefusedError, match="uneven times"):
+        uniform_grid(time, np.ones((1, 20)))
 
 
 def test_stated_noise_by_sample_is_taken_in_the_mean(plain: tuple[xr.DataTree, xr.DataTree]) -> None:

@@ -11,8 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from data_schemas.errors import RefusedError
-from pipeline.methods.phases import integrate
 from pipeline.phase_speed import (
     amplitude_speed,
     difference_amplitude,
@@ -257,8 +255,3 @@ def test_30_at_exact_resonance_grows_linearly() -> None:
 def test_32_is_the_same_motion_as_a_cosine() -> None:
     angle = np.linspace(-10.0, 10.0, 500)
     assert np.abs(quadrature_form(0.3 * angle, angle) - 0.3 * angle * np.sin(angle)).max() < 1e-14
-
-
-def test_a_correction_known_nowhere_is_declined():
-    with pytest.raises(RefusedError, match="projection"):
-        integrate(np.full(5, np.nan), 1.0)

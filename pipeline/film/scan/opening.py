@@ -34,14 +34,11 @@ class OpenScan(View):
         The files, in order.
     notes : tuple of str
         What was told from the image and might be wrong.
-    is_turned : bool
-        Whether it was found upside down and turned by half a turn.
     """
 
     scale: float | None
     paths: tuple[Path, ...]
     notes: tuple[str, ...] = ()
-    is_turned: bool = False
 
     def read(self, first: int, stop: int) -> Pixels:
         """Rows `first` to `stop`, (stop - first, columns); only what lies in the scan."""
@@ -50,7 +47,7 @@ class OpenScan(View):
     def upside_down(self) -> OpenScan:
         """The same scan turned by half a turn."""
         notes = (*self.notes, "the scan lay upside down and was turned")
-        return OpenScan(Turned(self.image, True, True), self.scale, self.paths, notes, True)
+        return OpenScan(Turned(self.image, True, True), self.scale, self.paths, notes)
 
 
 def open_scan(

@@ -23,7 +23,6 @@ from pipeline.film.strobe.dense_survey import Survey, survey
 from pipeline.film.strobe.saturated import saturation
 
 GAP, LOST = 1, 32  # of the record's flags
-CLOSE = 10.0  # spots between strokes
 PIECE = 1024  # rows read at once
 BESIDE = 0.5  # of a band's width on either side, in which its light is looked for
 ROOM = np.array([15.0, 15.0, 10.0, 5.0, 12.0, 8.0, 3.0, 12.0, 8.0, 3.0])  # px, of a shape about its first guess
@@ -35,17 +34,6 @@ RETRIES = 3  # from the neighbours' swing
 AROUND = 10  # blocks on either side that tell the usual swing
 LEAST_READ = 0.5  # of the blocks
 USUAL_SPOT = 1.2  # px: 0.1 mm at 300 dpi
-
-
-def is_dense(rows_per_swing: float, spot: float) -> bool:
-    """Whether strokes lie so close that rows do not show lines one by one, and only marks are to be read.
-
-    Examples
-    --------
-    >>> is_dense(17.9, 1.2), is_dense(59.6, 1.2)  # 1.5 and 5 mm/s at 300 dpi, swings of a second
-    (True, False)
-    """
-    return 0.5 * rows_per_swing < CLOSE * spot
 
 
 def dense_tracks(scan: Scan, emulsion: Emulsion, expected: Expected | None = None) -> Tracks:

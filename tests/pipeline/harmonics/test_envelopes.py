@@ -22,11 +22,10 @@ def harmonic(z: complex, frequency: float = N0, time: np.ndarray = TIME) -> np.n
 
 
 @pytest.mark.parametrize("make", ENVELOPES.values(), ids=ENVELOPES)
-@pytest.mark.parametrize("uniform", [True, False])
-def test_a_pure_harmonic_on_a_line_is_returned_exactly(make: Callable[..., Envelope], uniform: bool) -> None:
+def test_a_pure_harmonic_on_a_line_is_returned_exactly(make: Callable[..., Envelope]) -> None:
     one, two = 0.012 * np.exp(0.4j), 0.006 * np.exp(2.0j)
     theta = harmonic(one) + 0.03 - 1e-4 * TIME
-    found = make(TIME, STEP if uniform else None, theta, harmonic(two), N0)
+    found = make(TIME, STEP, theta, harmonic(two), N0)
     assert np.abs(found.first - one).max() < 1e-13
     assert np.abs(found.difference - two).max() < 1e-13
     assert np.abs(found.slow[0] - (0.03 - 1e-4 * found.time)).max() < 1e-13
@@ -106,17 +105,6 @@ def test_noise_gain_is_the_variance_of_an_envelope(make: Callable[..., Envelope]
     seen += [z.imag[::every].var() for z in (found.first, found.difference)]
     # 2000 and more values: the mean of their variances is good to 2 %, four sigmas 8 %
     assert np.mean(seen) == pytest.approx(found.noise_gain, rel=0.08)
-
-
-def test_uneven_sliding_agrees_with_uniform_on_the_same_samples() -> None:
-    random = np.random.default_rng(4)
-    series = harmonic(0.01 + 0j) + random.normal(0, 1e-4, TIME.size)
-    even = sliding_envelope(TIME, STEP, series, series, N0)
-    other = sliding_envelope(TIME, None, series, series, N0)
-    shared = np.isin(np.round(other.time, 6), np.round(even.time, 6))
-    assert shared.sum() > 50
-    got = np.interp(other.time[shared], even.time, even.first.real)
-    assert np.abs(got - other.first.real[shared]).max() < 2e-6  # windows a sample apart, their ends weigh 1e-6
 
 
 def test_a_dead_trace_gives_no_envelope() -> None:

@@ -9,16 +9,15 @@ import pytest
 from heavy_pair import observe
 from scipy.integrate import solve_ivp
 
-from pipeline.inversion import heave, kernels
+from pipeline.inversion import kernels
 from pipeline.inversion.filters import SWELL, design
 from pipeline.inversion.influence import adjoint
 from pipeline.inversion.iteration import Iteration, past_taps
 from pipeline.inversion.motion import Motion
-from pipeline.inversion.prepare import invert, make_grid, vertical_on
+from pipeline.inversion.prepare import invert
 from pipeline.inversion.solve import fit_inversion
+from pipeline.methods.projection import linear_fit
 from pipeline.prepared import Prepared, prepare
-from pipeline.projection.sampling import problem
-from pipeline.projection.solve import fit_projection
 
 
 @pytest.mark.parametrize("step", [0.04, 0.1])
@@ -101,10 +100,9 @@ def test_expansion_is_the_derivative() -> None:
 def fitted(seconds: float = 300.0) -> tuple[Prepared, Iteration, float]:
     seen = observe(seconds, 0.04, heave=True)
     prepared = prepare(seen)
-    held = fit_projection(problem(prepared), prepared.rough.frequency, prepared.rough.damping_rate, False)
-    grid = make_grid(prepared)
-    motion = Motion(grid.theta, vertical_on(grid, prepared), grid.step, held.frequency, seen.frequency_ratio, 2e-4, 0.0)
-    iteration = Iteration(grid, motion, held, seen.frequency_ratio, seen.damping_difference, prepared.gravity_of)
+    held = linear_fit(prepared)
+    motion = Motion(seen.theta, seen.vertical, seen.step, held.frequency, seen.frequency_ratio, 2e-4, 0.0)
+    iteration = Iteration(seen, motion, held, prepared.gravity_of)
     fit = fit_inversion(iteration, fit_damping=False)
     return prepared, iteration, fit.frequency
 
@@ -170,30 +168,6 @@ def test_adjoint_is_the_transpose_of_the_response() -> None:
     assert out == pytest.approx(response.T @ influence, abs=1e-13)
 
 
-def test_noise_that_looks_like_heave() -> None:
-    """White noise on a swing: mean square of the phase speed in the band, against its formula after one round."""
-    frequency, step, count, noise, amplitude = 6.2, 0.04, 60_000, 1e-4, 0.01
-    low = heave.band(count, step, frequency)
-    time = np.arange(count) * step
-    model = amplitude * np.cos(frequency * time)
-    residual = np.random.default_rng(6).normal(0.0, noise, count)
-    speed = heave.lacking_speed(model, residual, frequency, step, low)[500:-500]
-    spectrum = np.sum((low.gain * low.angular) ** 2) / low.padded
-    assert np.mean(speed**2) == pytest.approx(2.0 * noise**2 / amplitude**2 * spectrum, rel=0.05)
-    told = heave.noise_power(amplitude**-2, noise, frequency, low, 1)
-    assert told == pytest.approx(np.mean(speed**2), rel=0.15)
-
-
-def test_phase_that_lacks_is_told() -> None:
-    frequency, step, count = 6.2, 0.04, 12_000
-    low = heave.band(count, step, frequency)
-    time = np.arange(count) * step
-    lack = 1e-3 * np.sin(0.6 * time)
-    model, seen = np.cos(frequency * time), np.cos(frequency * time + lack)
-    speed = heave.lacking_speed(model, seen - model, frequency, step, low)
-    assert speed[500:-500] == pytest.approx(0.6e-3 * np.cos(0.6 * time)[500:-500], abs=2e-6)
-
-
 def test_a_turning_envelope() -> None:
     """Against interpolation and the exponential written out; beyond its ends the envelope is steady."""
     random = np.random.default_rng(7)
@@ -228,7 +202,7 @@ def test_a_reckoned_third_harmonic_serves_as_the_read_one() -> None:
     seen = observe(300.0, 0.04, heave=True)
     noise = 2e-6 * np.random.default_rng(9).normal(size=(2, seen.time.size))
     prepared = prepare(replace(seen, theta=seen.theta + noise[0], difference=seen.difference + noise[1]))
-    assert module.third_harmonic(prepared, make_grid(prepared)) is None
+    assert module.third_harmonic(prepared) is None
     read = invert(prepared)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "NOISY", 0.0)

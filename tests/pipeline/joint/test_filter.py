@@ -42,7 +42,7 @@ def constants() -> tuple[Constant, ...]:
 def dense(of: Problem, model: Assumed) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Mean and covariance of all states, rows of all readings, and their values, from the flow's matrices alone."""
     ship = Ship.of(model.ship)
-    step = of.flow(model, constants(), ship)
+    step = of.flow(model, constants())
     size = step.noise.shape[0]
     transition, nodes = step.rows[-size:], of.lattice.nodes
     drift = logm(transition).real / of.lattice.step

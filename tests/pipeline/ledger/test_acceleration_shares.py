@@ -75,15 +75,6 @@ _ENTRIES = ("non_isochronism", "finite_arc", "horizontal_acceleration", "vertica
 
 
 @pytest.mark.compiled
-def test_heave_that_was_told_from_the_phase_is_entered() -> None:
-    record, _ = synth.simulate(made([X, Z], recording={"sampling_rate": 25}))
-    listed = entry(row(record, "shooting"), "vertical_acceleration")
-    assert listed["value_mgal"] == pytest.approx(12.75, abs=0.1)
-    assert "told from the phase" in listed["reason"]
-    assert not entry(row(record, "general"), "vertical_acceleration")["applied"]
-
-
-@pytest.mark.compiled
 def test_arcs_of_the_exact_method_are_those_of_the_formula() -> None:
     """`shooting` has no arc term of its own: its share is found by response, that of `general` by regression."""
     record, _ = synth.simulate(made([]))
@@ -124,8 +115,6 @@ def test_shares_follow_from_the_recorded_motion() -> None:
     assert found.horizontal * milligal == pytest.approx(-0.005 / (2 * 9.8054321) * 1e5, rel=0.01)
     assert found.vertical * milligal == pytest.approx(0.02 / (4 * 9.8054321) * 1e5, rel=0.01)
     np.testing.assert_allclose(found.squares, [0.012**2, 0.006**2], rtol=0.01)
-    told = shares(replace(estimate, heave=0.01), replace(ready, observation=seen))
-    assert told.vertical * milligal == pytest.approx(9.8054321e5 * 0.01**2 / 4, rel=1e-3)
     assert shares(method("projection")(ready), ready) == Shares()
 
 
@@ -134,14 +123,13 @@ def test_the_ledger_says_where_heave_comes_from() -> None:
     silent = observe(record)
     heaving = replace(silent, vertical=0.2 * np.cos(2 * np.pi / 8.8 * silent.time))
 
-    def listed(seen: Observation, heave: float | None) -> Entry:
+    def listed(seen: Observation) -> Entry:
         ready = prepare(seen)
-        estimate = replace(method("projection")(ready), acceleration_reduced=True, heave=heave)
+        estimate = replace(method("projection")(ready), acceleration_reduced=True)
         return gravity(estimate, ready).ledger["vertical_acceleration"]
 
-    assert (listed(heaving, None).applied, listed(heaving, None).reason) == (True, "record/vertical_acceleration")
-    assert listed(silent, 0.01).reason == "not recorded; told from the phase, rms 0.098 m/s2"
-    missing = listed(silent, None)
+    assert (listed(heaving).applied, listed(heaving).reason) == (True, "record/vertical_acceleration")
+    missing = listed(silent)
     assert (missing.applied, missing.reason) == (False, "no record/vertical_acceleration in the record")
 
 
@@ -158,10 +146,7 @@ def test_a_steady_course_is_its_own_mean() -> None:
     """Whatever the beat of the amplitudes: a constant shift of n2 is found as it is."""
     record: xr.DataTree = synth.simulate(scene())[0]
     ready = prepare(observe(record))
-    estimate = method("projection")(ready)
     time = record["time"].values
-    assert mean_over_record(ready, estimate, time, np.full(time.size, 290.0)) == pytest.approx(290.0, abs=1e-9)
-    told = replace(estimate, heave=0.01)  # under a Hann window
-    assert mean_over_record(ready, told, time, 290.0 + time / time[-1]) == pytest.approx(290.5, abs=1e-6)
-    drifting = mean_over_record(ready, estimate, time, 290.0 + time / time[-1])
+    assert mean_over_record(ready, time, np.full(time.size, 290.0)) == pytest.approx(290.0, abs=1e-9)
+    drifting = mean_over_record(ready, time, 290.0 + time / time[-1])
     assert 290.0 < drifting < 291.0

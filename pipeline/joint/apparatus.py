@@ -1,0 +1,74 @@
+"""Constants of the apparatus: zeros and those of a recorded heave, always sought; others where the likelihood pays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint import kernels
+from pipeline.joint.constants import Constant, Solution
+from pipeline.joint.problem import Problem
+
+ZERO = 0.01  # rad: 1 sigma of a trace's zero, of its drift over the record, and of a step of it
+GAIN = 0.01  # of a trace's scale
+DELAY = 0.01  # s, of one trace against the others, and of a step of the clock
+RATIO = 1e-5  # of the square of a frequency against the others
+HEAVE_SCALE, HEAVE_DELAY = 0.3, 0.1  # of a recorded heave; s
+CERTAIN = 5.0  # deviations
+HARMLESS = {kernels.ZERO: 1e-4, kernels.STEP: 1e-5, kernels.DRIFT: 1e-5}  # rad
+UNITS = {
+    **dict.fromkeys((kernels.ZERO, kernels.STEP, kernels.DRIFT), "rad"),
+    **dict.fromkeys((kernels.DELAY, kernels.CLOCK, kernels.HEAVE_DELAY), "s"),
+}
+
+
+def constants(problem: Problem) -> tuple[Constant, ...]:
+    """What is never taken as exactly known: the zero of each trace; scale and delay, or bias, of a recorded heave."""
+    found = [Constant(f"zero of trace {j + 1}", kernels.ZERO, ZERO, j) for j in range(problem.traces)]
+    if problem.recorded.size:
+        found.append(Constant("scale of the heave", kernels.HEAVE_SCALE, HEAVE_SCALE))
+        found.append(Constant("delay of the heave", kernels.HEAVE_DELAY, HEAVE_DELAY))
+    if np.any(problem.lattice.trace == problem.traces + 1):
+        found.append(Constant("bias of the heave", kernels.ZERO, ZERO, problem.traces + 1))
+    return tuple(found)
+
+
+def faults(problem: Problem, own: tuple[Constant, ...]) -> list[Constant]:
+    """What may be wrong all along, beside constants that are sought already.
+
+    Of gains and periods only as many show as there are differences: one more would be the scale of all, which nothing
+    but the arcs tells.
+    """
+    half = 0.5 * problem.lattice.duration
+    traces = range(problem.traces)
+    found = [Constant(f"drift of trace {j + 1}", kernels.DRIFT, ZERO, j, centre=half, width=half) for j in traces]
+    found += [Constant(f"delay of trace {j + 1}", kernels.DELAY, DELAY, j) for j in traces[1:]]
+    if sum(each.kind in (kernels.GAIN, kernels.RATIO) for each in own) < problem.pendulums - 1:
+        found += [Constant(f"gain of trace {j + 1}", kernels.GAIN, GAIN, j) for j in traces]
+        members = range(0 if problem.pendulums > 2 else 1, problem.pendulums)
+        found += [Constant(f"period of pendulum {i + 1}", kernels.RATIO, RATIO, i) for i in members]
+    names = {each.name for each in own}
+    return [each for each in found if each.name not in names]
+
+
+def steps(problem: Problem, times: Floats) -> list[Constant]:
+    """Steps of each zero and of the clock at given times, s."""
+    found = [step_of_zero(j, float(at)) for at in times for j in range(problem.traces)]
+    found += [Constant(f"step of the clock at {at:.1f} s", kernels.CLOCK, DELAY, centre=float(at)) for at in times]
+    return found
+
+
+def step_of_zero(trace: int, at: float) -> Constant:
+    """Step of a trace's zero at a time, s."""
+    return Constant(f"step of trace {trace + 1} at {at:.1f} s", kernels.STEP, ZERO, trace, centre=at)
+
+
+def found(solution: Solution) -> list[str]:
+    """What is wrong with the apparatus beyond doubt, in words."""
+    kinds = (kernels.RATIO, kernels.HEAVE_SCALE, kernels.HEAVE_DELAY, *range(kernels.ZERO, kernels.CLOCK + 1))
+    deviations = np.sqrt(np.diag(solution.covariance))
+    return [
+        f"{each.name}: {each.value:.3g} +- {sigma:.1g} {UNITS.get(each.kind, '')}".rstrip()
+        for each, sigma in zip(solution.constants, deviations, strict=True)
+        if each.kind in kinds and abs(each.value) > max(CERTAIN * sigma, HARMLESS.get(each.kind, 0.0))
+    ]

@@ -1,0 +1,124 @@
+"""One explanation of a record, fitted: a model of what is random, its constants, and the path that it gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint import kernels
+from pipeline.joint.constants import Constant, Solution, solve
+from pipeline.joint.course import Course, prior_root
+from pipeline.joint.problem import Assumed, Problem
+from pipeline.joint.ship import Component, Ship
+
+MOST_FITS = 6
+STRAIGHT = 0.02  # of the reading noise
+
+
+@dataclass(frozen=True)
+class Model:
+    """One explanation.
+
+    Attributes
+    ----------
+    words : tuple of str
+        What it adds to the plainest one.
+    assumed : Assumed
+    constants : tuple of Constant
+    course : Course or None
+    problem : Problem
+    first_ship : tuple of Component
+        Before any was added.
+    climbed : bool
+        Whether the ship's parameters were climbed to where the readings are likeliest; else they are a spectrum's.
+    """
+
+    words: tuple[str, ...]
+    assumed: Assumed
+    constants: tuple[Constant, ...]
+    problem: Problem
+    first_ship: tuple[Component, ...]
+    course: Course | None = None
+    climbed: bool = False
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """An explanation with what it gives.
+
+    Attributes
+    ----------
+    model : Model
+    solution : Solution
+    path : (k, d) array
+    of : kernels.Pass
+        The last pass: prediction errors at the solution, and the products of their derivatives.
+    about : tuple of Constant
+        What it went about.
+    """
+
+    model: Model
+    solution: Solution
+    path: Floats
+    of: kernels.Pass
+    about: tuple[Constant, ...]
+
+    def without(self, constant: Constant) -> Fitted:
+        """The same without a constant that hardly differs from zero: by the last pass, linearised."""
+        at = [each.name for each in self.about].index(constant.name)
+        rest = (*self.about[:at], *self.about[at + 1 :])
+        turned = np.delete(np.eye(len(self.about) + 1), at, axis=1)
+        turned[at, -1] = -self.about[at].value
+        normal, totals = turned.T @ self.of.normal @ turned, self.of.totals
+        solution = solve(rest, normal, totals[0], totals[1], prior_root(rest, self.model.course))
+        model = replace(self.model, constants=solution.constants)
+        return Fitted(model, solution, self.path, self.of._replace(normal=normal), rest)
+
+
+def fitted(model: Model, about: Floats) -> Fitted:
+    """Gauss-Newton about the smoothed path, until it is straight between the last two."""
+    root = prior_root(model.constants, model.course)
+    constants = model.constants
+    for _ in range(MOST_FITS):
+        before = constants
+        solution, of, path = model.problem.fit(model.assumed, before, about=about, root=root)
+        constants, left = solution.constants, bend(model, path, about)
+        about = path
+        if left < STRAIGHT:
+            break
+    return Fitted(replace(model, constants=constants), solution, path, of, before)
+
+
+def bend(model: Model, path: Floats, about: Floats) -> float:
+    """What linearising about one path leaves out of another, as if it added up all along, over the reading noise."""
+    problem, two = model.problem, 2 * model.problem.pendulums
+    if not model.assumed.sine:
+        return 0.0
+    ship = Ship.of(model.assumed.ship)
+    away = path - about
+    horizontal, vertical = (np.abs(away[:, two:] @ row) for row in (ship.horizontal, ship.vertical))
+    angle = np.abs(path[:, :two:2]).max(axis=1)
+    # within a step the angle follows what is assumed of the ship at its start
+    within = 0.5 * float(problem.kappa.max()) * problem.lattice.step**2
+    off = np.abs(away[:, :two:2]).max(axis=1) + within * (horizontal + angle * vertical)
+    turns = float(np.sqrt(problem.kappa.max())) * problem.lattice.duration / 2.0
+    mean = float(np.mean(off * (vertical + angle * (off + horizontal))))
+    return mean * turns / float(model.assumed.noise[: problem.traces].min())
+
+
+Candidate = tuple[float, Model, Solution]
+
+
+def priced(model: Model, about: Floats, cost: float = 0.0, span: tuple[int, int] | None = None) -> Candidate:
+    """A model with its log-likelihood less what its own parameters cost, linearised about a path."""
+    root = prior_root(model.constants, model.course)
+    try:
+        solution, _ = model.problem.run(model.assumed, model.constants, about=about, root=root, span=span)
+    except np.linalg.LinAlgError:
+        return -np.inf, model, NO_SOLUTION
+    return solution.log_likelihood - cost, model, solution
+
+
+NO_SOLUTION = Solution((), np.zeros(0), np.zeros((0, 0)), -np.inf, np.inf, 0)

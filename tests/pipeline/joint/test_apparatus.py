@@ -1,0 +1,77 @@
+"""`joint` on records of an apparatus that is wrong: gravity within its sigma, and the fault named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.interpolate import CubicSpline
+from test_method import in_sigmas, record, row
+
+pytestmark = pytest.mark.compiled
+
+
+def changed(made: xr.DataTree, name: str, change: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> xr.DataTree:
+    """A record with one of its variables changed: a function of time, s, and of the values."""
+    time = made.dataset["time"].values
+    stored = made["record"].dataset
+    value = change(time, stored[name].values.copy())
+    made["record"] = xr.DataTree(stored.assign({name: stored[name].copy(data=value)}))
+    return made
+
+
+def late(seconds: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    return lambda time, value: CubicSpline(time, value, axis=-1)(time - seconds)
+
+
+def first(change: Callable[[np.ndarray, np.ndarray], np.ndarray], trace: int = 0) -> xr.DataTree:
+    def of(time: np.ndarray, value: np.ndarray) -> np.ndarray:
+        value[trace] = change(time, value[trace])
+        return value
+
+    return changed(record()[0], "elongation", of)
+
+
+def heave(change: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> xr.DataTree:
+    return changed(record()[0], "vertical_acceleration", change)
+
+
+def clock() -> xr.DataTree:
+    made = record()[0]
+    root = made.to_dataset(inherit=False)
+    time = root["time"].values
+    stamped = root["time"].copy(data=time + 5e-3 * (time > 150.0))
+    tree = {f"/{name}": made[name].to_dataset(inherit=False) for name in made.children}
+    return xr.DataTree.from_dict({"/": root.assign_coords(time=stamped), **tree})
+
+
+FAULTS: dict[str, tuple[Callable[[], xr.DataTree], str]] = {
+    "zero of 3 mrad": (lambda: first(lambda time, value: value + 3e-3), "zero of trace 1: 0.003"),
+    "zero that drifts": (lambda: first(lambda time, value: value + 4e-3 * time / 300.0), "drift of trace 1: 0.002"),
+    "step of a zero": (lambda: first(lambda time, value: value + 1e-3 * (time > 100.02)), "step of trace 1"),
+    "step of the difference": (lambda: first(lambda time, value: value + 1e-3 * (time > 100.02), 1), "step of trace 2"),
+    "gain of 1 %": (lambda: first(lambda time, value: 1.01 * value), ""),
+    "delay of 10 ms": (lambda: first(late(0.01), 1), "delay of trace 2: 0.01"),
+    "bias of 20 mGal": (lambda: heave(lambda time, value: value + 2e-4), ""),
+    "heave of wrong sign": (lambda: heave(lambda time, value: -value), "scale of the heave: -2"),
+    "heave .3 s late": (lambda: heave(late(0.3)), "delay of the heave"),
+    "clock's step of 5 ms": (clock, ""),
+    "steps of .3 mrad": (lambda: first(lambda time, value: 3e-4 * np.rint(value / 3e-4)), ""),
+    "clipped at 8 mrad": (lambda: first(lambda time, value: np.clip(value, -8e-3, 8e-3)), ""),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_gravity_survives_a_fault_of_the_apparatus(fault: str) -> None:
+    make, words = FAULTS[fault]
+    found = row(make())
+    gravity = record()[1]
+    assert abs(in_sigmas(found, gravity)) < 3.5
+    assert found["gravity_sigma_mgal"] < 20.0 * row(record()[0])["gravity_sigma_mgal"]
+    assert words in found["choice_reason"]
+
+
+def test_no_fault_is_named_where_there_is_none() -> None:
+    assert "apparatus-fault" not in row(record()[0])["flags"]

@@ -19,6 +19,7 @@ from pipeline.joint.ship import Component, Ship
 NONE2, NONE3 = np.zeros((0, 0)), np.zeros((0, 0, 0))
 NOTHING_KEPT = kernels.Kept(NONE3, NONE3, NONE2, NONE2, NONE2)
 LEVEL = 0.5  # of one pendulum's answer to the ship
+MOST_DAMPED = 0.3  # of its frequency
 LEAST = 0.1  # of reference gravity, and of a trace's scale
 KEPT = 2**28  # bytes of covariances that are kept at once by the smoother
 
@@ -96,12 +97,13 @@ class Problem:
     def flow(self, assumed: Assumed, constants: tuple[Constant, ...]) -> Flow:
         """One step under the constants' values."""
         count, gravity = self.pendulums, float(unknown.total(constants, kernels.GRAVITY, 1)[0])
-        if gravity < LEAST or np.any(self.gain(constants) < LEAST - 1.0):
-            raise np.linalg.LinAlgError("nothing swings, or is read, under the constants that would be")
         ratio, damping, quadratic, dry = (
             unknown.total(constants, kind, count)
             for kind in (kernels.RATIO, kernels.DAMPING, kernels.QUADRATIC, kernels.DRY)
         )
+        rate = np.abs(self.damping + damping) / np.sqrt(self.kappa)
+        if gravity < LEAST or np.any(self.gain(constants) < LEAST - 1.0) or np.any(rate > MOST_DAMPED):
+            raise np.linalg.LinAlgError("nothing swings, or is read, under the constants that would be")
         return _flow(
             self.lattice.step,
             tuple(self.kappa * (1.0 + ratio)),

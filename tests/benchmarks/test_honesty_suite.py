@@ -67,7 +67,8 @@ def test_integrator_agrees_with_dop853(terms: dict[str, Any]) -> None:
     times = np.sort(np.append(np.arange(0.0, SPAN, 0.25), [7.0312, 33.3]))
     start = np.array([[0.05, 0.0], [0.0, -0.25]])
     angles, state = plain.integrate(times, start, own, moved, np.zeros((2, times.size)))
-    assert np.abs(angles - by_scipy(times, start, own, moved)).max() < 1e-10
+    # |v| v has a kink twice a swing, which either integrator steps over
+    assert np.abs(angles - by_scipy(times, start, own, moved)).max() < (5e-10 if own.quadratic.any() else 1e-10)
     assert state[:, 0] == pytest.approx(angles[:, -1], abs=0.0)
 
 

@@ -103,6 +103,26 @@ def cold_start(problem: Problem, assumed: Assumed, first: tuple[Constant, ...]) 
     return smoothed(problem, rough, narrowed(constants), NONE2, gate)
 
 
+def mirrored(begun: explanation.Fitted) -> list[explanation.Fitted]:
+    """The same readings by the swing that even, sparse times show as well; none where that is far from the stated one."""
+    model, constants = begun.model, begun.model.constants
+    gravity = next(each.value for each in constants if each.kind == kernels.GRAVITY)
+    own = float(np.sqrt(model.problem.kappa.mean() * gravity))
+    between = float(np.median(np.diff(np.unique(model.problem.lattice.time))))
+    half_turns = np.rint(own * between / np.pi)
+    factor = 2.0 * np.pi / between * half_turns / own - 1.0
+    if not half_turns or abs(gravity * factor**2 - 1.0) > CAPTURE:
+        return []
+    by = {kernels.GRAVITY: factor**2, kernels.START: -factor}
+    constants = tuple(
+        replace(each, value=each.value * by[each.kind])
+        if each.kind == kernels.GRAVITY or (each.kind == kernels.START and each.index % 2)
+        else each
+        for each in constants
+    )
+    return [smoothed(model.problem, model.assumed, constants, NONE2)]
+
+
 def wandering(begun: explanation.Fitted, assumed: Assumed, first: tuple[Constant, ...]) -> explanation.Fitted:
     """A cold start read as well as the record can be.
 
@@ -376,7 +396,8 @@ class Begun:
             ship = (*ship, replace(GENEROUS[0], axis="vertical"))
         assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
         first = first_constants(gathered)
-        return Begun(gathered, assumed, first, cold_start(problem, assumed, first))
+        rough = cold_start(problem, assumed, first)
+        return Begun(gathered, assumed, first, max([rough, *mirrored(rough)], key=standing))
 
     def plain(self) -> explanation.Fitted | None:
         """All readings; what the rough start doubts may be the ship's motion. None where one is far off."""

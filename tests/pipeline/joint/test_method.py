@@ -161,3 +161,19 @@ def test_beside_a_refusal_other_methods_stand() -> None:
     rows = summaries(process(made, method=["joint", "general"]))
     assert [each["requested_method"] for each in rows] == ["joint", "general"]
     assert abs(in_sigmas(rows[0], gravity)) < 3.5
+
+
+@pytest.mark.parametrize("period", [1.0004, 0.9994])
+def test_marks_near_the_swing_itself_are_followed_on_its_own_side(period: float) -> None:
+    """Half-second marks of a swing of nearly a second fit another, as far on the other side of it."""
+    pendulums = [
+        {
+            "label": str(i),
+            "period": period + 1e-4 * i,
+            "damping_rate": 1e-4,
+            "start": {"kind": "free", "amplitude": 0.012, "phase": 2.0 * i},
+        }
+        for i in (0, 1)
+    ]
+    made, gravity = record(duration=1200.0, pendulums=pendulums, recording={"sampling_rate": 2})
+    assert abs(in_sigmas(row(made), gravity)) < 3.5

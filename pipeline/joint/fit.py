@@ -104,7 +104,7 @@ def cold_start(problem: Problem, assumed: Assumed, first: tuple[Constant, ...]) 
 
 
 def mirrored(begun: explanation.Fitted) -> list[explanation.Fitted]:
-    """The same readings by the swing that even, sparse times show as well; none where that is far from the stated one."""
+    """The same readings by the swing that even, sparse times show as well; none where that is far from the stated."""
     model, constants = begun.model, begun.model.constants
     gravity = next(each.value for each in constants if each.kind == kernels.GRAVITY)
     own = float(np.sqrt(model.problem.kappa.mean() * gravity))

@@ -79,7 +79,7 @@ def check_poisoned(tmp_path, out, count):
 
 @pytest.mark.compiled
 def test_a_poisoned_batch_loses_the_poisoned_alone(tmp_path, out):
-    check_poisoned(tmp_path, out, 200)
+    check_poisoned(tmp_path, out, 100)
 
 
 @pytest.mark.campaign

@@ -136,3 +136,26 @@ def test_readings_off_the_nodes_are_exact_under_heave() -> None:
     told = Assumed((Vibration(6.0, 1e-12),), np.zeros(1), np.array([1e-6, 1.0, 1.0]), sine=True)
     _, of = problem.run(told, constants)
     assert np.abs(of.whitened).max() < 0.2  # 2e-7 rad of 2e-2
+
+
+def test_remainder_within_a_step_follows_the_path_to_its_end() -> None:
+    """A ship that vibrates on is assumed to fade: the remainder is that of the motion, not of the assumption."""
+    step, turning, size, kappa = 0.04, 18.85, 0.01, KAPPA[:1]
+
+    def slope(t: float, state: np.ndarray) -> np.ndarray:
+        pull = np.sin(state[0]) + size * np.sin(turning * t) * np.cos(state[0])
+        return np.array([state[1], -kappa[0] * pull])
+
+    done = solve_ivp(slope, (0.0, step), [0.05, 0.1], dense_output=True, rtol=1e-12, atol=1e-15).sol
+    one = flow(step, kappa, np.zeros(1), np.zeros(1), Ship.of((Vibration(18.0, size),)), gravity=1.0, sine=True)
+    phases = turning * np.array([0.0, step])
+    ship = size * np.stack([np.sin(phases), turning * np.cos(phases), -(turning**2) * np.sin(phases)])
+    about = np.ascontiguousarray(np.concatenate([done(np.array([0.0, step])), ship]).T)
+    angle, across = done(NODES * step)[0], size * np.sin(turning * NODES * step)
+    exact = -kappa[0] * (np.sin(angle) - angle + across * (np.cos(angle) - 1.0))
+    nodes, rest, none = np.zeros(12), np.zeros((1, 3, 4)), np.zeros((0, 3))
+    kernels.reach(np.ascontiguousarray(one.rows[:12].T), about, 0, about, none, nodes)
+    kernels.collocate(one, 0, nodes, rest)
+    faded = np.abs(rest[0, :, 2] - exact).max()
+    kernels.join_ends(one, about, 0, nodes, rest)
+    assert np.abs(rest[0, :, 2] - exact).max() < 0.1 * faded

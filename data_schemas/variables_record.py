@@ -104,16 +104,17 @@ INSTRUMENT: dict[str, Variable] = {
     "support_stiffness": Variable((), "f8", "N m-1", "horizontal stiffness of the support", limit="positive"),
     "mass": Variable(_PENDULUM, "f8", "kg", "mass of the pendulum", limit="positive"),
     "length": Variable(_PENDULUM, "f8", "m", "reduced length of the pendulum", limit="positive"),
-    "latitude": Variable((), "f8", "degrees_north", "latitude of the ship", standard_name="latitude"),
+    "latitude": Variable((), "f8", "degrees_north", "latitude of the ship", also=(_TIME,), standard_name="latitude"),
     "latitude_uncertainty": _sigma((), "degrees", "latitude"),
     "longitude": Variable((), "f8", "degrees_east", "longitude of the ship", standard_name="longitude"),
     "speed": Variable(
-        (), "f8", "m s-1", "speed of the ship over ground", standard_name="platform_speed_wrt_ground",
-        limit="not negative",
+        (), "f8", "m s-1", "speed of the ship over ground", also=(_TIME,),
+        standard_name="platform_speed_wrt_ground", limit="not negative",
     ),
     "speed_uncertainty": _sigma((), "m s-1", "speed over ground"),
     "course": Variable(
-        (), "f8", "degrees", "course of the ship over ground, from north by east", standard_name="platform_course"
+        (), "f8", "degrees", "course of the ship over ground, from north by east", also=(_TIME,),
+        standard_name="platform_course",
     ),
     "course_uncertainty": _sigma((), "degrees", "course over ground"),
     "height": Variable((), "f8", "m", "height of the pendulums above the sea's surface, negative below it"),

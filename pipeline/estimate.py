@@ -65,6 +65,8 @@ class Estimate:
         Part of the correction that is due to the finite arc, rad s-1.
     acceleration_reduced : bool
         Whether the support's acceleration was reduced as it acts on real pendulums.
+    of_mean : bool
+        Whether it is that of the mean of gravity over the record; else that of a phase's slope.
     """
 
     frequency: float
@@ -78,6 +80,7 @@ class Estimate:
     speed_correction: Floats | None = None
     finite_arc: float = 0.0
     acceleration_reduced: bool = False
+    of_mean: bool = False
 
 
 def budget(envelope: Envelope, fit: NarrowbandFit, ratio: float, damping_difference: float) -> Budget:

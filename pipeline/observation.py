@@ -57,8 +57,8 @@ class Observation:
     vertical : (n,) array or None
         Recorded vertical acceleration of the support, m s-2, up positive, NaN = missing.
     constants : mapping
-        What else /instrument states, by name; of pendulums those of the pair. A temperature with a course within the
-        record is its mean here, the course is `temperature_course`.
+        What else /instrument states, by name; of pendulums those of the pair. What changes within the record,
+        as `temperature` may, is its mean here, and `temperature_course`.
     course_time : (m,) array or None
         Times of a course within the record, by its own clock, s.
     tie : Tie or None
@@ -218,7 +218,7 @@ def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
         "chronometer_rate": float(constants.get("chronometer_rate", 0.0)),
         "restoring": None if restoring is None else str(restoring),
         "constants": constants,
-        "course_time": time if "temperature_course" in constants else None,
+        "course_time": time if any(name.endswith("_course") for name in constants) else None,
         "tie": tied,
         "period_change": longer / period if longer.any() else None,
     }

@@ -9,10 +9,12 @@ import numpy as np
 
 from data_schemas.errors import RecordError, RefusedError
 from pipeline.arrays import Floats
+from pipeline.conditions import TEMPERATURE
 from pipeline.joint.flow import NODES
-from pipeline.joint.lattice import lay
+from pipeline.joint.lattice import Lattice, lay
 from pipeline.joint.problem import Problem
 from pipeline.joint.spectrum import is_calm
+from pipeline.ledger import eotvos
 from pipeline.observation import instrument
 
 if TYPE_CHECKING:
@@ -88,7 +90,7 @@ def gather(record: DataTree) -> Gathered:
     if largest > LARGEST:
         raise RefusedError(f"record/elongation: half of the readings exceed {largest:.3g} rad; give elongations in rad")
     used = slice(int(np.argmax(some)), some.size - int(np.argmax(some[::-1])))
-    time, series = time[used], series[:, used]
+    all_times, time, series = time, time[used], series[:, used]
     swing = float(frequency.mean())
     swings = float(time[-1] - time[0]) * swing / (2.0 * np.pi)
     if swings < LEAST_SWINGS:
@@ -134,6 +136,7 @@ def gather(record: DataTree) -> Gathered:
             slope,
             _far(lattice.trace, lattice.value, series.shape[0]),
             spline,
+            _track(known, all_times, lattice),
         ),
         labels,
         tuple(str(trace) for trace in stored["trace"].values),
@@ -142,6 +145,21 @@ def gather(record: DataTree) -> Gathered:
         white,
         doubt,
     )
+
+
+def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:
+    """Known change of gravity over reference gravity, from its mean, at the nodes of each step: way, temperature."""
+    constants, change = known["constants"], np.zeros(time.size)
+    if any(f"{name}_course" in constants for name in eotvos.NEEDS) and all(name in constants for name in eotvos.NEEDS):
+        change -= eotvos.eotvos(*eotvos.navigation(constants)) / known["reference_gravity"]
+    if "temperature_course" in constants and all(name in constants for name in TEMPERATURE):
+        longer = float(np.mean(constants["temperature_coefficient"] / constants["period"]))
+        change += (1.0 + longer * (constants["temperature_course"] - constants["temperature"])) ** -2.0
+    if not np.ptp(change):
+        return np.zeros((0, 3))
+    nodes = lattice.start + lattice.step * np.arange(lattice.nodes)
+    mean = np.interp(nodes, time, change).mean()
+    return np.asarray(np.interp(nodes[:, None] + lattice.step * NODES, time, change) - mean)
 
 
 def _far(trace: np.ndarray, value: Floats, traces: int) -> np.ndarray:

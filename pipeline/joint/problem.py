@@ -68,6 +68,8 @@ class Problem:
         Readings that are not used.
     heave : callable, optional
         The same recording at any times since the first node, s.
+    track : (k, 3) array
+        Known change of gravity along the track, from its mean, over reference gravity, at the nodes; empty: none.
     """
 
     lattice: Lattice
@@ -77,6 +79,7 @@ class Problem:
     slope: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     left_out: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     heave: Callable[[Floats], Floats] | None = None
+    track: Floats = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def pendulums(self) -> int:
@@ -142,17 +145,19 @@ class Problem:
         return lattice.readings(variance, value, late)
 
     def known(self, constants: tuple[Constant, ...], sine: bool) -> Floats:
-        """Z that acts beside the states: recorded heave under its constants, and gravity's change along the track."""
+        """Z that acts beside the states: recorded heave under its constants, gravity as it changes along the track."""
         hats = [each for each in constants if each.kind == kernels.GRAVITY and each.width > 0.0]
         scale = 1.0 + float(unknown.total(constants, kernels.HEAVE_SCALE, 1)[0])
         late = float(unknown.total(constants, kernels.HEAVE_DELAY, 1)[0])
         recorded = self.recorded if sine else np.zeros((0, 3))
-        if not hats and (not recorded.size or (scale == 1.0 and late == 0.0)):
+        if not hats and not self.track.size and (not recorded.size or (scale == 1.0 and late == 0.0)):
             return recorded
         at: Floats = self.lattice.step * (np.arange(self.lattice.nodes)[:, None] + NODES)
         out: Floats = np.zeros_like(at)
         if recorded.size:
             out += scale * (self.heave(at + late) if late and self.heave else recorded + late * self.slope)
+        if self.track.size:
+            out += self.track
         for each in hats:
             out += each.value * np.maximum(0.0, 1.0 - np.abs(at - each.centre) / each.width)
         return out

@@ -17,6 +17,7 @@ from pipeline.joint.choice import mean_gravity
 from pipeline.joint.course import weights
 from pipeline.joint.fit import Outcome, reduce
 from pipeline.joint.gather import Gathered, gather
+from pipeline.ledger import eotvos
 from pipeline.observation import Observation, choose_pair, instrument
 from pipeline.prepared import Prepared
 from pipeline.reduction import Reduction
@@ -43,6 +44,16 @@ class Joint:
     reduction: Reduction
     prepared: Prepared | None = None
     outcome: Outcome | None = None
+
+    @property
+    def eotvos(self) -> str:
+        """What was done about the Eotvos effect, in words."""
+        assert self.prepared is not None
+        constants = self.prepared.observation.constants
+        if any(name not in constants for name in eotvos.NEEDS):
+            return "not reduced: latitude, speed or course is not stated"
+        changing = any(f"{name}_course" in constants for name in eotvos.NEEDS)
+        return "reduced as it changes along the track" if changing else "reduced as a constant"
 
     def course(self, time: Floats) -> DataTree:
         """Group `course` of a result: gravity with its band at instants of the record's own time, s, (n,)."""
@@ -78,7 +89,7 @@ class Joint:
                 },
                 attrs={
                     "correlation_length_s": float("inf") if track is None else track.length,
-                    "eotvos": "included as its mean over the record, see the ledger",
+                    "eotvos": self.eotvos,
                 },
             )
         )
@@ -109,6 +120,7 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
         damping_rate=float(damping[second]),
         samples=int(model.problem.lattice.node.size - outcome.left_out),
         acceleration_reduced=model.assumed.sine,
+        of_mean=True,
     )
     value = gravity(estimate, prepared, gain_uncertainty)
     raised = [*flags(prepared, estimate, value), *(name for words, name in KINDS.items() if words in model.words)]

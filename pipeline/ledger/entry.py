@@ -82,6 +82,18 @@ class Case:
 
         return shares(self.estimate, self.prepared)
 
+    def mean_over_record(self, series: Floats | float) -> float:
+        """Mean of what changes n^2 within the record as it acts on the estimate; of a number, itself."""
+        from pipeline.ledger.shares import mean_over_record
+
+        if np.ndim(series) == 0:
+            return float(series)
+        seen = self.prepared.observation
+        time, values = np.asarray(seen.course_time), np.asarray(series)
+        if self.estimate.of_mean:
+            return float(np.interp(seen.start + seen.time, time, values).mean())
+        return mean_over_record(self.prepared, time, values)
+
     @property
     def by_gain(self) -> float:
         """Change of gravity for a relative change of the first trace's gain, mGal, arcs and all."""

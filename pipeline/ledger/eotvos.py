@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-import math
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from pipeline.arrays import Floats
 from pipeline.ledger.entry import MGAL, Case, Change, uncertainty_told
+
+if TYPE_CHECKING:
+    from pipeline.conditions import Constants
 
 NAME = "eotvos"
 FORMULA = (
@@ -21,28 +27,43 @@ SQUARE_ECCENTRICITY = 0.00669438002290
 
 
 def change(case: Case, gravity: float) -> Change:
-    """Add what the ship's way takes off."""
-    given = [case.scalar(name) for name in NEEDS]
+    """Add what the ship's way takes off; of a way that changes within the record its mean."""
+    given = navigation(case.prepared.observation.constants)
     parts: dict[str, float | None] = {}
     for k, name in enumerate(NEEDS):
         own = case.uncertainty(name)
         above, below = (eotvos(*(x + sign * (own or 0.0) * (i == k) for i, x in enumerate(given))) for sign in (1, -1))
-        parts[name] = None if own is None else 0.5 * (above - below) / MGAL
+        parts[name] = None if own is None else case.mean_over_record(0.5 * (above - below)) / MGAL
     sigma = case.sigma(**parts)
-    latitude, speed, course = given
-    told = f"{speed:.3f} m/s on {course:.1f} deg at {latitude:+.3f} deg"
-    return Change(gravity + eotvos(*given), sigma, told + uncertainty_told(sigma))
+    latitude, speed, course = (_span(x) for x in given)
+    told = f"{speed} m/s on {course} deg at {latitude} deg"
+    return Change(gravity + case.mean_over_record(eotvos(*given)), sigma, told + uncertainty_told(sigma))
 
 
-def eotvos(latitude: float, speed: float, course: float) -> float:
+def navigation(constants: Constants) -> list[Any]:
+    """Latitude, speed and course: a number each, or an array at the record's times."""
+    return [constants.get(f"{name}_course", constants[name]) for name in NEEDS]
+
+
+def _span(values: Floats | float) -> str:
+    low, high = float(np.min(values)), float(np.max(values))
+    return f"{low:.3f}" if low == high else f"{low:.3f} to {high:.3f}"
+
+
+def eotvos(latitude: Floats | float, speed: Floats | float, course: Floats | float) -> Any:
     """Correction for the ship's way, to be added to gravity, m s-2.
 
     Parameters
     ----------
-    latitude, course : float
+    latitude, course : array_like
         Degrees; course over ground from north by east.
-    speed : float
+    speed : array_like
         m s-1 over ground, steady, at the sea's surface.
+
+    Returns
+    -------
+    float or array
+        Broadcast over the three.
 
     Examples
     --------
@@ -51,9 +72,9 @@ def eotvos(latitude: float, speed: float, course: float) -> float:
     >>> round(eotvos(0.0, 4 * 1852 / 3600, 90.0) * 1e5, 1)
     30.1
     """
-    phi, alpha = math.radians(latitude), math.radians(course)
-    bulge = 1.0 - SQUARE_ECCENTRICITY * math.sin(phi) ** 2
-    across = AXIS / math.sqrt(bulge)  # N, of the prime vertical
+    phi, alpha = np.radians(latitude), np.radians(course)
+    bulge = 1.0 - SQUARE_ECCENTRICITY * np.sin(phi) ** 2
+    across = AXIS / np.sqrt(bulge)  # N, of the prime vertical
     along = across * (1.0 - SQUARE_ECCENTRICITY) / bulge  # M, of the meridian
-    east, north = speed * math.sin(alpha), speed * math.cos(alpha)
-    return 2.0 * TURN * east * math.cos(phi) + north**2 / along + east**2 / across
+    east, north = speed * np.sin(alpha), speed * np.cos(alpha)
+    return 2.0 * TURN * east * np.cos(phi) + north**2 / along + east**2 / across

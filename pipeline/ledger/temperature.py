@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from pipeline.conditions import TEMPERATURE
 from pipeline.ledger.entry import Case, Change, uncertainty_told
-from pipeline.ledger.shares import mean_over_record
 
 NAME = "temperature"
 FORMULA = "T_ref = T - c (t - t_ref), c = expansion coefficient times T/2"
@@ -24,9 +21,8 @@ def change(case: Case, gravity: float) -> Change:
     warm = case.scalar("temperature") - case.scalar("temperature_reference")
     told = f"{case.scalar('temperature'):.2f} K"
     if "temperature_course" in constants:
-        seen = case.prepared.observation
-        course, time = case.pair("temperature_course"), np.asarray(seen.course_time)
-        warm = mean_over_record(case.prepared, time, course) - case.scalar("temperature_reference")
+        course = case.pair("temperature_course")
+        warm = case.mean_over_record(course) - case.scalar("temperature_reference")
         low, high = float(course.min()), float(course.max())
         told = f"{low:.2f} to {high:.2f} K, acting as {warm + case.scalar('temperature_reference'):.3f} K"
     period = case.period

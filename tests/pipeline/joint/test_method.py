@@ -12,6 +12,7 @@ import synth
 from data_schemas import check, read, write
 from data_schemas.errors import RefusedError
 from data_schemas.scene import Scene
+from data_schemas.scene_way import lightening
 from pipeline import process, summaries
 from pipeline.joint.gather import gather
 
@@ -179,3 +180,29 @@ def test_marks_near_the_swing_itself_are_followed_on_its_own_side(period: float)
     marks = {"sampling_rate": 2, "vertical_acceleration": False}
     made, gravity = record(duration=1200.0, pendulums=pendulums, motion=swell, recording=marks)
     assert abs(in_sigmas(row(made), gravity)) < 3.5
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_what_the_ships_way_takes_off_is_no_change_of_gravity(known: bool) -> None:
+    """A ship that steams east ever faster: 20 mGal in ten minutes."""
+    rate, latitude = 3.3e-7, 45.0
+    made, gravity = record(gravity_course={"kind": "linear", "rate": -rate}, duration=600.0)
+    time = made["time"].values
+    speeds = np.linspace(0.0, 10.0, 1001)
+    lost = rate * (time - time.mean()) + lightening(latitude, 5.0, 90.0)
+    speed = np.interp(lost, [lightening(latitude, each, 90.0) for each in speeds], speeds)
+    made["instrument"].dataset = made["instrument"].dataset.assign(
+        latitude=((), latitude, {"units": "degrees_north"}),
+        course=((), 90.0, {"units": "degrees"}),
+        speed=(*(("time", speed) if known else ((), 5.0)), {"units": "m s-1"}),
+    )
+    result = process(made, method="joint")
+    (found,) = summaries(result)
+    assert (
+        abs(found["gravity_m_s2"] - gravity - lightening(latitude, 5.0, 90.0)) / 1e-5
+        < 3.5 * found["gravity_sigma_mgal"]
+    )
+    assert ("gravity-changes" in found["flags"]) is not known
+    values = result["course"]["gravity_course"].values
+    assert np.ptp(values) == pytest.approx(0.0 if known else rate * 600.0, abs=3e-5)
+    assert ("along the track" in result["course"].attrs["eotvos"]) is known

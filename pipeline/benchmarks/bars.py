@@ -9,6 +9,7 @@ from pipeline.benchmarks import (
     bars_accuracy,
     bars_integrators,
     bars_inversion,
+    bars_joint,
     bars_speed,
     bars_statistics,
     bars_suites,
@@ -22,5 +23,6 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     yield from bars_suites.rows()
     yield from bars_statistics.rows(quick=quick)
     yield from bars_inversion.rows(quick=quick)
+    yield from bars_joint.rows(quick=quick)
     yield from bars_speed.rows(quick=quick)
     yield from bars_integrators.rows(quick=quick)

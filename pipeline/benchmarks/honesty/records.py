@@ -33,6 +33,8 @@ class Made(NamedTuple):
     """Mean over the record, m/s^2."""
     case: Case
     """What it was made with."""
+    law: Floats
+    """Of gravity in time, see `plain.gravity_at`."""
 
 
 def record(kind: str, strength: str, seed: int, *, duration: float | None = None) -> Made:
@@ -57,10 +59,11 @@ def record(kind: str, strength: str, seed: int, *, duration: float | None = None
     if kind == "mixture":
         for name in random.choice(MIXABLE, 3, replace=False):
             case = case_of(str(name), strength, case)
-    return _made(case if duration is None else replace(case, duration=duration), random, f"{kind}-{strength}-{seed}")
+    return of_case(case if duration is None else replace(case, duration=duration), random, f"{kind}-{strength}-{seed}")
 
 
-def _made(case: Case, random: np.random.Generator, label: str) -> Made:
+def of_case(case: Case, random: np.random.Generator, label: str) -> Made:
+    """Make a record of a case; what the case leaves open is drawn."""
     period = random.uniform(0.95, 1.05)
     splits = [case.split or random.choice([-1, 1]) * 10.0 ** random.uniform(-4.3, -3.3) for _ in range(2)]
     frequency = 2.0 * np.pi / period / np.array([1.0, *(1.0 + split for split in splits)])[: case.pendulums]
@@ -91,7 +94,7 @@ def _made(case: Case, random: np.random.Generator, label: str) -> Made:
     stamped = times + case.clock_step * random.choice([-1, 1]) * (times > 0.5 * case.duration)
     dense = np.linspace(0.0, case.duration, 4001)
     gravity = float(np.mean([plain.gravity_at(time, law) for time in 0.5 * (dense[1:] + dense[:-1])]))
-    return Made(_tree(label, stamped, traces, heave, frequency, damping, case, random), gravity, case)
+    return Made(_tree(label, stamped, traces, heave, frequency, damping, case, random), gravity, case, law)
 
 
 def _motion(case: Case, swing: float, random: np.random.Generator) -> sea.Motion:

@@ -1,0 +1,202 @@
+"""Bars of the joint fit: scatter, sigma and cost on records of a plain integrator, fitted from the defaults."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from data_schemas.errors import IsochronyError
+from pipeline.arrays import Floats
+from pipeline.benchmarks.bar import Row, at_most, between, reported
+from pipeline.benchmarks.honesty.case import Case
+from pipeline.benchmarks.honesty.plain import gravity_at
+from pipeline.benchmarks.honesty.records import Made, of_case
+from pipeline.benchmarks.progress import progress
+
+COUNT, QUICK = 400, 8
+MGAL = 1e-5  # m s-2
+BASE = Case(duration=1800.0, rate=10.0, noise=3e-5, swell=(0.015, 0.02), states_heave=True)
+GAPS: Mapping[str, tuple[Case, float]] = {
+    "one gap of 30 s": (replace(BASE, gap=30.0), 0.05),
+    "one gap of 300 s": (replace(BASE, gap=300.0), 0.08),
+    "ten gaps of 20 s": (replace(BASE, gap=20.0, gaps=10), 0.35),
+    "alternate minutes": (replace(BASE, lost_of_two_minutes=60.0), 0.8),
+}
+"""Both traces lost; largest sigma, mGal."""
+LOST = {"30 % of the samples": 0.3, "60 % of the samples": 0.6}
+KICKS = tuple(kick for size in (1e-7, 1e-6, 1e-5) for kick in ((size, 0.0), (size, size)))
+"""rad s-1/2, of either pendulum."""
+COURSES = {f"gravity changing by {size:g} mGal": Case(gravity_change=size) for size in (2.0, 20.0, 100.0)} | {
+    "gravity wave of 15 mGal in 20 min": Case(gravity_wave=15.0)
+}
+SPEEDS: Mapping[str, tuple[Case, float, float]] = {
+    "linear": (Case(rate=25.0, linear=True), 4.0, 40.0),
+    "real, heave recorded": (replace(BASE, rate=25.0), 8.0, 120.0),
+    "real, heave not recorded": (replace(BASE, rate=25.0, states_heave=False), 25.0, 400.0),
+}
+"""Largest CPU time of one pass and of a whole fit, in chains of hilbert + unwrap + polyfit."""
+
+
+class Fit(NamedTuple):
+    """What the joint fit made of one record; mGal, s of processor time."""
+
+    error: float
+    sigma: float
+    seconds: float
+    band: float
+    """Root mean square of the course's error over its sigma."""
+
+
+def rows(*, quick: bool) -> Iterator[Row]:
+    """Yield the bars; seeds are fixed."""
+    count = QUICK if quick else COUNT
+    for name, (case, limit) in GAPS.items():
+        fits = campaign(name, case, count)
+        yield at_most(f"joint, {name}: median sigma of {count}", median(fits, "sigma"), limit, "mGal")
+        yield honest(f"joint, {name}", fits)
+    yield from _lost(count)
+    fits = campaign("heave not recorded", replace(BASE, states_heave=False), count)
+    yield at_most(f"joint, heave not recorded: RMSE of {count}", rms(fit.error for fit in fits), 0.06, "mGal")
+    yield honest("joint, heave not recorded", fits)
+    for kick in KICKS:
+        name = f"kicks of {kick[0]:g} and {kick[1]:g} rad/sqrt(s)"
+        yield honest(f"joint, {name}", campaign(name, Case(kicks=kick), count))
+    for name, case in COURSES.items():
+        fits = campaign(name, case, count)
+        yield at_most(
+            f"joint, {name}: mean, farthest of {count} in sigma", max(abs(f.error / f.sigma) for f in fits), 4.0
+        )
+        yield between(f"joint, {name}: band, rms z", rms(fit.band for fit in fits), 0.7, 1.2)
+    yield _interval(2000 if not quick else 5 * QUICK)
+    yield from _cost(5 if quick else 15)
+
+
+def campaign(name: str, case: Case | Callable[[np.random.Generator], Case], count: int) -> list[Fit]:
+    """Fit records of a case that differ in all that is drawn; a refused one has an infinite error."""
+    found = []
+    for seed in progress(range(count), name, count):
+        random = np.random.default_rng([seed, 1958])
+        found.append(fitted(of_case(case if isinstance(case, Case) else case(random), random, f"{name} {seed}")))
+    return found
+
+
+def fitted(made: Made) -> Fit:
+    """Fit one record as a user would."""
+    from pipeline.processing import process
+    from pipeline.summary import summaries
+
+    began = time.process_time()
+    try:
+        result = process(made.tree)
+    except IsochronyError:
+        return Fit(math.inf, math.nan, time.process_time() - began, math.nan)
+    took = time.process_time() - began
+    (row,) = summaries(result)
+    if row["status"] != "ok":
+        return Fit(math.inf, math.nan, took, math.nan)
+    band = math.nan
+    if "course" in result.children:
+        course = result["course"].dataset
+        truth = np.array([gravity_at(each, made.law) for each in np.asarray(result["time"].values)])
+        off = (course["gravity_course"].values - truth) / MGAL / course["gravity_course_sigma"].values
+        band = float(np.sqrt(np.mean(off**2)))
+    return Fit((row["gravity_m_s2"] - made.gravity) / MGAL, row["gravity_sigma_mgal"], took, band)
+
+
+def rms(values: Iterator[float]) -> float:
+    """Root mean square."""
+    return math.sqrt(statistics.fmean(value**2 for value in values))
+
+
+def median(fits: list[Fit], name: str) -> float:
+    """Of one figure of the fits."""
+    return float(statistics.median(getattr(fit, name) for fit in fits))
+
+
+def honest(name: str, fits: list[Fit]) -> Row:
+    """Root mean square of error over sigma, between .85 and 1.2, wider by three times the scatter that few have."""
+    more = 3.0 * max(math.sqrt(0.5 / len(fits)) - math.sqrt(0.5 / COUNT), 0.0)
+    value = rms(fit.error / fit.sigma for fit in fits)
+    return between(f"{name}: rms z of {len(fits)}", value, 0.85 * (1.0 - more), 1.2 * (1.0 + more))
+
+
+def _lost(count: int) -> Iterator[Row]:
+    """Random samples lost: sigma within 1.3 of what fewer samples allow, time within 5 times the whole record's."""
+    whole = campaign("no sample lost", BASE, count)
+    for name, share in LOST.items():
+        fits = campaign(f"{name} lost", replace(BASE, lost=share), count)
+        allowed = median(whole, "sigma") / math.sqrt(1.0 - share)
+        bar = f"joint, {name} lost"
+        yield at_most(f"{bar}: sigma over what so many samples allow", median(fits, "sigma") / allowed, 1.3)
+        yield at_most(f"{bar}: times the whole record's time", median(fits, "seconds") / median(whole, "seconds"), 5.0)
+
+
+def _interval(count: int) -> Row:
+    """Random records, heave and damping stated or not: share whose 95 % interval holds the truth."""
+
+    def case(random: np.random.Generator) -> Case:
+        stated = bool(random.random() < 0.5)
+        return replace(
+            BASE,
+            duration=900.0,
+            noise=10.0 ** random.uniform(-6.0, -4.0),
+            damping=10.0 ** random.uniform(-5.0, -3.5),
+            states_damping=bool(random.random() < 0.5),
+            states_heave=stated,
+            swell=(random.uniform(0.0, 0.03), random.uniform(0.0, 0.05)),
+        )
+
+    fits = campaign("95 % interval", case, count)
+    share = statistics.fmean(abs(fit.error) < 1.96 * fit.sigma for fit in fits)
+    half = 0.015 if count >= 2000 else 3.0 * math.sqrt(0.95 * 0.05 / count)
+    return between(f"joint: 95 % interval holds the truth, share of {count}", share, 0.95 - half, min(0.95 + half, 1.0))
+
+
+def _cost(repeats: int) -> Iterator[Row]:
+    """CPU time of a pass and of a whole fit, beside hilbert + unwrap + polyfit on as many samples; compiled before."""
+    from pipeline.joint.fit import reduce
+    from pipeline.joint.gather import gather
+
+    for name, (case, one, whole) in SPEEDS.items():
+        gathered = gather(of_case(case, np.random.default_rng(1958), name).tree)
+        best = reduce(gathered).fit
+        model = best.model
+        signal = model.problem.lattice.value[:45000]
+
+        one_pass = partial(model.problem.run, model.assumed, model.constants, about=best.path)
+        calls: dict[str, Callable[[], object]] = {
+            "chain": partial(_chain, signal),
+            "pass": one_pass,
+            "fit": partial(reduce, gathered),
+        }
+        taken: dict[str, list[float]] = {key: [] for key in calls}
+        for _ in range(repeats):
+            for key, call in calls.items():
+                taken[key].append(_cpu(call, 1 if key == "fit" else 5))
+        for key, limit in (("pass", one), ("fit", whole)):
+            ratios = [own / chain for own, chain in zip(taken[key], taken["chain"], strict=True)]
+            words = f"joint, {name}, 45000 samples: {key}, chains"
+            yield at_most(words, statistics.median(ratios), limit, f"{min(ratios):.3g} to {max(ratios):.3g}")
+        yield reported(f"joint, {name}: a whole fit", statistics.median(taken["fit"]), "s")
+
+
+def _chain(signal: Floats) -> float:
+    """Slope of the phase, as a user of scipy would have it."""
+    from scipy.signal import hilbert
+
+    phase = np.unwrap(np.angle(hilbert(signal)))
+    return float(np.polyfit(np.arange(signal.size), phase, 1)[0])
+
+
+def _cpu(call: Callable[[], object], times: int) -> float:
+    began = time.process_time()
+    for _ in range(times):
+        call()
+    return (time.process_time() - began) / times

@@ -19,7 +19,7 @@ _PACKAGES = ("data_schemas", "synth", "pipeline")
 _NO_NUMBERS = ("cli", "plots", "benchmarks")  # parts of `pipeline` that present what others compute
 # of the benchmarks, what makes the rows that are kept
 _ROWS = (
-    *("corrections_grid.py", "huygens_map.py", "trials.py"),
+    *("corrections.py", "corrections_kinds.py", "huygens_map.py", "scenes.py"),
     *("case.py", "kinds.py", "plain.py", "reading.py", "records.py", "score.py", "sea.py"),
     *("ensemble_race.py", "growth.py", "linear_hour.py", "own.py", "peers.py", "plain_pendulums.py", "problems.py"),
     *("references.py", "symbolic.py", "work_precision.py"),

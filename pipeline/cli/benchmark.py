@@ -28,12 +28,6 @@ SUITES = {
         "64 kinds of disturbance, weak to strong: whether the stated uncertainty holds; -o resumes",
     ),
     "integrators": ("pipeline.benchmarks.integrators", "propagators against general integrators: time and error"),
-    "speed": ("pipeline.benchmarks.speed", "estimation and the command line against what they replace or import"),
-    "leave-out": ("pipeline.benchmarks.leave_out", "what `process` imports and spends, method by method"),
-    "terms": (
-        "pipeline.benchmarks.cost_of_terms",
-        "what a scene pays for its terms: run, compile and start-up time, modules",
-    ),
     "film": (
         "pipeline.benchmarks.film",
         "films read: error, flags, speed against grain, speed, dpi, crossings, missing marks, and beside peers",

@@ -1,131 +1,108 @@
-"""Bars on the integrators: times faster than peers at equal or smaller error, on points of one run.
-
-CyRK has two faces. Its DOP853 is judged by the usual one, called from Python, on which the bars were set, and the one
-called from compiled code is reported; its RADAU is judged by both.
-"""
+"""Bars on the integrators: times faster than peers at equal or smaller error, on points of one run."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from pipeline.benchmarks import ensemble_race
+import numpy as np
+
 from pipeline.benchmarks.bar import Row, at_least, not_measured, reported
-from pipeline.benchmarks.curves import of, own, time_at
 from pipeline.benchmarks.own import OWN
-from pipeline.benchmarks.problems import Problem, problems
+from pipeline.benchmarks.problems import Problem, raced
 from pipeline.benchmarks.references import reference
 from pipeline.benchmarks.work_precision import Point, contenders, sweep
 
 ABSENT = "not installed, or did not reach it: extra 'peers'"
-LEVEL = 1e-9
-_FACES = ("CyRK RADAU, Python face", "CyRK RADAU")
-_WANTED = ("heyoka", "CyRK DOP853", "CyRK DOP853, Python face", "CyRK RADAU", "CyRK RADAU, Python face", "scipy Radau")
+ANY = math.nan
+_STIFF = ((1e-6, 1.4), (1e-9, 1.4), (1e-12, 3.0))
+
+BARS: tuple[tuple[str, str, float, float, float | None], ...] = (
+    ("linear", "heyoka", ANY, 1e-14, 50.0),
+    ("linear", "CyRK DOP853", 1e-6, 1e-14, None),
+    ("linear", "scipy DOP853", 1e-9, 1e-14, None),
+    ("nonlinear", "heyoka", 1e-12, 1e-11, 8.0),
+    ("nonlinear", "CyRK DOP853", 1e-9, 1e-11, None),
+    ("nonlinear", "scipy DOP853", 1e-9, 1e-11, None),
+    ("beam", "heyoka", 1e-9, math.inf, 1.5),
+    ("beam", "scipy DOP853", 1e-9, math.inf, None),
+    *(("van der Pol", "scipy Radau", tolerance, math.inf, 300.0) for tolerance in (1e-6, 1e-9, 1e-12)),
+    *((name, "CyRK RADAU", tolerance, math.inf, limit) for name in ("van der Pol", "stiff beam")
+      for tolerance, limit in _STIFF),
+)  # fmt: skip
+"""Problem, peer, its tolerance (`ANY`: its fastest point), the largest error of ours, and how many times faster ours
+must be at that error and not above the peer's; None is reported only."""
 
 
 def rows(*, quick: bool) -> Iterator[Row]:
     """Measure what the bars need and yield them; quick problems are a tenth as long."""
     found = {}
-    for name, problem in problems(quick=quick).items():
+    for name, problem in raced(quick=quick).items():
         found[name] = sweep(problem, reference(problem), quick=quick, names=rivals(problem))
-    found[ensemble_race.NAME] = ensemble_race.race(quick=quick)[2]
     yield from not_judged(judged(found)) if quick else judged(found)
 
 
 def rivals(problem: Problem) -> list[str]:
     """All propagators of the project, and the peers that bars are set on."""
-    return [each for each in contenders(problem) if each in OWN or each in _WANTED]
+    wanted = {peer for _, peer, *_ in BARS}
+    return [each for each in contenders(problem) if each in OWN or each in wanted]
 
 
 def not_judged(rows: Iterator[Row]) -> Iterator[Row]:
-    """Rows of short problems, on which starting up is what takes the time: told, not judged."""
+    """Rows of short problems, on which starting up is what takes the time: reported, not judged."""
     for row in rows:
         yield row | {"limit": f"of the full run: {row['limit']}", "pass": None}
 
 
 def judged(found: Mapping[str, Sequence[Point]]) -> Iterator[Row]:
-    """Bars from the points of the suite; two limits are the bar and the goal, which is reported."""
-    yield from _linear(found["linear"])
-    yield from _nonlinear(found["nonlinear"])
-    yield from _at_level("beam", "heyoka", found["beam"], 1.5, 3.0)
-    yield from _at_level(ensemble_race.NAME, ensemble_race.BATCH, found[ensemble_race.NAME], 1.0, 2.0)
-    for name in ("van der Pol", "stiff beam"):
-        yield from _stiff(name, found[name])
+    """Bars from the points of the suite."""
+    for name, peer, tolerance, error, limit in BARS:
+        points = found[name]
+        rival = min(_of(points, peer, tolerance), key=lambda point: point.ms, default=None)
+        at = "any tolerance" if math.isnan(tolerance) else f"{tolerance:g}"
+        bar = f"{name}{'' if math.isinf(error) else f' at <= {error:g}'}: times faster than {peer} at {at}"
+        if rival is None:
+            yield not_measured(bar, "reported" if limit is None else f">= {limit:g}", ABSENT)
+            continue
+        method, mine = own_time(points, min(error, rival.error))
+        words = f"{bar}: {method} {mine:.3g} ms, it {rival.ms:.3g} ms at {rival.error:.1g}"
+        ratio = rival.ms / mine
+        yield reported(words, ratio) if limit is None else at_least(words, ratio, limit)
 
 
-def _linear(points: Sequence[Point]) -> Iterator[Row]:
-    bar = "linear at <= 1e-14: times faster than"
-    yield _times(f"{bar} heyoka at any tolerance", points, _fastest(of(points, "heyoka")), 50.0, 100.0, 1e-14)
-    for name, judge in (("CyRK DOP853, Python face", True), ("CyRK DOP853", False)):
-        rival = _at(points, name, 1e-6)
-        yield _times(f"{bar} {name} at 1e-6", points, rival, 250.0, 400.0, 1e-14, judge=judge)
+def _of(points: Sequence[Point], method: str, tolerance: float = ANY) -> list[Point]:
+    """Points of a method that have a value, at one tolerance or all."""
+    return [
+        point
+        for point in points
+        if point.method == method
+        and point.seconds
+        and math.isfinite(point.error)
+        and (math.isnan(tolerance) or point.tolerance == tolerance)
+    ]
 
 
-def _nonlinear(points: Sequence[Point]) -> Iterator[Row]:
-    for name, tolerance, limit, goal, judge in (
-        ("heyoka", 1e-12, 8.0, 20.0, True),
-        ("CyRK DOP853, Python face", 1e-9, 50.0, 150.0, True),
-        ("CyRK DOP853", 1e-9, 50.0, 150.0, False),
-    ):
-        bar = f"nonlinear at <= 1e-11: times faster than {name} at {tolerance:g}"
-        yield _times(bar, points, _at(points, name, tolerance), limit, goal, 1e-11, judge=judge)
-
-
-def _at_level(name: str, peer: str, points: Sequence[Point], limit: float, goal: float) -> Iterator[Row]:
-    """Both curves at the same error."""
-    theirs = time_at(of(points, peer), LEVEL)
-    method, mine = _own_time(points, LEVEL)
-    bar = f"{name} at an error of {LEVEL:g}: times faster than {peer} (goal {goal:g})"
-    if math.isnan(theirs):
-        yield not_measured(bar, f">= {limit:g}", ABSENT)
-    else:
-        yield at_least(f"{bar}: {method} {mine:.3g} ms, it {theirs:.3g} ms", theirs / mine, limit)
-
-
-def _stiff(name: str, points: Sequence[Point]) -> Iterator[Row]:
-    for tolerance, limit, goal in ((1e-6, 1.4, 3.0), (1e-9, 1.4, 3.0), (1e-12, 3.0, 8.0)):
-        for peer in _FACES:
-            bar = f"{name}: times faster than {peer} at {tolerance:g}"
-            yield _times(bar, points, _at(points, peer, tolerance), limit, goal)
-    if name == "van der Pol":
-        for tolerance in (1e-6, 1e-9, 1e-12):
-            bar = f"{name}: times faster than scipy Radau at {tolerance:g}"
-            yield _times(bar, points, _at(points, "scipy Radau", tolerance), 300.0, 1000.0)
-
-
-def _own_time(points: Sequence[Point], error: float) -> tuple[str, float]:
+def own_time(points: Sequence[Point], error: float) -> tuple[str, float]:
     """The fastest propagator at an error and its time, ms; NaN where none reaches it."""
-    times = {
-        method: time_at(of(points, method), error) for method in dict.fromkeys(point.method for point in own(points))
-    }
+    methods = dict.fromkeys(point.method for point in points if point.own)
+    times = {method: time_at(_of(points, method), error) for method in methods}
     reached = {method: time for method, time in times.items() if not math.isnan(time)}
     return min(reached.items(), key=lambda item: item[1], default=("none", math.nan))
 
 
-def _fastest(points: Sequence[Point]) -> Point | None:
-    return min(points, key=lambda point: point.ms, default=None)
+def time_at(points: Sequence[Point], error: float) -> float:
+    """Time, ms, at which one method reaches an error: its curve, interpolated between logarithms; NaN if never.
 
-
-def _at(points: Sequence[Point], method: str, tolerance: float) -> Point | None:
-    """The method's point at a tolerance."""
-    return next((point for point in of(points, method) if point.tolerance == tolerance), None)
-
-
-def _times(
-    bar: str,
-    points: Sequence[Point],
-    rival: Point | None,
-    limit: float,
-    goal: float,
-    error: float = math.inf,
-    *,
-    judge: bool = True,
-) -> Row:
-    """How much faster the best propagator is at the rival's error, or at `error` if that is smaller."""
-    words = f"{bar} (goal {goal:g})"
-    if rival is None:
-        return not_measured(words, f">= {limit:g}", ABSENT)
-    method, mine = _own_time(points, min(error, rival.error))
-    words = f"{words}: {method} {mine:.3g} ms, it {rival.ms:.3g} ms at {rival.error:.1g}"
-    ratio = rival.ms / mine
-    return at_least(words, ratio, limit) if judge else reported(words, ratio)
+    Points that others beat in both respects are passed over. A method that is always better takes its least time.
+    """
+    front: list[Point] = []
+    for point in sorted(points, key=lambda point: (point.ms, point.error)):
+        if not front or point.error < front[-1].error:
+            front.append(point)
+    if not front or front[-1].error > error:
+        return math.nan
+    if front[0].error <= error:
+        return front[0].ms
+    errors = np.log([max(point.error, 1e-17) for point in front])
+    times = np.log([point.ms for point in front])
+    return float(np.exp(np.interp(-math.log(error), -errors, times)))

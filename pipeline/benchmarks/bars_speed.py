@@ -34,7 +34,9 @@ FORBIDDEN = ("scipy.signal", "matplotlib", "dask", "pydantic")
 OF_OTHER_TERMS = ("numba", "scipy", "synth.assembly", "synth.integrators", "synth.systems", "synth.propagators.picard")
 """What a scene of linear pendulums under harmonics may not import."""
 # xarray imports dask wherever it is installed, so it is hidden: ours must not
-_PROBE = "import sys; sys.modules['dask'] = None; {}; import json; print(json.dumps([n for n, m in sys.modules.items() if m]))"
+_PROBE = """\
+import sys; sys.modules['dask'] = None; {}; \
+import json; print(json.dumps([name for name, module in sys.modules.items() if module]))"""
 _SIMULATE = "from data_schemas.scene import Scene; import synth; synth.simulate(Scene.model_validate_json(sys.argv[1]))"
 _PROCESS = """\
 import data_schemas; from pipeline.processing import process; from pipeline.summary import summaries; \

@@ -127,7 +127,12 @@ def judged(kind: Kind, rows: Sequence[Row], others: Sequence[Sequence[Row]]) -> 
         and all(float(np.sqrt(np.mean(np.square(spread[name])))) >= limit for name, limit in kind.wrong.items())
         and (kind.real or all(math.isfinite(error) or name in kind.refused for name, error in errors.items()))
     )
-    return {"case": kind.name, **errors, "silently_wrong": " ".join(silent), "pass": pattern and {*silent} <= {*kind.known}}
+    return {
+        "case": kind.name,
+        **errors,
+        "silently_wrong": " ".join(silent),
+        "pass": pattern and {*silent} <= {*kind.known},
+    }
 
 
 def silently_wrong(row: Row) -> bool:

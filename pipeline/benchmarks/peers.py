@@ -1,4 +1,4 @@
-"""General integrators on the problems, each by its fastest face and, where people use another, by that too.
+"""General integrators on the problems, each by its fastest face.
 
 Every right-hand side is compiled by Numba (heyoka's from formulas); Jacobians are given to whoever takes them. None of
 these libraries is needed to use the package; they are the extra `peers`.
@@ -54,7 +54,7 @@ def heyoka(problem: Problem, tolerance: float) -> Call:
     import heyoka as hy
 
     start, times = problem.start, problem.times
-    integrator = hy.taylor_adaptive(equations(problem.plain, float), start, tol=tolerance, compact_mode=False)
+    integrator = hy.taylor_adaptive(equations(problem, float), start, tol=tolerance, compact_mode=False)
 
     def call() -> Floats:
         integrator.time = times[0]
@@ -74,7 +74,7 @@ def cyrk(method: str) -> Callable[[Problem, float], Call]:
         from CyRK import cyjit, nbsolve2_ivp
         from numba import carray  # type: ignore[attr-defined]  # its stubs forget it
 
-        system, size = problem.plain, problem.start.size
+        system, size = problem.system, problem.start.size
 
         def slopes(out: Any, time: float, state: Any, parameters: Any) -> None:
             derivative(time, carray(state, size), system, carray(out, size))
@@ -99,43 +99,6 @@ def cyrk(method: str) -> Callable[[Problem, float], Call]:
     return make
 
 
-def cyrk_python(method: str) -> Callable[[Problem, float], Call]:
-    """CyRK's usual face, `pysolve_ivp`, with a right-hand side compiled by Numba."""
-
-    def make(problem: Problem, tolerance: float) -> Call:
-        from CyRK import pysolve_ivp
-
-        right = compiled_right_side(problem.plain)
-
-        def slopes(out: Floats, time: float, state: Floats) -> None:
-            right(time, state, out)
-
-        import numba
-
-        compiled = numba.njit(slopes)
-        times = problem.times
-        span = (float(times[0]), float(times[-1]))
-
-        def call() -> Floats:
-            found = pysolve_ivp(
-                compiled,
-                span,
-                problem.start,
-                method,
-                times,
-                rtol=tolerance,
-                atol=ABSOLUTE * tolerance,
-                pass_dy_as_arg=True,
-            )
-            if not found.success:
-                raise RefusedError(f"CyRK {method}: {found.message}")
-            return np.array(found.y).T.copy()
-
-        return call
-
-    return make
-
-
 def scipy(method: str) -> Callable[[Problem, float], Call]:
     """scipy's `solve_ivp`."""
 
@@ -143,7 +106,7 @@ def scipy(method: str) -> Callable[[Problem, float], Call]:
         from scipy.integrate import solve_ivp
 
         integrate: Any = solve_ivp  # whose stubs want to know the method beforehand
-        right, size = compiled_right_side(problem.plain), problem.start.size
+        right, size = compiled_right_side(problem.system), problem.start.size
 
         def slopes(time: float, state: Floats) -> Floats:
             out = np.empty(size)
@@ -152,20 +115,12 @@ def scipy(method: str) -> Callable[[Problem, float], Call]:
 
         options: dict[str, Any] = {}
         if problem.stiff and method != "DOP853":
-            options["jac"] = compiled_jacobian(problem.plain, size)
+            options["jac"] = compiled_jacobian(problem.system, size)
         span = (float(problem.times[0]), float(problem.times[-1]))
 
         def call() -> Floats:
-            found: Any = integrate(
-                slopes,
-                span,
-                problem.start,
-                method,
-                problem.times,
-                rtol=max(tolerance, 1e-13),
-                atol=ABSOLUTE * tolerance,
-                **options,
-            )
+            tolerances = {"rtol": max(tolerance, 1e-13), "atol": ABSOLUTE * tolerance}
+            found: Any = integrate(slopes, span, problem.start, method, problem.times, **tolerances, **options)
             if not found.success:
                 raise RefusedError(f"scipy {method}: {found.message}")
             return np.asarray(found.y).T
@@ -181,14 +136,14 @@ def cvode(method: str) -> Callable[[Problem, float], Call]:
     def make(problem: Problem, tolerance: float) -> Call:
         from sksundae.cvode import CVODE
 
-        right, size = compiled_right_side(problem.plain), problem.start.size
+        right, size = compiled_right_side(problem.system), problem.start.size
 
         def slopes(time: float, state: Floats, out: Floats) -> None:
             right(time, state, out)
 
         options: dict[str, Any] = {}
         if problem.stiff:
-            matrix = compiled_jacobian(problem.plain, size)
+            matrix = compiled_jacobian(problem.system, size)
 
             def slope_matrix(time: float, state: Floats, rates: Floats, out: Floats) -> None:
                 out[:] = matrix(time, state)
@@ -239,11 +194,8 @@ def compiled_jacobian(system: Any, size: int) -> Callable[[float, Floats], Float
 PEERS: Mapping[str, Peer] = {
     "heyoka": Peer("heyoka", heyoka, None),
     "CyRK DOP853": Peer("CyRK", cyrk("DOP853"), False),
-    "CyRK DOP853, Python face": Peer("CyRK", cyrk_python("DOP853"), False),
     "CyRK RADAU": Peer("CyRK", cyrk("RADAU"), True),
-    "CyRK RADAU, Python face": Peer("CyRK", cyrk_python("RADAU"), True),
     "scipy DOP853": Peer("scipy", scipy("DOP853"), False),
-    "scipy LSODA": Peer("scipy", scipy("LSODA"), None),
     "scipy Radau": Peer("scipy", scipy("Radau"), True),
     "CVODE Adams": Peer("sksundae", cvode("Adams"), False),
     "CVODE BDF": Peer("sksundae", cvode("BDF"), True),

@@ -130,7 +130,10 @@ def test_an_interrupted_run_goes_on_where_it_stopped(few: list[str], tmp_path: P
     assert next(rows)["case"] == "linear"
     rows.close()
     assert len(few) == len(METHODS)
-    assert [each["case"] for each in corrections.run(quick=True, folder=tmp_path) if "pass" in each] == ["linear", "real"]
+    assert [each["case"] for each in corrections.run(quick=True, folder=tmp_path) if "pass" in each] == [
+        "linear",
+        "real",
+    ]
     assert len(few) == 2 * len(METHODS)
     list(corrections.run(quick=False, folder=tmp_path))  # more repeats: other times
     assert len(few) == 4 * len(METHODS)

@@ -8,26 +8,23 @@ from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
-from xarray import DataTree
 
 from data_schemas.errors import RefusedError
 from data_schemas.scene import Scene
-from pipeline.benchmarks.plain_pendulums import Swell
-from pipeline.benchmarks.stability_cases import GRAVITY, Case
+from pipeline.benchmarks.own import Answer
+from pipeline.benchmarks.problems import GRAVITY, Swell
+from pipeline.benchmarks.stability_motions import SIMULATE, SUITED, Case
 from synth import simulate
-from synth.phase import Floats
 from synth.systems.restoring import Linear
 
-SAYABLE = ("linear", "overdamped", "sine", "beam", "table")
-"""Kinds of motion that a scene can say."""
 ROUNDED = 4e-16
 """Of a phase: scenes give periods and rates, whose reciprocals are rounded."""
 
 
-def simulated(case: Case, tolerance: float) -> tuple[Floats, float]:
+def simulated(case: Case, tolerance: float) -> Answer:
     """Angles at the case's readings, and the truth's estimated error."""
-    if case.kind not in SAYABLE:
-        raise RefusedError("simulate: no scene says this system")
+    if SIMULATE not in SUITED[case.problem.kind]:
+        raise RefusedError("simulate: no scene has this system")
     with tempfile.TemporaryDirectory() as folder:
         try:
             scene = Scene.model_validate(scene_of(case, Path(folder)))
@@ -36,18 +33,19 @@ def simulated(case: Case, tolerance: float) -> tuple[Floats, float]:
             raise RefusedError(f"scene: {where}: {fault.errors()[0]['msg']}") from None
         _, truth = simulate(scene)
     theta = np.asarray(truth["truth/theta"].values)
-    return theta.T[: case.count], estimate_of(truth)
+    estimate = next(node.attrs["estimated_error"] for node in truth.subtree if "estimated_error" in node.attrs)
+    return Answer(theta.T[: case.problem.count], float(estimate))
 
 
 def scene_of(case: Case, folder: Path) -> dict[str, Any]:
     """The case as a scene's fields; a table is written into the folder."""
-    beam = case.kind == "beam"
-    system = case.system
+    problem = case.problem
+    beam, system = problem.kind == "beam", problem.system
     periods = 2.0 * np.pi * np.sqrt(system.length / GRAVITY) if beam else 2.0 * np.pi / system.natural_frequency
     first = system.first_angle
     pendulums = []
     for k, period in enumerate(periods.tolist()):
-        angle, speed = case.start[first + 2 * k : first + 2 * k + 2].tolist()
+        angle, speed = problem.start[first + 2 * k : first + 2 * k + 2].tolist()
         pendulum = {
             "label": str(k + 1),
             "period": period,
@@ -57,13 +55,13 @@ def scene_of(case: Case, folder: Path) -> dict[str, Any]:
         pendulums.append(pendulum)
     scene: dict[str, Any] = {
         "record_id": "extreme",
-        "duration": float(case.step * case.count),
+        "duration": float(problem.step * problem.count),
         "gravity": GRAVITY,
         "reference_gravity": GRAVITY,
         "restoring": "linear" if not beam and isinstance(system.restoring, Linear) else "sine",
         "pendulums": pendulums,
-        "motion": [*_moved(case.horizontal, "horizontal"), *_moved(case.vertical, "vertical")],
-        "recording": {"sampling_rate": str(1 / case.step)},
+        "motion": [*_moved(problem.horizontal, "horizontal"), *_moved(problem.vertical, "vertical")],
+        "recording": {"sampling_rate": str(1 / problem.step)},
     }
     if beam:
         scene["support"] = {
@@ -71,8 +69,8 @@ def scene_of(case: Case, folder: Path) -> dict[str, Any]:
             "mass": system.beam_mass,
             "stiffness": system.stiffness,
             "damping_rate": system.damping_rate,
-            "displacement": float(case.start[0]),
-            "velocity": float(case.start[1]),
+            "displacement": float(problem.start[0]),
+            "velocity": float(problem.start[1]),
         }
     if case.table is not None:
         np.savetxt(folder / "motion.csv", np.column_stack(case.table), delimiter=",")
@@ -94,14 +92,11 @@ def _moved(swell: Swell, axis: str) -> list[dict[str, Any]]:
     ]
 
 
-def estimate_of(truth: DataTree) -> float:
-    """The simulator's own estimate of its error."""
-    return float(next(node.attrs["estimated_error"] for node in truth.subtree if "estimated_error" in node.attrs))
-
-
 def rounding(case: Case) -> float:
     """How far a scene's rounded periods put the angles off by the end, relative."""
-    if case.kind == "table":
+    problem = case.problem
+    if case.table is not None:
         return 0.0
-    fastest = np.sqrt(GRAVITY / case.system.length) if case.kind == "beam" else case.system.natural_frequency
-    return ROUNDED * float(np.max(fastest) * case.step * case.count)
+    system = problem.system
+    fastest = np.sqrt(GRAVITY / system.length) if problem.kind == "beam" else system.natural_frequency
+    return ROUNDED * float(np.max(fastest) * problem.step * problem.count)

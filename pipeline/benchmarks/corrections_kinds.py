@@ -36,7 +36,7 @@ class Kind:
     right : dict
         Largest error, mGal, of the methods that are right here.
     wrong : dict
-        Least root mean square error over the swells, mGal, of the methods that are wrong here: a fifth of what is found.
+        Least root mean square error over the swells, mGal, of the methods that are wrong: a fifth of what is found.
     refused : tuple of str
         Methods that may decline: a phase means nothing where the amplitude vanishes.
     real : bool

@@ -67,7 +67,7 @@ def test_bars_of_speed_are_yielded(monkeypatch: pytest.MonkeyPatch) -> None:
         return lambda: (asked.append(words), '["numpy", "scipy.signal._waveforms", "numba"]')[1]
 
     monkeypatch.setattr(bars_speed, "command", command)
-    monkeypatch.setattr(bars_speed, "rounds", lambda calls, *_, **__: dict.fromkeys(calls, [1.0, 2.0, 3.0]))
+    monkeypatch.setattr(bars_speed, "rounds", lambda calls, *_, **__: {name: [1.0, 2.0, 3.0] for name in calls})
     rows = {row["bar"]: row for row in bars_speed.rows(quick=True)}
     assert len(rows) == 9
     shares = [row for bar, row in rows.items() if "times" in bar]

@@ -5,6 +5,7 @@ The first table: one row a film and reader; errors are normal to the line, px rm
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import tempfile
 import time
@@ -26,7 +27,7 @@ _SECONDS, _QUICK_SECONDS, _WARM_SECONDS = 300.0, 130.0, 70.0
 
 NOTHING: dict[str, Any] = {
     "normal_px": math.nan, "flat_px": math.nan, "accepted": 0.0, "wrong_unflagged": 0.0, "amplitude_bias": math.nan,
-    "crossings": 0, "swaps": 0, "crossing_angle_deg": math.nan,
+    "crossings": 0, "swaps": 0,
 }  # fmt: skip
 """Scores of a film that was refused."""
 
@@ -53,7 +54,8 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
         write(folder / "film.csv", table)
         write(folder / "film-bars.csv", promises)
         write_json(folder / "film.json", {"films": table, "bars": promises})
-        film_picture.draw(table, folder / "film.png")
+        if importlib.util.find_spec("matplotlib") is not None:
+            film_picture.draw(table, folder / "film.png")
 
 
 def _warm_up(path: Path) -> None:

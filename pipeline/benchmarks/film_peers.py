@@ -1,7 +1,6 @@
-"""What others read lines with, on the same image: darkest pixel, centroid, peaks that are linked, cheapest path.
+"""What others read lines with, on the same image: darkest pixel, centroid, cheapest path.
 
-They are told what the project's reader is not: within which columns each trace stays (the cheapest path once without
-and once with it), and where it begins.
+They are given what the project's reader is not: within which columns each trace stays, or where it begins and ends.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ from pipeline.benchmarks.film_scores import Truth
 _STRIP = 1024
 _BESIDE = 10  # px beyond the outermost places of a trace
 _NOISES = 4.0  # sigmas of the ground above which a pixel counts
-_NEAR = 40.0  # px from where a peak is expected to where it is linked
 ROUTE = "scikit-image route_through_array"
 ROUTE_ROWS = 800  # the cheapest path is slow: it reads so many rows
 
@@ -44,13 +42,11 @@ def readings(scan: Scan, truth: Truth) -> Iterator[tuple[str, PeerReading]]:
     ]
     for name, reader in (("column argmax", _darkest), ("centroid", _centroid)):
         yield name, _by_rows(scan, windows, reader)
-    yield "scipy peak linking", _linked(scan, truth)
     try:
         import skimage.graph  # noqa: F401
     except ImportError:
         return
-    yield ROUTE, _routed(scan, truth, [slice(0, scan.columns)] * len(windows))
-    yield f"{ROUTE}, in windows", _routed(scan, truth, windows)
+    yield ROUTE, _routed(scan, truth)
 
 
 def _by_rows(scan: Scan, windows: list[slice], reader: Callable[[Floats], Floats]) -> PeerReading:
@@ -85,34 +81,7 @@ def _centroid(light: Floats) -> Floats:
     return centre
 
 
-def _linked(scan: Scan, truth: Truth) -> PeerReading:
-    """Peaks of every row, smoothed, each linked to the trace that is expected nearest by its last two readings."""
-    from scipy.ndimage import gaussian_filter1d
-    from scipy.signal import find_peaks
-
-    started = time.process_time()
-    count = len(truth.column)
-    position = np.full((count, scan.rows), np.nan)
-    begin = int(np.argmax(np.isfinite(truth.column).all(axis=0)))
-    place, rate = truth.column[:, begin].copy(), truth.slope[:, begin].copy()
-    for first in range(0, scan.rows, _STRIP):
-        light = gaussian_filter1d(_darkness(scan.read(first, min(first + _STRIP, scan.rows))), 1.2, axis=1)
-        floor = _NOISES * 1.4826 * np.median(np.abs(light), axis=1)
-        for row in range(max(begin - first, 0), len(light)):
-            peaks = find_peaks(light[row], height=float(floor[row]))[0] + 0.5
-            for k in range(count):
-                expected = place[k] + rate[k]
-                nearest = peaks[np.argmin(np.abs(peaks - expected))] if peaks.size else np.inf
-                if abs(nearest - expected) < _NEAR:
-                    position[k, first + row] = nearest
-                    rate[k] += 0.5 * (nearest - place[k] - rate[k])
-                    place[k] = nearest
-                else:
-                    place[k] = expected
-    return PeerReading(position, slice(None), time.process_time() - started, scan.rows * scan.columns)
-
-
-def _routed(scan: Scan, truth: Truth, windows: list[slice]) -> PeerReading:
+def _routed(scan: Scan, truth: Truth) -> PeerReading:
     """The cheapest path from the true begin to the true end of each trace, dark pixels being cheap."""
     import skimage.graph
 
@@ -123,11 +92,10 @@ def _routed(scan: Scan, truth: Truth, windows: list[slice]) -> PeerReading:
     started = time.process_time()
     position = np.full(truth.column.shape, np.nan)
     light = _darkness(scan.read(rows.start, rows.stop))
-    for k, window in enumerate(windows):
-        cost = np.exp(-light[:, window] / (0.1 * light.max()))
-        ends = [(0 if at == rows.start else len(cost) - 1, int(truth.column[k, at]) - window.start)
-                for at in (rows.start, rows.stop - 1)]  # fmt: skip
+    cost = np.exp(-light / (0.1 * light.max()))
+    for k, line in enumerate(truth.column):
+        ends = [(0, int(line[rows.start])), (len(cost) - 1, int(line[rows.stop - 1]))]
         path = np.array(route(cost, *ends, fully_connected=True, geometric=True)[0])
         total = np.bincount(path[:, 0], path[:, 1] + 0.5, len(cost))
-        position[k, rows] = window.start + total / np.bincount(path[:, 0], minlength=len(cost))
+        position[k, rows] = total / np.bincount(path[:, 0], minlength=len(cost))
     return PeerReading(position, rows, time.process_time() - started, light.size)

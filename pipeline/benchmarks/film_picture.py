@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from pipeline.benchmarks.film_peers import ROUTE
-from pipeline.plots.canvas import BLUE, GREEN, ORANGE, PURPLE, VERMILION, panel, save, sheet
+from pipeline.plots.canvas import BLUE, ORANGE, PURPLE, VERMILION, panel, save, sheet
 
 _COLOURS = {
     "isochrony": BLUE,
     "column argmax": VERMILION,
     "centroid": ORANGE,
-    "scipy peak linking": GREEN,
     ROUTE: PURPLE,
 }
 PROMISED = 0.20  # px rms, normal to the line, at 300 dpi
@@ -45,12 +44,13 @@ def draw(table: Sequence[Mapping[str, Any]], path: str | os.PathLike[str]) -> No
     said = ", ".join(f"{name} {speed:.3g}" for name, speed in speeds.items() if np.isfinite(speed))
     figure = sheet(
         "Reading films: error, rows read and silent errors, against grain, speed, resolution, crossings, missing marks",
-        f"Mpx per CPU second: {said}",
+        f"dashed: promised; Mpx per CPU second: {said}",
         3.1 * len(axes_names) + 0.4,
         9.0,
     )
     grid = figure.add_gridspec(len(_MEASURES), len(axes_names))
     for across, axis in enumerate(axes_names):
+        rows = [row for row in table if row["axis"] == axis]
         for down, (measure, words, scale) in enumerate(_MEASURES):
             last = down == len(_MEASURES) - 1
             axes = panel(
@@ -58,23 +58,15 @@ def draw(table: Sequence[Mapping[str, Any]], path: str | os.PathLike[str]) -> No
                 words if across == 0 else "", yscale=scale,
             )  # fmt: skip
             for name, colour in _COLOURS.items():
-                rows = [row for row in table if row["axis"] == axis and row["reader"] == name]
-                points = sorted((row["value"], row[measure]) for row in rows if not row["refused"])
+                points = sorted((row["value"], row[measure]) for row in rows if row["reader"] == name)
+                points = [point for point in points if np.isfinite(point[1])]  # a refused film has no error
                 if points:
                     axes.plot(*np.array(points).T, color=colour, marker="o", markersize=4.0, label=name)
-                for refused in (row["value"] for row in rows if row["refused"] and down == 0):
-                    axes.plot(refused, 0.04, "x", color=colour, transform=axes.get_xaxis_transform(), clip_on=False)
-                    axes.annotate(
-                        "refused", (refused, 0.04), (6, 0), textcoords="offset points", ha="left", va="center",
-                        xycoords=axes.get_xaxis_transform(), color=colour, fontsize=7.5,
-                    )  # fmt: skip
             if scale == "log":
-                errors = [row[measure] for row in table if not row["refused"] and row[measure] > 0.0]
+                errors = [row[measure] for row in table if row[measure] > 0.0]
                 axes.set_ylim(0.7 * min(errors, default=0.1), 1.5 * max(errors, default=1.0))
                 axes.axhline(PROMISED, color="0.4", linewidth=0.8, linestyle="--")
-                if across == 0:
-                    axes.text(0.02, PROMISED, "promised", transform=axes.get_yaxis_transform(), fontsize=7.5, va="top")
-            if scale == "linear":
+            else:
                 axes.set_ylim(-0.02, 1.02)
             if across == 0 and down == 1:
                 axes.legend(fontsize=7.5, frameon=False, loc="lower left")

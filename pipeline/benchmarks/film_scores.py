@@ -1,4 +1,4 @@
-"""How good a reading of a film is, given its truth: places of the rows, crossings, marks, time, phase."""
+"""How good a reading of a film is, given its truth: places of the rows, crossings, marks, time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 WRONG = 1.0  # px off, normal to the line: five times the error that is promised
 _APART = 3.0  # px between lines beyond which it is told which is which
 _FLAT = 1.0  # slope
-_WINDOW = 30.0  # s of a fit of phase
 
 Flags = NDArray[np.bool_]
 
@@ -84,7 +83,6 @@ def places(position: Floats, flagged: Flags | None, truth: Truth, rows: slice = 
         "amplitude_bias": bias(position, column, read),
         "crossings": crossed,
         "swaps": swapped,
-        "crossing_angle_deg": angle(column, slope),
     }
 
 
@@ -123,17 +121,6 @@ def crossings(position: Floats, column: Floats) -> tuple[int, int]:
     return crossed, swapped
 
 
-def angle(column: Floats, slope: Floats) -> float:
-    """Median angle at which neighbouring lines cross, degrees; NaN if none does."""
-    found: list[float] = []
-    for k in range(len(column) - 1):
-        apart = column[k] - column[k + 1]
-        at = np.flatnonzero(np.signbit(apart[1:]) != np.signbit(apart[:-1]))
-        at = at[np.isfinite(apart[at]) & np.isfinite(apart[at + 1])]
-        found += np.abs(np.degrees(np.arctan(slope[k, at]) - np.arctan(slope[k + 1, at]))).tolist()
-    return float(np.median(found)) if found else math.nan
-
-
 def timing(seconds: Floats, truth: Truth, interval: float) -> tuple[float, float, float]:
     """Shift of the time axis by whole marks, its rms error besides, and its largest error besides, s."""
     error = seconds - truth.seconds
@@ -155,32 +142,3 @@ def marks(index: NDArray[np.int64], row_of_trace: Floats, shift: float, interval
         errors.append(rows[found] - expected)
     error = np.concatenate(errors)
     return rms(error[np.isfinite(error)])
-
-
-def phase(time: Floats, column: Floats, trace: int, truth: Truth, period: float) -> Floats:
-    """Errors of a trace's phase, rad, one a window of 30 s; NaN where less than half of the window was read.
-
-    Parameters
-    ----------
-    time : (samples,) array
-        s, of the truth's epoch.
-    column : (samples,) array
-        px
-    """
-    from scipy.interpolate import CubicSpline
-
-    lit = np.isfinite(truth.time[trace])
-    true = CubicSpline(truth.time[trace, lit], truth.column[trace, lit], extrapolate=False)(time)
-    good = np.isfinite(true) & np.isfinite(column)
-    every = float(np.median(np.diff(time)))
-    found = []
-    for begin in np.arange(truth.mark_time[0], truth.mark_time[-1] - _WINDOW + 1.0, _WINDOW):
-        here = np.flatnonzero(good & (time >= begin) & (time < begin + _WINDOW))
-        if here.size < 0.5 * _WINDOW / every:
-            found.append(math.nan)
-            continue
-        turn = 2.0 * np.pi * (time[here] - begin) / period
-        terms = np.stack([np.cos(turn), np.sin(turn), np.ones(here.size), turn], axis=1)
-        swing, error = (np.linalg.lstsq(terms, each[here], rcond=None)[0] for each in (true, column - true))
-        found.append(float(np.imag((error[0] - 1j * error[1]) / (swing[0] - 1j * swing[1]))))
-    return np.array(found)

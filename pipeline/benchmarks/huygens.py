@@ -1,5 +1,4 @@
-"""Suite `huygens`: the paper's regime by every way there is, what locks, what a yielding support does to two gravimeter
-pendulums, and what holds of the paper.
+"""Suite `huygens`: the paper's regime by every way there is, what locks, and what holds of the paper.
 
 With a folder: tables (CSV), everything (JSON), pictures (PNG) of Fig. 2 redrawn and of the lock map, and the finished
 rows of the map, so that a run that was interrupted goes on where it stopped.
@@ -15,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.benchmarks import huygens_curves, huygens_flexure, huygens_map, json_table
+from pipeline.benchmarks import huygens_curves, huygens_map, json_table
 from pipeline.benchmarks.csv_table import write
-from pipeline.benchmarks.huygens_claims import claims, flexure_claims
+from pipeline.benchmarks.huygens_claims import claims
 from pipeline.benchmarks.kept import Kept
 
 Row = dict[str, Any]
@@ -25,8 +24,7 @@ ALPHAS = (-0.175, -0.25, -0.35, -0.5, -0.65, -0.25 * math.pi, -0.9, -1.0, -1.1, 
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
-    """Yield beta, q, tau and k a way and alpha, the edge of locking a tau, what a yielding support does to gravimeter
-    pendulums, and in words what holds.
+    """Yield beta, q, tau and k a way and alpha, the edge of locking a tau, and in words what holds.
 
     Quick: three alphas, a map of 12 x 12 instead of 64 x 64.
     """
@@ -36,12 +34,10 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     chis, taus, locked = huygens_map.lock_map(size, Kept(folder))
     edges = huygens_map.edges(chis, taus, locked)
     yield from edges[:: max(1, size // 12)]
-    flexure = list(huygens_flexure.rows())
-    yield from flexure
-    held = [*claims(curves, edges, float(chis[1] - chis[0])), *flexure_claims(flexure)]
+    held = claims(curves, edges, float(chis[1] - chis[0]))
     yield from held
     if folder is not None:
-        tables = {"curves": curves, "edges": edges, "flexure": flexure, "claims": held}
+        tables = {"curves": curves, "edges": edges, "claims": held}
         for name, table in tables.items():
             write(folder / f"huygens-{name}.csv", table)
         json_table.write(folder / "huygens.json", {"quick": quick, **tables})

@@ -17,9 +17,6 @@ Row = dict[str, Any]
 EDGE = 0.08
 """Asked of the leading order's edge, relative; the map's own step comes on top."""
 
-FLEXURE = 0.01
-"""Asked of the formulas of a yielding support, of the largest e: they are of first order in it."""
-
 
 def claims(curves: Sequence[Row], edges: Sequence[Row], step: float) -> list[Row]:
     """One row a claim.
@@ -60,18 +57,6 @@ def claims(curves: Sequence[Row], edges: Sequence[Row], step: float) -> list[Row
         _claim("three regimes in phase coexist at delta0 = .002, delta = .2", float(in_phase), 3.0, in_phase == 3),
         _claim("quadrature attracts in system (2)", *_quadrature()),
     ]
-
-
-def flexure_claims(rows: Sequence[Row]) -> list[Row]:
-    """Whether the formulas of a yielding support are right: by the worst of their rows."""
-    found = []
-    for support, said in (("sideways", "Peirce's e"), ("up and down", "e of second order in the arc")):
-        some = [row for row in rows if row["support"] == support]
-        size = max(row["e_by_formula"] for row in some)
-        apart = max(abs(row["e_by_motion"] - row["e_by_formula"]) for row in some) / size
-        told = f"support yields {support}: {said} is that of the motion"
-        found.append(_claim(told, apart, FLEXURE, apart <= FLEXURE))
-    return found
 
 
 def _quadrature() -> tuple[float, float, bool]:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.benchmarks import bars_integrators
+from pipeline.benchmarks import integrators_bars
 from pipeline.benchmarks.csv_table import write
 from pipeline.benchmarks.problems import raced
 from pipeline.benchmarks.references import reference
@@ -38,8 +38,8 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
         yield from rows
     points = {name: found for name, (_, found) in races.items()}
     tables["honesty"] = [row for found in points.values() for row in estimates(found)]
-    bars = bars_integrators.judged(points)
-    tables["bars"] = list(bars_integrators.not_judged(bars) if quick else bars)
+    bars = integrators_bars.judged(points)
+    tables["bars"] = list(integrators_bars.not_judged(bars) if quick else bars)
     yield from (*tables["honesty"], *tables["bars"])
     if folder is not None:
         for name, table in tables.items():

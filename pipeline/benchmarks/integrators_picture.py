@@ -87,7 +87,6 @@ def _key(axes: Axes, points: Sequence[Point]) -> None:
         if any(point.method == method and point.seconds for point in points):
             axes.plot([], [], color=colour, marker=mark, label=method)
     if axes.lines:
-        if axes.lines:
         legend(axes, loc="center left", title="method")
     absent = dict.fromkeys(point.method for point in points if "not installed" in point.note)
     if absent:

@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.batch import ledger_index
 from pipeline.batch.summary import NAMES
-from pipeline.benchmarks import batch, batch_probe, batch_ways
+from pipeline.benchmarks import batch, batch_ways
 from pipeline.benchmarks.batch_ways import BARE, DASK, KILLED, ONE, TWO
 
 SECONDS = 130.0
@@ -94,10 +94,9 @@ def test_the_bare_loop(tmp_path: Path) -> None:
     ends = batch_ways.WAYS[BARE](records, tmp_path / "out")
     assert ends == sorted(ends)
     assert [path.name for path in sorted((tmp_path / "out").iterdir())] == ["00000.record.nc", "00001.record.nc"]
-    assert batch_probe.__doc__.startswith("Child of the suite")
 
 
 def test_a_program_that_ends_early_is_told() -> None:
     silent = subprocess.Popen([sys.executable, "-c", ""], stderr=subprocess.PIPE, text=True)
     with silent, pytest.raises(ChildProcessError, match="ended before it said 'ready'"):
-        batch_ways._told(silent, "ready")
+        batch_ways._said(silent, "ready")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.benchmarks import huygens, huygens_claims, huygens_flexure, huygens_map
+from pipeline.benchmarks import huygens, huygens_map
 from pipeline.benchmarks.kept import Kept
 
 
@@ -50,22 +50,3 @@ def test_the_edge_is_read_off_a_row() -> None:
     assert huygens_map.measured_edge(chis, {"locked": [1, 1, 1, 1]}) == math.inf
     (row,) = huygens_map.edges(chis, np.array([0.0]), [{"locked": [1, 1, 0, 0], "cpu_s": 1.0}])
     assert row["edge_by_balance"] == pytest.approx(row["edge_by_theory"], rel=0.08)
-
-
-@pytest.mark.parametrize(("phase", "share"), [(0.0, 1.0), (0.5 * math.pi, 0.5), (math.pi, 0.0)])
-def test_formulas_of_a_yielding_support(phase: float, share: float) -> None:
-    alone = huygens_flexure.MASS * 9.81 / (huygens_flexure.STIFFNESS * huygens_flexure.LENGTH)
-    assert huygens_flexure.expected("sideways", phase) == pytest.approx(alone * share, rel=0.005, abs=1e-12)
-    twice = alone * huygens_flexure.VERTICAL_ARC**2 * 2.0 * (share != 0.5)
-    assert huygens_flexure.expected("up and down", phase) == pytest.approx(twice, rel=0.02, abs=1e-12)
-
-
-@pytest.mark.compiled
-def test_pendulums_on_a_yielding_support_are_slower_by_the_formula() -> None:
-    rows = list(huygens_flexure.rows())
-    assert len(rows) == 6
-    told = huygens_claims.flexure_claims(rows)
-    assert [row["pass"] for row in told] == [True, True]
-    wrong = [row | {"e_by_formula": 2.0 * row["e_by_formula"]} for row in rows]
-    assert [row["pass"] for row in huygens_claims.flexure_claims(wrong)] == [False, False]
-    assert rows[0]["gravity_mgal"] == pytest.approx(381.0, rel=0.01)  # 2 e g

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.benchmarks import bars_integrators, integrators, work_precision
-from pipeline.benchmarks.bars_integrators import time_at
+from pipeline.benchmarks import integrators, integrators_bars, work_precision
+from pipeline.benchmarks.integrators_bars import time_at
 from pipeline.benchmarks.own import OWN, Answer
 from pipeline.benchmarks.peers import PEERS
 from pipeline.benchmarks.problems import Problem, beam, hour, raced, stiff_beam, van_der_pol
@@ -107,7 +107,7 @@ def test_the_suite_yields_its_tables(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(integrators, "raced", lambda *, quick: chosen)
     monkeypatch.setattr(work_precision, "contenders", lambda problem: ("closed form", "Picard collocation", "explicit"))
     bars = [{"bar": "b", "value": 1.0, "limit": ">= 5", "pass": False}]
-    monkeypatch.setattr(bars_integrators, "judged", lambda found: iter(bars))
+    monkeypatch.setattr(integrators_bars, "judged", lambda found: iter(bars))
     rows = list(integrators.run(quick=True, folder=tmp_path))
     # three tolerances of the explicit one, a row for each of the others, twice
     assert [next(iter(row)) for row in rows].count("problem") == 10
@@ -164,8 +164,8 @@ def test_bars_compare_at_equal_or_smaller_error() -> None:
         point("scipy Radau", 1e-8, 400.0, tolerance=1e-6),
     ]
     found = {"linear": own, "nonlinear": own, "beam": [*own, point("heyoka", 1e-10, 2.0)], "van der Pol": stiff}
-    rows = list(bars_integrators.judged({**found, "stiff beam": stiff}))
-    assert len({row["bar"] for row in rows}) == len(rows) == len(bars_integrators.BARS)
+    rows = list(integrators_bars.judged({**found, "stiff beam": stiff}))
+    assert len({row["bar"] for row in rows}) == len(rows) == len(integrators_bars.BARS)
     named = {":".join(row["bar"].split(":")[:2]): row for row in rows}
     assert named["van der Pol: times faster than CyRK RADAU at 1e-06"]["value"] == pytest.approx(10.0)  # 20 over 2
     assert named["van der Pol: times faster than CyRK RADAU at 1e-12"]["pass"] is False  # never reached
@@ -182,11 +182,3 @@ def test_tolerances_fit_methods_and_problems() -> None:
     assert set(OWN) < set(contenders(SHORT["beam"]))
     assert "CyRK RADAU" not in contenders(SHORT["beam"])
     assert "CyRK RADAU" in contenders(EVERY["stiff beam"])
-
-
-@pytest.mark.parametrize("name", EVERY)
-def test_bars_ask_every_propagator(name: str) -> None:
-    asked = bars_integrators.rivals(EVERY[name])
-    assert set(OWN) <= set(asked)
-    assert "heyoka" in asked
-    assert ("scipy Radau" in asked) == EVERY[name].stiff

@@ -8,10 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from pipeline.benchmarks.bar import Row, at_least, not_measured, reported
-from pipeline.benchmarks.own import OWN
-from pipeline.benchmarks.problems import Problem, raced
-from pipeline.benchmarks.references import reference
-from pipeline.benchmarks.work_precision import Point, contenders, sweep
+from pipeline.benchmarks.work_precision import Point
 
 ABSENT = "not installed, or did not reach it: extra 'peers'"
 ANY = math.nan
@@ -32,20 +29,6 @@ BARS: tuple[tuple[str, str, float, float, float | None], ...] = (
 )  # fmt: skip
 """Problem, peer, its tolerance (`ANY`: its fastest point), the largest error of ours, and how many times faster ours
 must be at that error and not above the peer's; None is reported only."""
-
-
-def rows(*, quick: bool) -> Iterator[Row]:
-    """Measure what the bars need and yield them; quick problems are a tenth as long."""
-    found = {}
-    for name, problem in raced(quick=quick).items():
-        found[name] = sweep(problem, reference(problem), quick=quick, names=rivals(problem))
-    yield from not_judged(judged(found)) if quick else judged(found)
-
-
-def rivals(problem: Problem) -> list[str]:
-    """All propagators of the project, and the peers that bars are set on."""
-    wanted = {peer for _, peer, *_ in BARS}
-    return [each for each in contenders(problem) if each in OWN or each in wanted]
 
 
 def not_judged(rows: Iterator[Row]) -> Iterator[Row]:

@@ -23,7 +23,6 @@ BROWNE_AMPLITUDE, BROWNE_PERIOD = 0.1, 10.0  # m s-2, s
 
 def rows() -> Iterator[Row]:
     """Yield the bars of accuracy."""
-    yield from _linear()
     yield from _wrong_by_nature()
     yield from _through_zero()
     yield from _nonlinear()
@@ -33,14 +32,6 @@ def rows() -> Iterator[Row]:
 def undamped() -> Scene:
     """Linear pendulums without damping, whose record says nothing."""
     return linear(damping_rates=(0.0, 0.0), **SILENT)
-
-
-def _linear() -> Iterator[Row]:
-    limits = {"projection": 1e-3, "complex": 1e-2, "panteleev": 1e-2}
-    for words, scene in (("all stated", linear()), ("nothing stated", undamped())):
-        found = reduce_all(scene, tuple(limits))
-        for name, limit in limits.items():
-            yield at_most(f"linear, {words}: {name}", abs(found[name].error), limit, "mGal")
 
 
 def _wrong_by_nature() -> Iterator[Row]:

@@ -27,7 +27,8 @@ _SECONDS, _QUICK_SECONDS, _WARM_SECONDS = 300.0, 130.0, 70.0
 
 NOTHING: dict[str, Any] = {
     "normal_px": math.nan, "flat_px": math.nan, "accepted": 0.0, "wrong_unflagged": 0.0, "amplitude_bias": math.nan,
-    "crossings": 0, "swaps": 0,
+    "crossings": 0, "swaps": 0, "flagged": math.nan, "single": math.nan, "mark_px": math.nan, "time_ms": math.nan,
+    "slipped": math.nan,
 }  # fmt: skip
 """Scores of a film that was refused."""
 
@@ -47,7 +48,7 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
                 table.append(row)
                 yield row
         promises = []
-        for row in film_bars.rows(table, Path(temporary), quick=quick):
+        for row in film_bars.rows(Path(temporary), quick=quick):
             promises.append(row)
             yield row
     if folder is not None:
@@ -83,12 +84,9 @@ def rows_of(case: Case, path: Path) -> Iterator[dict[str, Any]]:
         found = own_reading(path, truth, case.film.mark_interval)
         scores, refusal, spent = found.scores, "", found.seconds
     except IsochronyError as fault:
-        scores, refusal = dict.fromkeys(("flagged", "single", "mark_px", "time_ms", "slipped"), math.nan), str(fault)
-        scores, spent = NOTHING | scores, time.process_time() - started
+        scores, refusal, spent = NOTHING, str(fault), time.process_time() - started
     yield {**named, "reader": "isochrony", **scores, "mpx_s": pixels / 1e6 / spent, "refused": refusal}
     scan, _ = open_film(path, None, FilmOptions())
-    empty = dict.fromkeys(("flagged", "single", "mark_px", "time_ms", "slipped"), math.nan)
     for name, peer in readings(scan, truth):
-        named_as = order(peer.position, truth, peer.rows)
-        scored = places(peer.position[named_as], None, truth, peer.rows)
-        yield {**named, "reader": name, **scored, **empty, "mpx_s": peer.pixels / 1e6 / peer.seconds, "refused": ""}
+        scored = places(peer.position[order(peer.position, truth)], None, truth)
+        yield {**named, "reader": name, **NOTHING, **scored, "mpx_s": pixels / 1e6 / peer.seconds, "refused": ""}

@@ -1,19 +1,17 @@
-"""Promises of the film: accuracy, marks, speed, hard films, and the way from a scene to gravity and back."""
+"""Promises of the film: accuracy, speed, hard films, and the way from a scene to gravity and back."""
 
 from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from data_schemas.errors import IsochronyError
 from data_schemas.scene_film import Film
 from pipeline.benchmarks.bar import Row, at_least, at_most, holds, not_measured
 from pipeline.benchmarks.film_cases import GRAIN, crossing, hard_films, scene
 from pipeline.benchmarks.film_own import own_reading
-from pipeline.benchmarks.film_peers import ROUTE
 from pipeline.benchmarks.film_scores import Truth
 from pipeline.benchmarks.progress import progress
 from pipeline.gravity import MGAL
@@ -23,24 +21,13 @@ MOST_WRONG = 1e-4
 _LEAST_READ = 0.5  # of the rows; a film of which less is read counts as not read
 
 
-def rows(table: Sequence[dict[str, Any]], folder: Path, *, quick: bool) -> Iterator[Row]:
-    """Yield every promise; those that need half an hour of film are left out when quick.
-
-    Parameters
-    ----------
-    table
-        The rows of the suite's films.
-    folder : Path
-        For films.
-    """
+def rows(folder: Path, *, quick: bool) -> Iterator[Row]:
+    """Yield every promise; those that need half an hour of film are left out when quick. The folder is for films."""
     if quick:
-        yield not_measured("films of half an hour: accuracy, marks, gravity, speed", "", "the full run makes them")
+        yield not_measured("films of half an hour: accuracy, gravity, speed", "", "the full run makes them")
         return
     yield from hard(folder)
-    speeds: list[float] = []
-    yield from _accuracy(folder, speeds)
-    yield from _speed(speeds, table)
-    yield from _marks(folder)
+    yield from _accuracy(folder)
     for name, limit in (("typical", 1.0), ("historic-slow", 5.0)):
         yield from _gravity(name, limit, folder)
 
@@ -69,8 +56,9 @@ def _exposed(film: Film, folder: Path, seconds: float = HALF_HOUR) -> tuple[Path
     return path, Truth.of(synth.expose(scene(seconds), film, path, overwrite=True))
 
 
-def _accuracy(folder: Path, speeds: list[float]) -> Iterator[Row]:
-    """Of films with a grain of 0.05; the speeds at which they were read are appended, Mpx per CPU s."""
+def _accuracy(folder: Path) -> Iterator[Row]:
+    """Of films with a grain of 0.05, and the speed of reading them."""
+    speeds = []
     for words, film, accepted in (
         ("traces apart", Film(grain=GRAIN), 0.83),
         ("traces crossing, 8 mm apart", crossing(8.0), 0.78),
@@ -95,32 +83,8 @@ def _accuracy(folder: Path, speeds: list[float]) -> Iterator[Row]:
         if scores["crossings"]:
             yield at_least(f"{words}: crossings met", scores["crossings"], 1000)
             yield at_most(f"{words}: swaps", scores["swaps"], 0)
-
-
-def _speed(speeds: Sequence[float], table: Sequence[dict[str, Any]]) -> Iterator[Row]:
-    """Of the films of half an hour, and times that of the cheapest path on films of 300 dpi and 5 mm/s."""
-    usual = [row for row in table if row["axis"] in ("grain", "traces apart, mm", "marks missing")]
-    others = [row["mpx_s"] for row in usual if row["reader"] == ROUTE]
     speed = statistics.median(speeds) if speeds else math.nan
     yield at_least("speed of all of digitise, one core", speed, 10.0, "Mpx per CPU second")
-    if others:
-        yield at_least(f"times faster than {ROUTE}", speed / statistics.median(others), 20.0)
-    else:
-        yield not_measured(f"times faster than {ROUTE}", ">= 20", "not installed: extra 'peers'")
-
-
-def _marks(folder: Path) -> Iterator[Row]:
-    """No slip of the index, or the film is refused."""
-    for words, film in (
-        ("20 % of marks missing, 20 false", Film(grain=GRAIN, missing_marks=0.2, spurious_marks=20)),
-        ("25 % missing, wow 3 %, skew 0.5 degrees", Film(grain=GRAIN, missing_marks=0.25, wow=0.03, skew=0.5)),
-    ):
-        path, truth = _exposed(film, folder)
-        try:
-            slipped, what = bool(own_reading(path, truth, film.mark_interval).scores["slipped"]), "read"
-        except IsochronyError:
-            slipped, what = False, "refused"
-        yield holds(f"{words}: no slip ({what})", not slipped, "no slip, or refused")
 
 
 def _gravity(name: str, limit: float, folder: Path) -> Iterator[Row]:

@@ -20,12 +20,10 @@ _NOT_READ = ELONGATION_FLAGS["lost"] | ELONGATION_FLAGS["ambiguous"]
 
 @dataclass(frozen=True)
 class OwnReading:
-    """A reading, its scores, how far its time lies off by whole marks, s, its traces in the order of truth's, CPU s."""
+    """A reading, its scores, CPU s."""
 
     reading: Reading
     scores: dict[str, Any]
-    shift: float
-    names: list[int]
     seconds: float
 
 
@@ -54,4 +52,4 @@ def own_reading(path: str | os.PathLike[str], truth: Truth, interval: float) -> 
         "time_ms": 1e3 * error,
         "slipped": float(not worst < 0.5 * interval),
     }
-    return OwnReading(found, scores, shift, names, spent)
+    return OwnReading(found, scores, spent)

@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.benchmarks.film_peers import ROUTE
-from pipeline.plots.canvas import BLUE, ORANGE, PURPLE, VERMILION, panel, save, sheet
+from pipeline.plots.canvas import BLUE, ORANGE, VERMILION, panel, save, sheet
 
 _COLOURS = {
     "isochrony": BLUE,
     "column argmax": VERMILION,
     "centroid": ORANGE,
-    ROUTE: PURPLE,
 }
 PROMISED = 0.20  # px rms, normal to the line, at 300 dpi
 _MEASURES = (

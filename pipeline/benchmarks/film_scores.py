@@ -44,18 +44,18 @@ class Truth:
         )  # fmt: skip
 
 
-def order(position: Floats, truth: Truth, rows: slice = slice(None)) -> list[int]:
+def order(position: Floats, truth: Truth) -> list[int]:
     """Which reading follows each trace, most of the film: of traces that rest at one place, names cannot be told."""
-    column = truth.column[:, rows]
+    column = truth.column
 
     def distance(names: list[int]) -> float:
-        error = np.abs(position[names][:, rows] - column)
+        error = np.abs(position[names] - column)
         return float(np.median(error[np.isfinite(error)])) if np.isfinite(error).any() else math.inf
 
     return min((list(names) for names in permutations(range(len(column)))), key=distance)
 
 
-def places(position: Floats, flagged: Flags | None, truth: Truth, rows: slice = slice(None)) -> dict[str, Any]:
+def places(position: Floats, flagged: Flags | None, truth: Truth) -> dict[str, Any]:
     """Errors of the rows' readings, normal to the line, px; readings in the order of the traces they follow.
 
     Parameters
@@ -65,14 +65,12 @@ def places(position: Floats, flagged: Flags | None, truth: Truth, rows: slice = 
     flagged : (traces, rows) array or None
         Where the reader says that it may be wrong.
     truth : Truth
-    rows : slice
-        What was read of the film.
     """
-    column, slope, position = truth.column[:, rows], truth.slope[:, rows], position[:, rows]
+    column, slope = truth.column, truth.slope
     lit = np.isfinite(column)
     error = (position - column) / np.hypot(1.0, slope)
     read = lit & np.isfinite(error)
-    silent = read if flagged is None else read & ~flagged[:, rows]
+    silent = read if flagged is None else read & ~flagged
     flat = read & (np.abs(slope) < _FLAT)
     crossed, swapped = crossings(position, column)
     return {

@@ -44,14 +44,6 @@ class Answer:
 Call = Callable[[], Answer]
 
 
-@dataclass(frozen=True)
-class Own:
-    """A propagator: how to set it up, and whether it takes a tolerance."""
-
-    make: Callable[[Problem, float], Call]
-    tunable: bool = True
-
-
 def _closed_form(problem: Problem, tolerance: float) -> Call:
     if problem.kind != "linear":
         raise RefusedError("closed form: linear pendulums that swing, on a support that moves sideways, have one")
@@ -101,7 +93,7 @@ def _sum(swell: Swell) -> HarmonicSum:
     return HarmonicSum(swell.rate, swell.amplitude * np.exp(1j * swell.phase))
 
 
-def _integrator(name: str) -> Own:
+def _integrator(name: str) -> Callable[[Problem, float], Call]:
     def make(problem: Problem, tolerance: float) -> Call:
         integrate: Any = importlib.import_module(f"synth.integrators.{name}").integrate
 
@@ -111,15 +103,17 @@ def _integrator(name: str) -> Own:
 
         return call
 
-    return Own(make)
+    return make
 
 
-OWN: Mapping[str, Own] = {
-    CLOSED: Own(_closed_form, tunable=False),
-    PICARD: Own(_picard, tunable=False),
+OWN: Mapping[str, Callable[[Problem, float], Call]] = {
+    CLOSED: _closed_form,
+    PICARD: _picard,
     COLLOCATION: _integrator("collocation"),
     RADAU: _integrator("radau"),
     EXPLICIT: _integrator("explicit"),
     SPLITTING: _integrator("splitting"),
 }
-"""All propagators by the names under which rows and pictures show them."""
+"""All propagators, by the names under which rows and pictures show them: (problem, tolerance) -> call."""
+AS_EXACT_AS_CAN_BE = (CLOSED, PICARD)
+"""Propagators that take no tolerance."""

@@ -6,10 +6,8 @@ these libraries is needed to use the package; they are the extra `peers`.
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -25,28 +23,15 @@ ABSOLUTE = 1e-3
 """Absolute tolerance over the relative one: angles are of 0.01 to 1 rad."""
 
 
-@dataclass(frozen=True)
-class Peer:
-    """A way to call a library.
+class Peer(NamedTuple):
+    """A way to call a library: its name to import, and (problem, tolerance) -> call, compiling done.
 
-    Attributes
-    ----------
-    library : str
-        Name to import.
-    make : callable
-        (problem, tolerance) -> call; what can be done once, such as compiling, is done here.
-    stiff : bool or None
-        Sensible for stiff problems alone, for others alone, or for both.
+    `stiff`: sensible for stiff problems alone, for others alone, or for both (None).
     """
 
     library: str
     make: Callable[[Problem, float], Call]
     stiff: bool | None
-
-    @property
-    def installed(self) -> bool:
-        """Whether it can be imported."""
-        return importlib.util.find_spec(self.library) is not None
 
 
 def heyoka(problem: Problem, tolerance: float) -> Call:
@@ -113,9 +98,7 @@ def scipy(method: str) -> Callable[[Problem, float], Call]:
             right(time, state, out)
             return out
 
-        options: dict[str, Any] = {}
-        if problem.stiff and method != "DOP853":
-            options["jac"] = compiled_jacobian(problem.system, size)
+        options = {"jac": compiled_jacobian(problem.system, size)} if problem.stiff else {}
         span = (float(problem.times[0]), float(problem.times[-1]))
 
         def call() -> Floats:

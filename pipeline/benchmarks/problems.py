@@ -47,7 +47,7 @@ class Problem:
     ----------
     name : str
     kind : str
-        "linear", "overdamped" or "sine" (pendulums on a support that moves as prescribed), or the kind of system.
+        "linear" or "sine" (pendulums on a support that moves as prescribed), or the kind of system.
     system : NamedTuple
         Of the project's own; general integrators are given its compiled right-hand side.
     start : (n,) array
@@ -80,37 +80,6 @@ class Problem:
         return np.array([float(self.step * k) for k in range(self.count)])
 
 
-def pendulums(
-    name: str,
-    start: tuple[float, ...],
-    step: Fraction,
-    count: int,
-    *,
-    linear: bool,
-    frequency: tuple[float, ...],
-    damping: float | tuple[float, ...] = 0.0,
-    horizontal: Swell = STILL,
-    vertical: Swell = STILL,
-) -> Problem:
-    """Pendulums on a support that moves as prescribed.
-
-    All linear ones share one type of system, and so do all others: with amplitudes of zero where a term is not wanted,
-    few kernels are compiled.
-    """
-    n, gamma = np.array(frequency), np.full(len(frequency), damping)
-    system = DrivenPendulums(
-        n,
-        GRAVITY,
-        Linear() if linear else Sine(),
-        harmonics(*horizontal),
-        None if linear else harmonics(*vertical),
-        Viscous(gamma),
-    )
-    kind = "sine" if not linear else "overdamped" if np.any(gamma > n) else "linear"
-    judged = tuple(range(0, 2 * n.size, 2))
-    return Problem(name, kind, system, np.array(start), step, count, judged, horizontal, vertical)
-
-
 def raced(*, quick: bool) -> Mapping[str, Problem]:
     """The problems on which integrators are compared, by name; quick ones are a tenth as long, the stiff ones alike."""
     share = 10 if quick else 1
@@ -136,16 +105,19 @@ def hour(seconds: int = HOUR, *, linear: bool = True) -> Problem:
         2.0 * np.pi / other.uniform(4.0, 20.0, HARMONICS),
         other.uniform(0.0, 2.0 * np.pi, HARMONICS),
     )
-    return pendulums(
+    n, gamma = frequency, np.array([1e-4, 1.2e-4])
+    law, lifted = (Linear(), None) if linear else (Sine(), harmonics(*heave))
+    system = DrivenPendulums(n, GRAVITY, law, harmonics(*swell), lifted, Viscous(gamma))
+    return Problem(
         "linear" if linear else "nonlinear",
-        (0.015, 0.03, -0.01, 0.05),
+        "linear" if linear else "sine",
+        system,
+        np.array([0.015, 0.03, -0.01, 0.05]),
         Fraction(1, RATE),
         seconds * RATE,
-        linear=linear,
-        frequency=tuple(frequency.tolist()),
-        damping=(1e-4, 1.2e-4),
-        horizontal=swell,
-        vertical=STILL if linear else heave,
+        (0, 2),
+        swell,
+        STILL if linear else heave,
     )
 
 

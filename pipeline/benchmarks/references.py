@@ -13,6 +13,7 @@ import importlib.util
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from importlib import import_module
 
 import numpy as np
@@ -34,26 +35,18 @@ _BETWEEN = 400  # instants besides, closer towards the start, which show how lar
 
 @dataclass(frozen=True)
 class Reference:
-    """True states at some of a problem's instants.
-
-    Attributes
-    ----------
-    rows : (r,) int64
-        Which instants.
-    components : tuple of int
-        Which components of the state.
-    values, even : (r, c) arrays
-        At the instants as doubles, and at exact ones.
-    sizes : (c,) array
-        Largest size of each component on the way.
-    source : str
-    """
+    """True states at some of a problem's instants."""
 
     rows: NDArray[np.int64]
+    """Which instants."""
     components: tuple[int, ...]
+    """Which components of the state."""
     values: Floats
+    """(rows, components), at the instants as doubles."""
     even: Floats
+    """The same at exact instants."""
     sizes: Floats
+    """Largest size of each component on the way."""
     source: str
 
     def error(self, problem: Problem, answer: Answer, wanted: Sequence[int]) -> float:
@@ -75,8 +68,10 @@ def reference(problem: Problem) -> Reference:
     """The best reference that the installed libraries allow."""
     if problem.kind == "linear" and importlib.util.find_spec("mpmath") is not None:
         rows = np.unique(np.linspace(0, problem.count - 1, _SAMPLED).astype(np.int64))
-        even = truth.linear(problem, [problem.step * row for row in rows.tolist()])
-        values = truth.linear(problem, [Fraction(time) for time in problem.times[rows].tolist()])
+        n, gamma = problem.system.natural_frequency, problem.system.terms.damping_rate
+        true = partial(truth.linear, n, gamma, problem.start.tolist(), problem.horizontal)
+        even = true([problem.step * row for row in rows.tolist()])
+        values = true([Fraction(time) for time in problem.times[rows].tolist()])
         return Reference(rows, problem.judged, values, even, np.abs(even).max(axis=0), "mpmath, 100 digits")
     times = problem.times
     span = times[-1] - times[0]

@@ -1,50 +1,39 @@
-"""True motion in many digits: closed forms and elliptic functions (mpmath), published figures."""
+"""True motion in many digits: closed forms and elliptic functions (mpmath)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
-from pipeline.benchmarks.problems import GRAVITY, Problem
+from pipeline.benchmarks.problems import GRAVITY, Swell
 from synth.phase import Floats
 
-VAN_DER_POL = (
-    (1e-8, 100, 1.7246377432770145),
-    (1.0, 100, 2.0049420104110018),
-    (1e3, 2000, 1.7061677321704650),
-    (1e4, 2000, 1.8582056668151835),
-)
-"""mu, t, y(t) from (2, 0): 80-bit Taylor integration at 1e-18 (heyoka 7.13)."""
-MATHIEU = (
-    ("inside the first tongue", 1.0, 0.1, -2.0246669154159473),
-    ("far inside", 1.0, 1.0, -4.396667734798867),
-    ("violently", 1.0, 5.0, -22.780286845153743),
-    ("outside, above the tongue", 1.2, 0.1, -1.9319327479945316),
-    ("outside", 2.5, 0.1, 0.4979022045412337),
-)
-"""Where, a, q, trace over pi of `y'' + (a - 2 q cos 2t) y = 0`: Taylor series in 30 digits (mpmath 1.3)."""
 
-
-def linear(problem: Problem, instants: Sequence[Fraction]) -> Floats:
+def linear(
+    frequency: Iterable[float],
+    damping: Iterable[float],
+    start: Sequence[float],
+    swell: Swell,
+    instants: Sequence[Fraction],
+) -> Floats:
     """Linear pendulums under harmonics, however damped, at resonance too; (instants, pendulums), rad.
 
     Resonance and critical damping are approached to 1e-40 in 100 digits, which is their limit to 40.
     """
     mpmath: Any = import_module("mpmath")
     mp, mpf, mpc = mpmath.mp, mpmath.mpf, mpmath.mpc
-    system, start = problem.system, problem.start
-    found = np.empty((len(instants), system.natural_frequency.size))
+    found = np.empty((len(instants), len(start) // 2))
     with mp.workdps(100):
-        for k, (n, damping) in enumerate(zip(system.natural_frequency, system.terms.damping_rate, strict=True)):
-            square, gamma = mpf(float(n)) ** 2 * (1 + mpf(10) ** -40), mpf(float(damping))
+        for k, (n, each) in enumerate(zip(frequency, damping, strict=True)):
+            square, gamma = mpf(float(n)) ** 2 * (1 + mpf(10) ** -40), mpf(float(each))
             root = mp.sqrt(mpc(gamma**2 - square))
             fast, slow = -gamma - root, -gamma + root
             steady = []
-            for a, w, p in zip(*problem.horizontal, strict=True):
+            for a, w, p in zip(*swell, strict=True):
                 rate = mpf(float(w))
                 drive = -(mpf(float(n)) ** 2) * mpf(float(a)) / mpf(GRAVITY) * mp.expj(mpf(float(p)))
                 steady.append((rate, drive / (square - rate * rate + mpc(0, 2) * gamma * rate)))

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from data_schemas.errors import RefusedError
-from pipeline.benchmarks.clock import timed
-from pipeline.benchmarks.own import OWN, Answer
+from pipeline.benchmarks.clock import rounds, timed
+from pipeline.benchmarks.own import AS_EXACT_AS_CAN_BE, OWN, Answer
 from pipeline.benchmarks.peers import PEERS
 from pipeline.benchmarks.problems import Problem
 from pipeline.benchmarks.progress import progress
@@ -28,8 +28,6 @@ QUICK_TOLERANCES = (1e-6, 1e-9, 1e-12)
 REPEATS = 5
 ONCE, QUICK_ONCE = 5.0, 0.25  # s: whoever takes longer is timed once
 LONG = 20.0  # s: whoever takes longer is not called again to be timed: what it compiled is within 5 % of that
-_BATCH_BELOW = 0.01  # s: shorter calls are made several times a round
-_BATCH = 5
 
 
 @dataclass(frozen=True)
@@ -102,14 +100,14 @@ def set_up(problem: Problem, method: str, tolerance: float) -> Callable[[], Answ
         It is not installed.
     """
     if method in OWN:
-        return OWN[method].make(problem, tolerance)
+        return OWN[method](problem, tolerance)
     call = PEERS[method].make(problem, tolerance)
     return lambda: Answer(call(), math.nan)
 
 
 def tolerances(problem: Problem, method: str, *, quick: bool) -> Sequence[float]:
     """What to ask a method for, loosest first."""
-    if method in OWN and not OWN[method].tunable:
+    if method in AS_EXACT_AS_CAN_BE:
         return (math.nan,)
     if method in OWN and problem.stiff:
         return STIFF_TOLERANCES  # a few ms each
@@ -120,7 +118,8 @@ def tolerances(problem: Problem, method: str, *, quick: bool) -> Sequence[float]
 
 def sweep(problem: Problem, truth: Reference, *, quick: bool, names: Sequence[str] | None = None) -> list[Point]:
     """Measure contenders, all by default; one that declines is noted with its reason and not asked for more."""
-    points, runners = [], []
+    points: list[Point] = []
+    runners: dict[str, tuple[Point, Callable[[], Answer]]] = {}
     names = contenders(problem) if names is None else names
     for method in progress(names, problem.name, len(names)):
         for tolerance in tolerances(problem, method, quick=quick):
@@ -146,15 +145,7 @@ def sweep(problem: Problem, truth: Reference, *, quick: bool, names: Sequence[st
             if took > (QUICK_ONCE if quick else ONCE):
                 points.append(point)
             else:
-                runners.append((point, call))
-    return sorted(points + raced(runners), key=lambda point: (names.index(point.method), -point.tolerance))
-
-
-def raced(runners: Sequence[tuple[Point, Callable[[], Any]]]) -> list[Point]:
-    """Rounds in which the runners take turns."""
-    taken: list[list[float]] = [[] for _ in runners]
-    for _ in progress(range(REPEATS), "rounds", REPEATS):
-        for (point, call), times in zip(runners, taken, strict=True):
-            batch = _BATCH if point.seconds[0] < _BATCH_BELOW else 1
-            times.append(statistics.median(timed(call)[1] for _ in range(batch)))
-    return [replace(point, seconds=tuple(times)) for (point, _), times in zip(runners, taken, strict=True)]
+                runners[f"{method} {tolerance}"] = point, call
+    taken = rounds({name: call for name, (_, call) in runners.items()}, REPEATS)
+    points += [replace(point, seconds=tuple(taken[name])) for name, (point, _) in runners.items()]
+    return sorted(points, key=lambda point: (names.index(point.method), -point.tolerance))

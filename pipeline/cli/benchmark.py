@@ -30,17 +30,17 @@ SUITES = {
     "integrators": ("pipeline.benchmarks.integrators", "propagators against general integrators: time and error"),
     "film": (
         "pipeline.benchmarks.film",
-        "films read: error, flags, speed against grain, speed, dpi, crossings, missing marks, and beside peers",
+        "films read: error, flags, speed against grain, speed, dpi, crossings, missing marks; simple readers beside",
     ),
     "huygens": (
         "pipeline.benchmarks.huygens",
-        "clocks on a beam: the paper's regime by every way, lock map, basins, what holds; -o resumes",
+        "clocks on a beam: the paper's regime by every way, lock map, what holds; -o resumes",
     ),
     "batch": (
         "pipeline.benchmarks.batch",
         "a record's cost in a batch beside a bare loop, one process and two, dask, killed and resumed",
     ),
-    "bars": ("pipeline.benchmarks.bars", "every promised accuracy and speed: bar, value, limit, pass"),
+    "bars": ("pipeline.benchmarks.bars", "promised accuracy, statistics and cost: bar, value, limit, pass"),
 }
 _LISTED = "\n".join(f"  {name:<12} {text}" for name, (_, text) in SUITES.items())
 

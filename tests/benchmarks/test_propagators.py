@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.benchmarks.own import CLOSED, OWN
-from pipeline.benchmarks.problems import RATE, hour
+from pipeline.benchmarks.problems import RATE, Problem, hour
 from pipeline.benchmarks.truth import linear
 
 pytest.importorskip("mpmath")
@@ -16,11 +16,18 @@ SHORT = hour(3)
 ROWS = np.arange(0, 60, 7)
 
 
+def true(problem: Problem, instants: list[Fraction]) -> np.ndarray:
+    system = problem.system
+    return linear(
+        system.natural_frequency, system.terms.damping_rate, problem.start.tolist(), problem.horizontal, instants
+    )
+
+
 def test_closed_form_is_exact() -> None:
-    true = linear(SHORT, [Fraction(int(row), RATE) for row in ROWS])
-    found = OWN[CLOSED].make(SHORT, np.nan)().states
-    assert np.abs(found[ROWS] - true).max() < 1e-14 * np.abs(true).max()
+    exact = true(SHORT, [Fraction(int(row), RATE) for row in ROWS])
+    found = OWN[CLOSED](SHORT, np.nan)().states
+    assert np.abs(found[ROWS] - exact).max() < 1e-14 * np.abs(exact).max()
 
 
 def test_truth_starts_where_the_problem_does() -> None:
-    assert linear(SHORT, [Fraction(0)])[0] == pytest.approx(SHORT.start[::2], rel=1e-14)
+    assert true(SHORT, [Fraction(0)])[0] == pytest.approx(SHORT.start[::2], rel=1e-14)

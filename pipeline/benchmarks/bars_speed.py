@@ -18,7 +18,7 @@ import numpy as np
 import data_schemas
 from data_schemas.scene import Scene
 from pipeline.benchmarks.bar import Row, at_most
-from pipeline.benchmarks.clock import command, median_ratio, ratios, rounds
+from pipeline.benchmarks.clock import command, median_ratio, rounds
 from pipeline.benchmarks.scenes import linear, real
 from pipeline.benchmarks.trials import outcome
 from pipeline.methods import PAIR_METHODS, method
@@ -104,7 +104,7 @@ def _start_up(path: Path, repeats: int) -> Iterator[Row]:
 
 
 def _share(bar: str, own: Sequence[float], rival: Sequence[float], limit: float) -> Row:
-    every = ratios(own, rival)
+    every = [one / other for one, other in zip(own, rival, strict=True)]
     return at_most(bar, median_ratio(own, rival), limit, f"{min(every):.2g} to {max(every):.2g}")
 
 

@@ -47,14 +47,9 @@ def rounds(calls: Mapping[str, Call], repeats: int = 5, batch: int = 1) -> dict[
     return taken
 
 
-def ratios(slow: Sequence[float], fast: Sequence[float]) -> list[float]:
-    """Ratios of times that were taken in the same rounds."""
-    return [one / other for one, other in zip(slow, fast, strict=True)]
-
-
 def median_ratio(slow: Sequence[float], fast: Sequence[float]) -> float:
     """Median of the ratios of times that were taken in the same rounds."""
-    return statistics.median(ratios(slow, fast))
+    return statistics.median(one / other for one, other in zip(slow, fast, strict=True))
 
 
 def command(*words: str) -> Call:

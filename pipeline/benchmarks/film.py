@@ -5,7 +5,6 @@ The first table: one row a film and reader; errors are normal to the line, px rm
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import tempfile
 import time
@@ -14,13 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from data_schemas.errors import IsochronyError
-from pipeline.benchmarks import film_bars, film_picture
+from pipeline.benchmarks import film_bars
 from pipeline.benchmarks.csv_table import write
 from pipeline.benchmarks.film_cases import Case, cases
-from pipeline.benchmarks.film_own import own_reading
 from pipeline.benchmarks.film_peers import readings
-from pipeline.benchmarks.film_scores import Truth, order, places
-from pipeline.benchmarks.json_table import write as write_json
+from pipeline.benchmarks.film_scores import Truth, order, own_reading, places
 from pipeline.benchmarks.progress import progress
 
 _SECONDS, _QUICK_SECONDS, _WARM_SECONDS = 300.0, 130.0, 70.0
@@ -37,7 +34,7 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
     """Yield one row a film and reader, then one row a promise.
 
     Quick: films of two minutes, the ends of each axis, and no promise that needs half an hour of film. With a folder:
-    both tables as CSV and JSON, and a picture.
+    both tables as CSV.
     """
     table: list[dict[str, Any]] = []
     seconds = _QUICK_SECONDS if quick else _SECONDS
@@ -54,9 +51,6 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
     if folder is not None:
         write(folder / "film.csv", table)
         write(folder / "film-bars.csv", promises)
-        write_json(folder / "film.json", {"films": table, "bars": promises})
-        if importlib.util.find_spec("matplotlib") is not None:
-            film_picture.draw(table, folder / "film.png")
 
 
 def _warm_up(path: Path) -> None:
@@ -87,6 +81,9 @@ def rows_of(case: Case, path: Path) -> Iterator[dict[str, Any]]:
         scores, refusal, spent = NOTHING, str(fault), time.process_time() - started
     yield {**named, "reader": "isochrony", **scores, "mpx_s": pixels / 1e6 / spent, "refused": refusal}
     scan, _ = open_film(path, None, FilmOptions())
-    for name, peer in readings(scan, truth):
-        scored = places(peer.position[order(peer.position, truth)], None, truth)
-        yield {**named, "reader": name, **NOTHING, **scored, "mpx_s": pixels / 1e6 / peer.seconds, "refused": ""}
+    started = time.process_time()
+    for name, position in readings(scan, truth):
+        spent = time.process_time() - started
+        scored = places(position[order(position, truth)], None, truth)
+        yield {**named, "reader": name, **NOTHING, **scored, "mpx_s": pixels / 1e6 / spent, "refused": ""}
+        started = time.process_time()

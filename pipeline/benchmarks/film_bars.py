@@ -11,8 +11,7 @@ from data_schemas.errors import IsochronyError
 from data_schemas.scene_film import Film
 from pipeline.benchmarks.bar import Row, at_least, at_most, holds, not_measured
 from pipeline.benchmarks.film_cases import GRAIN, crossing, hard_films, scene
-from pipeline.benchmarks.film_own import own_reading
-from pipeline.benchmarks.film_scores import Truth
+from pipeline.benchmarks.film_scores import Truth, own_reading
 from pipeline.benchmarks.progress import progress
 from pipeline.gravity import MGAL
 

@@ -5,9 +5,7 @@ They are given what the project's reader is not: within which columns each trace
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,19 +17,9 @@ _STRIP = 1024
 _BESIDE = 10  # px beyond the outermost places of a trace
 _NOISES = 4.0  # sigmas of the ground above which a pixel counts
 
-Scan = Any
 
-
-@dataclass(frozen=True)
-class PeerReading:
-    """Columns read, (traces, rows) px; CPU time, s."""
-
-    position: Floats
-    seconds: float
-
-
-def readings(scan: Scan, truth: Truth) -> Iterator[tuple[str, PeerReading]]:
-    """Every peer, by name."""
+def readings(scan: Any, truth: Truth) -> Iterator[tuple[str, Floats]]:
+    """Every peer's name and the columns it reads, (traces, rows) px."""
     windows = [
         slice(max(0, int(np.nanmin(line)) - _BESIDE), min(scan.columns, int(np.nanmax(line)) + _BESIDE))
         for line in truth.column
@@ -40,15 +28,14 @@ def readings(scan: Scan, truth: Truth) -> Iterator[tuple[str, PeerReading]]:
         yield name, _by_rows(scan, windows, reader)
 
 
-def _by_rows(scan: Scan, windows: list[slice], reader: Callable[[Floats], Floats]) -> PeerReading:
-    started = time.process_time()
+def _by_rows(scan: Any, windows: list[slice], reader: Callable[[Floats], Floats]) -> Floats:
     position = np.full((len(windows), scan.rows), np.nan)
     for first in range(0, scan.rows, _STRIP):
         stop = min(first + _STRIP, scan.rows)
         light = _darkness(scan.read(first, stop))
         for k, window in enumerate(windows):
             position[k, first:stop] = window.start + reader(light[:, window])
-    return PeerReading(position, time.process_time() - started)
+    return position
 
 
 def _darkness(pixels: Any) -> Any:

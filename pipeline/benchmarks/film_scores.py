@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import time
 from dataclasses import dataclass
 from itertools import permutations
 from typing import TYPE_CHECKING, Any
@@ -10,7 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats
+from pipeline.film.digitise import read
+from pipeline.film.reading import Reading
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -18,20 +23,21 @@ if TYPE_CHECKING:
 WRONG = 1.0  # px off, normal to the line: five times the error that is promised
 _APART = 3.0  # px between lines beyond which it is told which is which
 _FLAT = 1.0  # slope
+_DOUBT = sum(ELONGATION_FLAGS[name] for name in ("lost", "ambiguous", "single_direction", "outlier"))
+_NOT_READ = ELONGATION_FLAGS["lost"] | ELONGATION_FLAGS["ambiguous"]
 
 Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What a reader of the film does not see, (traces, rows) px and s, and the marks, s and px."""
+    """What a reader of the film does not see, (traces, rows) px and s, and the marks, s."""
 
     column: Floats
     slope: Floats
     time: Floats
     seconds: Floats
     mark_time: Floats
-    mark_row: Floats
 
     @classmethod
     def of(cls, tree: xr.DataTree) -> Truth:
@@ -40,7 +46,7 @@ class Truth:
         mark = (marks["minute"].values == 0) & (marks["spurious"].values == 0)
         return cls(
             slices["column"].values, slices["slope"].values, slices["exposure_time"].values,
-            tree.dataset["time"].values, marks["mark_time"].values[mark], marks["mark_row"].values[mark],
+            tree.dataset["time"].values, marks["mark_time"].values[mark],
         )  # fmt: skip
 
 
@@ -140,3 +146,40 @@ def marks(index: NDArray[np.int64], row_of_trace: Floats, shift: float, interval
         errors.append(rows[found] - expected)
     error = np.concatenate(errors)
     return rms(error[np.isfinite(error)])
+
+
+@dataclass(frozen=True)
+class OwnReading:
+    """A reading, its scores, CPU s."""
+
+    reading: Reading
+    scores: dict[str, Any]
+    seconds: float
+
+
+def own_reading(path: str | os.PathLike[str], truth: Truth, interval: float) -> OwnReading:
+    """Read a film as `digitise` does, with its description beside it, and score it.
+
+    A time axis that found no minute's code counts from an arbitrary mark, and says so: it is right up to a shift by
+    whole marks. One that shifts on the way has slipped.
+
+    Raises
+    ------
+    IsochronyError
+        It declines.
+    """
+    started = time.process_time()
+    found, _ = read(path)
+    spent = time.process_time() - started
+    names = order(found.tracks.position, truth)
+    qc, lit = found.tracks.qc[names], np.isfinite(truth.column)
+    scores = places(found.tracks.position[names], (qc & _DOUBT) != 0, truth)
+    shift, error, worst = timing(found.axis.seconds, truth, interval)
+    scores |= {
+        "flagged": ratio((((qc & _NOT_READ) != 0) & lit).sum(), lit.sum()),
+        "single": ratio((((qc & ELONGATION_FLAGS["single_direction"]) != 0) & lit).sum(), lit.sum()),
+        "mark_px": marks(found.axis.index, found.axis.row_of_trace[names], shift, interval, truth),
+        "time_ms": 1e3 * error,
+        "slipped": float(not worst < 0.5 * interval),
+    }
+    return OwnReading(found, scores, spent)

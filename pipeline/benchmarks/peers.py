@@ -119,29 +119,23 @@ def cvode(method: str) -> Callable[[Problem, float], Call]:
     def make(problem: Problem, tolerance: float) -> Call:
         from sksundae.cvode import CVODE
 
-        right, size = compiled_right_side(problem.system), problem.start.size
-
-        def slopes(time: float, state: Floats, out: Floats) -> None:
-            right(time, state, out)
-
-        options: dict[str, Any] = {}
+        options: dict[str, Any] = {"rtol": tolerance, "atol": ABSOLUTE * tolerance, "max_num_steps": 10_000_000}
         if problem.stiff:
-            matrix = compiled_jacobian(problem.system, size)
+            matrix = compiled_jacobian(problem.system, problem.start.size)
 
             def slope_matrix(time: float, state: Floats, rates: Floats, out: Floats) -> None:
                 out[:] = matrix(time, state)
 
             options["jacfn"] = slope_matrix
-        solver = CVODE(
-            slopes, method=method, rtol=tolerance, atol=ABSOLUTE * tolerance, max_num_steps=10_000_000, **options
-        )
+        right = compiled_right_side(problem.system)
+        solver = CVODE(lambda time, state, out: right(time, state, out), method=method, **options)
 
         def call() -> Floats:
             found = solver.solve(problem.times, problem.start)
             states = np.asarray(found.y)
+            if found.success and problem.times.size == 2:
+                return states[[0, -1]]  # two instants mean every step to it
             if not found.success or len(found.t) != problem.times.size:
-                if problem.times.size == 2 and found.success:
-                    return states[[0, -1]]  # two instants mean every step to it
                 raise RefusedError(f"CVODE {method}: {found.message}")
             return states
 

@@ -85,7 +85,7 @@ def attempt(motion: Motion, name: Propagator, tolerance: float = TOLERANCE) -> F
 def judge(motion: Motion, found: Mapping[Propagator, Found]) -> dict[str, Any]:
     """One row: cells, those that are wrong without a word, and those that declined though they must not."""
     silent, unlisted, missed = [], [], []
-    cells = {}
+    cells: dict[str, str] = {}
     for name, one in found.items():
         if one.angles is None:
             cells[name] = f"crashed: {one.crash}" if one.crash else f"refused: {one.refusal}"

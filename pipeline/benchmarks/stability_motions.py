@@ -137,7 +137,10 @@ def _linear() -> tuple[Motion, ...]:
         replace(made("equal frequencies", (0.01, 0.0, 0.01, 0.0), swell=swell), bounds={"closed-form": 1e-14}),
         made("zero amplitude, still", still),
         made("zero amplitude, swell", still, swell=swell),
-        made("damping 1e-12 below critical", damping=N * (1.0 - 1e-12), count=101, swell=swell),
+        # which rounding of the period takes for overdamped
+        replace(
+            made("damping 1e-12 below critical", damping=N * (1.0 - 1e-12), count=101, swell=swell), solvers=OVERDAMPED
+        ),
         made("overdamped, 10 /s", damping=10.0, count=101, swell=swell),
         replace(made("overdamped, 1e4 /s", damping=1e4, count=101, swell=swell), solvers=STIFF),
         made("1 ms long", step=Fraction(1, 10_000), count=11, swell=swell),

@@ -17,7 +17,15 @@ from xarray import DataTree
 from data_schemas.errors import IsochronyError
 from data_schemas.scene import Scene
 from pipeline.benchmarks.progress import progress
-from pipeline.benchmarks.scenes import GRAVITY, beats_through_zero, linear, own_frequency, swell, two_pendulums
+from pipeline.benchmarks.scenes import (
+    GRAVITY,
+    beats_through_zero,
+    linear,
+    own_frequency,
+    resonant,
+    swell,
+    two_pendulums,
+)
 from pipeline.gravity import MGAL
 from pipeline.methods import PAIR_METHODS
 from pipeline.processing import process
@@ -75,9 +83,9 @@ def extremes() -> list[Extreme]:
         Extreme("a through zero", lambda: _record(beats_through_zero(noise=NOISE)), GRAVITY, _PHASE, zero),
         Extreme("equal frequencies", lambda: _record(linear(0.0, noise=NOISE))),
         Extreme("relative difference 1e-12", lambda: _record(linear(1e-12, noise=NOISE))),
-        Extreme("resonance detuned by 1e-12", lambda: _record(_at_resonance())),
-        Extreme("Theta1/a = 10", lambda: _record(_lopsided())),
-        Extreme("huge arc, linear", lambda: _record(_huge())),
+        Extreme("resonance detuned by 1e-12", partial(_pair, 1e-4, motion=[swell(), resonant(1e-6, 1e-12)])),
+        Extreme("Theta1/a = 10", partial(_pair, 1e-5, amplitudes=(0.05, 0.045), phases=(0.4, 0.4))),
+        Extreme("huge arc, linear", partial(_pair, 1e-4, amplitudes=(0.8, 1.0))),
         Extreme("huge arc, sine, stated", lambda: _real_pendulums("sine"), GRAVITY, _ALL, _SERIES),
         Extreme("huge arc, sine, unsaid", lambda: _real_pendulums(None), GRAVITY, _ALL, _SERIES),
         Extreme("NaN for the first 5 min", lambda: _record(linear(noise=NOISE, missing=[(0.0, 300.0)]))),
@@ -104,6 +112,10 @@ def extremes() -> list[Extreme]:
     ]  # fmt: skip
 
 
+def _pair(relative_difference: float, **changes: Any) -> DataTree:
+    return _record(two_pendulums("extreme", relative_difference, noise=NOISE, **changes))
+
+
 def _record(scene: Scene) -> DataTree:
     return simulate(scene)[0]
 
@@ -111,19 +123,6 @@ def _record(scene: Scene) -> DataTree:
 def _as_said(wrong: float) -> float:
     """Gravity that a record with a wrong period amounts to: the period is what it is measured by."""
     return GRAVITY * (1.0 + wrong) ** 2
-
-
-def _at_resonance() -> Scene:
-    drive = {"kind": "near-resonant", "amplitude": 1e-6 * GRAVITY, "detuning": 1e-12, "phase": 1.0}
-    return two_pendulums("at-resonance", 1e-4, motion=[swell(), drive], noise=NOISE)
-
-
-def _lopsided() -> Scene:
-    return two_pendulums("lopsided", 1e-5, amplitudes=(0.05, 0.045), phases=(0.4, 0.4), noise=NOISE)
-
-
-def _huge() -> Scene:
-    return two_pendulums("huge-arc", 1e-4, amplitudes=(0.8, 1.0), noise=NOISE)
 
 
 def _real_pendulums(restoring: str | None) -> DataTree:

@@ -21,7 +21,7 @@ def truth(apart: float = 300.0) -> Truth:
     time = np.array([TIME, TIME])
     column[:, :50] = slope[:, :50] = time[:, :50] = np.nan
     mark = np.arange(0.0, TIME[-1] - 1.0, 0.5)
-    return Truth(column, slope, time, TIME, mark, 50.0 + 59.0 * mark)
+    return Truth(column, slope, time, TIME, mark)
 
 
 def test_a_perfect_reading() -> None:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -15,10 +14,6 @@ from pipeline.benchmarks.scenes import beats_through_zero, linear, real, real_he
 from pipeline.benchmarks.trials import outcome, prepared, reduce_all
 from pipeline.reduction import reduce_by
 from pipeline.validity import neglected_terms
-
-SILENT: Mapping[str, Any] = {"write_restoring": False, "write_damping": False}
-"""A record that states neither its restoring law nor its damping."""
-BROWNE_AMPLITUDE, BROWNE_PERIOD = 0.1, 10.0  # m s-2, s
 
 
 def rows() -> Iterator[Row]:
@@ -31,7 +26,7 @@ def rows() -> Iterator[Row]:
 
 def undamped() -> Scene:
     """Linear pendulums without damping, whose record says nothing."""
-    return linear(damping_rates=(0.0, 0.0), **SILENT)
+    return linear(damping_rates=(0.0, 0.0), write_restoring=False, write_damping=False)
 
 
 def _wrong_by_nature() -> Iterator[Row]:
@@ -75,13 +70,7 @@ def _browne() -> Iterator[Row]:
     for axis, expected in (("horizontal", 25.48), ("vertical", -12.78)):
         shifts, left = [], []
         for phase in (0.0, math.pi):  # what a wave does at the ends of the record has its sign
-            wave = {
-                "kind": "harmonics",
-                "axis": axis,
-                "amplitude": [BROWNE_AMPLITUDE],
-                "period": [BROWNE_PERIOD],
-                "phase": [phase],
-            }
+            wave = {"kind": "harmonics", "axis": axis, "amplitude": [0.1], "period": [10.0], "phase": [phase]}
             found = reduce_all(real(motion=[wave], vertical_acceleration=True), ("projection", "shooting"))
             shifts.append(found["projection"].error - rest)
             left.append(abs(found["shooting"].error))

@@ -67,7 +67,7 @@ def _draw(axes: Axes, rows: Sequence[Row]) -> None:
     _label(axes, middles)
     axes.axhline(1.0, color=GREY, linewidth=0.8, linestyle="--", zorder=1)
     axes.set_ylim(FLOOR / 3, TOP)
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}" if value < TOP else "")  # beyond, labels stand
 
 
 def _label(axes: Axes, middles: Mapping[str, tuple[float, float]]) -> None:

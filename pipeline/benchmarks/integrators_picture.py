@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.benchmarks.own import CLOSED, COLLOCATION, EXPLICIT, PICARD, RADAU, SPLITTING
 from pipeline.benchmarks.work_precision import Point
-from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend, note, panel, save, sheet
+from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend, panel, save, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,8 +54,7 @@ def draw(races: Mapping[str, tuple[str, Sequence[Point]]], path: str | os.PathLi
     grid = figure.add_gridspec(2, _COLUMNS)
     for number, (name, (source, points)) in enumerate(races.items()):
         place = grid[number // _COLUMNS, number % _COLUMNS]
-        axes = panel(figure, place, "", "processor time, ms", "error", xscale="log", yscale="log")
-        axes.set_title(f"{name}\n", fontsize=10.5)
+        axes = panel(figure, place, f"{name}\n", "processor time, ms", "error", xscale="log", yscale="log")
         axes.text(0.0, 1.015, f"against {source}", transform=axes.transAxes, fontsize=8, color=GREY)
         _lines(axes, points)
     _key(figure.add_subplot(grid[1, _COLUMNS - 1]), [point for _, points in races.values() for point in points])
@@ -64,8 +63,6 @@ def draw(races: Mapping[str, tuple[str, Sequence[Point]]], path: str | os.PathLi
 
 def _lines(axes: Axes, points: Sequence[Point]) -> None:
     drawn = [point for point in points if point.seconds and np.isfinite(point.error)]
-    if not drawn:
-        note(axes, "nobody gave a value")
     for method, (colour, mark) in LOOKS.items():
         line = [(point.ms, max(point.error, _LEAST)) for point in drawn if point.method == method]
         if line:

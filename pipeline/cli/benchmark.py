@@ -30,7 +30,7 @@ SUITES = {
     "integrators": ("pipeline.benchmarks.integrators", "propagators against general integrators: time and error"),
     "film": (
         "pipeline.benchmarks.film",
-        "films read: error, flags, speed against grain, speed, dpi, crossings, missing marks; simple readers beside",
+        "films read: error, flags, speed against grain, drive, dpi, crossings, missing marks; simple readers too",
     ),
     "huygens": (
         "pipeline.benchmarks.huygens",

@@ -1,27 +1,118 @@
-"""Bars on speed, as ratios within one run."""
+"""Bars on cost: methods beside a Hilbert transform, the command line beside its imports, what is imported in vain.
+
+Times are processor times; rivals take turns in one run, and a bar is the median of the ratios, with their range.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
 
-from pipeline.benchmarks import speed
+import numpy as np
+
+import data_schemas
+from data_schemas.scene import Scene
 from pipeline.benchmarks.bar import Row, at_most
+from pipeline.benchmarks.clock import command, median_ratio, rounds
+from pipeline.benchmarks.scenes import linear, real
+from pipeline.benchmarks.trials import outcome
+from pipeline.methods import PAIR_METHODS, method
+from pipeline.observation import Observation, observe
+from pipeline.prepared import prepare
+from pipeline.reduction import reduce_by
+from synth import simulate
+
+DURATION = 1800.0
+"""s, at 25 Hz."""
+FORBIDDEN = ("scipy.signal", "matplotlib", "dask", "pydantic")
+"""What no method of one difference may import."""
+OF_OTHER_TERMS = ("numba", "scipy", "synth.assembly", "synth.integrators", "synth.systems", "synth.propagators.picard")
+"""What a scene of linear pendulums under harmonics may not import."""
+# xarray imports dask wherever it is installed, so it is hidden: ours must not
+_PROBE = """\
+import sys; sys.modules['dask'] = None; {}; \
+import json; print(json.dumps([name for name, module in sys.modules.items() if module]))"""
+_SIMULATE = "from data_schemas.scene import Scene; import synth; synth.simulate(Scene.model_validate_json(sys.argv[1]))"
+_PROCESS = """\
+import data_schemas; from pipeline.processing import process; from pipeline.summary import summaries; \
+result = process(data_schemas.read(sys.argv[1]), method=sys.argv[2].split(',')); summaries(result); \
+data_schemas.write(result, sys.argv[1] + '.result.nc', overwrite=True)"""
 
 
 def rows(*, quick: bool) -> Iterator[Row]:
-    """Yield the bars of speed."""
-    yield from _estimation(quick=quick)
-    yield from _start_up(quick=quick)
+    """Yield the bars of cost."""
+    repeats = 7 if quick else 15
+    yield from _estimation(linear(duration=DURATION), {"projection": 1.0 / 3.0}, 1e-6, repeats)
+    yield from _estimation(real(duration=DURATION), {"shooting": 1.3, "general": 1.0}, 1e-5, repeats)
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name) / "linear.record.nc"
+        data_schemas.write(simulate(linear(duration=DURATION))[0], path)
+        yield from _start_up(path, 3 if quick else 9)
+        found = in_vain(modules(_PROCESS, str(path), ",".join(PAIR_METHODS)), FORBIDDEN)
+        yield at_most("process, methods of one difference: imports in vain", len(found), 0.0, " ".join(found))
+    found = in_vain(modules(_SIMULATE, linear(duration=60.0).model_dump_json()), OF_OTHER_TERMS)
+    yield at_most("simulate, linear pendulums: imports of other terms", len(found), 0.0, " ".join(found))
 
 
-def _estimation(*, quick: bool) -> Iterator[Row]:
-    for row in speed.estimation(quick=quick):
-        if row["error_mgal"] is not None:
-            yield at_most(f"{row['what']}: share of the time of {row['rival']}", row["share_of_rival"], 1.0 / 3.0)
-            yield at_most(f"{row['what']}: error, noise-free", row["error_mgal"], 1e-6, "mGal")
+def _estimation(scene: Scene, limits: dict[str, float], exact: float, repeats: int) -> Iterator[Row]:
+    """Methods against hilbert + unwrap + polyfit on the same samples; the first must be exact besides."""
+    seen = observe(simulate(scene)[0])
+    calls: dict[str, Callable[[], Any]] = {"hilbert": hilbert(seen)}
+    calls |= {name: partial(_estimate, seen, name) for name in limits}
+    taken = rounds(calls, repeats, batch=5)
+    for name, limit in limits.items():
+        bar = f"{name}, {seen.time.size} samples: times hilbert + unwrap + polyfit"
+        yield _share(bar, taken[name], taken["hilbert"], limit)
+    first = next(iter(limits))
+    error = outcome(reduce_by(first, prepare(seen), 0.0), scene.gravity).error
+    yield at_most(f"{first}, {seen.time.size} samples: error, noise-free", abs(error), exact, "mGal")
 
 
-def _start_up(*, quick: bool) -> Iterator[Row]:
-    for row in speed.start_up(quick=quick):
-        limit = 3.0 if "--help" in row["what"] else 2.5
-        yield at_most(f"{row['what']}, start to exit: times {row['rival']}", row["share_of_rival"], limit)
+def _estimate(seen: Observation, name: str) -> Any:
+    return method(name)(prepare(seen))
+
+
+def hilbert(seen: Observation) -> Callable[[], float]:
+    """What a user of scipy would write: slope of the difference's phase, uncorrected, rad s-1."""
+    from scipy.signal import hilbert as analytic
+
+    def call() -> float:
+        phase = np.unwrap(np.angle(analytic(seen.difference)))
+        return float(np.polyfit(seen.time, phase, 1)[0])
+
+    return call
+
+
+def _start_up(path: Path, repeats: int) -> Iterator[Row]:
+    """The command line from start to exit, every program in a process of its own."""
+    process = ("process", str(path), "--method", "projection", "-o", str(path.with_suffix(".result")), "--force")
+    for label, words, imports, limit in (
+        ("isochrony --help", ("--help",), "import numpy", 3.0),
+        ("isochrony process", process, "import numba, xarray, h5netcdf", 2.5),
+    ):
+        calls = {
+            "own": command(sys.executable, "-m", "pipeline.cli", *words),
+            "rival": command(sys.executable, "-c", imports),
+        }
+        taken = rounds(calls, repeats)
+        yield _share(f'{label}, start to exit: times python -c "{imports}"', taken["own"], taken["rival"], limit)
+
+
+def _share(bar: str, own: Sequence[float], rival: Sequence[float], limit: float) -> Row:
+    every = [one / other for one, other in zip(own, rival, strict=True)]
+    return at_most(bar, median_ratio(own, rival), limit, f"{min(every):.2g} to {max(every):.2g}")
+
+
+def modules(program: str, *words: str) -> set[str]:
+    """What a process of its own has imported after a program."""
+    return set(json.loads(command(sys.executable, "-c", _PROBE.format(program), *words)()))
+
+
+def in_vain(loaded: set[str], forbidden: Sequence[str]) -> list[str]:
+    """Which forbidden modules, or packages of modules, were loaded."""
+    return [name for name in forbidden if any(f"{each}.".startswith(f"{name}.") for each in loaded)]

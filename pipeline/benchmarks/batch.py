@@ -19,7 +19,6 @@ from pipeline.benchmarks.bar import at_least, at_most, holds, not_measured
 from pipeline.benchmarks.batch_ways import BARE, DASK, KILLED, ONE, TWO, Way
 from pipeline.benchmarks.clock import median_ratio
 from pipeline.benchmarks.csv_table import write
-from pipeline.benchmarks.json_table import write as write_json
 from pipeline.benchmarks.progress import progress
 
 DURATION = 1800.0  # s
@@ -32,7 +31,7 @@ _SCALING, _OVERHEAD, _BY_DASK = 1.8, 10.0, 1.3
 def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
     """Yield one row a way, then one row a promise; ways take turns, so that a busy machine slows all of them.
 
-    Quick: fewer records, one round. With a folder: both tables as CSV and JSON.
+    Quick: fewer records, one round. With a folder: both tables as CSV.
     """
     count, rounds = QUICK if quick else FULL
     ways = dict(batch_ways.WAYS)
@@ -58,7 +57,6 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
     if folder is not None:
         write(folder / "batch.csv", table)
         write(folder / "batch-bars.csv", promises)
-        write_json(folder / "batch.json", {"ways": table, "bars": promises})
 
 
 def _pace(way: Way, records: Path, out: Path) -> float:

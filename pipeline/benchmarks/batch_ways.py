@@ -36,13 +36,28 @@ def make_records(folder: Path, count: int, duration: float) -> Path:
     return folder
 
 
+_BARE = """\
+import json, sys, time
+from pathlib import Path
+import data_schemas
+from pipeline.processing import process
+records, out, method = sys.argv[1:]
+Path(out).mkdir()
+ends = []
+for path in sorted(Path(records).iterdir()):
+    data_schemas.write(process(data_schemas.read(path), method=method), Path(out) / path.name)
+    ends.append(time.perf_counter())
+print(json.dumps(ends))"""
+"""The loop that a user would write, and the instants, s, at which its records were done."""
+
+
 def _environment() -> dict[str, str]:
     """BLAS in one thread everywhere, as commands have it."""
     return tree_environment() | {"OMP_NUM_THREADS": "1"}
 
 
 def _bare(records: Path, out: Path) -> list[float]:
-    words = [sys.executable, "-m", "pipeline.benchmarks.batch_probe", str(records), str(out), METHOD]
+    words = [sys.executable, "-c", _BARE, str(records), str(out), METHOD]
     done = subprocess.run(words, env=_environment(), check=True, capture_output=True, text=True)
     ends: list[float] = json.loads(done.stdout)
     return ends
@@ -54,8 +69,8 @@ def _command(records: Path, out: Path, *words: str) -> list[str]:
 
 def _batch(records: Path, out: Path, words: Sequence[str]) -> list[float]:
     subprocess.run(_command(records, out, *words), env=_environment(), check=True, capture_output=True)
-    told = [json.loads(line) for line in (out / log.NAME).read_text().splitlines()]
-    return [datetime.fromisoformat(line["time"]).timestamp() for line in told if line["event"] == "record"]
+    events = [json.loads(line) for line in (out / log.NAME).read_text().splitlines()]
+    return [datetime.fromisoformat(line["time"]).timestamp() for line in events if line["event"] == "record"]
 
 
 def _by_dask(records: Path, out: Path) -> list[float]:
@@ -77,15 +92,15 @@ def cluster(folder: Path) -> Iterator[str]:
             return process
 
         scheduler = started("dask_scheduler", "--port", "0")
-        address = _told(scheduler, r"tcp://127\.0\.0\.1:\d+")
+        address = _said(scheduler, r"tcp://127\.0\.0\.1:\d+")
         each = ("--nworkers", "2", "--nthreads", "1", "--local-directory", str(folder))
         workers = started("dask_worker", address, *each)
         for _ in range(2):
-            _told(workers, "Starting established connection")
+            _said(workers, "Starting established connection")
         yield address
 
 
-def _told(process: subprocess.Popen[str], pattern: str) -> str:
+def _said(process: subprocess.Popen[str], pattern: str) -> str:
     """What a program says of itself, once it does."""
     assert process.stderr is not None
     for line in process.stderr:

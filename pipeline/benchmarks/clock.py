@@ -1,4 +1,4 @@
-"""Time, measured so that it can be compared: warm, medians of several, rivals taking turns in one run."""
+"""Processor time, measured so that it can be compared: warm, rivals taking turns in one run, medians with ranges."""
 
 from __future__ import annotations
 
@@ -8,16 +8,22 @@ import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 Call = Callable[[], Any]
+Given = TypeVar("Given")
 
 
-def seconds(call: Call) -> float:
-    """Time one call, s."""
-    started = time.perf_counter()
-    call()
-    return time.perf_counter() - started
+def timed(call: Callable[[], Given]) -> tuple[Given, float]:
+    """What a call gives, and its processor time, all threads and finished child processes, s."""
+    started = _spent()
+    given = call()
+    return given, _spent() - started
+
+
+def _spent() -> float:
+    children = os.times()  # which counts in hundredths of a second: process_time does not know children
+    return time.process_time() + children.children_user + children.children_system
 
 
 def rounds(calls: Mapping[str, Call], repeats: int = 5, batch: int = 1) -> dict[str, list[float]]:
@@ -37,7 +43,7 @@ def rounds(calls: Mapping[str, Call], repeats: int = 5, batch: int = 1) -> dict[
     taken: dict[str, list[float]] = {name: [] for name in calls}
     for _ in range(repeats):
         for name, call in calls.items():
-            taken[name].append(statistics.median(seconds(call) for _ in range(batch)))
+            taken[name].append(statistics.median(timed(call)[1] for _ in range(batch)))
     return taken
 
 
@@ -47,7 +53,7 @@ def median_ratio(slow: Sequence[float], fast: Sequence[float]) -> float:
 
 
 def command(*words: str) -> Call:
-    """A call that runs a program from start to exit in the folder-independent environment of this tree.
+    """A call that runs a program from start to exit in the folder-independent environment of this tree; its output.
 
     Raises
     ------
@@ -55,11 +61,7 @@ def command(*words: str) -> Call:
         The program fails: its time would mean nothing.
     """
     environment = tree_environment()
-
-    def call() -> None:
-        subprocess.run(words, env=environment, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-
-    return call
+    return lambda: subprocess.run(words, env=environment, check=True, capture_output=True, text=True).stdout
 
 
 def tree_environment() -> dict[str, str]:

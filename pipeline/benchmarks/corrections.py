@@ -1,73 +1,137 @@
-"""Suite `corrections`: what every method leaves, on every kind of record, and what it costs.
+"""Suite `corrections`: what every method leaves (mGal) on every kind of record, and what it costs.
 
-First the table of residuals on linear pendulums, whose pattern is known. Then real pendulums: one factor at a time
-about a nominal record, a map over period difference and psi/a, and one record on which everything acts, corrected entry
-by entry. With a folder: tables (CSV), everything (JSON), pictures (PNG), and the finished points, so that a run that
-was interrupted goes on where it stopped.
+With a folder: tables (CSV), everything (JSON), a picture (PNG), and the finished records, so that a run that was
+interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import math
 import statistics
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.benchmarks import corrections_cases, corrections_grid, corrections_ledger, json_table
-from pipeline.benchmarks.corrections_points import FULL_LENGTH, QUICK_LENGTH, places
+import numpy as np
+
+from data_schemas.errors import IsochronyError
+from data_schemas.scene import Scene
+from pipeline.benchmarks import json_table
+from pipeline.benchmarks.corrections_kinds import SWELLS, Kind, kinds
 from pipeline.benchmarks.csv_table import write
 from pipeline.benchmarks.kept import Kept
+from pipeline.benchmarks.progress import progress
+from pipeline.benchmarks.scenes import real_heave
+from pipeline.gravity import MGAL
 from pipeline.methods import PAIR_METHODS
+from pipeline.processing import process
+from pipeline.summary import summaries
+from synth import simulate
 
 Row = dict[str, Any]
-HONEST = ("general", "shooting")
+METHODS = (*PAIR_METHODS, "joint")
+HONEST = ("general", "shooting", "joint")
 """Methods that reduce what acts on real pendulums: their sigma must hold, or a flag must say why not."""
 SIGMAS = 5.0
-PROMISED = {"general": 0.1, "shooting": 0.005}
-"""What is promised of a method on real pendulums without noise, mGal, which no sigma speaks of; others: `FLOOR`."""
-FLOOR = 1e-3
+PROMISED = {"general": 0.1, "shooting": 0.005, "joint": 0.005}
+"""What is promised of a method on real pendulums without noise, mGal, which no sigma speaks of."""
+REPEATS = 3  # timed runs of each method in a full run
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
-    """Yield the table of residuals, a row for each record of the grids (errors in mGal), a row for each refusal, a row
-    for each method (run times and errors over all records), and the ledger's entries in turn.
+    """Yield a row a kind of record (error of each method, mGal), a row a refusal with its reason, and a row a method
+    (run time and errors over all records).
 
-    A record's row passes if no method that should hold on it is silently wrong. Quick: fewer and shorter records.
+    Quick: shorter records of real pendulums, each method timed once.
     """
-    cases = []
-    for row in corrections_cases.run(quick=quick, folder=folder):
-        cases.append(row)
-        yield row
-    chosen = list(places(quick=quick))
+    kept, repeats = Kept(folder), 1 if quick else REPEATS
     points: list[Row] = []
-    for rows in corrections_grid.measured(chosen, Kept(folder), quick=quick):
+    chosen = kinds(quick=quick)
+    for kind in progress(chosen, "corrections", len(chosen)):
+        rows = [{"case": kind.name} | row for row in measured(kind.scene(SWELLS[0]), METHODS, repeats, kept)]
+        others = [measured(kind.scene(seed), tuple(kind.wrong), 1, kept) for seed in SWELLS[1:]] if kind.wrong else []
         points += rows
-        yield judged(rows)
+        yield judged(kind, rows, others)
     yield from refusals(points)
     yield from summary(points)
-    ledger = corrections_ledger.measured(QUICK_LENGTH if quick else FULL_LENGTH)
-    yield from ledger
     if folder is not None:
         write(folder / "corrections.csv", points)
-        write(folder / "corrections-ledger.csv", ledger)
-        tables = {"quick": quick, "cases": cases, "points": points, "methods": summary(points), "ledger": ledger}
-        json_table.write(folder / "corrections.json", tables)
+        write(folder / "corrections-methods.csv", summary(points))
+        json_table.write(folder / "corrections.json", {"quick": quick, "points": points, "methods": summary(points)})
         if importlib.util.find_spec("matplotlib") is not None:
-            _draw(points, ledger, folder)
+            from pipeline.benchmarks.corrections_picture import draw
+
+            draw(points, folder / "corrections.png")
 
 
-def judged(rows: Sequence[Row]) -> Row:
-    """One record: the error of each method, those that are wrong and say nothing, whether it passes."""
-    silent = [row["method"] for row in rows if row["method"] in HONEST and silently_wrong(row)]
+def measured(scene: Scene, methods: Sequence[str], repeats: int, kept: Kept) -> list[Row]:
+    """Rows of one record, one a method; a record that was kept is read, another is computed and kept."""
+    configuration = {"scene": scene.model_dump(mode="json"), "repeats": repeats, "methods": list(methods)}
+    rows = kept.get(configuration)
+    if rows is None:
+        record = simulate(scene)[0]
+        rows = [_reduced(record, name, scene.gravity, repeats) for name in methods]
+        kept.put(configuration, rows)
+    return rows
+
+
+def _reduced(record: Any, name: str, gravity: float, repeats: int) -> Row:
+    """Error against truth, sigma, warm run time from record to result, or why the method declined."""
+    row = {"method": name, "error_mgal": math.nan, "sigma_mgal": math.nan, "ms": math.nan, "flags": "", "refused": ""}
+    _compile(name)
+    taken = []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        try:
+            result = process(record, method=name)
+        except IsochronyError as refusal:
+            return row | {"refused": str(refusal)}
+        taken.append(time.perf_counter() - started)
+    (found,) = summaries(result)
+    if found["status"] != "ok":
+        return row | {"refused": found["error"]}
+    return row | {
+        "error_mgal": (found["gravity_m_s2"] - gravity) / MGAL,
+        "sigma_mgal": found["gravity_sigma_mgal"],
+        "ms": 1e3 * statistics.median(taken),
+        "flags": " ".join(found["flags"]),
+    }
+
+
+@functools.cache
+def _compile(name: str) -> None:
+    """Run a method once on a record that none declines, so that no record is charged with what is compiled."""
+    process(simulate(real_heave(duration=300.0))[0], method=name)
+
+
+def judged(kind: Kind, rows: Sequence[Row], others: Sequence[Sequence[Row]]) -> Row:
+    """One record: the error of each method, those that are wrong and say nothing, whether the kind's pattern holds.
+
+    Parameters
+    ----------
+    rows : sequence of dict
+        Of the record that is shown, one a method.
+    others : sequence of sequence of dict
+        Of records in other swells, by the methods that must be wrong.
+    """
+    errors = {row["method"]: row["error_mgal"] for row in rows}
+    silent = [row["method"] for row in rows if kind.real and row["method"] in HONEST and silently_wrong(row)]
+    spread = {name: [errors[name]] for name in kind.wrong}
+    for row in (row for record in others for row in record):
+        spread[row["method"]].append(row["error_mgal"])
+    pattern = (
+        all(abs(errors[name]) <= limit for name, limit in kind.right.items())
+        and all(float(np.sqrt(np.mean(np.square(spread[name])))) >= limit for name, limit in kind.wrong.items())
+        and (kind.real or all(math.isfinite(error) or name in kind.refused for name, error in errors.items()))
+    )
     return {
-        "factor": rows[0]["factor"],
-        "value": rows[0]["value"],
-        "unit": rows[0]["unit"],
-        **{row["method"]: row["error_mgal"] for row in rows},
+        "case": kind.name,
+        **errors,
         "silently_wrong": " ".join(silent),
-        "pass": not silent,
+        "pass": pattern and {*silent} <= {*kind.known},
     }
 
 
@@ -75,18 +139,18 @@ def silently_wrong(row: Row) -> bool:
     """Whether a value lies beyond five of its sigmas and what is promised, and carries no flag; refusals are right."""
     if row["refused"] or row["flags"]:
         return False
-    return not abs(row["error_mgal"]) <= SIGMAS * row["sigma_mgal"] + PROMISED.get(row["used"], FLOOR)
+    return not abs(row["error_mgal"]) <= SIGMAS * row["sigma_mgal"] + PROMISED[row["method"]]
 
 
 def refusals(points: Sequence[Row]) -> list[Row]:
     """One row for each method and record that it declined, with the reason."""
-    return [{key: row[key] for key in ("factor", "value", "method", "refused")} for row in points if row["refused"]]
+    return [{key: row[key] for key in ("case", "method", "refused")} for row in points if row["refused"]]
 
 
 def summary(points: Sequence[Row]) -> list[Row]:
-    """One row a method over all records of the grids."""
+    """One row a method over all records."""
     table = []
-    for name in PAIR_METHODS:
+    for name in METHODS:
         rows = [row for row in points if row["method"] == name]
         errors = [abs(row["error_mgal"]) for row in rows if not row["refused"]]
         table.append(
@@ -105,12 +169,3 @@ def summary(points: Sequence[Row]) -> list[Row]:
 
 def _median(values: Sequence[float]) -> float:
     return statistics.median(values) if values else math.nan
-
-
-def _draw(points: Sequence[Row], ledger: Sequence[Row], folder: Path) -> None:
-    from pipeline.benchmarks import corrections_maps, corrections_sweeps, corrections_waterfall
-
-    corrections_sweeps.draw(points, folder / "corrections-sweeps.png")
-    corrections_sweeps.draw_cost(points, folder / "corrections-cost.png")
-    corrections_maps.draw(points, folder / "corrections-maps.png")
-    corrections_waterfall.draw(ledger, folder / "corrections-waterfall.png")

@@ -13,20 +13,19 @@ from pathlib import Path
 from typing import Any
 
 from data_schemas.errors import IsochronyError
-from pipeline.benchmarks import film_bars, film_picture
+from pipeline.benchmarks import film_bars
 from pipeline.benchmarks.csv_table import write
 from pipeline.benchmarks.film_cases import Case, cases
-from pipeline.benchmarks.film_own import own_reading
 from pipeline.benchmarks.film_peers import readings
-from pipeline.benchmarks.film_scores import Truth, order, places
-from pipeline.benchmarks.json_table import write as write_json
+from pipeline.benchmarks.film_scores import Truth, order, own_reading, places
 from pipeline.benchmarks.progress import progress
 
 _SECONDS, _QUICK_SECONDS, _WARM_SECONDS = 300.0, 130.0, 70.0
 
 NOTHING: dict[str, Any] = {
     "normal_px": math.nan, "flat_px": math.nan, "accepted": 0.0, "wrong_unflagged": 0.0, "amplitude_bias": math.nan,
-    "crossings": 0, "swaps": 0, "crossing_angle_deg": math.nan,
+    "crossings": 0, "swaps": 0, "flagged": math.nan, "single": math.nan, "mark_px": math.nan, "time_ms": math.nan,
+    "slipped": math.nan,
 }  # fmt: skip
 """Scores of a film that was refused."""
 
@@ -35,7 +34,7 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
     """Yield one row a film and reader, then one row a promise.
 
     Quick: films of two minutes, the ends of each axis, and no promise that needs half an hour of film. With a folder:
-    both tables as CSV and JSON, and a picture.
+    both tables as CSV.
     """
     table: list[dict[str, Any]] = []
     seconds = _QUICK_SECONDS if quick else _SECONDS
@@ -46,14 +45,12 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
                 table.append(row)
                 yield row
         promises = []
-        for row in film_bars.rows(table, Path(temporary), quick=quick):
+        for row in film_bars.rows(Path(temporary), quick=quick):
             promises.append(row)
             yield row
     if folder is not None:
         write(folder / "film.csv", table)
         write(folder / "film-bars.csv", promises)
-        write_json(folder / "film.json", {"films": table, "bars": promises})
-        film_picture.draw(table, folder / "film.png")
 
 
 def _warm_up(path: Path) -> None:
@@ -81,12 +78,12 @@ def rows_of(case: Case, path: Path) -> Iterator[dict[str, Any]]:
         found = own_reading(path, truth, case.film.mark_interval)
         scores, refusal, spent = found.scores, "", found.seconds
     except IsochronyError as fault:
-        scores, refusal = dict.fromkeys(("flagged", "single", "mark_px", "time_ms", "slipped"), math.nan), str(fault)
-        scores, spent = NOTHING | scores, time.process_time() - started
+        scores, refusal, spent = NOTHING, str(fault), time.process_time() - started
     yield {**named, "reader": "isochrony", **scores, "mpx_s": pixels / 1e6 / spent, "refused": refusal}
     scan, _ = open_film(path, None, FilmOptions())
-    empty = dict.fromkeys(("flagged", "single", "mark_px", "time_ms", "slipped"), math.nan)
-    for name, peer in readings(scan, truth):
-        named_as = order(peer.position, truth, peer.rows)
-        scored = places(peer.position[named_as], None, truth, peer.rows)
-        yield {**named, "reader": name, **scored, **empty, "mpx_s": peer.pixels / 1e6 / peer.seconds, "refused": ""}
+    started = time.process_time()
+    for name, position in readings(scan, truth):
+        spent = time.process_time() - started
+        scored = places(position[order(position, truth)], None, truth)
+        yield {**named, "reader": name, **NOTHING, **scored, "mpx_s": pixels / 1e6 / spent, "refused": ""}
+        started = time.process_time()

@@ -1,14 +1,11 @@
-"""What others read lines with, on the same image: darkest pixel, centroid, peaks that are linked, cheapest path.
+"""What others read lines with, on the same image: darkest pixel, centroid.
 
-They are told what the project's reader is not: within which columns each trace stays (the cheapest path once without
-and once with it), and where it begins.
+They are given what the project's reader is not: within which columns each trace stays.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,49 +16,26 @@ from pipeline.benchmarks.film_scores import Truth
 _STRIP = 1024
 _BESIDE = 10  # px beyond the outermost places of a trace
 _NOISES = 4.0  # sigmas of the ground above which a pixel counts
-_NEAR = 40.0  # px from where a peak is expected to where it is linked
-ROUTE = "scikit-image route_through_array"
-ROUTE_ROWS = 800  # the cheapest path is slow: it reads so many rows
-
-Scan = Any
 
 
-@dataclass(frozen=True)
-class PeerReading:
-    """Columns read, (traces, rows) px, of some rows; CPU time, s, and pixels of the film in those rows."""
-
-    position: Floats
-    rows: slice
-    seconds: float
-    pixels: int
-
-
-def readings(scan: Scan, truth: Truth) -> Iterator[tuple[str, PeerReading]]:
-    """Every peer that is installed, by name."""
+def readings(scan: Any, truth: Truth) -> Iterator[tuple[str, Floats]]:
+    """Every peer's name and the columns it reads, (traces, rows) px."""
     windows = [
         slice(max(0, int(np.nanmin(line)) - _BESIDE), min(scan.columns, int(np.nanmax(line)) + _BESIDE))
         for line in truth.column
     ]
     for name, reader in (("column argmax", _darkest), ("centroid", _centroid)):
         yield name, _by_rows(scan, windows, reader)
-    yield "scipy peak linking", _linked(scan, truth)
-    try:
-        import skimage.graph  # noqa: F401
-    except ImportError:
-        return
-    yield ROUTE, _routed(scan, truth, [slice(0, scan.columns)] * len(windows))
-    yield f"{ROUTE}, in windows", _routed(scan, truth, windows)
 
 
-def _by_rows(scan: Scan, windows: list[slice], reader: Callable[[Floats], Floats]) -> PeerReading:
-    started = time.process_time()
+def _by_rows(scan: Any, windows: list[slice], reader: Callable[[Floats], Floats]) -> Floats:
     position = np.full((len(windows), scan.rows), np.nan)
     for first in range(0, scan.rows, _STRIP):
         stop = min(first + _STRIP, scan.rows)
         light = _darkness(scan.read(first, stop))
         for k, window in enumerate(windows):
             position[k, first:stop] = window.start + reader(light[:, window])
-    return PeerReading(position, slice(None), time.process_time() - started, scan.rows * scan.columns)
+    return position
 
 
 def _darkness(pixels: Any) -> Any:
@@ -83,51 +57,3 @@ def _centroid(light: Floats) -> Floats:
     with np.errstate(invalid="ignore"):
         centre: Floats = weight @ (np.arange(light.shape[1]) + 0.5) / total
     return centre
-
-
-def _linked(scan: Scan, truth: Truth) -> PeerReading:
-    """Peaks of every row, smoothed, each linked to the trace that is expected nearest by its last two readings."""
-    from scipy.ndimage import gaussian_filter1d
-    from scipy.signal import find_peaks
-
-    started = time.process_time()
-    count = len(truth.column)
-    position = np.full((count, scan.rows), np.nan)
-    begin = int(np.argmax(np.isfinite(truth.column).all(axis=0)))
-    place, rate = truth.column[:, begin].copy(), truth.slope[:, begin].copy()
-    for first in range(0, scan.rows, _STRIP):
-        light = gaussian_filter1d(_darkness(scan.read(first, min(first + _STRIP, scan.rows))), 1.2, axis=1)
-        floor = _NOISES * 1.4826 * np.median(np.abs(light), axis=1)
-        for row in range(max(begin - first, 0), len(light)):
-            peaks = find_peaks(light[row], height=float(floor[row]))[0] + 0.5
-            for k in range(count):
-                expected = place[k] + rate[k]
-                nearest = peaks[np.argmin(np.abs(peaks - expected))] if peaks.size else np.inf
-                if abs(nearest - expected) < _NEAR:
-                    position[k, first + row] = nearest
-                    rate[k] += 0.5 * (nearest - place[k] - rate[k])
-                    place[k] = nearest
-                else:
-                    place[k] = expected
-    return PeerReading(position, slice(None), time.process_time() - started, scan.rows * scan.columns)
-
-
-def _routed(scan: Scan, truth: Truth, windows: list[slice]) -> PeerReading:
-    """The cheapest path from the true begin to the true end of each trace, dark pixels being cheap."""
-    import skimage.graph
-
-    route: Any = skimage.graph.route_through_array
-
-    lit = np.flatnonzero(np.isfinite(truth.column).all(axis=0))
-    rows = slice(int(lit[0]), min(int(lit[0]) + ROUTE_ROWS, int(lit[-1]) + 1))
-    started = time.process_time()
-    position = np.full(truth.column.shape, np.nan)
-    light = _darkness(scan.read(rows.start, rows.stop))
-    for k, window in enumerate(windows):
-        cost = np.exp(-light[:, window] / (0.1 * light.max()))
-        ends = [(0 if at == rows.start else len(cost) - 1, int(truth.column[k, at]) - window.start)
-                for at in (rows.start, rows.stop - 1)]  # fmt: skip
-        path = np.array(route(cost, *ends, fully_connected=True, geometric=True)[0])
-        total = np.bincount(path[:, 0], path[:, 1] + 0.5, len(cost))
-        position[k, rows] = window.start + total / np.bincount(path[:, 0], minlength=len(cost))
-    return PeerReading(position, rows, time.process_time() - started, light.size)

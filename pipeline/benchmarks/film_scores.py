@@ -1,8 +1,10 @@
-"""How good a reading of a film is, given its truth: places of the rows, crossings, marks, time, phase."""
+"""How good a reading of a film is, given its truth: places of the rows, crossings, marks, time."""
 
 from __future__ import annotations
 
 import math
+import os
+import time
 from dataclasses import dataclass
 from itertools import permutations
 from typing import TYPE_CHECKING, Any
@@ -10,7 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats
+from pipeline.film.digitise import read
+from pipeline.film.reading import Reading
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -18,21 +23,21 @@ if TYPE_CHECKING:
 WRONG = 1.0  # px off, normal to the line: five times the error that is promised
 _APART = 3.0  # px between lines beyond which it is told which is which
 _FLAT = 1.0  # slope
-_WINDOW = 30.0  # s of a fit of phase
+_DOUBT = sum(ELONGATION_FLAGS[name] for name in ("lost", "ambiguous", "single_direction", "outlier"))
+_NOT_READ = ELONGATION_FLAGS["lost"] | ELONGATION_FLAGS["ambiguous"]
 
 Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What a reader of the film does not see, (traces, rows) px and s, and the marks, s and px."""
+    """What a reader of the film does not see, (traces, rows) px and s, and the marks, s."""
 
     column: Floats
     slope: Floats
     time: Floats
     seconds: Floats
     mark_time: Floats
-    mark_row: Floats
 
     @classmethod
     def of(cls, tree: xr.DataTree) -> Truth:
@@ -41,22 +46,22 @@ class Truth:
         mark = (marks["minute"].values == 0) & (marks["spurious"].values == 0)
         return cls(
             slices["column"].values, slices["slope"].values, slices["exposure_time"].values,
-            tree.dataset["time"].values, marks["mark_time"].values[mark], marks["mark_row"].values[mark],
+            tree.dataset["time"].values, marks["mark_time"].values[mark],
         )  # fmt: skip
 
 
-def order(position: Floats, truth: Truth, rows: slice = slice(None)) -> list[int]:
+def order(position: Floats, truth: Truth) -> list[int]:
     """Which reading follows each trace, most of the film: of traces that rest at one place, names cannot be told."""
-    column = truth.column[:, rows]
+    column = truth.column
 
     def distance(names: list[int]) -> float:
-        error = np.abs(position[names][:, rows] - column)
+        error = np.abs(position[names] - column)
         return float(np.median(error[np.isfinite(error)])) if np.isfinite(error).any() else math.inf
 
     return min((list(names) for names in permutations(range(len(column)))), key=distance)
 
 
-def places(position: Floats, flagged: Flags | None, truth: Truth, rows: slice = slice(None)) -> dict[str, Any]:
+def places(position: Floats, flagged: Flags | None, truth: Truth) -> dict[str, Any]:
     """Errors of the rows' readings, normal to the line, px; readings in the order of the traces they follow.
 
     Parameters
@@ -66,14 +71,12 @@ def places(position: Floats, flagged: Flags | None, truth: Truth, rows: slice = 
     flagged : (traces, rows) array or None
         Where the reader says that it may be wrong.
     truth : Truth
-    rows : slice
-        What was read of the film.
     """
-    column, slope, position = truth.column[:, rows], truth.slope[:, rows], position[:, rows]
+    column, slope = truth.column, truth.slope
     lit = np.isfinite(column)
     error = (position - column) / np.hypot(1.0, slope)
     read = lit & np.isfinite(error)
-    silent = read if flagged is None else read & ~flagged[:, rows]
+    silent = read if flagged is None else read & ~flagged
     flat = read & (np.abs(slope) < _FLAT)
     crossed, swapped = crossings(position, column)
     return {
@@ -84,7 +87,6 @@ def places(position: Floats, flagged: Flags | None, truth: Truth, rows: slice = 
         "amplitude_bias": bias(position, column, read),
         "crossings": crossed,
         "swaps": swapped,
-        "crossing_angle_deg": angle(column, slope),
     }
 
 
@@ -123,17 +125,6 @@ def crossings(position: Floats, column: Floats) -> tuple[int, int]:
     return crossed, swapped
 
 
-def angle(column: Floats, slope: Floats) -> float:
-    """Median angle at which neighbouring lines cross, degrees; NaN if none does."""
-    found: list[float] = []
-    for k in range(len(column) - 1):
-        apart = column[k] - column[k + 1]
-        at = np.flatnonzero(np.signbit(apart[1:]) != np.signbit(apart[:-1]))
-        at = at[np.isfinite(apart[at]) & np.isfinite(apart[at + 1])]
-        found += np.abs(np.degrees(np.arctan(slope[k, at]) - np.arctan(slope[k + 1, at]))).tolist()
-    return float(np.median(found)) if found else math.nan
-
-
 def timing(seconds: Floats, truth: Truth, interval: float) -> tuple[float, float, float]:
     """Shift of the time axis by whole marks, its rms error besides, and its largest error besides, s."""
     error = seconds - truth.seconds
@@ -157,30 +148,38 @@ def marks(index: NDArray[np.int64], row_of_trace: Floats, shift: float, interval
     return rms(error[np.isfinite(error)])
 
 
-def phase(time: Floats, column: Floats, trace: int, truth: Truth, period: float) -> Floats:
-    """Errors of a trace's phase, rad, one a window of 30 s; NaN where less than half of the window was read.
+@dataclass(frozen=True)
+class OwnReading:
+    """A reading, its scores, CPU s."""
 
-    Parameters
-    ----------
-    time : (samples,) array
-        s, of the truth's epoch.
-    column : (samples,) array
-        px
+    reading: Reading
+    scores: dict[str, Any]
+    seconds: float
+
+
+def own_reading(path: str | os.PathLike[str], truth: Truth, interval: float) -> OwnReading:
+    """Read a film as `digitise` does, with its description beside it, and score it.
+
+    A time axis that found no minute's code counts from an arbitrary mark, and says so: it is right up to a shift by
+    whole marks. One that shifts on the way has slipped.
+
+    Raises
+    ------
+    IsochronyError
+        It declines.
     """
-    from scipy.interpolate import CubicSpline
-
-    lit = np.isfinite(truth.time[trace])
-    true = CubicSpline(truth.time[trace, lit], truth.column[trace, lit], extrapolate=False)(time)
-    good = np.isfinite(true) & np.isfinite(column)
-    every = float(np.median(np.diff(time)))
-    found = []
-    for begin in np.arange(truth.mark_time[0], truth.mark_time[-1] - _WINDOW + 1.0, _WINDOW):
-        here = np.flatnonzero(good & (time >= begin) & (time < begin + _WINDOW))
-        if here.size < 0.5 * _WINDOW / every:
-            found.append(math.nan)
-            continue
-        turn = 2.0 * np.pi * (time[here] - begin) / period
-        terms = np.stack([np.cos(turn), np.sin(turn), np.ones(here.size), turn], axis=1)
-        swing, error = (np.linalg.lstsq(terms, each[here], rcond=None)[0] for each in (true, column - true))
-        found.append(float(np.imag((error[0] - 1j * error[1]) / (swing[0] - 1j * swing[1]))))
-    return np.array(found)
+    started = time.process_time()
+    found, _ = read(path)
+    spent = time.process_time() - started
+    names = order(found.tracks.position, truth)
+    qc, lit = found.tracks.qc[names], np.isfinite(truth.column)
+    scores = places(found.tracks.position[names], (qc & _DOUBT) != 0, truth)
+    shift, error, worst = timing(found.axis.seconds, truth, interval)
+    scores |= {
+        "flagged": ratio((((qc & _NOT_READ) != 0) & lit).sum(), lit.sum()),
+        "single": ratio((((qc & ELONGATION_FLAGS["single_direction"]) != 0) & lit).sum(), lit.sum()),
+        "mark_px": marks(found.axis.index, found.axis.row_of_trace[names], shift, interval, truth),
+        "time_ms": 1e3 * error,
+        "slipped": float(not worst < 0.5 * interval),
+    }
+    return OwnReading(found, scores, spent)

@@ -17,17 +17,14 @@ Row = dict[str, Any]
 EDGE = 0.08
 """Asked of the leading order's edge, relative; the map's own step comes on top."""
 
-FLEXURE = 0.01
-"""Asked of the formulas of a yielding support, of the largest e: they are of first order in it."""
 
-
-def claims(curves: Sequence[Row], edges: Sequence[Row], step: float, ends: Sequence[Row]) -> list[Row]:
+def claims(curves: Sequence[Row], edges: Sequence[Row], step: float) -> list[Row]:
     """One row a claim.
 
     Parameters
     ----------
-    curves, edges, ends : sequences of rows
-        Of the suite; `ends` of the basins.
+    curves, edges : sequences of rows
+        Of the suite.
     step : float
         Of chi on the lock map.
     """
@@ -45,7 +42,6 @@ def claims(curves: Sequence[Row], edges: Sequence[Row], step: float, ends: Seque
     )
     three = orbits(Clocks(0.002, 0.2, COUPLING, (0.005, 0.005)))
     in_phase = sum(abs(each.regime.offset) < 1e-6 for each in three)
-    counts = np.bincount(np.concatenate([row["ends"] for row in ends]).astype(int), minlength=4)
     return [
         _claim("beta(alpha) of (14) is that of the true orbit", beta, 2e-4, beta < 2e-4),
         _claim("so is beta of the motion itself, begun alike", moved, 2e-4, moved < 2e-4),
@@ -60,23 +56,7 @@ def claims(curves: Sequence[Row], edges: Sequence[Row], step: float, ends: Seque
         _claim("the edge of locking is that of theory, for |tau| < 0.03", edge, EDGE, edge <= EDGE),
         _claim("three regimes in phase coexist at delta0 = .002, delta = .2", float(in_phase), 3.0, in_phase == 3),
         _claim("quadrature attracts in system (2)", *_quadrature()),
-        _claim("full system, basin in phase: share of starts", counts[0] / counts.sum(), None, None),
-        _claim("full system, basin antiphase: share of starts", counts[1] / counts.sum(), None, None),
-        _claim("full system, basin quadrature: share of starts", counts[2] / counts.sum(), None, None),
-        _claim("full system, still elsewhere: share of starts", counts[3] / counts.sum(), None, None),
     ]
-
-
-def flexure_claims(rows: Sequence[Row]) -> list[Row]:
-    """Whether the formulas of a yielding support are right: by the worst of their rows."""
-    found = []
-    for support, said in (("sideways", "Peirce's e"), ("up and down", "e of second order in the arc")):
-        some = [row for row in rows if row["support"] == support]
-        size = max(row["e_by_formula"] for row in some)
-        apart = max(abs(row["e_by_motion"] - row["e_by_formula"]) for row in some) / size
-        told = f"support yields {support}: {said} is that of the motion"
-        found.append(_claim(told, apart, FLEXURE, apart <= FLEXURE))
-    return found
 
 
 def _quadrature() -> tuple[float, float, bool]:

@@ -1,66 +1,70 @@
-"""Suite `integrators`: work-precision of every propagator and of the peers, growth and honesty of errors, bars.
+"""Suite `integrators`: error against run time of every propagator and of the peers, honesty of estimates, bars.
 
-With a folder: a picture of each problem and of growth, and every table as CSV. Problems that were finished in it by an
-earlier, interrupted run are not run again.
+With a folder: a picture, and every table as CSV.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import partial
+import importlib.util
+import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.benchmarks import bars_integrators, ensemble_race, estimated_errors, growth
+from pipeline.benchmarks import integrators_bars
 from pipeline.benchmarks.csv_table import write
-from pipeline.benchmarks.kept import Kept
-from pipeline.benchmarks.problems import Problem, problems
-from pipeline.benchmarks.raced_problems import Race, raced_before
+from pipeline.benchmarks.problems import raced
 from pipeline.benchmarks.references import reference
-from pipeline.benchmarks.work_precision import compiled, sweep
+from pipeline.benchmarks.work_precision import Point, sweep
 
 Row = dict[str, Any]
+UNDER = 10.0
+"""The true error may be so many times the estimate."""
+OVER = 1000.0
+"""The estimate may be so many times the true error."""
+EXACT = 1e-15
+"""An estimate of a few roundings is not asked to be met from below: an error may vanish by chance."""
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
-    """Yield four kinds of rows: work-precision, growth, honesty, bars. Quick: a tenth as long, fewer tolerances."""
-    races: dict[str, Race] = {}
-    for name, race in finished(Kept(folder), quick=quick):
-        races[name] = race
-        yield from race.rows()
-        if folder is not None:
-            from pipeline.benchmarks.work_precision_picture import draw
-
-            draw(race.title, race.source, race.points, folder / f"{name.replace(' ', '-')}.png")
-            write(folder / "work-precision.csv", [row for each in races.values() for row in each.rows()])
-    grown = list(growth.grown(quick=quick))
+    """Yield three kinds of rows: work-precision, honesty, bars. Quick: a tenth as long, fewer tolerances."""
+    races: dict[str, tuple[str, list[Point]]] = {}
+    tables: dict[str, list[Row]] = {"work-precision": []}
+    for name, problem in raced(quick=quick).items():
+        truth = reference(problem)
+        races[name] = truth.source, sweep(problem, truth, quick=quick)
+        rows = [point.row(truth.source) for point in races[name][1]]
+        tables["work-precision"] += rows
+        yield from rows
+    points = {name: found for name, (_, found) in races.items()}
+    tables["honesty"] = [row for found in points.values() for row in estimates(found)]
+    bars = integrators_bars.judged(points)
+    tables["bars"] = list(integrators_bars.not_judged(bars) if quick else bars)
+    yield from (*tables["honesty"], *tables["bars"])
     if folder is not None:
-        from pipeline.benchmarks.work_precision_picture import draw_growth
+        for name, table in tables.items():
+            write(folder / f"{name}.csv", table)
+        if importlib.util.find_spec("matplotlib") is not None:
+            from pipeline.benchmarks.integrators_picture import draw
 
-        draw_growth(grown, folder / "growth.png")
-    points = {name: race.points for name, race in races.items()}
-    bars = bars_integrators.judged(points)
-    others = {
-        "growth": [each.row() for each in grown],
-        "honesty": [row for found in points.values() for row in estimated_errors.judged(found)],
-        "bars": list(bars_integrators.not_judged(bars) if quick else bars),
-    }
-    for name, found in others.items():
-        if folder is not None:
-            write(folder / f"{name}.csv", found)
-        yield from found
+            draw(races, folder / "integrators.png")
 
 
-def finished(kept: Kept, *, quick: bool) -> Iterator[tuple[str, Race]]:
-    """Every problem's race, and the ensemble's, by name; those that were kept at once."""
-    for name, problem in problems(quick=quick).items():
-        yield name, raced_before(kept, name, partial(raced, problem, quick=quick), quick=quick)
-    name = ensemble_race.NAME
-    yield name, raced_before(kept, name, lambda: Race(*ensemble_race.race(quick=quick)), quick=quick)
+def honest(error: float, estimate: float) -> bool:
+    """Whether an estimate fits the true error; NaN fits nothing."""
+    return error <= UNDER * estimate and (error >= estimate / OVER or estimate <= EXACT)
 
 
-def raced(problem: Problem, *, quick: bool) -> Race:
-    """Every method on a problem; compile times in full runs alone."""
-    truth = reference(problem)
-    points = sweep(problem, truth, quick=quick)
-    return Race(problem.title, truth.source, points, {} if quick else compiled(problem, points))
+def estimates(points: Sequence[Point]) -> Iterator[Row]:
+    """One row for each point at which one of the project's propagators gave a value."""
+    for point in points:
+        if point.own and point.seconds and not math.isnan(point.estimate):
+            yield {
+                "honesty": point.problem,
+                "method": point.method,
+                "tolerance": point.tolerance,
+                "error": point.whole_error,
+                "estimate": point.estimate,
+                "error_over_estimate": point.whole_error / point.estimate,
+                "pass": honest(point.whole_error, point.estimate),
+            }

@@ -16,14 +16,7 @@ from pathlib import Path
 from typing import Any
 
 _PACKAGES = ("data_schemas", "synth", "pipeline")
-_NO_NUMBERS = ("cli", "plots", "benchmarks")  # parts of `pipeline` that present what others compute
-# of the benchmarks, what makes the rows that are kept
-_ROWS = (
-    *("corrections_grid.py", "huygens_map.py", "trials.py"),
-    *("case.py", "kinds.py", "plain.py", "reading.py", "records.py", "score.py", "sea.py"),
-    *("ensemble_race.py", "growth.py", "linear_hour.py", "own.py", "peers.py", "plain_pendulums.py", "problems.py"),
-    *("references.py", "symbolic.py", "work_precision.py"),
-)
+_NO_NUMBERS = ("cli", "plots")  # parts of `pipeline` that present what others compute
 
 
 class Kept:
@@ -79,7 +72,7 @@ def sources() -> str:
     for package in _PACKAGES:
         for path in sorted((root / package).rglob("*.py")):
             place = path.relative_to(root)
-            if package == "pipeline" and place.parts[1] in _NO_NUMBERS and place.name not in _ROWS:
+            if package == "pipeline" and place.parts[1] in _NO_NUMBERS:
                 continue
             digest.update(place.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()

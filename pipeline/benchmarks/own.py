@@ -1,24 +1,24 @@
-"""The project's propagators on the problems, by one face: a tolerance in, states and an estimated error out."""
+"""The project's propagators on any problem, by one face: a tolerance in, states and an estimated error out."""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.benchmarks.linear_hour import GRAVITY, RATE, closed_form, motion
-from pipeline.benchmarks.plain_pendulums import Swell
-from pipeline.benchmarks.problems import Problem
+from data_schemas.scene_pendulum import StateStart
+from pipeline.benchmarks.problems import Problem, Swell
 from synth.motion.harmonic_sum import HarmonicSum
+from synth.pendulums.linear import respond
 from synth.phase import Floats
-from synth.systems.driven_pendulums import DrivenPendulums
-from synth.systems.restoring import Sine
+from synth.propagators.even import EvenTimes
 
+CLOSED, PICARD, COLLOCATION = "closed form", "Picard collocation", "beam collocation"
+RADAU, EXPLICIT, SPLITTING = "Radau", "explicit", "splitting"
 CLOSED_FORM_ERROR = 1e-15
 
 
@@ -44,37 +44,42 @@ class Answer:
 Call = Callable[[], Answer]
 
 
-@dataclass(frozen=True)
-class Own:
-    """A propagator: how to set it up, and whether it takes a tolerance."""
-
-    make: Callable[[Problem, float], Call]
-    tunable: bool = True
-
-
 def _closed_form(problem: Problem, tolerance: float) -> Call:
-    given = problem.task
-    if given is None:
-        raise RefusedError("closed form: linear pendulums alone have one")
-    moved = motion(given)
-    return lambda: Answer(np.asarray(closed_form(given, moved).T, np.float64), CLOSED_FORM_ERROR, even=True)
+    if problem.kind != "linear":
+        raise RefusedError("closed form: linear pendulums that swing, on a support that moves sideways, have one")
+    system, moved, start = problem.system, _sum(problem.horizontal), problem.start.tolist()
+
+    def call() -> Answer:
+        responses = [
+            respond(
+                float(n),
+                float(gamma),
+                StateStart(angle=start[2 * k], angular_velocity=start[2 * k + 1]),
+                moved,
+                system.gravity,
+            )
+            for k, (n, gamma) in enumerate(zip(system.natural_frequency, system.terms.damping_rate, strict=True))
+        ]
+        angles = EvenTimes(problem.step, problem.count).elongation(responses, moved.angular_frequency)
+        return Answer(np.asarray(angles.T, np.float64), CLOSED_FORM_ERROR, even=True)
+
+    return call
 
 
 def _picard(problem: Problem, tolerance: float) -> Call:
-    from synth.propagators.even import EvenTimes
     from synth.propagators.picard import PicardPlan
 
+    if problem.kind != "sine":
+        raise RefusedError("Picard collocation: made for pendulums with the full sine on a support moved as prescribed")
     system = problem.system
-    if not isinstance(system, DrivenPendulums) or not isinstance(system.restoring, Sine):
-        raise RefusedError("Picard collocation: made for pendulums with the full sine on a support that moves as told")
     plan = PicardPlan(
         system.natural_frequency,
         system.terms.damping_rate,
         problem.start.reshape(-1, 2),
         _sum(problem.horizontal),
         _sum(problem.vertical),
-        GRAVITY,
-        EvenTimes(Fraction(1, RATE), problem.times.size),
+        system.gravity,
+        EvenTimes(problem.step, problem.count),
     )
 
     def call() -> Answer:
@@ -84,9 +89,7 @@ def _picard(problem: Problem, tolerance: float) -> Call:
     return call
 
 
-def _sum(swell: Swell | None) -> HarmonicSum:
-    if swell is None:
-        return HarmonicSum(np.zeros(0), np.zeros(0, dtype=np.complex128))
+def _sum(swell: Swell) -> HarmonicSum:
     return HarmonicSum(swell.rate, swell.amplitude * np.exp(1j * swell.phase))
 
 
@@ -103,12 +106,14 @@ def _integrator(name: str) -> Callable[[Problem, float], Call]:
     return make
 
 
-OWN: Mapping[str, Own] = {
-    "closed form": Own(_closed_form, tunable=False),
-    "Picard collocation": Own(_picard, tunable=False),
-    "beam collocation": Own(_integrator("collocation")),
-    "Radau": Own(_integrator("radau")),
-    "explicit": Own(_integrator("explicit")),
-    "splitting": Own(_integrator("splitting")),
+OWN: Mapping[str, Callable[[Problem, float], Call]] = {
+    CLOSED: _closed_form,
+    PICARD: _picard,
+    COLLOCATION: _integrator("collocation"),
+    RADAU: _integrator("radau"),
+    EXPLICIT: _integrator("explicit"),
+    SPLITTING: _integrator("splitting"),
 }
-"""All propagators by the names under which rows and pictures show them."""
+"""All propagators, by the names under which rows and pictures show them: (problem, tolerance) -> call."""
+AS_EXACT_AS_CAN_BE = (CLOSED, PICARD)
+"""Propagators that take no tolerance."""

@@ -95,16 +95,21 @@ def _leak() -> Iterator[dict[str, Any]]:
     yield _row("error of gravity by (9), as (14) on truth gives", f"{expected:.4g}", found, "mGal", off < 0.01)
 
 
-def leaks(scene: Scene) -> tuple[Floats, Floats, Floats]:
-    """Correction at the minute marks by (9) from the record, by (14) from truth, and psi's part of it; mGal."""
+def _harmonics(scene: Scene) -> tuple[Any, Any, Any, Any]:
+    """A scene's record, its truth, and the true complex harmonics of the pendulums and of their difference, rad."""
     record, truth = simulate(scene)
     known = truth["truth"].dataset
+    first = np.asarray(known["free_amplitude"].values) * np.exp(1j * np.asarray(known["free_phase"].values))
+    return record, known, first, first[0] - first[1]
+
+
+def leaks(scene: Scene) -> tuple[Floats, Floats, Floats]:
+    """Correction at the minute marks by (9) from the record, by (14) from truth, and psi's part of it; mGal."""
+    record, known, first, difference = _harmonics(scene)
     time = np.asarray(record["time"].values)
     n1, n2 = np.asarray(known["frequency"].values)
     rows = np.arange(0, time.size, round(MARK_SECONDS / (time[1] - time[0])))[1:]
     seen = observe(record)
-    first = np.asarray(known["free_amplitude"].values) * np.exp(1j * np.asarray(known["free_phase"].values))
-    difference = first[0] - first[1]
     value, slope = value_and_slope(seen.time, seen.theta, time[rows])
     raw = value - 1j * slope / n1
     nine = vening_meinesz(n1, n2, np.abs(raw), np.abs(difference[rows]), np.angle(raw / difference[rows])) - n2
@@ -115,12 +120,9 @@ def leaks(scene: Scene) -> tuple[Floats, Floats, Floats]:
 
 def marks_error(scene: Scene) -> float:
     """Error that the method's own reading at marks makes of (14) on truth, mGal: integrated and regressed."""
-    record, truth = simulate(scene)
-    known = truth["truth"].dataset
+    record, known, first, difference = _harmonics(scene)
     time = np.asarray(record["time"].values)
     n1, n2 = np.asarray(known["frequency"].values)
-    first = np.asarray(known["free_amplitude"].values) * np.exp(1j * np.asarray(known["free_phase"].values))
-    difference = first[0] - first[1]
     step = float(time[1])
     envelope = prepare(observe(record)).sliding
     rows = np.rint(envelope.time / step).astype(np.int64)
@@ -134,12 +136,9 @@ def marks_error(scene: Scene) -> float:
 
 def plain_error(scene: Scene) -> float:
     """Error of gravity from the slope of the difference's true phase, uncorrected, mGal."""
-    record, truth = simulate(scene)
-    known = truth["truth"].dataset
+    record, known, _, difference = _harmonics(scene)
     time = np.asarray(record["time"].values)
     frequency = float(known["frequency"].values[1])
-    first = np.asarray(known["free_amplitude"].values) * np.exp(1j * np.asarray(known["free_phase"].values))
-    difference = first[0] - first[1]
     phase = np.unwrap(np.angle(difference * np.exp(-1j * frequency * time)))
     times = prepare(observe(record)).sliding.time
     rows = np.rint(times / float(time[1])).astype(np.int64)

@@ -1,4 +1,4 @@
-"""General integrators on the problems, each by its fastest face and, where people use another, by that too.
+"""General integrators on the problems, each by its fastest face.
 
 Every right-hand side is compiled by Numba (heyoka's from formulas); Jacobians are given to whoever takes them. None of
 these libraries is needed to use the package; they are the extra `peers`.
@@ -6,10 +6,8 @@ these libraries is needed to use the package; they are the extra `peers`.
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -25,28 +23,15 @@ ABSOLUTE = 1e-3
 """Absolute tolerance over the relative one: angles are of 0.01 to 1 rad."""
 
 
-@dataclass(frozen=True)
-class Peer:
-    """A way to call a library.
+class Peer(NamedTuple):
+    """A way to call a library: its name to import, and (problem, tolerance) -> call, compiling done.
 
-    Attributes
-    ----------
-    library : str
-        Name to import.
-    make : callable
-        (problem, tolerance) -> call; what can be done once, such as compiling, is done here.
-    stiff : bool or None
-        Sensible for stiff problems alone, for others alone, or for both.
+    `stiff`: sensible for stiff problems alone, for others alone, or for both (None).
     """
 
     library: str
     make: Callable[[Problem, float], Call]
     stiff: bool | None
-
-    @property
-    def installed(self) -> bool:
-        """Whether it can be imported."""
-        return importlib.util.find_spec(self.library) is not None
 
 
 def heyoka(problem: Problem, tolerance: float) -> Call:
@@ -54,7 +39,7 @@ def heyoka(problem: Problem, tolerance: float) -> Call:
     import heyoka as hy
 
     start, times = problem.start, problem.times
-    integrator = hy.taylor_adaptive(equations(problem.plain, float), start, tol=tolerance, compact_mode=False)
+    integrator = hy.taylor_adaptive(equations(problem, float), start, tol=tolerance, compact_mode=False)
 
     def call() -> Floats:
         integrator.time = times[0]
@@ -74,7 +59,7 @@ def cyrk(method: str) -> Callable[[Problem, float], Call]:
         from CyRK import cyjit, nbsolve2_ivp
         from numba import carray  # type: ignore[attr-defined]  # its stubs forget it
 
-        system, size = problem.plain, problem.start.size
+        system, size = problem.system, problem.start.size
 
         def slopes(out: Any, time: float, state: Any, parameters: Any) -> None:
             derivative(time, carray(state, size), system, carray(out, size))
@@ -99,43 +84,6 @@ def cyrk(method: str) -> Callable[[Problem, float], Call]:
     return make
 
 
-def cyrk_python(method: str) -> Callable[[Problem, float], Call]:
-    """CyRK's usual face, `pysolve_ivp`, with a right-hand side compiled by Numba."""
-
-    def make(problem: Problem, tolerance: float) -> Call:
-        from CyRK import pysolve_ivp
-
-        right = compiled_right_side(problem.plain)
-
-        def slopes(out: Floats, time: float, state: Floats) -> None:
-            right(time, state, out)
-
-        import numba
-
-        compiled = numba.njit(slopes)
-        times = problem.times
-        span = (float(times[0]), float(times[-1]))
-
-        def call() -> Floats:
-            found = pysolve_ivp(
-                compiled,
-                span,
-                problem.start,
-                method,
-                times,
-                rtol=tolerance,
-                atol=ABSOLUTE * tolerance,
-                pass_dy_as_arg=True,
-            )
-            if not found.success:
-                raise RefusedError(f"CyRK {method}: {found.message}")
-            return np.array(found.y).T.copy()
-
-        return call
-
-    return make
-
-
 def scipy(method: str) -> Callable[[Problem, float], Call]:
     """scipy's `solve_ivp`."""
 
@@ -143,29 +91,19 @@ def scipy(method: str) -> Callable[[Problem, float], Call]:
         from scipy.integrate import solve_ivp
 
         integrate: Any = solve_ivp  # whose stubs want to know the method beforehand
-        right, size = compiled_right_side(problem.plain), problem.start.size
+        right, size = compiled_right_side(problem.system), problem.start.size
 
         def slopes(time: float, state: Floats) -> Floats:
             out = np.empty(size)
             right(time, state, out)
             return out
 
-        options: dict[str, Any] = {}
-        if problem.stiff and method != "DOP853":
-            options["jac"] = compiled_jacobian(problem.plain, size)
+        options = {"jac": compiled_jacobian(problem.system, size)} if problem.stiff else {}
         span = (float(problem.times[0]), float(problem.times[-1]))
 
         def call() -> Floats:
-            found: Any = integrate(
-                slopes,
-                span,
-                problem.start,
-                method,
-                problem.times,
-                rtol=max(tolerance, 1e-13),
-                atol=ABSOLUTE * tolerance,
-                **options,
-            )
+            tolerances = {"rtol": max(tolerance, 1e-13), "atol": ABSOLUTE * tolerance}
+            found: Any = integrate(slopes, span, problem.start, method, problem.times, **tolerances, **options)
             if not found.success:
                 raise RefusedError(f"scipy {method}: {found.message}")
             return np.asarray(found.y).T
@@ -181,29 +119,23 @@ def cvode(method: str) -> Callable[[Problem, float], Call]:
     def make(problem: Problem, tolerance: float) -> Call:
         from sksundae.cvode import CVODE
 
-        right, size = compiled_right_side(problem.plain), problem.start.size
-
-        def slopes(time: float, state: Floats, out: Floats) -> None:
-            right(time, state, out)
-
-        options: dict[str, Any] = {}
+        options: dict[str, Any] = {"rtol": tolerance, "atol": ABSOLUTE * tolerance, "max_num_steps": 10_000_000}
         if problem.stiff:
-            matrix = compiled_jacobian(problem.plain, size)
+            matrix = compiled_jacobian(problem.system, problem.start.size)
 
             def slope_matrix(time: float, state: Floats, rates: Floats, out: Floats) -> None:
                 out[:] = matrix(time, state)
 
             options["jacfn"] = slope_matrix
-        solver = CVODE(
-            slopes, method=method, rtol=tolerance, atol=ABSOLUTE * tolerance, max_num_steps=10_000_000, **options
-        )
+        right = compiled_right_side(problem.system)
+        solver = CVODE(lambda time, state, out: right(time, state, out), method=method, **options)
 
         def call() -> Floats:
             found = solver.solve(problem.times, problem.start)
             states = np.asarray(found.y)
+            if found.success and problem.times.size == 2:
+                return states[[0, -1]]  # two instants mean every step to it
             if not found.success or len(found.t) != problem.times.size:
-                if problem.times.size == 2 and found.success:
-                    return states[[0, -1]]  # two instants mean every step to it
                 raise RefusedError(f"CVODE {method}: {found.message}")
             return states
 
@@ -239,11 +171,8 @@ def compiled_jacobian(system: Any, size: int) -> Callable[[float, Floats], Float
 PEERS: Mapping[str, Peer] = {
     "heyoka": Peer("heyoka", heyoka, None),
     "CyRK DOP853": Peer("CyRK", cyrk("DOP853"), False),
-    "CyRK DOP853, Python face": Peer("CyRK", cyrk_python("DOP853"), False),
     "CyRK RADAU": Peer("CyRK", cyrk("RADAU"), True),
-    "CyRK RADAU, Python face": Peer("CyRK", cyrk_python("RADAU"), True),
     "scipy DOP853": Peer("scipy", scipy("DOP853"), False),
-    "scipy LSODA": Peer("scipy", scipy("LSODA"), None),
     "scipy Radau": Peer("scipy", scipy("Radau"), True),
     "CVODE Adams": Peer("sksundae", cvode("Adams"), False),
     "CVODE BDF": Peer("sksundae", cvode("BDF"), True),

@@ -1,6 +1,6 @@
 """What the problems' errors are measured against: another method, and tighter.
 
-Linear pendulums: the closed form in 40 digits (mpmath). All others: Taylor integration in 80-bit arithmetic at 1e-18
+Linear pendulums: the closed form in many digits (mpmath). All others: Taylor integration in 80-bit arithmetic at 1e-18
 (heyoka). Where heyoka is not installed, one of the project's own integrators at its tightest; the row says which.
 
 Instants are doubles, and a swing moves by 1e-12 in an hour's last half bit of time. Propagators that count readings in
@@ -13,13 +13,14 @@ import importlib.util
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
-from pipeline.benchmarks.linear_hour import reference as in_forty_digits
+from pipeline.benchmarks import truth
 from pipeline.benchmarks.own import Answer
 from pipeline.benchmarks.problems import Problem
 from pipeline.benchmarks.symbolic import equations
@@ -28,32 +29,24 @@ from synth.systems.dispatch import derivative
 
 TIGHT = 1e-18
 OWN_TIGHT = 1e-14
-_SAMPLED = 200  # readings of which 40 digits are made
+_SAMPLED = 200  # readings of which many digits are made
 _BETWEEN = 400  # instants besides, closer towards the start, which show how large a component becomes
 
 
 @dataclass(frozen=True)
 class Reference:
-    """True states at some of a problem's instants.
-
-    Attributes
-    ----------
-    rows : (r,) int64
-        Which instants.
-    components : tuple of int
-        Which components of the state.
-    values, even : (r, c) arrays
-        At the instants as doubles, and at exact ones.
-    sizes : (c,) array
-        Largest size of each component on the way.
-    source : str
-    """
+    """True states at some of a problem's instants."""
 
     rows: NDArray[np.int64]
+    """Which instants."""
     components: tuple[int, ...]
+    """Which components of the state."""
     values: Floats
+    """(rows, components), at the instants as doubles."""
     even: Floats
+    """The same at exact instants."""
     sizes: Floats
+    """Largest size of each component on the way."""
     source: str
 
     def error(self, problem: Problem, answer: Answer, wanted: Sequence[int]) -> float:
@@ -73,11 +66,13 @@ class Reference:
 
 def reference(problem: Problem) -> Reference:
     """The best reference that the installed libraries allow."""
-    if problem.task is not None and importlib.util.find_spec("mpmath") is not None:
-        rows = np.unique(np.linspace(0, problem.times.size - 1, _SAMPLED).astype(np.int64))
-        even = np.array(in_forty_digits(problem.task, rows).T, np.float64)
-        values = np.array(in_forty_digits(problem.task, rows, rounded=True).T, np.float64)
-        return Reference(rows, problem.judged, values, even, np.abs(even).max(axis=0), "mpmath, 40 digits")
+    if problem.kind == "linear" and importlib.util.find_spec("mpmath") is not None:
+        rows = np.unique(np.linspace(0, problem.count - 1, _SAMPLED).astype(np.int64))
+        n, gamma = problem.system.natural_frequency, problem.system.terms.damping_rate
+        true = partial(truth.linear, n, gamma, problem.start.tolist(), problem.horizontal)
+        even = true([problem.step * row for row in rows.tolist()])
+        values = true([Fraction(time) for time in problem.times[rows].tolist()])
+        return Reference(rows, problem.judged, values, even, np.abs(even).max(axis=0), "mpmath, 100 digits")
     times = problem.times
     span = times[-1] - times[0]
     more = np.union1d(times, times[0] + span * np.logspace(-7.0, 0.0, _BETWEEN, endpoint=False))
@@ -96,7 +91,7 @@ def in_eighty_bits(problem: Problem, times: Floats) -> Floats:
 
     wide = np.longdouble
     integrator = hy.taylor_adaptive(
-        equations(problem.plain, wide),
+        equations(problem, wide),
         problem.start.astype(wide),
         time=wide(times[0]),
         tol=wide(TIGHT),
@@ -113,15 +108,13 @@ def _own(problem: Problem, times: Floats) -> tuple[Floats, str]:
     name = "radau" if problem.stiff else "explicit"
     integrate = import_module(f"synth.integrators.{name}").integrate
     states = integrate(problem.system, problem.start, times, tolerance=OWN_TIGHT).states
-    return states, f"own {name}, {OWN_TIGHT:g}: says nothing about itself"
+    return states, f"own {name}, {OWN_TIGHT:g}: no reference for itself"
 
 
 def _at_exact_instants(problem: Problem, values: Floats) -> Floats:
-    """States moved along the motion from instants as doubles to k/rate."""
-    if problem.rate is None:
-        return values
+    """States moved along the motion from instants as doubles to exact ones."""
     moved, slope = values.copy(), np.empty(problem.start.size)
     for k, time in enumerate(problem.times.tolist()):
         derivative(time, values[k], problem.system, slope)
-        moved[k] += float(Fraction(k, problem.rate) - Fraction(time)) * slope
+        moved[k] += float(problem.step * k - Fraction(time)) * slope
     return moved

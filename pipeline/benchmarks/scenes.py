@@ -1,7 +1,4 @@
-"""The benchmarks' own scenes: two pendulums under swell, one function a kind.
-
-None of them is a record that the project was handed: bars are measured on what is made here.
-"""
+"""The benchmarks' own scenes: two pendulums, linear or real (sine), in a seaway; one function a kind."""
 
 from __future__ import annotations
 
@@ -18,6 +15,7 @@ DURATION = 1800.0  # s
 SWELL = 0.075  # rad, largest slow elongation
 HARMONICS = 24
 SWELL_PERIODS = (4.0, 20.0)  # s
+SWAY = 0.03  # rad, largest slow elongation of the real pendulums
 
 Motion = list[dict[str, Any]]
 
@@ -125,3 +123,31 @@ def linear(relative_difference: float = 1e-4, **changes: Any) -> Scene:
 def beats_through_zero(**changes: Any) -> Scene:
     """Equal arcs at a period difference of 1e-3: the difference's amplitude passes through zero."""
     return two_pendulums("beats-through-zero", 1e-3, amplitudes=(0.01, 0.01), **changes)
+
+
+def heave() -> dict[str, Any]:
+    """Vertical acceleration of three harmonics, 0.2 m/s2 rms."""
+    return {
+        "kind": "harmonics",
+        "axis": "vertical",
+        "amplitude": [0.22, 0.15, 0.08],
+        "period": [8.7, 6.1, 11.9],
+        "phase": [0.3, 1.9, 4.4],
+    }
+
+
+def real(relative_difference: float = 1e-4, **changes: Any) -> Scene:
+    """Real pendulums swayed by swell; damped, the record states their damping and their law."""
+    given: dict[str, Any] = {
+        "motion": [swell(SWAY)],
+        "damping_rates": (2e-5, 3e-5),
+        "amplitudes": (0.012, 0.010),
+        "restoring": "sine",
+    }
+    return two_pendulums("real", relative_difference, **(given | changes))
+
+
+def real_heave(relative_difference: float = 1e-4, **changes: Any) -> Scene:
+    """As `real`, in heavier swell and in heave, which the record holds."""
+    given: dict[str, Any] = {"motion": [swell(2.0 * SWAY), heave()], "vertical_acceleration": True}
+    return real(relative_difference, **(given | changes))

@@ -8,21 +8,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from pipeline.benchmarks.plain_pendulums import PlainPendulums, Swell
+from pipeline.benchmarks.problems import Problem, Swell
+from synth.systems.driven_pendulums import DrivenPendulums
 from synth.systems.elastic_beam import ElasticBeam
+from synth.systems.restoring import Sine
 from synth.systems.van_der_pol import VanDerPol
 
 Number = Callable[[Any], Any]
 Equations = list[tuple[Any, Any]]
 
 
-def equations(system: Any, number: Number) -> Equations:
+def equations(problem: Problem, number: Number) -> Equations:
     """Pairs (variable, derivative) in the order of the state.
 
     Parameters
     ----------
-    system : NamedTuple
-        The plain system of a problem.
+    problem : Problem
     number : callable
         Makes a number of the arithmetic wanted, `float` or `numpy.longdouble`.
 
@@ -31,8 +32,9 @@ def equations(system: Any, number: Number) -> Equations:
     ImportError
         heyoka is not installed.
     """
-    if isinstance(system, PlainPendulums):
-        return _pendulums(system, number)
+    system = problem.system
+    if isinstance(system, DrivenPendulums):
+        return _pendulums(problem, number)
     if isinstance(system, ElasticBeam):
         return _beam(system, number)
     assert isinstance(system, VanDerPol)
@@ -42,26 +44,24 @@ def equations(system: Any, number: Number) -> Equations:
 def _level(motion: Swell, number: Number) -> Any:
     import heyoka as hy
 
-    terms = [
-        number(a) * hy.cos(number(w) * hy.time + number(p))
-        for a, w, p in zip(motion.amplitude, motion.rate, motion.phase, strict=True)
-    ]
+    terms = [number(a) * hy.cos(number(w) * hy.time + number(p)) for a, w, p in zip(*motion, strict=True) if a]
     return hy.sum(terms) if terms else None
 
 
-def _pendulums(system: PlainPendulums, number: Number) -> Equations:
+def _pendulums(problem: Problem, number: Number) -> Equations:
     import heyoka as hy
 
-    across, along = _level(system.horizontal, number), _level(system.vertical, number)
-    gravity = number(system.gravity)
+    system = problem.system
+    across, along = _level(problem.horizontal, number), _level(problem.vertical, number)
+    sine, gravity = isinstance(system.restoring, Sine), number(system.gravity)
     found: Equations = []
-    for k, (n, gamma) in enumerate(zip(system.frequency, system.damping_rate, strict=True)):
+    for k, (n, gamma) in enumerate(zip(system.natural_frequency, system.terms.damping_rate, strict=True)):
         x, v = hy.make_vars(f"x{k}", f"v{k}")
-        back = hy.sin(x) if system.sine else x
+        back = hy.sin(x) if sine else x
         if along is not None:
             back = (number(1.0) + along / gravity) * back
         if across is not None:
-            back = back + across / gravity * (hy.cos(x) if system.sine else number(1.0))
+            back = back + across / gravity * (hy.cos(x) if sine else number(1.0))
         found += [(x, v), (v, -number(2.0) * number(gamma) * v - number(n) * number(n) * back)]
     return found
 

@@ -1,46 +1,33 @@
 """Error against time: every propagator and every peer on one problem, over a sweep of tolerances.
 
-Times are CPU times of all threads, warm, medians of five rounds in which the rivals take turns; whoever takes longer
-than a few seconds is timed once, and whoever takes longer than twenty in the run that gives the answer. Compile times
-are taken apart, on the short problems, by processes that start with an empty cache.
+Times are processor times of all threads, warm, medians of five rounds in which the rivals take turns; whoever takes
+longer than a few seconds is timed once, and whoever takes longer than twenty in the run that gives the answer.
 """
 
 from __future__ import annotations
 
-import json
 import math
-import os
 import statistics
-import subprocess
-import sys
-import tempfile
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any
 
 from data_schemas.errors import RefusedError
-from pipeline.benchmarks.clock import tree_environment
-from pipeline.benchmarks.own import OWN, Answer
+from pipeline.benchmarks.clock import rounds, timed
+from pipeline.benchmarks.own import AS_EXACT_AS_CAN_BE, OWN, Answer
 from pipeline.benchmarks.peers import PEERS
 from pipeline.benchmarks.problems import Problem
 from pipeline.benchmarks.progress import progress
 from pipeline.benchmarks.references import Reference
 
 Row = dict[str, Any]
-Given = TypeVar("Given")
-NO_TOLERANCE = math.nan
 TOLERANCES = (1e-6, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14)
 STIFF_TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15)
 PEER_TOLERANCES = (1e-6, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
 QUICK_TOLERANCES = (1e-6, 1e-9, 1e-12)
 REPEATS = 5
-ONCE = 5.0  # s: whoever takes longer is timed once
+ONCE, QUICK_ONCE = 5.0, 0.25  # s: whoever takes longer is timed once
 LONG = 20.0  # s: whoever takes longer is not called again to be timed: what it compiled is within 5 % of that
-QUICK_ONCE = 0.25
-_BATCH_BELOW = 0.01  # s: shorter calls are made several times a round
-_BATCH = 5
-_PROBE_LIMIT = 600.0  # s
 
 
 @dataclass(frozen=True)
@@ -61,7 +48,7 @@ class Point:
     estimate : float
         The propagator's own; NaN for peers.
     seconds : tuple of float
-        CPU time of each run.
+        Processor time of each run.
     note : str
         Why there is no value.
     """
@@ -73,7 +60,7 @@ class Point:
     error: float = math.nan
     whole_error: float = math.nan
     estimate: float = math.nan
-    seconds: tuple[float, ...] = field(default=())
+    seconds: tuple[float, ...] = ()
     note: str = ""
 
     @property
@@ -81,7 +68,7 @@ class Point:
         """Median time, ms; NaN where there was none."""
         return 1e3 * statistics.median(self.seconds) if self.seconds else math.nan
 
-    def row(self, reference: str, compile_seconds: float) -> Row:
+    def row(self, reference: str) -> Row:
         """As the suite yields it."""
         return {
             "problem": self.problem,
@@ -90,19 +77,11 @@ class Point:
             "error": self.error,
             "estimate": self.estimate,
             "ms": self.ms,
-            "runs": len(self.seconds),
-            "compile_s": compile_seconds,
+            "ms_least": 1e3 * min(self.seconds, default=math.nan),
+            "ms_most": 1e3 * max(self.seconds, default=math.nan),
             "reference": reference,
             "note": self.note,
         }
-
-
-@dataclass(frozen=True)
-class Runner:
-    """A point whose times are still to be taken, and the call to time."""
-
-    point: Point
-    call: Callable[[], Any]
 
 
 def contenders(problem: Problem) -> tuple[str, ...]:
@@ -121,15 +100,15 @@ def set_up(problem: Problem, method: str, tolerance: float) -> Callable[[], Answ
         It is not installed.
     """
     if method in OWN:
-        return OWN[method].make(problem, tolerance)
+        return OWN[method](problem, tolerance)
     call = PEERS[method].make(problem, tolerance)
     return lambda: Answer(call(), math.nan)
 
 
 def tolerances(problem: Problem, method: str, *, quick: bool) -> Sequence[float]:
     """What to ask a method for, loosest first."""
-    if method in OWN and not OWN[method].tunable:
-        return (NO_TOLERANCE,)
+    if method in AS_EXACT_AS_CAN_BE:
+        return (math.nan,)
     if method in OWN and problem.stiff:
         return STIFF_TOLERANCES  # a few ms each
     if quick:
@@ -139,7 +118,8 @@ def tolerances(problem: Problem, method: str, *, quick: bool) -> Sequence[float]
 
 def sweep(problem: Problem, truth: Reference, *, quick: bool, names: Sequence[str] | None = None) -> list[Point]:
     """Measure contenders, all by default; one that declines is noted with its reason and not asked for more."""
-    points, runners = [], []
+    points: list[Point] = []
+    runners: dict[str, tuple[Point, Callable[[], Answer]]] = {}
     names = contenders(problem) if names is None else names
     for method in progress(names, problem.name, len(names)):
         for tolerance in tolerances(problem, method, quick=quick):
@@ -148,7 +128,7 @@ def sweep(problem: Problem, truth: Reference, *, quick: bool, names: Sequence[st
                 call = set_up(problem, method, tolerance)
                 answer, took = timed(call)
                 if took <= LONG:
-                    took = cpu(call)
+                    took = timed(call)[1]
             except ImportError:
                 points.append(replace(point, note="not installed: extra 'peers'"))
                 break
@@ -165,48 +145,7 @@ def sweep(problem: Problem, truth: Reference, *, quick: bool, names: Sequence[st
             if took > (QUICK_ONCE if quick else ONCE):
                 points.append(point)
             else:
-                runners.append(Runner(point, call))
-    return sorted(points + raced(runners), key=lambda point: (names.index(point.method), -point.tolerance))
-
-
-def raced(runners: Sequence[Runner]) -> list[Point]:
-    """Rounds in which the runners take turns."""
-    taken: list[list[float]] = [[] for _ in runners]
-    for _ in progress(range(REPEATS), "rounds", REPEATS):
-        for runner, times in zip(runners, taken, strict=True):
-            batch = _BATCH if runner.point.seconds[0] < _BATCH_BELOW else 1
-            times.append(statistics.median(cpu(runner.call) for _ in range(batch)))
-    return [replace(runner.point, seconds=tuple(times)) for runner, times in zip(runners, taken, strict=True)]
-
-
-def cpu(call: Callable[[], Any]) -> float:
-    """CPU time of a call, all threads, s."""
-    return timed(call)[1]
-
-
-def timed(call: Callable[[], Given]) -> tuple[Given, float]:
-    """What a call gives, and its CPU time, all threads, s."""
-    started = time.process_time()
-    given = call()
-    return given, time.process_time() - started
-
-
-def compile_seconds(problem: str, method: str) -> float:
-    """Time of a first call beyond a warm one, in a process of its own with empty caches, s; NaN if it cannot be had."""
-    with tempfile.TemporaryDirectory() as folder:
-        words = (sys.executable, "-m", "pipeline.benchmarks.compile_probe", problem, method)
-        environment = tree_environment() | {"XDG_CACHE_HOME": folder, "NUMBA_CACHE_DIR": os.path.join(folder, "numba")}
-        try:
-            done = subprocess.run(words, env=environment, check=True, capture_output=True, timeout=_PROBE_LIMIT)
-        except (subprocess.CalledProcessError, subprocess.TimeoutExpired):
-            return math.nan
-        return float(json.loads(done.stdout)["compile_s"])
-
-
-def compiled(problem: Problem, points: Sequence[Point]) -> dict[str, float]:
-    """Compile time of every method that has times, s."""
-    methods = dict.fromkeys(point.method for point in points if point.seconds)
-    return {
-        method: compile_seconds(problem.name, method)
-        for method in progress(methods, f"{problem.name}, compile times", len(methods))
-    }
+                runners[f"{method} {tolerance}"] = point, call
+    taken = rounds({name: call for name, (_, call) in runners.items()}, REPEATS)
+    points += [replace(point, seconds=tuple(taken[name])) for name, (point, _) in runners.items()]
+    return sorted(points, key=lambda point: (names.index(point.method), -point.tolerance))

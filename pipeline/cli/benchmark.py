@@ -28,25 +28,19 @@ SUITES = {
         "64 kinds of disturbance, weak to strong: whether the stated uncertainty holds; -o resumes",
     ),
     "integrators": ("pipeline.benchmarks.integrators", "propagators against general integrators: time and error"),
-    "speed": ("pipeline.benchmarks.speed", "estimation and the command line against what they replace or import"),
-    "leave-out": ("pipeline.benchmarks.leave_out", "what `process` imports and spends, method by method"),
-    "terms": (
-        "pipeline.benchmarks.cost_of_terms",
-        "what a scene pays for its terms: run, compile and start-up time, modules",
-    ),
     "film": (
         "pipeline.benchmarks.film",
-        "films read: error, flags, speed against grain, speed, dpi, crossings, missing marks, and beside peers",
+        "films read: error, flags, speed against grain, drive, dpi, crossings, missing marks; simple readers too",
     ),
     "huygens": (
         "pipeline.benchmarks.huygens",
-        "clocks on a beam: the paper's regime by every way, lock map, basins, what holds; -o resumes",
+        "clocks on a beam: the paper's regime by every way, lock map, what holds; -o resumes",
     ),
     "batch": (
         "pipeline.benchmarks.batch",
         "a record's cost in a batch beside a bare loop, one process and two, dask, killed and resumed",
     ),
-    "bars": ("pipeline.benchmarks.bars", "every promised accuracy and speed: bar, value, limit, pass"),
+    "bars": ("pipeline.benchmarks.bars", "promised accuracy, statistics and cost: bar, value, limit, pass"),
 }
 _LISTED = "\n".join(f"  {name:<12} {text}" for name, (_, text) in SUITES.items())
 

@@ -1,7 +1,7 @@
 """Theory of two clocks on an elastic beam (Kanunnikov and Lamper), and past it: what locks, where, and what is stable.
 
 `paper` the printed and corrected chain (10)-(14); `balance` every solution of (7)-(8); `slow_flow` their stability;
-`orbit` the true periodic motions with Floquet multipliers; `locking` edge and slip; `offset` k, n and chi; `mathieu`;
+`orbit` the true periodic motions with Floquet multipliers; `locking` edge and slip; `offset` k, n and chi;
 `symmetry`. Nothing is imported before it is used.
 """
 

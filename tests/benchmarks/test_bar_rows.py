@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.benchmarks.bar import at_least, at_most, between, holds, not_measured, of_few, reported
-from pipeline.benchmarks.clock import command, median_ratio, rounds
+from pipeline.benchmarks.clock import command, median_ratio, rounds, timed
 from pipeline.benchmarks.progress import progress
 from pipeline.benchmarks.scenes import SWELL, linear, two_pendulums
 from pipeline.benchmarks.trials import Campaign, Outcome, observations
@@ -57,9 +57,16 @@ def test_a_command_that_fails_is_not_timed() -> None:
     import subprocess
     import sys
 
-    command(sys.executable, "-c", "import pipeline")()
+    assert command(sys.executable, "-c", "import pipeline; print('good')")() == "good\n"
     with pytest.raises(subprocess.CalledProcessError):
         command(sys.executable, "-c", "raise SystemExit(1)")()
+
+
+def test_time_of_child_processes_is_counted() -> None:
+    import sys
+
+    _, spent = timed(command(sys.executable, "-c", "sum(range(10_000_000))"))
+    assert spent > 0.02  # a tenth of a second or two, in hundredths
 
 
 def test_progress_passes_everything_on(capsys: pytest.CaptureFixture[str]) -> None:

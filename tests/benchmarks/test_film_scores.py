@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.benchmarks import film_scores
-from pipeline.benchmarks.film_scores import Truth, angle, crossings, marks, order, phase, places, timing
+from pipeline.benchmarks.film_scores import Truth, crossings, marks, order, places, timing
 
 ROWS = np.arange(6000) + 0.5
 PERIOD = 1.0
@@ -22,7 +21,7 @@ def truth(apart: float = 300.0) -> Truth:
     time = np.array([TIME, TIME])
     column[:, :50] = slope[:, :50] = time[:, :50] = np.nan
     mark = np.arange(0.0, TIME[-1] - 1.0, 0.5)
-    return Truth(column, slope, time, TIME, mark, 50.0 + 59.0 * mark)
+    return Truth(column, slope, time, TIME, mark)
 
 
 def test_a_perfect_reading() -> None:
@@ -54,8 +53,6 @@ def test_amplitude_bias_rows_read_and_silent_errors() -> None:
     flagged[0, 1000:1100] = True
     assert places(wild, flagged, true)["wrong_unflagged"] == 0.0
     assert places(wild, flagged, true)["accepted"] == pytest.approx(1 - 1000 / lit)
-    some = places(wild, None, true, slice(1000, 1200))
-    assert some["wrong_unflagged"] == pytest.approx(100 / 400)
 
 
 def test_swaps_are_counted_where_they_stay() -> None:
@@ -68,8 +65,6 @@ def test_swaps_are_counted_where_they_stay() -> None:
     once[:, turns[7] : turns[9]] = once[::-1, turns[7] : turns[9]]
     assert crossings(once, true.column) == (crossed, 2)
     assert places(once, None, true)["swaps"] == 2
-    assert angle(true.column, true.slope) > 5.0
-    assert np.isnan(angle(truth().column, truth().slope))
 
 
 def test_names_follow_what_is_read() -> None:
@@ -95,15 +90,3 @@ def test_marks_are_compared_on_their_traces() -> None:
     rows[0, 3] = np.nan
     assert marks(index, rows, 0.0, 0.5, true) == pytest.approx(0.0, abs=1e-9)
     assert marks(index + 2, rows + 0.2, 1.0, 0.5, true) == pytest.approx(0.2)
-
-
-def test_phase_is_what_it_is_late_by() -> None:
-    true = truth()
-    time = np.arange(0.5, TIME[-1] - 1.0, 0.04)
-    late = 400.0 + 118.0 * np.cos(2 * np.pi * time / PERIOD + 0.3 + 0.004)
-    late[700:720] = np.nan
-    found = phase(time, late, 0, true, PERIOD)
-    assert found.size == 3
-    np.testing.assert_allclose(found, 0.004, atol=2e-5)
-    late[: int(film_scores._WINDOW * 25)] = np.nan
-    assert np.isnan(phase(time, late, 0, true, PERIOD)[0])

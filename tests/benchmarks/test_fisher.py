@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.benchmarks.efficiency import gravity_bound
-from pipeline.benchmarks.fisher import Pair, _apply, bound, jacobian, respond
+from pipeline.benchmarks.fisher import Pair, _apply, bound, gravity_bound, jacobian, respond
 from pipeline.benchmarks.scenes import linear, two_pendulums
 from synth import simulate
 

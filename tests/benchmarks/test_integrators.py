@@ -11,35 +11,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.benchmarks import bars_integrators, ensemble_race, estimated_errors, growth, integrators, work_precision
-from pipeline.benchmarks.curves import time_at
-from pipeline.benchmarks.growth import Growth
-from pipeline.benchmarks.kept import Kept
+from pipeline.benchmarks import integrators, integrators_bars, work_precision
+from pipeline.benchmarks.integrators_bars import time_at
 from pipeline.benchmarks.own import OWN, Answer
 from pipeline.benchmarks.peers import PEERS
-from pipeline.benchmarks.problems import Problem, beam, linear, nonlinear, problems, stiff_beam, van_der_pol
-from pipeline.benchmarks.raced_problems import Race
+from pipeline.benchmarks.problems import Problem, beam, hour, raced, stiff_beam, van_der_pol
 from pipeline.benchmarks.references import reference
 from pipeline.benchmarks.work_precision import Point, contenders, set_up, tolerances
 from synth.systems.dispatch import derivative
 
-SHORT = {"linear": linear(2), "nonlinear": nonlinear(2), "beam": beam(2)}
+SHORT = {"linear": hour(2), "nonlinear": hour(2, linear=False), "beam": beam(2)}
 EVERY = {**SHORT, "van der Pol": van_der_pol(), "stiff beam": stiff_beam()}
+INSTALLED = [name for name, peer in PEERS.items() if importlib.util.find_spec(peer.library)]
 
 
 def point(method: str, error: float, ms: float, *, own: bool = False, tolerance: float = 1e-9) -> Point:
     return Point("p", method, own, tolerance, error, error, error, (ms / 1e3,))
-
-
-@pytest.mark.parametrize("name", EVERY)
-def test_plain_equations_are_those_of_the_system(name: str) -> None:
-    problem = EVERY[name]
-    ours, plain = np.empty(problem.start.size), np.empty(problem.start.size)
-    state = problem.start + 0.01
-    derivative(1.7, state, problem.system, ours)
-    derivative(1.7, state, problem.plain, plain)
-    # 66 cosines whose phases are rounded differently
-    assert plain == pytest.approx(ours, rel=1e-12, abs=1e-13)
 
 
 @pytest.mark.skipif(importlib.util.find_spec("heyoka") is None, reason="heyoka is in the extra 'peers'")
@@ -50,17 +37,17 @@ def test_formulas_are_the_same_equations(name: str) -> None:
     from pipeline.benchmarks.symbolic import equations
 
     problem = EVERY[name]
-    pairs = equations(problem.plain, float)
+    pairs = equations(problem, float)
     compiled = hy.cfunc([slope for _, slope in pairs], vars=[variable for variable, _ in pairs])
     state = problem.start + 0.01
     found = compiled(state, time=1.7)
     plain = np.empty(state.size)
-    derivative(1.7, state, problem.plain, plain)
+    derivative(1.7, state, problem.system, plain)
     assert found == pytest.approx(plain, rel=1e-12, abs=1e-13)  # sums in another order
 
 
 def test_quick_problems_are_shorter() -> None:
-    full, quick = problems(quick=False), problems(quick=True)
+    full, quick = raced(quick=False), raced(quick=True)
     assert set(full) == set(quick) == {"linear", "nonlinear", "beam", "van der Pol", "stiff beam"}
     assert full["linear"].times.size == 10 * quick["linear"].times.size
     assert full["van der Pol"].times.tolist() == quick["van der Pol"].times.tolist()
@@ -96,7 +83,7 @@ def test_peers_that_are_absent_are_said_to_be(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("method", [name for name, peer in PEERS.items() if peer.installed and not peer.stiff])
+@pytest.mark.parametrize("method", [name for name in INSTALLED if not PEERS[name].stiff])
 def test_peers_solve_the_beam(method: str) -> None:
     problem = SHORT["beam"]
     answer = set_up(problem, method, 1e-9)()
@@ -106,7 +93,7 @@ def test_peers_solve_the_beam(method: str) -> None:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("method", [name for name, peer in PEERS.items() if peer.installed and peer.stiff])
+@pytest.mark.parametrize("method", [name for name in INSTALLED if PEERS[name].stiff])
 def test_stiff_peers_reach_the_published_value(method: str) -> None:
     states = set_up(EVERY["van der Pol"], method, 1e-9)().states
     assert states.shape == (2, 2)
@@ -118,46 +105,22 @@ def test_the_suite_yields_its_tables(tmp_path: Path, monkeypatch: pytest.MonkeyP
     pytest.importorskip("mpmath")
     pytest.importorskip("matplotlib")
     chosen = {"nonlinear": SHORT["nonlinear"], "beam": SHORT["beam"]}
-    monkeypatch.setattr(integrators, "problems", lambda *, quick: chosen)
+    monkeypatch.setattr(integrators, "raced", lambda *, quick: chosen)
     monkeypatch.setattr(work_precision, "contenders", lambda problem: ("closed form", "Picard collocation", "explicit"))
-    monkeypatch.setattr(growth, "grown", lambda *, quick: iter([GROWN]))
-    monkeypatch.setattr(bars_integrators, "judged", lambda found: iter(()))
-    monkeypatch.setattr(ensemble_race, "race", lambda *, quick: ("title", "source", [point("explicit", 1e-9, 1.0)]))
+    bars = [{"bar": "b", "value": 1.0, "limit": ">= 5", "pass": False}]
+    monkeypatch.setattr(integrators_bars, "judged", lambda found: iter(bars))
     rows = list(integrators.run(quick=True, folder=tmp_path))
-    tables = [next(iter(row)) for row in rows]
-    assert (
-        tables.count("problem") == 10 + 1
-    )  # the ensemble's, three tolerances of the explicit one, a row for each of the others, twice
-    assert tables.count("growth") == 1
+    # three tolerances of the explicit one, a row for each of the others, twice
+    assert [next(iter(row)) for row in rows].count("problem") == 10
     honest = [row for row in rows if "honesty" in row]
     assert honest
     assert all(row["pass"] for row in honest), honest
-    names = {path.name for path in tmp_path.iterdir()}
-    assert names >= {"nonlinear.png", "beam.png", "growth.png", "work-precision.csv", "growth.csv", "honesty.csv"}
-    assert all(path.stat().st_size for path in tmp_path.iterdir() if path.name != "bars.csv")
-
-
-def test_a_finished_problem_is_not_raced_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[str] = []
-
-    def race(problem: Problem, *, quick: bool) -> Race:
-        asked.append(problem.name)
-        if asked == ["linear", "nonlinear"]:
-            raise KeyboardInterrupt
-        return Race(problem.title, "source", [point("explicit", 1e-9, 1.0)], {"explicit": 2.5})
-
-    monkeypatch.setattr(integrators, "problems", lambda *, quick: SHORT)
-    monkeypatch.setattr(integrators, "raced", race)
-    monkeypatch.setattr(ensemble_race, "race", lambda *, quick: ("title", "source", [point("explicit", 1e-9, 1.0)]))
-    with pytest.raises(KeyboardInterrupt):
-        list(integrators.finished(Kept(tmp_path), quick=True))
-    again = dict(integrators.finished(Kept(tmp_path), quick=True))
-    assert asked == ["linear", "nonlinear", "nonlinear", "beam"]
-    assert list(again) == ["linear", "nonlinear", "beam", "ensemble"]
-    assert again["linear"] == Race(SHORT["linear"].title, "source", [point("explicit", 1e-9, 1.0)], {"explicit": 2.5})
-    assert next(again["linear"].rows())["compile_s"] == 2.5
-    list(integrators.finished(Kept(tmp_path), quick=False))
-    assert asked[4:] == ["linear", "nonlinear", "beam"]  # a full race is another
+    tables = ("work-precision", "honesty", "bars")
+    assert {path.name for path in tmp_path.iterdir()} == {"integrators.png", *(f"{name}.csv" for name in tables)}
+    written = [(tmp_path / f"{name}.csv").read_text(encoding="utf-8").splitlines() for name in tables]
+    assert sum(len(lines) - 1 for lines in written) == len(rows)
+    assert rows[-1]["pass"] is None  # short problems are reported, not judged
+    assert list(integrators.run(quick=False, folder=None))[-1]["pass"] is False
 
 
 @pytest.mark.parametrize(("length", "calls"), [(0.1, 2), (25.0, 1)])
@@ -167,37 +130,21 @@ def test_whoever_takes_long_is_not_called_again(length: float, calls: int, monke
     monkeypatch.setattr(
         work_precision, "set_up", lambda *given: lambda: made.append(1) or Answer(np.zeros((41, 6)), 0.0)
     )
-    monkeypatch.setattr(work_precision, "raced", lambda runners: [each.point for each in runners])
+    monkeypatch.setattr(work_precision, "rounds", lambda calls, repeats: {name: [length] for name in calls})
     truth = SimpleNamespace(error=lambda problem, answer, wanted: 0.0)
     (found, *_) = work_precision.sweep(SHORT["beam"], truth, quick=True, names=["heyoka"])  # type: ignore[arg-type]
     assert found.seconds == (length,)
     assert len(made) == calls * len(work_precision.QUICK_TOLERANCES)
 
 
-GROWN = Growth("case", "explicit", np.geomspace(1.0, 1e4, 20), 1e-15 * np.geomspace(1.0, 1e4, 20) ** 0.5, 0.5)
-
-
-def test_exponent_of_growth() -> None:
-    assert GROWN.exponent == pytest.approx(0.5)
-    assert math.isnan(Growth("c", "m", np.array([1.0, 50.0]), np.array([0.0, 0.0]), 0.5).exponent)
-    assert growth.looks(1000, 2.0)[0] == 2.0
-    assert growth.looks(1000, 2.0)[-1] == pytest.approx(2000.0, rel=1e-3)
-
-
-def test_elliptic_pendulum_has_the_period_of_the_sheet() -> None:
-    pytest.importorskip("mpmath")
-    period = 3.34849644557 * 2.0 * np.pi / 6.25  # T/T0 at 3.1 rad (physics sheet, 3.2), 12 digits
-    assert growth.elliptic(6.25, 3.1, np.array([0.0, 0.5 * period]))[1] == pytest.approx(-3.1, abs=1e-10)
-
-
 def test_honest_is_within_ten_below_and_a_thousand_above() -> None:
-    assert estimated_errors.honest(1e-9, 1e-9)
-    assert estimated_errors.honest(9e-9, 1e-9)
-    assert not estimated_errors.honest(11e-9, 1e-9)
-    assert not estimated_errors.honest(0.9e-12, 1e-9)
-    assert estimated_errors.honest(0.0, 1e-15)  # rounding may vanish
-    assert not estimated_errors.honest(math.nan, 1e-9)
-    rows = list(estimated_errors.judged([point("Radau", 1e-9, 1.0, own=True), point("heyoka", 1e-9, 1.0)]))
+    assert integrators.honest(1e-9, 1e-9)
+    assert integrators.honest(9e-9, 1e-9)
+    assert not integrators.honest(11e-9, 1e-9)
+    assert not integrators.honest(0.9e-12, 1e-9)
+    assert integrators.honest(0.0, 1e-15)  # rounding may vanish
+    assert not integrators.honest(math.nan, 1e-9)
+    rows = list(integrators.estimates([point("Radau", 1e-9, 1.0, own=True), point("heyoka", 1e-9, 1.0)]))
     assert [row["method"] for row in rows] == ["Radau"]
 
 
@@ -217,16 +164,16 @@ def test_bars_compare_at_equal_or_smaller_error() -> None:
         point("CyRK RADAU", 1e-14, 200.0, tolerance=1e-12),
         point("scipy Radau", 1e-8, 400.0, tolerance=1e-6),
     ]
-    found = {"linear": own, "nonlinear": own, "beam": [*own, point("heyoka", 1e-9, 2.0)], "van der Pol": stiff}
-    found["ensemble"] = [*own, point("heyoka, batch", 1e-9, 2.0)]
-    rows = list(bars_integrators.judged({**found, "stiff beam": stiff}))
-    named = {row["bar"].split(" (")[0]: row for row in rows}
+    found = {"linear": own, "nonlinear": own, "beam": [*own, point("heyoka", 1e-10, 2.0)], "van der Pol": stiff}
+    rows = list(integrators_bars.judged({**found, "stiff beam": stiff}))
+    assert len({row["bar"] for row in rows}) == len(rows) == len(integrators_bars.BARS)
+    named = {":".join(row["bar"].split(":")[:2]): row for row in rows}
     assert named["van der Pol: times faster than CyRK RADAU at 1e-06"]["value"] == pytest.approx(10.0)  # 20 over 2
     assert named["van der Pol: times faster than CyRK RADAU at 1e-12"]["pass"] is False  # never reached
     assert named["van der Pol: times faster than scipy Radau at 1e-06"]["value"] == 400.0
     assert named["van der Pol: times faster than CyRK RADAU at 1e-09"]["pass"] is None  # not measured
     assert named["linear at <= 1e-14: times faster than heyoka at any tolerance"]["pass"] is None
-    assert named["beam at an error of 1e-09: times faster than heyoka"]["value"] == pytest.approx(2.0 / 4.0**0.25)
+    assert named["beam: times faster than heyoka at 1e-09"]["value"] == pytest.approx(2.0 / 2.0)
 
 
 def test_tolerances_fit_methods_and_problems() -> None:
@@ -236,10 +183,3 @@ def test_tolerances_fit_methods_and_problems() -> None:
     assert set(OWN) < set(contenders(SHORT["beam"]))
     assert "CyRK RADAU" not in contenders(SHORT["beam"])
     assert "CyRK RADAU" in contenders(EVERY["stiff beam"])
-
-
-@pytest.mark.parametrize("name", problems(quick=True))
-def test_bars_ask_every_propagator(name: str) -> None:
-    asked = bars_integrators.rivals(problems(quick=True)[name])
-    assert set(OWN) <= set(asked)
-    assert "heyoka" in asked

@@ -1,21 +1,33 @@
-"""The closed form and its reference agree on a few seconds."""
+"""The closed form and the truth in many digits agree on a few seconds."""
 
 from __future__ import annotations
+
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from pipeline.benchmarks.linear_hour import closed_form, reference, task
+from pipeline.benchmarks.own import CLOSED, OWN
+from pipeline.benchmarks.problems import RATE, Problem, hour
+from pipeline.benchmarks.truth import linear
 
 pytest.importorskip("mpmath")
-SHORT = task(3)
+SHORT = hour(3)
 ROWS = np.arange(0, 60, 7)
 
 
+def true(problem: Problem, instants: list[Fraction]) -> np.ndarray:
+    system = problem.system
+    return linear(
+        system.natural_frequency, system.terms.damping_rate, problem.start.tolist(), problem.horizontal, instants
+    )
+
+
 def test_closed_form_is_exact() -> None:
-    true = reference(SHORT, ROWS)
-    assert np.abs(closed_form(SHORT)[:, ROWS] - true).max() < 1e-14 * np.abs(true).max()
+    exact = true(SHORT, [Fraction(int(row), RATE) for row in ROWS])
+    found = OWN[CLOSED](SHORT, np.nan)().states
+    assert np.abs(found[ROWS] - exact).max() < 1e-14 * np.abs(exact).max()
 
 
-def test_reference_starts_where_the_task_says() -> None:
-    assert reference(SHORT, np.array([0]))[:, 0] == pytest.approx(SHORT.angle, rel=1e-14)
+def test_truth_starts_where_the_problem_does() -> None:
+    assert true(SHORT, [Fraction(0)])[0] == pytest.approx(SHORT.start[::2], rel=1e-14)

@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.benchmarks import stability
-from pipeline.benchmarks.extremes import NOISE, Extreme, extremes
+from pipeline.benchmarks import stability_records
 from pipeline.benchmarks.scenes import GRAVITY
-from pipeline.benchmarks.stability import FLOOR, INEXACT, MAY_REFUSE, judge, reduce
+from pipeline.benchmarks.stability_records import FLOOR, INEXACT, NOISE, Extreme, extremes, judge, reduce
 from pipeline.methods import PAIR_METHODS
 
-EXTREME = Extreme("10 s long", lambda: pytest.fail("not made"))
+EXTREME = Extreme("10 s long", lambda: pytest.fail("not made"), GRAVITY, ("projection",), "too short")
 
 
 def row(error: float, sigma: float = 0.1, flags: tuple[str, ...] = (), status: str = "ok") -> dict[str, Any]:
@@ -57,10 +56,11 @@ def test_refusal_must_be_listed() -> None:
     assert found["projection"] == "refused: why"
 
 
-def test_what_may_refuse_is_a_record_of_the_suite_and_has_a_reason() -> None:
-    names = {extreme.name for extreme in extremes()}
-    assert set(MAY_REFUSE) <= names
-    assert all(reason and set(methods) <= set(PAIR_METHODS) for methods, reason in MAY_REFUSE.values())
+def test_what_may_refuse_has_a_reason() -> None:
+    every = extremes()
+    assert len({extreme.name for extreme in every}) == len(every)
+    assert all(set(extreme.may_refuse) <= set(PAIR_METHODS) for extreme in every)
+    assert all(bool(extreme.why) == bool(extreme.may_refuse) for extreme in every)
 
 
 def test_records_are_what_their_names_say(short: float) -> None:
@@ -112,8 +112,7 @@ def test_nothing_but_noise_gives_no_gravity(short: float) -> None:
 def test_extreme_records_that_are_right(monkeypatch: pytest.MonkeyPatch) -> None:
     names = ("a through zero", "equal frequencies", "pure noise", "nominal period 0.5 % long", "60 s long")
     chosen = [extreme for extreme in extremes() if extreme.name in names]
-    monkeypatch.setattr(stability, "extremes", lambda: chosen)
-    monkeypatch.setattr(stability.stability_matrix, "rows", lambda: iter(()))
-    rows = list(stability.run(quick=True, folder=None))
+    monkeypatch.setattr(stability_records, "extremes", lambda: chosen)
+    rows = list(stability_records.rows())
     assert len(rows) == len(names)
     assert all(row["pass"] for row in rows), [row for row in rows if not row["pass"]]

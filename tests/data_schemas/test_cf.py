@@ -7,9 +7,9 @@ import warnings
 
 import numpy as np
 import pytest
+from flat_copy import flatten
 
 from data_schemas import write
-from data_schemas.flatten import flatten
 from data_schemas.layouts import LAYOUTS
 
 # what the checker gets wrong or CF does not know, and why we keep it

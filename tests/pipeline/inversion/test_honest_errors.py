@@ -40,7 +40,7 @@ def test_95_per_cent_of_200_short_records() -> None:
 @pytest.mark.campaign
 def test_95_per_cent_of_2000_records() -> None:
     """The issue's bar, 93.5 to 96.5 %, over swell, larger period difference, heave recorded."""
-    from pipeline.benchmarks.bars_inversion import kinds
+    from pipeline.benchmarks.bars_statistics import kinds
     from pipeline.benchmarks.trials import campaign
 
     hits = []

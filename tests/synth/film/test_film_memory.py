@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -13,14 +14,8 @@ from pipeline.benchmarks.clock import tree_environment
 @pytest.mark.campaign
 def test_memory_does_not_grow_with_the_film(tmp_path):
     def peak(seconds):
-        words = [
-            sys.executable,
-            "-m",
-            "pipeline.benchmarks.film_probe",
-            "expose",
-            str(tmp_path / "a.tif"),
-            str(seconds),
-        ]
+        probe = Path(__file__).with_name("film_probe.py")
+        words = [sys.executable, str(probe), str(tmp_path / "a.tif"), str(seconds)]
         done = subprocess.run(words, env=tree_environment(), check=True, capture_output=True, text=True)
         return float(done.stdout)  # MiB
 

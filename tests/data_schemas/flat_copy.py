@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from .contents import Contents, Entry, Group, from_tree, to_tree
+from data_schemas.contents import Contents, Entry, Group, from_tree, to_tree
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -1,4 +1,4 @@
-"""Child of the suite `film`: expose a film, or read one, and tell the most memory that it took."""
+"""Child of a test: expose a film and print the most memory that it took."""
 
 from __future__ import annotations
 
@@ -21,17 +21,12 @@ def peak() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
-def main(what: str, path: str, seconds: str) -> None:
-    """Expose the shipped scene for some seconds, or read what was exposed; print MiB."""
-    if what == "expose":
-        import synth
-        from pipeline.benchmarks.film_cases import scene
+def main(path: str, seconds: str) -> None:
+    """Expose the shipped scene for some seconds; print MiB."""
+    import synth
+    from pipeline.benchmarks.film_cases import scene
 
-        synth.expose_to(scene(float(seconds)), "typical", path, overwrite=True)
-    else:
-        from pipeline.film.digitise import digitise
-
-        digitise(path)
+    synth.expose_to(scene(float(seconds)), "typical", path, overwrite=True)
     print(peak())
 
 

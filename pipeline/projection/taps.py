@@ -18,13 +18,15 @@ from pipeline.arrays import Floats
 NODES = 8
 QUADRATURE = 16  # Gauss-Legendre nodes an interval: exact to rounding below Nyquist
 CENTRE = 3.5  # of the stencil, in steps
+BEFORE, AFTER = 3, 4  # samples that the stencil of an interval takes before its first one and behind it
 _SERIES_BELOW = 2.0  # radians at the stencil's end, below which series replace differences of large numbers
 _SERIES_TERMS = 12
 
 
 @functools.cache
-def _gauss_legendre(count: int) -> tuple[Floats, Floats]:
-    nodes, weights = np.polynomial.legendre.leggauss(count)
+def _gauss_legendre() -> tuple[Floats, Floats]:
+    """Nodes and weights on [0, 1]."""
+    nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE)
     return 0.5 * (nodes + 1.0), 0.5 * weights
 
 
@@ -75,13 +77,28 @@ def _cardinal(points: Floats, angle: float) -> Floats:
 @functools.lru_cache(maxsize=64)
 def stencil(frequency: float, step: float) -> Floats:
     """Cardinal functions of the basis at the quadrature nodes of the central interval, (16, 8)."""
-    return _cardinal(_gauss_legendre(QUADRATURE)[0] - 0.5, frequency * step)
+    return _cardinal(_gauss_legendre()[0] - 0.5, frequency * step)
 
 
 @functools.lru_cache(maxsize=64)
 def continuation(frequency: float, step: float) -> Floats:
     """Weights (8, 3) of the last eight samples of a series in its next three, by the same eight functions."""
     return _cardinal(CENTRE + np.arange(1.0, 4.0), frequency * step).T
+
+
+def padded(series: Floats, part: slice, frequency: float, step: float) -> Floats:
+    """Some samples with `BEFORE` and `AFTER` of their neighbours; beyond a series' ends it is continued.
+
+    The last of those behind the end belongs to no interval and is zero.
+    """
+    low, high = part.start - BEFORE, part.stop + AFTER
+    pieces = [series[max(low, 0) : high]]
+    onward = continuation(frequency, step)
+    if low < 0:
+        pieces.insert(0, (series[NODES - 1 :: -1] @ onward)[::-1])
+    if high > series.size:
+        pieces.append(np.append(series[-NODES:] @ onward, 0.0)[: high - series.size])
+    return np.concatenate(pieces)
 
 
 def taps(cardinal: Floats, eigenvalue: complex, step: float) -> NDArray[np.complex128]:
@@ -100,6 +117,6 @@ def taps(cardinal: Floats, eigenvalue: complex, step: float) -> NDArray[np.compl
     -------
     (8,) complex array
     """
-    nodes, weights = _gauss_legendre(QUADRATURE)
+    nodes, weights = _gauss_legendre()
     kernel = step * weights * np.exp(eigenvalue * step * (1.0 - nodes))
     return np.asarray(kernel @ cardinal)

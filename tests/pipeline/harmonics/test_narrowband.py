@@ -12,8 +12,8 @@ from exact_pair import N2, Pair, swell
 from pipeline.estimate import budget
 from pipeline.harmonics.blocks import block_envelope
 from pipeline.harmonics.envelope import Envelope
-from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband, regression, running_integral
-from pipeline.harmonics.narrowband_kernels import phase_slope
+from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband, phase_slope, regression, running_integral
+
 
 HOP = 1.0
 TIME = 8.0 + HOP * np.arange(285)
@@ -105,27 +105,6 @@ def test_missing_instants_have_no_weight() -> None:
     assert abs(relative(found, pair)) < 1e-6
     # the model bridges them all the same
     assert np.abs(found.model - difference).max() < 1e-9
-
-
-def test_a_known_forcing_is_taken_out() -> None:
-    """F = i b D turns the difference faster by b; the fit must return n2 without it."""
-    pair = Pair.apart(0.0)
-    difference, first, speed = envelopes(pair)
-    bend = 1e-4
-    turned = difference * np.exp(1j * bend * (TIME - TIME[0]))
-    found = fit_narrowband(
-        TIME,
-        turned,
-        first,
-        speed,
-        np.ones(TIME.size),
-        carrier=CARRIER,
-        ratio=1.0,
-        damping_rate=0.0,
-        damping_difference=0.0,
-        forcing=1j * bend * turned,
-    )
-    assert abs(relative(found, pair)) < 1e-6
 
 
 def test_model_and_jacobian_by_finite_differences() -> None:

@@ -44,7 +44,8 @@ def theta_influence(
         near = slice(max(part.start - BESIDE, 0), min(part.stop + BESIDE, count))
         left, right = BESIDE - (part.start - near.start), BESIDE - (near.stop - part.stop)
         b, d, t = back[near], iteration.about[near], motion.low[near]
-        tangent, secant, sine = np.tan(t), 1.0 / np.cos(t), np.sin(d)
+        secant, sine = 1.0 / np.cos(t), np.sin(d)
+        tangent = np.sin(t) * secant
         lever = (frequency**2 * motion.pull(pull, near) * tangent + motion.bend[near] * secant) * secant * sine
         bent = np.pad((tangent * sine - 2.0 * np.sin(0.5 * d) ** 2) * b, (left, right))
         wide = np.pad((straight + step * lever) * b, (left, right))

@@ -21,12 +21,12 @@ import numpy as np
 
 from data_schemas.scratch import by_portions, portions, room
 from pipeline.arrays import Floats
-from pipeline.inversion.kernels import past_taps, recursion
+from pipeline.inversion.kernels import expand, past_taps, recursion
 from pipeline.inversion.motion import Motion
 from pipeline.observation import Observation
 from pipeline.projection.identity import LinearFit, response_constants
 from pipeline.projection.least_squares import Step, free_parameters, refuse_outliers, require_swing_near, solve
-from pipeline.projection.taps import AFTER, BEFORE, padded, stencil, taps
+from pipeline.projection.taps import padded, stencil, taps
 
 ITERATIONS = 12
 _SETTLED = 1e-9  # of the frequency: what is left after such a step is a thousandth of it at most, 2e-6 mGal
@@ -92,7 +92,7 @@ class Iteration:
         """Expand the nonlinear terms about d*: constant part, slope, and derivative by n2 (where that of d will be)."""
         motion, pull = self.motion, self._gravity(self.frequency)
         for part in self._portions():
-            self._constant[part], self.slope[part], self.columns[3, part] = expand(
+            expand(
                 self.about[part],
                 motion.low[part],
                 motion.bend[part],
@@ -100,34 +100,37 @@ class Iteration:
                 self._held,
                 self.frequency,
                 motion.shift,
+                self._constant[part],
+                self.slope[part],
+                self.columns[3, part],
             )
 
-    def sweep(self) -> None:
-        """Expand, and run the recursion."""
+    def sweep(self) -> Floats:
+        """Expand, and run the recursion; the Gram matrix of `least_squares.solve`."""
         self._expand()
         eigenvalue, direct, gain, *_ = self._linear()
-        rate, turn = eigenvalue.imag, complex(np.exp(eigenvalue * self.step))
-        weights = taps(stencil(self._held, self.step), eigenvalue, self.step)
-        past = past_taps(eigenvalue, self.step)
-        state = np.array([self.start, 1j, 1.0, 0.0]) * rate
-        before, lost = np.zeros(4), self.motion.inside.start
+        rate, held, step = eigenvalue.imag, self._held, self.step
+        constants = (direct.real, rate * gain, complex(np.exp(eigenvalue * step)), rate)
+        weights, past = taps(stencil(held, step), eigenvalue, step), past_taps(eigenvalue, step)
+        state, before = np.array([self.start, 1j, 1.0, 0.0]) * rate, np.zeros(4)
+        gram, lost = np.zeros((6, 6)), self.motion.inside.start
         for part in self._portions():
-            theta = padded(self._theta, slice(part.start + lost, part.stop + lost), self._held, self.step)
-            integral = rate * gain * _correlated(theta, weights)
-            integral += _correlated(padded(self._constant, part, self._held, self.step), weights)
-            response = direct.real * theta[BEFORE:-AFTER]
-            columns = self.columns[:, part]
-            recursion(integral, self.slope[part], self.about[part], response, turn, rate, past, state, before, columns)
-
-    def gram(self) -> Floats:
-        """Gram matrix (6, 6) of the derivatives by (start, start, n2, gamma2, offset) and the residual."""
-        gram = np.zeros((6, 6))
-        for part in self._portions():
-            model, *derivatives = self.columns[:, part]
-            by_damping = -self.scaled_time(part) * model
-            residual = self.difference[part] - model - self.offset
-            rows = np.stack([*derivatives, by_damping, np.ones(model.size), residual])
-            gram += rows @ rows.T
+            recursion(
+                padded(self._theta, slice(part.start + lost, part.stop + lost), held, step),
+                padded(self._constant, part, held, step),
+                self.slope[part],
+                self.about[part],
+                self.difference[part] - self.offset,
+                weights,
+                constants,
+                past,
+                part.start,
+                self.count,
+                state,
+                before,
+                self.columns[:, part],
+                gram,
+            )
         return gram
 
     def scaled_time(self, part: slice) -> Floats:
@@ -138,9 +141,9 @@ class Iteration:
         """Follow the derivatives to the improved parameters."""
         angle, rate, frequency, damping, offset = change
         for part in self._portions():
-            model, *derivatives = self.columns[:, part]
-            moved = model * (1.0 - damping * self.scaled_time(part))
-            self.about[part] = moved + np.tensordot(change[:3], np.stack(derivatives), axes=1)
+            self.about[part] = self.columns[0, part] + change[:3] @ self.columns[1:, part]
+            if damping != 0.0:
+                self.about[part] -= damping * self.scaled_time(part) * self.columns[0, part]
         self.frequency, self.offset = self.frequency + float(frequency), self.offset + float(offset)
         # the solution decays about the middle of the record, the start lies half a record earlier
         self.start = (self.start + complex(rate, angle)) * (1.0 + damping)
@@ -156,8 +159,7 @@ class Iteration:
             No swing at the nominal period, or an outlier.
         """
         for _ in range(ITERATIONS):
-            self.sweep()
-            found = solve(self.gram(), free_parameters(fit_damping))
+            found = solve(self.sweep(), free_parameters(fit_damping))
             self.improve(found.change)
             if abs(found.change[2]) < _SETTLED * self.frequency:
                 break
@@ -168,43 +170,11 @@ class Iteration:
         """d n2 / d (sample of the difference), s-1, from the covariance's row of n2."""
         out = room(self.count)
         for part in self._portions():
-            derivatives = np.tensordot(weights[:3], self.columns[1:, part], axes=1)
-            out[part] = derivatives - weights[3] * self.scaled_time(part) * self.about[part] + weights[4]
+            out[part] = weights[:3] @ self.columns[1:, part] + weights[4]
+            if weights[3] != 0.0:
+                out[part] -= weights[3] * self.scaled_time(part) * self.about[part]
         return out
 
     def residual(self) -> Floats:
         """Samples less the model, rad."""
         return by_portions(lambda read, model: read - model - self.offset, self.difference, self.about)
-
-
-def _correlated(series: Floats, weights: Floats) -> Floats:
-    return np.asarray(np.correlate(series, weights.real, "valid") + 1j * np.correlate(series, weights.imag, "valid"))
-
-
-def expand(
-    about: Floats, theta: Floats, bend: Floats, pull: Floats, held: float, frequency: float, shift: float
-) -> tuple[Floats, Floats, Floats]:
-    """Right-hand side of `z'' + 2 gamma2 z' + held^2 z` expanded about an angle of the difference; all arrays (m,).
-
-    It is `constant + slope (d - about)`, with
-
-        held^2 d - n^2 [(1 + zeta) sin d / cos theta1 + w ((cos d - 1) + tan theta1 sin d)],  n^2 w = `bend`
-
-    Parameters
-    ----------
-    pull : (m,) array
-        1 + zeta.
-    shift : float
-        What noise of theta1 adds to the factor of sin d on average, taken off.
-
-    Returns
-    -------
-    constant, slope : (m,) arrays
-    by_frequency : (m,) array
-        -d(n^2 [...])/dn.
-    """
-    sine, less = np.sin(about), -2.0 * np.sin(0.5 * about) ** 2  # cos d - 1
-    stiff = frequency**2 * pull / np.cos(theta)
-    lever = stiff + bend * np.tan(theta) - shift
-    constant = held**2 * about - lever * sine - bend * less
-    return constant, held**2 - lever * (1.0 + less) + bend * sine, -2.0 / frequency * stiff * sine

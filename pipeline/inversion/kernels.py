@@ -2,42 +2,113 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from pipeline.arrays import Complexes, Floats
+from pipeline.projection.taps import BEFORE, NODES
 from synth.kernels.compiled import kernel
 
 
 @kernel
+def expand(
+    about: Floats,
+    theta: Floats,
+    bend: Floats,
+    pull: Floats,
+    held: float,
+    frequency: float,
+    shift: float,
+    constant: Floats,
+    slope: Floats,
+    by_frequency: Floats,
+) -> None:
+    """Right-hand side of `z'' + 2 gamma2 z' + held^2 z` expanded about an angle of the difference; all arrays (n,).
+
+    It is `constant + slope (d - about)`, with
+
+        held^2 d - n^2 [(1 + zeta) sin d / cos theta1 + w ((cos d - 1) + tan theta1 sin d)],  n^2 w = `bend`
+
+    `pull` = 1 + zeta; `shift` is what noise of theta1 adds to the factor of sin d on average, taken off;
+    `by_frequency` = -d(n^2 [...])/dn.
+    """
+    for k in range(about.size):
+        d, secant = about[k], 1.0 / math.cos(theta[k])
+        sine, half = math.sin(d), math.sin(0.5 * d)
+        less = -2.0 * half * half  # cos d - 1
+        stiff = frequency * frequency * pull[k] * secant
+        lever = stiff + bend[k] * math.sin(theta[k]) * secant - shift
+        constant[k] = held * held * d - lever * sine - bend[k] * less
+        slope[k] = held * held - lever * (1.0 + less) + bend[k] * sine
+        by_frequency[k] = -2.0 / frequency * stiff * sine
+
+
+@kernel
 def recursion(
-    integral: Complexes,
+    theta: Floats,
+    constant: Floats,
     slope: Floats,
     about: Floats,
-    response: Floats,
-    turn: complex,
-    rate: float,
+    difference: Floats,
+    weights: Complexes,
+    constants: tuple[float, complex, complex, float],
     past: Complexes,
+    first: int,
+    samples: int,
     state: Complexes,
     before: Floats,
     columns: Floats,
+    gram: Floats,
 ) -> None:
-    """Difference and its derivatives by start and n2, (4, n), at adjoining samples; other arrays (n,).
+    """Difference and its derivatives by start and n2, (4, n), at adjoining samples, and their products.
 
-    A complex state c carries `z = Im(c)/rate`, `c <- turn c + integral over the interval + taps of the part that is
-    linear in the unknown`, d = response + z. `past` (2,) are the taps now and one step before. `state` and `before`
-    (4,) hold c and the linear part one step before of model and derivatives, and are left as the next sample needs
-    them. The last row of `columns` comes with the forcing of the derivative by n2.
+    A complex state c carries `z = Im(c)/w`, `c <- turn c + integral over the interval + taps of the part that is
+    linear in the unknown`, d = direct theta1 + z.
+
+    Parameters
+    ----------
+    theta, constant : (n + 7,) arrays
+        Padded as by `taps.padded`; the other arrays are (n,).
+    difference : (n,) array
+        Less its zero line.
+    weights : (8,) complex array
+        Taps of an interval.
+    constants : tuple
+        1-r, w times the projection's gain, exp(lam h), w.
+    past : (2,) complex array
+        Taps now and one step before, see `past_taps`.
+    first, samples : int
+        Number of the first sample, of so many in the record: damping counts from the middle, per half the length.
+    state, before : (4,) arrays
+        c and the linear part one step before of model and derivatives; left as the next sample needs them.
+    columns : (4, n) array
+        The last row comes with the forcing of the derivative by n2.
+    gram : (6, 6) array
+        As `least_squares.solve` takes it.
     """
+    direct, gain, turn, rate = constants
     now, ago = past
     c0, c1, c2, c3 = state
     p0, p1, p2, p3 = before
     unit = 1.0 / rate
+    row = np.ones(6)
     for k in range(slope.size):
-        z0, z1, z2, z3 = c0.imag * unit, c1.imag * unit, c2.imag * unit, c3.imag * unit
-        q, d = slope[k], response[k] + z0
-        s0, s1, s2, s3 = q * (d - about[k]), q * z1, q * z2, q * z3 + columns[3, k]
+        d = direct * theta[k + BEFORE] + c0.imag * unit
+        z1, z2, z3 = c1.imag * unit, c2.imag * unit, c3.imag * unit
+        q, forced = slope[k], columns[3, k]
         columns[0, k], columns[1, k], columns[2, k], columns[3, k] = d, z1, z2, z3
-        c0 = turn * c0 + now * s0 + ago * p0 + integral[k]
+        row[0], row[1], row[2], row[5] = z1, z2, z3, difference[k] - d
+        row[3] = (1.0 - 2.0 * (first + k) / (samples - 1)) * d
+        for i in range(6):
+            for j in range(i + 1):
+                gram[i, j] += row[i] * row[j]
+        own = response = 0.0j
+        for j in range(NODES):
+            own += complex(weights[j].real * constant[k + j], weights[j].imag * constant[k + j])
+            response += complex(weights[j].real * theta[k + j], weights[j].imag * theta[k + j])
+        s0, s1, s2, s3 = q * (d - about[k]), q * z1, q * z2, q * z3 + forced
+        c0 = turn * c0 + now * s0 + ago * p0 + own + gain * response
         c1 = turn * c1 + now * s1 + ago * p1
         c2 = turn * c2 + now * s2 + ago * p2
         c3 = turn * c3 + now * s3 + ago * p3

@@ -9,15 +9,14 @@ lam = -gamma2 + i w, w^2 = n2^2 - gamma2^2 (the two integrals of the formula she
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from data_schemas.scratch import portions, release, room
+from data_schemas.scratch import portions, room
 from pipeline.arrays import Complexes, Floats
 from pipeline.projection.least_squares import free_parameters, refuse_outliers, require_swing_near, solve
-from pipeline.projection.taps import AFTER, BEFORE, padded, stencil, taps
+from pipeline.projection.taps import BEFORE, NODES, padded, stencil, taps
 from synth.kernels.compiled import kernel
 
 ITERATIONS = 12
@@ -67,33 +66,46 @@ def response_constants(frequency: float, gamma: float, ratio: float, damping_dif
 
 
 @kernel
-def model_and_derivatives(
+def add_products(
     theta: Floats,
-    integral: Complexes,
+    difference: Floats,
+    weights: Complexes,
     step: float,
     first: int,
     start: complex,
+    offset: float,
     constants: tuple[complex, complex, complex, complex, complex],
     state: Complexes,
-    out: Floats,
+    residual: Floats,
+    gram: Floats,
 ) -> None:
-    """Model without offset, and its derivatives by (Re s, Im s, n2, gamma2), (5, n), at adjoining samples.
+    """Residual of adjoining samples, and their share of the lower half of the Gram matrix of `least_squares.solve`.
 
-    `integral` (n,) is that of each interval behind a sample; `first` the number of the first sample; `state` (3,) holds
-    c, dc/dlam and exp(lam t) there and is left as the next sample needs them.
+    `theta` (n + 7,) is padded as by `taps.padded`, `weights` (8,) are those of an interval; `first` is the number of the
+    first sample; `state` (3,) holds c, dc/dlam and exp(lam t) there and is left as the next sample needs them.
     """
     eigenvalue, direct, gain, by_frequency, by_damping = constants
     turn = np.exp(eigenvalue * step)
     c, age, free = state
-    for k in range(theta.size):
+    row = np.ones(6)  # derivatives by Re s, Im s, n2, gamma2 and offset, which stays 1, and the residual
+    for k in range(difference.size):
         time, swing = (first + k) * step, start * free
-        out[0, k] = direct.real * theta[k] + (gain * c).imag + swing.real
-        out[1, k], out[2, k] = free.real, -free.imag
-        out[3, k] = (by_frequency * c + 1j * gain * age).imag - time * swing.imag
-        out[4, k] = (by_damping * c - gain * age).imag - time * swing.real
+        row[0], row[1] = free.real, -free.imag
+        row[2] = (by_frequency * c + 1j * gain * age).imag - time * swing.imag
+        row[3] = (by_damping * c - gain * age).imag - time * swing.real
+        row[5] = difference[k] - direct.real * theta[k + BEFORE] - (gain * c).imag - swing.real - offset
+        residual[k] = row[5]
+        for i in range(6):
+            for j in range(i + 1):
+                gram[i, j] += row[i] * row[j]
+        real = imag = 0.0
+        for j in range(NODES):
+            real += weights[j].real * theta[k + j]
+            imag += weights[j].imag * theta[k + j]
+        integral = complex(real, imag)
         # an interval's content is on average half a step old at its end
-        age = turn * (age + step * c) + 0.5 * step * integral[k]
-        c = turn * c + integral[k]
+        age = turn * (age + step * c) + 0.5 * step * integral
+        c = turn * c + integral
         free *= turn
     state[0], state[1], state[2] = c, age, free
 
@@ -121,18 +133,26 @@ class LinearIdentity:
     ratio: float
     damping_difference: float
 
-    def columns(self, frequency: float, gamma: float, start: complex) -> Iterator[tuple[slice, Floats]]:
-        """Portions of the record with model and derivatives as in `model_and_derivatives`, in order."""
+    def sweep(self, frequency: float, gamma: float, start: complex, offset: float, residual: Floats) -> Floats:
+        """Residual (n,) at some parameters, and the Gram matrix (6, 6) of `least_squares.solve`."""
         constants = response_constants(frequency, gamma, self.ratio, self.damping_difference)
         weights = taps(stencil(self.nominal, self.step), constants[0], self.step)
-        state = np.array([0.0, 0.0, 1.0], dtype=np.complex128)
-        for part in portions(self.theta.size, self.theta, self.difference):
-            near = padded(self.theta, part, self.nominal, self.step)
-            integral = np.correlate(near, weights.real, "valid") + 1j * np.correlate(near, weights.imag, "valid")
-            out = np.empty((5, part.stop - part.start))
-            theta = near[BEFORE:-AFTER]
-            model_and_derivatives(theta, integral, self.step, part.start, complex(start), constants, state, out)
-            yield part, out
+        state, gram = np.array([0.0, 0.0, 1.0], dtype=np.complex128), np.zeros((6, 6))
+        for part in portions(self.theta.size, self.theta, self.difference, residual):
+            add_products(
+                padded(self.theta, part, self.nominal, self.step),
+                self.difference[part],
+                weights,
+                self.step,
+                part.start,
+                complex(start),
+                offset,
+                constants,
+                state,
+                residual[part],
+                gram,
+            )
+        return gram
 
     def fit(
         self, frequency: float, gamma: float, start: complex, fit_damping: bool, rounds: int = ITERATIONS
@@ -152,13 +172,7 @@ class LinearIdentity:
         residual, offset = room(self.theta.size), 0.0
         free, length = free_parameters(fit_damping), self.step * self.theta.size
         for _ in range(rounds):
-            gram = np.zeros((6, 6))
-            for part, (model, *derivatives) in self.columns(frequency, gamma, start):
-                residual[part] = self.difference[part] - model - offset
-                rows = np.stack([*derivatives, np.ones(model.size), residual[part]])
-                gram += rows @ rows.T
-                release(residual)
-            found = solve(gram, free)
+            found = solve(self.sweep(frequency, gamma, start, offset, residual), free)
             real, imaginary, turned, decayed, moved = found.change
             size = abs(start)
             frequency, gamma, offset = frequency + turned, gamma + decayed, offset + moved

@@ -36,7 +36,8 @@ def solve(gram: Floats, free: list[int]) -> Step:
     Parameters
     ----------
     gram : (6, 6) array
-        Of the derivatives by (start, start, n2, gamma2, offset) and the residual; [4, 4] is the number of samples.
+        Of the derivatives by (start, start, n2, gamma2, offset) and the residual, lower half; [4, 4] is the number of
+        samples.
     free : list of int
         Parameters that are fitted; the others do not change.
 
@@ -48,10 +49,11 @@ def solve(gram: Floats, free: list[int]) -> Step:
     samples = gram[4, 4]
     if not np.all(np.isfinite(gram)) or samples < 2 * len(free):
         raise RefusedError("difference: too few readings follow a swing near the nominal period; check the period")
-    chosen = gram[np.ix_(free, free)]
+    whole = np.tril(gram) + np.tril(gram, -1).T
+    chosen = whole[np.ix_(free, free)]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(chosen), 1e-300))
     inverse = np.linalg.inv(chosen * scale[:, None] * scale + _RIDGE * np.eye(len(free))) * scale[:, None] * scale
-    right = gram[free, PARAMETERS]
+    right = whole[free, PARAMETERS]
     solution = inverse @ right
     change, covariance = np.zeros(PARAMETERS), np.zeros((PARAMETERS, PARAMETERS))
     change[free], covariance[np.ix_(free, free)] = solution, inverse

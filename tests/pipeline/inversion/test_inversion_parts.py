@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 from pipeline.harmonics.blocks import block_envelope
 from pipeline.inversion.filters import SWELL, design
 from pipeline.inversion.influence import theta_influence
-from pipeline.inversion.iteration import Iteration, expand
-from pipeline.inversion.kernels import adjoint, past_taps
+from pipeline.inversion.iteration import Iteration
+from pipeline.inversion.kernels import adjoint, expand, past_taps
 from pipeline.inversion.motion import motion, third_harmonic
 from pipeline.inversion.prepare import invert
 from pipeline.methods.projection import linear_fit
@@ -77,9 +77,10 @@ def test_expansion_is_the_derivative() -> None:
     about, theta, curvature = random.uniform(-0.1, 0.1, (3, 50))
     pull = 1.0 + random.uniform(-0.1, 0.1, 50)
     move = 1e-6
-    here = expand(about, theta, curvature, pull, 6.2, 6.1, 0.0)
-    there = expand(about + move, theta, curvature, pull, 6.2, 6.1, 0.0)
-    faster = expand(about, theta, curvature, pull, 6.2, 6.1 + move, 0.0)
+    here, there, faster = np.empty((3, 3, 50))
+    expand(about, theta, curvature, pull, 6.2, 6.1, 0.0, *here)
+    expand(about + move, theta, curvature, pull, 6.2, 6.1, 0.0, *there)
+    expand(about, theta, curvature, pull, 6.2, 6.1 + move, 0.0, *faster)
     assert (there[0] - here[0]) / move == pytest.approx(here[1], abs=1e-4)
     assert (faster[0] - here[0]) / move == pytest.approx(here[2], abs=1e-5)
     w = curvature / 6.1**2

@@ -11,9 +11,9 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import readings
 from pipeline.estimate import Budget, budget
-from pipeline.harmonics.blocks import block_envelope
 from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband
+from pipeline.harmonics.windows import block_envelope, sliding_envelope
 from pipeline.observation import Observation
 from pipeline.outliers import outliers_and_noise
 
@@ -72,8 +72,6 @@ class Prepared:
     @cached_property
     def sliding(self) -> Envelope:
         """Separated harmonics by sliding least squares."""
-        from pipeline.harmonics.sliding import sliding_envelope
-
         seen = self.observation
         return sliding_envelope(seen.time, seen.step, seen.theta, seen.difference, self.nominal)
 

@@ -10,7 +10,7 @@ import pytest
 from exact_pair import N2, Pair, swell
 
 from pipeline.estimate import budget
-from pipeline.harmonics.blocks import block_envelope
+from pipeline.harmonics.windows import block_envelope
 from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband, phase_slope, regression, running_integral
 

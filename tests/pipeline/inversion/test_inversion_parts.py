@@ -9,7 +9,7 @@ import pytest
 from heavy_pair import observe
 from scipy.integrate import solve_ivp
 
-from pipeline.harmonics.blocks import block_envelope
+from pipeline.harmonics.windows import block_envelope
 from pipeline.inversion.filters import SWELL, design
 from pipeline.inversion.influence import theta_influence
 from pipeline.inversion.iteration import Iteration

@@ -12,6 +12,7 @@ import numpy as np
 
 from data_schemas.scratch import portions
 from pipeline.arrays import Floats
+from synth.kernels.compiled import summing_kernel
 
 PLACES = 2000  # from which the scale is taken, at least
 REACH_SECONDS = 0.5
@@ -44,10 +45,10 @@ def outliers_and_noise(series: Floats, step: float, frequency: float) -> tuple[b
     every, errors = max(1, count // PLACES), []
     worst = largest = 0.0
     for part in portions(count, series):
-        here = series[part.start : part.stop + 2 * reach]
-        error = np.abs(np.correlate(here, taps, "valid"))
-        errors.append(error[-part.start % every :: every])
-        worst, largest = np.fmax(worst, np.fmax.reduce(error)), np.fmax(largest, np.fmax.reduce(np.abs(here)))
+        here, error = series[part.start : part.stop + 2 * reach], np.empty(part.stop - part.start)
+        departures(here, taps, error)
+        errors.append(error[-part.start % every :: every].copy())
+        worst, largest = np.fmax(worst, np.fmax.reduce(error)), max(largest, np.fmax.reduce(here), -np.fmin.reduce(here))
     places = np.concatenate(errors)
     places = places[np.isfinite(places)]
     if places.size == 0:
@@ -68,3 +69,13 @@ def leave_one_out(reach: int, step: float, frequency: float) -> Floats:
     filter_taps = np.ones(tau.size)
     filter_taps[others] = -prediction
     return filter_taps
+
+
+@summing_kernel
+def departures(series: Floats, taps: Floats, out: Floats) -> None:
+    """`out[k] = |sum_j taps[j] series[k + j]|`; out is shorter than the series by the taps less one."""
+    for k in range(out.size):
+        total = 0.0
+        for j in range(taps.size):
+            total += taps[j] * series[k + j]
+        out[k] = abs(total)

@@ -20,7 +20,7 @@ from pipeline.projection.taps import BEFORE, NODES, padded, stencil, taps
 from synth.kernels.compiled import kernel
 
 ITERATIONS = 12
-_SETTLED = 1e-8  # of amplitude and phase at the record's end: what is left after such a step is of its square
+_SETTLED = 1e-7  # of amplitude and phase at the record's end: what is left after such a step is of its square
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,10 @@ def outliers_and_noise(series: Floats, step: float, frequency: float) -> tuple[b
         here, error = series[part.start : part.stop + 2 * reach], np.empty(part.stop - part.start)
         departures(here, taps, error)
         errors.append(error[-part.start % every :: every].copy())
-        worst, largest = np.fmax(worst, np.fmax.reduce(error)), max(largest, np.fmax.reduce(here), -np.fmin.reduce(here))
+        worst, largest = (
+            np.fmax(worst, np.fmax.reduce(error)),
+            max(largest, np.fmax.reduce(here), -np.fmin.reduce(here)),
+        )
     places = np.concatenate(errors)
     places = places[np.isfinite(places)]
     if places.size == 0:

@@ -86,7 +86,7 @@ class ComplexForm:
     damping_difference: float
 
     def model(self, frequency: float, gamma: float) -> tuple[complex, Complexes, Complexes]:
-        """Best start D0 for a trial of (n2, gamma2), the model (k,), and growth `e^{mu t}` (k,) from the first instant."""
+        """Best start D0 for a trial of (n2, gamma2), the model (k,), and growth `e^{mu t}` (k,)."""
         time, hop = self.time - self.time[0], float(self.time[1] - self.time[0])
         decay = gamma + self.damping_difference
         # damped frequency of the first pendulum
@@ -174,7 +174,9 @@ def fit_narrowband(
         weighted = np.conj(jacobian[:free]) * weight
         normal = (weighted @ jacobian[:free].T).real
         scale = 1.0 / np.sqrt(np.diag(normal))
-        inverse[:free, :free] = np.linalg.inv(normal * scale[:, None] * scale + _RIDGE * np.eye(free)) * scale[:, None] * scale
+        inverse[:free, :free] = (
+            np.linalg.inv(normal * scale[:, None] * scale + _RIDGE * np.eye(free)) * scale[:, None] * scale
+        )
         change = inverse[:, :free] @ (weighted @ (data - model)).real
         if abs(change[2]) < tolerance * carrier:
             break

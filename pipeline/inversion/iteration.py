@@ -24,7 +24,7 @@ from pipeline.arrays import Floats
 from pipeline.inversion.kernels import expand, past_taps, recursion
 from pipeline.inversion.motion import Motion
 from pipeline.observation import Observation
-from pipeline.projection.identity import LinearFit, response_constants
+from pipeline.projection.identity import Constants, LinearFit, response_constants
 from pipeline.projection.least_squares import Step, free_parameters, refuse_outliers, require_swing_near, solve
 from pipeline.projection.taps import padded, stencil, taps
 
@@ -54,18 +54,19 @@ class Iteration:
         Model and its derivatives by start (angle, rate over w) and n2, at the last sweep.
     """
 
-    def __init__(
-        self, seen: Observation, motion: Motion, held: LinearFit, gravity: Callable[[float], float]
-    ) -> None:
+    def __init__(self, seen: Observation, motion: Motion, held: LinearFit, gravity: Callable[[float], float]) -> None:
         self.motion, self.step, self._gravity = motion, seen.step, gravity
-        self._held, self._ratio, self._damping_difference = held.frequency, seen.frequency_ratio, seen.damping_difference
+        self._held, self._ratio, self._damping_difference = (
+            held.frequency,
+            seen.frequency_ratio,
+            seen.damping_difference,
+        )
         self._theta, self.difference = seen.theta, seen.difference[motion.inside]
         self.frequency, self.damping_rate, self.offset = held.frequency, held.damping_rate, held.offset
         self.count = self.difference.size
         self.columns: Floats = room(4 * self.count).reshape(4, self.count)
         self.about, self.slope, self._constant = (room(self.count) for _ in range(3))
-        eigenvalue, _, gain, *_ = self._linear()
-        self.start = held.start * complex(np.exp(eigenvalue * self.step * motion.inside.start)) * 1j
+        self.start = 1j * held.start * complex(np.exp(self.eigenvalue * self.step * motion.inside.start))
         for part in self._portions():
             self.about[part] = self.difference[part] - self.offset
         # n2 with which the nonlinear pull does the work that the held frequency did
@@ -80,7 +81,7 @@ class Iteration:
         arrays = (self.columns, self.about, self.slope, self._constant, self.difference, self._theta)
         return portions(self.count, *arrays, *self.motion.arrays)
 
-    def _linear(self) -> tuple[complex, ...]:
+    def _linear(self) -> Constants:
         return response_constants(self._held, self.damping_rate, self._ratio, self._damping_difference)
 
     @property
@@ -112,7 +113,7 @@ class Iteration:
         rate, held, step = eigenvalue.imag, self._held, self.step
         constants = (direct.real, rate * gain, complex(np.exp(eigenvalue * step)), rate)
         weights, past = taps(stencil(held, step), eigenvalue, step), past_taps(eigenvalue, step)
-        state, before = np.array([self.start, 1j, 1.0, 0.0]) * rate, np.zeros(4)
+        state, before = np.array([self.start, 1j, 1.0, 0.0], dtype=np.complex128) * rate, np.zeros(4)
         gram, lost = np.zeros((6, 6)), self.motion.inside.start
         for part in self._portions():
             recursion(

@@ -128,7 +128,9 @@ def past_taps(eigenvalue: complex, step: float) -> Complexes:
 
 
 @kernel
-def adjoint(influence: Floats, slope: Floats, turn: complex, rate: float, step: float, state: complex, out: Floats) -> complex:
+def adjoint(
+    influence: Floats, slope: Floats, turn: complex, rate: float, step: float, state: complex, out: Floats
+) -> complex:
     """`out[k] = sum_{j > k} G(t_j - t_k) influence[j]`, G the response to a unit impulse; all (n,).
 
     slope is the part of the stiffness that changes with time, as the recursion has it. The recursion runs backwards:

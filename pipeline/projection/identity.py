@@ -50,7 +50,10 @@ class LinearFit:
     residual: Floats
 
 
-def response_constants(frequency: float, gamma: float, ratio: float, damping_difference: float) -> tuple[complex, ...]:
+Constants = tuple[complex, complex, complex, complex, complex]
+
+
+def response_constants(frequency: float, gamma: float, ratio: float, damping_difference: float) -> Constants:
     """Eigenvalue lam, direct gain 1-r, gain of c, and the gain's derivatives by w and gamma2.
 
     gain = [(1-r) lam^2 + 2 (gamma2 - r gamma1) lam] / w, r = (n2/n1)^2 = 1/ratio^2.
@@ -74,15 +77,15 @@ def add_products(
     first: int,
     start: complex,
     offset: float,
-    constants: tuple[complex, complex, complex, complex, complex],
+    constants: Constants,
     state: Complexes,
     residual: Floats,
     gram: Floats,
 ) -> None:
     """Residual of adjoining samples, and their share of the lower half of the Gram matrix of `least_squares.solve`.
 
-    `theta` (n + 7,) is padded as by `taps.padded`, `weights` (8,) are those of an interval; `first` is the number of the
-    first sample; `state` (3,) holds c, dc/dlam and exp(lam t) there and is left as the next sample needs them.
+    `theta` (n + 7,) is padded as by `taps.padded`, `weights` (8,) are those of an interval; `first` is the number of
+    the first sample; `state` (3,) holds c, dc/dlam and exp(lam t) there and is left as the next sample needs them.
     """
     eigenvalue, direct, gain, by_frequency, by_damping = constants
     turn = np.exp(eigenvalue * step)

@@ -10,10 +10,9 @@ import pytest
 from exact_pair import N2, Pair, swell
 
 from pipeline.estimate import budget
-from pipeline.harmonics.windows import block_envelope
 from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband, phase_slope, regression, running_integral
-
+from pipeline.harmonics.windows import block_envelope
 
 HOP = 1.0
 TIME = 8.0 + HOP * np.arange(285)

@@ -15,8 +15,8 @@ from pipeline.inversion.influence import theta_influence
 from pipeline.inversion.iteration import Iteration
 from pipeline.inversion.kernels import adjoint, expand, past_taps
 from pipeline.inversion.motion import motion, third_harmonic
-from pipeline.inversion.prepare import invert
 from pipeline.methods.projection import linear_fit
+from pipeline.methods.shooting import invert
 from pipeline.prepared import Prepared, prepare
 
 
@@ -173,7 +173,7 @@ def test_a_notch_is_deaf_at_the_third_harmonic_alone() -> None:
 
 def test_a_reckoned_third_harmonic_serves_as_the_read_one() -> None:
     """Noise so small that both ways are open; the pendulums swing by 20 mrad in swell and heave."""
-    from pipeline.inversion import prepare as module
+    from pipeline.methods import shooting as module
 
     seen = observe(300.0, 0.04, heave=True)
     noise = 2e-6 * np.random.default_rng(9).normal(size=(2, seen.time.size))

@@ -10,14 +10,15 @@ import pytest
 from heavy_pair import G, observe
 
 from data_schemas.errors import RefusedError
-from pipeline.inversion.prepare import Inverted, invert
+from pipeline.estimate import Estimate
 from pipeline.methods import method
+from pipeline.methods.shooting import invert
 from pipeline.observation import Observation
 from pipeline.prepared import prepare
 from pipeline.reduction import reduce_by
 
 
-def error(seen: Observation) -> tuple[float, float, Inverted]:
+def error(seen: Observation) -> tuple[float, float, Estimate]:
     """Error and 1 sigma of gravity, mGal."""
     prepared = prepare(seen)
     found = invert(prepared)

@@ -99,7 +99,7 @@ def _uncertainty(records: int) -> Iterator[Row]:
 
 
 def _speed(*, quick: bool) -> Iterator[Row]:
-    limits = {"shooting": 1.3, "general": 1.0}
+    limits = {"shooting": 3.9, "general": 2.0}
     for row in speed.inversion(quick=quick):
         name = row["what"].split(",")[0]
         yield at_most(f"{row['what']}: share of the time of {row['rival']}", row["share_of_rival"], limits[name])

@@ -17,7 +17,7 @@ def rows(*, quick: bool) -> Iterator[Row]:
 def _estimation(*, quick: bool) -> Iterator[Row]:
     for row in speed.estimation(quick=quick):
         if row["error_mgal"] is not None:
-            yield at_most(f"{row['what']}: share of the time of {row['rival']}", row["share_of_rival"], 1.2)
+            yield at_most(f"{row['what']}: share of the time of {row['rival']}", row["share_of_rival"], 1.0)
             yield at_most(f"{row['what']}: error, noise-free", row["error_mgal"], 1e-6, "mGal")
 
 

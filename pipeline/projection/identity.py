@@ -94,7 +94,7 @@ def add_products(
     for k in range(difference.size):
         time, swing = (first + k) * step, start * free
         row[0], row[1] = free.real, -free.imag
-        row[2] = (by_frequency * c + 1j * gain * age).imag - time * swing.imag
+        row[2] = (by_frequency * c).imag + (gain * age).real - time * swing.imag
         row[3] = (by_damping * c - gain * age).imag - time * swing.real
         row[5] = difference[k] - direct.real * theta[k + BEFORE] - (gain * c).imag - swing.real - offset
         residual[k] = row[5]

@@ -12,7 +12,7 @@ from data_schemas.errors import RefusedError
 from pipeline.arrays import readings
 from pipeline.estimate import Budget, budget
 from pipeline.harmonics.envelope import Envelope
-from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband
+from pipeline.harmonics.narrowband import NarrowbandFit, complex_form, fit_narrowband
 from pipeline.harmonics.windows import block_envelope, sliding_envelope
 from pipeline.observation import Observation
 from pipeline.outliers import outliers_and_noise
@@ -93,24 +93,14 @@ class Prepared:
 
     def narrowband(self, envelope: Envelope, tolerance: float = 1e-13) -> NarrowbandFit:
         """Complex form of (27) on an envelope."""
+        require_swing(envelope)
         seen = self.observation
-        return fit_narrowband(
-            envelope.time,
-            envelope.difference,
-            envelope.first,
-            envelope.first_speed,
-            envelope.coverage,
-            carrier=envelope.carrier,
-            ratio=seen.frequency_ratio,
-            damping_rate=self.known_damping,
-            damping_difference=seen.damping_difference,
-            tolerance=tolerance,
-        )
+        form = complex_form(envelope, seen.frequency_ratio, seen.damping_difference)
+        return fit_narrowband(form, self.known_damping, tolerance)
 
     @cached_property
     def fine(self) -> NarrowbandFit:
         """Complex form of (27) on the separated harmonics."""
-        require_swing(self.sliding)
         return self.narrowband(self.sliding)
 
     @property
@@ -129,7 +119,6 @@ class Prepared:
     @cached_property
     def rough(self) -> NarrowbandFit:
         """Start of the exact fits, good to about 1e-3 mGal."""
-        require_swing(self.blocks)
         return self.narrowband(self.blocks, tolerance=1e-7)
 
     @property

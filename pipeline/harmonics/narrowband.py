@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arrays import Complexes, Floats
-from pipeline.harmonics.envelope import fill
+from pipeline.harmonics.envelope import Envelope, fill
 
 ITERATIONS = 12
 _SCAN_STEP = 1.0  # rad over the record between starts that are tried
@@ -74,13 +74,26 @@ def phase_slope(time: Floats, envelope: Complexes, weight: Floats) -> float:
 
 @dataclass(frozen=True)
 class ComplexForm:
-    """What is held while the complex form is fitted; arrays as `fit_narrowband` takes them, without gaps."""
+    """What is held while the complex form is fitted.
+
+    Attributes
+    ----------
+    time : (k,) array
+        Uniform instants, s.
+    difference, first, first_speed : (k,) complex arrays
+        Envelopes of the difference and of the first pendulum relative to the carrier, rad, and the derivative of the
+        latter, rad s-1; without gaps, but that instants of the difference without weight may hold anything finite.
+    weight : (k,) array
+        Of the instants (0 = missing).
+    carrier, ratio, damping_difference : float
+        n0, rad s-1; n1/n2; gamma1 - gamma2, s-1.
+    """
 
     time: Floats
-    data: Complexes
-    weight: Floats
+    difference: Complexes
     first: Complexes
     first_speed: Complexes
+    weight: Floats
     carrier: float
     ratio: float
     damping_difference: float
@@ -99,12 +112,12 @@ class ComplexForm:
         growth = np.exp(mu * time)
         response = growth * running_integral(drive / growth, hop)
         conjugate = self.weight * np.conj(growth)
-        start = complex((conjugate @ (self.data - response)) / (conjugate @ growth).real)
+        start = complex((conjugate @ (self.difference - response)) / (conjugate @ growth).real)
         return start, start * growth + response, growth
 
     def squares(self, model: Complexes) -> float:
         """Weighted sum of squares of what a model leaves."""
-        return float(self.weight @ np.abs(self.data - model) ** 2)
+        return float(self.weight @ np.abs(self.difference - model) ** 2)
 
     def jacobian(self, model: Complexes, growth: Complexes) -> Complexes:
         """Derivatives of the model by (Re D0, Im D0, n2, gamma2), (4, k), unweighted."""
@@ -120,48 +133,29 @@ class ComplexForm:
         )
 
 
-def fit_narrowband(
-    time: Floats,
-    difference: Complexes,
-    first: Complexes,
-    first_speed: Complexes,
-    weight: Floats,
-    *,
-    carrier: float,
-    ratio: float,
-    damping_rate: float | None,
-    damping_difference: float,
-    tolerance: float = 1e-13,
-) -> NarrowbandFit:
+def complex_form(envelope: Envelope, ratio: float, damping_difference: float) -> ComplexForm:
+    """The complex form on an envelope; gaps of the input are bridged, those of the difference have no weight."""
+    weight = np.where(np.isfinite(envelope.difference), envelope.coverage, 0.0)
+    difference = np.where(weight > 0.0, envelope.difference, 0.0)
+    inputs = fill(envelope.first), fill(envelope.first_speed)
+    return ComplexForm(envelope.time, difference, *inputs, weight, envelope.carrier, ratio, damping_difference)
+
+
+def fit_narrowband(form: ComplexForm, damping_rate: float | None, tolerance: float = 1e-13) -> NarrowbandFit:
     """Fit the complex form of (27).
 
     Parameters
     ----------
-    time : (k,) array
-        Uniform instants, s.
-    difference, first, first_speed : (k,) complex arrays
-        Envelopes of the difference and of the first pendulum relative to the carrier, rad, and the derivative
-        of the latter, rad s-1; NaN in the difference = missing.
-    weight : (k,) array
-        Weight of each instant (0 = missing).
-    carrier : float
-        n0, rad s-1.
-    ratio : float
-        n1/n2.
     damping_rate : float or None
         gamma2, s-1; None = fitted.
-    damping_difference : float
-        gamma1 - gamma2, s-1.
     tolerance : float
         Relative step of the frequency at which the iteration stops.
     """
-    weight = np.where(np.isfinite(difference), weight, 0.0)
-    data = np.where(weight > 0.0, difference, 0.0)
-    form = ComplexForm(time, data, weight, fill(first), fill(first_speed), carrier, ratio, damping_difference)
+    time, weight = form.time, form.weight
     gamma = 0.0 if damping_rate is None else damping_rate
-    slope, length = phase_slope(time, data, weight), float(time[-1] - time[0])
-    frequency = carrier + slope
-    span = 2.0 * abs(frequency * (ratio - 1.0)) * length
+    slope, length = phase_slope(time, form.difference, weight), float(time[-1] - time[0])
+    frequency = form.carrier + slope
+    span = 2.0 * abs(frequency * (form.ratio - 1.0)) * length
     if span > _SCAN_FROM:  # the correction may hide whole turns of phase: try every start
         steps = int(np.ceil(span / _SCAN_STEP))
         trials = frequency + np.arange(-steps, steps + 1) * (_SCAN_STEP / length)
@@ -177,8 +171,8 @@ def fit_narrowband(
         inverse[:free, :free] = (
             np.linalg.inv(normal * scale[:, None] * scale + _RIDGE * np.eye(free)) * scale[:, None] * scale
         )
-        change = inverse[:, :free] @ (weighted @ (data - model)).real
-        if abs(change[2]) < tolerance * carrier:
+        change = inverse[:, :free] @ (weighted @ (form.difference - model)).real
+        if abs(change[2]) < tolerance * form.carrier:
             break
         frequency, gamma = frequency + float(change[2]), gamma + float(change[3])
     return NarrowbandFit(

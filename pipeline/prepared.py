@@ -1,4 +1,4 @@
-"""One observation made ready: refused where readings are wild; intermediates made once, when asked for."""
+"""One observation made ready: refused where it has outliers; intermediates made once, when asked for."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Prepared:
     observation : Observation
         As it was read.
     noise_theta, noise_difference : float
-        White noise of either series that neighbours leave unexplained, rad (NaN = could not be told).
+        White noise of either series that neighbours leave unexplained, rad (NaN = could not be estimated).
     """
 
     observation: Observation
@@ -85,7 +85,7 @@ class Prepared:
         return slow_motion(seen.theta, seen.vertical, seen.step, self.nominal, seen.reference_gravity)
 
     def require_whole(self, *names: str) -> None:
-        """Refuse series of the observation that lack readings."""
+        """Refuse series of the observation that lack samples."""
         for name in names:
             series = getattr(self.observation, name)
             if series is not None and (missing := series.size - readings(series)):
@@ -149,7 +149,7 @@ def prepare(observation: Observation) -> Prepared:
     Raises
     ------
     RefusedError
-        A series has too few readings or wild ones, or the record is too short for any method.
+        A series has too few samples or outliers, or the record is too short for any method.
     """
     nominal = float(observation.frequency_reference[1])
     swings = float(observation.time[-1]) * nominal / (2.0 * np.pi)
@@ -163,8 +163,8 @@ def prepare(observation: Observation) -> Prepared:
         count = readings(series)
         if count < 2 * LEAST_SWINGS:
             raise RefusedError(f"record/elongation: the {name} has only {count} readings")
-        wild, noise = outliers_and_noise(series, observation.step, nominal)
-        if wild:
+        outliers, noise = outliers_and_noise(series, observation.step, nominal)
+        if outliers:
             raise RefusedError(f"record/elongation: the {name} has outliers; use --method joint")
         noises.append(noise)
     return Prepared(observation, noise_theta=noises[1], noise_difference=noises[0])

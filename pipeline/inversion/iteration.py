@@ -56,11 +56,7 @@ class Iteration:
 
     def __init__(self, seen: Observation, motion: Motion, held: LinearFit, gravity: Callable[[float], float]) -> None:
         self.motion, self.step, self._gravity = motion, seen.step, gravity
-        self._held, self._ratio, self._damping_difference = (
-            held.frequency,
-            seen.frequency_ratio,
-            seen.damping_difference,
-        )
+        self._held, self._apart = held.frequency, (seen.frequency_ratio, seen.damping_difference)
         self._theta, self.difference = seen.theta, seen.difference[motion.inside]
         self.frequency, self.damping_rate, self.offset = held.frequency, held.damping_rate, held.offset
         self.count = self.difference.size
@@ -82,7 +78,7 @@ class Iteration:
         return portions(self.count, *arrays, *self.motion.arrays)
 
     def _linear(self) -> Constants:
-        return response_constants(self._held, self.damping_rate, self._ratio, self._damping_difference)
+        return response_constants(self._held, self.damping_rate, *self._apart)
 
     @property
     def eigenvalue(self) -> complex:

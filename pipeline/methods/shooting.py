@@ -14,13 +14,13 @@ from pipeline.methods import projection
 from pipeline.prepared import Prepared
 from pipeline.projection.identity import LinearFit
 
-NOISY = 3e-4  # reading noise of the first pendulum over its swing, from which its third harmonic is better reckoned
+NOISY = 3e-4  # reading noise of the first pendulum over its swing, from which its third harmonic is better computed
 COLOURED = 3.0  # power of the residual near the swing over white, from which the identity does not fit
 EXCESS = 2.0  # residual over the reading noise, the same
 FLOOR = 1e-5  # of the amplitude: a smaller residual shows nothing
 RIPPLE, COARSE, ORDER = 3e-9, 5e-6, 8
 """Numerical error, in parts of the strength of the nonlinear terms: the filters' ripple, and the quadrature's, which
-grows with that power of the swing's turn between readings; measured on simulated records (five motions, six rates)."""
+grows with that power of the swing's turn between samples; measured on simulated records (five motions, six rates)."""
 
 
 def estimate(prepared: Prepared) -> Estimate:
@@ -78,7 +78,7 @@ def begin(prepared: Prepared, held: LinearFit) -> Iteration:
     """The iteration before its first sweep."""
     seen, envelope = prepared.observation, prepared.blocks
     noise = prepared.noise_theta if np.isfinite(prepared.noise_theta) else seen.sigma_theta or 0.0
-    # the third harmonic is read where the readings show it better than the swing's amplitude tells it
+    # the third harmonic is read where the samples give it better than the swing's amplitude does
     read = noise < NOISY * float(np.nanmedian(np.abs(envelope.first)))
     moved = motion(
         seen.theta,

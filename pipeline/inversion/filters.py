@@ -37,7 +37,7 @@ class Filters(NamedTuple):
 
 @functools.lru_cache(maxsize=16)
 def design(frequency: float, step: float, damping_rate: float, notch: bool = False) -> Filters:
-    """Design both filters; with a notch the curvature's passes nothing at three times the swing, where its noise is largest.
+    """Design both filters; with a notch the curvature's gain is zero at three times the swing, where noise is largest.
 
     Parameters
     ----------

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from pipeline.arrays import Complexes, Floats
+from pipeline.projection.least_squares import BLOCK, add_gram
 from pipeline.projection.taps import BEFORE, NODES
 from synth.kernels.compiled import kernel
 
@@ -92,17 +93,17 @@ def recursion(
     c0, c1, c2, c3 = state
     p0, p1, p2, p3 = before
     unit = 1.0 / rate
-    row = np.ones(6)
+    rows = np.ones((6, BLOCK))
     for k in range(slope.size):
         d = direct * theta[k + BEFORE] + c0.imag * unit
         z1, z2, z3 = c1.imag * unit, c2.imag * unit, c3.imag * unit
         q, forced = slope[k], columns[3, k]
         columns[0, k], columns[1, k], columns[2, k], columns[3, k] = d, z1, z2, z3
-        row[0], row[1], row[2], row[5] = z1, z2, z3, difference[k] - d
-        row[3] = (1.0 - 2.0 * (first + k) / (samples - 1)) * d
-        for i in range(6):
-            for j in range(i + 1):
-                gram[i, j] += row[i] * row[j]
+        m = k % BLOCK
+        rows[0, m], rows[1, m], rows[2, m], rows[5, m] = z1, z2, z3, difference[k] - d
+        rows[3, m] = (1.0 - 2.0 * (first + k) / (samples - 1)) * d
+        if m == BLOCK - 1 or k == slope.size - 1:
+            add_gram(rows, m + 1, gram)
         own = response = 0.0j
         for j in range(NODES):
             own += complex(weights[j].real * constant[k + j], weights[j].imag * constant[k + j])

@@ -15,7 +15,14 @@ import numpy as np
 
 from data_schemas.scratch import portions, room
 from pipeline.arrays import Complexes, Floats
-from pipeline.projection.least_squares import free_parameters, refuse_outliers, require_swing_near, solve
+from pipeline.projection.least_squares import (
+    BLOCK,
+    add_gram,
+    free_parameters,
+    refuse_outliers,
+    require_swing_near,
+    solve,
+)
 from pipeline.projection.taps import BEFORE, NODES, padded, stencil, taps
 from synth.kernels.compiled import kernel
 
@@ -90,17 +97,16 @@ def add_products(
     eigenvalue, direct, gain, by_frequency, by_damping = constants
     turn = np.exp(eigenvalue * step)
     c, age, free = state
-    row = np.ones(6)  # derivatives by Re s, Im s, n2, gamma2 and offset, which stays 1, and the residual
+    rows = np.ones((6, BLOCK))  # derivatives by Re s, Im s, n2, gamma2 and offset, which stays 1, and the residual
     for k in range(difference.size):
-        time, swing = (first + k) * step, start * free
-        row[0], row[1] = free.real, -free.imag
-        row[2] = (by_frequency * c).imag + (gain * age).real - time * swing.imag
-        row[3] = (by_damping * c - gain * age).imag - time * swing.real
-        row[5] = difference[k] - direct.real * theta[k + BEFORE] - (gain * c).imag - swing.real - offset
-        residual[k] = row[5]
-        for i in range(6):
-            for j in range(i + 1):
-                gram[i, j] += row[i] * row[j]
+        m, time, swing = k % BLOCK, (first + k) * step, start * free
+        rows[0, m], rows[1, m] = free.real, -free.imag
+        rows[2, m] = (by_frequency * c).imag + (gain * age).real - time * swing.imag
+        rows[3, m] = (by_damping * c - gain * age).imag - time * swing.real
+        rows[5, m] = difference[k] - direct.real * theta[k + BEFORE] - (gain * c).imag - swing.real - offset
+        residual[k] = rows[5, m]
+        if m == BLOCK - 1 or k == difference.size - 1:
+            add_gram(rows, m + 1, gram)
         real = imag = 0.0
         for j in range(NODES):
             real += weights[j].real * theta[k + j]

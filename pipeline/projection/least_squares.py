@@ -9,7 +9,9 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from data_schemas.scratch import portions
 from pipeline.arrays import Floats
+from synth.kernels.compiled import summing_kernel
 
+BLOCK = 256  # samples whose derivatives are multiplied at once
 PARAMETERS = 5  # two of the start, n2, gamma2, offset; the residual follows them
 OUTLIER = 7.0  # sigmas
 _RIDGE = 1e-14  # of the unit diagonal: keeps a column that vanishes from stopping the solution
@@ -23,6 +25,17 @@ class Step:
     change: Floats
     noise: float
     covariance: Floats
+
+
+@summing_kernel
+def add_gram(rows: Floats, count: int, gram: Floats) -> None:
+    """Add products of six rows, the first `count` of each, to the lower half of their Gram matrix (6, 6)."""
+    for i in range(6):
+        for j in range(i + 1):
+            one, other, total = rows[i], rows[j], 0.0
+            for m in range(count):
+                total += one[m] * other[m]
+            gram[i, j] += total
 
 
 def free_parameters(fit_damping: bool) -> list[int]:

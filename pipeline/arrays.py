@@ -50,11 +50,3 @@ def row_means_present(rows: Floats) -> Floats:
     total = np.where(missing, 0.0, rows).sum(axis=1)
     means: Floats = np.divide(total, count, out=np.full(len(rows), np.nan), where=count > 0)
     return means
-
-
-def variance(series: Floats) -> float:
-    """Of the values that are there; NaN where none is."""
-    count = readings(series)
-    mean = sum(float(np.nansum(series[part])) for part in portions(series.size, series)) / max(count, 1)
-    squares = sum(float(np.nansum((series[part] - mean) ** 2)) for part in portions(series.size, series))
-    return squares / count if count else float("nan")

@@ -1,4 +1,4 @@
-"""One observation made ready: refused where readings are wild; intermediates made once, when asked for."""
+"""One observation made ready: refused where it has outliers; intermediates made once, when asked for."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import readings
 from pipeline.estimate import Budget, budget
-from pipeline.harmonics.blocks import block_envelope
 from pipeline.harmonics.envelope import Envelope
-from pipeline.harmonics.narrowband import NarrowbandFit, fit_narrowband
+from pipeline.harmonics.narrowband import NarrowbandFit, complex_form, fit_narrowband
+from pipeline.harmonics.windows import block_envelope, sliding_envelope
 from pipeline.observation import Observation
 from pipeline.outliers import outliers_and_noise
 
@@ -41,7 +41,7 @@ class Prepared:
     observation : Observation
         As it was read.
     noise_theta, noise_difference : float
-        White noise of either series that neighbours leave unexplained, rad (NaN = could not be told).
+        White noise of either series that neighbours leave unexplained, rad (NaN = could not be estimated).
     """
 
     observation: Observation
@@ -72,8 +72,6 @@ class Prepared:
     @cached_property
     def sliding(self) -> Envelope:
         """Separated harmonics by sliding least squares."""
-        from pipeline.harmonics.sliding import sliding_envelope
-
         seen = self.observation
         return sliding_envelope(seen.time, seen.step, seen.theta, seen.difference, self.nominal)
 
@@ -87,7 +85,7 @@ class Prepared:
         return slow_motion(seen.theta, seen.vertical, seen.step, self.nominal, seen.reference_gravity)
 
     def require_whole(self, *names: str) -> None:
-        """Refuse series of the observation that lack readings."""
+        """Refuse series of the observation that lack samples."""
         for name in names:
             series = getattr(self.observation, name)
             if series is not None and (missing := series.size - readings(series)):
@@ -95,24 +93,14 @@ class Prepared:
 
     def narrowband(self, envelope: Envelope, tolerance: float = 1e-13) -> NarrowbandFit:
         """Complex form of (27) on an envelope."""
+        require_swing(envelope)
         seen = self.observation
-        return fit_narrowband(
-            envelope.time,
-            envelope.difference,
-            envelope.first,
-            envelope.first_speed,
-            envelope.coverage,
-            carrier=envelope.carrier,
-            ratio=seen.frequency_ratio,
-            damping_rate=self.known_damping,
-            damping_difference=seen.damping_difference,
-            tolerance=tolerance,
-        )
+        form = complex_form(envelope, seen.frequency_ratio, seen.damping_difference)
+        return fit_narrowband(form, self.known_damping, tolerance)
 
     @cached_property
     def fine(self) -> NarrowbandFit:
         """Complex form of (27) on the separated harmonics."""
-        require_swing(self.sliding)
         return self.narrowband(self.sliding)
 
     @property
@@ -131,7 +119,6 @@ class Prepared:
     @cached_property
     def rough(self) -> NarrowbandFit:
         """Start of the exact fits, good to about 1e-3 mGal."""
-        require_swing(self.blocks)
         return self.narrowband(self.blocks, tolerance=1e-7)
 
     @property
@@ -162,7 +149,7 @@ def prepare(observation: Observation) -> Prepared:
     Raises
     ------
     RefusedError
-        A series has too few readings or wild ones, or the record is too short for any method.
+        A series has too few samples or outliers, or the record is too short for any method.
     """
     nominal = float(observation.frequency_reference[1])
     swings = float(observation.time[-1]) * nominal / (2.0 * np.pi)
@@ -176,8 +163,8 @@ def prepare(observation: Observation) -> Prepared:
         count = readings(series)
         if count < 2 * LEAST_SWINGS:
             raise RefusedError(f"record/elongation: the {name} has only {count} readings")
-        wild, noise = outliers_and_noise(series, observation.step, nominal)
-        if wild:
+        outliers, noise = outliers_and_noise(series, observation.step, nominal)
+        if outliers:
             raise RefusedError(f"record/elongation: the {name} has outliers; use --method joint")
         noises.append(noise)
     return Prepared(observation, noise_theta=noises[1], noise_difference=noises[0])

@@ -47,8 +47,8 @@ data_schemas.write(result, sys.argv[1] + '.result.nc', overwrite=True)"""
 def rows(*, quick: bool) -> Iterator[Row]:
     """Yield the bars of cost."""
     repeats = 7 if quick else 15
-    yield from _estimation(linear(duration=DURATION), {"projection": 1.0 / 3.0}, 1e-6, repeats)
-    yield from _estimation(real(duration=DURATION), {"shooting": 1.3, "general": 1.0}, 1e-5, repeats)
+    yield from _estimation(linear(duration=DURATION), {"projection": 1.0}, 1e-6, repeats)
+    yield from _estimation(real(duration=DURATION), {"shooting": 3.9, "general": 2.0}, 1e-5, repeats)
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "linear.record.nc"
         data_schemas.write(simulate(linear(duration=DURATION))[0], path)

@@ -27,17 +27,14 @@ class Envelope:
         Their time derivatives, rad s-1.
     slow : (2, k) array
         Slow part of first pendulum and difference, rad.
-    slow_speed : (2, k) array
-        Its time derivative, rad s-1.
     coverage : (k,) array
         Share of the window's weight that held samples of the difference, 0..1.
     samples : (2,) array
         Number of samples of first pendulum and difference that each instant stands for (hop x rate x coverage).
     noise_gain : float
         Variance of one component of an envelope (mean of the two) per variance of white reading noise, complete window.
-    taps : (m,) complex array or None
-        Weights of a complete sliding window's readings in the amplitude, counted from its own centre: hop/step readings
-        from window to window. None of adjoining blocks.
+    taps : (m,) complex array
+        Weights of a complete window's samples in the amplitude, counted from its own centre.
     """
 
     time: Floats
@@ -47,18 +44,18 @@ class Envelope:
     first_speed: Complexes
     difference_speed: Complexes
     slow: Floats
-    slow_speed: Floats
     coverage: Floats
     samples: Floats
     noise_gain: float
-    taps: Complexes | None = None
+    taps: Complexes
 
     def influence(self, by_instant: Complexes, count: int, every: int) -> Floats:
-        """Influence of every reading of the difference on `Re sum conj(by_instant) D`, (count,); needs `taps`.
+        """Influence of every sample of the difference on `Re sum conj(by_instant) D`, (count,).
+
+        `count` samples, from window to window `every` of them.
 
         Counting each instant's noise as white and round is right only where the image of the harmonic is far off.
         """
-        assert self.taps is not None
         out = np.zeros(count)
         turned = np.conj(by_instant) * np.exp(-1j * self.carrier * self.time)
         for k, weight in enumerate(turned):

@@ -3,10 +3,10 @@
 With `D exp(-i n0 t)` the envelope of the difference and X that of the first pendulum (Panteleev 1958, (27) in complex
 form; non-singular where the amplitude passes through zero)
 
-    D' = [i (n2 - n0) - gamma2] D + [i (n1 - n2) - (gamma1 - gamma2)] X + F
+    D' = [i (n2 - n0) - gamma2] D + [i (n1 - n2) - (gamma1 - gamma2)] X
 
 with X = Z1 + 3/(2 i n1) (Z1' - (i n1 - gamma1) Z1). Its solution
-`D(t) = e^{mu t} [D0 + int_0^t e^{-mu s} (kappa X + F) ds]` is fitted for D0, n2 and, where it is not known, gamma2.
+`D(t) = e^{mu t} [D0 + int_0^t e^{-mu s} kappa X ds]` is fitted for D0, n2 and, where it is not known, gamma2.
 n1/n2 is held, because the ratio does not depend on gravity: re-inserting the slope as a fixed-point iteration
 diverges at (n1-n2)/n2 = 1e-3, Gauss-Newton does not.
 """
@@ -18,10 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arrays import Complexes, Floats
-from pipeline.harmonics import narrowband_kernels as kernels
-from pipeline.harmonics.envelope import fill
+from pipeline.harmonics.envelope import Envelope, fill
 
+ITERATIONS = 12
 _SCAN_STEP = 1.0  # rad over the record between starts that are tried
+_RIDGE = 1e-14  # of the unit diagonal, for swings that leave a column without information
 _SCAN_FROM = 4.0  # rad over the record that the correction may reach before more than one start is tried
 
 
@@ -45,8 +46,16 @@ class NarrowbandFit:
 
 def running_integral(values: Complexes, hop: float) -> Complexes:
     """`int_0^{t_k} f dt` from uniform values by the fourth-order rule hop/24 (-1, 13, 13, -1)."""
-    out = np.empty(values.size, dtype=np.complex128)
-    kernels.running_integral(np.asarray(values, dtype=np.complex128), hop, out)
+    v = np.asarray(values, dtype=np.complex128)
+    out = np.zeros(v.size, dtype=np.complex128)
+    if v.size < 4:
+        np.cumsum(0.5 * hop * (v[:-1] + v[1:]), out=out[1:])
+        return out
+    steps = out[1:]
+    steps[1:-1] = 13.0 * (v[1:-2] + v[2:-1]) - v[:-3] - v[3:]
+    steps[0] = 9.0 * v[0] + 19.0 * v[1] - 5.0 * v[2] + v[3]
+    steps[-1] = 9.0 * v[-1] + 19.0 * v[-2] - 5.0 * v[-3] + v[-4]
+    np.cumsum(hop / 24.0 * steps, out=steps)
     return out
 
 
@@ -56,67 +65,116 @@ def regression(time: Floats, values: Floats, weight: Floats) -> float:
     return float(np.sum(weight * (time - centre) * values) / np.sum(weight * (time - centre) ** 2))
 
 
-def fit_narrowband(
-    time: Floats,
-    difference: Complexes,
-    first: Complexes,
-    first_speed: Complexes,
-    weight: Floats,
-    *,
-    carrier: float,
-    ratio: float,
-    damping_rate: float | None,
-    damping_difference: float,
-    forcing: Complexes | None = None,
-    tolerance: float = 1e-13,
-) -> NarrowbandFit:
-    """Fit the complex form of (27).
+def phase_slope(time: Floats, envelope: Complexes, weight: Floats) -> float:
+    """Regression of the unwrapped phase with weights times |envelope|^2; an instant without weight is not looked at."""
+    used = weight > 0.0
+    chosen = envelope[used]
+    return regression(time[used], np.unwrap(np.angle(chosen)), weight[used] * np.abs(chosen) ** 2)
 
-    Parameters
+
+@dataclass(frozen=True)
+class ComplexForm:
+    """What is held while the complex form is fitted.
+
+    Attributes
     ----------
     time : (k,) array
         Uniform instants, s.
     difference, first, first_speed : (k,) complex arrays
-        Envelopes of the difference and of the first pendulum relative to the carrier, rad, and the derivative
-        of the latter, rad s-1; NaN in the difference = missing.
+        Envelopes of the difference and of the first pendulum relative to the carrier, rad, and the derivative of the
+        latter, rad s-1; without gaps, but that instants of the difference without weight may hold anything finite.
     weight : (k,) array
-        Weight of each instant (0 = missing).
-    carrier : float
-        n0, rad s-1.
-    ratio : float
-        n1/n2.
+        Of the instants (0 = missing).
+    carrier, ratio, damping_difference : float
+        n0, rad s-1; n1/n2; gamma1 - gamma2, s-1.
+    """
+
+    time: Floats
+    difference: Complexes
+    first: Complexes
+    first_speed: Complexes
+    weight: Floats
+    carrier: float
+    ratio: float
+    damping_difference: float
+
+    def model(self, frequency: float, gamma: float) -> tuple[complex, Complexes, Complexes]:
+        """Best start D0 for a trial of (n2, gamma2), the model (k,), and growth `e^{mu t}` (k,)."""
+        time, hop = self.time - self.time[0], float(self.time[1] - self.time[0])
+        decay = gamma + self.damping_difference
+        # damped frequency of the first pendulum
+        own = np.sqrt(self.ratio**2 * (frequency**2 + gamma**2) - decay**2)
+        mu = complex(-gamma, frequency - self.carrier)
+        kappa = complex(-self.damping_difference, own - frequency)
+        # X = Z1 + Xi, where Xi = 3/(2 i w1) (Z1' - (i w1 - gamma1) Z1) vanishes for a free swing; both analytic signals
+        by_first = kappa * (1.0 + 1.5 * complex(self.carrier - own, -decay) / own)
+        drive = by_first * self.first + kappa * (-1.5j / own) * self.first_speed
+        growth = np.exp(mu * time)
+        response = growth * running_integral(drive / growth, hop)
+        conjugate = self.weight * np.conj(growth)
+        start = complex((conjugate @ (self.difference - response)) / (conjugate @ growth).real)
+        return start, start * growth + response, growth
+
+    def squares(self, model: Complexes) -> float:
+        """Weighted sum of squares of what a model leaves."""
+        return float(self.weight @ np.abs(self.difference - model) ** 2)
+
+    def jacobian(self, model: Complexes, growth: Complexes) -> Complexes:
+        """Derivatives of the model by (Re D0, Im D0, n2, gamma2), (4, k), unweighted."""
+        hop = float(self.time[1] - self.time[0])
+        by_frequency = 1j * (model + (self.ratio - 1.0) * self.first)
+        return np.stack(
+            [
+                growth,
+                1j * growth,
+                growth * running_integral(by_frequency / growth, hop),
+                -growth * running_integral(model / growth, hop),
+            ]
+        )
+
+
+def complex_form(envelope: Envelope, ratio: float, damping_difference: float) -> ComplexForm:
+    """The complex form on an envelope; gaps of the input are bridged, those of the difference have no weight."""
+    weight = np.where(np.isfinite(envelope.difference), envelope.coverage, 0.0)
+    difference = np.where(weight > 0.0, envelope.difference, 0.0)
+    inputs = fill(envelope.first), fill(envelope.first_speed)
+    return ComplexForm(envelope.time, difference, *inputs, weight, envelope.carrier, ratio, damping_difference)
+
+
+def fit_narrowband(form: ComplexForm, damping_rate: float | None, tolerance: float = 1e-13) -> NarrowbandFit:
+    """Fit the complex form of (27).
+
+    Parameters
+    ----------
     damping_rate : float or None
         gamma2, s-1; None = fitted.
-    damping_difference : float
-        gamma1 - gamma2, s-1.
-    forcing : (k,) complex array, optional
-        F, a further known input (finite arc), rad s-1.
     tolerance : float
         Relative step of the frequency at which the iteration stops.
     """
-    weight = np.where(np.isfinite(difference), weight, 0.0)
-    data = np.where(weight > 0.0, difference, 0.0)
-    first, first_speed = fill(first), fill(first_speed)
-    known = np.zeros(time.size, dtype=np.complex128) if forcing is None else fill(forcing)
-    hop, length = float(time[1] - time[0]), float(time[-1] - time[0])
-    constants = (carrier, ratio, damping_difference)
-    series = (data, weight, first, first_speed, known, hop, constants)
-    model = np.empty(time.size, dtype=np.complex128)
-    jacobian = np.empty((4, time.size), dtype=np.complex128)
-    inverse = np.empty((4, 4))
+    time, weight = form.time, form.weight
     gamma = 0.0 if damping_rate is None else damping_rate
-    slope = float(kernels.phase_slope(time, data, weight))
-    frequency = carrier + slope
-    span = 2.0 * abs(frequency * (ratio - 1.0)) * length
+    slope, length = phase_slope(time, form.difference, weight), float(time[-1] - time[0])
+    frequency = form.carrier + slope
+    span = 2.0 * abs(frequency * (form.ratio - 1.0)) * length
     if span > _SCAN_FROM:  # the correction may hide whole turns of phase: try every start
         steps = int(np.ceil(span / _SCAN_STEP))
         trials = frequency + np.arange(-steps, steps + 1) * (_SCAN_STEP / length)
-        spare = model, jacobian, inverse, np.empty(4)
-        frequency = float(trials[np.argmin([kernels.sweep(*series, trial, gamma, *spare)[1] for trial in trials])])
+        frequency = float(min(trials, key=lambda trial: form.squares(form.model(trial, gamma)[1])))
     free = 4 if damping_rate is None else 3
-    frequency, gamma, start, squares = kernels.descend(
-        *series, frequency, gamma, free, tolerance * carrier, model, jacobian, inverse
-    )
+    inverse = np.zeros((4, 4))
+    for _ in range(ITERATIONS):
+        start, model, growth = form.model(frequency, gamma)
+        jacobian = form.jacobian(model, growth)
+        weighted = np.conj(jacobian[:free]) * weight
+        normal = (weighted @ jacobian[:free].T).real
+        scale = 1.0 / np.sqrt(np.diag(normal))
+        inverse[:free, :free] = (
+            np.linalg.inv(normal * scale[:, None] * scale + _RIDGE * np.eye(free)) * scale[:, None] * scale
+        )
+        change = inverse[:, :free] @ (weighted @ (form.difference - model)).real
+        if abs(change[2]) < tolerance * form.carrier:
+            break
+        frequency, gamma = frequency + float(change[2]), gamma + float(change[3])
     return NarrowbandFit(
         frequency=frequency,
         slope=slope,
@@ -125,5 +183,5 @@ def fit_narrowband(
         model=model,
         jacobian=jacobian,
         influence=inverse[2],
-        squares=squares,
+        squares=form.squares(model),
     )

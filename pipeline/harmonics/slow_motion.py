@@ -19,22 +19,10 @@ import numpy as np
 from data_schemas.scratch import portions, release, room
 from pipeline.arrays import Floats
 from pipeline.inversion.filters import reach_of, windowed
-from synth.kernels.compiled import summing_kernel
 
 PASS, STOP = 0.5, 0.85  # of the swing's frequency
 REJECTION = 80.0  # dB, of the swing: what is left of it is 1e-6 rad
 COARSE = 6.0  # samples a swing that the slow motion needs
-
-
-@summing_kernel
-def thin(series: Floats, taps: Floats, every: int, out: Floats) -> None:
-    """`out[k] = sum_j taps[j] series[every k + j]`."""
-    for k in range(out.size):
-        window = series[every * k : every * k + taps.size]
-        total = 0.0
-        for j in range(taps.size):
-            total += taps[j] * window[j]
-        out[k] = total
 
 
 @dataclass(frozen=True)
@@ -120,14 +108,13 @@ def slow_motion(theta: Floats, vertical: Floats | None, step: float, frequency: 
             return series
         out = room((series.size - first.size) // every + 1)
         for part in portions(out.size, out):
-            thin(series[every * part.start : every * (part.stop - 1) + first.size], first, every, out[part])
+            around = series[every * part.start : every * (part.stop - 1) + first.size]
+            out[part] = np.correlate(around, first, "valid")[::every]
             release(series)
         return out
 
     def filtered(series: Floats, taps: Floats) -> Floats:
-        out = np.empty(series.size - taps.size + 1)
-        thin(series, taps, 1, out)
-        return out
+        return np.correlate(series, taps, "valid")
 
     moved = thinned(theta)
     return SlowMotion(

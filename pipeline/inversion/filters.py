@@ -37,7 +37,7 @@ class Filters(NamedTuple):
 
 @functools.lru_cache(maxsize=16)
 def design(frequency: float, step: float, damping_rate: float, notch: bool = False) -> Filters:
-    """Design both filters; with a notch, the curvature's is deaf at three times the swing, where most of its noise is.
+    """Design both filters; with a notch the curvature's gain is zero at three times the swing, where noise is largest.
 
     Parameters
     ----------
@@ -53,21 +53,17 @@ def design(frequency: float, step: float, damping_rate: float, notch: bool = Fal
     reach = reach_of(stop - edge, step)
     low, slope, bend = windowed(0.5 * (edge + stop), reach, step)
     bend -= bend.sum() / low.sum() * low  # the window's own curvature shifts the whole pass band alike
-    turn = frequency * step
-    age = np.arange(-reach, reach + 1, dtype=np.float64)
-    window = np.kaiser(age.size, shape_of(REJECTION))
-    low = _exact(low, age, turn, window, (1.0, 0.0), 1.0, (1.0, 0.0, 0.0))
-    square = step**-2
-    bend = _exact(
-        bend,
-        age,
-        turn,
-        window,
-        (0.0, 2.0 * square),
-        -((SWELL * turn) ** 2) * square,
-        (-(turn**2) * square, 2.0 * turn * square, 2.0 * square),
-        (PASS, 0.0) if notch else None,
-    )
+    age = np.linspace(-1.0, 1.0, 2 * reach + 1)
+    length = reach * step
+    swell, swing, third = (np.cos(share * frequency * length * age) for share in (SWELL, 1.0, PASS))
+    sine = np.sin(frequency * length * age)
+    # gains at zero, swell and swing; first and second derivatives of the gain at the swing, second at zero
+    conditions = np.stack([np.ones_like(age), swell, swing, age * sine, age**2 * swing, age**2])
+    low = _exact(low, conditions, np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]))
+    bent = [0.0, -((SWELL * frequency) ** 2), -(frequency**2), 2.0 * frequency / length, *(2.0 / length**2,) * 2]
+    if notch:
+        conditions, bent = np.vstack([conditions, third]), [*bent, 0.0]
+    bend = _exact(bend, conditions, np.array(bent))
     curvature = bend - 2.0 * damping_rate * slope  # odd, and the taps are correlated with theta, not convolved
     return Filters(low, curvature, reach, float(low @ low), float(low @ curvature))
 
@@ -95,37 +91,7 @@ def windowed(cut: float, reach: int, step: float, rejection: float = REJECTION) 
     return low * window, slope * window, bend * window
 
 
-def _exact(
-    taps: Floats,
-    age: Floats,
-    turn: float,
-    window: Floats,
-    at_zero: tuple[float, float],
-    at_swell: float,
-    at_swing: tuple[float, float, float],
-    elsewhere: tuple[float, float] | None = None,
-) -> Floats:
-    """Smallest change (in the window's weight) of even taps that meets six conditions, or seven.
-
-    With H(w) = sum h cos(w k): H(0) and -H''(0); H at the swell; H, -H' and -H'' at the swing; H at so many times the
-    swing.
-    """
-    reach = float(age[-1])
-    conditions = np.stack(
-        [
-            np.ones(age.size),
-            (age / reach) ** 2,
-            np.cos(SWELL * turn * age),
-            np.cos(turn * age),
-            age / reach * np.sin(turn * age),
-            (age / reach) ** 2 * np.cos(turn * age),
-        ]
-    )
-    scale = reach ** -np.array([0.0, 2.0, 0.0, 0.0, 1.0, 2.0])
-    wanted = np.array([*at_zero, at_swell, *at_swing]) * scale
-    if elsewhere is not None:
-        conditions = np.concatenate([conditions, np.cos(elsewhere[0] * turn * age)[None]])
-        wanted = np.append(wanted, elsewhere[1])
-    weighted = conditions * window
-    change = weighted.T @ np.linalg.solve(conditions @ weighted.T, wanted - conditions @ taps)
-    return np.asarray(taps + change)
+def _exact(taps: Floats, conditions: Floats, wanted: Floats) -> Floats:
+    """Smallest change of taps, in the weight of the Kaiser window, with which `conditions @ taps` are as wanted."""
+    weighted = conditions * np.kaiser(taps.size, shape_of(REJECTION))
+    return np.asarray(taps + weighted.T @ np.linalg.solve(conditions @ weighted.T, wanted - conditions @ taps))

@@ -9,8 +9,7 @@ from data_schemas.scratch import portions
 from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
 from pipeline.prepared import LEAST_EXPLAINED, Prepared
-from pipeline.projection.solve import ITERATIONS, ProjectionFit, fit_projection
-from pipeline.projection.uniform import UniformProblem
+from pipeline.projection.identity import ITERATIONS, LinearFit, LinearIdentity
 
 FINE_ANGLE = 0.8  # swing between readings, at most: eight readings a swing
 
@@ -26,12 +25,15 @@ def require_clean(prepared: Prepared) -> None:
     prepared.require_whole("theta", "difference", "vertical")
 
 
-def linear_fit(prepared: Prepared, rounds: int = ITERATIONS) -> ProjectionFit:
-    """The linear identity fitted to a record, the damping held where it is stated; see `fit_projection`."""
-    seen, start = prepared.observation, prepared.rough
-    constants = (prepared.nominal, seen.frequency_ratio, seen.damping_difference)
-    problem = UniformProblem(seen.theta, seen.difference, seen.step, *constants)
-    return fit_projection(problem, start.frequency, start.damping_rate, prepared.known_damping is None, rounds)
+def linear_fit(prepared: Prepared, rounds: int = ITERATIONS) -> LinearFit:
+    """The linear identity fitted to a record, the damping held where it is stated; see `LinearIdentity.fit`."""
+    seen, rough, begin = prepared.observation, prepared.rough, float(prepared.blocks.time[0])
+    identity = LinearIdentity(
+        seen.theta, seen.difference, seen.step, prepared.nominal, seen.frequency_ratio, seen.damping_difference
+    )
+    turned = complex(rough.damping_rate, prepared.nominal - rough.frequency) * begin  # back to the first sample
+    start = rough.start * complex(np.exp(turned))
+    return identity.fit(rough.frequency, rough.damping_rate, start, prepared.known_damping is None, rounds)
 
 
 def estimate(prepared: Prepared) -> Estimate:
@@ -58,7 +60,7 @@ def estimate(prepared: Prepared) -> Estimate:
         ),
         noise=fit.noise,
         damping_rate=fit.damping_rate,
-        samples=fit.samples,
+        samples=fit.residual.size,
         residual_colour=colour,
     )
 

@@ -102,7 +102,8 @@ def _crossings(time: Floats, values: Floats, near: np.ndarray, period: float) ->
     for index in near:
         if time[index + 1] - time[index] > CROSSING_SHARE * period:
             continue  # a gap: where it crossed is not known
-        centre = _straight(time, values, index)
+        before, after = values[index : index + 2]
+        centre = float(time[index] - before * (time[index + 1] - time[index]) / ((after - before) or 1.0))
         for _ in range(2):
             part = slice(*np.searchsorted(time, [centre - CROSSING_SHARE * period, centre + CROSSING_SHARE * period]))
             tau = time[part] - centre
@@ -113,15 +114,6 @@ def _crossings(time: Floats, values: Floats, near: np.ndarray, period: float) ->
             centre -= period * float(fit[0] / fit[1])
         found.append(centre)
     return np.asarray(found)
-
-
-def _straight(time: Floats, values: Floats, index: int) -> float:
-    before, after = values[index], values[index + 1]
-    return (
-        float(time[index] - before * (time[index + 1] - time[index]) / (after - before))
-        if after != before
-        else float(time[index])
-    )
 
 
 def _turning_points(time: Floats, theta: Floats, crossings: Floats, period: float) -> tuple[Floats, Floats]:

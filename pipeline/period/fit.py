@@ -167,24 +167,18 @@ class Extremes:
 
 
 def smooth_extremes(cycles: Cycles) -> Extremes:
-    """Smooth the amplitude along the record."""
-    size = np.abs(cycles.turning)
-    smooth = smooth_decay(cycles.turning_time, size)
-    noise = 1.4826 * float(np.median(np.abs(size - smooth)))
-    return Extremes(cycles.turning_time, smooth, noise)
-
-
-def smooth_decay(time: Floats, size: Floats) -> Floats:
     """Amplitude at the turning points by a running parabola in its logarithm: noise of single extremes averages out."""
+    time, size = cycles.turning_time, np.abs(cycles.turning)
     logarithm = np.log(np.maximum(size, 1e-12))
     smooth = np.empty(size.size)
     for k in range(size.size):
         part = slice(max(0, k - DECAY_REACH), k + DECAY_REACH + 1)
         tau = time[part] - time[k]
-        degree = min(2, tau.size - 1)
         scale = max(float(np.abs(tau).max()), 1e-12)
+        degree = min(2, tau.size - 1)
         smooth[k] = np.polynomial.polynomial.polyfit(tau / scale, logarithm[part], degree, w=size[part])[0]
-    return np.asarray(np.exp(smooth))
+    smooth = np.exp(smooth)
+    return Extremes(time, smooth, 1.4826 * float(np.median(np.abs(size - smooth))))
 
 
 def _uncertainty(

@@ -28,11 +28,6 @@ _EXTRA = {
     "time_step_most": ("s", "largest step of time, gaps apart"),
     "elapsed": ("s", "time the analysis took"),
 }
-FLAG_MEANINGS = {
-    "amplitude-scale": "the period's trend with amplitude asks for another scale of the angle, which was applied",
-    "period-trend": f"the reduced period drifts by more than {100 * TREND:.1f} % over the record",
-    "single-trace": "one pendulum alone gives no gravity on a moving support",
-}
 
 
 def period_result(record: DataTree, requested: Sequence[str], started: float) -> DataTree:

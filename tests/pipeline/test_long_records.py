@@ -15,7 +15,6 @@ from pipeline import METHODS, process
 from pipeline.methods.projection import linear_fit
 from pipeline.observation import observe
 from pipeline.prepared import prepare
-from pipeline.projection.uniform import UniformProblem
 
 RECORDS: dict[str, dict[str, Any]] = {
     "whole": {},
@@ -106,22 +105,6 @@ def test_a_long_record_lies_in_scratch_files_and_stays_as_it_was(short: None) ->
     for series in (prepared.observation.time, fit.residual):
         assert scratch.mapping(series) is not None
     assert np.array_equal(record["record"]["elongation"].values, before, equal_nan=True)
-
-
-@pytest.mark.parametrize("count", [300, 301, 899, 900, 901])
-def test_any_portion_of_the_response_can_be_had_again(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scratch, "PORTION", 300)
-    theta = np.random.default_rng(3).normal(size=count)
-    problem = UniformProblem(theta, theta, 0.1, 6.2, 1.001, 1e-5)
-    problem.respond(6.21, 1e-3)
-    forwards = problem.response.copy()
-    for number in reversed(range(len(problem.parts))):
-        assert np.array_equal(problem.part(number), forwards[problem.parts[number]])
-    monkeypatch.setattr(scratch, "PORTION", 1 << 16)
-    whole = UniformProblem(theta, theta, 0.1, 6.2, 1.001, 1e-5)
-    whole.respond(6.21, 1e-3)
-    assert len(whole.parts) == 1
-    assert forwards == pytest.approx(whole.response, rel=1e-13, abs=1e-15)
 
 
 def growth(method: str, hours: tuple[float, float], **recording: Any) -> float:

@@ -7,9 +7,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pipeline.harmonics.blocks import block_envelope
 from pipeline.harmonics.envelope import Envelope, fill, image_distance, window_length
-from pipeline.harmonics.sliding import KAISER_SHAPE, LEAST_COVERAGE, WINDOW_SECONDS, sliding_envelope
+from pipeline.harmonics.windows import (
+    KAISER_SHAPE,
+    LEAST_COVERAGE,
+    WINDOW_SECONDS,
+    block_envelope,
+    sliding_envelope,
+)
 
 N0 = 2.0 * np.pi / 1.01
 STEP = 0.1
@@ -29,7 +34,6 @@ def test_a_pure_harmonic_on_a_line_is_returned_exactly(make: Callable[..., Envel
     assert np.abs(found.first - one).max() < 1e-13
     assert np.abs(found.difference - two).max() < 1e-13
     assert np.abs(found.slow[0] - (0.03 - 1e-4 * found.time)).max() < 1e-13
-    assert np.abs(found.slow_speed[0] + 1e-4).max() < 1e-13
     assert np.abs(found.first_speed).max() < 1e-12
     assert found.coverage == pytest.approx(1.0, abs=0.05)
 

@@ -9,14 +9,14 @@ import pytest
 from heavy_pair import observe
 from scipy.integrate import solve_ivp
 
-from pipeline.inversion import kernels
+from pipeline.harmonics.windows import block_envelope
 from pipeline.inversion.filters import SWELL, design
-from pipeline.inversion.influence import adjoint
-from pipeline.inversion.iteration import Iteration, past_taps
-from pipeline.inversion.motion import Motion
-from pipeline.inversion.prepare import invert
-from pipeline.inversion.solve import fit_inversion
+from pipeline.inversion.influence import theta_influence
+from pipeline.inversion.iteration import Iteration
+from pipeline.inversion.kernels import adjoint, expand, past_taps
+from pipeline.inversion.motion import motion, third_harmonic
 from pipeline.methods.projection import linear_fit
+from pipeline.methods.shooting import invert
 from pipeline.prepared import Prepared, prepare
 
 
@@ -60,15 +60,6 @@ def test_filters_know_what_noise_they_pass() -> None:
     assert np.mean(low * bent) == pytest.approx(filters.noise_product, rel=0.02)
 
 
-def test_both_filters_at_once() -> None:
-    filters = design(6.22, 0.04, 1e-3)
-    theta = np.random.default_rng(3).normal(size=1300)
-    out = np.empty((2, theta.size - 2 * filters.reach))
-    kernels.filter_both(theta, filters.low, filters.curvature, *out)
-    for row, taps in zip(out, (filters.low, filters.curvature), strict=True):
-        assert row == pytest.approx(np.convolve(theta, taps[::-1], "valid"), abs=1e-9)
-
-
 def test_past_taps_are_exact_for_a_swing() -> None:
     eigenvalue, step = complex(-2e-3, 6.2), 0.04
     taps = past_taps(eigenvalue, step)
@@ -77,7 +68,7 @@ def test_past_taps_are_exact_for_a_swing() -> None:
     kernel = 0.5 * step * weights * np.exp(eigenvalue * (step - x))
     for wave in (np.cos, np.sin):
         values = wave(eigenvalue.imag * np.array([0.0, -step]))
-        whole = complex(taps[0] @ values, taps[1] @ values)
+        whole = complex(taps @ values)
         assert abs(whole - kernel @ wave(eigenvalue.imag * x)) < 1e-15
 
 
@@ -85,26 +76,25 @@ def test_expansion_is_the_derivative() -> None:
     random = np.random.default_rng(4)
     about, theta, curvature = random.uniform(-0.1, 0.1, (3, 50))
     pull = 1.0 + random.uniform(-0.1, 0.1, 50)
-    here, there, faster = np.empty((3, 3, 50))
     move = 1e-6
-    kernels.expand_small(about, theta, curvature, pull, 6.2, 6.1, 0.0, *here)
-    kernels.expand_small(about + move, theta, curvature, pull, 6.2, 6.1, 0.0, *there)
-    kernels.expand_small(about, theta, curvature, pull, 6.2, 6.1 + move, 0.0, *faster)
+    here, there, faster = np.empty((3, 3, 50))
+    expand(about, theta, curvature, pull, 6.2, 6.1, 0.0, *here)
+    expand(about + move, theta, curvature, pull, 6.2, 6.1, 0.0, *there)
+    expand(about, theta, curvature, pull, 6.2, 6.1 + move, 0.0, *faster)
     assert (there[0] - here[0]) / move == pytest.approx(here[1], abs=1e-4)
-    assert (here[0] - faster[0]) / move == pytest.approx(here[2], abs=1e-5)
+    assert (faster[0] - here[0]) / move == pytest.approx(here[2], abs=1e-5)
     w = curvature / 6.1**2
     bend = pull * np.sin(about) / np.cos(theta) + w * ((np.cos(about) - 1) + np.tan(theta) * np.sin(about))
     assert here[0] == pytest.approx(6.2**2 * about - 6.1**2 * bend, abs=1e-13)
 
 
-def fitted(seconds: float = 300.0) -> tuple[Prepared, Iteration, float]:
+def fitted(seconds: float = 300.0) -> tuple[Prepared, Iteration, np.ndarray]:
     seen = observe(seconds, 0.04, heave=True)
     prepared = prepare(seen)
     held = linear_fit(prepared)
-    motion = Motion(seen.theta, seen.vertical, seen.step, held.frequency, seen.frequency_ratio, 2e-4, 0.0)
-    iteration = Iteration(seen, motion, held, prepared.gravity_of)
-    fit = fit_inversion(iteration, fit_damping=False)
-    return prepared, iteration, fit.frequency
+    moved = motion(seen.theta, seen.vertical, seen.step, held.frequency, seen.frequency_ratio, 2e-4, 0.0)
+    iteration = Iteration(seen, moved, held, prepared.gravity_of)
+    return prepared, iteration, iteration.influence(iteration.fit(fit_damping=False).covariance[2])
 
 
 def test_recursion_solves_the_linear_equation() -> None:
@@ -125,25 +115,10 @@ def test_recursion_solves_the_linear_equation() -> None:
 
 def test_influence_of_both_traces_is_the_change_they_make() -> None:
     """A swing-like change of either trace moves n2 by the sum of influence times change."""
-    prepared, iteration, frequency = fitted()
-    seen, inside = prepared.observation, iteration.motion.inside
-    from pipeline.inversion.influence import theta_influence
-
-    grid_fit = fit_inversion(iteration, fit_damping=False)
-    of_difference = iteration.least_squares_influence(grid_fit.weights)
-    motion = iteration.motion
+    prepared, iteration, of_difference = fitted()
+    seen, inside, frequency = prepared.observation, iteration.motion.inside, iteration.frequency
     of_theta = theta_influence(
-        of_difference,
-        iteration.slope,
-        motion.low,
-        motion.curvature,
-        iteration.about,
-        frequency**2 * motion.pull(prepared.gravity_of(frequency)),
-        motion.step,
-        iteration.eigenvalue,
-        seen.frequency_ratio,
-        frequency,
-        seen.damping_difference,
+        iteration, of_difference, prepared.gravity_of(frequency), seen.frequency_ratio, seen.damping_difference
     )
     # a change that dies out at the ends, where the filters reach beyond the inversion
     change = 1e-6 * np.cos(1.02 * frequency * seen.time + 0.3) * np.sin(np.pi * seen.time / seen.time[-1]) ** 2
@@ -168,17 +143,18 @@ def test_adjoint_is_the_transpose_of_the_response() -> None:
     assert out == pytest.approx(response.T @ influence, abs=1e-13)
 
 
-def test_a_turning_envelope() -> None:
-    """Against interpolation and the exponential written out; beyond its ends the envelope is steady."""
-    random = np.random.default_rng(7)
-    envelope = random.normal(size=12) + 1j * random.normal(size=12)
-    begin, hop, rate, step = 1.5, 4.0, 18.6, 0.07
-    out = np.empty(800)
-    kernels.turning(envelope, begin, hop, rate, step, out)
-    time = step * np.arange(800)
-    knots = begin + hop * np.arange(12)
-    slow = np.interp(time, knots, envelope.real) + 1j * np.interp(time, knots, envelope.imag)
-    assert out == pytest.approx((slow * np.exp(1j * rate * time)).real, abs=1e-11)
+def test_the_third_harmonic_is_that_of_a_real_pendulum() -> None:
+    """`theta3 = -(A^3/192) cos 3 phi` (to A^2 of itself), from scipy's DOP853."""
+    size, step = 0.1, 0.04
+    time = np.arange(3000) * step
+    swing = solve_ivp(
+        lambda t, y: [y[1], -np.sin(y[0]) * 6.22**2], (0.0, 120.0), [size, 0.0], "DOP853", time, rtol=1e-12, atol=1e-14
+    ).y[0]
+    own = 6.22 * (1.0 - size**2 / 16.0)
+    basis = np.stack([np.cos(k * own * time) for k in (1, 3, 5)], axis=-1)
+    expected = np.linalg.lstsq(basis, swing, rcond=None)[0][1] * basis[:, 1]
+    envelope = block_envelope(time, step, swing, swing, own)
+    assert third_harmonic(envelope, time) == pytest.approx(expected, abs=0.03 * size**3 / 192.0)
 
 
 def test_a_notch_is_deaf_at_the_third_harmonic_alone() -> None:
@@ -197,12 +173,12 @@ def test_a_notch_is_deaf_at_the_third_harmonic_alone() -> None:
 
 def test_a_reckoned_third_harmonic_serves_as_the_read_one() -> None:
     """Noise so small that both ways are open; the pendulums swing by 20 mrad in swell and heave."""
-    from pipeline.inversion import prepare as module
+    from pipeline.methods import shooting as module
 
     seen = observe(300.0, 0.04, heave=True)
     noise = 2e-6 * np.random.default_rng(9).normal(size=(2, seen.time.size))
     prepared = prepare(replace(seen, theta=seen.theta + noise[0], difference=seen.difference + noise[1]))
-    assert module.third_harmonic(prepared) is None
+    assert not module.begin(prepared, linear_fit(prepared)).motion.third
     read = invert(prepared)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "NOISY", 0.0)

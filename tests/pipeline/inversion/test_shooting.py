@@ -10,14 +10,15 @@ import pytest
 from heavy_pair import G, observe
 
 from data_schemas.errors import RefusedError
-from pipeline.inversion.prepare import Inverted, invert
+from pipeline.estimate import Estimate
 from pipeline.methods import method
+from pipeline.methods.shooting import invert
 from pipeline.observation import Observation
 from pipeline.prepared import prepare
 from pipeline.reduction import reduce_by
 
 
-def error(seen: Observation) -> tuple[float, float, Inverted]:
+def error(seen: Observation) -> tuple[float, float, Estimate]:
     """Error and 1 sigma of gravity, mGal."""
     prepared = prepare(seen)
     found = invert(prepared)
@@ -66,19 +67,6 @@ def test_linear_records_are_left_to_the_projection() -> None:
     seen = observe(300.0, 0.04, heave=False, restoring="linear")
     prepared = prepare(seen)
     assert method("shooting")(prepared).frequency == method("projection")(prepared).frequency
-
-
-def test_arcs_beyond_the_polynomials() -> None:
-    """The kernels for any angle give what the polynomials give."""
-    from pipeline.inversion import kernels
-
-    random = np.random.default_rng(1)
-    about, theta, curvature = random.uniform(-0.45, 0.45, (3, 400))
-    pull = 1.0 + 0.1 * theta
-    small, large = np.empty((2, 3, 400))
-    kernels.expand_small(about, theta, curvature, pull, 6.2, 6.1, 1e-3, *small)
-    kernels.expand_large(about, theta, curvature, pull, 6.2, 6.1, 1e-3, *large)
-    assert np.abs(small - large).max() < 1e-13
 
 
 def test_what_it_reduces_is_not_flagged() -> None:

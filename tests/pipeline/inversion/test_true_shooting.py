@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
 from pipeline.inversion.filters import design
-from pipeline.inversion.prepare import invert
 from pipeline.methods.projection import linear_fit
+from pipeline.methods.shooting import invert
 from pipeline.prepared import prepare
 
 LENGTH, STEP, NOISE = 80.0, 0.04, 2e-5

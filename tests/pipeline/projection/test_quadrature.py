@@ -6,9 +6,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from pipeline.projection import kernels
+from pipeline.projection.identity import LinearIdentity, response_constants
 from pipeline.projection.taps import CENTRE, NODES, continuation, fitted_basis, stencil, taps
-from pipeline.projection.uniform import UniformProblem, response_constants
 
 N = 2.0 * np.pi / 1.01
 
@@ -66,16 +65,14 @@ def test_taps_away_from_the_fitted_frequency_keep_the_order() -> None:
 
 
 @pytest.mark.parametrize("angle", [0.01, 0.2, 0.57, 0.58, 1.2])
-def test_both_forms_of_the_basis_span_the_same_functions(angle: float) -> None:
-    """0.571 rad is where series give way to plain functions: interpolation must not notice."""
+def test_weights_are_right_and_small_however_fast_the_sampling(angle: float) -> None:
+    """At 0.01 rad a step the eight functions are dependent to rounding."""
     nodes = np.arange(NODES) - CENTRE
-    at = np.array([-3.2, -0.1, 0.0, 0.4, 2.9])
-    matrix = fitted_basis(nodes, angle)
+    node, _ = np.polynomial.legendre.leggauss(16)
+    cardinal = stencil(angle, 1.0)
     for function in (np.cos, np.sin, lambda x: x * np.cos(x), lambda x: x * np.sin(x), lambda x: x**3):
-        values = function(angle * nodes)
-        got = np.linalg.solve(matrix.T, values) @ fitted_basis(at, angle)
-        # for plain functions at a small angle the system is ill-conditioned; the series form must stay exact
-        assert np.abs(got - function(angle * at)).max() < 1e-10
+        assert np.abs(cardinal @ function(angle * nodes) - function(angle * 0.5 * node)).max() < 1e-10
+    assert np.abs(cardinal).sum(axis=1).max() < 2.0
 
 
 def _swing(count: int, step: float, seed: int = 3) -> np.ndarray:
@@ -84,13 +81,23 @@ def _swing(count: int, step: float, seed: int = 3) -> np.ndarray:
     return 0.01 * np.cos(N * t + 0.3) + 0.05 * np.cos(2 * np.pi * t / 8.0 + random.uniform(0, 6))
 
 
-def _response(
-    theta: np.ndarray, step: float, n: float, gamma: float, ratio: float, apart: float
+def _response(theta: np.ndarray, step: float, n: float, gamma: float, ratio: float, apart: float) -> np.ndarray:
+    """What the identity takes off a difference without a swing of its own."""
+    return -_sweep(np.zeros(theta.size), theta, step, (n, gamma, 0j, 0.0), ratio, apart)[0]
+
+
+def _sweep(
+    difference: np.ndarray,
+    theta: np.ndarray,
+    step: float,
+    at: tuple[float, float, complex, float],
+    ratio: float,
+    apart: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The response, and its slopes by n2 and gamma2 where blocks start."""
-    problem = UniformProblem(theta, np.full(theta.size, np.nan), step, N, ratio, apart)
-    problem.respond(n, gamma)
-    return problem.response, problem.slopes.imag
+    """Residual and Gram matrix at (n2, gamma2, start, offset)."""
+    residual = np.empty(theta.size)
+    gram = LinearIdentity(theta, difference, step, N, ratio, apart).sweep(*at, residual)
+    return residual, gram
 
 
 def one_sided(row: int, lam: complex, step: float) -> np.ndarray:
@@ -115,7 +122,7 @@ def test_response_is_the_running_integral(count: int) -> None:
         start = 0 if k < 3 else min(k - 3, count - 8)
         c = np.exp(lam * step) * c + weights[row] @ theta[start : start + 8]
         expected.append(direct.real * theta[k + 1] + (gain * c).imag)
-    got = _response(theta, step, n, gamma, ratio, apart)[0]
+    got = _response(theta, step, n, gamma, ratio, apart)
     assert np.abs(got - np.array(expected)).max() < 1e-13
 
 
@@ -129,7 +136,7 @@ def test_response_solves_the_differential_equation(gamma: float) -> None:
     transfer = ((1 - r) * -(m**2) + 2 * (gamma - r * g1) * 1j * m) / (n**2 - m**2 + 2j * gamma * m)
     lam, direct, gain, _, _ = response_constants(n, gamma, ratio, apart)
     exact = (transfer * np.exp(1j * m * t)).real
-    got = _response(np.cos(m * t), step, n, gamma, ratio, apart)[0]
+    got = _response(np.cos(m * t), step, n, gamma, ratio, apart)
     # they differ by a free swing, whatever starts at rest in the running integral
     free = np.column_stack([(np.exp(lam * t)).real, (np.exp(lam * t)).imag])
     rest = got - exact
@@ -140,45 +147,42 @@ def test_response_solves_the_differential_equation(gamma: float) -> None:
     assert np.isfinite(gain)
 
 
-def test_slopes_are_derivatives_of_the_response() -> None:
-    step, gamma, ratio, apart, d = 0.05, 2e-4, 1.001, 1e-4, 1e-5
-    theta = _swing(1500, step)
-    lam = response_constants(N, gamma, ratio, apart)[0]
-    w = lam.imag
+@pytest.mark.parametrize("gamma", [0.0, 3e-4])
+def test_products_are_those_of_the_derivatives(gamma: float) -> None:
+    """The Gram matrix against central differences of the residual by all five parameters."""
+    random, count, step, ratio, apart = np.random.default_rng(6), 1500, 0.1, 1.001, 1e-4
+    theta, difference = _swing(count, step), 0.01 * random.normal(size=count)
+    w = np.sqrt(N**2 - gamma**2)
 
-    def at(dw: float, dgamma: float) -> np.ndarray:
-        g = gamma + dgamma
-        return _response(theta, step, float(np.hypot(w + dw, g)), g, ratio, apart)[0]
+    def sweep(change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        real, imag, turned, decayed, moved = change
+        g = gamma + decayed
+        at = (float(np.hypot(w + turned, g)), float(g), complex(0.012 + real, -0.004 + imag), 0.003 + moved)
+        return _sweep(difference, theta, step, at, ratio, apart)
 
-    starts = np.minimum(np.arange(-(-1500 // kernels.block_length(1500)) + 1) * kernels.block_length(1500), 1499)
-    got = _response(theta, step, N, gamma, ratio, apart)[1]
-    for column, change in enumerate(((d, 0.0), (0.0, d))):
+    residual, gram = sweep(np.zeros(5))
+    sizes = np.array([1e-4, 1e-4, 1e-6, 1e-6, 1e-4])
+    columns = [(sweep(-change)[0] - sweep(change)[0]) / (2 * change.sum()) for change in np.diag(sizes)]
+    rows = np.stack([*columns, residual])
+    exact = rows @ rows.T
+    lower = np.tril_indices(6)
+    # intervals are aged by half a step on average: (w h)^2/24 of the response's part alone
+    scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
+    assert np.abs((gram - exact) / scale)[lower].max() < 1e-5
+    assert gram[4, 4] == count
+
+
+def test_response_changes_with_frequency_and_damping_as_told() -> None:
+    """The same without a swing of its own, where the response is all that changes."""
+    count, step, ratio, apart, d = 1500, 0.1, 1.05, 1e-3, 1e-6
+    theta, gamma = _swing(count, step), 3e-4
+    w = np.sqrt(N**2 - gamma**2)
+
+    def at(turned: float, decayed: float) -> np.ndarray:
+        g = gamma + decayed
+        return _response(theta, step, float(np.hypot(w + turned, g)), g, ratio, apart)
+
+    gram = _sweep(np.zeros(count), theta, step, (N, gamma, 0j, 0.0), ratio, apart)[1]
+    for row, change in ((2, (d, 0.0)), (3, (0.0, d))):
         numeric = (at(*change) - at(-change[0], -change[1])) / (2 * d)
-        # intervals are aged by half a step on average: (w h)^2/24 of the youngest one only
-        assert np.abs(got[:, column] - numeric[starts]).max() < 3e-3 * np.abs(numeric).max()
-
-
-@pytest.mark.parametrize("count", [100, 256, 700, 1025])
-def test_moments_are_the_plain_gram_matrix(count: int) -> None:
-    random = np.random.default_rng(6)
-    difference, response = random.normal(size=(2, count))
-    step, decay, frequency, block = 0.1, 3e-3, N, 64
-    starts = np.minimum(np.arange(-(-count // block) + 1) * block, count - 1)
-    slopes = random.normal(size=(starts.size, 2)) + 1j * random.normal(size=(starts.size, 2))
-    amounts = np.array([0.1, -0.2, 0.05, 0.0, 0.0, 0.03, -0.02])
-    gram, out = np.zeros((kernels.COLUMNS, kernels.COLUMNS)), np.empty(count)
-    lam = complex(-decay, frequency)
-    kernels.moments(difference, response, slopes, step, block, lam, amounts, 0, count, out, gram)
-    t = np.arange(count) * step
-    wave = np.exp(lam * t)
-    x = np.linspace(-1.0, 1.0, count)
-    # slopes: straight between blocks in the frame that turns and decays
-    still = slopes / np.exp(lam * starts * step)[:, None]
-    keep = np.append(True, np.diff(starts) > 0)
-    slope, by_damping = ((wave * np.interp(t, starts[keep] * step, still[keep, k])).imag for k in range(2))
-    columns = np.stack([wave.real, wave.imag, np.ones(count), x * wave.real, x * wave.imag, slope, by_damping], axis=1)
-    e = difference - response - columns @ amounts
-    plain = np.column_stack([columns, e])
-    plain = plain.T @ plain
-    assert np.abs(gram - plain).max() < 1e-11 * count
-    assert np.abs(out - e).max() < 1e-12
+        assert np.sqrt(gram[row, row]) == pytest.approx(np.linalg.norm(numeric), rel=3e-3)

@@ -1,0 +1,201 @@
+"""Least squares on the linear identity: one recursion over the samples gives the model and its derivatives.
+
+The difference is a free swing beside the response to the recorded first pendulum,
+
+    d(t) = Re[s exp(lam t)] + (1-r) theta1 + Im[gain c(t)] + offset,   c(t) = int_0^t exp(lam (t-u)) theta1(u) du,
+
+lam = -gamma2 + i w, w^2 = n2^2 - gamma2^2 (the two integrals of the formula sheet's W1, W2 by parts, section 1.1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from data_schemas.scratch import portions, room
+from pipeline.arrays import Complexes, Floats
+from pipeline.projection.least_squares import (
+    BLOCK,
+    add_gram,
+    free_parameters,
+    refuse_outliers,
+    require_swing_near,
+    solve,
+)
+from pipeline.projection.taps import BEFORE, NODES, padded, stencil, taps
+from synth.kernels.compiled import kernel
+
+ITERATIONS = 12
+_SETTLED = 1e-7  # of amplitude and phase at the record's end: what is left after such a step is of its square
+
+
+@dataclass(frozen=True)
+class LinearFit:
+    """Least squares for (start, n2, gamma2, offset).
+
+    Attributes
+    ----------
+    frequency, damping_rate : float
+        n2, rad s-1, and gamma2, s-1.
+    start : complex
+        s, rad, at the first sample.
+    offset, noise : float
+        Zero line and 1-sigma residual, rad.
+    noise_gain : float
+        1-sigma of n2 per radian of white noise in the difference, s-1.
+    residual : (n,) array
+        rad.
+    """
+
+    frequency: float
+    damping_rate: float
+    start: complex
+    offset: float
+    noise: float
+    noise_gain: float
+    residual: Floats
+
+
+Constants = tuple[complex, complex, complex, complex, complex]
+
+
+def response_constants(frequency: float, gamma: float, ratio: float, damping_difference: float) -> Constants:
+    """Eigenvalue lam, direct gain 1-r, gain of c, and the gain's derivatives by w and gamma2.
+
+    gain = [(1-r) lam^2 + 2 (gamma2 - r gamma1) lam] / w, r = (n2/n1)^2 = 1/ratio^2.
+    """
+    r = ratio**-2
+    oscillation = np.sqrt(frequency**2 - gamma**2)
+    eigenvalue = complex(-gamma, oscillation)
+    drag = 2.0 * (gamma * (1.0 - r) - r * damping_difference)
+    gain = ((1.0 - r) * eigenvalue**2 + drag * eigenvalue) / oscillation
+    # d/dw of gain at fixed gamma: d lam = i dw
+    slope = (2.0j * (1.0 - r) * eigenvalue + 1j * drag) / oscillation - gain / oscillation
+    return eigenvalue, 1.0 - r, gain, slope, -drag / oscillation
+
+
+@kernel
+def add_products(
+    theta: Floats,
+    difference: Floats,
+    weights: Complexes,
+    step: float,
+    first: int,
+    start: complex,
+    offset: float,
+    constants: Constants,
+    state: Complexes,
+    residual: Floats,
+    gram: Floats,
+) -> None:
+    """Residual of adjoining samples, and their share of the lower half of the Gram matrix of `least_squares.solve`.
+
+    `theta` (n + 7,) is padded as by `taps.padded`, `weights` (8,) are those of an interval; `first` is the number of
+    the first sample; `state` (3,) holds c, dc/dlam and exp(lam t) there and is left as the next sample needs them.
+    """
+    eigenvalue, direct, gain, by_frequency, by_damping = constants
+    turn = np.exp(eigenvalue * step)
+    c, age, free = state
+    rows = np.ones((6, BLOCK))  # derivatives by Re s, Im s, n2, gamma2 and offset, which stays 1, and the residual
+    for k in range(difference.size):
+        m, time, swing = k % BLOCK, (first + k) * step, start * free
+        rows[0, m], rows[1, m] = free.real, -free.imag
+        rows[2, m] = (by_frequency * c).imag + (gain * age).real - time * swing.imag
+        rows[3, m] = (by_damping * c - gain * age).imag - time * swing.real
+        rows[5, m] = difference[k] - direct.real * theta[k + BEFORE] - (gain * c).imag - swing.real - offset
+        residual[k] = rows[5, m]
+        if m == BLOCK - 1 or k == difference.size - 1:
+            add_gram(rows, m + 1, gram)
+        real = imag = 0.0
+        for j in range(NODES):
+            real += weights[j].real * theta[k + j]
+            imag += weights[j].imag * theta[k + j]
+        integral = complex(real, imag)
+        # an interval's content is on average half a step old at its end
+        age = turn * (age + step * c) + 0.5 * step * integral
+        c = turn * c + integral
+        free *= turn
+    state[0], state[1], state[2] = c, age, free
+
+
+@dataclass(frozen=True)
+class LinearIdentity:
+    """A record as the identity sees it; all samples are there.
+
+    Attributes
+    ----------
+    theta, difference : (n,) arrays
+        First pendulum and difference, rad.
+    step : float
+        s.
+    nominal : float
+        n2 about which the quadrature is exact, rad s-1.
+    ratio, damping_difference : float
+        n1/n2; gamma1 - gamma2, s-1.
+    """
+
+    theta: Floats
+    difference: Floats
+    step: float
+    nominal: float
+    ratio: float
+    damping_difference: float
+
+    def sweep(self, frequency: float, gamma: float, start: complex, offset: float, residual: Floats) -> Floats:
+        """Residual (n,) at some parameters, and the Gram matrix (6, 6) of `least_squares.solve`."""
+        constants = response_constants(frequency, gamma, self.ratio, self.damping_difference)
+        weights = taps(stencil(self.nominal, self.step), constants[0], self.step)
+        state, gram = np.array([0.0, 0.0, 1.0], dtype=np.complex128), np.zeros((6, 6))
+        for part in portions(self.theta.size, self.theta, self.difference, residual):
+            add_products(
+                padded(self.theta, part, self.nominal, self.step),
+                self.difference[part],
+                weights,
+                self.step,
+                part.start,
+                complex(start),
+                offset,
+                constants,
+                state,
+                residual[part],
+                gram,
+            )
+        return gram
+
+    def fit(
+        self, frequency: float, gamma: float, start: complex, fit_damping: bool, rounds: int = ITERATIONS
+    ) -> LinearFit:
+        """Fit by Gauss-Newton; one round is enough for a start of the nonlinear identity.
+
+        Parameters
+        ----------
+        frequency, gamma, start
+            Where to begin, within a fraction of a turn over the record; gamma2 is held unless `fit_damping`.
+
+        Raises
+        ------
+        RefusedError
+            No swing at the nominal period, or an outlier.
+        """
+        residual, offset = room(self.theta.size), 0.0
+        free, length = free_parameters(fit_damping), self.step * self.theta.size
+        for _ in range(rounds):
+            found = solve(self.sweep(frequency, gamma, start, offset, residual), free)
+            real, imaginary, turned, decayed, moved = found.change
+            size = abs(start)
+            frequency, gamma, offset = frequency + turned, gamma + decayed, offset + moved
+            start += complex(real, imaginary)
+            require_swing_near(frequency, gamma)
+            if max(np.hypot(real, imaginary) / size, abs(turned) * length, abs(decayed) * length) < _SETTLED:
+                refuse_outliers(residual, found.noise, abs(start))
+                break
+        return LinearFit(
+            frequency=float(frequency),
+            damping_rate=float(gamma),
+            start=start,
+            offset=float(offset),
+            noise=found.noise,
+            noise_gain=float(np.sqrt(found.covariance[2, 2])),
+            residual=residual,
+        )

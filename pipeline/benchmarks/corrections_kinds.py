@@ -41,8 +41,6 @@ class Kind:
         Methods that may decline: a phase means nothing where the amplitude vanishes.
     real : bool
         Real pendulums, where a value of the methods made for them must hold within its sigma or carry a flag.
-    known: tuple of str
-        Methods that are known to err here unannounced: their cells are reported and do not fail the row.
     """
 
     name: str
@@ -51,7 +49,6 @@ class Kind:
     wrong: Mapping[str, float] = field(default_factory=dict)
     refused: tuple[str, ...] = ()
     real: bool = False
-    known: tuple[str, ...] = ()
 
 
 def kinds(*, quick: bool) -> list[Kind]:
@@ -60,7 +57,7 @@ def kinds(*, quick: bool) -> list[Kind]:
     return [
         *LINEAR,
         *(
-            Kind(name, partial(real_scene, **({"length": length} | changes)), real=True, known=KNOWN.get(name, ()))
+            Kind(name, partial(real_scene, **({"length": length} | changes)), real=True)
             for name, changes in REAL.items()
         ),
     ]
@@ -116,8 +113,6 @@ REAL: Mapping[str, dict[str, Any]] = {
     "300 s long": {"length": 300.0},
 }
 """Departures from a nominal record of real pendulums: 25 Hz, noise-free, heave recorded."""
-KNOWN: Mapping[str, tuple[str, ...]] = {"vibration of 1e-4 g": ("joint",)}
-"""The joint fit takes strong vibration so near to the swing for swing: 0.3 mGal."""
 
 
 def real_scene(

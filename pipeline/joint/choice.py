@@ -170,7 +170,10 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
         if taken is None:
             simple = simplified(fit)
             if simple is fit:
-                break
+                simple = motion.pruned(fit)
+                if simple is fit:
+                    break
+                simple = motion.climbed(simple)
             fit = simple  # what stays close is weighed against this one
             continue
         if len(taken.model.assumed.ship) > len(fit.model.assumed.ship):

@@ -93,6 +93,23 @@ def upright(fit: Fitted) -> Fitted:
     return _moved(fit, window(problem), of_an_axis(problem, ship, "vertical"))
 
 
+def pruned(fit: Fitted) -> Fitted:
+    """Without components of the ship that the record is likelier without; a broad vertical one would hide gravity."""
+    for number in reversed(range(len(fit.model.assumed.ship))):
+        model, ship = fit.model, fit.model.assumed.ship
+        rest = (*ship[:number], *ship[number + 1 :])
+        if not rest:
+            break
+        sizes = [2 * model.problem.pendulums, *(each.system()[1].size for each in ship)]
+        begin = sum(sizes[: number + 1])
+        path = np.delete(fit.path, slice(begin, begin + sizes[number + 1]), axis=1)
+        first = tuple(each for each in model.first_ship if each != ship[number])
+        trial = replace(model, assumed=replace(model.assumed, ship=rest), first_ship=first)
+        if priced(trial, path)[0] > fit.solution.log_likelihood:
+            fit = fitted(trial, path)
+    return fit
+
+
 def _moved(fit: Fitted, span: tuple[int, int], moves: Floats | None = None) -> Fitted:
     """With the ship's parameters and the noise moved, where that is better for the whole record."""
     model = fit.model

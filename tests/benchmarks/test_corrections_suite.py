@@ -77,9 +77,7 @@ def test_only_methods_for_real_pendulums_are_judged() -> None:
     assert judged["silently_wrong"] == "general shooting joint"
     assert judged["pass"] is False
     assert corrections.judged(made(real=True), [row(name, 0.01, 1.0) for name in METHODS], [])["pass"] is True
-    known = made(real=True, known=("joint",))
-    assert corrections.judged(known, [row("joint", 100.0)], [])["pass"] is True
-    assert corrections.judged(known, [row("joint", 100.0), row("general", 100.0)], [])["pass"] is False
+    assert corrections.judged(made(real=True), [row("joint", 100.0), row("general", 0.01, 1.0)], [])["pass"] is False
 
 
 def test_pattern_is_refused_where_a_wrong_method_is_right_or_a_right_one_declines() -> None:

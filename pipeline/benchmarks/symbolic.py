@@ -23,7 +23,6 @@ def equations(problem: Problem, number: Number) -> Equations:
 
     Parameters
     ----------
-    problem : Problem
     number : callable
         Makes a number of the arithmetic wanted, `float` or `numpy.longdouble`.
 

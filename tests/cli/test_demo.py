@@ -13,7 +13,8 @@ from pipeline.cli import demo
 from pipeline.cli.main import main
 from pipeline.methods import METHODS
 
-# Small and linear, for what the verb itself does: it runs uncompiled too.
+pytestmark = pytest.mark.compiled  # the joint fit of four minutes takes as long uncompiled
+# Small and linear, for what the verb itself does.
 SMALL = """\
 record_id = "demo"
 seed = 1958

@@ -105,8 +105,9 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
     """
     started = clock.perf_counter()
     gathered = gather(record)
+    named = choose_pair(list(gathered.pendulums), gathered.problem.lattice.combination, pair)
     outcome = reduce(gathered)
-    prepared = _prepared(record, gathered, outcome, pair)
+    prepared = _prepared(record, gathered, outcome, named)
     seen, model = prepared.observation, outcome.fit.model
     second = gathered.pendulums.index(seen.second)
     frequency = float(np.sqrt(outcome.fit.model.problem.kappa[second] * outcome.mean))
@@ -135,10 +136,10 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
     return Joint(reduction, prepared, outcome)
 
 
-def _prepared(record: DataTree, gathered: Gathered, outcome: Outcome, pair: str | None) -> Prepared:
+def _prepared(record: DataTree, gathered: Gathered, outcome: Outcome, pair: tuple[str, str]) -> Prepared:
     """The smoothed path of a pair of pendulums as an observation like any other."""
     problem = outcome.fit.model.problem
-    first, second = choose_pair(list(gathered.pendulums), problem.lattice.combination, pair)
+    first, second = pair
     one, two = gathered.pendulums.index(first), gathered.pendulums.index(second)
     path, step = outcome.fit.path, problem.lattice.step
     theta: Floats = path[:, 2 * one].copy()

@@ -54,8 +54,12 @@ def faults(problem: Problem, own: tuple[Constant, ...]) -> list[Constant]:
 def steps(problem: Problem, times: Floats) -> list[Constant]:
     """Steps of each zero and of the clock at given times, s."""
     found = [step_of_zero(j, float(at)) for at in times for j in range(problem.traces)]
-    found += [Constant(f"step of the clock at {at:.1f} s", kernels.CLOCK, DELAY, centre=float(at)) for at in times]
-    return found
+    return [*found, *(step_of_clock(float(at)) for at in times)]
+
+
+def step_of_clock(at: float) -> Constant:
+    """Step of the clock at a time, s."""
+    return Constant(f"step of the clock at {at:.1f} s", kernels.CLOCK, DELAY, centre=at)
 
 
 def step_of_zero(trace: int, at: float) -> Constant:

@@ -133,13 +133,11 @@ def _kicks(fit: Fitted) -> Iterator[Candidate]:
 
 def simplified(fit: Fitted) -> Fitted:
     """Without zeros, and without scale and delay of a recorded heave, where these do not pay."""
+    lean = fit
     for each in fit.model.constants:
-        if each.kind not in (kernels.HEAVE_DELAY, kernels.HEAVE_SCALE, kernels.ZERO):
-            continue
-        trial = replace(fit.model, constants=tuple(other for other in fit.model.constants if other.name != each.name))
-        if priced(trial, fit.path)[0] > fit.solution.log_likelihood:
-            fit = fitted(trial, fit.path)
-    return fit
+        if each.kind in (kernels.HEAVE_DELAY, kernels.HEAVE_SCALE, kernels.ZERO):
+            lean = max(lean, lean.without(each), key=lambda one: one.solution.log_likelihood)
+    return fit if lean is fit else lean.again()
 
 
 def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
@@ -148,8 +146,9 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
     A spectrum serves as long as nothing asks for more: gains and periods answer to whatever it gets wrong.
     """
     close: list[Candidate] = []
-    rivals: list[Candidate] = []  # of what was taken
     fit = simplified(fit)
+    if motion.hangs_on_the_sea(fit):
+        fit = simplified(motion.climbed(fit))
     for _ in range(ROUNDS):
         base = fit.solution.log_likelihood
         found, asks = [], False
@@ -166,7 +165,7 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
         found.sort(key=lambda each: -each[0])
         close = [each for each in found if base - PAYS < each[0] < base + PAYS]
         ahead = [each for each in found if each[0] > base + PAYS]
-        taken, others = _taken(fit, ahead)
+        taken = _taken(fit, ahead)
         if taken is None:
             simple = simplified(fit)
             if simple is fit:
@@ -178,11 +177,23 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
             continue
         if len(taken.model.assumed.ship) > len(fit.model.assumed.ship):
             taken = motion.resized(taken)
-        rivals += others
         fit = taken
-    close = [_refitted(fit, each) for each in close]
-    least = fit.solution.log_likelihood - PAYS
-    return fit, [*close, *(each for each in rivals if each[0] > least)]
+    return fit, [*(_refitted(fit, each) for each in close), *_rivals(fit)]
+
+
+def _rivals(fit: Fitted) -> list[Candidate]:
+    """Other gains and periods that explain nearly as well what one that was taken explains."""
+    found, least = [], fit.solution.log_likelihood - PAYS
+    for taken in fit.model.constants:
+        if taken.kind not in (kernels.GAIN, kernels.RATIO):
+            continue
+        lean = fit.without(taken)
+        others = apparatus.faults(fit.model.problem, lean.model.constants)
+        for value, model, _ in _added(lean, [each for each in others if _stands_for(each, taken)], cost=0.0):
+            if value > least - MUCH:
+                other = fitted(model, fit.path)
+                found.append((other.solution.log_likelihood, other.model, other.solution))
+    return [each for each in found if each[0] > least]
 
 
 def _matters(fit: Fitted, candidate: Candidate) -> bool:
@@ -200,20 +211,25 @@ def _matters(fit: Fitted, candidate: Candidate) -> bool:
     return abs(other - value) > HARMLESS * sigma or wider > (1.0 + HARMLESS) * sigma
 
 
+def _stands_for(one: Constant, other: Constant) -> bool:
+    """Whether each is a gain or a period: these stand for each other."""
+    scales = (kernels.GAIN, kernels.RATIO)
+    return one.kind in scales and other.kind in scales and one.name != other.name
+
+
 def _of_scale(candidate: Candidate) -> bool:
-    """Whether it adds a gain or a period: these stand for each other."""
+    """Whether it adds a gain or a period."""
     return candidate[1].constants[-1].kind in (kernels.GAIN, kernels.RATIO)
 
 
-def _taken(fit: Fitted, ahead: list[Candidate]) -> tuple[Fitted | None, list[Candidate]]:
-    """The first that still pays when it is fitted, of gains and periods the likeliest; and the others of these."""
+def _taken(fit: Fitted, ahead: list[Candidate]) -> Fitted | None:
+    """The first that still pays when it is fitted; of gains and periods the likeliest."""
     for number, each in enumerate(ahead):
         same = [each, *(other for other in ahead[number + 1 :] if _of_scale(each) and _of_scale(other))]
-        fits = [(candidate, found) for candidate in same if (found := _fitted(fit, candidate, PAYS)) is not None]
+        fits = [found for candidate in same if (found := _fitted(fit, candidate, PAYS)) is not None]
         if fits:
-            fits.sort(key=lambda pair: -pair[1].solution.log_likelihood)
-            return fits[0][1], [_as_candidate(*pair) for pair in fits[1:]]
-    return None, []
+            return max(fits, key=lambda found: found.solution.log_likelihood)
+    return None
 
 
 def _refitted(fit: Fitted, candidate: Candidate) -> Candidate:

@@ -1,4 +1,4 @@
-"""The ship's parameters and the reading noise, climbed to where a stretch of the record is likeliest."""
+"""The ship's parameters and the reading noise, climbed to where pieces of the record are likeliest."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.joint.constants import Constant
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Axis, Component
 
-WINDOW = 150.0  # s
+PIECES, PIECE = 4, 75.0  # all along a record; s of readings in each
 STEP = 0.05  # of a logarithm, for its slope
 MOST_STEP = 1.5
 ROUNDS, HALVINGS = 4, 3
@@ -31,15 +31,24 @@ def grown(path: Floats, pendulums: int, ship: tuple[Component, ...]) -> Floats:
     return out
 
 
-def window(problem: Problem, seconds: float = WINDOW) -> tuple[int, int]:
-    """The stretch of that length with the most readings."""
+Span = tuple[int, int]
+"""First node of a stretch and the one behind its last."""
+
+
+def pieces(problem: Problem) -> list[Span]:
+    """Stretches all along the record, in each part of it the one with the most readings; all of a short record."""
     nodes = problem.lattice.nodes
-    length = int(min(nodes, np.ceil(seconds / problem.lattice.step)))
-    used = problem.lattice.node[~problem.left_out]
-    counts = np.concatenate([[0], np.cumsum(np.bincount(used, minlength=nodes))])
-    starts = np.arange(0, nodes - length + 1, max(1, length // 8))
-    begin = int(starts[np.argmax(counts[starts + length] - counts[starts])])
-    return begin, begin + length
+    read = np.bincount(problem.lattice.node[~problem.left_out], minlength=nodes)
+    length = int(np.ceil(PIECE / problem.lattice.step / np.mean(read > 0)))
+    if PIECES * length >= nodes:
+        return [(0, nodes)]
+    counts = np.concatenate([[0], np.cumsum(read)])
+    found = []
+    for part in np.array_split(np.arange(nodes - length + 1), PIECES):
+        starts = part[: max(part.size - length, 1) : max(1, length // 8)]
+        begin = int(starts[np.argmax(counts[starts + length] - counts[starts])])
+        found.append((begin, begin + length))
+    return found
 
 
 def refined(
@@ -47,13 +56,13 @@ def refined(
     assumed: Assumed,
     constants: tuple[Constant, ...],
     path: Floats,
-    span: tuple[int, int],
+    spans: list[Span],
     moves: Floats | None = None,
 ) -> Assumed:
-    """Climb the likelihood of a stretch: the ship's parameters and the reading noise.
+    """Climb the likelihood of some stretches: the ship's parameters and the reading noise.
 
     Scoring: the slope by differences, the curvature from the spread of the readings' own slopes (Berndt, Hall, Hall and
-    Hausman 1974), so that a step costs one pass over the stretch a parameter.
+    Hausman 1974), so that a step costs one pass over them a parameter.
 
     Parameters
     ----------
@@ -65,7 +74,7 @@ def refined(
     spread = np.concatenate([spectrum.spreads(assumed.ship), np.full(traces, NOISE_SPREAD)])
     moves = np.eye(centre.size) if moves is None else moves
     here = grown(path, problem.pendulums, assumed.ship)
-    at_start = shifted(constants, here, span[0])
+    begun = [shifted(constants, here, span[0]) for span in spans]
 
     def make(vector: Floats) -> Assumed:
         size = assumed.noise.copy()
@@ -73,12 +82,16 @@ def refined(
         return replace(assumed, ship=spectrum.assemble(assumed.ship, vector[: ship.size]), noise=size)
 
     def value(vector: Floats) -> tuple[float, Floats]:
-        try:
-            solution, of = problem.run(make(vector), at_start, span=span, about=here)
-        except np.linalg.LinAlgError:
-            return -np.inf, np.zeros(0)
-        prior = -0.5 * float(np.sum(((vector - centre) / spread) ** 2))
-        return solution.log_likelihood + prior, -np.log(of.scale) - 0.5 * of.whitened**2
+        total, parts, assumed = -0.5 * float(np.sum(((vector - centre) / spread) ** 2)), [], make(vector)
+        for span, at_start in zip(spans, begun, strict=True):
+            try:
+                solution, of = problem.run(assumed, at_start, span=span, about=here)
+            except np.linalg.LinAlgError:
+                return -np.inf, np.zeros(0)
+            total += solution.log_likelihood
+            rows = slice(*np.searchsorted(problem.lattice.node, span))
+            parts.append(-np.log(of.scale[rows]) - 0.5 * of.whitened[rows] ** 2)
+        return total, np.concatenate(parts)
 
     best = centre
     top, parts = value(best)
@@ -89,7 +102,10 @@ def refined(
             if np.isfinite(moved):
                 slope[k], rows[k] = (moved - top) / STEP, np.nan_to_num(each - parts) / STEP
         curvature = rows @ rows.T + moves @ np.diag(spread**-2.0) @ moves.T
-        by = moves.T @ np.linalg.solve(curvature, slope)
+        step = np.linalg.solve(curvature, slope)
+        if 0.5 * float(slope @ step) < 0.5 * ENOUGH:
+            break
+        by = moves.T @ step
         by *= min(1.0, MOST_STEP / max(float(np.abs(by).max()), 1e-12))
         before = top
         for _ in range(HALVINGS):

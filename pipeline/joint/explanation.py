@@ -57,6 +57,8 @@ class Fitted:
         The last pass: prediction errors at the solution, and the products of their derivatives.
     about : tuple of Constant
         What it went about.
+    left : float
+        What its linearising left out, see `bend`.
     """
 
     model: Model
@@ -64,6 +66,17 @@ class Fitted:
     path: Floats
     of: kernels.Pass
     about: tuple[Constant, ...]
+    left: float = 0.0
+
+    @property
+    def doubt(self) -> float:
+        """1 sigma of gravity over itself from a path that does not settle: in long gaps the ship's is hardly known."""
+        if self.left < STRAIGHT:
+            return 0.0
+        problem = self.model.problem
+        arc = np.sqrt(2.0) * float(np.std(self.path[:, : 2 * problem.pendulums : 2]))
+        turns = float(np.sqrt(problem.kappa.mean())) * problem.lattice.duration
+        return float(2.0 * self.left * self.model.assumed.noise[: problem.traces].min() / (arc * turns))
 
     def without(self, constant: Constant) -> Fitted:
         """The same without a constant that hardly differs from zero: by the last pass, linearised."""
@@ -74,7 +87,13 @@ class Fitted:
         normal, totals = turned.T @ self.of.normal @ turned, self.of.totals
         solution = solve(rest, normal, totals[0], totals[1], prior_root(rest, self.model.course))
         model = replace(self.model, constants=solution.constants)
-        return Fitted(model, solution, self.path, self.of._replace(normal=normal), rest)
+        return Fitted(model, solution, self.path, self.of._replace(normal=normal), rest, self.left)
+
+    def again(self) -> Fitted:
+        """The same about the same path: a pass at its own constants."""
+        model, root = self.model, prior_root(self.model.constants, self.model.course)
+        solution, of = model.problem.run(model.assumed, model.constants, about=self.path, root=root)
+        return Fitted(replace(model, constants=solution.constants), solution, self.path, of, model.constants, self.left)
 
 
 def fitted(model: Model, about: Floats) -> Fitted:
@@ -88,7 +107,7 @@ def fitted(model: Model, about: Floats) -> Fitted:
         about = path
         if left < STRAIGHT:
             break
-    return Fitted(replace(model, constants=constants), solution, path, of, before)
+    return Fitted(replace(model, constants=constants), solution, path, of, before, left)
 
 
 def bend(model: Model, path: Floats, about: Floats) -> float:

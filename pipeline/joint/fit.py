@@ -17,6 +17,7 @@ from pipeline.joint.ship import Component, Sea, Vibration
 
 STAGES = (25.0, 100.0, 400.0)  # s: stretches on which a cold start is followed
 EARTH = 0.004  # 1 sigma of gravity over reference gravity in a cold start
+DAMPING, DIFFERENCE = 1e-3, 1e-4  # s-1: 1 sigma of an unstated rate, and of its difference between pendulums
 SPARSE = 2.0  # of the swing between readings, rad
 WIDE = 2.0  # 1 sigma of a pendulum's start over the largest readings
 COARSE = 0.1  # reading noise of a cold start's first stretch, of the swing
@@ -50,8 +51,8 @@ def first_constants(gathered: Gathered) -> tuple[Constant, ...]:
     found.append(Constant("gravity", kernels.GRAVITY, 0.02, mean=1.0, value=1.0))
     found += apparatus.constants(problem)
     if gathered.constants["damping_rate"] is None:
-        found.append(Constant("damping", kernels.DAMPING, 1e-3))
-        found += [Constant(f"damping of {i}", kernels.DAMPING, 1e-7, i) for i in range(1, problem.pendulums)]
+        found.append(Constant("damping", kernels.DAMPING, DAMPING))
+        found += [Constant(f"damping of {i}", kernels.DAMPING, DIFFERENCE, i) for i in range(1, problem.pendulums)]
     elif "damping_rate_uncertainty" in gathered.constants["constants"]:
         spread = np.broadcast_to(gathered.constants["constants"]["damping_rate_uncertainty"], problem.kappa.shape)
         found += [Constant(f"damping of {i}", kernels.DAMPING, float(s), i) for i, s in enumerate(spread) if s > 0.0]
@@ -62,9 +63,6 @@ def held(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
     """Gravity and damping held where they are."""
     stiff = (kernels.DAMPING, kernels.GRAVITY)
     return tuple(replace(c, prior=1e-15, mean=c.value) if c.kind in stiff else c for c in constants)
-
-
-DIFFERENCE = 0.3  # 1 sigma of an unstated difference of damping over the damping
 
 
 def released(constants: tuple[Constant, ...], like: tuple[Constant, ...]) -> tuple[Constant, ...]:
@@ -100,7 +98,14 @@ def cold_start(problem: Problem, assumed: Assumed, first: tuple[Constant, ...]) 
         if end == nodes:
             break
     rough = replace(rough, kick=assumed.kick + ROUGH_KICK)
-    return smoothed(problem, rough, narrowed(constants), NONE2, gate)
+    return smoothed(problem, rough, narrowed(constants), NONE2, gate, most=1)
+
+
+def again(begun: explanation.Fitted) -> explanation.Fitted:
+    """The same about its own path, to the end; what is wild or broken shows on the way."""
+    model = begun.model
+    gate = GATE * deviation(begun.of.errors)
+    return smoothed(model.problem, model.assumed, model.constants, begun.path, gate)
 
 
 def mirrored(begun: explanation.Fitted) -> list[explanation.Fitted]:
@@ -155,16 +160,21 @@ def deviation(errors: Floats) -> float:
 
 
 def smoothed(
-    problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], about: Floats, first_gate: float = COARSE_GATE
+    problem: Problem,
+    assumed: Assumed,
+    constants: tuple[Constant, ...],
+    about: Floats,
+    first_gate: float = COARSE_GATE,
+    most: int = MOST_FITS,
 ) -> explanation.Fitted:
     """Gauss-Newton on the whole path; breaks and outliers that show on the way are allowed for."""
     gate = first_gate
-    for _ in range(MOST_FITS):
+    for _ in range(most):
         solution, of, about = problem.fit(assumed, constants, about=about, gate=gate)
         before, constants, gate = constants, solution.constants, GATE * deviation(of.errors)
-        model = explanation.Model((), assumed, with_difference(constants), problem, assumed.ship)
-        fit = explanation.Fitted(model, solution, about, of, before)
-        heard = contested(model, about, of.errors, gate)
+        model = explanation.Model((), assumed, constants, problem, assumed.ship)
+        heard = contested(model, about, of.errors, gate) if most > 1 else model
+        fit = explanation.Fitted(heard, solution, about, of, before)
         if heard is model and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
             break
         problem, assumed, constants = heard.problem, heard.assumed, heard.constants
@@ -172,7 +182,7 @@ def smoothed(
 
 
 def contested(model: explanation.Model, path: Floats, errors: Floats, gate: float) -> explanation.Model:
-    """What to make of prediction errors over a gate: wild readings, a knock, a step of a zero, or none of these.
+    """What to make of prediction errors over a gate: wild, a knock, a step of a zero or of the clock, or nothing.
 
     Single readings are wild; of several together the likelihood of the seconds about them decides.
     """
@@ -208,13 +218,13 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
             options.append((left, assumed, stepped))
         options += [(wild, replace(assumed, breaks=(*assumed.breaks, *each)), stepped) for each in broken]
         begun = float(lattice.time[cluster[0]]) - HARDLY
-        for j in np.unique(lattice.trace[cluster]):
-            options.append((wild, assumed, (*stepped, apparatus.step_of_zero(int(j), begun))))
+        steps = [apparatus.step_of_zero(int(j), begun) for j in np.unique(lattice.trace[cluster])]
+        options += [(wild, assumed, (*stepped, each)) for each in (*steps, apparatus.step_of_clock(begun))]
         here = shifted(model.constants, path, span[0])
         worth = []
-        for some, each, steps in options:
-            trial = replace(model, problem=replace(problem, left_out=some), assumed=each, constants=(*here, *steps))
-            cost = BROKEN * (len(each.breaks) - len(assumed.breaks) + len(steps) - len(stepped))
+        for some, each, more in options:
+            trial = replace(model, problem=replace(problem, left_out=some), assumed=each, constants=(*here, *more))
+            cost = BROKEN * (len(each.breaks) - len(assumed.breaks) + len(more) - len(stepped))
             worth.append(explanation.priced(trial, path, cost - WILD * float(some[doubted].sum()), span)[0])
         wild, assumed, stepped = options[int(np.argmax(worth))]
     if np.mean(wild) > MOST_WILD:
@@ -223,15 +233,6 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
         return model
     constants = (*model.constants, *stepped)
     return replace(model, problem=replace(problem, left_out=wild), assumed=assumed, constants=constants)
-
-
-def with_difference(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
-    """Where no damping is stated: the prior of its difference, from the common rate."""
-    common = next((abs(c.value) for c in constants if c.name == "damping"), None)
-    if common is None:
-        return constants
-    width = max(DIFFERENCE * common, 1e-9)
-    return tuple(replace(c, prior=width) if c.name.startswith("damping of") else c for c in constants)
 
 
 @dataclass(frozen=True)
@@ -294,7 +295,7 @@ def reduce(gathered: Gathered) -> Outcome:
         reference = float(gathered.constants["reference_gravity"])
         fit, close = weighed([(fit, close), choice.settle(found[1])], reference)
     mean, sigma = choice.averaged(fit, close)
-    sigma = float(np.hypot(sigma, gathered.heave_doubt))
+    sigma = float(np.sqrt(sigma**2 + gathered.heave_doubt**2 + fit.doubt**2))
     spread = choice.unexplained(fit)
     if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:
         raise RefusedError(
@@ -397,11 +398,15 @@ class Begun:
         assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
         first = first_constants(gathered)
         rough = cold_start(problem, assumed, first)
-        return Begun(gathered, assumed, first, max([rough, *mirrored(rough)], key=standing))
+        others = mirrored(rough)
+        if others:
+            rough = max([again(rough), *others], key=standing)
+        return Begun(gathered, assumed, first, rough)
 
     def plain(self) -> explanation.Fitted | None:
         """All readings; what the rough start doubts may be the ship's motion. None where one is far off."""
-        model, constants = self.rough.model, released(self.rough.model.constants, self.first)[: len(self.first)]
+        model = self.rough.model
+        constants = released(model.constants, self.first)[: len(self.first)]
         assumed = replace(model.assumed, breaks=())
         model = replace(model, problem=self.gathered.problem, constants=constants, assumed=assumed)
         try:
@@ -412,7 +417,7 @@ class Begun:
 
     def heard(self) -> explanation.Fitted:
         """Without what is wild, the pendulums knocked where they were."""
-        begun = wandering(self.rough, self.assumed, self.first)
+        begun = wandering(again(self.rough), self.assumed, self.first)
         model = spectral(begun.model, begun.path, self.gathered)
         # what fits a spectrum or a stretch may fail elsewhere: a turn, a knock; the whole record decides
         kicked = replace(model.assumed, kick=begun.model.assumed.kick)

@@ -9,8 +9,8 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import spectrum
-from pipeline.joint.climb import grown, of_an_axis, of_sizes, of_the_last, refined, shifted, window
-from pipeline.joint.explanation import Candidate, Fitted, fitted, priced
+from pipeline.joint.climb import Span, grown, of_an_axis, of_sizes, of_the_last, pieces, refined, shifted
+from pipeline.joint.explanation import Candidate, Fitted, Model, fitted, priced
 from pipeline.joint.ship import Axis, Component, Engine, Sea, Vibration
 
 CALM = 0.5  # of the swing's frequency: below it lines of the sea are left, which cost nothing
@@ -27,22 +27,25 @@ QUIET = 0.3  # of the power that white errors of unit variance have
 LEAST_READINGS = 100
 LEAST_BAND, BANDS = 8, 12  # bins of the lowest band; bands of a spectrum
 MOST_COMPONENTS = 3
-HOPELESS = 50.0  # in log-likelihood, of a line's first size: the others will not do either
+FEW_GAPS = 0.98  # share of the nodes with readings
+MISSED = 10.0  # in log-likelihood of a stretch, of a component that stays
+HOPELESS = 12.0  # in log-likelihood, of a line's first size: the others will not do either
 
 
 def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
     """Motion of the ship where the whitened errors have more power than white ones; turns where they are asked for."""
     if len(fit.model.assumed.ship) >= len(fit.model.first_ship) + MOST_COMPONENTS:
         return
-    model, span = fit.model, window(fit.model.problem)
+    model, some = fit.model, pieces(fit.model.problem)
 
-    def of(ship: tuple[Component, ...], span: tuple[int, int] | None = None) -> Candidate:
+    def of(ship: tuple[Component, ...]) -> Candidate:
         words = f"{ship[-1].axis} motion at {ship[-1].peak / (2.0 * np.pi):.2f} Hz"
         trial = replace(model, words=(*model.words, words), assumed=replace(model.assumed, ship=ship))
-        about = grown(fit.path, model.problem.pendulums, ship)
-        if span is not None:
-            trial = replace(trial, constants=shifted(model.constants, about, span[0]))
-        return priced(trial, about, cost=COMPONENT, span=span)
+        return priced(trial, grown(fit.path, model.problem.pendulums, ship), cost=COMPONENT)
+
+    def of_pieces(ship: tuple[Component, ...]) -> float:
+        trial = replace(model, assumed=replace(model.assumed, ship=ship))
+        return worth(trial, grown(fit.path, model.problem.pendulums, ship), some)
 
     found = []
     near = [(each.axis, each.peak) for each in model.assumed.ship[len(model.first_ship) :]]
@@ -52,20 +55,22 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
         if any(axis == other and abs(np.log(peak / at)) < SAME_LINE for other, at in near):
             continue
         near.append((axis, peak))
-        narrow = not isinstance(lines[0], Sea)  # a line, or a turn, shows in the whole record, if at all
-        tried = [of((*model.assumed.ship, lines[0]), None if narrow else span)]
-        if narrow and tried[0][0] < fit.solution.log_likelihood - HOPELESS:
-            continue
-        tried += [of((*model.assumed.ship, line), None if narrow else span) for line in lines[1:]]
-        best = max(tried, key=lambda each: each[0])
-        found.append(best if narrow else of(best[1].assumed.ship))
+        ships = [(*model.assumed.ship, line) for line in lines]
+        if isinstance(lines[0], Sea):
+            best = of(max(ships, key=of_pieces))
+        else:  # a line, or a turn, shows in the whole record, if at all
+            best = of(ships[0])
+            if best[0] < fit.solution.log_likelihood - HOPELESS:
+                continue
+            best = max(best, *(of(ship) for ship in ships[1:]), key=lambda each: each[0])
+        found.append(best)
     if not found:
         return
     yield from found
     likeliest = max(found, key=lambda each: each[0])[1]
     moves = of_the_last(model.problem, likeliest.assumed.ship)
     about = grown(fit.path, model.problem.pendulums, likeliest.assumed.ship)
-    ship = refined(model.problem, likeliest.assumed, model.constants, about, span, moves).ship
+    ship = refined(model.problem, likeliest.assumed, model.constants, about, some, moves).ship
     if abs(np.log(ship[-1].peak / likeliest.assumed.ship[-1].peak)) < SAME_LINE:  # else it went to better what is there
         yield of(ship)
 
@@ -73,15 +78,16 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
 def resized(fit: Fitted) -> Fitted:
     """With the ship's components anew in size: what stood in for one that was added goes."""
     problem, ship = fit.model.problem, fit.model.assumed.ship
-    return _moved(fit, window(problem), of_sizes(problem, ship))
+    return _moved(fit, pieces(problem), of_sizes(problem, ship))
 
 
 def climbed(fit: Fitted) -> Fitted:
     """With the ship's parameters where the readings are likeliest; by the whole record its sway's size, as gains do."""
-    problem, ship = fit.model.problem, fit.model.assumed.ship
-    fit = _moved(fit, window(problem))
-    sizes = of_sizes(problem, ship)[[each.axis == "horizontal" for each in ship]]
-    fit = _moved(fit, (0, problem.lattice.nodes), sizes.sum(axis=0, keepdims=True))
+    problem = fit.model.problem
+    fit = _moved(fit, pieces(problem))
+    sizes = of_sizes(problem, fit.model.assumed.ship)
+    sway = sizes[[each.axis == "horizontal" for each in fit.model.assumed.ship]].sum(axis=0, keepdims=True)
+    fit = _moved(fit, [(0, problem.lattice.nodes)], sway)
     return replace(fit, model=replace(fit.model, climbed=True, first_ship=fit.model.assumed.ship))
 
 
@@ -90,11 +96,12 @@ def upright(fit: Fitted) -> Fitted:
     problem, ship = fit.model.problem, fit.model.assumed.ship
     if not any(each.axis == "vertical" for each in ship):
         return fit
-    return _moved(fit, window(problem), of_an_axis(problem, ship, "vertical"))
+    return _moved(fit, pieces(problem), of_an_axis(problem, ship, "vertical"))
 
 
 def pruned(fit: Fitted) -> Fitted:
     """Without components of the ship that the record is likelier without; a broad vertical one would hide gravity."""
+    spans = pieces(fit.model.problem)
     for number in reversed(range(len(fit.model.assumed.ship))):
         model, ship = fit.model, fit.model.assumed.ship
         rest = (*ship[:number], *ship[number + 1 :])
@@ -105,15 +112,24 @@ def pruned(fit: Fitted) -> Fitted:
         path = np.delete(fit.path, slice(begin, begin + sizes[number + 1]), axis=1)
         first = tuple(each for each in model.first_ship if each != ship[number])
         trial = replace(model, assumed=replace(model.assumed, ship=rest), first_ship=first)
-        if priced(trial, path)[0] > fit.solution.log_likelihood:
+        less = worth(fit.model, fit.path, spans) - worth(trial, path, spans)
+        if less < MISSED and priced(trial, path)[0] > fit.solution.log_likelihood:
             fit = fitted(trial, path)
     return fit
 
 
-def _moved(fit: Fitted, span: tuple[int, int], moves: Floats | None = None) -> Fitted:
+def worth(model: Model, path: Floats, spans: list[Span]) -> float:
+    """Log-likelihood of some stretches."""
+    begun = [replace(model, constants=shifted(model.constants, path, span[0])) for span in spans]
+    return sum(priced(each, path, span=span)[0] for each, span in zip(begun, spans, strict=True))
+
+
+def _moved(fit: Fitted, spans: list[Span], moves: Floats | None = None) -> Fitted:
     """With the ship's parameters and the noise moved, where that is better for the whole record."""
     model = fit.model
-    assumed = refined(model.problem, model.assumed, model.constants, fit.path, span, moves)
+    assumed = refined(model.problem, model.assumed, model.constants, fit.path, spans, moves)
+    if assumed.ship == model.assumed.ship and np.array_equal(assumed.noise, model.assumed.noise):
+        return fit
     try:
         found = fitted(replace(model, assumed=assumed), fit.path)
     except np.linalg.LinAlgError:
@@ -169,14 +185,24 @@ def _lines(fit: Fitted) -> Iterator[list[Component]]:
         yield from (upright(at, width) for at, width in _peaks(weighed))
 
 
-def is_white(fit: Fitted, traces: list[int]) -> bool:
-    """Whether the errors of some traces have no more power than white ones of their stated size, in any band."""
+def hangs_on_the_sea(fit: Fitted) -> bool:
+    """Whether gaps are bridged by a spectrum of the sea that the errors deny."""
+    problem = fit.model.problem
+    read = np.unique(problem.lattice.node[~problem.left_out]).size / problem.lattice.nodes
+    return read < FEW_GAPS and not is_white(fit, list(range(problem.traces)), quiet=False)
+
+
+def is_white(fit: Fitted, traces: list[int], *, quiet: bool = True) -> bool:
+    """Whether the errors of some traces have no more power than white ones of their stated size, in any band.
+
+    Nor less, where errors that are too quiet do not serve.
+    """
     for trace in traces:
         frequency, power, _ = _spectrum(fit, trace)
         edges = np.unique(np.geomspace(LEAST_BAND, max(frequency.size, LEAST_BAND + 1), BANDS + 1).astype(np.int64))
         for low, high in zip([0, *edges[1:-1]], edges[1:], strict=True):
             ratio = float(np.mean(power[low:high])) if power[low:high].size else 1.0
-            if ratio > 1.0 and (high - low) * (ratio - 1.0 - np.log(ratio)) > COMPONENT:
+            if (ratio > 1.0 or not quiet) and (high - low) * (ratio - 1.0 - np.log(ratio)) > COMPONENT:
                 return False
     return True
 

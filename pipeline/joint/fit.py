@@ -26,7 +26,7 @@ MOST_OUTLIERS = 0.1  # share of the readings of a cold start
 MOST_OVER = 0.3  # share of the readings over a gate above which the gate is at fault
 MOST_WILD = 0.4  # share of the readings: so many are not wild
 BROKEN = 200.0  # in log-likelihood, that a pendulum which was knocked must be worth
-LINKED, LEAST_BURST, BURST_SHARE = 0.5, 3, 0.2  # s between readings that are doubted together; fewer are wild
+LINKED, LEAST_BURST, BURST_SHARE = 0.5, 3, 0.4  # s between readings that are doubted together; fewer are wild
 MOST_CLUSTERS = 60
 BURST = 1.0  # s on either side, at most, in which all are doubted
 LONGEST = 20.0  # s of readings that are doubted together
@@ -202,20 +202,20 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
         if cluster.size < max(LEAST_BURST, BURST_SHARE * between):
             wild[cluster] = lone[cluster] = True
             continue
-        if doubtful > MOST_CLUSTERS:
-            continue  # the model is at fault
+        if doubtful > MOST_CLUSTERS:  # many short ones are wild; else the model is at fault
+            wild[cluster] |= last - first < BURST
+            continue
         about = min(last - first, BURST)
         begin, end = np.searchsorted(time, (first - about, last + about))
         doubted = np.arange(begin, end)[np.isin(lattice.trace[begin:end], lattice.trace[cluster])]
         span = stretch(problem, int(lattice.node[cluster[0]]), int(lattice.node[cluster[-1]]))
-        left = wild.copy()
-        left[doubted] = True
+        left, far = wild.copy(), wild.copy()
+        left[doubted] = far[cluster] = True
         node = int(lattice.node[cluster[0]])
         members = range(problem.pendulums)
         broken = [tuple((node, i) for i in some) for some in (*([i] for i in members), members)]
-        options = [(wild, assumed, stepped)]
-        if last - first < LONGEST:  # else the model is at fault
-            options.append((left, assumed, stepped))
+        # of a long time only what lies far off: the model may be at fault
+        options = [(wild, assumed, stepped), (left if last - first < LONGEST else far, assumed, stepped)]
         options += [(wild, replace(assumed, breaks=(*assumed.breaks, *each)), stepped) for each in broken]
         begun = float(lattice.time[cluster[0]]) - HARDLY
         steps = [apparatus.step_of_zero(int(j), begun) for j in np.unique(lattice.trace[cluster])]
@@ -477,8 +477,12 @@ def heard_again(fit: explanation.Fitted, problem: Problem) -> explanation.Fitted
         if values[0] < values[1] + BROKEN:
             model = replace(model, assumed=whole)
     heard = replace(model, problem=problem)
-    _, of = problem.run(heard.assumed, heard.constants, about=fit.path, gate=GATE)
-    return better(contested(heard, fit.path, of.errors, GATE * deviation(of.errors)), fit)
+    for _ in range(MOST_FITS):
+        _, of = heard.problem.run(heard.assumed, heard.constants, about=fit.path, gate=GATE)
+        before, heard = heard, contested(heard, fit.path, of.errors, GATE * deviation(of.errors))
+        if heard is before:
+            break
+    return better(heard, fit)
 
 
 def stretch(problem: Problem, first: int, last: int) -> tuple[int, int]:

@@ -26,6 +26,8 @@ DENSE = 5.0  # recorded heave with so many values a period of its fastest waves 
 FAR = 6.0  # of the median departure from the median
 OFTEN, FEW = 10.0, 5.0  # times as often as other values; readings a value from which rounding shows
 SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 pass; turns in the record
+COPIED = 30  # values in a row that two traces cannot share by chance
+COARSEST = 0.4  # of the swing's root mean square, a step to which readings are rounded
 LONGEST_GAP = 1.0  # s, of a heave that is interpolated
 
 
@@ -83,6 +85,7 @@ def gather(record: DataTree) -> Gathered:
     if known["period_change"] is not None:
         frequency = frequency / (1.0 + known["period_change"])
     frequency = frequency * (1.0 + known["chronometer_rate"] / 86400.0)  # in the record's own time
+    series = _told_apart(series)
     some = np.asarray(np.isfinite(series).any(axis=0))
     if not some.any():
         raise RecordError("record/elongation: no trace has a reading")
@@ -125,6 +128,11 @@ def gather(record: DataTree) -> Gathered:
         given = np.asarray(stored["elongation_uncertainty"].values, dtype=np.float64)
         stated = given if given.ndim == 1 else np.sqrt(np.nanmean(given**2, axis=1))
     steps = np.array([_quantum(each) for each in series])
+    if steps.max() > COARSEST * arc / 1.5:
+        raise RefusedError(
+            f"record/elongation: rounded to {steps.max():.2g} rad, too coarse for a swing of {arc / 1.5:.2g} rad: "
+            "such an error follows the swing; give finer readings"
+        )
     stated = np.where(steps > 0.0, np.hypot(np.nan_to_num(stated), steps / np.sqrt(12.0)), stated)
     damping = known["damping_rate"]
     return Gathered(
@@ -145,6 +153,26 @@ def gather(record: DataTree) -> Gathered:
         white,
         doubt,
     )
+
+
+def _told_apart(series: Floats) -> Floats:
+    """Traces, (t, n), without what two of them hold alike for long: one is a copy, and nothing tells which.
+
+    Raises
+    ------
+    RefusedError
+        They are alike throughout.
+    """
+    out = series.copy()
+    for i in range(len(series)):
+        for j in range(i):
+            edges = np.flatnonzero(np.diff(np.concatenate([[False], series[i] == series[j], [False]]).astype(np.int8)))
+            for begin, end in edges.reshape(-1, 2):
+                if end - begin >= COPIED and np.ptp(series[i, begin:end]) > 0.0:
+                    out[[i, j], begin:end] = np.nan
+    if np.isfinite(series).any() and not np.isfinite(out).any():
+        raise RefusedError("record/elongation: the traces hold the same values; give each pendulum, or the difference")
+    return out
 
 
 def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:

@@ -1,7 +1,7 @@
-"""Suite `stability`: every method of one difference on every extreme record, every propagator on every extreme motion.
+"""Suite `stability`: every propagator on every extreme motion.
 
-A value with its error, or refused with a named reason, never silently wrong. Who may refuse is written down
-beforehand, in `stability_records` and `stability_motions`.
+A motion with its error, or refused with a named reason, never silently wrong. Who may refuse is written down
+beforehand, in `stability_motions`. Records at the edge of what can be reduced are kinds of the suite `honesty`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from pydantic import ValidationError
 from data_schemas.errors import IsochronyError
 from data_schemas.scene import Scene
 from data_schemas.scene_simulation import Propagator
-from pipeline.benchmarks import stability_records
 from pipeline.benchmarks.csv_table import write
 from pipeline.benchmarks.progress import progress
 from pipeline.benchmarks.stability_motions import BOUND, Motion, motions
@@ -50,20 +49,16 @@ class Found:
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
-    """Yield one row a record, one cell a method (errors in mGal); then one row a motion, one cell a propagator.
+    """Yield one row a motion, one cell a propagator.
 
-    Quick and full are the same. With a folder: both tables as CSV.
+    Quick and full are the same. With a folder: the table as CSV.
     """
-    records, table = [], []
-    for row in stability_records.rows():
-        records.append(row)
-        yield row
+    table = []
     every = motions()
     for motion in progress(every, "extreme motions", len(every)):
         table.append(judge(motion, {name: attempt(motion, name) for name in PROPAGATORS}))
         yield table[-1]
     if folder is not None:
-        write(folder / "stability-records.csv", records)
         write(folder / "stability-motions.csv", table)
 
 

@@ -21,7 +21,7 @@ SUITES = {
     "paper": ("pipeline.benchmarks.paper", "the source paper's own figures, reproduced"),
     "stability": (
         "pipeline.benchmarks.stability",
-        "methods and propagators on extreme cases: a value, or refused by name",
+        "propagators on extreme motions: solved within a bound, or refused by name",
     ),
     "honesty": (
         "pipeline.benchmarks.honesty.suite",

@@ -25,7 +25,7 @@ COARSE_GATE = 100.0  # deviations, of a pass whose errors' scale is not known ye
 MOST_OUTLIERS = 0.1  # share of the readings of a cold start
 MOST_OVER = 0.3  # share of the readings over a gate above which the gate is at fault
 MOST_WILD = 0.4  # share of the readings: so many are not wild
-BROKEN = 200.0  # in log-likelihood, that a pendulum which was knocked must be worth
+BROKEN, STEPPED = 200.0, 30.0  # in log-likelihood, that a pendulum which was knocked, and a step, must be worth
 LINKED, LEAST_BURST, BURST_SHARE = 0.5, 3, 0.4  # s between readings that are doubted together; fewer are wild
 MOST_CLUSTERS = 60
 BURST = 1.0  # s on either side, at most, in which all are doubted
@@ -198,8 +198,8 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
     doubtful = sum(cluster.size >= LEAST_BURST for cluster in clusters)
     for cluster in clusters if np.mean(over) < MOST_OVER else clusters[:1]:
         first, last = time[cluster[[0, -1]]]
-        between = cluster[-1] - cluster[0] + 1
-        if cluster.size < max(LEAST_BURST, BURST_SHARE * between):
+        alike = np.isin(lattice.trace[cluster[0] : cluster[-1] + 1], lattice.trace[cluster])
+        if cluster.size < max(LEAST_BURST, BURST_SHARE * alike.sum()):
             wild[cluster] = lone[cluster] = True
             continue
         if doubtful > MOST_CLUSTERS:  # many short ones are wild; else the model is at fault
@@ -224,7 +224,7 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
         worth = []
         for some, each, more in options:
             trial = replace(model, problem=replace(problem, left_out=some), assumed=each, constants=(*here, *more))
-            cost = BROKEN * (len(each.breaks) - len(assumed.breaks) + len(more) - len(stepped))
+            cost = BROKEN * (len(each.breaks) - len(assumed.breaks)) + STEPPED * (len(more) - len(stepped))
             worth.append(explanation.priced(trial, path, cost - WILD * float(some[doubted].sum()), span)[0])
         wild, assumed, stepped = options[int(np.argmax(worth))]
     if np.mean(wild) > MOST_WILD:
@@ -285,15 +285,15 @@ def reduce(gathered: Gathered) -> Outcome:
     """
     try:
         found = fitted(gathered)
+        fit, close = choice.settle(found[0])
+        if len(found) > 1 and (fit.model.words or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
+            reference = float(gathered.constants["reference_gravity"])
+            fit, close = weighed([(fit, close), choice.settle(found[1])], reference)
     except np.linalg.LinAlgError as error:
         raise RefusedError(
             f"elongation: no swing at the stated period can be followed ({error}); check instrument/period and "
             "record/combination"
         ) from None
-    fit, close = choice.settle(found[0])
-    if len(found) > 1 and (fit.model.words or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
-        reference = float(gathered.constants["reference_gravity"])
-        fit, close = weighed([(fit, close), choice.settle(found[1])], reference)
     mean, sigma = choice.averaged(fit, close)
     sigma = float(np.sqrt(sigma**2 + gathered.heave_doubt**2 + fit.doubt**2))
     spread = choice.unexplained(fit)

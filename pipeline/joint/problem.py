@@ -21,6 +21,7 @@ NOTHING_KEPT = kernels.Kept(NONE3, NONE3, NONE2, NONE2, NONE2)
 LEVEL = 0.5  # of one pendulum's answer to the ship
 MOST_DAMPED = 0.3  # of its frequency
 LEAST = 0.1  # of reference gravity, and of a trace's scale
+FARTHEST = 100.0  # rad
 KEPT = 2**28  # bytes of covariances that are kept at once by the smoother
 
 
@@ -226,6 +227,8 @@ class Problem:
                 replace(sweep, of=again).go(begin, end, keep)
             of.whitened[sweep.readings.first[begin] : sweep.readings.first[end]] = keep.errors @ change
             kernels.smooth(sweep.flow, sweep.readings, begin, end, change, of.whitened, keep, adjoint, path)
+        if not np.abs(path[:, : 2 * self.pendulums : 2]).max() < FARTHEST:
+            raise np.linalg.LinAlgError("the path runs away")
         return solution, of, path
 
     def _sweep(self, assumed: Assumed, constants: tuple[Constant, ...], about: Floats, gate: float) -> _Sweep:

@@ -18,6 +18,7 @@ from pipeline.joint.ship import Component, Sea, Vibration
 STAGES = (25.0, 100.0, 400.0)  # s: stretches on which a cold start is followed
 EARTH = 0.004  # 1 sigma of gravity over reference gravity in a cold start
 DAMPING, DIFFERENCE = 1e-3, 1e-4  # s-1: 1 sigma of an unstated rate, and of its difference between pendulums
+SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate, when this is known; s-1
 SPARSE = 2.0  # of the swing between readings, rad
 WIDE = 2.0  # 1 sigma of a pendulum's start over the largest readings
 COARSE = 0.1  # reading noise of a cold start's first stretch, of the swing
@@ -365,7 +366,18 @@ def fitted(gathered: Gathered) -> list[explanation.Fitted]:
     """
     begun = [Begun.of(gathered, sine=sine) for sine in ([gathered.law != "linear"] if gathered.law else [True, False])]
     plain = [fit for each in begun if (fit := each.plain()) is not None]
-    return sorted(plain or (each.heard() for each in begun), key=of_the_law, reverse=True)
+    found = plain or [each.heard() for each in begun]
+    return sorted((with_difference(fit) for fit in found), key=of_the_law, reverse=True)
+
+
+def with_difference(fit: explanation.Fitted) -> explanation.Fitted:
+    """Where no damping is stated: with the prior of its difference from the common rate, which is known by now."""
+    common = next((abs(c.value) for c in fit.model.constants if c.name == "damping"), None)
+    if common is None:
+        return fit
+    width = min(max(SHARE * common, LEAST_DIFFERENCE), DIFFERENCE)
+    constants = tuple(replace(c, prior=width) if c.name.startswith("damping of") else c for c in fit.model.constants)
+    return explanation.fitted(replace(fit.model, constants=constants), fit.path)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ FAR = 6.0  # of the median departure from the median
 OFTEN, FEW = 10.0, 5.0  # times as often as other values; readings a value from which rounding shows
 SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 pass; turns in the record
 COPIED = 30  # values in a row that two traces cannot share by chance
-COARSEST = 0.4  # of the swing's root mean square, a step to which readings are rounded
+COARSEST = 0.3  # of the swing's root mean square, a step to which readings are rounded
 LONGEST_GAP = 1.0  # s, of a heave that is interpolated
 
 

@@ -12,7 +12,7 @@ from pipeline.joint.constants import Constant
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Axis, Component
 
-PIECES, PIECE = 4, 75.0  # all along a record; s of readings in each
+PIECES, PIECE = 2, 150.0  # all along a record; s of readings in each
 STEP = 0.05  # of a logarithm, for its slope
 MOST_STEP = 1.5
 ROUNDS, HALVINGS = 4, 3

@@ -57,8 +57,8 @@ class Fitted:
         The last pass: prediction errors at the solution, and the products of their derivatives.
     about : tuple of Constant
         What it went about.
-    left : float
-        What its linearising left out, see `bend`.
+    doubt : float
+        Of gravity over itself, from a path that does not settle: in long gaps the ship's is hardly known.
     """
 
     model: Model
@@ -66,17 +66,7 @@ class Fitted:
     path: Floats
     of: kernels.Pass
     about: tuple[Constant, ...]
-    left: float = 0.0
-
-    @property
-    def doubt(self) -> float:
-        """1 sigma of gravity over itself from a path that does not settle: in long gaps the ship's is hardly known."""
-        if self.left < STRAIGHT:
-            return 0.0
-        problem = self.model.problem
-        arc = np.sqrt(2.0) * float(np.std(self.path[:, : 2 * problem.pendulums : 2]))
-        turns = float(np.sqrt(problem.kappa.mean())) * problem.lattice.duration
-        return float(2.0 * self.left * self.model.assumed.noise[: problem.traces].min() / (arc * turns))
+    doubt: float = 0.0
 
     def without(self, constant: Constant) -> Fitted:
         """The same without a constant that hardly differs from zero: by the last pass, linearised."""
@@ -87,13 +77,15 @@ class Fitted:
         normal, totals = turned.T @ self.of.normal @ turned, self.of.totals
         solution = solve(rest, normal, totals[0], totals[1], prior_root(rest, self.model.course))
         model = replace(self.model, constants=solution.constants)
-        return Fitted(model, solution, self.path, self.of._replace(normal=normal), rest, self.left)
+        return Fitted(model, solution, self.path, self.of._replace(normal=normal), rest, self.doubt)
 
     def again(self) -> Fitted:
         """The same about the same path: a pass at its own constants."""
         model, root = self.model, prior_root(self.model.constants, self.model.course)
         solution, of = model.problem.run(model.assumed, model.constants, about=self.path, root=root)
-        return Fitted(replace(model, constants=solution.constants), solution, self.path, of, model.constants, self.left)
+        return Fitted(
+            replace(model, constants=solution.constants), solution, self.path, of, model.constants, self.doubt
+        )
 
 
 def fitted(model: Model, about: Floats) -> Fitted:
@@ -103,11 +95,11 @@ def fitted(model: Model, about: Floats) -> Fitted:
     for _ in range(MOST_FITS):
         before = constants
         solution, of, path = model.problem.fit(model.assumed, before, about=about, root=root)
-        constants, left = solution.constants, bend(model, path, about)
-        about = path
+        constants, left, doubt = solution.constants, bend(model, path, about), 0.0
         if left < STRAIGHT:
             break
-    return Fitted(replace(model, constants=constants), solution, path, of, before, left)
+        doubt, about = astray(model, path, about), path
+    return Fitted(replace(model, constants=constants), solution, path, of, before, doubt)
 
 
 def bend(model: Model, path: Floats, about: Floats) -> float:
@@ -125,6 +117,22 @@ def bend(model: Model, path: Floats, about: Floats) -> float:
     turns = float(np.sqrt(problem.kappa.max())) * problem.lattice.duration / 2.0
     mean = float(np.mean(off * (vertical + angle * (off + horizontal))))
     return mean * turns / float(model.assumed.noise[: problem.traces].min())
+
+
+def astray(model: Model, path: Floats, about: Floats) -> float:
+    """The change of gravity over itself that does as much as what linearising about one path leaves out of another."""
+    two, ship, worst = 2 * model.problem.pendulums, Ship.of(model.assumed.ship), 0.0
+    (u, z), (across, along) = (
+        [each[:, two:] @ row for row in (ship.horizontal, ship.vertical)] for each in (path, about)
+    )
+    for i in range(0, two, 2):
+        angle, at = path[:, i], about[:, i]
+        sine, cosine = np.sin(at), np.cos(at)
+        linear = (1.0 + along) * sine + across * cosine + (z - along) * sine + (u - across) * cosine
+        linear += ((1.0 + along) * cosine - across * sine) * (angle - at)
+        rest = (1.0 + z) * np.sin(angle) + u * np.cos(angle) - linear
+        worst = max(worst, abs(float(rest @ angle) / float(angle @ angle)))
+    return worst
 
 
 Candidate = tuple[float, Model, Solution]

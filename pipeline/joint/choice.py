@@ -28,6 +28,7 @@ KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])
 FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, HARMLESS = 100.0, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
+SCALES = (kernels.GAIN, kernels.RATIO)  # of constants that stand for each other
 
 
 def candidates(fit: Fitted) -> Iterator[Candidate]:
@@ -185,11 +186,12 @@ def _rivals(fit: Fitted) -> list[Candidate]:
     """Other gains and periods that explain nearly as well what one that was taken explains."""
     found, least = [], fit.solution.log_likelihood - PAYS
     for taken in fit.model.constants:
-        if taken.kind not in (kernels.GAIN, kernels.RATIO):
+        if taken.kind not in SCALES:
             continue
         lean = fit.without(taken)
         others = apparatus.faults(fit.model.problem, lean.model.constants)
-        for value, model, _ in _added(lean, [each for each in others if _stands_for(each, taken)], cost=0.0):
+        extra = [each for each in others if each.kind in SCALES and each.name != taken.name]
+        for value, model, _ in _added(lean, extra, cost=0.0):
             if value > least - MUCH:
                 other = fitted(model, fit.path)
                 found.append((other.solution.log_likelihood, other.model, other.solution))
@@ -211,15 +213,9 @@ def _matters(fit: Fitted, candidate: Candidate) -> bool:
     return abs(other - value) > HARMLESS * sigma or wider > (1.0 + HARMLESS) * sigma
 
 
-def _stands_for(one: Constant, other: Constant) -> bool:
-    """Whether each is a gain or a period: these stand for each other."""
-    scales = (kernels.GAIN, kernels.RATIO)
-    return one.kind in scales and other.kind in scales and one.name != other.name
-
-
 def _of_scale(candidate: Candidate) -> bool:
     """Whether it adds a gain or a period."""
-    return candidate[1].constants[-1].kind in (kernels.GAIN, kernels.RATIO)
+    return candidate[1].constants[-1].kind in SCALES
 
 
 def _taken(fit: Fitted, ahead: list[Candidate]) -> Fitted | None:

@@ -10,6 +10,8 @@ import xarray as xr
 from scipy.interpolate import CubicSpline
 from test_method import in_sigmas, record, row
 
+from data_schemas.errors import RefusedError
+
 pytestmark = pytest.mark.compiled
 
 
@@ -75,3 +77,28 @@ def test_gravity_survives_a_fault_of_the_apparatus(fault: str) -> None:
 
 def test_no_fault_is_named_where_there_is_none() -> None:
     assert "apparatus-fault" not in row(record()[0])["flags"]
+
+
+def test_what_two_traces_hold_alike_for_long_is_left_out_of_both() -> None:
+    def copied(time: np.ndarray, value: np.ndarray) -> np.ndarray:
+        value[1] = np.where((time > 60.0) & (time < 90.0), value[0], value[1])
+        return value
+
+    made, gravity = record()
+    found = row(changed(made, "elongation", copied))
+    assert abs(in_sigmas(found, gravity)) < 3.5
+    assert found["gravity_sigma_mgal"] < 20.0 * row(record()[0])["gravity_sigma_mgal"]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda time, value: np.stack([value[0], value[0]]), "hold the same values"),
+        (lambda time, value: 5e-3 * np.rint(value / 5e-3), "too coarse"),
+    ],
+)
+def test_traces_that_are_one_and_readings_too_coarse_are_refused(
+    change: Callable[[np.ndarray, np.ndarray], np.ndarray], words: str
+) -> None:
+    with pytest.raises(RefusedError, match=words):
+        row(changed(record()[0], "elongation", change))

@@ -1,7 +1,7 @@
 """Filter and smoother over the lattice: prediction errors and their derivatives, the smoothed path by adjoints.
 
 The state's covariance holds what is random (ship, kicks); whatever is a constant (gravity, damping, zeros, the start of
-the free swing) is a row below it: the derivative of the prediction, taken through the same gain. One sweep then gives
+the free swing) is a column beside it: the derivative of the prediction, taken through the same gain. One sweep then gives
 the normal matrix of all constants, whose priors can be chosen afterwards (de Jong 1991). With even sampling the gain
 settles and is kept; a gap lets it move again.
 
@@ -22,6 +22,8 @@ from synth.kernels.compiled import kernel, summing_kernel
 ANYWHERE = 0.1  # rad
 MOST_ARC, MOST_ACCELERATION = 0.5, 0.3  # rad; over reference gravity
 ROWS = 256  # prediction errors that are multiplied out at once
+CHUNK = 64  # nodes whose places on a given path are found at once
+UNEVEN = 8  # nodes after which the covariance is made symmetric again
 SETTLED = 2e-6  # relative change of a gain from node to node below which it is kept
 
 # kinds of columns
@@ -101,22 +103,29 @@ def reach_nodes(columns: Floats, path: Floats, at: int, nodes: Floats) -> None:
 
 
 @kernel
-def reach(columns: Floats, about: Floats, k: int, whole: Floats, known: Floats, nodes: Floats) -> None:
-    """Angles, speeds, U and Z at the nodes of step k, from a path or else from the state, the last row of `whole`.
+def reach(columns: Floats, state: Floats, nodes: Floats) -> None:
+    """Angles, speeds, U and Z at the nodes of a step, from the state, (1, d).
 
     A state that runs away with wild readings is taken for no more than a pendulum or a ship can do: the flow stays
     close to a linear one, which comes back.
     """
-    if about.shape[0] > 0:
-        reach_nodes(columns, about, k, nodes)
-    else:
-        reach_nodes(columns, whole, whole.shape[0] - 1, nodes)
-        for m in range(nodes.size):
-            most = MOST_ACCELERATION if m >= nodes.size - 6 else (MOST_ARC if m < (nodes.size - 6) // 2 else np.inf)
-            nodes[m] = min(max(nodes[m], -most), most)
-    if known.shape[0] > 0:
-        for m in range(3):
-            nodes[nodes.size - 3 + m] += known[k, m]
+    reach_nodes(columns, state, 0, nodes)
+    for m in range(nodes.size):
+        most = MOST_ACCELERATION if m >= nodes.size - 6 else (MOST_ARC if m < (nodes.size - 6) // 2 else np.inf)
+        nodes[m] = min(max(nodes[m], -most), most)
+
+
+@kernel
+def ends_of(flow: Flow) -> Floats:
+    """What a path is at the end of a step: U, Z and their derivatives, then each pendulum's angle and speed, (d, e)."""
+    two, size = 2 * flow.kappa.size, flow.horizontal.shape[1]
+    out = np.zeros((size, 4 + two))
+    for r in range(two, size):
+        for m in range(2):
+            out[r, m], out[r, 2 + m] = flow.horizontal[m, r], flow.vertical[m, r]
+    for r in range(two):
+        out[r, 4 + r] = 1.0
+    return out
 
 
 @kernel
@@ -163,8 +172,8 @@ def collocate(flow: Flow, i: int, nodes: Floats, rest: Floats) -> None:
 
 
 @kernel
-def join_ends(flow: Flow, about: Floats, k: int, nodes: Floats, rest: Floats) -> None:
-    """Move the remainder in step k to where a path goes that ends at its next row, not where the flow leads.
+def join_ends(flow: Flow, away: Floats, k: int, nodes: Floats, rest: Floats) -> None:
+    """Move the remainder in a step to where a path goes that ends at its next row, not where the flow leads.
 
     What drives the ship acts within the step too. The flow alone takes the ship's motion for a fading one, which errs
     by .02 mGal where it vibrates at three times the swing's frequency. The distance at the end is spread over the step
@@ -172,26 +181,17 @@ def join_ends(flow: Flow, about: Floats, k: int, nodes: Floats, rest: Floats) ->
 
     Parameters
     ----------
-    about : (k, d) array
+    away : (n, 4 + 2 p) array
+        In row k, the path's next row less what the linear flow makes of it, see `ends_of`.
     nodes : (6 p + 6,) array
         Angles moved by `collocate`, speeds, U and Z at the nodes, under the flow.
     rest : (p, 3, 4) array, changed
         As `collocate` left it; its remaining acceleration is moved.
     """
-    count, size = flow.kappa.size, about.shape[1]
-    two, end, gravity = 2 * count, 6 * count + 6, flow.gravity
-    u = u_speed = z = z_speed = 0.0
-    for r in range(two, size):
-        off = about[k + 1, r]
-        for q in range(two, size):
-            off -= flow.rows[end + r, q] * about[k, q]
-        u, u_speed = u + flow.horizontal[0, r] * off, u_speed + flow.horizontal[1, r] * off
-        z, z_speed = z + flow.vertical[0, r] * off, z_speed + flow.vertical[1, r] * off
+    count, gravity = flow.kappa.size, flow.gravity
+    u, u_speed, z, z_speed = away[k, 0], away[k, 1], away[k, 2], away[k, 3]
     for i in range(count):
-        kappa, angle, speed = flow.kappa[i], about[k + 1, 2 * i], about[k + 1, 2 * i + 1]
-        for q in range(size):
-            angle -= flow.rows[end + 2 * i, q] * about[k, q]
-            speed -= flow.rows[end + 2 * i + 1, q] * about[k, q]
+        kappa, angle, speed = flow.kappa[i], away[k, 4 + 2 * i], away[k, 5 + 2 * i]
         for m in range(3):
             angle -= flow.response[i, 3, m, 0] * rest[i, m, 2]
             speed -= flow.response[i, 3, m, 1] * rest[i, m, 2]
@@ -246,7 +246,6 @@ def tilt(flow: Flow, i: int, by: Floats, ahead: Floats, ahead_columns: Floats) -
         )
         ahead[2 * i, q] = flow.rows[end, q] + p0 * f0 + p1 * f1 + p2 * f2
         ahead[2 * i + 1, q] = flow.rows[end + 1, q] + v0 * f0 + v1 * f1 + v2 * f2
-    for q in range(size):
         ahead_columns[q, 2 * i], ahead_columns[q, 2 * i + 1] = ahead[2 * i, q], ahead[2 * i + 1, q]
 
 
@@ -294,13 +293,15 @@ def force_columns(
     recorded: Floats,
     slope: Floats,
     k: int,
-    state: Floats,
+    push: Floats,
 ) -> None:
-    """What the constants `forced` add to the derivatives during the step from node k, (c + 1, d)."""
+    """What the constants `forced` add to the derivatives of the pendulums during the step from node k, (f, 2 p)."""
     count, time = flow.kappa.size, k * flow.step
     at = (0.5 - np.sqrt(15.0) / 10.0, 0.5, 0.5 + np.sqrt(15.0) / 10.0)
     for n in range(forced.size):
         c = forced[n]
+        for r in range(2 * count):
+            push[n, r] = 0.0
         kind, width = columns.kind[c], columns.width[c]
         if kind == GRAVITY and width > 0.0 and abs(time + 0.5 * flow.step - columns.centre[c]) > width + flow.step:
             continue
@@ -330,8 +331,8 @@ def force_columns(
                         force *= slope[k, m] if slope.shape[0] > 0 else 0.0
                     elif width > 0.0:
                         force *= max(0.0, 1.0 - abs(time + at[m] * flow.step - columns.centre[c]) / width)
-                state[c, 2 * i] += flow.response[i, 3, m, 0] * force
-                state[c, 2 * i + 1] += flow.response[i, 3, m, 1] * force
+                push[n, 2 * i] += flow.response[i, 3, m, 0] * force
+                push[n, 2 * i + 1] += flow.response[i, 3, m, 1] * force
 
 
 @kernel
@@ -342,15 +343,14 @@ def derive_errors(
     which: int,
     time: float,
     state: Floats,
-    errors: Floats,
+    seen: Floats,
     j: int,
 ) -> None:
-    """What the constants `of_traces` of a trace add to the derivatives of a prediction error.
+    """What the constants `of_traces` of a trace add to the derivatives of what is seen of a reading.
 
-    On entry row j of `errors`, (u, c + 1), holds what the reading's row makes of the state, with the sign of the
-    error; last: the error itself, to which the reading is still to be added.
+    On entry row j of `seen` holds what the reading's row makes of `state`, (d, c + 1).
     """
-    last, trace = errors.shape[1] - 1, readings.trace[which]
+    last, trace = state.shape[1] - 1, readings.trace[which]
     for n in range(of_traces.size):
         c = of_traces[n]
         kind = columns.kind[c]
@@ -358,16 +358,16 @@ def derive_errors(
         if (own >= 0 and own != trace) or (own < 0 and trace >= readings.combination.shape[0]):
             continue
         if kind == ZERO:
-            errors[j, c] -= 1.0
+            seen[j, c] += 1.0
         elif kind == DRIFT:
-            errors[j, c] -= (time - columns.centre[c]) / columns.width[c]
+            seen[j, c] += (time - columns.centre[c]) / columns.width[c]
         elif kind == GAIN:
-            errors[j, c] += errors[j, last]
+            seen[j, c] += seen[j, last]
         elif kind == STEP and time >= columns.centre[c]:
-            errors[j, c] -= 1.0
+            seen[j, c] += 1.0
         elif kind == DELAY or (kind == CLOCK and time >= columns.centre[c]):
             for i in range(readings.combination.shape[1]):
-                errors[j, c] += readings.combination[trace, i] * state[last, 2 * i + 1]
+                seen[j, c] += readings.combination[trace, i] * state[2 * i + 1, last]
 
 
 class Pass(NamedTuple):
@@ -402,18 +402,19 @@ class Kept(NamedTuple):
 
     Attributes
     ----------
-    whole : (s, d + c + 1, d) array
-        Predicted covariance, derivatives of the state by the constants, and the state.
     swing : (s, 2 p, d) array
         Derivative's rows of the step that begins at the node.
+    push : (s, f + 2, 2 p) array
+        What that step adds to the pendulums: derivatives by the constants that move them, what is left, and the
+        impulse of a recorded heave's noise.
     row, gain : (r, d) arrays
         Whitened rows of the stretch's readings in the state, and what they move it by; 0 where left out.
     errors : (r, c + 1) array
         Derivatives of the whitened prediction errors, and these; NaN where left out.
     """
 
-    whole: Floats
     swing: Floats
+    push: Floats
     row: Floats
     gain: Floats
     errors: Floats
@@ -494,41 +495,17 @@ def recognise(readings: Readings, slots: Slots, used: int) -> bool:
     return alike
 
 
-@summing_kernel
-def look(slots: Slots, used: int, state: Floats, errors: Floats) -> None:
-    """What the readings' rows make of the state, (c + 1, d), with the sign of the error."""
-    for c in range(errors.shape[1]):
-        for j in range(used):
-            total = 0.0
-            for q in range(state.shape[1]):
-                total += slots.row[j, q] * state[c, q]
-            errors[j, c] = -total
-
-
 @kernel
-def pull_aside(slots: Slots, used: int, readings: Readings, rest: Floats, errors: Floats) -> None:
-    """Take from the prediction errors what the linear flow leaves out between node and reading."""
-    last = errors.shape[1] - 1
+def pull_aside(slots: Slots, used: int, readings: Readings, rest: Floats, seen: Floats) -> None:
+    """Add to what is seen of each reading what the linear flow leaves out between node and reading."""
+    last = seen.shape[1] - 1
     for j in range(used):
         trace = slots.trace[j]
         if trace < readings.combination.shape[0]:
             for i in range(rest.shape[0]):
                 moved = slots.pull[j, 0] * rest[i, 0, 2] + slots.pull[j, 1] * rest[i, 1, 2]
                 moved += slots.pull[j, 2] * rest[i, 2, 2]
-                errors[j, last] -= readings.combination[trace, i] * moved
-
-
-@summing_kernel
-def project(slots: Slots, used: int, covariance: Floats, gain: Floats) -> None:
-    """Covariance of the readings' predictions with the state, into `gain`."""
-    size = gain.shape[1]
-    for j in range(used):
-        for r in range(size):
-            gain[j, r] = slots.row[j, 0] * covariance[0, r]
-        for q in range(1, size):
-            weight = slots.row[j, q]
-            for r in range(size):
-                gain[j, r] += weight * covariance[q, r]
+                seen[j, last] += readings.combination[trace, i] * moved
 
 
 @summing_kernel
@@ -591,7 +568,7 @@ def change_of(gain: Floats, used: int, old: Floats, covariance: Floats) -> float
 
 
 @kernel
-def set_aside(slots: Slots, used: int, gate: float, of: Pass, errors: Floats, gain: Floats) -> int:
+def set_aside(slots: Slots, used: int, gate: float, of: Pass, seen: Floats, gain: Floats) -> int:
     """Leave out the readings over the gate; how many stay."""
     stay = 0
     for j in range(used):
@@ -603,49 +580,59 @@ def set_aside(slots: Slots, used: int, gate: float, of: Pass, errors: Floats, ga
         slots.reading[stay], slots.trace[stay], slots.variance[stay] = which, slots.trace[j], slots.variance[j]
         for r in range(gain.shape[1]):
             gain[stay, r], slots.row[stay, r] = gain[j, r], slots.row[j, r]
-        for c in range(errors.shape[1]):
-            errors[stay, c] = errors[j, c]
+        for c in range(seen.shape[1]):
+            seen[stay, c] = seen[j, c]
         stay += 1
     return stay
 
 
 @summing_kernel
-def lift(predicted: Floats, pull: Floats, gain: Floats, used: int, first: int, updated: Floats) -> None:
-    """Add to rows from `first` on what the readings move them by, two readings at a time.
+def lift(predicted: Floats, gain: Floats, seen: Floats, used: int, updated: Floats) -> None:
+    """Take off what the readings move the state by, four readings at a time.
 
     Parameters
     ----------
-    predicted, updated : (n, d) arrays
-    pull : (u, n) array
-    gain : (u, d) array
-        One row more than readings where these are odd, of zeros in `pull`.
+    predicted, updated : (d, n) arrays
+    gain, seen : (u, d) and (u, n) arrays
+        Of zeros up to the next multiple of four.
     """
-    for r in range(first, predicted.shape[0]):
-        a, b = pull[0, r], pull[1, r]
+    for r in range(predicted.shape[0]):
+        a, b, c, d = gain[0, r], gain[1, r], gain[2, r], gain[3, r]
         for q in range(predicted.shape[1]):
-            updated[r, q] = predicted[r, q] + a * gain[0, q] + b * gain[1, q]
-    for j in range(2, used, 2):
-        for r in range(first, predicted.shape[0]):
-            a, b = pull[j, r], pull[j + 1, r]
+            updated[r, q] = predicted[r, q] - a * seen[0, q] - b * seen[1, q] - c * seen[2, q] - d * seen[3, q]
+    for j in range(4, used, 4):
+        for r in range(predicted.shape[0]):
+            a, b, c, d = gain[j, r], gain[j + 1, r], gain[j + 2, r], gain[j + 3, r]
             for q in range(predicted.shape[1]):
-                updated[r, q] += a * gain[j, q] + b * gain[j + 1, q]
+                updated[r, q] -= a * seen[j, q] + b * seen[j + 1, q] + c * seen[j + 2, q] + d * seen[j + 3, q]
 
 
 @kernel
-def copy(source: Floats, first: int, to: Floats) -> None:
-    """Copy the rows from `first` on."""
-    for r in range(first, source.shape[0]):
+def clear(rows: Floats, used: int) -> None:
+    """Zeros behind the rows in use, up to a multiple of four."""
+    for j in range(used, used + (-used) % 4):
+        for r in range(rows.shape[1]):
+            rows[j, r] = 0.0
+
+
+@kernel
+def copy(source: Floats, to: Floats) -> None:
+    """Copy a matrix."""
+    for r in range(source.shape[0]):
         for q in range(source.shape[1]):
             to[r, q] = source[r, q]
 
 
 @kernel
-def even_out(moved: Floats, noise: Floats, covariance: Floats) -> None:
-    """Covariance at the next node: the moved one, made symmetric, and the process noise."""
+def add_noise(moved: Floats, noise: Floats, symmetric: bool, covariance: Floats) -> None:
+    """Covariance at the next node: the moved one, made symmetric where asked, and the process noise."""
     for r in range(noise.shape[0]):
-        for q in range(r + 1):
-            mean = 0.5 * (moved[r, q] + moved[q, r]) + noise[r, q]
-            covariance[r, q] = covariance[q, r] = mean
+        for q in range(noise.shape[0]):
+            covariance[r, q] = moved[r, q] + noise[r, q]
+    if symmetric:
+        for r in range(noise.shape[0]):
+            for q in range(r):
+                covariance[r, q] = covariance[q, r] = 0.5 * (covariance[r, q] + covariance[q, r])
 
 
 @kernel
@@ -656,17 +643,37 @@ def loosen(flow: Flow, i: int, covariance: Floats) -> None:
 
 
 @kernel
-def shake(flow: Flow, nodes: Floats, covariance: Floats) -> None:
-    """Noise of a recorded heave: an impulse in mid-step, as large as the angle makes it."""
-    count, step = flow.kappa.size, flow.step
-    for i in range(count):
-        one = flow.kappa[i] * np.sin(nodes[3 * i + 1]) * flow.heave_noise * np.sqrt(step)
-        for j in range(count):
-            product = one * flow.kappa[j] * np.sin(nodes[3 * j + 1]) * flow.heave_noise * np.sqrt(step)
-            covariance[2 * i, 2 * j] += 0.25 * step**2 * product
-            covariance[2 * i, 2 * j + 1] += 0.5 * step * product
-            covariance[2 * i + 1, 2 * j] += 0.5 * step * product
-            covariance[2 * i + 1, 2 * j + 1] += product
+def follow(
+    about: Floats, k: int, end: int, to_nodes: Floats, onward: Floats, ends: Floats, along: Floats, away: Floats
+) -> None:
+    """What a path is at the nodes of the steps from node k on, and at their ends beside the flow; see `join_ends`."""
+    count = min(along.shape[0], end - k)
+    last = min(count, about.shape[0] - k - 1)
+    np.dot(about[k : k + count], to_nodes, along[:count])
+    away[:last] = np.dot(about[k + 1 : k + 1 + last], ends) - np.dot(about[k : k + last], onward)
+
+
+@kernel
+def lay_known(known: Floats, k: int, nodes: Floats) -> None:
+    """Add the vertical acceleration that is known."""
+    if known.shape[0] > 0:
+        for m in range(3):
+            nodes[nodes.size - 3 + m] += known[k, m]
+
+
+@kernel
+def jolt(flow: Flow, nodes: Floats, impulse: Floats) -> None:
+    """What the noise of a recorded heave does to the pendulums: an impulse in mid-step, as large as the angle makes it.
+
+    Parameters
+    ----------
+    impulse : (f + 2, 2 p) array
+        Its last row is written.
+    """
+    at = impulse.shape[0] - 1
+    for i in range(flow.kappa.size):
+        speed = flow.kappa[i] * np.sin(nodes[3 * i + 1]) * flow.heave_noise * np.sqrt(flow.step)
+        impulse[at, 2 * i], impulse[at, 2 * i + 1] = 0.5 * flow.step * speed, speed
 
 
 @kernel
@@ -676,27 +683,30 @@ def sum_up(buffer: Floats, rows: int, normal: Floats) -> None:
 
 
 @kernel
-def keep_prediction(keep: Kept, s: int, whole: Floats) -> None:
-    """Keep what is predicted for a node; `whole` as in `sweep`."""
-    for r in range(whole.shape[0]):
-        for q in range(whole.shape[1]):
-            keep.whole[s, r, q] = whole[r, q]
+def keep_step(keep: Kept, s: int, ahead: Floats, push: Floats) -> None:
+    """Keep what a step makes of the pendulums."""
+    for r in range(push.shape[1]):
+        for q in range(ahead.shape[1]):
+            keep.swing[s, r, q] = ahead[r, q]
+        for n in range(push.shape[0]):
+            keep.push[s, n, r] = push[n, r]
 
 
 @kernel
-def keep_readings(keep: Kept, start: int, slots: Slots, used: int, root: Floats, gain: Floats, errors: Floats) -> None:
+def keep_readings(
+    keep: Kept, start: int, slots: Slots, used: int, root: Floats, gain: Floats, seen: Floats
+) -> None:
     """Keep the whitened rows of a node's readings, their gains and errors."""
-    size = gain.shape[1]
     for j in range(used):
         at = slots.reading[j] - start
-        for r in range(size):
+        for r in range(gain.shape[1]):
             total = slots.row[j, r]
             for q in range(j):
                 total -= root[j, q] * keep.row[slots.reading[q] - start, r]
             keep.row[at, r] = total / root[j, j]
             keep.gain[at, r] = gain[j, r]
-        for c in range(errors.shape[1]):
-            keep.errors[at, c] = errors[j, c]
+        for c in range(seen.shape[1]):
+            keep.errors[at, c] = -seen[j, c]
 
 
 @kernel
@@ -717,8 +727,8 @@ def sweep(
 ) -> bool:
     """Filter nodes `begin` to `end`, with derivatives by all constants; whether every covariance stayed positive.
 
-    Covariance and derivatives stand one upon the other, (d + c + 1, d), each derivative a row: the covariance's rows
-    are left alone once the gain has settled.
+    Derivatives and state stand side by side, (d, c + 1), and go through the same products, as `seen` of the readings
+    does: what is predicted of them less what was read. The covariance is left alone once the gain has settled.
 
     Parameters
     ----------
@@ -734,36 +744,35 @@ def sweep(
     """
     count, size = flow.kappa.size, of.state.shape[0]
     two, constants, between = 2 * count, of.state.shape[1] - 1, 6 * count + 6
-    wide, last = size + constants + 1, size + constants
-    most = 2
+    most = 4
     for k in range(begin, end):
-        most = max(most, readings.first[k + 1] - readings.first[k] + 1)
-    predicted, updated, moved = np.empty((wide, size)), np.empty((wide, size)), np.empty((wide, size))
-    predicted[:size], predicted[size:] = of.covariance, of.state.T
-    covariance, back, squared = predicted[:size], moved[:size], np.empty((size, size))
-    state, state_updated = predicted[size:], updated[size:]
-    ahead = flow.rows[between:].copy()
-    ahead_columns, to_nodes = np.ascontiguousarray(ahead.T), np.ascontiguousarray(flow.rows[:between].T)
+        most = max(most, readings.first[k + 1] - readings.first[k] + 3)
+    covariance, updated, moved = of.covariance.copy(), np.empty((size, size)), np.empty((size, size))
+    state, state_updated, now = of.state.copy(), np.empty((size, constants + 1)), np.empty((1, size))
+    ahead, to_nodes = flow.rows[between:].copy(), np.ascontiguousarray(flow.rows[:between].T)
+    ahead_columns, ends = np.ascontiguousarray(ahead.T), ends_of(flow)
+    along, away, onward = np.empty((CHUNK, between)), np.empty((CHUNK, 4 + two)), np.dot(ahead_columns, ends)
     nodes, extra, rest, by = np.zeros(between), np.zeros(two), np.zeros((count, 3, 4)), np.zeros((3, 4))
     slots = Slots(
         np.zeros(most, dtype=np.int64), np.full(most, -1), np.zeros(most), np.zeros(most), np.zeros((most, size)),
         np.zeros((most, 3)),
     )  # fmt: skip
     square, root = np.zeros((most, most)), np.zeros((most, most))
-    gain, old_gain = np.zeros((most, size)), np.zeros((most, size))
-    errors, pull = np.zeros((most, constants + 1)), np.zeros((most, wide))
+    seen, gain, old_gain = np.zeros((most, constants + 1)), np.zeros((most, size)), np.zeros((most, size))
     buffer, rows = np.zeros((ROWS, constants + 1)), 0
     forced = np.flatnonzero((columns.kind > START) & (columns.kind < ZERO))
     of_traces = np.flatnonzero(columns.kind >= ZERO)
+    push = np.zeros((forced.size + 2, two))
     plain = not flow.sine and not np.any(flow.quadratic) and not np.any(flow.dry) and known.shape[0] == 0
-    keeping = keep.whole.shape[0] > 0
-    joined = flow.sine and about.shape[0] > 0
+    keeping = keep.swing.shape[0] > 0
+    given = about.shape[0] > 0
+    joined = flow.sine and given
     asked = not plain or forced.size > 0 or flow.heave_noise > 0.0
     moving, before, product, at_break = True, -1, 1.0, 0
     for k in range(begin, end):
         while at_break < breaks.shape[0] and breaks[at_break, 0] <= k:
             if breaks[at_break, 0] == k:
-                loosen(flow, breaks[at_break, 1], predicted)
+                loosen(flow, breaks[at_break, 1], covariance)
                 moving = True
             at_break += 1
         used = pick(readings, k, slots, of)
@@ -772,105 +781,118 @@ def sweep(
             for j in range(used):
                 row_of(flow, readings, slots.reading[j], slots, j)
         before, moving = used, moving or not alike
-        if keeping:
-            keep_prediction(keep, k - begin, predicted)
         if asked:
-            reach(to_nodes, about, k, predicted, known, nodes)
-        look(slots, used, state, errors)
+            if not given:
+                for q in range(size):
+                    now[0, q] = state[q, constants]
+                reach(to_nodes, now, nodes)
+            else:
+                at = (k - begin) % CHUNK
+                if at == 0:
+                    follow(about, k, end, to_nodes, onward, ends, along, away)
+                for m in range(between):
+                    nodes[m] = along[at, m]
+            lay_known(known, k, nodes)
+        np.dot(slots.row[:used], state, seen[:used])
         if not plain:
             for i in range(count):
                 collocate(flow, i, nodes, rest)
-            pull_aside(slots, used, readings, rest, errors)
+            pull_aside(slots, used, readings, rest, seen)
         for j in range(used):
             if of_traces.size > 0:
-                derive_errors(
-                    readings, columns, of_traces, slots.reading[j], k * flow.step + slots.offset[j], state, errors, j
-                )
-            errors[j, constants] += readings.value[slots.reading[j]]
+                which = slots.reading[j]
+                derive_errors(readings, columns, of_traces, which, k * flow.step + slots.offset[j], state, seen, j)
+            seen[j, constants] -= readings.value[slots.reading[j]]
         if moving:
-            project(slots, used, covariance, gain)
+            np.dot(slots.row[:used], covariance, gain[:used])
             square_up(slots, used, gain, square)
         over = False
         for j in range(used):
             deviation = np.sqrt(square[j, j])
-            of.errors[slots.reading[j]] = errors[j, constants] / deviation
-            over = over or (gate > 0.0 and abs(errors[j, constants]) > gate * deviation)
+            of.errors[slots.reading[j]] = -seen[j, constants] / deviation
+            over = over or (gate > 0.0 and abs(seen[j, constants]) > gate * deviation)
         if over:
             if not moving:  # a reading over the gate lets the gain move
                 moving = True
-                project(slots, used, covariance, gain)
-            used, alike, before = set_aside(slots, used, gate, of, errors, gain), False, -1
+                np.dot(slots.row[:used], covariance, gain[:used])
+            used, alike, before = set_aside(slots, used, gate, of, seen, gain), False, -1
             square_up(slots, used, gain, square)
-        change, first = 1.0, 0 if moving else size
+        change = 1.0
         if used > 0:
             if moving:
                 if not factorise(square, used, root):
                     return False
                 substitute(root, used, gain)
+                clear(gain, used)
+                lift(covariance, gain, gain, used, updated)
                 if not flow.varying:
                     change = change_of(gain, used, old_gain, covariance)
-                for j in range(used):
-                    for r in range(size):
-                        pull[j, r] = -gain[j, r]
-            substitute(root, used, errors)
+            substitute(root, used, seen)
+            clear(seen, used)
+            lift(state, gain, seen, used, state_updated)
             for j in range(used):
                 product *= root[j, j]
-                of.whitened[slots.reading[j]], of.scale[slots.reading[j]] = errors[j, constants], root[j, j]
+                of.whitened[slots.reading[j]], of.scale[slots.reading[j]] = -seen[j, constants], root[j, j]
                 for c in range(constants + 1):
-                    pull[j, size + c] = buffer[rows, c] = errors[j, c]
+                    buffer[rows, c] = seen[j, c]
                 rows += 1
                 if rows == ROWS:
                     sum_up(buffer, rows, of.normal)
                     rows = 0
-            if used % 2 > 0:
-                for r in range(wide):
-                    pull[used, r] = 0.0
-            lift(predicted, pull, gain, used, first, updated)
             if not 1e-100 < product < 1e100:
                 of.totals[0] += np.log(product)
                 product = 1.0
             of.totals[1] += used
             if keeping:
-                keep_readings(keep, readings.first[begin], slots, used, root, gain, errors)
+                keep_readings(keep, readings.first[begin], slots, used, root, gain, seen)
         else:
-            copy(predicted, first, updated)
+            if moving:
+                copy(covariance, updated)
+            copy(state, state_updated)
         if k + 1 == readings.first.size - 1:
-            copy(updated, first, predicted)
+            if moving:
+                copy(updated, covariance)
+            copy(state_updated, state)
             break
         # to the next node
         settling = moving and alike and not flow.varying and change < SETTLED and used > 0
-        if asked and about.shape[0] == 0:
-            reach(to_nodes, about, k, updated, known, nodes)
+        if asked and not given:
+            for q in range(size):
+                now[0, q] = state_updated[q, constants]
+            reach(to_nodes, now, nodes)
+            lay_known(known, k, nodes)
             if not plain:
                 for i in range(count):
                     collocate(flow, i, nodes, rest)
         if joined:
-            join_ends(flow, about, k, nodes, rest)
+            join_ends(flow, away, (k - begin) % CHUNK, nodes, rest)
         if not plain:
             for i in range(count):
                 differentiate(flow, i, known, k, nodes, rest, by, extra)
                 tilt(flow, i, by, ahead, ahead_columns)
+        np.dot(ahead, state_updated, state)
         if moving:
-            np.dot(updated, ahead_columns, moved)
-            np.dot(ahead, back, squared)
-            even_out(squared, flow.noise, covariance)
-            if flow.heave_noise > 0.0:
-                shake(flow, nodes, covariance)
-            copy(moved, size, predicted)
-        else:
-            np.dot(state_updated, ahead_columns, state)
-        for r in range(two):
-            predicted[last, r] += extra[r]
+            np.dot(ahead, updated, moved)
+            np.dot(moved, ahead_columns, updated)
+            add_noise(updated, flow.noise, k % UNEVEN == 0, covariance)
         if forced.size > 0:
-            force_columns(flow, columns, forced, nodes, recorded, slope, k, state)
+            force_columns(flow, columns, forced, nodes, recorded, slope, k, push)
+        if flow.heave_noise > 0.0:
+            jolt(flow, nodes, push)
+        for r in range(two):
+            push[forced.size, r] = extra[r]
+            state[r, constants] += extra[r]
+            for n in range(forced.size):
+                state[r, forced[n]] += push[n, r]
+            if moving and flow.heave_noise > 0.0:
+                for q in range(two):
+                    covariance[r, q] += push[forced.size + 1, r] * push[forced.size + 1, q]
         if keeping:
-            for r in range(two):
-                for q in range(size):
-                    keep.swing[k - begin, r, q] = ahead[r, q]
+            keep_step(keep, k - begin, ahead, push)
         moving = moving and not settling
     sum_up(buffer, rows, of.normal)
     of.totals[0] += np.log(product)
-    of.state[:], of.covariance[:] = state.T, covariance
+    of.state[:], of.covariance[:] = state, covariance
     return True
 
 
@@ -878,20 +900,29 @@ def sweep(
 def smooth(
     flow: Flow,
     readings: Readings,
+    breaks: np.ndarray,
     begin: int,
     end: int,
-    change: Floats,
+    pushed: Floats,
+    state: Floats,
+    covariance: Floats,
     whitened: Floats,
     keep: Kept,
     adjoint: Floats,
     path: Floats,
 ) -> None:
-    """Smoothed states of a stretch at changed constants, by adjoints, backwards (Bryson and Frazier).
+    """Smoothed states of a stretch: adjoints backwards, then the states forward by what drives them (Koopman 1993).
 
     Parameters
     ----------
-    change : (c + 1,) array
-        Of the constants since the sweep; last: 1.
+    breaks : (b, 2) array of int
+        As in `sweep`.
+    pushed : (f + 1,) array
+        Change of the constants that move the pendulums since the sweep; last: 1.
+    state : (d,) array, changed
+        Predicted for the stretch's first node at the changed constants.
+    covariance : (d, d) array
+        Of it.
     whitened : (r,) array
         Prediction errors at the changed constants.
     adjoint : (d,) array, changed
@@ -900,8 +931,7 @@ def smooth(
         Smoothed states; rows `begin` to `end` are written.
     """
     two, size, start = keep.swing.shape[1], adjoint.size, readings.first[begin]
-    ship = flow.rows[flow.rows.shape[0] - size + two :].copy()
-    later = np.zeros(size)
+    ahead, later = flow.rows[flow.rows.shape[0] - size :], np.zeros(size)
     for k in range(end - 1, begin - 1, -1):
         s = k - begin
         if k + 2 < readings.first.size:
@@ -910,30 +940,55 @@ def smooth(
             for r in range(two):
                 for q in range(size):
                     adjoint[q] += later[r] * keep.swing[s, r, q]
-            for r in range(size - two):
+            for r in range(two, size):
                 for q in range(two, size):
-                    adjoint[q] += later[two + r] * ship[r, q]
+                    adjoint[q] += later[r] * ahead[r, q]
         gather_readings(readings, k, start, whitened, keep, adjoint, later)
-        weigh(keep.whole, s, adjoint, change, later)
         for q in range(size):
-            path[k, q] = later[q]
+            path[k, q] = adjoint[q]
+    at_break = 0
+    for r in range(size):
+        for q in range(size):
+            state[r] += covariance[r, q] * adjoint[q]
+    for k in range(begin, end):
+        while at_break < breaks.shape[0] and breaks[at_break, 0] <= k:
+            if breaks[at_break, 0] == k:
+                i = breaks[at_break, 1]
+                state[2 * i] += ANYWHERE**2 * path[k, 2 * i]
+                state[2 * i + 1] += flow.kappa[i] * ANYWHERE**2 * path[k, 2 * i + 1]
+            at_break += 1
+        for q in range(size):
+            path[k, q] = state[q]
+        if k + 1 < end:
+            step_on(flow, keep, k - begin, pushed, path, k, later)
+            for q in range(size):
+                state[q] = later[q]
 
 
 @summing_kernel
-def weigh(whole: Floats, s: int, adjoint: Floats, change: Floats, state: Floats) -> None:
-    """The smoothed state of a kept node: prediction at the changed constants, and covariance times adjoint."""
-    size = adjoint.size
-    for q in range(size):
-        state[q] = 0.0
+def step_on(flow: Flow, keep: Kept, s: int, pushed: Floats, path: Floats, k: int, state: Floats) -> None:
+    """The smoothed state of the next node, (d,), from that of node k and the next one's adjoint in `path`."""
+    two, size, offset, last = keep.swing.shape[1], state.size, flow.rows.shape[0] - state.size, keep.push.shape[1] - 1
+    impulse = 0.0
+    for q in range(two):
+        impulse += keep.push[s, last, q] * path[k + 1, q]
     for r in range(size):
+        total = 0.0
         for q in range(size):
-            state[q] += adjoint[r] * whole[s, r, q]
-    for c in range(change.size):
-        for q in range(size):
-            state[q] += change[c] * whole[s, size + c, q]
+            total += flow.noise[r, q] * path[k + 1, q]
+        if r < two:
+            for q in range(size):
+                total += keep.swing[s, r, q] * path[k, q]
+            for n in range(pushed.size):
+                total += pushed[n] * keep.push[s, n, r]
+            total += impulse * keep.push[s, last, r]
+        else:
+            for q in range(two, size):
+                total += flow.rows[offset + r, q] * path[k, q]
+        state[r] = total
 
 
-@kernel
+@summing_kernel
 def gather_readings(
     readings: Readings, k: int, start: int, whitened: Floats, keep: Kept, adjoint: Floats, change: Floats
 ) -> None:

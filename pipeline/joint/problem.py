@@ -22,7 +22,7 @@ LEVEL = 0.5  # of one pendulum's answer to the ship
 MOST_DAMPED = 0.3  # of its frequency
 LEAST = 0.1  # of reference gravity, and of a trace's scale
 FARTHEST = 100.0  # rad
-KEPT = 2**28  # bytes of covariances that are kept at once by the smoother
+KEPT = 2**28  # bytes that are kept at once for the smoother
 
 
 @dataclass(frozen=True)
@@ -208,7 +208,8 @@ class Problem:
         sweep = self._sweep(assumed, constants, about, gate)
         nodes, of = self.lattice.nodes, sweep.of
         size, width = of.state.shape
-        stretch = max(1, KEPT // (8 * size * (size + width + 2 * self.pendulums)))
+        each = 2 * self.pendulums * (size + width) + (2 * size + width) * self.lattice.node.size // nodes
+        stretch = max(1, KEPT // (8 * each))
         begins = list(range(0, nodes, stretch))
         keep = sweep.room(0, min(stretch, nodes))
         states = []
@@ -226,7 +227,11 @@ class Problem:
                 again = of._replace(state=state, covariance=covariance, normal=sums[0], totals=sums[1])
                 replace(sweep, of=again).go(begin, end, keep)
             of.whitened[sweep.readings.first[begin] : sweep.readings.first[end]] = keep.errors @ change
-            kernels.smooth(sweep.flow, sweep.readings, begin, end, change, of.whitened, keep, adjoint, path)
+            pushed = np.append(change[:-1][sweep.forced], 1.0)
+            kernels.smooth(
+                sweep.flow, sweep.readings, sweep.breaks, begin, end, pushed, state @ change, covariance, of.whitened,
+                keep, adjoint, path,
+            )  # fmt: skip
         if not np.abs(path[:, : 2 * self.pendulums : 2]).max() < FARTHEST:
             raise np.linalg.LinAlgError("the path runs away")
         return solution, of, path
@@ -292,6 +297,11 @@ class _Sweep:
     gain: Floats
     of: kernels.Pass
 
+    @property
+    def forced(self) -> np.ndarray:
+        """Which constants move the pendulums."""
+        return (self.columns.kind > kernels.START) & (self.columns.kind < kernels.ZERO)
+
     def go(self, begin: int, end: int, keep: kernels.Kept = NOTHING_KEPT) -> None:
         """Filter a stretch."""
         went = kernels.sweep(
@@ -309,8 +319,8 @@ class _Sweep:
         size, width = self.of.state.shape
         count, rows = end - begin, int(self.readings.first[end] - self.readings.first[begin])
         return kernels.Kept(
-            np.zeros((count, size + width, size)),
             np.zeros((count, 2 * self.flow.kappa.size, size)),
+            np.zeros((count, int(self.forced.sum()) + 2, 2 * self.flow.kappa.size)),
             np.zeros((rows, size)),
             np.zeros((rows, size)),
             np.full((rows, width), np.nan),

@@ -153,9 +153,11 @@ def test_remainder_within_a_step_follows_the_path_to_its_end() -> None:
     about = np.ascontiguousarray(np.concatenate([done(np.array([0.0, step])), ship]).T)
     angle, across = done(NODES * step)[0], size * np.sin(turning * NODES * step)
     exact = -kappa[0] * (np.sin(angle) - angle + across * (np.cos(angle) - 1.0))
-    nodes, rest, none = np.zeros(12), np.zeros((1, 3, 4)), np.zeros((0, 3))
-    kernels.reach(np.ascontiguousarray(one.rows[:12].T), about, 0, about, none, nodes)
+    rest, along, away, ends = np.zeros((1, 3, 4)), np.zeros((1, 12)), np.zeros((1, 6)), kernels.ends_of(one)
+    onward = np.ascontiguousarray(one.rows[12:].T @ ends)
+    kernels.follow(about, 0, 1, np.ascontiguousarray(one.rows[:12].T), onward, ends, along, away)
+    nodes = along[0]
     kernels.collocate(one, 0, nodes, rest)
     faded = np.abs(rest[0, :, 2] - exact).max()
-    kernels.join_ends(one, about, 0, nodes, rest)
+    kernels.join_ends(one, away, 0, nodes, rest)
     assert np.abs(rest[0, :, 2] - exact).max() < 0.1 * faded

@@ -14,10 +14,10 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import apparatus, kernels, motion
-from pipeline.joint.climb import grown
 from pipeline.joint.constants import Constant, Solution, solve
 from pipeline.joint.course import best_course, is_knot, knots, prior_root, weights
-from pipeline.joint.explanation import Candidate, Fitted, fitted, priced
+from pipeline.joint.explanation import Candidate, Fitted, fitted, grown, priced
+from pipeline.joint.whiteness import LEAST_READINGS
 
 PAYS = 5.0  # in log-likelihood
 ROUNDS = 8
@@ -138,47 +138,28 @@ def simplified(fit: Fitted) -> Fitted:
     for each in fit.model.constants:
         if each.kind in (kernels.HEAVE_DELAY, kernels.HEAVE_SCALE, kernels.ZERO):
             lean = max(lean, lean.without(each), key=lambda one: one.solution.log_likelihood)
-    return fit if lean is fit else lean.again()
+    return lean
 
 
 def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
-    """Add what pays, the best first; the last fit, and the explanations that stay close to it.
-
-    A spectrum serves as long as nothing asks for more: gains and periods answer to whatever it gets wrong.
-    """
+    """Add what pays, the best first; the last fit, and the explanations that stay close to it."""
     close: list[Candidate] = []
     fit = simplified(fit)
-    if motion.hangs_on_the_sea(fit):
-        fit = simplified(motion.climbed(fit))
     for _ in range(ROUNDS):
         base = fit.solution.log_likelihood
-        found, asks = [], False
-        for each in candidates(fit):
-            if each[0] > base + PAYS and not _matters(fit, each):
-                continue
-            found.append(each)
-            asks = not fit.model.climbed and (each[0] > base + PAYS or (_of_scale(each) and each[0] > base - PAYS))
-            if asks:
-                break
-        if asks:
-            fit = simplified(motion.climbed(fit))
-            continue
+        found = [each for each in candidates(fit) if each[0] > base - PAYS]
+        found = [each for each in found if each[0] < base + PAYS or _matters(fit, each)]
         found.sort(key=lambda each: -each[0])
-        close = [each for each in found if base - PAYS < each[0] < base + PAYS]
-        ahead = [each for each in found if each[0] > base + PAYS]
-        taken = _taken(fit, ahead)
+        close = [each for each in found if each[0] < base + PAYS]
+        taken = _taken(fit, [each for each in found if each[0] > base + PAYS])
         if taken is None:
             simple = simplified(fit)
             if simple is fit:
                 simple = motion.pruned(fit)
-                if simple is fit:
-                    break
-                simple = motion.climbed(simple)
-            fit = simple  # what stays close is weighed against this one
-            continue
-        if len(taken.model.assumed.ship) > len(fit.model.assumed.ship):
-            taken = motion.resized(taken)
-        fit = taken
+            if simple is fit:
+                break
+            taken = simple  # what stays close is weighed against this one
+        fit = taken if taken.model.assumed.ship == fit.model.assumed.ship else motion.reshaped(taken)
     return fit, [*(_refitted(fit, each) for each in close), *_rivals(fit)]
 
 
@@ -285,7 +266,7 @@ def unexplained(fit: Fitted) -> float:
     worst = 1.0
     for trace in range(problem.traces):
         used = (lattice.trace == trace) & np.isfinite(fit.of.whitened)
-        if used.sum() < motion.LEAST_READINGS:
+        if used.sum() < LEAST_READINGS:
             continue
         errors, time = fit.of.whitened[used], lattice.time[used]
         parts = np.array_split(errors, 10)

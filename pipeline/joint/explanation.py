@@ -29,19 +29,16 @@ class Model:
     constants : tuple of Constant
     course : Course or None
     problem : Problem
-    first_ship : tuple of Component
-        Before any was added.
-    climbed : bool
-        Whether the ship's parameters were climbed to where the readings are likeliest; else they are a spectrum's.
+    begun : int
+        Components of the ship before any was added.
     """
 
     words: tuple[str, ...]
     assumed: Assumed
     constants: tuple[Constant, ...]
     problem: Problem
-    first_ship: tuple[Component, ...]
+    begun: int
     course: Course | None = None
-    climbed: bool = False
 
 
 @dataclass(frozen=True)
@@ -79,20 +76,12 @@ class Fitted:
         model = replace(self.model, constants=solution.constants)
         return Fitted(model, solution, self.path, self.of._replace(normal=normal), rest, self.doubt)
 
-    def again(self) -> Fitted:
-        """The same about the same path: a pass at its own constants."""
-        model, root = self.model, prior_root(self.model.constants, self.model.course)
-        solution, of = model.problem.run(model.assumed, model.constants, about=self.path, root=root)
-        return Fitted(
-            replace(model, constants=solution.constants), solution, self.path, of, model.constants, self.doubt
-        )
 
-
-def fitted(model: Model, about: Floats) -> Fitted:
+def fitted(model: Model, about: Floats, most: int = MOST_FITS) -> Fitted:
     """Gauss-Newton about the smoothed path, until it is straight between the last two."""
     root = prior_root(model.constants, model.course)
     constants = model.constants
-    for _ in range(MOST_FITS):
+    for _ in range(most):
         before = constants
         solution, of, path = model.problem.fit(model.assumed, before, about=about, root=root)
         constants, left, doubt = solution.constants, bend(model, path, about), 0.0
@@ -100,6 +89,22 @@ def fitted(model: Model, about: Floats) -> Fitted:
             break
         doubt, about = astray(model, path, about), path
     return Fitted(replace(model, constants=constants), solution, path, of, before, doubt)
+
+
+def grown(path: Floats, pendulums: int, ship: tuple[Component, ...]) -> Floats:
+    """A path with room for the states of a ship with more components, at rest: they act linearly."""
+    size = 2 * pendulums + sum(each.system()[1].size for each in ship)
+    if size == path.shape[1]:
+        return path
+    out = np.zeros((path.shape[0], size))
+    kept = min(size, path.shape[1])
+    out[:, :kept] = path[:, :kept]
+    return out
+
+
+def shifted(constants: tuple[Constant, ...], path: Floats, begin: int) -> tuple[Constant, ...]:
+    """Constants whose start is the path's at a later node."""
+    return tuple(replace(c, value=float(path[begin, c.index])) if c.kind == kernels.START else c for c in constants)
 
 
 def bend(model: Model, path: Floats, about: Floats) -> float:

@@ -9,8 +9,8 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.joint import apparatus, choice, explanation, kernels, motion, spectrum
-from pipeline.joint.climb import grown, shifted
 from pipeline.joint.constants import Constant, starts
+from pipeline.joint.explanation import grown, shifted
 from pipeline.joint.gather import Gathered
 from pipeline.joint.problem import NONE2, Assumed, Problem
 from pipeline.joint.ship import Component, Sea, Vibration
@@ -173,7 +173,7 @@ def smoothed(
     for _ in range(most):
         solution, of, about = problem.fit(assumed, constants, about=about, gate=gate)
         before, constants, gate = constants, solution.constants, GATE * deviation(of.errors)
-        model = explanation.Model((), assumed, constants, problem, assumed.ship)
+        model = explanation.Model((), assumed, constants, problem, len(assumed.ship))
         heard = contested(model, about, of.errors, gate) if most > 1 else model
         fit = explanation.Fitted(heard, solution, about, of, before)
         if heard is model and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
@@ -296,7 +296,7 @@ def reduce(gathered: Gathered) -> Outcome:
             "record/combination"
         ) from None
     mean, sigma = choice.averaged(fit, close)
-    sigma = float(np.sqrt(sigma**2 + gathered.heave_doubt**2 + fit.doubt**2))
+    sigma = float(np.sqrt(sigma**2 + gathered.heave_doubt**2 + fit.doubt**2 + motion.unseen(fit) ** 2))
     spread = choice.unexplained(fit)
     if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:
         raise RefusedError(
@@ -435,19 +435,29 @@ class Begun:
         kicked = replace(model.assumed, kick=begun.model.assumed.kick)
         best = heard_again(better(replace(model, assumed=kicked), begun), self.gathered.problem)
         model = replace(best.model, assumed=replace(best.model.assumed, kick=self.assumed.kick))
-        return motion.climbed(explanation.fitted(model, best.path))
+        return motion.reshaped(explanation.fitted(model, best.path))
 
 
 def risen(model: explanation.Model, path: Floats) -> explanation.Fitted:
     """Fitted without vertical motion where the differences ask for none; it is slow, and would explain other things."""
     problem, ship = model.problem, model.assumed.ship
     level = tuple(each for each in ship if each.axis == "horizontal")
-    still = replace(model, assumed=replace(model.assumed, ship=level), first_ship=level)
+    still = replace(model, assumed=replace(model.assumed, ship=level), begun=len(level))
     fit = explanation.fitted(still, grown(path, problem.pendulums, level))
-    if len(level) == len(ship) or motion.is_white(fit, problem.differences):
-        return fit
-    other = motion.upright(explanation.fitted(model, grown(path, problem.pendulums, ship)))
-    return max(fit, other, key=standing)
+    if not model.assumed.sine or problem.recorded.size or motion.is_white(fit, problem.differences):
+        return motion.reshaped(fit)
+    seas = (replace(each, axis="vertical") for each in level if isinstance(each, Sea))
+    heaving = replace(still, assumed=replace(model.assumed, ship=(*level, *seas)))
+    found = [fit]
+    for each, about in ((heaving, fit.path), (model, path)):  # as it sways, or as the sidebands have it
+        try:
+            about = grown(about, problem.pendulums, each.assumed.ship)
+            found.append(motion.reshaped(explanation.fitted(each, about)))
+        except np.linalg.LinAlgError:
+            continue
+        if motion.is_white(found[-1], problem.differences):
+            break
+    return max(found, key=standing)
 
 
 def spectral(model: explanation.Model, path: Floats, gathered: Gathered) -> explanation.Model:
@@ -461,7 +471,7 @@ def spectral(model: explanation.Model, path: Floats, gathered: Gathered) -> expl
     heave = assumed.sine and not problem.recorded.size
     ship = spectrum.begin(problem, path, noise, sine=assumed.sine, heave=heave)
     assumed = replace(assumed, ship=ship, noise=noise, kick=np.zeros(problem.pendulums))
-    return replace(model, assumed=assumed, first_ship=ship)
+    return replace(model, assumed=assumed, begun=len(ship))
 
 
 def better(model: explanation.Model, fit: explanation.Fitted) -> explanation.Fitted:

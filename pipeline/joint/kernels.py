@@ -1,7 +1,7 @@
 """Filter and smoother over the lattice: prediction errors and their derivatives, the smoothed path by adjoints.
 
 The state's covariance holds what is random (ship, kicks); whatever is a constant (gravity, damping, zeros, the start of
-the free swing) is a column beside it: the derivative of the prediction, taken through the same gain. One sweep then gives
+the free swing) is a column beside it: the prediction's derivative, taken through the same gain. One sweep then gives
 the normal matrix of all constants, whose priors can be chosen afterwards (de Jong 1991). With even sampling the gain
 settles and is kept; a gap lets it move again.
 
@@ -693,9 +693,7 @@ def keep_step(keep: Kept, s: int, ahead: Floats, push: Floats) -> None:
 
 
 @kernel
-def keep_readings(
-    keep: Kept, start: int, slots: Slots, used: int, root: Floats, gain: Floats, seen: Floats
-) -> None:
+def keep_readings(keep: Kept, start: int, slots: Slots, used: int, root: Floats, gain: Floats, seen: Floats) -> None:
     """Keep the whitened rows of a node's readings, their gains and errors."""
     for j in range(used):
         at = slots.reading[j] - start

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint.problem import Problem
+from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Axis, Component, Sea, Vibration, density
 
 WINDOWS = (100.0, 50.0, 25.0)  # s: the longest that a record has three of
@@ -23,7 +23,7 @@ SPARSE = 2.0  # of the swing between readings, rad
 SIDEBANDS = 0.4  # of the swing's frequency
 REACH = {Sea: np.array([0.9, 1.6, 7.0]), Vibration: np.array([2.0, 7.0])}
 """How far the logarithms may go from where they began."""
-BROADEST = 0.7  # of the frequency, a sea's damping
+NARROWEST, BROADEST = 0.01, 0.7  # of the frequency, a sea's damping
 LOWEST = 1.27  # mean of the lowest quarter of normal deviates, with its sign changed
 MORE = 15.0  # in log-likelihood, that a further sea must be worth
 MOST_SEAS = 1
@@ -180,6 +180,11 @@ def transfer(problem: Problem, trace: int, frequency: Floats) -> Floats:
     return np.asarray(answer**2)
 
 
+def beside_the_swing(swing: float, square: float, frequency: Floats) -> Floats:
+    """Square of a trace's answer to Z on either side of the swing, by frequency; `square`: half its mean square."""
+    return np.asarray(square * (swing**2 / (swing**2 - frequency**2)) ** 2)
+
+
 @dataclass(frozen=True)
 class Seen:
     """What a trace shows of the ship.
@@ -273,7 +278,7 @@ def seen(problem: Problem, trace: int, path: Floats, noise: float, *, sidebands:
         frequency, power, weight = frequency[keep], power[keep], weight[keep]
     # a quarter of the square of the arc: half of the mean square
     arc = 0.5 * float(np.mean((problem.lattice.combination[trace] @ path[:, : 2 * problem.pendulums : 2].T) ** 2))
-    upright = arc * (swing**2 / (swing**2 - frequency**2)) ** 2
+    upright = beside_the_swing(swing, arc, frequency)
     return Seen(frequency, power, weight, transfer(problem, trace, frequency), upright, noise**2 * step, swing)
 
 
@@ -346,8 +351,14 @@ def assemble(like: tuple[Component, ...], vector: Floats) -> tuple[Component, ..
         if isinstance(each, Vibration):
             out.append(replace(each, rate=next(values), rms=next(values)))
         else:
-            frequency = next(values)
-            out.append(
-                replace(each, frequency=frequency, damping=frequency * min(next(values), BROADEST), rms=next(values))
-            )
+            frequency, width, size = next(values), next(values), next(values)
+            width = min(max(width, NARROWEST), BROADEST) if isinstance(each, Sea) else min(width, BROADEST)
+            out.append(replace(each, frequency=frequency, damping=frequency * width, rms=size))
     return tuple(out)
+
+
+def between(one: Assumed, other: Assumed, share: float) -> Assumed:
+    """Ship and noise some share of the way from one to another of the same kinds, in logarithms."""
+    low, high = parameters(one.ship), parameters(other.ship)
+    noise = one.noise * (other.noise / one.noise) ** share
+    return replace(other, ship=assemble(other.ship, low + share * (high - low)), noise=noise)

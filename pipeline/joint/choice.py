@@ -143,14 +143,13 @@ def simplified(fit: Fitted) -> Fitted:
 
 def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
     """Add what pays, the best first; the last fit, and the explanations that stay close to it."""
-    close: list[Candidate] = []
+    found: list[Candidate] = []
     fit = simplified(fit)
     for _ in range(ROUNDS):
         base = fit.solution.log_likelihood
         found = [each for each in candidates(fit) if each[0] > base - PAYS]
         found = [each for each in found if each[0] < base + PAYS or _matters(fit, each)]
         found.sort(key=lambda each: -each[0])
-        close = [each for each in found if each[0] < base + PAYS]
         taken = _taken(fit, [each for each in found if each[0] > base + PAYS])
         if taken is None:
             simple = simplified(fit)
@@ -160,7 +159,8 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
                 break
             taken = simple  # what stays close is weighed against this one
         fit = taken if taken.model.assumed.ship == fit.model.assumed.ship else motion.reshaped(taken)
-    return fit, [*(_refitted(fit, each) for each in close), *_rivals(fit)]
+    close = [again for each in found if (again := _refitted(fit, each)) is not None]
+    return fit, [*close, *_rivals(fit)]
 
 
 def _rivals(fit: Fitted) -> list[Candidate]:
@@ -191,6 +191,7 @@ def _matters(fit: Fitted, candidate: Candidate) -> bool:
         return False
     duration = fit.model.problem.lattice.duration
     (value, sigma), (other, wider) = (mean_gravity(each.solution, duration) for each in (fit, found))
+    wider = float(np.hypot(wider, motion.unseen(found, found.model)))
     return abs(other - value) > HARMLESS * sigma or wider > (1.0 + HARMLESS) * sigma
 
 
@@ -209,13 +210,13 @@ def _taken(fit: Fitted, ahead: list[Candidate]) -> Fitted | None:
     return None
 
 
-def _refitted(fit: Fitted, candidate: Candidate) -> Candidate:
+def _refitted(fit: Fitted, candidate: Candidate) -> Candidate | None:
     """A close explanation fitted for itself where it is ahead, or has vertical motion, which acts by its own path."""
     more = candidate[1].assumed.ship[len(fit.model.assumed.ship) :]
     if candidate[0] < fit.solution.log_likelihood and not any(each.axis == "vertical" for each in more):
         return candidate
     found = _fitted(fit, candidate, -np.inf)
-    return candidate if found is None else _as_candidate(candidate, found)
+    return None if found is None else _as_candidate(candidate, found)
 
 
 def _as_candidate(candidate: Candidate, found: Fitted) -> Candidate:
@@ -238,8 +239,10 @@ def _fitted(fit: Fitted, candidate: Candidate, least: float) -> Fitted | None:
 def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:
     """Gravity over reference gravity and its 1 sigma, over the explanations that stay close."""
     duration = fit.model.problem.lattice.duration
-    parts = [(fit.solution.log_likelihood, *mean_gravity(fit.solution, duration))]
-    parts += [(value, *mean_gravity(solution, duration)) for value, _, solution in close]
+    parts = []
+    for value, model, solution in ((fit.solution.log_likelihood, fit.model, fit.solution), *close):
+        mean, sigma = mean_gravity(solution, duration)
+        parts.append((value, mean, float(np.hypot(sigma, motion.unseen(fit, model)))))
     logs = np.array([part[0] for part in parts])
     share = np.exp(logs - logs.max())
     share /= share.sum()

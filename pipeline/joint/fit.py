@@ -290,13 +290,16 @@ def reduce(gathered: Gathered) -> Outcome:
         if len(found) > 1 and (fit.model.words or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
             reference = float(gathered.constants["reference_gravity"])
             fit, close = weighed([(fit, close), choice.settle(found[1])], reference)
+    except motion.UnresolvedError:
+        assert gathered.denser is not None
+        return reduce(gathered.denser())
     except np.linalg.LinAlgError as error:
         raise RefusedError(
             f"elongation: no swing at the stated period can be followed ({error}); check instrument/period and "
             "record/combination"
         ) from None
     mean, sigma = choice.averaged(fit, close)
-    sigma = float(np.sqrt(sigma**2 + gathered.heave_doubt**2 + fit.doubt**2 + motion.unseen(fit) ** 2))
+    sigma = float(np.sqrt(sigma**2 + gathered.heave_doubt**2 + fit.doubt**2))
     spread = choice.unexplained(fit)
     if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:
         raise RefusedError(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,6 +50,8 @@ class Gathered:
         White noise of a recording that is interpolated, over reference gravity, times the root of its step, s1/2.
     heave_doubt : float
         1 sigma of its mean over reference gravity, which gravity shares.
+    denser : callable
+        The same with as many nodes as readings, for motion that the traces do not show before they are fitted.
     """
 
     problem: Problem
@@ -57,6 +61,7 @@ class Gathered:
     noise: Floats
     heave_noise: float = 0.0
     heave_doubt: float = 0.0
+    denser: Callable[[], Gathered] | None = None
 
     @property
     def law(self) -> str | None:
@@ -65,8 +70,8 @@ class Gathered:
         return None if law is None else str(law)
 
 
-def gather(record: DataTree) -> Gathered:
-    """Lay a record out.
+def gather(record: DataTree, *, calm: bool = True) -> Gathered:
+    """Lay a record out; unless it is calm, with as many nodes as readings.
 
     Raises
     ------
@@ -111,7 +116,7 @@ def gather(record: DataTree) -> Gathered:
         if not dense:
             rows += [np.full((1, time.size), np.nan), heave[None]]
     arc = 1.5 * float(np.nanmax(np.nanstd(series[np.isfinite(series).any(axis=1)], axis=1)))
-    calm = all(is_calm(time, each, swing, arc) for each in series)
+    calm = calm and all(is_calm(time, each, swing, arc) for each in series)
     lattice = lay(time, np.concatenate(rows), combination, swing, calm=calm)
     recorded = slope = np.zeros((0, 3))
     spline, doubt = None, 0.0
@@ -152,6 +157,7 @@ def gather(record: DataTree) -> Gathered:
         stated,
         white,
         doubt,
+        partial(gather, record, calm=False),
     )
 
 

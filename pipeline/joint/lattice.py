@@ -43,6 +43,11 @@ class Lattice:
         return np.asarray(self.node * self.step + self.offset)
 
     @property
+    def dense(self) -> bool:
+        """Whether no readings of different times share a node, as a rule."""
+        return self.step < 1.5 * float(np.median(np.diff(np.unique(self.time))))
+
+    @property
     def duration(self) -> float:
         """From the first node to the last, s."""
         return self.step * (self.nodes - 1)

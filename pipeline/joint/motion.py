@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import spectrum
-from pipeline.joint.explanation import Candidate, Fitted, fitted, grown, priced
+from pipeline.joint.explanation import Candidate, Fitted, Model, fitted, grown, priced
 from pipeline.joint.problem import Assumed
 from pipeline.joint.ship import Axis, Component, Engine, Sea, Vibration
 from pipeline.joint.whiteness import OWN, Shown, errors_by_frequency
@@ -27,13 +27,24 @@ LEAST_BAND, BANDS = 8, 12  # bins of the lowest band; bands of a spectrum
 MOST_COMPONENTS = 3
 FAST = 3.0  # of the swing's frequency
 TWICE = (1e-5, 1e-4, 1e-3)  # over reference gravity: vertical motion at twice the swing's frequency, which hides in it
+TURN = 1.5  # rad of a motion in a step of the lattice
 MISSED = 10.0  # in log-likelihood, of a component that stays
 ENOUGH = 3.0  # in log-likelihood
 ROUNDS, SHARES = 4, (1.0, 0.3)  # of a step that the errors' spectrum asks for
 
 
+class UnresolvedError(Exception):
+    """The lattice's steps are too long for motion that the errors show."""
+
+
 def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
-    """Motion of the ship where the whitened errors have more power than white ones; turns where they are asked for."""
+    """Motion of the ship where the whitened errors have more power than white ones; turns where they are asked for.
+
+    Raises
+    ------
+    UnresolvedError
+        It is faster than the lattice's steps show, and the readings are denser.
+    """
     model, ship = fit.model, fit.model.assumed.ship
     if len(ship) >= model.begun + MOST_COMPONENTS:
         return
@@ -53,6 +64,8 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
     for line in lines:
         assumed, gain = shown.likeliest((*ship, line), last=True)
         if gain > COMPONENT:
+            if assumed.ship[-1].peak * model.problem.lattice.step > TURN and not model.problem.lattice.dense:
+                raise UnresolvedError
             yield of(assumed)
     if slow and model.assumed.sine and not model.problem.recorded.size:
         twice = 2.0 * float(np.sqrt(model.problem.kappa.mean()))
@@ -60,21 +73,16 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
         yield from (of(replace(model.assumed, ship=(*ship, line))) for line in lines)
 
 
-def unseen(fit: Fitted) -> float:
-    """1 sigma of gravity over itself, of what a fast vertical motion does that is not followed or not well known.
+def unseen(fit: Fitted, model: Model) -> float:
+    """1 sigma of gravity over itself, of what a fast vertical motion does that a model assumes and does not follow.
 
     It stiffens a pendulum by its mean square over that of its frequency, in those of the swing.
     """
-    problem, begin, total = fit.model.problem, 2 * fit.model.problem.pendulums, 0.0
-    swing = float(problem.kappa.mean())
-    for number, each in enumerate(fit.model.assumed.ship):
-        row = each.system()[1]
-        if each.axis == "vertical" and each.peak > FAST * np.sqrt(swing):
-            followed = float(np.mean((fit.path[:, begin : begin + row.size] @ row) ** 2))
-            doubt = 2.0 * Shown.of(fit).doubt(number) * each.rms**2
-            total += swing / each.peak**2 * float(np.hypot(each.rms**2 - followed, doubt))
-        begin += row.size
-    return total
+    swing, ship = float(model.problem.kappa.mean()), model.assumed.ship
+    upright = [number for number, each in enumerate(ship) if each.axis == "vertical"]
+    fast = [number for number in upright if ship[number].peak > FAST * np.sqrt(swing)]
+    shown = replace(Shown.of(fit, ship), assumed=model.assumed) if fast else None
+    return sum(swing * (ship[k].rms / ship[k].peak) ** 2 * shown.doubt(k) for k in fast) if shown else 0.0
 
 
 def reshaped(fit: Fitted) -> Fitted:

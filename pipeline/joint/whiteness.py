@@ -198,9 +198,11 @@ class Shown:
         return float(np.sum(self.weight * (less + self.power * (np.exp(-less) - 1.0))))
 
     def doubt(self, number: int) -> float:
-        """1 sigma of the logarithm of a component's size."""
-        ship = list(self.assumed.ship)
-        here = self.expected(tuple(ship), self.assumed.noise)
-        ship[number] = replace(ship[number], rms=ship[number].rms * (1.0 + STEP))
-        row = (self.expected(tuple(ship), self.assumed.noise) - here) / STEP
-        return float(1.0 / np.sqrt(np.sum(self.weight * row**2) + 1.0))
+        """1 sigma of the mean square of a component's motion as it is followed, over what is assumed of it."""
+        ship, noise, weight = self.assumed.ship, self.assumed.noise, self.weight
+        whole = np.exp(self.expected(ship, noise))
+        own = whole - np.exp(self.expected((*ship[:number], *ship[number + 1 :]), noise))
+        share = own / whole  # of what is read at a frequency: so much of the motion there is followed
+        lost = 1.0 - float(np.sum(weight * own * share) / np.sum(weight * own))
+        ordinates = float(np.sum(weight * share) ** 2 / np.sum(weight * share**2))
+        return float(np.hypot(lost, 2.0 * np.sqrt(lost / ordinates)))

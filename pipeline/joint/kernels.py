@@ -367,7 +367,7 @@ def derive_errors(
             seen[j, c] += 1.0
         elif kind == DELAY or (kind == CLOCK and time >= columns.centre[c]):
             for i in range(readings.combination.shape[1]):
-                seen[j, c] += readings.combination[trace, i] * state[2 * i + 1, last]
+                seen[j, c] -= readings.combination[trace, i] * state[2 * i + 1, last]
 
 
 class Pass(NamedTuple):

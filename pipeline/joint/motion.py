@@ -122,7 +122,7 @@ def pruned(fit: Fitted) -> Fitted:
         begun = model.begun - (number < model.begun)
         trial = replace(model, assumed=replace(model.assumed, ship=rest), begun=begun)
         if priced(trial, path)[0] > fit.solution.log_likelihood:
-            fit = fitted(trial, path)
+            fit = max(fit, fitted(trial, path), key=lambda each: each.solution.log_likelihood)
     return fit
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -49,30 +50,38 @@ def clock() -> xr.DataTree:
     return xr.DataTree.from_dict({"/": root.assign_coords(time=stamped), **tree})
 
 
-FAULTS: dict[str, tuple[Callable[[], xr.DataTree], str]] = {
-    "zero of 3 mrad": (lambda: first(lambda time, value: value + 3e-3), "zero of trace 1: 0.003"),
-    "zero that drifts": (lambda: first(lambda time, value: value + 4e-3 * time / 300.0), "drift of trace 1: 0.002"),
-    "step of a zero": (lambda: first(lambda time, value: value + 1e-3 * (time > 100.02)), "step of trace 1"),
-    "step of the difference": (lambda: first(lambda time, value: value + 1e-3 * (time > 100.02), 1), "step of trace 2"),
-    "gain of 1 %": (lambda: first(lambda time, value: 1.01 * value), ""),
-    "delay of 10 ms": (lambda: first(late(0.01), 1), "delay of trace 2: 0.01"),
-    "bias of 20 mGal": (lambda: heave(lambda time, value: value + 2e-4), ""),
-    "heave of wrong sign": (lambda: heave(lambda time, value: -value), "scale of the heave: -2"),
-    "heave .3 s late": (lambda: heave(late(0.3)), "delay of the heave"),
-    "clock's step of 5 ms": (clock, ""),
-    "steps of .3 mrad": (lambda: first(lambda time, value: 3e-4 * np.rint(value / 3e-4)), ""),
-    "clipped at 8 mrad": (lambda: first(lambda time, value: np.clip(value, -8e-3, 8e-3)), ""),
+FAULTS: dict[str, tuple[Callable[[], xr.DataTree], str, float | None]] = {
+    "zero of 3 mrad": (lambda: first(lambda time, value: value + 3e-3), "zero of trace 1", 3e-3),
+    "zero that drifts": (lambda: first(lambda time, value: value + 4e-3 * time / 300.0), "drift of trace 1", 2e-3),
+    "step of a zero": (lambda: first(lambda time, value: value + 1e-3 * (time > 100.02)), "step of trace 1", None),
+    "step of the difference": (
+        lambda: first(lambda time, value: value + 1e-3 * (time > 100.02), 1),
+        "step of trace 2",
+        None,
+    ),
+    "gain of 1 %": (lambda: first(lambda time, value: 1.01 * value), "", None),
+    "delay of 10 ms": (lambda: first(late(0.01), 1), "delay of trace 2", 0.01),
+    "bias of 20 mGal": (lambda: heave(lambda time, value: value + 2e-4), "", None),
+    "heave of wrong sign": (lambda: heave(lambda time, value: -value), "scale of the heave", -2.0),
+    "heave .3 s late": (lambda: heave(late(0.3)), "delay of the heave", 0.3),
+    "clock's step of 5 ms": (clock, "", None),
+    "steps of .3 mrad": (lambda: first(lambda time, value: 3e-4 * np.rint(value / 3e-4)), "", None),
+    "clipped at 8 mrad": (lambda: first(lambda time, value: np.clip(value, -8e-3, 8e-3)), "", None),
 }
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_gravity_survives_a_fault_of_the_apparatus(fault: str) -> None:
-    make, words = FAULTS[fault]
+    make, name, value = FAULTS[fault]
     found = row(make())
     gravity = record()[1]
     assert abs(in_sigmas(found, gravity)) < 3.5
     assert found["gravity_sigma_mgal"] < 20.0 * row(record()[0])["gravity_sigma_mgal"]
-    assert words in found["choice_reason"]
+    assert name in found["choice_reason"]
+    if value is not None:
+        told = re.search(rf"{name}: (\S+) \+- ([\d.e-]+)", found["choice_reason"])
+        assert told is not None
+        assert abs(float(told[1]) - value) < 3.5 * float(told[2])
 
 
 def test_no_fault_is_named_where_there_is_none() -> None:

@@ -224,7 +224,7 @@ class Problem:
             if len(begins) > 1:  # gone through again, and kept this time
                 keep = sweep.room(begin, end)
                 sums = np.zeros_like(of.normal), np.zeros_like(of.totals)
-                again = of._replace(state=state, covariance=covariance, normal=sums[0], totals=sums[1])
+                again = of._replace(state=state.copy(), covariance=covariance.copy(), normal=sums[0], totals=sums[1])
                 replace(sweep, of=again).go(begin, end, keep)
             of.whitened[sweep.readings.first[begin] : sweep.readings.first[end]] = keep.errors @ change
             pushed = np.append(change[:-1][sweep.forced], 1.0)

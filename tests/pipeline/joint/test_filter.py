@@ -96,6 +96,9 @@ def test_likelihood_and_path_are_those_of_one_dense_gaussian(lost: tuple[int, ..
         Constant("gain", kernels.GAIN, 1.0, index=0),
         Constant("step", kernels.STEP, 1.0, index=1, centre=0.5),
         Constant("start", kernels.START, 1.0, index=1, value=0.01),
+        Constant("delay", kernels.DELAY, 1.0, index=1),
+        Constant("clock", kernels.CLOCK, 1.0, centre=0.5),
+        Constant("ratio", kernels.RATIO, 1.0, index=1),
     ],
     ids=lambda constant: constant.name,
 )
@@ -116,11 +119,51 @@ def test_derivatives_are_those_of_the_prediction_errors(constant: Constant, sine
     here = errors(constant.value)
     normal = of.run(model, whole)[1].normal
     at = len(whole) - 1
-    # a gain here divides the readings, which scales the error as well
-    rel = 0.1 if constant.kind == kernels.GAIN else 2e-3
+    # a gain here divides the readings, which scales the error as well; a clock's step takes the speed at the node
+    rel = {kernels.GAIN: 0.1, kernels.CLOCK: 5e-3}.get(constant.kind, 2e-3)
     assert normal[at, at] == pytest.approx(slope @ slope, rel=rel)
     if constant.kind != kernels.GAIN:
         assert normal[at, -1] == pytest.approx(slope @ here, rel=rel, abs=rel * np.sqrt(slope @ slope))
+
+
+@pytest.mark.parametrize("breaks", [(), ((11, 0), (11, 1), (20, 1))])
+@pytest.mark.parametrize("heave_noise", [0.0, 1e-3])
+def test_a_path_does_not_depend_on_how_much_is_kept_at_once(
+    breaks: tuple[tuple[int, int], ...], heave_noise: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of, model = problem(lost=(3, 4, 5)), replace(assumed(sine=True), breaks=breaks, heave_noise=heave_noise)
+    whole = of.fit(model, constants())
+    monkeypatch.setattr("pipeline.joint.problem.KEPT", 20_000)
+    parts = of.fit(model, constants())
+    np.testing.assert_allclose(parts[2], whole[2], rtol=1e-7, atol=1e-10)
+    np.testing.assert_allclose(parts[1].whitened, whole[1].whitened, rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("breaks", [(), ((11, 0), (20, 1))])
+def test_a_smoothed_path_is_where_the_likelihood_of_one_more_reading_is_greatest(
+    breaks: tuple[tuple[int, int], ...],
+) -> None:
+    of, model = problem(lost=(7,)), replace(assumed(sine=True), breaks=breaks, heave_noise=1e-3)
+    held = tuple(replace(each, prior=1e-9, mean=each.value) for each in constants())
+    about = of.fit(model, held)[2]
+    path = of.fit(model, held, about=about)[2]
+
+    def likelihood(angle: float) -> float:
+        lattice = of.lattice
+        at = int(np.searchsorted(lattice.node, 7))
+        added = replace(
+            lattice,
+            node=np.insert(lattice.node, at, 7),
+            trace=np.insert(lattice.trace, at, 0),
+            offset=np.insert(lattice.offset, at, 0.0),
+            value=np.insert(lattice.value, at, angle),
+        )
+        return replace(of, lattice=added).run(model, held, about=about)[0].log_likelihood
+
+    here, by = float(path[7, 0]), 1e-3
+    low, mid, high = (likelihood(here + k * by) for k in (-1.0, 0.0, 1.0))
+    assert mid > max(low, high)
+    assert abs(low - high) < 1e-6 * (2.0 * mid - low - high)
 
 
 def test_readings_off_the_nodes_cost_nothing() -> None:

@@ -25,6 +25,7 @@ STEPS, LEAST_STEP = 12, 0.3  # times tried at once; of the lattice's step
 FAULT, STEP_COST = 5.0, 9.0  # in log-likelihood: of what an apparatus seldom has; of a time that may be any
 KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])
 """rad s-1/2, tried where none is assumed."""
+FADES = (0.0, 0.1, 0.25)  # of the mean speed, below which knife-edge friction fades
 FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, HARMLESS = 100.0, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
@@ -49,9 +50,10 @@ def _constants(fit: Fitted) -> Iterator[Candidate]:
     model = fit.model
     problem, own = model.problem, model.constants
     names = {each.name for each in own}
+    speed = float(np.std(fit.path[:, 1 : 2 * problem.pendulums : 2]))
     frictions = (
         Constant("quadratic friction", kernels.QUADRATIC, 1e-2),
-        Constant("knife-edge friction", kernels.DRY, 1e-4),
+        *(Constant("knife-edge friction", kernels.DRY, 1e-4, centre=part * speed) for part in FADES),
     )
     extra = [*(each for each in frictions if each.name not in names), *apparatus.faults(problem, own)]
     course = () if any(is_knot(each) for each in own) else knots(problem.lattice.duration)
@@ -132,6 +134,23 @@ def _kicks(fit: Fitted) -> Iterator[Candidate]:
         yield of(now * factor)
 
 
+def _faded(fit: Fitted) -> Fitted:
+    """With the speed below which knife-edge friction fades where the readings are likeliest."""
+
+    def at(value: float) -> Candidate:
+        own = (replace(each, centre=value) if each.kind == kernels.DRY else each for each in fit.model.constants)
+        return priced(replace(fit.model, constants=tuple(own)), fit.path)
+
+    now = next((each.centre for each in fit.model.constants if each.kind == kernels.DRY), 0.0)
+    if now == 0.0:
+        return fit
+    best = at(now)
+    for by in (1.5, 1.25, 1.1, 1.05):
+        now = next(each.centre for each in best[1].constants if each.kind == kernels.DRY)
+        best = max(best, at(now * by), at(now / by), key=lambda each: each[0])
+    return fitted(best[1], fit.path)
+
+
 def simplified(fit: Fitted) -> Fitted:
     """Without zeros, and without scale and delay of a recorded heave, where these do not pay."""
     lean = fit
@@ -158,7 +177,7 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
             if simple is fit:
                 break
             taken = simple  # what stays close is weighed against this one
-        fit = taken if taken.model.assumed.ship == fit.model.assumed.ship else motion.reshaped(taken)
+        fit = motion.reshaped(_faded(taken))
     close = [again for each in found if (again := _refitted(fit, each)) is not None]
     return fit, [*close, *_rivals(fit)]
 
@@ -172,9 +191,9 @@ def _rivals(fit: Fitted) -> list[Candidate]:
         lean = fit.without(taken)
         others = apparatus.faults(fit.model.problem, lean.model.constants)
         extra = [each for each in others if each.kind in SCALES and each.name != taken.name]
-        for value, model, _ in _added(lean, extra, cost=0.0):
-            if value > least - MUCH:
-                other = fitted(model, fit.path)
+        for each in _added(lean, extra, cost=0.0):
+            other = _fitted(lean, each, -np.inf) if each[0] > least - MUCH else None
+            if other is not None:
                 found.append((other.solution.log_likelihood, other.model, other.solution))
     return [each for each in found if each[0] > least]
 

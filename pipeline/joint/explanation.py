@@ -29,15 +29,15 @@ class Model:
     constants : tuple of Constant
     course : Course or None
     problem : Problem
-    begun : int
-        Components of the ship before any was added.
+    begun : tuple of Component
+        The ship before any was added or moved.
     """
 
     words: tuple[str, ...]
     assumed: Assumed
     constants: tuple[Constant, ...]
     problem: Problem
-    begun: int
+    begun: tuple[Component, ...]
     course: Course | None = None
 
 

@@ -173,7 +173,7 @@ def smoothed(
     for _ in range(most):
         solution, of, about = problem.fit(assumed, constants, about=about, gate=gate)
         before, constants, gate = constants, solution.constants, GATE * deviation(of.errors)
-        model = explanation.Model((), assumed, constants, problem, len(assumed.ship))
+        model = explanation.Model((), assumed, constants, problem, assumed.ship)
         heard = contested(model, about, of.errors, gate) if most > 1 else model
         fit = explanation.Fitted(heard, solution, about, of, before)
         if heard is model and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
@@ -445,12 +445,13 @@ def risen(model: explanation.Model, path: Floats) -> explanation.Fitted:
     """Fitted without vertical motion where the differences ask for none; it is slow, and would explain other things."""
     problem, ship = model.problem, model.assumed.ship
     level = tuple(each for each in ship if each.axis == "horizontal")
-    still = replace(model, assumed=replace(model.assumed, ship=level), begun=len(level))
+    still = replace(model, assumed=replace(model.assumed, ship=level), begun=level)
     fit = explanation.fitted(still, grown(path, problem.pendulums, level))
     if not model.assumed.sine or problem.recorded.size or motion.is_white(fit, problem.differences):
         return motion.reshaped(fit)
     seas = (replace(each, axis="vertical") for each in level if isinstance(each, Sea))
-    heaving = replace(still, assumed=replace(model.assumed, ship=(*level, *seas)))
+    swaying = (*level, *seas)
+    heaving = replace(still, assumed=replace(model.assumed, ship=swaying), begun=swaying)
     found = [fit]
     for each, about in ((heaving, fit.path), (model, path)):  # as it sways, or as the sidebands have it
         try:
@@ -474,7 +475,7 @@ def spectral(model: explanation.Model, path: Floats, gathered: Gathered) -> expl
     heave = assumed.sine and not problem.recorded.size
     ship = spectrum.begin(problem, path, noise, sine=assumed.sine, heave=heave)
     assumed = replace(assumed, ship=ship, noise=noise, kick=np.zeros(problem.pendulums))
-    return replace(model, assumed=assumed, begun=len(ship))
+    return replace(model, assumed=assumed, begun=ship)
 
 
 def better(model: explanation.Model, fit: explanation.Fitted) -> explanation.Fitted:

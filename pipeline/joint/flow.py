@@ -35,6 +35,8 @@ class Flow(NamedTuple):
         Restoring law; False: linear.
     gravity : float
         G of the linear part.
+    fade : float
+        Speed below which knife-edge friction fades, rad s-1; 0: where a pendulum turns.
     kappa, damping, quadratic, dry : (p,) arrays
         n^2 at reference gravity, s-2; viscous rate, s-1; factor of |theta'| theta', 1; of sign theta', s-2.
     rows : (6 p + 6 + d, d) array
@@ -66,6 +68,7 @@ class Flow(NamedTuple):
     damping: Floats
     quadratic: Floats
     dry: Floats
+    fade: float
     rows: Floats
     noise: Floats
     heave_noise: float
@@ -88,6 +91,7 @@ def flow(
     sine: bool,
     quadratic: Floats | None = None,
     dry: Floats | None = None,
+    fade: float = 0.0,
     heave_noise: float = 0.0,
 ) -> Flow:
     """Matrices of a step.
@@ -105,8 +109,8 @@ def flow(
         Restoring law.
     quadratic, dry : (p,) arrays, optional
         Friction proportional to the square of the speed, 1; knife-edge friction, s-2.
-    heave_noise : float
-        Of a recorded heave, see `Flow`.
+    fade, heave_noise : float
+        See `Flow`.
     """
     from scipy.linalg import expm
 
@@ -137,6 +141,7 @@ def flow(
         damping=np.asarray(damping, dtype=np.float64),
         quadratic=np.zeros(count) if quadratic is None else np.asarray(quadratic, dtype=np.float64),
         dry=np.zeros(count) if dry is None else np.asarray(dry, dtype=np.float64),
+        fade=fade,
         rows=np.ascontiguousarray(
             np.concatenate(
                 [

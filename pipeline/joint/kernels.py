@@ -65,7 +65,8 @@ class Columns(NamedTuple):
     kind, member : (c,) arrays of int
         Kind as above; pendulum, trace (-1: all) or state that it belongs to.
     centre, width : (c,) arrays
-        s: of GRAVITY a hat's, width 0: the whole record; of DRIFT centre and scale; of STEP and CLOCK their time.
+        s: of GRAVITY a hat's, width 0: the whole record; of DRIFT centre and scale; of STEP and CLOCK their time; of
+        DRY the centre is the speed below which it fades, rad s-1.
     """
 
     kind: np.ndarray
@@ -129,6 +130,21 @@ def ends_of(flow: Flow) -> Floats:
 
 
 @kernel
+def direction(flow: Flow, i: int, m: int, angle: float, speed: float, fade: float) -> tuple[float, float]:
+    """Sign of a speed as knife-edge friction has it, and its slope by the speed.
+
+    It fades below a speed; else it is the mean over a node's share of the step, in which the pendulum may turn.
+    """
+    if fade > 0.0:
+        root = np.sqrt(speed * speed + fade * fade)
+        return speed / root, fade * fade / root**3
+    within = flow.kappa[i] * abs(angle) * flow.step * (2.0 / 9.0 if m == 1 else 5.0 / 36.0)
+    if abs(speed) >= within:
+        return np.sign(speed), 0.0
+    return speed / within, 1.0 / within
+
+
+@kernel
 def collocate(flow: Flow, i: int, nodes: Floats, rest: Floats) -> None:
     """Angles of pendulum i at the nodes under what the linear flow leaves, and that remainder.
 
@@ -161,7 +177,8 @@ def collocate(flow: Flow, i: int, nodes: Floats, rest: Floats) -> None:
             else:
                 rest[i, m, 2] = -kappa * z * at
             if quadratic != 0.0 or dry != 0.0:
-                rest[i, m, 2] -= quadratic * abs(nodes[speed + m]) * nodes[speed + m] + dry * np.sign(nodes[speed + m])
+                rest[i, m, 2] -= quadratic * abs(nodes[speed + m]) * nodes[speed + m]
+                rest[i, m, 2] -= dry * direction(flow, i, m, at, nodes[speed + m], flow.fade)[0]
         f0, f1, f2 = rest[i, 0, 2], rest[i, 1, 2], rest[i, 2, 2]
         moved0 = flow.response[i, 0, 0, 0] * f0 + flow.response[i, 0, 1, 0] * f1 + flow.response[i, 0, 2, 0] * f2
         moved1 = flow.response[i, 1, 0, 0] * f0 + flow.response[i, 1, 1, 0] * f1 + flow.response[i, 1, 2, 0] * f2
@@ -279,6 +296,7 @@ def differentiate(
         else:
             by[m, 0], by[m, 2], by[m, 3] = -kappa * z, 0.0, 0.0
         by[m, 1] = -2.0 * flow.quadratic[i] * abs(speed)
+        by[m, 1] -= flow.dry[i] * direction(flow, i, m, rest[i, m, 3], speed, flow.fade)[1]
         linear = by[m, 0] * rest[i, m, 3] + by[m, 1] * speed + by[m, 2] * u + by[m, 3] * (z - beside)
         extra[2 * i] += flow.response[i, 3, m, 0] * (rest[i, m, 2] - linear)
         extra[2 * i + 1] += flow.response[i, 3, m, 1] * (rest[i, m, 2] - linear)
@@ -315,7 +333,7 @@ def force_columns(
                 elif kind == QUADRATIC:
                     force = -abs(speed) * speed
                 elif kind == DRY:
-                    force = -np.sign(speed)
+                    force = -direction(flow, i, m, angle, speed, columns.centre[c])[0]
                 else:
                     lever = angle
                     if flow.sine:

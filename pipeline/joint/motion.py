@@ -12,13 +12,14 @@ from pipeline.joint import spectrum
 from pipeline.joint.explanation import Candidate, Fitted, Model, fitted, grown, priced
 from pipeline.joint.problem import Assumed
 from pipeline.joint.ship import Axis, Component, Engine, Sea, Vibration
-from pipeline.joint.whiteness import OWN, Shown, errors_by_frequency
+from pipeline.joint.whiteness import Shown, errors_by_frequency
 
 CALM = 0.5  # of the swing's frequency: below it lines of the sea are left, which cost nothing
 WIDTHS = (1, 256)  # bins of a spectrum that are looked at together
 BROAD = 0.03  # relative width from which motion is the sea's
 COMPONENT = 13.0  # in log-likelihood, of a component's parameters and of its place among all
 CHANCE = 1e-3  # that white errors show a peak
+OWN = 0.05  # of the swing's frequency: so near it kicks and friction show
 LEAST_VERTICAL = 0.3  # rad s-1
 SLOW = (Vibration(0.01, 1e-3), Vibration(0.05, 1e-3))  # turns and changes of speed
 SAME_LINE = 0.2  # in the logarithm of the frequency
@@ -27,6 +28,7 @@ LEAST_BAND, BANDS = 8, 12  # bins of the lowest band; bands of a spectrum
 MOST_COMPONENTS = 3
 FAST = 3.0  # of the swing's frequency
 TWICE = (1e-5, 1e-4, 1e-3)  # over reference gravity: vertical motion at twice the swing's frequency, which hides in it
+RARE = 500.0  # in log-likelihood, of that: kicks and friction that is not met do nearly the same
 TURN = 1.5  # rad of a motion in a step of the lattice
 MISSED = 10.0  # in log-likelihood, of a component that stays
 ENOUGH = 3.0  # in log-likelihood
@@ -46,16 +48,16 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
         It is faster than the lattice's steps show, and the readings are denser.
     """
     model, ship = fit.model, fit.model.assumed.ship
-    if len(ship) >= model.begun + MOST_COMPONENTS:
+    if len(ship) >= len(model.begun) + MOST_COMPONENTS:
         return
 
-    def of(assumed: Assumed) -> Candidate:
+    def of(assumed: Assumed, cost: float = COMPONENT) -> Candidate:
         found = assumed.ship[-1]
         words = f"{found.axis} motion at {found.peak / (2.0 * np.pi):.2f} Hz"
         trial = replace(model, words=(*model.words, words), assumed=assumed)
-        return priced(trial, grown(fit.path, model.problem.pendulums, assumed.ship), cost=COMPONENT)
+        return priced(trial, grown(fit.path, model.problem.pendulums, assumed.ship), cost=cost)
 
-    near, lines = list(ship[model.begun :]), []
+    near, lines = list(ship[len(model.begun) :]), []
     for line in (*_lines(fit), *(SLOW if slow else ())):
         if not any(line.axis == each.axis and abs(np.log(line.peak / each.peak)) < SAME_LINE for each in near):
             near.append(line)
@@ -70,7 +72,7 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
     if slow and model.assumed.sine and not model.problem.recorded.size:
         twice = 2.0 * float(np.sqrt(model.problem.kappa.mean()))
         lines = [Engine(twice, OWN * OWN * twice, size, "vertical") for size in TWICE]
-        yield from (of(replace(model.assumed, ship=(*ship, line))) for line in lines)
+        yield from (of(replace(model.assumed, ship=(*ship, line)), RARE) for line in lines)
 
 
 def unseen(fit: Fitted, model: Model) -> float:
@@ -89,7 +91,9 @@ def reshaped(fit: Fitted) -> Fitted:
     """With the ship's parameters and the noise as the errors' spectrum asks, while the readings get likelier."""
     for _ in range(ROUNDS):
         now = fit.model.assumed
-        wanted, gain = Shown.of(fit).likeliest(now.ship)
+        shown, begun = Shown.of(fit), fit.model.begun
+        starts = {now.ship, (*begun, *now.ship[len(begun) :])}  # what was not known before may have led it astray
+        wanted, gain = max((shown.likeliest(each) for each in starts), key=lambda pair: pair[1])
         if gain < ENOUGH:
             break
         tried = (_with(fit, spectrum.between(now, wanted, share)) for share in SHARES)
@@ -119,7 +123,7 @@ def pruned(fit: Fitted) -> Fitted:
         sizes = [2 * model.problem.pendulums, *(each.system()[1].size for each in ship)]
         begin = sum(sizes[: number + 1])
         path = np.delete(fit.path, slice(begin, begin + sizes[number + 1]), axis=1)
-        begun = model.begun - (number < model.begun)
+        begun = (*model.begun[:number], *model.begun[number + 1 :])
         trial = replace(model, assumed=replace(model.assumed, ship=rest), begun=begun)
         if priced(trial, path)[0] > fit.solution.log_likelihood:
             fit = max(fit, fitted(trial, path), key=lambda each: each.solution.log_likelihood)

@@ -118,6 +118,7 @@ class Problem:
             assumed.sine,
             tuple(quadratic),
             tuple(dry),
+            next((each.centre for each in constants if each.kind == kernels.DRY), 0.0),
             assumed.heave_noise,
         )
 
@@ -273,11 +274,12 @@ def _flow(
     sine: bool,
     quadratic: tuple[float, ...],
     dry: tuple[float, ...],
+    fade: float,
     heave_noise: float,
 ) -> Flow:
     return flow(
         step, np.array(kappa), np.array(damping), np.array(kick), Ship.of(ship), gravity=gravity, sine=sine,
-        quadratic=np.array(quadratic), dry=np.array(dry), heave_noise=heave_noise,
+        quadratic=np.array(quadratic), dry=np.array(dry), fade=fade, heave_noise=heave_noise,
     )  # fmt: skip
 
 

@@ -18,8 +18,7 @@ from pipeline.joint.problem import Assumed
 from pipeline.joint.ship import Component, Engine, density
 
 LEAST_READINGS = 100
-OWN = 0.05  # of the swing's frequency: so near it kicks and friction show
-LOWEST = 3  # bins
+LEAST = 3  # bins from zero frequency, and on either side of the swing, that constants fill
 BINS, FINE, BESIDE = 200, 3.0, 10.0  # in all; a line's width over that of a bin about it; widths on either side of it
 NOISE_SPREAD = 0.3  # 1 sigma of the logarithm of the reading noise
 STEP, MOST_STEP = 0.02, 1.0  # of a logarithm: for its slope; at once
@@ -75,11 +74,11 @@ class Band:
         problem = fit.model.problem
         swing = float(np.sqrt(problem.kappa.mean()))
         frequency, power, _ = errors_by_frequency(fit, trace)
-        if frequency.size <= LOWEST:
+        if frequency.size <= 4 * LEAST:
             return None
         step = float(np.pi / frequency[-1])
-        keep = np.abs(frequency / swing - 1.0) > OWN
-        keep[:LOWEST] = False
+        keep = np.abs(frequency - spectrum.folded(swing, step)) > (LEAST + 0.5) * frequency[1]
+        keep[:LEAST] = False
         frequency, power = frequency[keep], power[keep]
         edges = [np.geomspace(frequency[0], frequency[-1] * 1.0001, BINS + 1)]
         for line in lines:

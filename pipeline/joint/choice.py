@@ -7,7 +7,7 @@ nothing pays. Explanations that stay close are averaged into value and sigma.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from pipeline.arrays import Floats
 from pipeline.joint import apparatus, kernels, motion
 from pipeline.joint.constants import Constant, Solution, solve
 from pipeline.joint.course import best_course, is_knot, knots, prior_root, weights
-from pipeline.joint.explanation import Candidate, Fitted, fitted, grown, priced
+from pipeline.joint.explanation import Candidate, Fitted, Model, fitted, grown, priced
 from pipeline.joint.whiteness import LEAST_READINGS
 
 PAYS = 5.0  # in log-likelihood
@@ -25,7 +25,7 @@ STEPS, LEAST_STEP = 12, 0.3  # times tried at once; of the lattice's step
 FAULT, STEP_COST = 5.0, 9.0  # in log-likelihood: of what an apparatus seldom has; of a time that may be any
 KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])
 """rad s-1/2, tried where none is assumed."""
-FADES = (0.0, 0.1, 0.25)  # of the mean speed, below which knife-edge friction fades
+FADES = (0.0, 0.05, 0.1, 0.25)  # of the mean speed, below which knife-edge friction fades
 FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, HARMLESS = 100.0, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
@@ -134,20 +134,28 @@ def _kicks(fit: Fitted) -> Iterator[Candidate]:
         yield of(now * factor)
 
 
+def _fading(fit: Fitted, fades: Iterable[float]) -> list[Candidate]:
+    """The same with knife-edge friction that fades below other speeds."""
+    found = []
+    for fade in fades:
+        own = (replace(each, centre=fade) if each.kind == kernels.DRY else each for each in fit.model.constants)
+        found.append(priced(replace(fit.model, constants=tuple(own)), fit.path))
+    return found
+
+
+def _fade(model: Model) -> float | None:
+    return next((each.centre for each in model.constants if each.kind == kernels.DRY), None)
+
+
 def _faded(fit: Fitted) -> Fitted:
     """With the speed below which knife-edge friction fades where the readings are likeliest."""
-
-    def at(value: float) -> Candidate:
-        own = (replace(each, centre=value) if each.kind == kernels.DRY else each for each in fit.model.constants)
-        return priced(replace(fit.model, constants=tuple(own)), fit.path)
-
-    now = next((each.centre for each in fit.model.constants if each.kind == kernels.DRY), 0.0)
-    if now == 0.0:
+    now = _fade(fit.model)
+    if not now:
         return fit
-    best = at(now)
+    best = _fading(fit, (now,))[0]
     for by in (1.5, 1.25, 1.1, 1.05):
-        now = next(each.centre for each in best[1].constants if each.kind == kernels.DRY)
-        best = max(best, at(now * by), at(now / by), key=lambda each: each[0])
+        now = _fade(best[1]) or now
+        best = max([best, *_fading(fit, (now * by, now / by))], key=lambda each: each[0])
     return fitted(best[1], fit.path)
 
 
@@ -183,8 +191,12 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
 
 
 def _rivals(fit: Fitted) -> list[Candidate]:
-    """Other gains and periods that explain nearly as well what one that was taken explains."""
-    found, least = [], fit.solution.log_likelihood - PAYS
+    """Other gains and periods, and ways of friction to fade, that explain nearly as well what was taken explains."""
+    found, least, fade = [], fit.solution.log_likelihood - PAYS, _fade(fit.model)
+    if fade is not None:
+        speed = float(np.std(fit.path[:, 1 : 2 * fit.model.problem.pendulums : 2]))
+        fades = [part * fade for part in (0.0, 0.3, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0)]
+        found += _fading(fit, fades if fade else [part * speed for part in FADES[1:]])
     for taken in fit.model.constants:
         if taken.kind not in SCALES:
             continue

@@ -21,6 +21,7 @@ from synth.kernels.compiled import kernel, summing_kernel
 
 ANYWHERE = 0.1  # rad
 MOST_ARC, MOST_ACCELERATION = 0.5, 0.3  # rad; over reference gravity
+TURNED = 1e-9  # rad s-1: a pendulum turns at no less
 ROWS = 256  # prediction errors that are multiplied out at once
 CHUNK = 64  # nodes whose places on a given path are found at once
 UNEVEN = 8  # nodes after which the covariance is made symmetric again
@@ -131,17 +132,13 @@ def ends_of(flow: Flow) -> Floats:
 
 @kernel
 def direction(flow: Flow, i: int, m: int, angle: float, speed: float, fade: float) -> tuple[float, float]:
-    """Sign of a speed as knife-edge friction has it, and its slope by the speed.
+    """Sign of a speed as knife-edge friction has it, v / sqrt(v^2 + fade^2), and its slope by the speed.
 
-    It fades below a speed; else it is the mean over a node's share of the step, in which the pendulum may turn.
+    It is the mean over a node's share of the step, in which the pendulum may turn.
     """
-    if fade > 0.0:
-        root = np.sqrt(speed * speed + fade * fade)
-        return speed / root, fade * fade / root**3
-    within = flow.kappa[i] * abs(angle) * flow.step * (2.0 / 9.0 if m == 1 else 5.0 / 36.0)
-    if abs(speed) >= within:
-        return np.sign(speed), 0.0
-    return speed / within, 1.0 / within
+    within = flow.kappa[i] * abs(angle) * flow.step * (2.0 / 9.0 if m == 1 else 5.0 / 36.0) + TURNED
+    above, below = np.hypot(speed + within, fade), np.hypot(speed - within, fade)
+    return (above - below) / (2.0 * within), ((speed + within) / above - (speed - within) / below) / (2.0 * within)
 
 
 @kernel

@@ -105,8 +105,11 @@ def reshaped(fit: Fitted) -> Fitted:
 
 
 def _with(fit: Fitted, assumed: Assumed) -> Fitted:
+    path = fit.path
+    if [type(each) for each in assumed.ship] != [type(each) for each in fit.model.assumed.ship]:
+        path = grown(path[:, : 2 * fit.model.problem.pendulums], fit.model.problem.pendulums, assumed.ship)
     try:
-        return fitted(replace(fit.model, assumed=assumed), fit.path)
+        return fitted(replace(fit.model, assumed=assumed), path)
     except np.linalg.LinAlgError:
         return fit
 

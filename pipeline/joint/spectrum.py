@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint.problem import Assumed, Problem
-from pipeline.joint.ship import Axis, Component, Sea, Vibration, density
+from pipeline.joint.ship import Axis, Component, Engine, Sea, Vibration, density
 
 WINDOWS = (100.0, 50.0, 25.0)  # s: the longest that a record has three of
 LEAST_WINDOWS = 3
@@ -344,7 +344,7 @@ def spreads(components: tuple[Component, ...]) -> Floats:
 
 
 def assemble(like: tuple[Component, ...], vector: Floats) -> tuple[Component, ...]:
-    """Components of the same kinds with other numbers."""
+    """Components of the same kinds with other numbers; a sea that is too narrow for one becomes a line."""
     values = iter(np.exp(vector).tolist())
     out: list[Component] = []
     for each in like:
@@ -352,8 +352,8 @@ def assemble(like: tuple[Component, ...], vector: Floats) -> tuple[Component, ..
             out.append(replace(each, rate=next(values), rms=next(values)))
         else:
             frequency, width, size = next(values), next(values), next(values)
-            width = min(max(width, NARROWEST), BROADEST) if isinstance(each, Sea) else min(width, BROADEST)
-            out.append(replace(each, frequency=frequency, damping=frequency * width, rms=size))
+            kind = Engine if isinstance(each, Engine) or width < NARROWEST else Sea
+            out.append(kind(frequency, frequency * min(width, BROADEST), size, each.axis))
     return tuple(out)
 
 

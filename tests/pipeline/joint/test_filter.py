@@ -99,6 +99,7 @@ def test_likelihood_and_path_are_those_of_one_dense_gaussian(lost: tuple[int, ..
         Constant("delay", kernels.DELAY, 1.0, index=1),
         Constant("clock", kernels.CLOCK, 1.0, centre=0.5),
         Constant("ratio", kernels.RATIO, 1.0, index=1),
+        Constant("dry", kernels.DRY, 1.0, value=1e-3, centre=0.02),
     ],
     ids=lambda constant: constant.name,
 )

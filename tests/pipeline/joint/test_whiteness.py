@@ -1,0 +1,97 @@
+"""The ship by the errors' spectrum: what a wrong start loses comes back; motion too fast to be followed is in sigma."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_method import GRAVITY, in_sigmas, record, row
+
+from pipeline.joint import choice, fit, motion
+from pipeline.joint.explanation import Fitted, fitted
+from pipeline.joint.gather import Gathered, gather
+from pipeline.joint.ship import Component, Engine
+from pipeline.joint.whiteness import Shown, errors_by_frequency
+
+pytestmark = pytest.mark.compiled
+
+SEAS = [
+    {"kind": "harmonics", "amplitude": [0.05, 0.04, 0.03], "period": [9.0, 7.7, 6.1]},
+    {"kind": "harmonics", "axis": "vertical", "amplitude": [0.05], "period": [8.0]},
+]
+
+
+@pytest.fixture(scope="module")
+def gathered() -> Gathered:
+    return gather(record(motion=SEAS)[0])
+
+
+@pytest.fixture(scope="module")
+def settled(gathered: Gathered) -> Fitted:
+    return fit.fitted(gathered)[0]
+
+
+def with_ship(found: Fitted, ship: tuple[Component, ...]) -> Fitted:
+    return fitted(replace(found.model, assumed=replace(found.model.assumed, ship=ship)), found.path)
+
+
+def test_errors_of_the_true_model_are_white(settled: Fitted) -> None:
+    for trace in range(2):
+        _, power, used = errors_by_frequency(settled, trace)
+        assert used.sum() > 2000
+        assert np.mean(power[power.size // 2 :]) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("factor", [0.2, 5.0])
+def test_a_ship_assumed_wrong_comes_back(settled: Fitted, factor: float) -> None:
+    ship = settled.model.assumed.ship
+    off = with_ship(settled, (replace(ship[0], rms=factor * ship[0].rms), *ship[1:]))
+    lost = settled.solution.log_likelihood - off.solution.log_likelihood
+    assert lost > 10.0
+    back = motion.reshaped(off)
+    assert back.solution.log_likelihood > settled.solution.log_likelihood - 0.1 * lost - 3.0
+
+
+def test_what_is_foretold_of_a_ship_is_what_the_record_says(settled: Fitted) -> None:
+    ship = settled.model.assumed.ship
+    other = (replace(ship[0], rms=0.7 * ship[0].rms), *ship[1:])
+    lost = settled.solution.log_likelihood - with_ship(settled, other).solution.log_likelihood
+    assert Shown.of(settled).loss(other) == pytest.approx(lost, rel=0.3, abs=3.0)
+
+
+def test_motion_that_is_hardly_seen_is_in_sigma(settled: Fitted) -> None:
+    model = settled.model
+    still = motion.unseen(settled, model)
+    found = []
+    for size in (1e-4, 1e-3):
+        line = Engine(25.0, 0.05, size, "vertical")
+        shaken = replace(model, assumed=replace(model.assumed, ship=(*model.assumed.ship, line)))
+        found.append(motion.unseen(settled, shaken))
+        stiffened = float(model.problem.kappa.mean()) * (size / line.peak) ** 2
+        assert 0.0 < found[-1] < 3.0 * stiffened
+    assert still == 0.0
+    assert found[1] > found[0]
+
+
+def test_a_line_too_fast_for_the_nodes_asks_for_more_of_them() -> None:
+    """An engine of 8 Hz on two readings a node: it shows in the errors alone."""
+    seas = [SEAS[0], {"kind": "harmonics", "axis": "vertical", "amplitude": [0.15], "period": [0.125]}]
+    made, gravity = record(motion=seas, recording={"sampling_rate": 25, "noise": 3e-6, "vertical_acceleration": False})
+    laid = gather(made)
+    assert not laid.problem.lattice.dense
+    with pytest.raises(motion.UnresolvedError):
+        choice.settle(fit.fitted(laid)[0])
+    assert laid.denser is not None
+    assert laid.denser().problem.lattice.dense
+    assert abs(in_sigmas(row(made), gravity)) < 3.5
+
+
+@pytest.mark.parametrize("scale", [3e-4, 3e-3, 1e-2])
+def test_knife_edges_that_fade_at_any_speed_leave_gravity(scale: float) -> None:
+    dry = {"knife_edge": {"friction": 2e-5, "rate": scale}}
+    made, gravity = record(motion=SEAS, pendulum=dry, duration=600.0)
+    found = row(made)
+    assert gravity == pytest.approx(GRAVITY)
+    assert abs(in_sigmas(found, gravity)) < 3.5
+    assert "knife-edge friction" in found["choice_reason"]

@@ -76,8 +76,8 @@ def test_motion_that_is_hardly_seen_is_in_sigma(settled: Fitted) -> None:
 
 def test_a_line_too_fast_for_the_nodes_asks_for_more_of_them() -> None:
     """An engine of 8 Hz on two readings a node: it shows in the errors alone."""
-    seas = [SEAS[0], {"kind": "harmonics", "axis": "vertical", "amplitude": [0.15], "period": [0.125]}]
-    made, gravity = record(motion=seas, recording={"sampling_rate": 25, "noise": 3e-6, "vertical_acceleration": False})
+    seas = [SEAS[0], {"kind": "harmonics", "axis": "vertical", "amplitude": [0.06], "period": [0.125]}]
+    made, gravity = record(motion=seas, recording={"sampling_rate": 25, "noise": 1e-5, "vertical_acceleration": False})
     laid = gather(made)
     assert not laid.problem.lattice.dense
     with pytest.raises(motion.UnresolvedError):

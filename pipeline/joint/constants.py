@@ -53,6 +53,12 @@ def columns(constants: tuple[Constant, ...]) -> Columns:
     )
 
 
+def spline(times: Floats, knot: Constant) -> Floats:
+    """What a knot of a course adds at times: a cubic B-spline, twice as wide on either side as knots lie apart."""
+    away = np.abs(times - knot.centre) / knot.width
+    return np.asarray((np.maximum(0.0, 2.0 - away) ** 3 - 4.0 * np.maximum(0.0, 1.0 - away) ** 3) / 6.0)
+
+
 def total(constants: tuple[Constant, ...], kind: int, size: int) -> Floats:
     """Sum of the values of one kind by what they belong to, (size,); -1 counts for all."""
     out = np.zeros(size)

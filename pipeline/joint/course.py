@@ -1,4 +1,4 @@
-"""Gravity along the track: values at knots, straight lines between, a prior that is smooth in time."""
+"""Gravity along the track: a cubic spline on even knots, with a prior that is smooth in time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import kernels
-from pipeline.joint.constants import Constant, Solution, solve
+from pipeline.joint.constants import Constant, Solution, solve, spline
 
 MOST_KNOTS, LEAST_SPACING = 24, 60.0  # s
 SIZES = 1e-6 * np.array([0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
@@ -34,11 +34,11 @@ class Course:
 
 
 def knots(duration: float) -> tuple[Constant, ...]:
-    """Constants of a course, one a knot."""
+    """Constants of a course, one a knot; one lies outside on either side."""
     count = int(np.clip(duration / LEAST_SPACING, 4, MOST_KNOTS))
-    spacing = duration / (count - 1)
+    spacing = duration / (count - 3)
     return tuple(
-        Constant(f"course {k}", kernels.GRAVITY, 1e-15, centre=k * spacing, width=spacing) for k in range(count)
+        Constant(f"course {k}", kernels.GRAVITY, 1e-15, centre=(k - 1) * spacing, width=spacing) for k in range(count)
     )
 
 
@@ -79,5 +79,5 @@ def weights(constants: tuple[Constant, ...], times: Floats) -> Floats:
     out = np.zeros((times.size, len(constants)))
     for k, each in enumerate(constants):
         if each.kind == kernels.GRAVITY:
-            out[:, k] = 1.0 if each.width == 0.0 else np.maximum(0.0, 1.0 - np.abs(times - each.centre) / each.width)
+            out[:, k] = 1.0 if each.width == 0.0 else spline(times, each)
     return out

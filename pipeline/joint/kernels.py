@@ -66,8 +66,8 @@ class Columns(NamedTuple):
     kind, member : (c,) arrays of int
         Kind as above; pendulum, trace (-1: all) or state that it belongs to.
     centre, width : (c,) arrays
-        s: of GRAVITY a hat's, width 0: the whole record; of DRIFT centre and scale; of STEP and CLOCK their time; of
-        DRY the centre is the speed below which it fades, rad s-1.
+        s: of GRAVITY a cubic spline's, width 0: the whole record; of DRIFT centre and scale; of STEP and CLOCK their
+        time; of DRY the centre is the speed below which it fades, rad s-1.
     """
 
     kind: np.ndarray
@@ -318,7 +318,11 @@ def force_columns(
         for r in range(2 * count):
             push[n, r] = 0.0
         kind, width = columns.kind[c], columns.width[c]
-        if kind == GRAVITY and width > 0.0 and abs(time + 0.5 * flow.step - columns.centre[c]) > width + flow.step:
+        if (
+            kind == GRAVITY
+            and width > 0.0
+            and abs(time + 0.5 * flow.step - columns.centre[c]) > 2.0 * width + flow.step
+        ):
             continue
         for i in range(count):
             if columns.member[c] >= 0 and columns.member[c] != i:
@@ -345,7 +349,8 @@ def force_columns(
                     elif kind == HEAVE_DELAY:
                         force *= slope[k, m] if slope.shape[0] > 0 else 0.0
                     elif width > 0.0:
-                        force *= max(0.0, 1.0 - abs(time + at[m] * flow.step - columns.centre[c]) / width)
+                        away = abs(time + at[m] * flow.step - columns.centre[c]) / width
+                        force *= (max(0.0, 2.0 - away) ** 3 - 4.0 * max(0.0, 1.0 - away) ** 3) / 6.0
                 push[n, 2 * i] += flow.response[i, 3, m, 0] * force
                 push[n, 2 * i + 1] += flow.response[i, 3, m, 1] * force
 

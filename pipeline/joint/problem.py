@@ -148,11 +148,11 @@ class Problem:
 
     def known(self, constants: tuple[Constant, ...], sine: bool) -> Floats:
         """Z that acts beside the states: recorded heave under its constants, gravity as it changes along the track."""
-        hats = [each for each in constants if each.kind == kernels.GRAVITY and each.width > 0.0]
+        course = [each for each in constants if each.kind == kernels.GRAVITY and each.width > 0.0]
         scale = 1.0 + float(unknown.total(constants, kernels.HEAVE_SCALE, 1)[0])
         late = float(unknown.total(constants, kernels.HEAVE_DELAY, 1)[0])
         recorded = self.recorded if sine else np.zeros((0, 3))
-        if not hats and not self.track.size and (not recorded.size or (scale == 1.0 and late == 0.0)):
+        if not course and not self.track.size and (not recorded.size or (scale == 1.0 and late == 0.0)):
             return recorded
         at: Floats = self.lattice.step * (np.arange(self.lattice.nodes)[:, None] + NODES)
         out: Floats = np.zeros_like(at)
@@ -160,8 +160,8 @@ class Problem:
             out += scale * (self.heave(at + late) if late and self.heave else recorded + late * self.slope)
         if self.track.size:
             out += self.track
-        for each in hats:
-            out += each.value * np.maximum(0.0, 1.0 - np.abs(at - each.centre) / each.width)
+        for each in course:
+            out += each.value * unknown.spline(at, each)
         return out
 
     def run(

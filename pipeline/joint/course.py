@@ -10,7 +10,7 @@ from pipeline.arrays import Floats
 from pipeline.joint import kernels
 from pipeline.joint.constants import Constant, Solution, solve, spline
 
-MOST_KNOTS, LEAST_SPACING = 24, 60.0  # s
+KNOTS, SPACINGS = (4, 24, 64), (60.0, 600.0)  # least, most of a short record, most; s: least, and most of a short one
 SIZES = 1e-6 * np.array([0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
 """Root mean squares of the change over reference gravity that are tried: .3 to 300 mGal."""
 LENGTHS = np.array([0.1, 0.3, 1.0])
@@ -35,7 +35,8 @@ class Course:
 
 def knots(duration: float) -> tuple[Constant, ...]:
     """Constants of a course, one a knot; one lies outside on either side."""
-    count = int(np.clip(duration / LEAST_SPACING, 4, MOST_KNOTS))
+    least, many, most = KNOTS
+    count = int(np.clip(max(min(duration / SPACINGS[0], many), 3.0 + duration / SPACINGS[1]), least, most))
     spacing = duration / (count - 3)
     return tuple(
         Constant(f"course {k}", kernels.GRAVITY, 1e-15, centre=(k - 1) * spacing, width=spacing) for k in range(count)

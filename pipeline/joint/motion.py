@@ -100,7 +100,10 @@ def reshaped(fit: Fitted) -> Fitted:
         found = next((each for each in tried if each.solution.log_likelihood > fit.solution.log_likelihood), None)
         if found is None:
             break
+        more = found.solution.log_likelihood - fit.solution.log_likelihood
         fit = found
+        if more < ENOUGH:
+            break
     return fit
 
 

@@ -148,7 +148,7 @@ class Problem:
 
     def known(self, constants: tuple[Constant, ...], sine: bool) -> Floats:
         """Z that acts beside the states: recorded heave under its constants, gravity as it changes along the track."""
-        course = [each for each in constants if each.kind == kernels.GRAVITY and each.width > 0.0]
+        course = [each for each in constants if each.kind == kernels.GRAVITY and each.width > 0.0 and each.value]
         scale = 1.0 + float(unknown.total(constants, kernels.HEAVE_SCALE, 1)[0])
         late = float(unknown.total(constants, kernels.HEAVE_DELAY, 1)[0])
         recorded = self.recorded if sine else np.zeros((0, 3))

@@ -77,11 +77,11 @@ class Fitted:
         return Fitted(model, solution, self.path, self.of._replace(normal=normal), rest, self.doubt)
 
 
-def fitted(model: Model, about: Floats, most: int = MOST_FITS) -> Fitted:
+def fitted(model: Model, about: Floats) -> Fitted:
     """Gauss-Newton about the smoothed path, until it is straight between the last two."""
     root = prior_root(model.constants, model.course)
     constants = model.constants
-    for _ in range(most):
+    for _ in range(MOST_FITS):
         before = constants
         solution, of, path = model.problem.fit(model.assumed, before, about=about, root=root)
         constants, left, doubt = solution.constants, bend(model, path, about), 0.0

@@ -291,7 +291,6 @@ def reduce(gathered: Gathered) -> Outcome:
             reference = float(gathered.constants["reference_gravity"])
             fit, close = weighed([(fit, close), choice.settle(found[1])], reference)
     except motion.UnresolvedError:
-        assert gathered.denser is not None
         return reduce(gathered.denser())
     except np.linalg.LinAlgError as error:
         raise RefusedError(

@@ -59,9 +59,9 @@ class Gathered:
     traces: tuple[str, ...]
     constants: dict[str, Any]
     noise: Floats
-    heave_noise: float = 0.0
-    heave_doubt: float = 0.0
-    denser: Callable[[], Gathered] | None = None
+    heave_noise: float
+    heave_doubt: float
+    denser: Callable[[], Gathered]
 
     @property
     def law(self) -> str | None:

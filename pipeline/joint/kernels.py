@@ -898,7 +898,7 @@ def sweep(
         if flow.heave_noise > 0.0:
             jolt(flow, nodes, push)
         for r in range(two):
-            push[forced.size, r] = extra[r]
+            push[forced.size, r] = extra[r]  # what is left of the sine law
             state[r, constants] += extra[r]
             for n in range(forced.size):
                 state[r, forced[n]] += push[n, r]

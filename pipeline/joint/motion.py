@@ -92,7 +92,8 @@ def reshaped(fit: Fitted) -> Fitted:
     for _ in range(ROUNDS):
         now = fit.model.assumed
         shown, begun = Shown.of(fit), fit.model.begun
-        starts = {now.ship, (*begun, *now.ship[len(begun) :])}  # what was not known before may have led it astray
+        # what was not known before may have led it astray
+        starts = dict.fromkeys((now.ship, (*begun, *now.ship[len(begun) :])))
         wanted, gain = max((shown.likeliest(each) for each in starts), key=lambda pair: pair[1])
         if gain < ENOUGH:
             break

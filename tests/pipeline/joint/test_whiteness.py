@@ -82,7 +82,6 @@ def test_a_line_too_fast_for_the_nodes_asks_for_more_of_them() -> None:
     assert not laid.problem.lattice.dense
     with pytest.raises(motion.UnresolvedError):
         choice.settle(fit.fitted(laid)[0])
-    assert laid.denser is not None
     assert laid.denser().problem.lattice.dense
     assert abs(in_sigmas(row(made), gravity)) < 3.5
 

@@ -23,8 +23,6 @@ PAYS = 5.0  # in log-likelihood
 ROUNDS = 8
 STEPS, LEAST_STEP = 12, 0.3  # times tried at once; of the lattice's step
 FAULT, STEP_COST = 5.0, 9.0  # in log-likelihood: of what an apparatus seldom has; of a time that may be any
-KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])
-"""rad s-1/2, tried where none is assumed."""
 FADES = (0.0, 0.05, 0.1, 0.25)  # of the mean speed, below which knife-edge friction fades
 FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, HARMLESS = 100.0, 0.2  # in log-likelihood; of sigma
@@ -50,7 +48,7 @@ def _constants(fit: Fitted) -> Iterator[Candidate]:
     model = fit.model
     problem, own = model.problem, model.constants
     names = {each.name for each in own}
-    speed = float(np.std(fit.path[:, 1 : 2 * problem.pendulums : 2]))
+    speed = _speed(fit)
     frictions = (
         Constant("quadratic friction", kernels.QUADRATIC, 1e-2),
         *(Constant("knife-edge friction", kernels.DRY, 1e-4, centre=part * speed) for part in FADES),
@@ -114,15 +112,15 @@ def _steps(fit: Fitted) -> list[Candidate]:
 
 def _kicks(fit: Fitted) -> Iterator[Candidate]:
     model = fit.model
-    now = model.assumed.kick
-    words = (*(w for w in model.words if w != "kicks"), "kicks")
+    now, words = model.assumed.kick, tuple(word for word in model.words if word != "kicks")
 
     def of(kick: Floats) -> Candidate:
-        trial = replace(model, words=words, assumed=replace(model.assumed, kick=kick))
-        return priced(trial, fit.path, cost=1.0)
+        named = (*words, "kicks") if kick.any() else words
+        trial = replace(model, words=named, assumed=replace(model.assumed, kick=kick))
+        return priced(trial, fit.path, cost=1.0 if kick.any() else -PAYS)
 
     if not np.any(now):
-        found = [of(np.full(now.size, size)) for size in KICKS]
+        found = [of(np.full(now.size, size)) for size in motion.KICKS]
         yield max(found, key=lambda pair: pair[0])
         return
     for i in range(now.size):
@@ -130,7 +128,7 @@ def _kicks(fit: Fitted) -> Iterator[Candidate]:
             kick = now.copy()
             kick[i] *= factor
             yield of(kick)
-    for factor in (0.6, 1.7):
+    for factor in (0.0, 0.6, 1.7):
         yield of(now * factor)
 
 
@@ -149,14 +147,18 @@ def _fade(model: Model) -> float | None:
 
 def _faded(fit: Fitted) -> Fitted:
     """With the speed below which knife-edge friction fades where the readings are likeliest."""
-    now = _fade(fit.model)
-    if not now:
+    if _fade(fit.model) is None:
         return fit
-    best = _fading(fit, (now,))[0]
+    best = max(_fading(fit, [part * _speed(fit) for part in FADES]), key=lambda each: each[0])
     for by in (1.5, 1.25, 1.1, 1.05):
-        now = _fade(best[1]) or now
-        best = max([best, *_fading(fit, (now * by, now / by))], key=lambda each: each[0])
+        now = _fade(best[1])
+        best = max([best, *_fading(fit, (now * by, now / by))], key=lambda each: each[0]) if now else best
     return fitted(best[1], fit.path)
+
+
+def _speed(fit: Fitted) -> float:
+    """Of the pendulums, root mean square, rad s-1."""
+    return float(np.std(fit.path[:, 1 : 2 * fit.model.problem.pendulums : 2]))
 
 
 def simplified(fit: Fitted) -> Fitted:
@@ -171,20 +173,15 @@ def simplified(fit: Fitted) -> Fitted:
 def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
     """Add what pays, the best first; the last fit, and the explanations that stay close to it."""
     found: list[Candidate] = []
-    fit = simplified(fit)
     for _ in range(ROUNDS):
+        fit = motion.pruned(simplified(fit))
         base = fit.solution.log_likelihood
         found = [each for each in candidates(fit) if each[0] > base - PAYS]
         found = [each for each in found if each[0] < base + PAYS or _matters(fit, each)]
         found.sort(key=lambda each: -each[0])
         taken = _taken(fit, [each for each in found if each[0] > base + PAYS])
         if taken is None:
-            simple = simplified(fit)
-            if simple is fit:
-                simple = motion.pruned(fit)
-            if simple is fit:
-                break
-            taken = simple  # what stays close is weighed against this one
+            break
         fit = motion.reshaped(_faded(taken))
     close = [again for each in found if (again := _refitted(fit, each)) is not None]
     return fit, [*close, *_rivals(fit)]
@@ -194,9 +191,8 @@ def _rivals(fit: Fitted) -> list[Candidate]:
     """Other gains and periods, and ways of friction to fade, that explain nearly as well what was taken explains."""
     found, least, fade = [], fit.solution.log_likelihood - PAYS, _fade(fit.model)
     if fade is not None:
-        speed = float(np.std(fit.path[:, 1 : 2 * fit.model.problem.pendulums : 2]))
         fades = [part * fade for part in (0.0, 0.3, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0)]
-        found += _fading(fit, fades if fade else [part * speed for part in FADES[1:]])
+        found += _fading(fit, fades if fade else [part * _speed(fit) for part in FADES[1:]])
     for taken in fit.model.constants:
         if taken.kind not in SCALES:
             continue

@@ -129,17 +129,6 @@ def mirrored(begun: explanation.Fitted) -> list[explanation.Fitted]:
     return [smoothed(model.problem, model.assumed, constants, NONE2)]
 
 
-def wandering(begun: explanation.Fitted, assumed: Assumed, first: tuple[Constant, ...]) -> explanation.Fitted:
-    """A cold start read as well as the record can be.
-
-    The pendulums are let wander, that friction or gravity which changes is not taken for wild readings.
-    """
-    problem = begun.model.problem
-    path = grown(begun.path, problem.pendulums, assumed.ship)
-    assumed = replace(assumed, breaks=begun.model.assumed.breaks, kick=assumed.kick + KICK)
-    return smoothed(problem, assumed, released(begun.model.constants, first), path)
-
-
 def followed(
     problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], end: int
 ) -> tuple[tuple[Constant, ...], float]:
@@ -424,57 +413,49 @@ class Begun:
         assumed = replace(model.assumed, breaks=())
         model = replace(model, problem=self.gathered.problem, constants=constants, assumed=assumed)
         try:
-            fit = risen(spectral(model, self.rough.path, self.gathered), self.rough.path)
+            fit = risen(spectral(model, self.rough, self.gathered), self.rough)
         except np.linalg.LinAlgError:
             return None
         return fit if np.nanmax(np.abs(fit.of.whitened)) < GATE else None
 
     def heard(self) -> explanation.Fitted:
         """Without what is wild, the pendulums knocked where they were."""
-        begun = wandering(again(self.rough), self.assumed, self.first)
-        model = spectral(begun.model, begun.path, self.gathered)
-        # what fits a spectrum or a stretch may fail elsewhere: a turn, a knock; the whole record decides
-        kicked = replace(model.assumed, kick=begun.model.assumed.kick)
-        best = heard_again(better(replace(model, assumed=kicked), begun), self.gathered.problem)
-        model = replace(best.model, assumed=replace(best.model.assumed, kick=self.assumed.kick))
-        return motion.reshaped(explanation.fitted(model, best.path))
+        begun = again(self.rough)
+        model = spectral(
+            replace(begun.model, constants=released(begun.model.constants, self.first)), begun, self.gathered
+        )
+        sought = model.assumed.sine and not model.problem.recorded.size
+        ship = (motion.heaving(begun, model.assumed) if sought else model.assumed).ship
+        # pendulums that wander: friction, or gravity that changes, is not to be taken for wild readings
+        wandering = replace(model.assumed, ship=ship, kick=self.assumed.kick + KICK)
+        path = grown(begun.path, model.problem.pendulums, ship)
+        best = smoothed(model.problem, wandering, model.constants, path)
+        best = heard_again(replace(best.model, begun=ship), best, self.gathered.problem)
+        still = replace(best.model, assumed=replace(best.model.assumed, kick=self.assumed.kick))
+        fit = risen(still, best)
+        return motion.reshaped(heard_again(fit.model, fit, self.gathered.problem))
 
 
-def risen(model: explanation.Model, path: Floats) -> explanation.Fitted:
+def risen(model: explanation.Model, rough: explanation.Fitted) -> explanation.Fitted:
     """Fitted without vertical motion where the differences ask for none; it is slow, and would explain other things."""
-    problem, ship = model.problem, model.assumed.ship
-    level = tuple(each for each in ship if each.axis == "horizontal")
-    still = replace(model, assumed=replace(model.assumed, ship=level), begun=level)
-    fit = explanation.fitted(still, grown(path, problem.pendulums, level))
-    if not model.assumed.sine or problem.recorded.size or motion.is_white(fit, problem.differences):
-        return motion.reshaped(fit)
-    seas = (replace(each, axis="vertical") for each in level if isinstance(each, Sea))
-    swaying = (*level, *seas)
-    heaving = replace(still, assumed=replace(model.assumed, ship=swaying), begun=swaying)
-    found = [fit]
-    for each, about in ((heaving, fit.path), (model, path)):  # as it sways, or as the sidebands have it
-        try:
-            about = grown(about, problem.pendulums, each.assumed.ship)
-            found.append(motion.reshaped(explanation.fitted(each, about)))
-        except np.linalg.LinAlgError:
-            continue
-        if motion.is_white(found[-1], problem.differences):
-            break
-    return max(found, key=standing)
+    problem, level = model.problem, model.assumed
+    fit = explanation.fitted(model, grown(rough.path, problem.pendulums, level.ship))
+    if level.sine and not problem.recorded.size and not motion.is_white(fit, problem.differences):
+        seas = (replace(each, axis="vertical") for each in level.ship if isinstance(each, Sea))
+        swaying = replace(level, ship=(*level.ship, *seas))
+        kicked = replace(model, words=("kicks",), assumed=motion.kicked(fit))
+        for each in (kicked, *(replace(model, assumed=one) for one in (motion.heaving(rough, level), swaying))):
+            fit = better(replace(each, begun=each.assumed.ship), fit)
+            if motion.is_white(fit, problem.differences):
+                break
+    return motion.reshaped(fit)
 
 
-def spectral(model: explanation.Model, path: Floats, gathered: Gathered) -> explanation.Model:
-    """With the noise of the traces, where it is not stated, and the ship's motion by their spectra, without kicks."""
-    problem, assumed = model.problem, model.assumed
-    noise = np.append(gathered.noise, [ACCELEROMETER, ACCELEROMETER])
-    for j in np.flatnonzero(~np.isfinite(gathered.noise)):
-        floor = spectrum.noise_floor(problem, int(j), path)
-        noise[j] = floor if np.isfinite(floor) else UNSTATED
-    noise = np.maximum(noise, spectrum.LEAST_NOISE)
-    heave = assumed.sine and not problem.recorded.size
-    ship = spectrum.begin(problem, path, noise, sine=assumed.sine, heave=heave)
-    assumed = replace(assumed, ship=ship, noise=noise, kick=np.zeros(problem.pendulums))
-    return replace(model, assumed=assumed, begun=ship)
+def spectral(model: explanation.Model, rough: explanation.Fitted, gathered: Gathered) -> explanation.Model:
+    """With the ship's motion, and the noise that is not stated, that the errors of a rough fit ask for."""
+    stated = np.maximum(np.append(gathered.noise, [ACCELEROMETER, ACCELEROMETER]), spectrum.LEAST_NOISE)
+    begun = motion.first(rough, stated)
+    return replace(model, assumed=replace(begun, breaks=model.assumed.breaks), begun=begun.ship)
 
 
 def better(model: explanation.Model, fit: explanation.Fitted) -> explanation.Fitted:
@@ -486,28 +467,23 @@ def better(model: explanation.Model, fit: explanation.Fitted) -> explanation.Fit
         return fit
 
 
-def heard_again(fit: explanation.Fitted, problem: Problem) -> explanation.Fitted:
-    """The same where readings were left out, or pendulums knocked, by what was assumed before: decided anew."""
-    model = fit.model
-    nodes = {node for node, _ in model.assumed.breaks}
-    if not nodes and not np.any(model.problem.left_out != problem.left_out):
-        return fit
-    for node in nodes:
+def heard_again(model: explanation.Model, begun: explanation.Fitted, problem: Problem) -> explanation.Fitted:
+    """A model fitted, what was left out or knocked by what was assumed before decided anew; or the fit before."""
+    path = grown(begun.path, problem.pendulums, model.assumed.ship)
+    for node in {node for node, _ in model.assumed.breaks}:
         span = stretch(problem, node, node)
-        here = replace(model, constants=shifted(model.constants, fit.path, span[0]))
+        here = replace(model, constants=shifted(model.constants, path, span[0]))
         whole = replace(here.assumed, breaks=tuple(each for each in here.assumed.breaks if each[0] != node))
-        values = [
-            explanation.priced(replace(here, assumed=each), fit.path, span=span)[0] for each in (here.assumed, whole)
-        ]
+        values = [explanation.priced(replace(here, assumed=each), path, span=span)[0] for each in (here.assumed, whole)]
         if values[0] < values[1] + BROKEN:
             model = replace(model, assumed=whole)
     heard = replace(model, problem=problem)
     for _ in range(MOST_FITS):
-        _, of = heard.problem.run(heard.assumed, heard.constants, about=fit.path, gate=GATE)
-        before, heard = heard, contested(heard, fit.path, of.errors, GATE * deviation(of.errors))
+        _, of = heard.problem.run(heard.assumed, heard.constants, about=path, gate=GATE)
+        before, heard = heard, contested(heard, path, of.errors, GATE * deviation(of.errors))
         if heard is before:
             break
-    return better(heard, fit)
+    return better(heard, begun)
 
 
 def stretch(problem: Problem, first: int, last: int) -> tuple[int, int]:

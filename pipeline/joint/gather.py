@@ -12,10 +12,10 @@ import numpy as np
 from data_schemas.errors import RecordError, RefusedError
 from pipeline.arrays import Floats
 from pipeline.conditions import TEMPERATURE
+from pipeline.joint.calm import is_calm
 from pipeline.joint.flow import NODES
 from pipeline.joint.lattice import Lattice, lay
 from pipeline.joint.problem import Problem
-from pipeline.joint.spectrum import is_calm
 from pipeline.ledger import eotvos
 from pipeline.observation import instrument
 

@@ -10,16 +10,15 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint import spectrum
 from pipeline.joint.explanation import Candidate, Fitted, Model, fitted, grown, priced
-from pipeline.joint.problem import Assumed
+from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Axis, Component, Engine, Sea, Vibration
-from pipeline.joint.whiteness import Shown, errors_by_frequency
+from pipeline.joint.whiteness import CALM, UNKNOWN, Shown, errors_by_frequency
 
-CALM = 0.5  # of the swing's frequency: below it lines of the sea are left, which cost nothing
 WIDTHS = (1, 256)  # bins of a spectrum that are looked at together
 BROAD = 0.03  # relative width from which motion is the sea's
 COMPONENT = 13.0  # in log-likelihood, of a component's parameters and of its place among all
 CHANCE = 1e-3  # that white errors show a peak
-OWN = 0.05  # of the swing's frequency: so near it kicks and friction show
+OWN = 0.002  # of the swing's frequency: so near it kicks and friction show
 LEAST_VERTICAL = 0.3  # rad s-1
 SLOW = (Vibration(0.01, 1e-3), Vibration(0.05, 1e-3))  # turns and changes of speed
 SAME_LINE = 0.2  # in the logarithm of the frequency
@@ -32,11 +31,76 @@ RARE = 500.0  # in log-likelihood, of that: kicks and friction that is not met d
 TURN = 1.5  # rad of a motion in a step of the lattice
 MISSED = 10.0  # in log-likelihood, of a component that stays
 ENOUGH = 3.0  # in log-likelihood
+KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])
+"""rad s-1/2, tried where none is assumed."""
+PEAKS, HEAVES = np.geomspace(0.3, 4.0, 8), np.geomspace(0.05, 1.2, 7)  # of a first sea, rad s-1; of heave, in swings
+SIZES = (1e-4, 1e-3, 1e-2, 1e-1)  # over reference gravity
+SIDEBANDS, LINE = 0.4, 0.06  # of the swing's frequency: what heave, and the swing itself in a rough fit, fill
+NARROW = 1e-3  # of its frequency, a line
+LOOSE = 3.0  # a sea that a rough fit shows keeps so much less to where it began
+MOST_SEAS, MORE = 2, 15.0  # of an axis at first; in log-likelihood, that a further sea must be worth
 ROUNDS, SHARES = 4, (1.0, 0.3)  # of a step that the errors' spectrum asks for
 
 
 class UnresolvedError(Exception):
     """The lattice's steps are too long for motion that the errors show."""
+
+
+def first(rough: Fitted, noise: Floats) -> Assumed:
+    """What the errors of a rough fit make of sea, vibration and noise, (t + 2,), NaN = sought; without kicks.
+
+    Heave puts sidebands of the swing about its line: where it may be, and is not followed, they are left out.
+    """
+    problem, assumed = rough.model.problem, rough.model.assumed
+    heaves = assumed.sine and not problem.recorded.size and all(each.axis == "horizontal" for each in assumed.ship)
+    shown = Shown.of(rough, beside=SIDEBANDS if heaves and not _sparse(problem) else LINE)
+    still = replace(assumed, kick=np.zeros(problem.pendulums), breaks=())
+    return _rougher(shown, replace(still, ship=(Vibration(6.0, 1e-4),), noise=noise), "horizontal")
+
+
+def heaving(rough: Fitted, level: Assumed) -> Assumed:
+    """With the vertical seas that the errors of a rough fit ask for."""
+    return _rougher(Shown.of(rough, beside=LINE), level, "vertical")
+
+
+def kicked(fit: Fitted) -> Assumed:
+    """With the kicks of one pendulum, or of all, that the errors ask for."""
+    some = [*np.eye(fit.model.problem.pendulums), np.ones(fit.model.problem.pendulums)]
+    tried = (replace(fit.model.assumed, kick=size * each) for size in KICKS for each in some)
+    return max(tried, key=Shown.of(fit).gain)
+
+
+def _rougher(shown: Shown, start: Assumed, axis: Axis) -> Assumed:
+    """With the likeliest seas of an axis while they pay, and with what is horizontal and faster than a sea."""
+    level, best, slow = axis == "horizontal", start, 0
+    top = -np.inf if level else shown.gain(start)
+    for _ in range(MOST_SEAS + level):
+        fast = shown.excess(best) if level else 0.0
+        peaks = [fast] * (fast > 0.0) + list(PEAKS if level else HEAVES * shown.swing) * (slow < MOST_SEAS)
+        shapes = [(Sea, peak, 0.2) for peak in peaks] + [(Engine, fast, NARROW)] * (fast > 0.0)
+        if not shapes:
+            break
+        noise = np.where(np.isfinite(best.noise), best.noise, UNKNOWN)
+        tried = (
+            replace(best, ship=(*best.ship, kind(peak, width * peak, size, axis)))
+            for kind, peak, width in shapes
+            for size in SIZES
+        )
+        found, gain = shown.likeliest(max(tried, key=lambda each: shown.gain(replace(each, noise=noise))), loose=LOOSE)
+        if gain < top + MORE:
+            break
+        best, top, slow = found, gain, slow + (found.ship[-1].peak < CALM * shown.swing or not level)
+    for each in best.ship[:-1]:
+        rest = replace(best, ship=tuple(other for other in best.ship if other is not each))
+        if shown.gain(rest) > shown.gain(best) - 1.0:
+            best = rest
+    return best
+
+
+def _sparse(problem: Problem) -> bool:
+    """Whether sidebands lie upon each other."""
+    spacing = float(np.median(np.diff(np.unique(problem.lattice.time))))
+    return spacing * float(np.sqrt(problem.kappa.mean())) > spectrum.SPARSE
 
 
 def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
@@ -64,7 +128,7 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
             lines.append(line)
     shown = Shown.of(fit, tuple(lines))
     for line in lines:
-        assumed, gain = shown.likeliest((*ship, line), last=True)
+        assumed, gain = shown.likeliest(replace(model.assumed, ship=(*ship, line)), last=True)
         if gain > COMPONENT:
             if assumed.ship[-1].peak * model.problem.lattice.step > TURN and not model.problem.lattice.dense:
                 raise UnresolvedError
@@ -94,7 +158,7 @@ def reshaped(fit: Fitted) -> Fitted:
         shown, begun = Shown.of(fit), fit.model.begun
         # what was not known before may have led it astray
         starts = dict.fromkeys((now.ship, (*begun, *now.ship[len(begun) :])))
-        wanted, gain = max((shown.likeliest(each) for each in starts), key=lambda pair: pair[1])
+        wanted, gain = max((shown.likeliest(replace(now, ship=each)) for each in starts), key=lambda pair: pair[1])
         if gain < ENOUGH:
             break
         tried = (_with(fit, spectrum.between(now, wanted, share)) for share in SHARES)
@@ -125,7 +189,7 @@ def pruned(fit: Fitted) -> Fitted:
         rest = (*ship[:number], *ship[number + 1 :])
         if not rest:
             break
-        if Shown.of(fit).loss(rest) > MISSED:
+        if Shown.of(fit).gain(replace(model.assumed, ship=rest)) < -MISSED:
             continue
         sizes = [2 * model.problem.pendulums, *(each.system()[1].size for each in ship)]
         begin = sum(sizes[: number + 1])

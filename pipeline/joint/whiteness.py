@@ -8,6 +8,7 @@ in all of the record, through gaps. Whittle's likelihood of that ratio moves all
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -20,8 +21,13 @@ from pipeline.joint.ship import Component, Engine, density
 LEAST_READINGS = 100
 LEAST = 3  # bins from zero frequency, and on either side of the swing, that constants fill
 BINS, FINE, BESIDE = 200, 3.0, 10.0  # in all; a line's width over that of a bin about it; widths on either side of it
+CALM = 0.5  # of the swing's frequency: below it lines are the sea's
+CLIPPED = 7.0  # of the median error: five deviations of normal ones
+TAPERED = 1.5  # ordinates that count as one, under the taper
+SHARP, MOST_SHARP = 3.5, 5  # in the logarithm of a power, above those about it; such ordinates that get finer bins
 NOISE_SPREAD = 0.3  # 1 sigma of the logarithm of the reading noise
-STEP, MOST_STEP = 0.02, 1.0  # of a logarithm: for its slope; at once
+UNKNOWN, UNKNOWN_SPREAD = 1e-4, 3.0  # rad; the same of one that is not stated
+STEP, MOST_STEP = 1e-5, 1.0  # of a logarithm: for its slope; at once
 ROUNDS, HALVINGS = 20, 4
 ENOUGH = 0.2  # in log-likelihood
 
@@ -40,9 +46,21 @@ def errors_by_frequency(fit: Fitted, trace: int) -> tuple[Floats, Floats, np.nda
     time = lattice.time[used]
     step = max(float(np.median(np.diff(time))), 1e-3)
     series = np.zeros(next_fast_len(int(lattice.duration / step) + 2, real=True))
-    series[np.clip(np.rint(time / step), 0, series.size - 1).astype(np.int64)] = fit.of.whitened[used]
-    power = np.abs(np.fft.rfft(series)) ** 2 / used.sum()
+    errors = fit.of.whitened[used]
+    most = CLIPPED * float(np.median(np.abs(errors)))  # what is wild has no spectrum
+    taper = np.sin(np.pi * (time - time[0]) / (time[-1] - time[0]))  # lines of a rough fit leak without
+    series[np.clip(np.rint(time / step), 0, series.size - 1).astype(np.int64)] = taper * np.clip(errors, -most, most)
+    power = np.abs(np.fft.rfft(series)) ** 2 / float(taper @ taper)
     return 2.0 * np.pi * np.arange(power.size) / (series.size * step), power, used
+
+
+def _sharp(frequency: Floats, power: Floats, edges: Floats) -> Floats:
+    """Frequencies of the highest ordinates that stand far above what lies in their bins."""
+    at = np.searchsorted(edges, frequency, side="right")
+    height = np.log(np.maximum(power, 1e-30))
+    above = height - (np.bincount(at, height) / np.maximum(np.bincount(at), 1))[at]
+    some = np.argsort(above)[-MOST_SHARP:]
+    return np.asarray(frequency[some[above[some] > SHARP]])
 
 
 @dataclass(frozen=True)
@@ -66,42 +84,48 @@ class Band:
     frequency: Floats
     across: Floats
     upright: Floats
+    kicked: Floats
     step: float
 
     @staticmethod
-    def of(fit: Fitted, trace: int, lines: tuple[Component, ...]) -> Band | None:
-        """The errors of a trace; finer bins about some lines."""
+    def of(fit: Fitted, trace: int, lines: tuple[Component, ...], beside: float) -> Band | None:
+        """The errors of a trace, but those so near the swing, relative to it; finer bins about some lines."""
         problem = fit.model.problem
         swing = float(np.sqrt(problem.kappa.mean()))
         frequency, power, _ = errors_by_frequency(fit, trace)
         if frequency.size <= 4 * LEAST:
             return None
         step = float(np.pi / frequency[-1])
-        keep = np.abs(frequency - spectrum.folded(swing, step)) > (LEAST + 0.5) * frequency[1]
+        near = max(beside * swing, (LEAST + 0.5) * frequency[1])
+        keep = np.abs(frequency - spectrum.folded(swing, step)) > near
         keep[:LEAST] = False
         frequency, power = frequency[keep], power[keep]
         edges = [np.geomspace(frequency[0], frequency[-1] * 1.0001, BINS + 1)]
-        for line in lines:
-            if isinstance(line, Engine):
-                wide = max(line.damping, frequency[1] - frequency[0])
-                about = np.arange(-BESIDE, BESIDE, 1.0 / FINE) * wide
-                centres = [line.peak] if line.axis == "horizontal" else [abs(line.peak + by) for by in (swing, -swing)]
-                edges += [each + about for each in centres]
+        fast = frequency > CALM * swing
+        narrow = [(peak, 0.0, "horizontal") for peak in _sharp(frequency[fast], power[fast], edges[0])]
+        narrow += [(each.peak, each.damping, each.axis) for each in lines if isinstance(each, Engine)]
+        for peak, width, axis in narrow:
+            about = np.arange(-BESIDE, BESIDE, 1.0 / FINE) * max(width, frequency[1] - frequency[0])
+            centres = [peak] if axis == "horizontal" else [abs(peak + by) for by in (swing, -swing)]
+            edges += [each + about for each in centres]
         at = np.searchsorted(np.unique(np.concatenate(edges)), frequency, side="right")
         count = np.bincount(at)
         some = count > 0
-        mean, weight = np.bincount(at, frequency)[some] / count[some], count[some].astype(np.float64)
+        mean, weight = np.bincount(at, frequency)[some] / count[some], count[some] / TAPERED
         folds = int(2.0 * swing * step / np.pi)  # sparse readings show what is faster among the rest
         every = np.abs(mean + 2.0 * np.pi / step * np.arange(-folds, folds + 1)[:, None]).ravel()
         angles = fit.path[:, : 2 * problem.pendulums : 2] @ problem.lattice.combination[trace]
         upright = spectrum.beside_the_swing(swing, 0.5 * float(np.mean(angles**2)), every)
         across = spectrum.transfer(problem, trace, every)
-        return Band(trace, np.bincount(at, power)[some] / count[some], weight, every, across, upright, step)
+        kicked = problem.lattice.combination[trace] ** 2 * problem.kappa / (problem.kappa - every[:, None] ** 2) ** 2
+        return Band(trace, np.bincount(at, power)[some] / count[some], weight, every, across, upright, kicked, step)
 
-    def expected(self, ship: tuple[Component, ...], noise: float, swing: float) -> Floats:
-        """Density that a ship and a reading noise make expect, (f,)."""
-        beside = sum(density(ship, np.abs(self.frequency + by), "vertical") for by in (swing, -swing))
-        total = self.across * density(ship, self.frequency, "horizontal") + self.upright * beside
+    def expected(self, ship: tuple[Component, ...], noise: float, kick: Floats, swing: float) -> Floats:
+        """Density that a ship, a reading noise and kicks make expect, (f,)."""
+        total = self.across * density(ship, self.frequency, "horizontal") + self.kicked @ kick**2
+        if any(each.axis == "vertical" for each in ship):
+            beside = sum(density(ship, np.abs(self.frequency + by), "vertical") for by in (swing, -swing))
+            total += self.upright * beside
         return np.asarray(total.reshape(-1, self.power.size).sum(axis=0) + noise**2 * self.step)
 
 
@@ -122,17 +146,27 @@ class Shown:
     swing: float
 
     @staticmethod
-    def of(fit: Fitted, lines: tuple[Component, ...] = ()) -> Shown:
-        """What a fit shows, also of some lines that it does not assume."""
+    def of(fit: Fitted, lines: tuple[Component, ...] = (), beside: float = 0.0) -> Shown:
+        """What a fit shows, also of some lines that it does not assume, but so near the swing, relative to it."""
         problem, assumed = fit.model.problem, fit.model.assumed
-        found = [Band.of(fit, trace, (*assumed.ship, *lines)) for trace in range(problem.traces)]
+        found = [Band.of(fit, trace, (*assumed.ship, *lines), beside) for trace in range(problem.traces)]
         swing = float(np.sqrt(problem.kappa.mean()))
         return Shown(tuple(each for each in found if each is not None), assumed, swing)
 
-    def expected(self, ship: tuple[Component, ...], noise: Floats) -> Floats:
-        """Logarithm of the density that a ship and the noise of the traces make expect in all bands, (n,)."""
-        parts = [np.log(band.expected(ship, float(noise[band.trace]), self.swing)) for band in self.bands]
+    def expected(self, ship: tuple[Component, ...], noise: Floats, kick: Floats) -> Floats:
+        """Logarithm of the density that a ship, the traces' noise and kicks make expect in all bands, (n,)."""
+        parts = [np.log(each.expected(ship, float(noise[each.trace]), kick, self.swing)) for each in self.bands]
         return np.concatenate([np.zeros(0), *parts])
+
+    @cached_property
+    def assumed_density(self) -> Floats:
+        """Logarithm of what the fit made expect, (n,)."""
+        return self.expected(self.assumed.ship, self.assumed.noise, self.assumed.kick)
+
+    def gain(self, wanted: Assumed) -> float:
+        """What the likelihood gains where other things are assumed."""
+        more = self.expected(wanted.ship, wanted.noise, wanted.kick) - self.assumed_density
+        return -float(np.sum(self.weight * (more + self.power * (np.exp(-more) - 1.0))))
 
     @property
     def power(self) -> Floats:
@@ -144,63 +178,70 @@ class Shown:
         """Ordinates in each bin of all bands, (n,)."""
         return np.concatenate([np.zeros(0), *(band.weight for band in self.bands)])
 
-    def likeliest(self, ship: tuple[Component, ...], *, last: bool = False) -> tuple[Assumed, float]:
-        """A ship and a noise where the errors are likeliest, and by how much, in log-likelihood; see `Assumed`.
+    def excess(self, wanted: Assumed) -> float:
+        """Frequency above the sea's where the errors exceed most what else would be expected, rad s-1; 0: nowhere."""
+        over = np.exp(self.assumed_density - self.expected(wanted.ship, wanted.noise, wanted.kick)) * self.power - 1.0
+        own = [each.frequency.reshape(-1, each.power.size) for each in self.bands]
+        at = np.concatenate([np.zeros(0), *(each[len(each) // 2] for each in own)])
+        over[at < CALM * self.swing] = 0.0
+        return float(at[np.argmax(over * np.sqrt(self.weight))]) if over.any() else 0.0
 
-        Scoring on the logarithms of all parameters, which keep to where they begin; or on those of the last component.
+    def likeliest(self, start: Assumed, *, last: bool = False, loose: float = 1.0) -> tuple[Assumed, float]:
+        """Ship and noise where the errors are likeliest, and by how much, in log-likelihood.
+
+        Scoring on the logarithms of all parameters, or on those of the last component.
+
+        Parameters
+        ----------
+        start : Assumed
+            They keep to it; a noise that is NaN is sought from nothing.
+        loose : float
+            By how much less widths and sizes keep to it than they would to a fit.
         """
-        start, spread = self._begin(ship)
-        own, traces = spectrum.parameters(ship).size, self.assumed.noise.size - 2
-        free = np.arange(start.size)
+        ship, count = start.ship, start.noise.size - 2
+        own = spectrum.parameters(ship).size
+        unknown = ~np.isfinite(start.noise[:count])
+        vector = np.append(spectrum.parameters(ship), np.log(np.where(unknown, UNKNOWN, start.noise[:count])))
+        spread = np.append(spectrum.spreads(ship, loose), np.where(unknown, UNKNOWN_SPREAD, NOISE_SPREAD))
+        free = np.arange(vector.size)
         if last:
             free = free[own - spectrum.parameters(ship[-1:]).size : own]
-        power, weight, assumed = self.power, self.weight, self.expected(self.assumed.ship, self.assumed.noise)
+        power, weight, begin = self.power, self.weight, vector
 
-        def make(vector: Floats) -> tuple[tuple[Component, ...], Floats]:
+        def make(vector: Floats) -> Assumed:
             size = np.maximum(np.exp(vector[own:]), spectrum.LEAST_NOISE)
-            return spectrum.assemble(ship, vector[:own]), np.append(size, self.assumed.noise[traces:])
+            noise = np.append(size, start.noise[count:])
+            return replace(start, ship=spectrum.assemble(ship, vector[:own]), noise=noise)
 
         def value(vector: Floats) -> tuple[float, Floats]:
-            more = self.expected(*make(vector)) - assumed
-            cost = float(np.sum(weight * (more + power * np.exp(-more))))
-            return -cost - 0.5 * float(np.sum(((vector - start) / spread) ** 2)), more
+            wanted = make(vector)
+            more = self.expected(wanted.ship, wanted.noise, wanted.kick) - self.assumed_density
+            cost = float(np.sum(weight * (more + power * (np.exp(-more) - 1.0))))
+            return -cost - 0.5 * float(np.sum(((vector - begin) / spread) ** 2)), more
 
-        best = start
-        top, more = value(best)
+        top, more = value(vector)
         for _ in range(ROUNDS):
-            rows = np.stack([(value(best + STEP * np.eye(best.size)[k])[1] - more) / STEP for k in free])
-            slope = rows @ (weight * (power * np.exp(-more) - 1.0)) - ((best - start) / spread**2)[free]
+            rows = np.stack([(value(vector + STEP * np.eye(vector.size)[k])[1] - more) / STEP for k in free])
+            slope = rows @ (weight * (power * np.exp(-more) - 1.0)) - ((vector - begin) / spread**2)[free]
             step = np.linalg.solve((rows * weight) @ rows.T + np.diag(spread[free] ** -2.0), slope)
-            by = np.zeros(best.size)
+            by = np.zeros(vector.size)
             by[free] = step * min(1.0, MOST_STEP / max(float(np.abs(step).max()), 1e-12))
             before = top
             for _ in range(HALVINGS):
-                trial = value(best + by)
+                trial = value(vector + by)
                 if trial[0] > top:
-                    best, (top, more) = best + by, trial
+                    vector, (top, more) = vector + by, trial
                     break
                 by *= 0.3
             if top - before < ENOUGH:
                 break
-        found, size = make(best)
-        return replace(self.assumed, ship=found, noise=size), top + float(np.sum(weight * power))
-
-    def _begin(self, ship: tuple[Component, ...]) -> tuple[Floats, Floats]:
-        """Logarithms of the parameters of a ship and of the traces' noise, and 1 sigma about them."""
-        noise = np.log(self.assumed.noise[:-2])
-        spread = np.append(spectrum.spreads(ship), np.full(noise.size, NOISE_SPREAD))
-        return np.append(spectrum.parameters(ship), noise), spread
-
-    def loss(self, ship: tuple[Component, ...]) -> float:
-        """What the likelihood loses with another ship."""
-        less = self.expected(ship, self.assumed.noise) - self.expected(self.assumed.ship, self.assumed.noise)
-        return float(np.sum(self.weight * (less + self.power * (np.exp(-less) - 1.0))))
+        return make(vector), top
 
     def doubt(self, number: int) -> float:
         """1 sigma of the mean square of a component's motion as it is followed, over what is assumed of it."""
-        ship, noise, weight = self.assumed.ship, self.assumed.noise, self.weight
-        whole = np.exp(self.expected(ship, noise))
-        own = whole - np.exp(self.expected((*ship[:number], *ship[number + 1 :]), noise))
+        ship, weight, whole = self.assumed.ship, self.weight, np.exp(self.assumed_density)
+        rest = (*ship[:number], *ship[number + 1 :])
+        own = whole - np.exp(self.expected(rest, self.assumed.noise, self.assumed.kick))
         share = own / whole  # of what is read at a frequency: so much of the motion there is followed
         lost = 1.0 - float(np.sum(weight * own * share) / np.sum(weight * own))
         ordinates = float(np.sum(weight * share) ** 2 / np.sum(weight * share**2))

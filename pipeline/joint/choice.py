@@ -175,15 +175,16 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
     found: list[Candidate] = []
     for _ in range(ROUNDS):
         fit = motion.pruned(simplified(fit))
+        tried = Tried(fit)
         base = fit.solution.log_likelihood
         found = [each for each in candidates(fit) if each[0] > base - PAYS]
-        found = [each for each in found if each[0] < base + PAYS or _matters(fit, each)]
+        found = [each for each in found if each[0] < base + PAYS or tried.matters(each)]
         found.sort(key=lambda each: -each[0])
-        taken = _taken(fit, [each for each in found if each[0] > base + PAYS])
+        taken = tried.taken([each for each in found if each[0] > base + PAYS])
         if taken is None:
             break
         fit = motion.reshaped(_faded(taken))
-    close = [again for each in found if (again := _refitted(fit, each)) is not None]
+    close = [again for each in found if (again := tried.again(each)) is not None]
     return fit, [*close, *_rivals(fit)]
 
 
@@ -200,26 +201,59 @@ def _rivals(fit: Fitted) -> list[Candidate]:
         others = apparatus.faults(fit.model.problem, lean.model.constants)
         extra = [each for each in others if each.kind in SCALES and each.name != taken.name]
         for each in _added(lean, extra, cost=0.0):
-            other = _fitted(lean, each, -np.inf) if each[0] > least - MUCH else None
+            other = _fitted(lean, each) if each[0] > least - MUCH else None
             if other is not None:
                 found.append((other.solution.log_likelihood, other.model, other.solution))
     return [each for each in found if each[0] > least]
 
 
-def _matters(fit: Fitted, candidate: Candidate) -> bool:
-    """Whether it is more than a line of the sea that leaves gravity and its sigma where they are."""
-    if (
-        len(candidate[1].assumed.ship) == len(fit.model.assumed.ship)
-        or candidate[0] > fit.solution.log_likelihood + MUCH
-    ):
-        return True
-    found = _fitted(fit, candidate, -np.inf)
-    if found is None:
-        return False
-    duration = fit.model.problem.lattice.duration
-    (value, sigma), (other, wider) = (mean_gravity(each.solution, duration) for each in (fit, found))
-    wider = float(np.hypot(wider, motion.unseen(found, found.model)))
-    return abs(other - value) > HARMLESS * sigma or wider > (1.0 + HARMLESS) * sigma
+class Tried:
+    """Candidates beside a fit, each fitted for itself once."""
+
+    def __init__(self, fit: Fitted) -> None:
+        self.fit = fit
+        self._found: dict[int, tuple[Candidate, Fitted | None]] = {}
+
+    def of(self, candidate: Candidate) -> Fitted | None:
+        """A candidate fitted; None where it explains nothing."""
+        if id(candidate) not in self._found:
+            self._found[id(candidate)] = candidate, _fitted(self.fit, candidate)  # held, that no other has its id
+        return self._found[id(candidate)][1]
+
+    def matters(self, candidate: Candidate) -> bool:
+        """Whether it is more than a line of the sea that leaves gravity and its sigma where they are."""
+        fit = self.fit
+        if len(candidate[1].assumed.ship) == len(fit.model.assumed.ship):
+            return True
+        if candidate[0] > fit.solution.log_likelihood + MUCH:
+            return True
+        found = self.of(candidate)
+        if found is None:
+            return False
+        duration = fit.model.problem.lattice.duration
+        (value, sigma), (other, wider) = (mean_gravity(each.solution, duration) for each in (fit, found))
+        wider = float(np.hypot(wider, motion.unseen(found, found.model)))
+        return abs(other - value) > HARMLESS * sigma or wider > (1.0 + HARMLESS) * sigma
+
+    def taken(self, ahead: list[Candidate]) -> Fitted | None:
+        """The first that still pays when it is fitted; of gains and periods the likeliest."""
+        for number, each in enumerate(ahead):
+            same = [each, *(other for other in ahead[number + 1 :] if _of_scale(each) and _of_scale(other))]
+            found = [(candidate, fit) for candidate in same if (fit := self.of(candidate)) is not None]
+            least = self.fit.solution.log_likelihood + PAYS
+            fits = [fit for candidate, fit in found if _as_candidate(candidate, fit)[0] > least]
+            if fits:
+                return max(fits, key=lambda fit: fit.solution.log_likelihood)
+        return None
+
+    def again(self, candidate: Candidate) -> Candidate | None:
+        """A close explanation fitted for itself where it is ahead, or has vertical motion, which acts by its path."""
+        more = candidate[1].assumed.ship[len(self.fit.model.assumed.ship) :]
+        upright = any(each.axis == "vertical" for each in more)
+        if candidate[0] < self.fit.solution.log_likelihood and not upright:
+            return candidate
+        found = self.of(candidate)
+        return None if found is None else _as_candidate(candidate, found)
 
 
 def _of_scale(candidate: Candidate) -> bool:
@@ -227,40 +261,20 @@ def _of_scale(candidate: Candidate) -> bool:
     return candidate[1].constants[-1].kind in SCALES
 
 
-def _taken(fit: Fitted, ahead: list[Candidate]) -> Fitted | None:
-    """The first that still pays when it is fitted; of gains and periods the likeliest."""
-    for number, each in enumerate(ahead):
-        same = [each, *(other for other in ahead[number + 1 :] if _of_scale(each) and _of_scale(other))]
-        fits = [found for candidate in same if (found := _fitted(fit, candidate, PAYS)) is not None]
-        if fits:
-            return max(fits, key=lambda found: found.solution.log_likelihood)
-    return None
-
-
-def _refitted(fit: Fitted, candidate: Candidate) -> Candidate | None:
-    """A close explanation fitted for itself where it is ahead, or has vertical motion, which acts by its own path."""
-    more = candidate[1].assumed.ship[len(fit.model.assumed.ship) :]
-    if candidate[0] < fit.solution.log_likelihood and not any(each.axis == "vertical" for each in more):
-        return candidate
-    found = _fitted(fit, candidate, -np.inf)
-    return None if found is None else _as_candidate(candidate, found)
-
-
 def _as_candidate(candidate: Candidate, found: Fitted) -> Candidate:
     cost = candidate[2].log_likelihood - candidate[0]
     return found.solution.log_likelihood - cost, found.model, found.solution
 
 
-def _fitted(fit: Fitted, candidate: Candidate, least: float) -> Fitted | None:
-    """A candidate fitted anew; None where that is not ahead of the fit by so much, its cost paid."""
+def _fitted(fit: Fitted, candidate: Candidate) -> Fitted | None:
+    """A candidate fitted anew; None where it cannot be, or a constant goes far beyond its prior."""
     model = candidate[1]
     try:
         found = fitted(model, grown(fit.path, model.problem.pendulums, model.assumed.ship))
     except np.linalg.LinAlgError:
         return None
     far = any(abs(each.value - each.mean) > FAR * each.prior for each in found.model.constants if not is_knot(each))
-    ahead = _as_candidate(candidate, found)[0] - fit.solution.log_likelihood
-    return None if far or ahead <= least else found
+    return None if far else found
 
 
 def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:

@@ -441,10 +441,8 @@ def risen(model: explanation.Model, rough: explanation.Fitted) -> explanation.Fi
     problem, level = model.problem, model.assumed
     fit = explanation.fitted(model, grown(rough.path, problem.pendulums, level.ship))
     if level.sine and not problem.recorded.size and not motion.is_white(fit, problem.differences):
-        seas = (replace(each, axis="vertical") for each in level.ship if isinstance(each, Sea))
-        swaying = replace(level, ship=(*level.ship, *seas))
         kicked = replace(model, words=("kicks",), assumed=motion.kicked(fit))
-        for each in (kicked, *(replace(model, assumed=one) for one in (motion.heaving(rough, level), swaying))):
+        for each in (kicked, replace(model, assumed=motion.heaving(rough, level))):
             fit = better(replace(each, begun=each.assumed.ship), fit)
             if motion.is_white(fit, problem.differences):
                 break

@@ -30,7 +30,7 @@ TWICE = (1e-5, 1e-4, 1e-3)  # over reference gravity: vertical motion at twice t
 RARE = 500.0  # in log-likelihood, of that: kicks and friction that is not met do nearly the same
 TURN = 1.5  # rad of a motion in a step of the lattice
 MISSED = 10.0  # in log-likelihood, of a component that stays
-ENOUGH = 3.0  # in log-likelihood
+ENOUGH = 10.0  # in log-likelihood
 KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])
 """rad s-1/2, tried where none is assumed."""
 PEAKS, HEAVES = np.geomspace(0.3, 4.0, 8), np.geomspace(0.05, 1.2, 7)  # of a first sea, rad s-1; of heave, in swings
@@ -157,7 +157,7 @@ def reshaped(fit: Fitted) -> Fitted:
         now = fit.model.assumed
         shown, begun = Shown.of(fit), fit.model.begun
         # what was not known before may have led it astray
-        starts = dict.fromkeys((now.ship, (*begun, *now.ship[len(begun) :])))
+        starts = dict.fromkeys((now.ship, (*begun, *now.ship[len(begun) :]), _heaving_as_it_sways(now.ship)))
         wanted, gain = max((shown.likeliest(replace(now, ship=each)) for each in starts), key=lambda pair: pair[1])
         if gain < ENOUGH:
             break
@@ -170,6 +170,16 @@ def reshaped(fit: Fitted) -> Fitted:
         if more < ENOUGH:
             break
     return fit
+
+
+def _heaving_as_it_sways(ship: tuple[Component, ...]) -> tuple[Component, ...]:
+    """With vertical seas at the frequencies of the horizontal ones, as far as there are such."""
+    level = iter([each for each in ship if not isinstance(each, Vibration) and each.axis == "horizontal"])
+    found: list[Component] = []
+    for each in ship:
+        like = next(level, None) if isinstance(each, Sea) and each.axis == "vertical" else None
+        found.append(each if like is None else Sea(like.frequency, like.damping, each.rms, "vertical"))
+    return tuple(found)
 
 
 def _with(fit: Fitted, assumed: Assumed) -> Fitted:

@@ -7,7 +7,8 @@ in all of the record, through gaps. Whittle's likelihood of that ratio moves all
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -120,16 +121,22 @@ class Band:
         kicked = problem.lattice.combination[trace] ** 2 * problem.kappa / (problem.kappa - every[:, None] ** 2) ** 2
         return Band(trace, np.bincount(at, power)[some] / count[some], weight, every, across, upright, kicked, step)
 
-    def expected(self, ship: tuple[Component, ...], noise: float, kick: Floats, swing: float) -> Floats:
-        """Density that a ship, a reading noise and kicks make expect, (f,)."""
-        total = self.across * density(ship, self.frequency, "horizontal") + self.kicked @ kick**2
-        if any(each.axis == "vertical" for each in ship):
-            beside = sum(density(ship, np.abs(self.frequency + by), "vertical") for by in (swing, -swing))
-            total += self.upright * beside
-        return np.asarray(total.reshape(-1, self.power.size).sum(axis=0) + noise**2 * self.step)
+    def answer(self, component: Component, swing: float) -> Floats:
+        """Density that a component of the ship makes expect, (f,)."""
+        if component.axis == "horizontal":
+            every = self.across * density((component,), self.frequency, "horizontal")
+        else:
+            above, below = (density((component,), np.abs(self.frequency + by), "vertical") for by in (swing, -swing))
+            every = self.upright * (above + below)
+        return np.asarray(every.reshape(-1, self.power.size).sum(axis=0))
+
+    def still(self, noise: Floats, kick: Floats) -> Floats:
+        """Density that reading noise and kicks make expect, (f,)."""
+        kicked = (self.kicked @ kick**2).reshape(-1, self.power.size).sum(axis=0)
+        return np.asarray(kicked + noise[self.trace] ** 2 * self.step)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Shown:
     """The errors of all traces beside what a fit assumes.
 
@@ -144,6 +151,7 @@ class Shown:
     bands: tuple[Band, ...]
     assumed: Assumed
     swing: float
+    _answers: dict[Component, Floats] = field(default_factory=dict)
 
     @staticmethod
     def of(fit: Fitted, lines: tuple[Component, ...] = (), beside: float = 0.0) -> Shown:
@@ -153,36 +161,44 @@ class Shown:
         swing = float(np.sqrt(problem.kappa.mean()))
         return Shown(tuple(each for each in found if each is not None), assumed, swing)
 
-    def expected(self, ship: tuple[Component, ...], noise: Floats, kick: Floats) -> Floats:
-        """Logarithm of the density that a ship, the traces' noise and kicks make expect in all bands, (n,)."""
-        parts = [np.log(each.expected(ship, float(noise[each.trace]), kick, self.swing)) for each in self.bands]
+    def _of_all(self, parts: Iterable[Floats]) -> Floats:
         return np.concatenate([np.zeros(0), *parts])
+
+    def _answer(self, component: Component) -> Floats:
+        if component not in self._answers:
+            self._answers[component] = self._of_all(each.answer(component, self.swing) for each in self.bands)
+        return self._answers[component]
+
+    def expected(self, wanted: Assumed) -> Floats:
+        """Logarithm of the density that it makes expect in all bands, (n,)."""
+        still = self._of_all(each.still(wanted.noise, wanted.kick) for each in self.bands)
+        return np.asarray(np.log(sum((self._answer(each) for each in wanted.ship), still)))
 
     @cached_property
     def assumed_density(self) -> Floats:
         """Logarithm of what the fit made expect, (n,)."""
-        return self.expected(self.assumed.ship, self.assumed.noise, self.assumed.kick)
+        return self.expected(self.assumed)
 
     def gain(self, wanted: Assumed) -> float:
         """What the likelihood gains where other things are assumed."""
-        more = self.expected(wanted.ship, wanted.noise, wanted.kick) - self.assumed_density
+        more = self.expected(wanted) - self.assumed_density
         return -float(np.sum(self.weight * (more + self.power * (np.exp(-more) - 1.0))))
 
-    @property
+    @cached_property
     def power(self) -> Floats:
         """Of the errors in all bands, (n,)."""
-        return np.concatenate([np.zeros(0), *(band.power for band in self.bands)])
+        return self._of_all(each.power for each in self.bands)
 
-    @property
+    @cached_property
     def weight(self) -> Floats:
         """Ordinates in each bin of all bands, (n,)."""
-        return np.concatenate([np.zeros(0), *(band.weight for band in self.bands)])
+        return self._of_all(each.weight for each in self.bands)
 
     def excess(self, wanted: Assumed) -> float:
         """Frequency above the sea's where the errors exceed most what else would be expected, rad s-1; 0: nowhere."""
-        over = np.exp(self.assumed_density - self.expected(wanted.ship, wanted.noise, wanted.kick)) * self.power - 1.0
+        over = np.exp(self.assumed_density - self.expected(wanted)) * self.power - 1.0
         own = [each.frequency.reshape(-1, each.power.size) for each in self.bands]
-        at = np.concatenate([np.zeros(0), *(each[len(each) // 2] for each in own)])
+        at = self._of_all(each[len(each) // 2] for each in own)
         over[at < CALM * self.swing] = 0.0
         return float(at[np.argmax(over * np.sqrt(self.weight))]) if over.any() else 0.0
 
@@ -214,8 +230,7 @@ class Shown:
             return replace(start, ship=spectrum.assemble(ship, vector[:own]), noise=noise)
 
         def value(vector: Floats) -> tuple[float, Floats]:
-            wanted = make(vector)
-            more = self.expected(wanted.ship, wanted.noise, wanted.kick) - self.assumed_density
+            more = self.expected(make(vector)) - self.assumed_density
             cost = float(np.sum(weight * (more + power * (np.exp(-more) - 1.0))))
             return -cost - 0.5 * float(np.sum(((vector - begin) / spread) ** 2)), more
 
@@ -241,7 +256,7 @@ class Shown:
         """1 sigma of the mean square of a component's motion as it is followed, over what is assumed of it."""
         ship, weight, whole = self.assumed.ship, self.weight, np.exp(self.assumed_density)
         rest = (*ship[:number], *ship[number + 1 :])
-        own = whole - np.exp(self.expected(rest, self.assumed.noise, self.assumed.kick))
+        own = whole - np.exp(self.expected(replace(self.assumed, ship=rest)))
         share = own / whole  # of what is read at a frequency: so much of the motion there is followed
         lost = 1.0 - float(np.sum(weight * own * share) / np.sum(weight * own))
         ordinates = float(np.sum(weight * share) ** 2 / np.sum(weight * share**2))

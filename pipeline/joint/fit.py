@@ -413,10 +413,10 @@ class Begun:
         assumed = replace(model.assumed, breaks=())
         model = replace(model, problem=self.gathered.problem, constants=constants, assumed=assumed)
         try:
-            fit = risen(spectral(model, self.rough, self.gathered), self.rough)
+            fit, best = risen(spectral(model, self.rough, self.gathered), self.rough)
         except np.linalg.LinAlgError:
             return None
-        return fit if np.nanmax(np.abs(fit.of.whitened)) < GATE else None
+        return fit if np.nanmax(np.abs(best.of.whitened)) < GATE else None
 
     def heard(self) -> explanation.Fitted:
         """Without what is wild, the pendulums knocked where they were."""
@@ -431,22 +431,28 @@ class Begun:
         path = grown(begun.path, model.problem.pendulums, ship)
         best = smoothed(model.problem, wandering, model.constants, path)
         best = heard_again(replace(best.model, begun=ship), best, self.gathered.problem)
-        still = replace(best.model, assumed=replace(best.model.assumed, kick=self.assumed.kick))
-        fit = risen(still, best)
+        ship = tuple(each for each in best.model.assumed.ship if each.axis == "horizontal")
+        level = replace(best.model.assumed, kick=self.assumed.kick, ship=ship)
+        fit, _ = risen(replace(best.model, assumed=level, begun=ship), best)
         return motion.reshaped(heard_again(fit.model, fit, self.gathered.problem))
 
 
-def risen(model: explanation.Model, rough: explanation.Fitted) -> explanation.Fitted:
-    """Fitted without vertical motion where the differences ask for none; it is slow, and would explain other things."""
+def risen(model: explanation.Model, rough: explanation.Fitted) -> tuple[explanation.Fitted, explanation.Fitted]:
+    """Fitted without vertical motion where the differences ask for none; and what follows the readings best.
+
+    Vertical motion is slow, and would explain other things. Kicks stand for friction, a knock, a fault of the
+    apparatus: where they do better, what it is, is sought beside the level motion.
+    """
     problem, level = model.problem, model.assumed
     fit = explanation.fitted(model, grown(rough.path, problem.pendulums, level.ship))
     if level.sine and not problem.recorded.size and not motion.is_white(fit, problem.differences):
-        kicked = replace(model, words=("kicks",), assumed=motion.kicked(fit))
-        for each in (kicked, replace(model, assumed=motion.heaving(rough, level))):
-            fit = better(replace(each, begun=each.assumed.ship), fit)
-            if motion.is_white(fit, problem.differences):
-                break
-    return motion.reshaped(fit)
+        heaving = better(replace(model, assumed=motion.heaving(rough, level)), fit)
+        kicked = better(replace(model, assumed=motion.kicked(fit)), heaving)
+        if kicked is not heaving:
+            return fit, kicked
+        fit = heaving
+    fit = motion.reshaped(fit)
+    return fit, fit
 
 
 def spectral(model: explanation.Model, rough: explanation.Fitted, gathered: Gathered) -> explanation.Model:

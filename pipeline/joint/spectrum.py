@@ -13,6 +13,7 @@ from pipeline.joint.ship import Component, Engine, Sea, Vibration
 LEAST_NOISE = 1e-6  # rad: readings are taken for no better
 SPARSE = 2.0  # of the swing between readings, rad
 FASTEST = 60.0  # s-1, rate of a vibration that the steps of a lattice follow
+HEAVES = 7.0  # rad s-1, of the sea: what is faster has no sidebands, or acts as gravity does
 NARROWEST, BROADEST = 0.01, 0.7  # of the frequency, a sea's damping
 
 
@@ -65,6 +66,8 @@ def assemble(like: tuple[Component, ...], vector: Floats) -> tuple[Component, ..
         else:
             frequency, width, size = next(values), next(values), next(values)
             kind = Engine if isinstance(each, Engine) or width < NARROWEST else Sea
+            if kind is Sea and each.axis == "vertical":
+                frequency = min(frequency, HEAVES)
             out.append(kind(frequency, frequency * min(width, BROADEST), size, each.axis))
     return tuple(out)
 

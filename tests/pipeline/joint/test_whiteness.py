@@ -9,7 +9,7 @@ import pytest
 from test_method import GRAVITY, in_sigmas, record, row
 
 from pipeline.joint import choice, fit, motion
-from pipeline.joint.explanation import Fitted, fitted
+from pipeline.joint.explanation import Fitted, fitted, grown
 from pipeline.joint.gather import Gathered, gather
 from pipeline.joint.ship import Component, Engine
 from pipeline.joint.whiteness import Shown, errors_by_frequency
@@ -33,7 +33,7 @@ def settled(gathered: Gathered) -> Fitted:
 
 
 def with_ship(found: Fitted, ship: tuple[Component, ...]) -> Fitted:
-    return fitted(replace(found.model, assumed=replace(found.model.assumed, ship=ship)), found.path)
+    return fitted(replace(found.model, assumed=replace(found.model.assumed, ship=ship)), grown(found.path, 2, ship))
 
 
 def test_errors_of_the_true_model_are_white(settled: Fitted) -> None:
@@ -57,7 +57,40 @@ def test_what_is_foretold_of_a_ship_is_what_the_record_says(settled: Fitted) -> 
     ship = settled.model.assumed.ship
     other = (replace(ship[0], rms=0.7 * ship[0].rms), *ship[1:])
     lost = settled.solution.log_likelihood - with_ship(settled, other).solution.log_likelihood
-    assert Shown.of(settled).loss(other) == pytest.approx(lost, rel=0.3, abs=3.0)
+    foretold = -Shown.of(settled).gain(replace(settled.model.assumed, ship=other))
+    assert foretold == pytest.approx(lost, rel=0.3, abs=3.0)
+
+
+def test_first_ship_of_a_rough_fit_is_nearly_the_last(gathered: Gathered, settled: Fitted) -> None:
+    """The likelihood of the first guess lies closer to the last than to that of the generous ship it began with."""
+    begun = fit.Begun.of(gathered, sine=True)
+    sought = np.append(np.full(2, np.nan), settled.model.assumed.noise[-2:])
+    found = motion.first(begun.rough, sought)
+    assert found.noise[:2] == pytest.approx(settled.model.assumed.noise[:2], rel=0.3)
+    ships = (found.ship, begun.rough.model.assumed.ship)
+    values = [with_ship(settled, ship).solution.log_likelihood for ship in ships]
+    best = settled.solution.log_likelihood
+    assert best - values[0] < 0.2 * (best - values[1])
+
+
+def test_outliers_change_no_spectrum(settled: Fitted) -> None:
+    errors = settled.of.whitened.copy()
+    errors[::97] = 300.0
+    spoiled = replace(settled, of=settled.of._replace(whitened=errors))
+    clean, dirty = (errors_by_frequency(each, 0)[1] for each in (settled, spoiled))
+    assert np.mean(dirty) == pytest.approx(np.mean(clean), rel=0.5)
+
+
+def test_a_line_is_found_to_its_own_width(gathered: Gathered, settled: Fitted) -> None:
+    """A start some widths off ends on the line, whose frequency a step of a hundredth would jump over."""
+    line = Engine(20.0, 0.004, 3e-3)
+    assumed = replace(settled.model.assumed, ship=(*settled.model.assumed.ship, line))
+    shown = Shown.of(with_ship(settled, assumed.ship))
+    there = replace(shown, bands=tuple(replace(each, power=np.ones_like(each.power)) for each in shown.bands))
+    off = replace(assumed, ship=(*assumed.ship[:-1], replace(line, frequency=20.01)))
+    found, gain = there.likeliest(off, last=True)
+    assert found.ship[-1].peak == pytest.approx(20.0, abs=0.001)
+    assert gain == pytest.approx(0.0, abs=1.0)
 
 
 def test_motion_that_is_hardly_seen_is_in_sigma(settled: Fitted) -> None:

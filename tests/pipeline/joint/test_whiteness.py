@@ -87,7 +87,7 @@ def test_a_line_is_found_to_its_own_width(gathered: Gathered, settled: Fitted) -
     assumed = replace(settled.model.assumed, ship=(*settled.model.assumed.ship, line))
     shown = Shown.of(with_ship(settled, assumed.ship))
     there = replace(shown, bands=tuple(replace(each, power=np.ones_like(each.power)) for each in shown.bands))
-    off = replace(assumed, ship=(*assumed.ship[:-1], replace(line, frequency=20.01)))
+    off = replace(assumed, ship=(*assumed.ship[:-1], replace(line, frequency=20.03)))
     found, gain = there.likeliest(off, last=True)
     assert found.ship[-1].peak == pytest.approx(20.0, abs=0.001)
     assert gain == pytest.approx(0.0, abs=1.0)

@@ -6,7 +6,7 @@ from typing import Literal
 
 from data_schemas.scene_fields import Number, Section, quantity
 
-Propagator = Literal["auto", "closed-form", "picard", "beam-collocation", "explicit", "radau", "splitting"]
+Propagator = Literal["auto", "closed-form", "picard", "beam-collocation", "explicit", "radau"]
 
 
 class Simulation(Section):

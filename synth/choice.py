@@ -32,7 +32,6 @@ NAMES: dict[Propagator, str] = {
     "beam-collocation": "beam collocation",
     "explicit": "explicit, order 8",
     "radau": "Radau IIA, orders 5 to 13",
-    "splitting": "splitting ABA(10,6,4)",
 }
 """Propagators by their names in a scene, and as the truth calls them."""
 
@@ -44,7 +43,6 @@ _KNOWN: dict[Propagator, frozenset[str]] = {
     "beam-collocation": frozenset({LINEAR, SINE, VERTICAL, VAN_DER_POL, UNEVEN} | _YIELDING),
     "explicit": frozenset(_SMOOTH | _YIELDING | {FIXED, IMPULSE, KICKS}),
     "radau": frozenset(_SMOOTH | _YIELDING | {FIXED}),
-    "splitting": frozenset({FIXED, SINE, VERTICAL}),
 }
 _REACHED: dict[Propagator, float] = {
     "closed-form": 1e-15,
@@ -52,7 +50,6 @@ _REACHED: dict[Propagator, float] = {
     "beam-collocation": 1e-13,
     "explicit": 1e-13,
     "radau": 1e-12,
-    "splitting": 1e-12,
 }
 """Usual error of an hour without a tolerance, of the largest angle."""
 _KINKED = {QUADRATIC, KNIFE_EDGE}

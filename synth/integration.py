@@ -17,7 +17,6 @@ _MODULES: dict[Propagator, str] = {
     "beam-collocation": "synth.integrators.collocation",
     "explicit": "synth.integrators.explicit",
     "radau": "synth.integrators.radau",
-    "splitting": "synth.integrators.splitting",
 }
 _STREAMS: dict[Propagator, str] = {
     "beam-collocation": "synth.integrators.collocation_stream",

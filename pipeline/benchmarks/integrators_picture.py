@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.benchmarks.own import CLOSED, COLLOCATION, EXPLICIT, PICARD, RADAU, SPLITTING
+from pipeline.benchmarks.own import CLOSED, COLLOCATION, EXPLICIT, PICARD, RADAU
 from pipeline.benchmarks.work_precision import Point
-from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend, panel, save, sheet
+from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, legend, panel, save, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,6 @@ LOOKS: Mapping[str, tuple[str, str]] = {
     COLLOCATION: (ORANGE, "o"),
     RADAU: (VERMILION, "o"),
     EXPLICIT: (PURPLE, "o"),
-    SPLITTING: (SKY, "o"),
     "heyoka": ("#000000", "D"),
     "CyRK DOP853": (GREY, "s"),
     "CyRK RADAU": (GREY, "s"),

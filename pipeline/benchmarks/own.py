@@ -18,7 +18,7 @@ from synth.phase import Floats
 from synth.propagators.even import EvenTimes
 
 CLOSED, PICARD, COLLOCATION = "closed form", "Picard collocation", "beam collocation"
-RADAU, EXPLICIT, SPLITTING = "Radau", "explicit", "splitting"
+RADAU, EXPLICIT = "Radau", "explicit"
 CLOSED_FORM_ERROR = 1e-15
 
 
@@ -112,7 +112,6 @@ OWN: Mapping[str, Callable[[Problem, float], Call]] = {
     COLLOCATION: _integrator("collocation"),
     RADAU: _integrator("radau"),
     EXPLICIT: _integrator("explicit"),
-    SPLITTING: _integrator("splitting"),
 }
 """All propagators, by the names under which rows and pictures show them: (problem, tolerance) -> call."""
 AS_EXACT_AS_CAN_BE = (CLOSED, PICARD)

@@ -22,9 +22,9 @@ from synth.systems.elastic_beam import ElasticBeam, stiffness_of_ratio
 
 LINEAR: tuple[Propagator, ...] = ("auto", "closed-form", "radau", "explicit")
 OVERDAMPED: tuple[Propagator, ...] = ("auto", "radau", "explicit")
-SINE: tuple[Propagator, ...] = ("auto", "picard", "radau", "explicit", "splitting")
+SINE: tuple[Propagator, ...] = ("auto", "picard", "radau", "explicit")
 VIOLENT: tuple[Propagator, ...] = ("auto", "radau", "explicit")
-"""Far from the linear pendulum about which collocation and splitting expand."""
+"""Far from the linear pendulum about which collocation expands."""
 STIFF: tuple[Propagator, ...] = ("auto", "radau")
 """Slower than what an explicit step can bear."""
 

@@ -84,10 +84,9 @@ REFUSED = [
     ),
     ("radau", {"kick_intensity": 1e-7}, {}, "'radau' does not know random kicks; choose 'picard' or 'explicit' or"),
     ("closed-form", {"kick_intensity": 1e-7}, {"restoring": "linear"}, "'closed-form' does not know random kicks;"),
-    ("splitting", {}, {"gravity_course": {"kind": "linear", "rate": 1e-6}}, "does not know changing gravity;"),
+    ("closed-form", {}, {"gravity_course": {"kind": "linear", "rate": 1e-6}}, "changing gravity"),
     ("radau", {"escapement": {"kind": "impulse", "energy": 0.1}}, {}, "choose 'explicit' or 'auto'"),
     ("beam-collocation", {}, {}, "does not know a fixed support; choose 'picard'"),
-    ("splitting", {}, {"recording": {"jitter": 0.1}}, "does not know uneven times; choose 'picard'"),
     ("picard", {"damping_rate": 9.0, "escapement": VAN_DER_POL}, {}, "overdamping and a van der Pol escapement;"),
 ]
 

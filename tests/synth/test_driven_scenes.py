@@ -329,7 +329,7 @@ def test_what_a_driven_scene_leaves_out_is_not_imported() -> None:
     assert "synth.integrators.explicit" in names
     absent = {
         "synth.systems.reduction", "synth.integrators.radau", "synth.integrators.events",
-        "synth.integrators.splitting", "synth.integrators.collocation", "synth.propagators.picard", "synth.explanation",
+        "synth.integrators.collocation", "synth.propagators.picard", "synth.explanation",
     }  # fmt: skip
     assert names.isdisjoint(absent)
 

@@ -136,8 +136,8 @@ def judged(kind: Kind, rows: Sequence[Row], others: Sequence[Sequence[Row]]) -> 
 
 
 def silently_wrong(row: Row) -> bool:
-    """Whether a value lies beyond five of its sigmas and what is promised, and carries no flag; refusals are right."""
-    if row["refused"] or row["flags"]:
+    """Whether a value lies beyond five of its sigmas and what is promised, flagged or not; refusals are right."""
+    if row["refused"]:
         return False
     return not abs(row["error_mgal"]) <= SIGMAS * row["sigma_mgal"] + PROMISED[row["method"]]
 

@@ -444,9 +444,11 @@ def risen(model: explanation.Model, rough: explanation.Fitted) -> tuple[explanat
     apparatus: where they do better, what it is, is sought beside the level motion.
     """
     problem, level = model.problem, model.assumed
-    fit = explanation.fitted(model, grown(rough.path, problem.pendulums, level.ship))
+    swing = rough.path[:, : 2 * problem.pendulums]
+    fit = explanation.fitted(model, grown(swing, problem.pendulums, level.ship))
     if level.sine and not problem.recorded.size and not motion.is_white(fit, problem.differences):
-        heaving = better(replace(model, assumed=motion.heaving(rough, level)), fit)
+        heaving = better(replace(model, assumed=motion.heaving(rough, level)), replace(fit, path=swing))
+        heaving = fit if heaving.path is swing else heaving
         kicked = better(replace(model, assumed=motion.kicked(fit)), heaving)
         if kicked is not heaving:
             return fit, kicked

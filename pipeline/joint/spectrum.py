@@ -14,7 +14,8 @@ LEAST_NOISE = 1e-6  # rad: readings are taken for no better
 SPARSE = 2.0  # of the swing between readings, rad
 FASTEST = 60.0  # s-1, rate of a vibration that the steps of a lattice follow
 HEAVES = 7.0  # rad s-1, of the sea: what is faster has no sidebands, or acts as gravity does
-NARROWEST, BROADEST = 0.01, 0.7  # of the frequency, a sea's damping
+NARROWEST, BROADEST, LINE = 0.01, 0.7, 1e-4  # of the frequency, a sea's damping; least of a line's
+SWELL = 3.0  # rad s-1: what is narrower than a sea, and slower, is one still
 
 
 def folded(frequency: float, step: float) -> float:
@@ -65,9 +66,10 @@ def assemble(like: tuple[Component, ...], vector: Floats) -> tuple[Component, ..
             out.append(replace(each, rate=min(next(values), FASTEST), rms=next(values)))
         else:
             frequency, width, size = next(values), next(values), next(values)
-            kind = Engine if isinstance(each, Engine) or width < NARROWEST else Sea
+            kind = Engine if isinstance(each, Engine) or (width < NARROWEST and frequency > SWELL) else Sea
             if kind is Sea and each.axis == "vertical":
                 frequency = min(frequency, HEAVES)
+            width = max(width, NARROWEST if kind is Sea else LINE)
             out.append(kind(frequency, frequency * min(width, BROADEST), size, each.axis))
     return tuple(out)
 

@@ -24,7 +24,8 @@ LEAST = 3  # bins from zero frequency, and on either side of the swing, that con
 BINS, FINE, BESIDE = 200, 3.0, 10.0  # in all; a line's width over that of a bin about it; widths on either side of it
 CALM = 0.5  # of the swing's frequency: below it lines are the sea's
 CLIPPED = 7.0  # of the median error: five deviations of normal ones
-TAPERED = 1.5  # ordinates that count as one, under the taper
+ROUGH = 4  # taper of a rough fit, whose errors are far from white
+TAPERED = {1: 1.5, ROUGH: 2.63}  # ordinates that count as one, under a taper
 SHARP, MOST_SHARP = 3.5, 5  # in the logarithm of a power, above those about it; such ordinates that get finer bins
 NOISE_SPREAD = 0.3  # 1 sigma of the logarithm of the reading noise
 UNKNOWN, UNKNOWN_SPREAD = 1e-4, 3.0  # rad; the same of one that is not stated
@@ -33,10 +34,10 @@ ROUNDS, HALVINGS = 20, 4
 ENOUGH = 0.2  # in log-likelihood
 
 
-def errors_by_frequency(fit: Fitted, trace: int) -> tuple[Floats, Floats, np.ndarray]:
+def errors_by_frequency(fit: Fitted, trace: int, taper: int = 1) -> tuple[Floats, Floats, np.ndarray]:
     """Power of a trace's whitened errors by frequency, rad s-1, 1 where they are of unit variance; and which these are.
 
-    Empty where they are few.
+    Empty where they are few. Under a taper, a power of a sine: lines leak without.
     """
     from scipy.fft import next_fast_len
 
@@ -49,9 +50,9 @@ def errors_by_frequency(fit: Fitted, trace: int) -> tuple[Floats, Floats, np.nda
     series = np.zeros(next_fast_len(int(lattice.duration / step) + 2, real=True))
     errors = fit.of.whitened[used]
     most = CLIPPED * float(np.median(np.abs(errors)))  # what is wild has no spectrum
-    taper = np.sin(np.pi * (time - time[0]) / (time[-1] - time[0]))  # lines of a rough fit leak without
-    series[np.clip(np.rint(time / step), 0, series.size - 1).astype(np.int64)] = taper * np.clip(errors, -most, most)
-    power = np.abs(np.fft.rfft(series)) ** 2 / float(taper @ taper)
+    part = np.sin(np.pi * (time - time[0]) / (time[-1] - time[0])) ** taper
+    series[np.clip(np.rint(time / step), 0, series.size - 1).astype(np.int64)] = part * np.clip(errors, -most, most)
+    power = np.abs(np.fft.rfft(series)) ** 2 / float(part @ part)
     return 2.0 * np.pi * np.arange(power.size) / (series.size * step), power, used
 
 
@@ -93,12 +94,15 @@ class Band:
         """The errors of a trace, but those so near the swing, relative to it; finer bins about some lines."""
         problem = fit.model.problem
         swing = float(np.sqrt(problem.kappa.mean()))
-        frequency, power, _ = errors_by_frequency(fit, trace)
+        taper = ROUGH if beside else 1
+        frequency, power, _ = errors_by_frequency(fit, trace, taper)
         if frequency.size <= 4 * LEAST:
             return None
         step = float(np.pi / frequency[-1])
         near = max(beside * swing, (LEAST + 0.5) * frequency[1])
         keep = np.abs(frequency - spectrum.folded(swing, step)) > near
+        if not beside:
+            keep |= power > 1.0  # constants fill what lies at the swing, but they add nothing
         keep[:LEAST] = False
         frequency, power = frequency[keep], power[keep]
         edges = [np.geomspace(frequency[0], frequency[-1] * 1.0001, BINS + 1)]
@@ -112,7 +116,7 @@ class Band:
         at = np.searchsorted(np.unique(np.concatenate(edges)), frequency, side="right")
         count = np.bincount(at)
         some = count > 0
-        mean, weight = np.bincount(at, frequency)[some] / count[some], count[some] / TAPERED
+        mean, weight = np.bincount(at, frequency)[some] / count[some], count[some] / TAPERED[taper]
         folds = int(2.0 * swing * step / np.pi)  # sparse readings show what is faster among the rest
         every = np.abs(mean + 2.0 * np.pi / step * np.arange(-folds, folds + 1)[:, None]).ravel()
         angles = fit.path[:, : 2 * problem.pendulums : 2] @ problem.lattice.combination[trace]

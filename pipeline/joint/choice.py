@@ -25,7 +25,7 @@ STEPS, LEAST_STEP = 12, 0.3  # times tried at once; of the lattice's step
 FAULT, STEP_COST = 5.0, 9.0  # in log-likelihood: of what an apparatus seldom has; of a time that may be any
 FADES = (0.0, 0.05, 0.1, 0.25)  # of the mean speed, below which knife-edge friction fades
 FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
-MUCH, HARMLESS = 100.0, 0.2  # in log-likelihood; of sigma
+MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
 SCALES = (kernels.GAIN, kernels.RATIO)  # of constants that stand for each other
 
@@ -236,12 +236,17 @@ class Tried:
         return abs(other - value) > HARMLESS * sigma or wider > (1.0 + HARMLESS) * sigma
 
     def taken(self, ahead: list[Candidate]) -> Fitted | None:
-        """The first that still pays when it is fitted; of gains and periods the likeliest."""
+        """The first that still pays when it is fitted; of gains and periods, and where all gain much, the likeliest."""
+        base = self.fit.solution.log_likelihood
         for number, each in enumerate(ahead):
-            same = [each, *(other for other in ahead[number + 1 :] if _of_scale(each) and _of_scale(other))]
+            rest = ahead[number + 1 :]
+            if each[0] > base + VERY_MUCH:  # priced about a path that is far off
+                rest = list({other[1].words[-1:]: other for other in reversed(rest)}.values())
+                same = [each, *(other for other in rest if other[1].words[-1:] != each[1].words[-1:])]
+            else:
+                same = [each, *(other for other in rest if _of_scale(each) and _of_scale(other))]
             found = [(candidate, fit) for candidate in same if (fit := self.of(candidate)) is not None]
-            least = self.fit.solution.log_likelihood + PAYS
-            fits = [fit for candidate, fit in found if _as_candidate(candidate, fit)[0] > least]
+            fits = [fit for candidate, fit in found if _as_candidate(candidate, fit)[0] > base + PAYS]
             if fits:
                 return max(fits, key=lambda fit: fit.solution.log_likelihood)
         return None

@@ -356,8 +356,10 @@ def fitted(gathered: Gathered) -> list[explanation.Fitted]:
     left out, pendulums knocked, and all parameters of the ship sought.
     """
     begun = [Begun.of(gathered, sine=sine) for sine in ([gathered.law != "linear"] if gathered.law else [True, False])]
-    plain = [fit for each in begun if (fit := each.plain()) is not None]
-    found = plain or [each.heard() for each in begun]
+    fits = [each.plain() for each in begun]
+    if fits[0] is None:  # lines near the swing, and noise that is not stated, make linear pendulums of others
+        fits = [fit or each.heard() for fit, each in zip(fits, begun, strict=True)]
+    found = [fit for fit in fits if fit is not None]
     return sorted((with_difference(fit) for fit in found), key=of_the_law, reverse=True)
 
 

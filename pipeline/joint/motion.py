@@ -36,7 +36,7 @@ KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])
 PEAKS, HEAVES = np.geomspace(0.3, 4.0, 8), np.geomspace(0.05, 1.0, 7)  # of a first sea, rad s-1; of heave, in swings
 SIZES = (1e-4, 1e-3, 1e-2, 1e-1)  # over reference gravity
 GROUND = 3e-6  # over reference gravity, of vibration that a first fit allows for
-SIDEBANDS, LINE = 0.4, 0.02  # of the swing's frequency: what heave, and the swing itself in a rough fit, fill
+SIDEBANDS, LINE = 0.4, 0.06  # of the swing's frequency: what heave, and the swing itself in a rough fit, fill
 NARROW = 1e-3  # of its frequency, a line
 LOOSE = 3.0  # a sea that a rough fit shows keeps so much less to where it began
 MOST_SEAS, MORE = 2, 15.0  # of an axis at first; in log-likelihood, that a further sea must be worth
@@ -56,12 +56,7 @@ def first(rough: Fitted, noise: Floats) -> Assumed:
     heaves = assumed.sine and not problem.recorded.size and all(each.axis == "horizontal" for each in assumed.ship)
     shown = Shown.of(rough, beside=SIDEBANDS if heaves and not _sparse(problem) else LINE)
     still = replace(assumed, kick=np.zeros(problem.pendulums), breaks=())
-    found = _rougher(shown, replace(still, ship=(Vibration(6.0, 1e-4),), noise=noise), "horizontal")
-    # what is unseen beside the swing may be at it
-    ground = tuple(
-        replace(each, rms=max(each.rms, GROUND)) if isinstance(each, Vibration) else each for each in found.ship
-    )
-    return replace(found, ship=ground)
+    return _rougher(shown, replace(still, ship=(Vibration(6.0, 1e-4),), noise=noise), "horizontal")
 
 
 def heaving(rough: Fitted, level: Assumed) -> Assumed:
@@ -97,12 +92,12 @@ def _rougher(shown: Shown, start: Assumed, axis: Axis) -> Assumed:
             break
         best, top, slow = found, gain, slow + (found.ship[-1].peak < CALM * shown.swing or not level)
     for each in best.ship[:-1]:
-        if isinstance(each, Vibration):
-            continue
         rest = replace(best, ship=tuple(other for other in best.ship if other is not each))
-        if shown.gain(rest) > shown.gain(best) - 1.0:
+        if not isinstance(each, Vibration) and shown.gain(rest) > shown.gain(best) - 1.0:
             best = rest
-    return best
+    # what is unseen beside the swing may be at it
+    ground = (replace(each, rms=max(each.rms, GROUND)) if isinstance(each, Vibration) else each for each in best.ship)
+    return replace(best, ship=tuple(ground))
 
 
 def _sparse(problem: Problem) -> bool:

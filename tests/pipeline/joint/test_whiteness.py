@@ -36,6 +36,12 @@ def with_ship(found: Fitted, ship: tuple[Component, ...]) -> Fitted:
     return fitted(replace(found.model, assumed=replace(found.model.assumed, ship=ship)), grown(found.path, 2, ship))
 
 
+def with_swell(ship: tuple[Component, ...], factor: float) -> tuple[Component, ...]:
+    """With the largest component larger by a factor."""
+    largest = max(ship, key=lambda each: each.rms)
+    return tuple(replace(each, rms=factor * each.rms) if each is largest else each for each in ship)
+
+
 def test_errors_of_the_true_model_are_white(settled: Fitted) -> None:
     for trace in range(2):
         _, power, used = errors_by_frequency(settled, trace)
@@ -45,8 +51,7 @@ def test_errors_of_the_true_model_are_white(settled: Fitted) -> None:
 
 @pytest.mark.parametrize("factor", [0.2, 5.0])
 def test_a_ship_assumed_wrong_comes_back(settled: Fitted, factor: float) -> None:
-    ship = settled.model.assumed.ship
-    off = with_ship(settled, (replace(ship[0], rms=factor * ship[0].rms), *ship[1:]))
+    off = with_ship(settled, with_swell(settled.model.assumed.ship, factor))
     lost = settled.solution.log_likelihood - off.solution.log_likelihood
     assert lost > 10.0
     back = motion.reshaped(off)
@@ -54,8 +59,7 @@ def test_a_ship_assumed_wrong_comes_back(settled: Fitted, factor: float) -> None
 
 
 def test_what_is_foretold_of_a_ship_is_what_the_record_says(settled: Fitted) -> None:
-    ship = settled.model.assumed.ship
-    other = (replace(ship[0], rms=0.7 * ship[0].rms), *ship[1:])
+    other = with_swell(settled.model.assumed.ship, 0.7)
     lost = settled.solution.log_likelihood - with_ship(settled, other).solution.log_likelihood
     foretold = -Shown.of(settled).gain(replace(settled.model.assumed, ship=other))
     assert foretold == pytest.approx(lost, rel=0.3, abs=3.0)

@@ -448,14 +448,17 @@ def risen(model: explanation.Model, rough: explanation.Fitted) -> tuple[explanat
     problem, level = model.problem, model.assumed
     swing = rough.path[:, : 2 * problem.pendulums]
     fit = explanation.fitted(model, grown(swing, problem.pendulums, level.ship))
-    if level.sine and not problem.recorded.size and not motion.is_white(fit, problem.differences):
+    if motion.is_white(fit, problem.differences):
+        fit = motion.reshaped(fit)
+        return fit, fit
+    heaving, sought = fit, level.sine and not problem.recorded.size
+    if sought:
         heaving = better(replace(model, assumed=motion.heaving(rough, level)), replace(fit, path=swing))
         heaving = fit if heaving.path is swing else heaving
-        kicked = better(replace(model, assumed=motion.kicked(fit)), heaving)
-        if kicked is not heaving:
-            return fit, kicked
-        fit = heaving
-    fit = motion.reshaped(fit)
+    kicked = better(replace(model, assumed=motion.kicked(fit)), heaving)
+    if kicked is not heaving and (sought or np.nanmax(np.abs(kicked.of.whitened)) < GATE):
+        return fit, kicked
+    fit = motion.reshaped(heaving)
     return fit, fit
 
 

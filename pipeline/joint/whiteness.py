@@ -101,7 +101,7 @@ class Band:
         step = float(np.pi / frequency[-1])
         near = max(beside * swing, (LEAST + 0.5) * frequency[1])
         keep = np.abs(frequency - spectrum.folded(swing, step)) > near
-        if not beside:
+        if not beside and trace not in problem.differences:
             keep |= power > 1.0  # constants fill what lies at the swing, but they add nothing
         keep[:LEAST] = False
         frequency, power = frequency[keep], power[keep]

@@ -55,7 +55,7 @@ def declined(method: str, **changes: Any) -> dict[str, Any]:
         (row("shooting", 0.4), False),
         (row("shooting", 0.6), True),
         (row("shooting", -0.6), True),
-        (row("shooting", 0.6, flags="arc"), False),
+        (row("shooting", 0.6, flags="arc"), True),  # a flag excuses no error
         (row("shooting", 4e-3, 0.0), False),
         (row("shooting", 6e-3, 0.0), True),
         (row("general", 0.09, 0.0), False),

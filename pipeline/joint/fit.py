@@ -431,11 +431,15 @@ class Begun:
         # pendulums that wander: friction, or gravity that changes, is not to be taken for wild readings
         wandering = replace(model.assumed, ship=ship, kick=self.assumed.kick + KICK)
         path = grown(begun.path, model.problem.pendulums, ship)
-        best = smoothed(model.problem, wandering, model.constants, path)
-        best = heard_again(replace(best.model, begun=ship), best, self.gathered.problem)
-        ship = tuple(each for each in best.model.assumed.ship if each.axis == "horizontal")
-        level = replace(best.model.assumed, kick=self.assumed.kick, ship=ship)
-        fit, _ = risen(replace(best.model, assumed=level, begun=ship), best)
+        try:
+            best = smoothed(model.problem, wandering, model.constants, path)
+            best = heard_again(replace(best.model, begun=ship), best, self.gathered.problem)
+        except np.linalg.LinAlgError:
+            best = begun
+        known = best.model if best is not begun else model
+        ship = tuple(each for each in known.assumed.ship if each.axis == "horizontal")
+        level = replace(known.assumed, kick=self.assumed.kick, ship=ship)
+        fit, _ = risen(replace(known, assumed=level, begun=ship), best)
         return motion.reshaped(heard_again(fit.model, fit, self.gathered.problem))
 
 
@@ -447,14 +451,28 @@ def risen(model: explanation.Model, rough: explanation.Fitted) -> tuple[explanat
     """
     problem, level = model.problem, model.assumed
     swing = rough.path[:, : 2 * problem.pendulums]
-    fit = explanation.fitted(model, grown(swing, problem.pendulums, level.ship))
+    sought = level.sine and not problem.recorded.size
+
+    def risen_by(assumed: Assumed) -> explanation.Fitted:
+        risen = replace(model, assumed=assumed, begun=assumed.ship)
+        return explanation.fitted(risen, grown(swing, problem.pendulums, assumed.ship))
+
+    try:
+        fit = risen_by(level)
+    except np.linalg.LinAlgError:  # in heave that is strong, or recorded now and then, no level path is followed
+        if not sought:
+            raise
+        fit = motion.reshaped(risen_by(motion.heaving(rough, level)))
+        return fit, fit
     if motion.is_white(fit, problem.differences):
         fit = motion.reshaped(fit)
         return fit, fit
-    heaving, sought = fit, level.sine and not problem.recorded.size
+    heaving = fit
     if sought:
-        heaving = better(replace(model, assumed=motion.heaving(rough, level)), replace(fit, path=swing))
-        heaving = fit if heaving.path is swing else heaving
+        try:
+            heaving = max(fit, risen_by(motion.heaving(rough, level)), key=standing)
+        except np.linalg.LinAlgError:
+            heaving = fit
     kicked = better(replace(model, assumed=motion.kicked(fit)), heaving)
     if kicked is not heaving and (sought or np.nanmax(np.abs(kicked.of.whitened)) < GATE):
         return fit, kicked

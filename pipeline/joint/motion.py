@@ -39,7 +39,7 @@ GROUND = 3e-6  # over reference gravity, of vibration that a first fit allows fo
 SIDEBANDS, LINE = 0.4, 0.06  # of the swing's frequency: what heave, and the swing itself in a rough fit, fill
 NARROW = 1e-3  # of its frequency, a line
 LOOSE = 3.0  # a sea that a rough fit shows keeps so much less to where it began
-MOST_SEAS, MORE = 2, 15.0  # of an axis at first; in log-likelihood, that a further sea must be worth
+MOST_SEAS, MORE, MUCH_MORE = 2, 15.0, 100.0  # of an axis at first; in log-likelihood, of a sea, of what is faster
 ROUNDS, SHARES = 4, (1.0, 0.3)  # of a step that the errors' spectrum asks for
 
 
@@ -88,7 +88,7 @@ def _rougher(shown: Shown, start: Assumed, axis: Axis) -> Assumed:
             for size in SIZES
         )
         found, gain = shown.likeliest(max(tried, key=lambda each: shown.gain(replace(each, noise=noise))), loose=LOOSE)
-        if gain < top + MORE:
+        if gain < top + (MORE if not level or found.ship[-1].peak < CALM * shown.swing else MUCH_MORE):
             break
         best, top, slow = found, gain, slow + (found.ship[-1].peak < CALM * shown.swing or not level)
     for each in best.ship[:-1]:
@@ -156,6 +156,7 @@ def unseen(fit: Fitted, model: Model) -> float:
 
 def reshaped(fit: Fitted) -> Fitted:
     """With the ship's parameters and the noise as the errors' spectrum asks, while the readings get likelier."""
+    fit = pruned(fit)
     for _ in range(ROUNDS):
         now = fit.model.assumed
         shown, begun = Shown.of(fit), fit.model.begun
@@ -209,8 +210,10 @@ def pruned(fit: Fitted) -> Fitted:
         path = np.delete(fit.path, slice(begin, begin + sizes[number + 1]), axis=1)
         begun = (*model.begun[:number], *model.begun[number + 1 :])
         trial = replace(model, assumed=replace(model.assumed, ship=rest), begun=begun)
-        if priced(trial, path)[0] > fit.solution.log_likelihood:
+        try:
             fit = max(fit, fitted(trial, path), key=lambda each: each.solution.log_likelihood)
+        except np.linalg.LinAlgError:
+            continue
     return fit
 
 

@@ -23,6 +23,8 @@ LEAST_READINGS = 100
 LEAST = 3  # bins from zero frequency, and on either side of the swing, that constants fill
 BINS, FINE, BESIDE = 200, 3.0, 10.0  # in all; a line's width over that of a bin about it; widths on either side of it
 CALM = 0.5  # of the swing's frequency: below it lines are the sea's
+WIDELY, NEARBY = 64.0, 13  # of the least distance from the swing, up to which bins grow with it; bins on either side
+CERTAIN = 20.0  # of the power of white errors, which no chance brings about
 CLIPPED = 7.0  # of the median error: five deviations of normal ones
 ROUGH = 4  # taper of a rough fit, whose errors are far from white
 TAPERED = {1: 1.5, ROUGH: 2.63}  # ordinates that count as one, under a taper
@@ -99,18 +101,21 @@ class Band:
         if frequency.size <= 4 * LEAST:
             return None
         step = float(np.pi / frequency[-1])
-        near = max(beside * swing, (LEAST + 0.5) * frequency[1])
-        keep = np.abs(frequency - spectrum.folded(swing, step)) > near
+        bin_width, centre = frequency[1], spectrum.folded(swing, step)
+        near = max(beside * swing, (LEAST + 0.5) * bin_width)
+        keep = np.abs(frequency - centre) > near
         if not beside and trace not in problem.differences:
-            keep |= power > 1.0  # constants fill what lies at the swing, but they add nothing
+            keep |= power > CERTAIN  # constants fill what lies at the swing, but they add nothing
         keep[:LEAST] = False
         frequency, power = frequency[keep], power[keep]
-        edges = [np.geomspace(frequency[0], frequency[-1] * 1.0001, BINS + 1)]
+        # traces answer at the swing as nowhere else
+        off = np.append(bin_width * (np.arange(LEAST) + 0.5), near * np.geomspace(1.0, WIDELY, NEARBY))
+        edges = [np.geomspace(frequency[0], frequency[-1] * 1.0001, BINS + 1), centre - off, centre + off]
         fast = frequency > CALM * swing
         narrow = [(peak, 0.0, "horizontal") for peak in _sharp(frequency[fast], power[fast], edges[0])]
         narrow += [(each.peak, each.damping, each.axis) for each in lines if isinstance(each, Engine)]
         for peak, width, axis in narrow:
-            about = np.arange(-BESIDE, BESIDE, 1.0 / FINE) * max(width, frequency[1] - frequency[0])
+            about = np.arange(-BESIDE, BESIDE, 1.0 / FINE) * max(width, bin_width)
             centres = [peak] if axis == "horizontal" else [abs(peak + by) for by in (swing, -swing)]
             edges += [each + about for each in centres]
         at = np.searchsorted(np.unique(np.concatenate(edges)), frequency, side="right")

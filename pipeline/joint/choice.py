@@ -311,7 +311,7 @@ def unexplained(fit: Fitted) -> float:
     Sums over a tenth of the record, and over a narrow band, scatter by chance: only what exceeds that counts.
     """
     problem, lattice = fit.model.problem, fit.model.problem.lattice
-    swing = float(np.sqrt(problem.kappa.mean()))
+    swing = problem.swing
     worst = 1.0
     for trace in range(problem.traces):
         used = (lattice.trace == trace) & np.isfinite(fit.of.whitened)

@@ -53,7 +53,7 @@ def first(rough: Fitted, noise: Floats) -> Assumed:
     Heave puts sidebands of the swing about its line: where it may be, and is not followed, they are left out.
     """
     problem, assumed = rough.model.problem, rough.model.assumed
-    heaves = assumed.sine and not problem.recorded.size and all(each.axis == "horizontal" for each in assumed.ship)
+    heaves = problem.leaves_heave_open(assumed.sine) and all(each.axis == "horizontal" for each in assumed.ship)
     shown = Shown.of(rough, beside=SIDEBANDS if heaves and not _sparse(problem) else LINE)
     still = replace(assumed, kick=np.zeros(problem.pendulums), breaks=())
     return _rougher(shown, replace(still, ship=(Vibration(6.0, 1e-4),), noise=noise), "horizontal")
@@ -103,7 +103,7 @@ def _rougher(shown: Shown, start: Assumed, axis: Axis) -> Assumed:
 def _sparse(problem: Problem) -> bool:
     """Whether sidebands lie upon each other."""
     spacing = float(np.median(np.diff(np.unique(problem.lattice.time))))
-    return spacing * float(np.sqrt(problem.kappa.mean())) > spectrum.SPARSE
+    return spacing * problem.swing > spectrum.SPARSE
 
 
 def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
@@ -136,8 +136,8 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
             if assumed.ship[-1].peak * model.problem.lattice.step > TURN and not model.problem.lattice.dense:
                 raise UnresolvedError
             yield of(assumed)
-    if slow and model.assumed.sine and not model.problem.recorded.size:
-        twice = 2.0 * float(np.sqrt(model.problem.kappa.mean()))
+    if slow and model.problem.leaves_heave_open(model.assumed.sine):
+        twice = 2.0 * model.problem.swing
         lines = [Engine(twice, OWN * OWN * twice, size, "vertical") for size in TWICE]
         yield from (of(replace(model.assumed, ship=(*ship, line)), RARE) for line in lines)
 
@@ -223,8 +223,8 @@ def _lines(fit: Fitted) -> Iterator[Component]:
     A vertical motion shows on either side of the swing, in all traces: their power is taken together.
     """
     problem, lattice = fit.model.problem, fit.model.problem.lattice
-    swing, two = float(np.sqrt(problem.kappa.mean())), 2 * problem.pendulums
-    vertical = fit.model.assumed.sine and not problem.recorded.size
+    swing, two = problem.swing, 2 * problem.pendulums
+    vertical = problem.leaves_heave_open(fit.model.assumed.sine)
     arcs = np.std(fit.path[:, :two:2] @ lattice.combination.T, axis=0)
     every = [_scaled_errors(fit, trace) for trace in range(problem.traces)]
     dense = [j for j, each in enumerate(every) if each[0].size and each[0].size == max(each[0].size for each in every)]
@@ -279,7 +279,7 @@ def is_white(fit: Fitted, traces: list[int]) -> bool:
 
 def _scaled_errors(fit: Fitted, trace: int) -> tuple[Floats, Floats, float]:
     """Power of a trace's whitened errors, of mean 1, by frequency, rad s-1; and the variance that a unit stands for."""
-    swing = float(np.sqrt(fit.model.problem.kappa.mean()))
+    swing = fit.model.problem.swing
     frequency, power, used = errors_by_frequency(fit, trace)
     if not frequency.size or np.pi / frequency[-1] * swing > spectrum.SPARSE:
         return np.zeros(0), np.zeros(0), 0.0

@@ -93,6 +93,15 @@ class Problem:
         return int(self.lattice.combination.shape[0])
 
     @property
+    def swing(self) -> float:
+        """Frequency of the pendulums at reference gravity, rad s-1."""
+        return float(np.sqrt(self.kappa.mean()))
+
+    def leaves_heave_open(self, sine: bool) -> bool:
+        """Whether vertical motion acts under a law, and no recording says how."""
+        return sine and not self.recorded.size
+
+    @property
     def differences(self) -> list[int]:
         """Traces that hardly see the ship's horizontal motion; all of them where none does."""
         found = np.abs(self.lattice.combination.sum(axis=1)) < LEVEL

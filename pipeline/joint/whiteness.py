@@ -95,7 +95,7 @@ class Band:
     def of(fit: Fitted, trace: int, lines: tuple[Component, ...], beside: float) -> Band | None:
         """The errors of a trace, but those so near the swing, relative to it; finer bins about some lines."""
         problem = fit.model.problem
-        swing = float(np.sqrt(problem.kappa.mean()))
+        swing = problem.swing
         taper = ROUGH if beside else 1
         frequency, power, _ = errors_by_frequency(fit, trace, taper)
         if frequency.size <= 4 * LEAST:
@@ -167,7 +167,7 @@ class Shown:
         """What a fit shows, also of some lines that it does not assume, but so near the swing, relative to it."""
         problem, assumed = fit.model.problem, fit.model.assumed
         found = [Band.of(fit, trace, (*assumed.ship, *lines), beside) for trace in range(problem.traces)]
-        swing = float(np.sqrt(problem.kappa.mean()))
+        swing = problem.swing
         return Shown(tuple(each for each in found if each is not None), assumed, swing)
 
     def _of_all(self, parts: Iterable[Floats]) -> Floats:
@@ -190,7 +190,9 @@ class Shown:
 
     def gain(self, wanted: Assumed) -> float:
         """What the likelihood gains where other things are assumed."""
-        more = self.expected(wanted) - self.assumed_density
+        return self._worth(self.expected(wanted) - self.assumed_density)
+
+    def _worth(self, more: Floats) -> float:
         return -float(np.sum(self.weight * (more + self.power * (np.exp(-more) - 1.0))))
 
     @cached_property
@@ -240,8 +242,7 @@ class Shown:
 
         def value(vector: Floats) -> tuple[float, Floats]:
             more = self.expected(make(vector)) - self.assumed_density
-            cost = float(np.sum(weight * (more + power * (np.exp(-more) - 1.0))))
-            return -cost - 0.5 * float(np.sum(((vector - begin) / spread) ** 2)), more
+            return self._worth(more) - 0.5 * float(np.sum(((vector - begin) / spread) ** 2)), more
 
         top, more = value(vector)
         for _ in range(ROUNDS):

@@ -1,0 +1,147 @@
+"""Outliers, knocks and steps: prediction errors far off, each weighed by the likelihood of the seconds about it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint import apparatus, explanation
+from pipeline.joint.constants import Constant
+from pipeline.joint.explanation import grown, shifted
+from pipeline.joint.problem import Assumed, Problem
+
+COARSE_GATE = 100.0  # deviations, of a pass whose errors' scale is not known yet
+MOST_OVER = 0.3  # share of the readings over a gate above which the gate is at fault
+MOST_REJECTED = 0.4  # share of the readings: so many are not rejected
+BROKEN, STEPPED = 200.0, 30.0  # in log-likelihood, that a pendulum which was knocked, and a step, must be worth
+LINKED, LEAST_BURST, BURST_SHARE = 0.5, 3, 0.4  # s between readings that are doubted together; fewer are rejected
+MOST_CLUSTERS = 60
+BURST = 1.0  # s on either side, at most, in which all are doubted
+LONGEST = 20.0  # s of readings that are doubted together
+HARDLY = 1e-6  # s before the first reading that shows a step
+LASTING = 8.0  # s on either side that a doubt is decided by
+OUTLIER = float(np.log(0.01 / 0.1))  # of a reading in a hundred, over .1 rad
+GATE = 7.0  # deviations beyond which a reading is left out
+MOST_FITS = 4
+
+
+def deviation(errors: Floats) -> float:
+    """Of errors in their own deviations, from the smaller half of them; at least 1."""
+    return max(float(np.nanquantile(np.abs(errors), 0.25)) / 0.3186, 1.0)
+
+
+def smoothed(
+    problem: Problem,
+    assumed: Assumed,
+    constants: tuple[Constant, ...],
+    about: Floats,
+    first_gate: float = COARSE_GATE,
+    most: int = MOST_FITS,
+) -> explanation.Fitted:
+    """Gauss-Newton on the whole path; breaks and outliers that show on the way are allowed for."""
+    gate = first_gate
+    for _ in range(most):
+        solution, of, about = problem.fit(assumed, constants, about=about, gate=gate)
+        before, constants, gate = constants, solution.constants, GATE * deviation(of.errors)
+        model = explanation.Model((), assumed, constants, problem, assumed.ship)
+        heard = contested(model, about, of.errors, gate) if most > 1 else model
+        fit = explanation.Fitted(heard, solution, about, of, before)
+        if heard is model and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
+            break
+        problem, assumed, constants = heard.problem, heard.assumed, heard.constants
+    return fit
+
+
+def contested(model: explanation.Model, path: Floats, errors: Floats, gate: float) -> explanation.Model:
+    """What to make of prediction errors over a gate: rejected, a knock, a step of a zero or of the clock, or nothing.
+
+    Single readings are rejected; of several together the likelihood of the seconds about them decides.
+    """
+    problem, assumed, lattice = model.problem, model.assumed, model.problem.lattice
+    over = np.abs(errors) > gate
+    if not over.any():
+        return model
+    time = lattice.node * lattice.step
+    at = np.flatnonzero(over)
+    rejected, lone = problem.left_out.copy(), problem.left_out.copy()
+    clusters = np.split(at, np.flatnonzero(np.diff(time[at]) > LINKED) + 1)
+    stepped: tuple[Constant, ...] = ()
+    doubtful = sum(cluster.size >= LEAST_BURST for cluster in clusters)
+    for cluster in clusters if np.mean(over) < MOST_OVER else clusters[:1]:
+        first, last = time[cluster[[0, -1]]]
+        alike = np.isin(lattice.trace[cluster[0] : cluster[-1] + 1], lattice.trace[cluster])
+        if cluster.size < max(LEAST_BURST, BURST_SHARE * alike.sum()):
+            rejected[cluster] = lone[cluster] = True
+            continue
+        if doubtful > MOST_CLUSTERS:  # many short ones are rejected; else the model is at fault
+            rejected[cluster] |= last - first < BURST
+            continue
+        about = min(last - first, BURST)
+        begin, end = np.searchsorted(time, (first - about, last + about))
+        doubted = np.arange(begin, end)[np.isin(lattice.trace[begin:end], lattice.trace[cluster])]
+        span = stretch(problem, int(lattice.node[cluster[0]]), int(lattice.node[cluster[-1]]))
+        left, far = rejected.copy(), rejected.copy()
+        left[doubted] = far[cluster] = True
+        node = int(lattice.node[cluster[0]])
+        members = range(problem.pendulums)
+        broken = [tuple((node, i) for i in some) for some in (*([i] for i in members), members)]
+        # of a long time only what lies far off: the model may be at fault
+        options = [(rejected, assumed, stepped), (left if last - first < LONGEST else far, assumed, stepped)]
+        options += [(rejected, replace(assumed, breaks=(*assumed.breaks, *each)), stepped) for each in broken]
+        begun = float(lattice.time[cluster[0]]) - HARDLY
+        steps = [apparatus.step_of_zero(int(j), begun) for j in np.unique(lattice.trace[cluster])]
+        options += [(rejected, assumed, (*stepped, each)) for each in (*steps, apparatus.step_of_clock(begun))]
+        here = shifted(model.constants, path, span[0])
+        worth = []
+        for some, each, more in options:
+            trial = replace(model, problem=replace(problem, left_out=some), assumed=each, constants=(*here, *more))
+            cost = BROKEN * (len(each.breaks) - len(assumed.breaks)) + STEPPED * (len(more) - len(stepped))
+            worth.append(explanation.priced(trial, path, cost - OUTLIER * float(some[doubted].sum()), span)[0])
+        rejected, assumed, stepped = options[int(np.argmax(worth))]
+    if np.mean(rejected) > MOST_REJECTED:
+        rejected, assumed = lone, model.assumed
+    if not stepped and assumed is model.assumed and np.all(rejected == problem.left_out):
+        return model
+    constants = (*model.constants, *stepped)
+    return replace(model, problem=replace(problem, left_out=rejected), assumed=assumed, constants=constants)
+
+
+def heard_again(model: explanation.Model, begun: explanation.Fitted, problem: Problem) -> explanation.Fitted:
+    """A model fitted, what was left out or knocked by what was assumed before decided anew; or the fit before."""
+    path = grown(begun.path, problem.pendulums, model.assumed.ship)
+    for node in {node for node, _ in model.assumed.breaks}:
+        span = stretch(problem, node, node)
+        here = replace(model, constants=shifted(model.constants, path, span[0]))
+        whole = replace(here.assumed, breaks=tuple(each for each in here.assumed.breaks if each[0] != node))
+        values = [explanation.priced(replace(here, assumed=each), path, span=span)[0] for each in (here.assumed, whole)]
+        if values[0] < values[1] + BROKEN:
+            model = replace(model, assumed=whole)
+    heard = replace(model, problem=problem)
+    for _ in range(MOST_FITS):
+        _, of = heard.problem.run(heard.assumed, heard.constants, about=path, gate=GATE)
+        before, heard = heard, contested(heard, path, of.errors, GATE * deviation(of.errors))
+        if heard is before:
+            break
+    return better(heard, begun)
+
+
+def better(model: explanation.Model, fit: explanation.Fitted) -> explanation.Fitted:
+    """A model fitted about the path of a fit, or that fit where it stands higher."""
+    try:
+        about = grown(fit.path, model.problem.pendulums, model.assumed.ship)
+        return max(explanation.fitted(model, about), fit, key=standing)
+    except np.linalg.LinAlgError:
+        return fit
+
+
+def standing(fit: explanation.Fitted) -> float:
+    """Log-likelihood of all readings, those left out included: rejected ones fall anywhere."""
+    return fit.solution.log_likelihood + OUTLIER * float(fit.model.problem.left_out.sum())
+
+
+def stretch(problem: Problem, first: int, last: int) -> tuple[int, int]:
+    """Nodes about some of them that a doubt is decided by."""
+    beside = int(LASTING / problem.lattice.step)
+    return max(first - beside, 0), min(last + beside + 1, problem.lattice.nodes)

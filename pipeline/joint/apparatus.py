@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint import kernels
+from pipeline.joint import kinds
 from pipeline.joint.constants import Constant, Solution
 from pipeline.joint.problem import Problem
 
@@ -15,21 +15,21 @@ DELAY = 0.01  # s, of one trace against the others, and of a step of the clock
 RATIO = 1e-5  # of the square of a frequency against the others
 HEAVE_SCALE, HEAVE_DELAY = 0.3, 0.1  # of a recorded heave; s
 CERTAIN = 5.0  # deviations
-HARMLESS = {kernels.ZERO: 1e-4, kernels.STEP: 1e-5, kernels.DRIFT: 1e-5}  # rad
+HARMLESS = {kinds.ZERO: 1e-4, kinds.STEP: 1e-5, kinds.DRIFT: 1e-5}  # rad
 UNITS = {
-    **dict.fromkeys((kernels.ZERO, kernels.STEP, kernels.DRIFT), "rad"),
-    **dict.fromkeys((kernels.DELAY, kernels.CLOCK, kernels.HEAVE_DELAY), "s"),
+    **dict.fromkeys((kinds.ZERO, kinds.STEP, kinds.DRIFT), "rad"),
+    **dict.fromkeys((kinds.DELAY, kinds.CLOCK, kinds.HEAVE_DELAY), "s"),
 }
 
 
 def constants(problem: Problem) -> tuple[Constant, ...]:
     """What is never taken as exactly known: the zero of each trace; scale and delay, or bias, of a recorded heave."""
-    found = [Constant(f"zero of trace {j + 1}", kernels.ZERO, ZERO, j) for j in range(problem.traces)]
+    found = [Constant(f"zero of trace {j + 1}", kinds.ZERO, ZERO, j) for j in range(problem.traces)]
     if problem.recorded.size:
-        found.append(Constant("scale of the heave", kernels.HEAVE_SCALE, HEAVE_SCALE))
-        found.append(Constant("delay of the heave", kernels.HEAVE_DELAY, HEAVE_DELAY))
+        found.append(Constant("scale of the heave", kinds.HEAVE_SCALE, HEAVE_SCALE))
+        found.append(Constant("delay of the heave", kinds.HEAVE_DELAY, HEAVE_DELAY))
     if np.any(problem.lattice.trace == problem.traces + 1):
-        found.append(Constant("bias of the heave", kernels.ZERO, ZERO, problem.traces + 1))
+        found.append(Constant("bias of the heave", kinds.ZERO, ZERO, problem.traces + 1))
     return tuple(found)
 
 
@@ -41,12 +41,12 @@ def faults(problem: Problem, own: tuple[Constant, ...]) -> list[Constant]:
     """
     half = 0.5 * problem.lattice.duration
     traces = range(problem.traces)
-    found = [Constant(f"drift of trace {j + 1}", kernels.DRIFT, ZERO, j, centre=half, width=half) for j in traces]
-    found += [Constant(f"delay of trace {j + 1}", kernels.DELAY, DELAY, j) for j in traces[1:]]
-    if sum(each.kind in (kernels.GAIN, kernels.RATIO) for each in own) < problem.pendulums - 1:
-        found += [Constant(f"gain of trace {j + 1}", kernels.GAIN, GAIN, j) for j in traces]
+    found = [Constant(f"drift of trace {j + 1}", kinds.DRIFT, ZERO, j, centre=half, width=half) for j in traces]
+    found += [Constant(f"delay of trace {j + 1}", kinds.DELAY, DELAY, j) for j in traces[1:]]
+    if sum(each.kind in (kinds.GAIN, kinds.RATIO) for each in own) < problem.pendulums - 1:
+        found += [Constant(f"gain of trace {j + 1}", kinds.GAIN, GAIN, j) for j in traces]
         members = range(0 if problem.pendulums > 2 else 1, problem.pendulums)
-        found += [Constant(f"period of pendulum {i + 1}", kernels.RATIO, RATIO, i) for i in members]
+        found += [Constant(f"period of pendulum {i + 1}", kinds.RATIO, RATIO, i) for i in members]
     names = {each.name for each in own}
     return [each for each in found if each.name not in names]
 
@@ -59,20 +59,20 @@ def steps(problem: Problem, times: Floats) -> list[Constant]:
 
 def step_of_clock(at: float) -> Constant:
     """Step of the clock at a time, s."""
-    return Constant(f"step of the clock at {at:.1f} s", kernels.CLOCK, DELAY, centre=at)
+    return Constant(f"step of the clock at {at:.1f} s", kinds.CLOCK, DELAY, centre=at)
 
 
 def step_of_zero(trace: int, at: float) -> Constant:
     """Step of a trace's zero at a time, s."""
-    return Constant(f"step of trace {trace + 1} at {at:.1f} s", kernels.STEP, ZERO, trace, centre=at)
+    return Constant(f"step of trace {trace + 1} at {at:.1f} s", kinds.STEP, ZERO, trace, centre=at)
 
 
 def found(solution: Solution) -> list[str]:
     """What is wrong with the apparatus beyond doubt, in words."""
-    kinds = (kernels.RATIO, kernels.HEAVE_SCALE, kernels.HEAVE_DELAY, *range(kernels.ZERO, kernels.CLOCK + 1))
+    shown = (kinds.RATIO, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, *range(kinds.ZERO, kinds.CLOCK + 1))
     deviations = np.sqrt(np.diag(solution.covariance))
     return [
         f"{each.name}: {each.value:.3g} +- {sigma:.1g} {UNITS.get(each.kind, '')}".rstrip()
         for each, sigma in zip(solution.constants, deviations, strict=True)
-        if each.kind in kinds and abs(each.value) > max(CERTAIN * sigma, HARMLESS.get(each.kind, 0.0))
+        if each.kind in shown and abs(each.value) > max(CERTAIN * sigma, HARMLESS.get(each.kind, 0.0))
     ]

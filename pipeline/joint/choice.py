@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint import apparatus, kernels, motion
+from pipeline.joint import apparatus, kinds, motion
 from pipeline.joint.constants import Constant, Solution, solve
 from pipeline.joint.course import best_course, is_knot, knots, prior_root, weights
 from pipeline.joint.explanation import Candidate, Fitted, Model, fitted, grown, priced
@@ -27,7 +27,7 @@ FADES = (0.0, 0.05, 0.1, 0.25)  # of the mean speed, below which knife-edge fric
 FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
-SCALES = (kernels.GAIN, kernels.RATIO)  # of constants that stand for each other
+SCALES = (kinds.GAIN, kinds.RATIO)  # of constants that stand for each other
 
 
 def candidates(fit: Fitted) -> Iterator[Candidate]:
@@ -50,8 +50,8 @@ def _constants(fit: Fitted) -> Iterator[Candidate]:
     names = {each.name for each in own}
     speed = _speed(fit)
     frictions = (
-        Constant("quadratic friction", kernels.QUADRATIC, 1e-2),
-        *(Constant("knife-edge friction", kernels.DRY, 1e-4, centre=part * speed) for part in FADES),
+        Constant("quadratic friction", kinds.QUADRATIC, 1e-2),
+        *(Constant("knife-edge friction", kinds.DRY, 1e-4, centre=part * speed) for part in FADES),
     )
     extra = [*(each for each in frictions if each.name not in names), *apparatus.faults(problem, own)]
     course = () if any(is_knot(each) for each in own) else knots(problem.lattice.duration)
@@ -136,13 +136,13 @@ def _fading(fit: Fitted, fades: Iterable[float]) -> list[Candidate]:
     """The same with knife-edge friction that fades below other speeds."""
     found = []
     for fade in fades:
-        own = (replace(each, centre=fade) if each.kind == kernels.DRY else each for each in fit.model.constants)
+        own = (replace(each, centre=fade) if each.kind == kinds.DRY else each for each in fit.model.constants)
         found.append(priced(replace(fit.model, constants=tuple(own)), fit.path))
     return found
 
 
 def _fade(model: Model) -> float | None:
-    return next((each.centre for each in model.constants if each.kind == kernels.DRY), None)
+    return next((each.centre for each in model.constants if each.kind == kinds.DRY), None)
 
 
 def _faded(fit: Fitted) -> Fitted:
@@ -165,7 +165,7 @@ def simplified(fit: Fitted) -> Fitted:
     """Without zeros, and without scale and delay of a recorded heave, where these do not pay."""
     lean = fit
     for each in fit.model.constants:
-        if each.kind in (kernels.HEAVE_DELAY, kernels.HEAVE_SCALE, kernels.ZERO):
+        if each.kind in (kinds.HEAVE_DELAY, kinds.HEAVE_SCALE, kinds.ZERO):
             lean = max(lean, lean.without(each), key=lambda one: one.solution.log_likelihood)
     return lean
 

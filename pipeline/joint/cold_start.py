@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.joint import apparatus, explanation, kernels, spectrum
+from pipeline.joint import apparatus, explanation, kinds, spectrum
 from pipeline.joint.constants import Constant, starts
 from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import COARSE_GATE, GATE, MOST_FITS, deviation, smoothed, standing
@@ -34,20 +34,20 @@ def first_constants(gathered: Gathered) -> tuple[Constant, ...]:
     frequency = np.sqrt(problem.kappa)
     arc = WIDE * float(np.quantile(np.abs(problem.lattice.value[~problem.left_out]), 0.99))
     found = list(starts(problem.pendulums, frequency, arc=arc))
-    found.append(Constant("gravity", kernels.GRAVITY, 0.02, mean=1.0, value=1.0))
+    found.append(Constant("gravity", kinds.GRAVITY, 0.02, mean=1.0, value=1.0))
     found += apparatus.constants(problem)
     if gathered.constants["damping_rate"] is None:
-        found.append(Constant("damping", kernels.DAMPING, DAMPING))
-        found += [Constant(f"damping of {i}", kernels.DAMPING, DIFFERENCE, i) for i in range(1, problem.pendulums)]
+        found.append(Constant("damping", kinds.DAMPING, DAMPING))
+        found += [Constant(f"damping of {i}", kinds.DAMPING, DIFFERENCE, i) for i in range(1, problem.pendulums)]
     elif "damping_rate_uncertainty" in gathered.constants["constants"]:
         spread = np.broadcast_to(gathered.constants["constants"]["damping_rate_uncertainty"], problem.kappa.shape)
-        found += [Constant(f"damping of {i}", kernels.DAMPING, float(s), i) for i, s in enumerate(spread) if s > 0.0]
+        found += [Constant(f"damping of {i}", kinds.DAMPING, float(s), i) for i, s in enumerate(spread) if s > 0.0]
     return tuple(found)
 
 
 def held(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
     """Gravity and damping held where they are."""
-    stiff = (kernels.DAMPING, kernels.GRAVITY)
+    stiff = (kinds.DAMPING, kinds.GRAVITY)
     return tuple(replace(c, prior=1e-15, mean=c.value) if c.kind in stiff else c for c in constants)
 
 
@@ -59,7 +59,7 @@ def released(constants: tuple[Constant, ...], like: tuple[Constant, ...]) -> tup
 
 def narrowed(constants: tuple[Constant, ...]) -> tuple[Constant, ...]:
     """Gravity within what the Earth has, damping held where it is."""
-    return tuple(replace(c, prior=EARTH) if c.kind == kernels.GRAVITY else held((c,))[0] for c in constants)
+    return tuple(replace(c, prior=EARTH) if c.kind == kinds.GRAVITY else held((c,))[0] for c in constants)
 
 
 def cold_start(problem: Problem, assumed: Assumed, first: tuple[Constant, ...]) -> explanation.Fitted:
@@ -97,17 +97,17 @@ def again(begun: explanation.Fitted) -> explanation.Fitted:
 def mirrored(begun: explanation.Fitted) -> list[explanation.Fitted]:
     """The same readings by the swing that even, sparse times show as well; none where that is far from the stated."""
     model, constants = begun.model, begun.model.constants
-    gravity = next(each.value for each in constants if each.kind == kernels.GRAVITY)
+    gravity = next(each.value for each in constants if each.kind == kinds.GRAVITY)
     own = float(np.sqrt(model.problem.kappa.mean() * gravity))
     between = float(np.median(np.diff(np.unique(model.problem.lattice.time))))
     half_turns = np.rint(own * between / np.pi)
     factor = 2.0 * np.pi / between * half_turns / own - 1.0
     if not half_turns or abs(gravity * factor**2 - 1.0) > CAPTURE:
         return []
-    by = {kernels.GRAVITY: factor**2, kernels.START: -factor}
+    by = {kinds.GRAVITY: factor**2, kinds.START: -factor}
     constants = tuple(
         replace(each, value=each.value * by[each.kind])
-        if each.kind == kernels.GRAVITY or (each.kind == kernels.START and each.index % 2)
+        if each.kind == kinds.GRAVITY or (each.kind == kinds.START and each.index % 2)
         else each
         for each in constants
     )

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint import kernels
-from pipeline.joint.kernels import Columns
+from pipeline.joint import kinds
+from pipeline.joint.passes import Columns
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Constant:
     name : str
         For reports, as "zero of trace 1".
     kind : int
-        Of `pipeline.joint.kernels`.
+        Of `pipeline.joint.filtering`.
     prior : float
         1 sigma about `mean`, in the constant's own unit.
     index : int
@@ -30,7 +30,7 @@ class Constant:
     value : float
         The latest.
     centre, width : float
-        s; see `kernels.Columns`.
+        s; see `passes.Columns`.
     """
 
     name: str
@@ -142,7 +142,5 @@ def starts(pendulums: int, frequency: Floats, value: Floats | None = None, arc: 
     for i in range(pendulums):
         for q, scale in ((0, 1.0), (1, float(frequency[i]))):
             at = 2 * i + q
-            out.append(
-                Constant(f"start {at}", kernels.START, arc * scale, at, value=0.0 if value is None else value[at])
-            )
+            out.append(Constant(f"start {at}", kinds.START, arc * scale, at, value=0.0 if value is None else value[at]))
     return tuple(out)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint import kernels
+from pipeline.joint import kinds
 from pipeline.joint.constants import Constant, Solution, solve, spline
 
 KNOTS, SPACINGS = (4, 24, 64), (60.0, 600.0)  # least, most of a short record, most; s: least, and most of a short one
@@ -39,13 +39,13 @@ def knots(duration: float) -> tuple[Constant, ...]:
     count = int(np.clip(max(min(duration / SPACINGS[0], many), 3.0 + duration / SPACINGS[1]), least, most))
     spacing = duration / (count - 3)
     return tuple(
-        Constant(f"course {k}", kernels.GRAVITY, 1e-15, centre=(k - 1) * spacing, width=spacing) for k in range(count)
+        Constant(f"course {k}", kinds.GRAVITY, 1e-15, centre=(k - 1) * spacing, width=spacing) for k in range(count)
     )
 
 
 def is_knot(constant: Constant) -> bool:
     """Whether a constant is one of a course."""
-    return constant.kind == kernels.GRAVITY and constant.width > 0.0
+    return constant.kind == kinds.GRAVITY and constant.width > 0.0
 
 
 def prior_root(constants: tuple[Constant, ...], course: Course | None) -> Floats:
@@ -79,6 +79,6 @@ def weights(constants: tuple[Constant, ...], times: Floats) -> Floats:
     """Rows that give gravity over reference gravity at times since the first node, (n, c)."""
     out = np.zeros((times.size, len(constants)))
     for k, each in enumerate(constants):
-        if each.kind == kernels.GRAVITY:
+        if each.kind == kinds.GRAVITY:
             out[:, k] = 1.0 if each.width == 0.0 else spline(times, each)
     return out

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint import kernels
+from pipeline.joint import kinds, passes
 from pipeline.joint.constants import Constant, Solution, solve
 from pipeline.joint.course import Course, prior_root
 from pipeline.joint.problem import Assumed, Problem
@@ -50,7 +50,7 @@ class Fitted:
     model : Model
     solution : Solution
     path : (k, d) array
-    of : kernels.Pass
+    of : passes.Pass
         The last pass: prediction errors at the solution, and the products of their derivatives.
     about : tuple of Constant
         What it went about.
@@ -61,7 +61,7 @@ class Fitted:
     model: Model
     solution: Solution
     path: Floats
-    of: kernels.Pass
+    of: passes.Pass
     about: tuple[Constant, ...]
     doubt: float = 0.0
 
@@ -104,7 +104,7 @@ def grown(path: Floats, pendulums: int, ship: tuple[Component, ...]) -> Floats:
 
 def shifted(constants: tuple[Constant, ...], path: Floats, begin: int) -> tuple[Constant, ...]:
     """Constants whose start is the path's at a later node."""
-    return tuple(replace(c, value=float(path[begin, c.index])) if c.kind == kernels.START else c for c in constants)
+    return tuple(replace(c, value=float(path[begin, c.index])) if c.kind == kinds.START else c for c in constants)
 
 
 def bend(model: Model, path: Floats, about: Floats) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint.kernels import Readings
+from pipeline.joint.passes import Readings
 
 MOST_ANGLE = 0.7  # of the swing a step, rad: .75 in strong heave costs 2e-3 mGal; readings lie within half of it
 FAST_ANGLE = 0.3  # the same of readings that share a node where the ship vibrates

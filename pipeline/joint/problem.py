@@ -10,14 +10,14 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import constants as unknown
-from pipeline.joint import kernels
+from pipeline.joint import filtering, kinds, passes, smoother
 from pipeline.joint.constants import Constant, Solution
 from pipeline.joint.flow import NODES, Flow, flow
 from pipeline.joint.lattice import Lattice
 from pipeline.joint.ship import Component, Ship
 
 NONE2, NONE3 = np.zeros((0, 0)), np.zeros((0, 0, 0))
-NOTHING_KEPT = kernels.Kept(NONE3, NONE3, NONE2, NONE2, NONE2)
+NOTHING_KEPT = passes.Kept(NONE3, NONE3, NONE2, NONE2, NONE2)
 LEVEL = 0.5  # of one pendulum's answer to the ship
 MOST_DAMPED = 0.3  # of its frequency
 LEAST = 0.1  # of reference gravity, and of a trace's scale
@@ -109,10 +109,9 @@ class Problem:
 
     def flow(self, assumed: Assumed, constants: tuple[Constant, ...]) -> Flow:
         """One step under the constants' values."""
-        count, gravity = self.pendulums, float(unknown.total(constants, kernels.GRAVITY, 1)[0])
+        count, gravity = self.pendulums, float(unknown.total(constants, kinds.GRAVITY, 1)[0])
         ratio, damping, quadratic, dry = (
-            unknown.total(constants, kind, count)
-            for kind in (kernels.RATIO, kernels.DAMPING, kernels.QUADRATIC, kernels.DRY)
+            unknown.total(constants, kind, count) for kind in (kinds.RATIO, kinds.DAMPING, kinds.QUADRATIC, kinds.DRY)
         )
         rate = np.abs(self.damping + damping) / np.sqrt(self.kappa)
         if gravity < LEAST or np.any(self.gain(constants) < LEAST - 1.0) or np.any(rate > MOST_DAMPED):
@@ -127,27 +126,27 @@ class Problem:
             assumed.sine,
             tuple(quadratic),
             tuple(dry),
-            next((each.centre for each in constants if each.kind == kernels.DRY), 0.0),
+            next((each.centre for each in constants if each.kind == kinds.DRY), 0.0),
             assumed.heave_noise,
         )
 
     def gain(self, constants: tuple[Constant, ...]) -> Floats:
         """Error of the scale of each trace, and none of the accelerations."""
-        return np.append(unknown.total(constants, kernels.GAIN, self.traces), np.zeros(2))
+        return np.append(unknown.total(constants, kinds.GAIN, self.traces), np.zeros(2))
 
-    def readings(self, assumed: Assumed, constants: tuple[Constant, ...]) -> kernels.Readings:
+    def readings(self, assumed: Assumed, constants: tuple[Constant, ...]) -> passes.Readings:
         """The readings less what the constants say of the traces."""
         own, lattice = self.lattice, self.lattice
-        zero = unknown.total(constants, kernels.ZERO, self.traces + 2)
+        zero = unknown.total(constants, kinds.ZERO, self.traces + 2)
         gain = self.gain(constants)
-        late = np.append(unknown.total(constants, kernels.DELAY, self.traces), np.zeros(2))[own.trace]
+        late = np.append(unknown.total(constants, kinds.DELAY, self.traces), np.zeros(2))[own.trace]
         value = lattice.value - zero[own.trace]
         for each in constants:
-            if each.kind == kernels.STEP:
+            if each.kind == kinds.STEP:
                 value -= np.where((own.trace == each.index) & (own.time >= each.centre), each.value, 0.0)
-            elif each.kind == kernels.DRIFT:
+            elif each.kind == kinds.DRIFT:
                 value -= np.where(own.trace == each.index, each.value * (own.time - each.centre) / each.width, 0.0)
-            elif each.kind == kernels.CLOCK:
+            elif each.kind == kinds.CLOCK:
                 late += np.where((own.trace < self.traces) & (own.time >= each.centre), each.value, 0.0)
         value /= 1.0 + gain[own.trace]
         variance = (assumed.noise**2 / (1.0 + gain) ** 2)[own.trace]
@@ -157,9 +156,9 @@ class Problem:
 
     def known(self, constants: tuple[Constant, ...], sine: bool) -> Floats:
         """Z that acts beside the states: recorded heave under its constants, gravity as it changes along the track."""
-        course = [each for each in constants if each.kind == kernels.GRAVITY and each.width > 0.0 and each.value]
-        scale = 1.0 + float(unknown.total(constants, kernels.HEAVE_SCALE, 1)[0])
-        late = float(unknown.total(constants, kernels.HEAVE_DELAY, 1)[0])
+        course = [each for each in constants if each.kind == kinds.GRAVITY and each.width > 0.0 and each.value]
+        scale = 1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])
+        late = float(unknown.total(constants, kinds.HEAVE_DELAY, 1)[0])
         recorded = self.recorded if sine else np.zeros((0, 3))
         if not course and not self.track.size and (not recorded.size or (scale == 1.0 and late == 0.0)):
             return recorded
@@ -182,7 +181,7 @@ class Problem:
         about: Floats = NONE2,
         gate: float = 0.0,
         root: Floats | None = None,
-    ) -> tuple[Solution, kernels.Pass]:
+    ) -> tuple[Solution, passes.Pass]:
         """One pass with derivatives by all constants, and their solution.
 
         Parameters
@@ -213,7 +212,7 @@ class Problem:
         about: Floats = NONE2,
         gate: float = 0.0,
         root: Floats | None = None,
-    ) -> tuple[Solution, kernels.Pass, Floats]:
+    ) -> tuple[Solution, passes.Pass, Floats]:
         """The same of the whole record, with prediction errors and smoothed path, (k, d), at the solution."""
         sweep = self._sweep(assumed, constants, about, gate)
         nodes, of = self.lattice.nodes, sweep.of
@@ -238,7 +237,7 @@ class Problem:
                 replace(sweep, of=again).go(begin, end, keep)
             of.whitened[sweep.readings.first[begin] : sweep.readings.first[end]] = keep.errors @ change
             pushed = np.append(change[:-1][sweep.forced], 1.0)
-            kernels.smooth(
+            smoother.smooth(
                 sweep.flow, sweep.readings, sweep.breaks, begin, end, pushed, state @ change, covariance, of.whitened,
                 keep, adjoint, path,
             )  # fmt: skip
@@ -252,7 +251,7 @@ class Problem:
         size, width = two + ship.drift.shape[0], len(constants) + 1
         state, covariance = np.zeros((size, width)), np.zeros((size, size))
         for c, each in enumerate(constants):
-            if each.kind == kernels.START:
+            if each.kind == kinds.START:
                 state[each.index, -1] = each.value
                 state[each.index, c] = 1.0
         covariance[two:, two:] = ship.stationary
@@ -263,12 +262,12 @@ class Problem:
             columns=unknown.columns(constants),
             known=self.known(constants, assumed.sine),
             recorded=self.recorded,
-            slope=self.slope * (1.0 + float(unknown.total(constants, kernels.HEAVE_SCALE, 1)[0])),
+            slope=self.slope * (1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])),
             about=about,
             breaks=np.array(sorted(assumed.breaks), dtype=np.int64).reshape(-1, 2),
             gate=gate,
             gain=self.gain(constants),
-            of=kernels.Pass(state, covariance, np.zeros((width, width)), np.zeros(3), *np.full((3, count), np.nan)),
+            of=passes.Pass(state, covariance, np.zeros((width, width)), np.zeros(3), *np.full((3, count), np.nan)),
         )
 
 
@@ -294,11 +293,11 @@ def _flow(
 
 @dataclass(frozen=True)
 class _Sweep:
-    """One pass of the filter; what `kernels.sweep` takes."""
+    """One pass of the filter; what `filtering.sweep` takes."""
 
     flow: Flow
-    readings: kernels.Readings
-    columns: kernels.Columns
+    readings: passes.Readings
+    columns: passes.Columns
     known: Floats
     recorded: Floats
     slope: Floats
@@ -306,16 +305,16 @@ class _Sweep:
     breaks: np.ndarray
     gate: float
     gain: Floats
-    of: kernels.Pass
+    of: passes.Pass
 
     @property
     def forced(self) -> np.ndarray:
         """Which constants move the pendulums."""
-        return (self.columns.kind > kernels.START) & (self.columns.kind < kernels.ZERO)
+        return (self.columns.kind > kinds.START) & (self.columns.kind < kinds.ZERO)
 
-    def go(self, begin: int, end: int, keep: kernels.Kept = NOTHING_KEPT) -> None:
+    def go(self, begin: int, end: int, keep: passes.Kept = NOTHING_KEPT) -> None:
         """Filter a stretch."""
-        went = kernels.sweep(
+        went = filtering.sweep(
             self.flow, self.readings, self.columns, self.known, self.recorded, self.slope, self.about, self.breaks,
             begin, end, self.gate, self.of, keep,
         )  # fmt: skip
@@ -325,11 +324,11 @@ class _Sweep:
             of, span = self.readings, slice(self.readings.first[begin], self.readings.first[end])
             self.of.totals[0] += np.sum(np.log1p(self.gain)[of.trace[span]][np.isfinite(of.variance[span])])
 
-    def room(self, begin: int, end: int) -> kernels.Kept:
+    def room(self, begin: int, end: int) -> passes.Kept:
         """For what the smoother needs of a stretch."""
         size, width = self.of.state.shape
         count, rows = end - begin, int(self.readings.first[end] - self.readings.first[begin])
-        return kernels.Kept(
+        return passes.Kept(
             np.zeros((count, 2 * self.flow.kappa.size, size)),
             np.zeros((count, int(self.forced.sum()) + 2, 2 * self.flow.kappa.size)),
             np.zeros((rows, size)),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, logm
 
-from pipeline.joint import kernels
+from pipeline.joint import kinds
 from pipeline.joint.constants import Constant, starts
 from pipeline.joint.lattice import lay
 from pipeline.joint.problem import Assumed, Problem
@@ -36,7 +36,7 @@ def assumed(sine: bool = False) -> Assumed:
 
 def constants() -> tuple[Constant, ...]:
     begun = starts(2, np.sqrt(KAPPA), np.array([0.02, 0.0, 0.005, 0.01]))
-    return (*begun, Constant("gravity", kernels.GRAVITY, 0.01, mean=1.0, value=1.0))
+    return (*begun, Constant("gravity", kinds.GRAVITY, 0.01, mean=1.0, value=1.0))
 
 
 def dense(of: Problem, model: Assumed) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -75,7 +75,7 @@ def test_likelihood_and_path_are_those_of_one_dense_gaussian(lost: tuple[int, ..
     expected = -0.5 * value @ np.linalg.solve(of_readings, value)
     expected -= 0.5 * np.linalg.slogdet(2.0 * np.pi * of_readings)[1]
     at_zero = tuple(replace(each, value=0.0) for each in starts(2, np.sqrt(KAPPA)))
-    held = (*at_zero, Constant("gravity", kernels.GRAVITY, 1e-12, mean=1.0, value=1.0))
+    held = (*at_zero, Constant("gravity", kinds.GRAVITY, 1e-12, mean=1.0, value=1.0))
     solution, _ = of.run(model, held)
     assert solution.log_likelihood == pytest.approx(expected, abs=1e-6)
     _, _, path = of.fit(model, solution.constants)
@@ -87,19 +87,19 @@ def test_likelihood_and_path_are_those_of_one_dense_gaussian(lost: tuple[int, ..
 @pytest.mark.parametrize(
     "constant",
     [
-        Constant("gravity", kernels.GRAVITY, 1.0, value=1.0),
-        Constant("hat", kernels.GRAVITY, 1.0, centre=0.5, width=0.4),
-        Constant("damping", kernels.DAMPING, 1.0),
-        Constant("quadratic", kernels.QUADRATIC, 1.0, value=0.01),
-        Constant("zero", kernels.ZERO, 1.0, index=1),
-        Constant("drift", kernels.DRIFT, 1.0, index=0, centre=0.4, width=0.8),
-        Constant("gain", kernels.GAIN, 1.0, index=0),
-        Constant("step", kernels.STEP, 1.0, index=1, centre=0.5),
-        Constant("start", kernels.START, 1.0, index=1, value=0.01),
-        Constant("delay", kernels.DELAY, 1.0, index=1),
-        Constant("clock", kernels.CLOCK, 1.0, centre=0.5),
-        Constant("ratio", kernels.RATIO, 1.0, index=1),
-        Constant("dry", kernels.DRY, 1.0, value=1e-3, centre=0.02),
+        Constant("gravity", kinds.GRAVITY, 1.0, value=1.0),
+        Constant("hat", kinds.GRAVITY, 1.0, centre=0.5, width=0.4),
+        Constant("damping", kinds.DAMPING, 1.0),
+        Constant("quadratic", kinds.QUADRATIC, 1.0, value=0.01),
+        Constant("zero", kinds.ZERO, 1.0, index=1),
+        Constant("drift", kinds.DRIFT, 1.0, index=0, centre=0.4, width=0.8),
+        Constant("gain", kinds.GAIN, 1.0, index=0),
+        Constant("step", kinds.STEP, 1.0, index=1, centre=0.5),
+        Constant("start", kinds.START, 1.0, index=1, value=0.01),
+        Constant("delay", kinds.DELAY, 1.0, index=1),
+        Constant("clock", kinds.CLOCK, 1.0, centre=0.5),
+        Constant("ratio", kinds.RATIO, 1.0, index=1),
+        Constant("dry", kinds.DRY, 1.0, value=1e-3, centre=0.02),
     ],
     ids=lambda constant: constant.name,
 )
@@ -121,9 +121,9 @@ def test_derivatives_are_those_of_the_prediction_errors(constant: Constant, sine
     normal = of.run(model, whole)[1].normal
     at = len(whole) - 1
     # a gain here divides the readings, which scales the error as well; a clock's step takes the speed at the node
-    rel = {kernels.GAIN: 0.1, kernels.CLOCK: 5e-3}.get(constant.kind, 2e-3)
+    rel = {kinds.GAIN: 0.1, kinds.CLOCK: 5e-3}.get(constant.kind, 2e-3)
     assert normal[at, at] == pytest.approx(slope @ slope, rel=rel)
-    if constant.kind != kernels.GAIN:
+    if constant.kind != kinds.GAIN:
         assert normal[at, -1] == pytest.approx(slope @ here, rel=rel, abs=rel * np.sqrt(slope @ slope))
 
 
@@ -177,7 +177,7 @@ def test_readings_off_the_nodes_cost_nothing() -> None:
     model = Assumed((Vibration(6.0, 1e-9),), np.zeros(1), np.array([1e-7, 1.0, 1.0]), sine=False)
     turn = np.sqrt(KAPPA[0]) * lattice.start
     begun = starts(1, np.sqrt(KAPPA[:1]), 0.02 * np.array([np.cos(turn), -np.sqrt(KAPPA[0]) * np.sin(turn)]))
-    _, done = of.run(model, (*begun, Constant("gravity", kernels.GRAVITY, 1e-9, mean=1.0, value=1.0)))
+    _, done = of.run(model, (*begun, Constant("gravity", kinds.GRAVITY, 1e-9, mean=1.0, value=1.0)))
     assert np.nanmax(np.abs(done.whitened)) < 0.05  # 5e-9 rad
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from pipeline.joint import kernels
+from pipeline.joint import filtering, kinds, remainder
 from pipeline.joint.constants import Constant, starts
 from pipeline.joint.flow import NODES, flow
 from pipeline.joint.lattice import lay
@@ -45,8 +45,8 @@ def test_steps_follow_the_printed_equations(sine: bool, step: float, rough: floa
     begin = np.array([0.05, 0.2, -0.04, 0.1])
     constants = (
         *begun(2, begin),
-        Constant("gravity", kernels.GRAVITY, 1e-9, mean=GRAVITY, value=GRAVITY),
-        Constant("quadratic", kernels.QUADRATIC, 1e-9, mean=rough, value=rough),
+        Constant("gravity", kinds.GRAVITY, 1e-9, mean=GRAVITY, value=GRAVITY),
+        Constant("quadratic", kinds.QUADRATIC, 1e-9, mean=rough, value=rough),
     )
     # readings that say nothing: what is left is the prediction, the ship at rest
     deaf = Assumed((Vibration(6.0, 1e-12),), np.zeros(2), np.full(3, 1e9), sine)
@@ -71,7 +71,7 @@ def test_a_real_swing_is_exact_without_friction(step: float) -> None:
     time = step * np.arange(200)
     problem = Problem(lay(time, np.zeros((1, 200)), np.array([[1.0]]), 6.2), KAPPA[:1], np.zeros(1))
     begin = np.array([0.3, 0.0])
-    constants = (*begun(1, begin), Constant("gravity", kernels.GRAVITY, 1e-9, mean=1.0, value=1.0))
+    constants = (*begun(1, begin), Constant("gravity", kinds.GRAVITY, 1e-9, mean=1.0, value=1.0))
     deaf = Assumed((Vibration(6.0, 1e-12),), np.zeros(1), np.full(3, 1e9), sine=True)
     _, _, path = problem.fit(deaf, constants)
     energy = 0.5 * path[:, 1] ** 2 - KAPPA[0] * np.cos(path[:, 0])
@@ -131,7 +131,7 @@ def test_readings_off_the_nodes_are_exact_under_heave() -> None:
     problem = Problem(replace(lattice, value=angles), KAPPA[:1], np.zeros(1), recorded=heave(at), slope=0.0 * at)
     constants = (
         *begun(1, done.sol(lattice.start)),
-        Constant("gravity", kernels.GRAVITY, 1e-12, mean=1.0, value=1.0),
+        Constant("gravity", kinds.GRAVITY, 1e-12, mean=1.0, value=1.0),
     )
     told = Assumed((Vibration(6.0, 1e-12),), np.zeros(1), np.array([1e-6, 1.0, 1.0]), sine=True)
     _, of = problem.run(told, constants)
@@ -153,11 +153,11 @@ def test_remainder_within_a_step_follows_the_path_to_its_end() -> None:
     about = np.ascontiguousarray(np.concatenate([done(np.array([0.0, step])), ship]).T)
     angle, across = done(NODES * step)[0], size * np.sin(turning * NODES * step)
     exact = -kappa[0] * (np.sin(angle) - angle + across * (np.cos(angle) - 1.0))
-    rest, along, away, ends = np.zeros((1, 3, 4)), np.zeros((1, 12)), np.zeros((1, 6)), kernels.ends_of(one)
+    rest, along, away, ends = np.zeros((1, 3, 4)), np.zeros((1, 12)), np.zeros((1, 6)), remainder.ends_of(one)
     onward = np.ascontiguousarray(one.rows[12:].T @ ends)
-    kernels.follow(about, 0, 1, np.ascontiguousarray(one.rows[:12].T), onward, ends, along, away)
+    filtering.follow(about, 0, 1, np.ascontiguousarray(one.rows[:12].T), onward, ends, along, away)
     nodes = along[0]
-    kernels.collocate(one, 0, nodes, rest)
+    remainder.collocate(one, 0, nodes, rest)
     faded = np.abs(rest[0, :, 2] - exact).max()
-    kernels.join_ends(one, away, 0, nodes, rest)
+    remainder.join_ends(one, away, 0, nodes, rest)
     assert np.abs(rest[0, :, 2] - exact).max() < 0.1 * faded

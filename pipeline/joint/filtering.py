@@ -1,0 +1,474 @@
+"""Filter over the lattice: prediction errors and their derivatives, and what the smoother needs of them.
+
+The state's covariance holds what is random (ship, kicks); whatever is a constant (gravity, damping, zeros, the start of
+the free swing) is a column beside it: the prediction's derivative, taken through the same gain. One sweep then gives
+the normal matrix of all constants, whose priors can be chosen afterwards (de Jong 1991). With even sampling the gain
+settles and is kept; a gap lets it move again.
+
+What runs at each node makes no views of arrays and calls no kernel that takes arrays, `sweep` itself apart: Numba would
+count references there, which costs more than the arithmetic.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint.flow import Flow
+from pipeline.joint.kinds import START, ZERO
+from pipeline.joint.passes import Columns, Kept, Pass, Readings, Slots
+from pipeline.joint.remainder import (
+    collocate,
+    derive_errors,
+    differentiate,
+    ends_of,
+    force_columns,
+    join_ends,
+    jolt,
+    reach,
+    tilt,
+)
+from synth.kernels.compiled import kernel, summing_kernel
+
+ANYWHERE = 0.1  # rad
+ROWS = 256  # prediction errors that are multiplied out at once
+CHUNK = 64  # nodes whose places on a given path are found at once
+UNEVEN = 8  # nodes after which the covariance is made symmetric again
+SETTLED = 2e-6  # relative change of a gain from node to node below which it is kept
+
+
+@kernel
+def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> None:
+    """Row of a reading in the state, into slot j: the linear flow to its own time; and the pull of what it leaves."""
+    size, traces = slots.row.shape[1], readings.combination.shape[0]
+    trace, tau = readings.trace[which], readings.offset[which]
+    for q in range(size):
+        slots.row[j, q] = 0.0
+    for m in range(3):
+        slots.pull[j, m] = tau * tau * (flow.pull[m, 0] + tau * (flow.pull[m, 1] + tau * flow.pull[m, 2]))
+    power = 1.0
+    for e in range(flow.horizontal.shape[0]):
+        if trace < traces:
+            for i in range(flow.kappa.size):
+                factor = power * readings.combination[trace, i]
+                for q in range(size):
+                    slots.row[j, q] += factor * flow.angles[i, e, q]
+        elif trace == traces:
+            for q in range(size):
+                slots.row[j, q] += power * flow.horizontal[e, q]
+        else:
+            for q in range(size):
+                slots.row[j, q] += power * flow.vertical[e, q]
+        power *= tau
+        if power == 0.0:
+            break
+
+
+@kernel
+def pick(readings: Readings, k: int, slots: Slots, of: Pass) -> int:
+    """Put the readings of node k that are used into the slots; how many there are."""
+    used = 0
+    for which in range(readings.first[k], readings.first[k + 1]):
+        if readings.variance[which] < np.inf:
+            slots.reading[used] = which
+            used += 1
+        else:
+            of.errors[which] = of.whitened[which] = np.nan
+    return used
+
+
+@kernel
+def recognise(readings: Readings, slots: Slots, used: int) -> bool:
+    """Whether readings are like those that stood in their slots; notes what the slots hold now."""
+    alike = True
+    for j in range(used):
+        which = slots.reading[j]
+        same = slots.trace[j] == readings.trace[which] and slots.offset[j] == readings.offset[which]
+        alike = alike and same and slots.variance[j] == readings.variance[which]
+        slots.trace[j], slots.offset[j] = readings.trace[which], readings.offset[which]
+        slots.variance[j] = readings.variance[which]
+    return alike
+
+
+@kernel
+def pull_aside(slots: Slots, used: int, readings: Readings, rest: Floats, seen: Floats) -> None:
+    """Add to what is seen of each reading what the linear flow leaves out between node and reading."""
+    last = seen.shape[1] - 1
+    for j in range(used):
+        trace = slots.trace[j]
+        if trace < readings.combination.shape[0]:
+            for i in range(rest.shape[0]):
+                moved = slots.pull[j, 0] * rest[i, 0, 2] + slots.pull[j, 1] * rest[i, 1, 2]
+                moved += slots.pull[j, 2] * rest[i, 2, 2]
+                seen[j, last] += readings.combination[trace, i] * moved
+
+
+@summing_kernel
+def square_up(slots: Slots, used: int, gain: Floats, square: Floats) -> None:
+    """Covariance of the prediction errors of a node."""
+    for j in range(used):
+        for q in range(j + 1):
+            total = 0.0
+            for r in range(gain.shape[1]):
+                total += gain[j, r] * slots.row[q, r]
+            square[j, q] = square[q, j] = total
+        square[j, j] += slots.variance[j]
+
+
+@kernel
+def factorise(square: Floats, used: int, root: Floats) -> bool:
+    """Lower Cholesky factor; whether it went."""
+    for j in range(used):
+        total = square[j, j]
+        for q in range(j):
+            total -= root[j, q] * root[j, q]
+        if not total > 0.0:
+            return False
+        root[j, j] = np.sqrt(total)
+        for r in range(j + 1, used):
+            total = square[r, j]
+            for q in range(j):
+                total -= root[r, q] * root[j, q]
+            root[r, j] = total / root[j, j]
+    return True
+
+
+@kernel
+def substitute(root: Floats, used: int, rows: Floats) -> None:
+    """Forward substitution of a lower factor, row by row."""
+    for j in range(used):
+        for q in range(j):
+            factor = root[j, q]
+            for c in range(rows.shape[1]):
+                rows[j, c] -= factor * rows[q, c]
+        factor = 1.0 / root[j, j]
+        for c in range(rows.shape[1]):
+            rows[j, c] *= factor
+
+
+@kernel
+def change_of(gain: Floats, used: int, old: Floats, covariance: Floats) -> float:
+    """Largest change of a gain since it was noted, relative to it and to the state's deviation; notes the new one."""
+    change = 0.0
+    for r in range(gain.shape[1]):
+        most, off = 0.0, 0.0
+        for j in range(used):
+            most = max(most, abs(gain[j, r]))
+            off = max(off, abs(gain[j, r] - old[j, r]))
+            old[j, r] = gain[j, r]
+        spread = most + np.sqrt(max(covariance[r, r], 0.0))
+        if spread > 0.0:
+            change = max(change, off / spread)
+    return change
+
+
+@kernel
+def set_aside(slots: Slots, used: int, gate: float, of: Pass, seen: Floats, gain: Floats) -> int:
+    """Leave out the readings over the gate; how many stay."""
+    stay = 0
+    for j in range(used):
+        which = slots.reading[j]
+        if abs(of.errors[which]) > gate:
+            of.totals[2] += 1.0
+            of.whitened[which] = np.nan
+            continue
+        slots.reading[stay], slots.trace[stay], slots.variance[stay] = which, slots.trace[j], slots.variance[j]
+        for r in range(gain.shape[1]):
+            gain[stay, r], slots.row[stay, r] = gain[j, r], slots.row[j, r]
+        for c in range(seen.shape[1]):
+            seen[stay, c] = seen[j, c]
+        stay += 1
+    return stay
+
+
+@summing_kernel
+def lift(predicted: Floats, gain: Floats, seen: Floats, used: int, updated: Floats) -> None:
+    """Take off what the readings move the state by, four readings at a time.
+
+    Parameters
+    ----------
+    predicted, updated : (d, n) arrays
+    gain, seen : (u, d) and (u, n) arrays
+        Of zeros up to the next multiple of four.
+    """
+    for r in range(predicted.shape[0]):
+        a, b, c, d = gain[0, r], gain[1, r], gain[2, r], gain[3, r]
+        for q in range(predicted.shape[1]):
+            updated[r, q] = predicted[r, q] - a * seen[0, q] - b * seen[1, q] - c * seen[2, q] - d * seen[3, q]
+    for j in range(4, used, 4):
+        for r in range(predicted.shape[0]):
+            a, b, c, d = gain[j, r], gain[j + 1, r], gain[j + 2, r], gain[j + 3, r]
+            for q in range(predicted.shape[1]):
+                updated[r, q] -= a * seen[j, q] + b * seen[j + 1, q] + c * seen[j + 2, q] + d * seen[j + 3, q]
+
+
+@kernel
+def clear(rows: Floats, used: int) -> None:
+    """Zeros behind the rows in use, up to a multiple of four."""
+    for j in range(used, used + (-used) % 4):
+        for r in range(rows.shape[1]):
+            rows[j, r] = 0.0
+
+
+@kernel
+def copy(source: Floats, to: Floats) -> None:
+    """Copy a matrix."""
+    for r in range(source.shape[0]):
+        for q in range(source.shape[1]):
+            to[r, q] = source[r, q]
+
+
+@kernel
+def add_noise(moved: Floats, noise: Floats, symmetric: bool, covariance: Floats) -> None:
+    """Covariance at the next node: the moved one, made symmetric where asked, and the process noise."""
+    for r in range(noise.shape[0]):
+        for q in range(noise.shape[0]):
+            covariance[r, q] = moved[r, q] + noise[r, q]
+    if symmetric:
+        for r in range(noise.shape[0]):
+            for q in range(r):
+                covariance[r, q] = covariance[q, r] = 0.5 * (covariance[r, q] + covariance[q, r])
+
+
+@kernel
+def loosen(flow: Flow, i: int, covariance: Floats) -> None:
+    """Let pendulum i be anywhere within its swing."""
+    covariance[2 * i, 2 * i] += ANYWHERE**2
+    covariance[2 * i + 1, 2 * i + 1] += flow.kappa[i] * ANYWHERE**2
+
+
+@kernel
+def follow(
+    about: Floats, k: int, end: int, to_nodes: Floats, onward: Floats, ends: Floats, along: Floats, away: Floats
+) -> None:
+    """What a path is at the nodes of the steps from node k on, and at their ends beside the flow; see `join_ends`."""
+    count = min(along.shape[0], end - k)
+    last = min(count, about.shape[0] - k - 1)
+    np.dot(about[k : k + count], to_nodes, along[:count])
+    away[:last] = np.dot(about[k + 1 : k + 1 + last], ends) - np.dot(about[k : k + last], onward)
+
+
+@kernel
+def lay_known(known: Floats, k: int, nodes: Floats) -> None:
+    """Add the vertical acceleration that is known."""
+    if known.shape[0] > 0:
+        for m in range(3):
+            nodes[nodes.size - 3 + m] += known[k, m]
+
+
+@kernel
+def sum_up(buffer: Floats, rows: int, normal: Floats) -> None:
+    """Add the products of whitened errors and derivatives."""
+    normal[:] += np.dot(buffer[:rows].T, buffer[:rows])
+
+
+@kernel
+def keep_step(keep: Kept, s: int, ahead: Floats, push: Floats) -> None:
+    """Keep what a step makes of the pendulums."""
+    for r in range(push.shape[1]):
+        for q in range(ahead.shape[1]):
+            keep.swing[s, r, q] = ahead[r, q]
+        for n in range(push.shape[0]):
+            keep.push[s, n, r] = push[n, r]
+
+
+@kernel
+def keep_readings(keep: Kept, start: int, slots: Slots, used: int, root: Floats, gain: Floats, seen: Floats) -> None:
+    """Keep the whitened rows of a node's readings, their gains and errors."""
+    for j in range(used):
+        at = slots.reading[j] - start
+        for r in range(gain.shape[1]):
+            total = slots.row[j, r]
+            for q in range(j):
+                total -= root[j, q] * keep.row[slots.reading[q] - start, r]
+            keep.row[at, r] = total / root[j, j]
+            keep.gain[at, r] = gain[j, r]
+        for c in range(seen.shape[1]):
+            keep.errors[at, c] = -seen[j, c]
+
+
+@kernel
+def sweep(
+    flow: Flow,
+    readings: Readings,
+    columns: Columns,
+    known: Floats,
+    recorded: Floats,
+    slope: Floats,
+    about: Floats,
+    breaks: np.ndarray,
+    begin: int,
+    end: int,
+    gate: float,
+    of: Pass,
+    keep: Kept,
+) -> bool:
+    """Filter nodes `begin` to `end`, with derivatives by all constants; whether every covariance stayed positive.
+
+    Derivatives and state stand side by side, (d, c + 1), and go through the same products, as `seen` of the readings
+    does: what is predicted of them less what was read. The covariance is left alone once the gain has settled.
+
+    Parameters
+    ----------
+    known, recorded, slope : (k, 3) arrays
+        At the nodes of each step: Z that acts beside the states; recorded heave; its derivative with time. Each may be
+        empty where nothing asks for it.
+    about : (k, d) array
+        Path about which the flow is linearised; empty: the prediction itself.
+    breaks : (b, 2) array of int
+        Nodes, in order, at which a pendulum is where nothing before tells, and that pendulum.
+    gate : float
+        Readings whose error is larger than so many deviations are left out; 0: none.
+    """
+    count, size = flow.kappa.size, of.state.shape[0]
+    two, constants, between = 2 * count, of.state.shape[1] - 1, 6 * count + 6
+    most = 4
+    for k in range(begin, end):
+        most = max(most, readings.first[k + 1] - readings.first[k] + 3)
+    covariance, updated, moved = of.covariance.copy(), np.empty((size, size)), np.empty((size, size))
+    state, state_updated, now = of.state.copy(), np.empty((size, constants + 1)), np.empty((1, size))
+    ahead, to_nodes = flow.rows[between:].copy(), np.ascontiguousarray(flow.rows[:between].T)
+    ahead_columns, ends = np.ascontiguousarray(ahead.T), ends_of(flow)
+    along, away, onward = np.empty((CHUNK, between)), np.empty((CHUNK, 4 + two)), np.dot(ahead_columns, ends)
+    nodes, extra, rest, by = np.zeros(between), np.zeros(two), np.zeros((count, 3, 4)), np.zeros((3, 4))
+    slots = Slots(
+        np.zeros(most, dtype=np.int64), np.full(most, -1), np.zeros(most), np.zeros(most), np.zeros((most, size)),
+        np.zeros((most, 3)),
+    )  # fmt: skip
+    square, root = np.zeros((most, most)), np.zeros((most, most))
+    seen, gain, old_gain = np.zeros((most, constants + 1)), np.zeros((most, size)), np.zeros((most, size))
+    buffer, rows = np.zeros((ROWS, constants + 1)), 0
+    forced = np.flatnonzero((columns.kind > START) & (columns.kind < ZERO))
+    of_traces = np.flatnonzero(columns.kind >= ZERO)
+    push = np.zeros((forced.size + 2, two))
+    plain = not flow.sine and not np.any(flow.quadratic) and not np.any(flow.dry) and known.shape[0] == 0
+    keeping = keep.swing.shape[0] > 0
+    given = about.shape[0] > 0
+    joined = flow.sine and given
+    asked = not plain or forced.size > 0 or flow.heave_noise > 0.0
+    moving, before, product, at_break = True, -1, 1.0, 0
+    for k in range(begin, end):
+        while at_break < breaks.shape[0] and breaks[at_break, 0] <= k:
+            if breaks[at_break, 0] == k:
+                loosen(flow, breaks[at_break, 1], covariance)
+                moving = True
+            at_break += 1
+        used = pick(readings, k, slots, of)
+        alike = recognise(readings, slots, used) and used == before
+        if not alike:
+            for j in range(used):
+                row_of(flow, readings, slots.reading[j], slots, j)
+        before, moving = used, moving or not alike
+        if asked:
+            if not given:
+                for q in range(size):
+                    now[0, q] = state[q, constants]
+                reach(to_nodes, now, nodes)
+            else:
+                at = (k - begin) % CHUNK
+                if at == 0:
+                    follow(about, k, end, to_nodes, onward, ends, along, away)
+                for m in range(between):
+                    nodes[m] = along[at, m]
+            lay_known(known, k, nodes)
+        np.dot(slots.row[:used], state, seen[:used])
+        if not plain:
+            for i in range(count):
+                collocate(flow, i, nodes, rest)
+            pull_aside(slots, used, readings, rest, seen)
+        for j in range(used):
+            if of_traces.size > 0:
+                which = slots.reading[j]
+                derive_errors(readings, columns, of_traces, which, k * flow.step + slots.offset[j], state, seen, j)
+            seen[j, constants] -= readings.value[slots.reading[j]]
+        if moving:
+            np.dot(slots.row[:used], covariance, gain[:used])
+            square_up(slots, used, gain, square)
+        over = False
+        for j in range(used):
+            deviation = np.sqrt(square[j, j])
+            of.errors[slots.reading[j]] = -seen[j, constants] / deviation
+            over = over or (gate > 0.0 and abs(seen[j, constants]) > gate * deviation)
+        if over:
+            if not moving:  # a reading over the gate lets the gain move
+                moving = True
+                np.dot(slots.row[:used], covariance, gain[:used])
+            used, alike, before = set_aside(slots, used, gate, of, seen, gain), False, -1
+            square_up(slots, used, gain, square)
+        change = 1.0
+        if used > 0:
+            if moving:
+                if not factorise(square, used, root):
+                    return False
+                substitute(root, used, gain)
+                clear(gain, used)
+                lift(covariance, gain, gain, used, updated)
+                if not flow.varying:
+                    change = change_of(gain, used, old_gain, covariance)
+            substitute(root, used, seen)
+            clear(seen, used)
+            lift(state, gain, seen, used, state_updated)
+            for j in range(used):
+                product *= root[j, j]
+                of.whitened[slots.reading[j]], of.scale[slots.reading[j]] = -seen[j, constants], root[j, j]
+                for c in range(constants + 1):
+                    buffer[rows, c] = seen[j, c]
+                rows += 1
+                if rows == ROWS:
+                    sum_up(buffer, rows, of.normal)
+                    rows = 0
+            if not 1e-100 < product < 1e100:
+                of.totals[0] += np.log(product)
+                product = 1.0
+            of.totals[1] += used
+            if keeping:
+                keep_readings(keep, readings.first[begin], slots, used, root, gain, seen)
+        else:
+            if moving:
+                copy(covariance, updated)
+            copy(state, state_updated)
+        if k + 1 == readings.first.size - 1:
+            if moving:
+                copy(updated, covariance)
+            copy(state_updated, state)
+            break
+        # to the next node
+        settling = moving and alike and not flow.varying and change < SETTLED and used > 0
+        if asked and not given:
+            for q in range(size):
+                now[0, q] = state_updated[q, constants]
+            reach(to_nodes, now, nodes)
+            lay_known(known, k, nodes)
+            if not plain:
+                for i in range(count):
+                    collocate(flow, i, nodes, rest)
+        if joined:
+            join_ends(flow, away, (k - begin) % CHUNK, nodes, rest)
+        if not plain:
+            for i in range(count):
+                differentiate(flow, i, known, k, nodes, rest, by, extra)
+                tilt(flow, i, by, ahead, ahead_columns)
+        np.dot(ahead, state_updated, state)
+        if moving:
+            np.dot(ahead, updated, moved)
+            np.dot(moved, ahead_columns, updated)
+            add_noise(updated, flow.noise, k % UNEVEN == 0, covariance)
+        if forced.size > 0:
+            force_columns(flow, columns, forced, nodes, recorded, slope, k, push)
+        if flow.heave_noise > 0.0:
+            jolt(flow, nodes, push)
+        for r in range(two):
+            push[forced.size, r] = extra[r]  # what is left of the sine law
+            state[r, constants] += extra[r]
+            for n in range(forced.size):
+                state[r, forced[n]] += push[n, r]
+            if moving and flow.heave_noise > 0.0:
+                for q in range(two):
+                    covariance[r, q] += push[forced.size + 1, r] * push[forced.size + 1, q]
+        if keeping:
+            keep_step(keep, k - begin, ahead, push)
+        moving = moving and not settling
+    sum_up(buffer, rows, of.normal)
+    of.totals[0] += np.log(product)
+    of.state[:], of.covariance[:] = state, covariance
+    return True

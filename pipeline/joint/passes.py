@@ -1,0 +1,125 @@
+"""What a pass over the lattice takes and leaves behind."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.arrays import Floats
+
+
+class Readings(NamedTuple):
+    """What was read, sorted by the lattice's nodes; k nodes, r readings, t traces, p pendulums.
+
+    Attributes
+    ----------
+    first : (k + 1,) array of int
+        First reading of each node.
+    trace : (r,) array of int
+        Below t: a trace; t: the horizontal acceleration, t + 1: the vertical one.
+    offset : (r,) array
+        Time after the node, s, of either sign.
+    value : (r,) array
+        rad, or acceleration over reference gravity.
+    variance : (r,) array
+        Of the reading; infinite = left out.
+    combination : (t, p) array
+    """
+
+    first: np.ndarray
+    trace: np.ndarray
+    offset: Floats
+    value: Floats
+    variance: Floats
+    combination: Floats
+
+
+class Columns(NamedTuple):
+    """The constants; c of them.
+
+    Attributes
+    ----------
+    kind, member : (c,) arrays of int
+        Kind as above; pendulum, trace (-1: all) or state that it belongs to.
+    centre, width : (c,) arrays
+        s: of GRAVITY a cubic spline's, width 0: the whole record; of DRIFT centre and scale; of STEP and CLOCK their
+        time; of DRY the centre is the speed below which it fades, rad s-1.
+    """
+
+    kind: np.ndarray
+    member: np.ndarray
+    centre: Floats
+    width: Floats
+
+
+class Pass(NamedTuple):
+    """What a sweep works on and leaves behind; see `sweep`.
+
+    Attributes
+    ----------
+    state : (d, c + 1) array
+        Derivatives by the constants, last the state itself; predicted for the first node, then for the next.
+    covariance : (d, d) array
+    normal : (c + 1, c + 1) array
+        Sum of products of whitened prediction errors and their derivatives.
+    totals : (3,) array
+        Sum of the logarithms of the deviations; readings used; readings over the gate.
+    errors : (r,) array
+        Prediction errors in their own standard deviations; NaN where there is none.
+    whitened, scale : (r,) arrays
+        The same, independent of each other, and their deviations; NaN where the reading was left out.
+    """
+
+    state: Floats
+    covariance: Floats
+    normal: Floats
+    totals: Floats
+    errors: Floats
+    whitened: Floats
+    scale: Floats
+
+
+class Kept(NamedTuple):
+    """What the smoother needs of a stretch of s nodes and its readings; empty arrays: nothing is kept.
+
+    Attributes
+    ----------
+    swing : (s, 2 p, d) array
+        Derivative's rows of the step that begins at the node.
+    push : (s, f + 2, 2 p) array
+        What that step adds to the pendulums: derivatives by the constants that move them, what is left, and the
+        impulse of a recorded heave's noise.
+    row, gain : (r, d) arrays
+        Whitened rows of the stretch's readings in the state, and what they move it by; 0 where left out.
+    errors : (r, c + 1) array
+        Derivatives of the whitened prediction errors, and these; NaN where left out.
+    """
+
+    swing: Floats
+    push: Floats
+    row: Floats
+    gain: Floats
+    errors: Floats
+
+
+class Slots(NamedTuple):
+    """The readings of a node in their order; u of them at most, kept while the next node's are alike.
+
+    Attributes
+    ----------
+    reading, trace : (u,) arrays of int
+        Reading; its trace.
+    offset, variance : (u,) arrays
+    row : (u, d) array
+        Row of the reading in the state.
+    pull : (u, 3) array
+        Factors of the remaining accelerations at the step's nodes in a pendulum's angle at the reading's time.
+    """
+
+    reading: np.ndarray
+    trace: np.ndarray
+    offset: Floats
+    variance: Floats
+    row: Floats
+    pull: Floats

@@ -12,7 +12,7 @@ from pipeline.joint import spectrum
 from pipeline.joint.explanation import Candidate, Fitted, Model, fitted, grown, priced
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Axis, Component, Engine, Sea, Vibration
-from pipeline.joint.whiteness import CALM, UNKNOWN, Shown, errors_by_frequency
+from pipeline.joint.whiteness import CALM, UNKNOWN, Shown, clipped, errors_by_frequency
 
 WIDTHS = (1, 256)  # bins of a spectrum that are looked at together
 BROAD = 0.03  # relative width from which motion is the sea's
@@ -29,6 +29,7 @@ FAST = 3.0  # of the swing's frequency
 TWICE = (1e-5, 1e-4, 1e-3)  # over reference gravity: vertical motion at twice the swing's frequency, which hides in it
 RARE = 500.0  # in log-likelihood, of that: kicks and friction that is not met do nearly the same
 TURN = 1.5  # rad of a motion in a step of the lattice
+STEADY = 2.5  # of the swing's frequency, above which errors are readings less a smooth motion
 MISSED = 10.0  # in log-likelihood, of a component that stays
 ENOUGH = 10.0  # in log-likelihood
 KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])
@@ -120,6 +121,8 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
 
     def of(assumed: Assumed, cost: float = COMPONENT) -> Candidate:
         found = assumed.ship[-1]
+        if found.peak * model.problem.lattice.step > TURN and not model.problem.lattice.dense:
+            raise UnresolvedError
         words = f"{found.axis} motion at {found.peak / (2.0 * np.pi):.2f} Hz"
         trial = replace(model, words=(*model.words, words), assumed=assumed)
         return priced(trial, grown(fit.path, model.problem.pendulums, assumed.ship), cost=cost)
@@ -129,12 +132,14 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
         if not any(line.axis == each.axis and abs(np.log(line.peak / each.peak)) < SAME_LINE for each in near):
             near.append(line)
             lines.append(line)
+    steady = _steady(fit) if model.problem.leaves_heave_open(model.assumed.sine) else None
+    known = [each for each in near if isinstance(each, Engine)]
+    if steady and not any(abs(steady.peak - each.peak) < 2.0 * each.damping for each in known):
+        yield of(replace(model.assumed, ship=(*ship, steady)))
     shown = Shown.of(fit, tuple(lines))
     for line in lines:
         assumed, gain = shown.likeliest(replace(model.assumed, ship=(*ship, line)), last=True)
         if gain > COMPONENT:
-            if assumed.ship[-1].peak * model.problem.lattice.step > TURN and not model.problem.lattice.dense:
-                raise UnresolvedError
             yield of(assumed)
     if slow and model.problem.leaves_heave_open(model.assumed.sine):
         twice = 2.0 * model.problem.swing
@@ -263,6 +268,45 @@ def _lines(fit: Fitted) -> Iterator[Component]:
         weighed = np.where(answer.sum(axis=0) > 0.0, excess.sum(axis=0) / np.sqrt(answer.sum(axis=0)), 0.0) + 1.0
         weighed[frequency < LEAST_VERTICAL] = 0.0
         yield from (upright(at, width) for at, width in _peaks(weighed))
+
+
+def _steady(fit: Fitted) -> Engine | None:
+    """The vertical motion of constant amplitude that the errors show best; None where it does not pay.
+
+    It puts two sidebands about each trace's swing, whose phases hang together: far weaker ones are told from chance so
+    than by their power.
+    """
+    from scipy.fft import fft, next_fast_len
+
+    problem, lattice, path = fit.model.problem, fit.model.problem.lattice, fit.path
+    swing, two = problem.swing, 2 * problem.pendulums
+    step = max(float(np.median(np.diff(np.unique(lattice.time)))), 1e-3)
+    size = next_fast_len(2 * (int(lattice.duration / step) + 2))  # finer than a line is wide
+    frequency = 2.0 * np.pi * np.arange(size) / (size * step)
+    some = (frequency > STEADY * swing) & (frequency < np.pi / step)
+    if not some.any():
+        return None
+    frequency = frequency[some]
+    above, below = (0.5 * swing**2 / ((frequency + by) ** 2 - swing**2) for by in (swing, -swing))
+    turning = path[:, :two:2] - 1j / swing * path[:, 1:two:2]
+    product, square = np.zeros(frequency.size, dtype=np.complex128), np.zeros(frequency.size)
+    for trace in range(problem.traces):
+        used = (lattice.trace == trace) & np.isfinite(fit.of.whitened)
+        errors, scale = clipped(fit.of.whitened[used]), float(np.nanmedian(fit.of.scale[used]))
+        own = turning[lattice.node[used]] @ lattice.combination[trace] * np.exp(1j * swing * lattice.offset[used])
+        place = np.clip(np.rint(lattice.time[used] / step), 0, size - 1).astype(np.int64)
+        for answer, factor in ((above, own.conj()), (below, own)):
+            series = np.zeros(size, dtype=np.complex128)
+            series[place] = errors * factor
+            product += answer / scale * fft(series)[some]
+            square += answer**2 / scale**2 * float(np.sum(np.abs(own) ** 2))
+    gain = np.abs(product) ** 2 / square
+    at = int(np.argmax(gain))
+    if gain[at] < COMPONENT:
+        return None
+    return Engine(
+        float(frequency[at]), np.pi / lattice.duration, float(np.sqrt(2.0 * gain[at] / square[at])), "vertical"
+    )
 
 
 def is_white(fit: Fitted, traces: list[int]) -> bool:

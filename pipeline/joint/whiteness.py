@@ -50,12 +50,16 @@ def errors_by_frequency(fit: Fitted, trace: int, taper: int = 1) -> tuple[Floats
     time = lattice.time[used]
     step = max(float(np.median(np.diff(time))), 1e-3)
     series = np.zeros(next_fast_len(int(lattice.duration / step) + 2, real=True))
-    errors = fit.of.whitened[used]
-    most = CLIPPED * float(np.median(np.abs(errors)))  # what is wild has no spectrum
     part = np.sin(np.pi * (time - time[0]) / (time[-1] - time[0])) ** taper
-    series[np.clip(np.rint(time / step), 0, series.size - 1).astype(np.int64)] = part * np.clip(errors, -most, most)
+    series[np.clip(np.rint(time / step), 0, series.size - 1).astype(np.int64)] = part * clipped(fit.of.whitened[used])
     power = np.abs(np.fft.rfft(series)) ** 2 / float(part @ part)
     return 2.0 * np.pi * np.arange(power.size) / (series.size * step), power, used
+
+
+def clipped(errors: Floats) -> Floats:
+    """Without what is wild, which has no spectrum."""
+    most = CLIPPED * float(np.median(np.abs(errors)))
+    return np.asarray(np.clip(errors, -most, most))
 
 
 def _sharp(frequency: Floats, power: Floats, edges: Floats) -> Floats:

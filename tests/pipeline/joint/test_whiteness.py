@@ -123,6 +123,17 @@ def test_a_line_too_fast_for_the_nodes_asks_for_more_of_them() -> None:
     assert abs(in_sigmas(row(made), gravity)) < 3.5
 
 
+def test_a_line_below_the_noise_shows_by_its_phases() -> None:
+    """.003 g at 8 Hz, .07 mGal: each of its sidebands is as high as chance makes the highest of all ordinates."""
+    seas = [SEAS[0], {"kind": "harmonics", "axis": "vertical", "amplitude": [0.03], "period": [0.125]}]
+    reading = {"sampling_rate": 25, "noise": 1e-5, "vertical_acceleration": False}
+    made, gravity = record(motion=seas, duration=1500.0, recording=reading)
+    found = row(made)
+    assert "vertical motion at 8.00 Hz" in found["choice_reason"]
+    assert abs(in_sigmas(found, gravity)) < 3.5
+    assert found["gravity_sigma_mgal"] < 0.1
+
+
 @pytest.mark.parametrize("scale", [3e-4, 3e-3, 1e-2])
 def test_knife_edges_that_fade_at_any_speed_leave_gravity(scale: float) -> None:
     dry = {"knife_edge": {"friction": 2e-5, "rate": scale}}

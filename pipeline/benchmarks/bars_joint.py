@@ -13,12 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 from data_schemas.errors import IsochronyError
+from data_schemas.scene import Scene
 from pipeline.arrays import Floats
-from pipeline.benchmarks.bar import Row, at_most, between, reported
+from pipeline.benchmarks.bar import Row, at_most, between, of_few, reported
+from pipeline.benchmarks.fisher import gravity_bound
 from pipeline.benchmarks.honesty.case import Case
 from pipeline.benchmarks.honesty.plain import gravity_at
 from pipeline.benchmarks.honesty.records import Made, of_case
 from pipeline.benchmarks.progress import progress
+from pipeline.benchmarks.scenes import linear, real
+from synth import simulate
 
 COUNT, QUICK = 400, 8
 MGAL = 1e-5  # m s-2
@@ -30,6 +34,7 @@ GAPS: Mapping[str, tuple[Case, float]] = {
     "alternate minutes": (replace(BASE, lost_of_two_minutes=60.0), 0.8),
 }
 """Both traces lost; largest sigma, mGal."""
+RATES = (25, 10, 5, 4, 2)  # Hz
 LOST = {"30 % of the samples": 0.3, "60 % of the samples": 0.6}
 KICKS = tuple(kick for size in (1e-7, 1e-6, 1e-5) for kick in ((size, 0.0), (size, size)))
 """rad s-1/2, of either pendulum."""
@@ -74,16 +79,18 @@ def rows(*, quick: bool) -> Iterator[Row]:
             f"joint, {name}: mean, farthest of {count} in sigma", max(abs(f.error / f.sigma) for f in fits), 4.0
         )
         yield between(f"joint, {name}: band, rms z", rms(fit.band for fit in fits), 0.7, 1.2)
+    yield from _efficiency(count)
     yield _interval(2000 if not quick else 5 * QUICK)
     yield from _cost(5 if quick else 15)
 
 
-def campaign(name: str, case: Case | Callable[[np.random.Generator], Case], count: int) -> list[Fit]:
+def campaign(name: str, case: Case | Callable[[np.random.Generator], Case | Made], count: int) -> list[Fit]:
     """Fit records of a case that differ in all that is drawn; a refused one has an infinite error."""
     found = []
     for seed in progress(range(count), name, count):
         random = np.random.default_rng([seed, 1958])
-        found.append(fitted(of_case(case if isinstance(case, Case) else case(random), random, f"{name} {seed}")))
+        drawn = case if isinstance(case, Case) else case(random)
+        found.append(fitted(of_case(drawn, random, f"{name} {seed}") if isinstance(drawn, Case) else drawn))
     return found
 
 
@@ -125,6 +132,22 @@ def honest(name: str, fits: list[Fit]) -> Row:
     more = 3.0 * max(math.sqrt(0.5 / len(fits)) - math.sqrt(0.5 / COUNT), 0.0)
     value = rms(fit.error / fit.sigma for fit in fits)
     return between(f"{name}: rms z of {len(fits)}", value, 0.85 * (1.0 - more), 1.2 * (1.0 + more))
+
+
+def _efficiency(count: int) -> Iterator[Row]:
+    """Scatter over the Cramer-Rao bound, from four readings a swing and half-second marks up."""
+    for words, make in (("linear", linear), ("real", real)):
+        for rate in RATES:
+            scene = make(1e-5, noise=1e-4, sampling_rate=rate)
+
+            def case(random: np.random.Generator, scene: Scene = scene) -> Made:
+                drawn = scene.model_copy(update={"seed": int(random.integers(2**31))})
+                return Made(simulate(drawn)[0], scene.gravity, Case(), scene.gravity * np.eye(6)[0])
+
+            fits, bound = campaign(f"{words} at {rate} Hz", case, count), gravity_bound(scene)
+            # the bound is that of linear pendulums of the same arcs and swell: the arcs carry no more
+            bar = f"joint, {words} pendulums, {rate} Hz: RMSE/CRLB ({bound:.4f} mGal) of {count}"
+            yield at_most(bar, rms(fit.error for fit in fits) / bound, of_few(1.1, count, COUNT))
 
 
 def _lost(count: int) -> Iterator[Row]:

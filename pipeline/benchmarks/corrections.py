@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from data_schemas.errors import IsochronyError
-from data_schemas.scene import Scene
 from pipeline.benchmarks import json_table
 from pipeline.benchmarks.corrections_kinds import SWELLS, Kind, kinds
 from pipeline.benchmarks.csv_table import write
@@ -51,8 +50,8 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     points: list[Row] = []
     chosen = kinds(quick=quick)
     for kind in progress(chosen, "corrections", len(chosen)):
-        rows = [{"case": kind.name} | row for row in measured(kind.scene(SWELLS[0]), METHODS, repeats, kept)]
-        others = [measured(kind.scene(seed), tuple(kind.wrong), 1, kept) for seed in SWELLS[1:]] if kind.wrong else []
+        rows = [{"case": kind.name} | row for row in measured(kind, SWELLS[0], METHODS, repeats, kept)]
+        others = [measured(kind, seed, tuple(kind.wrong), 1, kept) for seed in SWELLS[1:]] if kind.wrong else []
         points += rows
         yield judged(kind, rows, others)
     yield from refusals(points)
@@ -67,13 +66,14 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
             draw(points, folder / "corrections.png")
 
 
-def measured(scene: Scene, methods: Sequence[str], repeats: int, kept: Kept) -> list[Row]:
+def measured(kind: Kind, seed: int, methods: Sequence[str], repeats: int, kept: Kept) -> list[Row]:
     """Rows of one record, one a method; a record that was kept is read, another is computed and kept."""
-    configuration = {"scene": scene.model_dump(mode="json"), "repeats": repeats, "methods": list(methods)}
+    what = {"suite": "corrections", "kind": kind.name, "seed": seed}
+    configuration = {**what, "repeats": repeats, "methods": list(methods)}
     rows = kept.get(configuration)
     if rows is None:
-        record = simulate(scene)[0]
-        rows = [_reduced(record, name, scene.gravity, repeats) for name in methods]
+        tree, gravity = kind.record(seed)
+        rows = [_reduced(tree, name, gravity, repeats) for name in methods]
         kept.put(configuration, rows)
     return rows
 

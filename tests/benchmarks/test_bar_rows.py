@@ -10,8 +10,7 @@ import pytest
 from pipeline.benchmarks.bar import at_least, at_most, between, holds, not_measured, of_few, reported
 from pipeline.benchmarks.clock import command, median_ratio, rounds, timed
 from pipeline.benchmarks.progress import progress
-from pipeline.benchmarks.scenes import SWELL, linear, two_pendulums
-from pipeline.benchmarks.trials import Campaign, Outcome, observations
+from pipeline.benchmarks.scenes import SWELL, two_pendulums
 from synth import simulate
 
 
@@ -77,24 +76,3 @@ def test_progress_passes_everything_on(capsys: pytest.CaptureFixture[str]) -> No
 def test_swell_reaches_what_it_says() -> None:
     slow = np.asarray(simulate(two_pendulums("swell", 1e-4))[1]["truth/forced"].values)
     assert np.abs(slow[0]).max() == pytest.approx(SWELL, rel=0.01)  # scaled on a grid of 0.25 s
-
-
-def test_noise_of_seeds_is_as_stated_and_differs() -> None:
-    scene = linear(noise=1e-3, duration=60.0)
-    quiet = next(observations(linear(duration=60.0), 1))
-    first, second = observations(scene, 2)
-    for seen in (first, second):
-        assert seen.sigma_difference == 1e-3
-        # 1500 readings: the scatter of a standard deviation is 2 %
-        assert np.std(seen.difference - quiet.difference) == pytest.approx(1e-3, rel=0.1)
-    assert not np.array_equal(first.theta, second.theta)
-
-
-def test_campaign_figures() -> None:
-    outcomes = (Outcome(3.0, 1.0, ("a",), ""), Outcome(-1.0, 1.0, (), ""), Outcome(1.0, 1.0, ("a", "b"), ""))
-    found = Campaign(outcomes)
-    assert found.rmse == pytest.approx(np.sqrt(11.0 / 3.0))
-    assert found.covered() == pytest.approx(2.0 / 3.0)
-    assert found.flagged == pytest.approx(2.0 / 3.0)
-    assert found.raised == {"a": 2, "b": 1}
-    assert math.isnan(Campaign((*outcomes, Outcome(math.nan, math.nan, (), "refused"))).rmse)

@@ -27,6 +27,7 @@ FADES = (0.0, 0.05, 0.1, 0.25)  # of the mean speed, below which knife-edge fric
 FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
+NOTICED, ABSENT, SAME, THRICE = 2.5, 2.0, 0.5, 3.0  # of gravity's sigma; in log-likelihood; a step of kicks
 SCALES = (kinds.GAIN, kinds.RATIO)  # of constants that stand for each other
 
 
@@ -36,10 +37,9 @@ def candidates(fit: Fitted) -> Iterator[Candidate]:
     for each in _constants(fit):
         found.append(each)
         yield each
-    # random kicks and turns show as a course, a friction, a step that they feign: what nothing feigns is not there
+    yield from _kicks(fit)
+    # turns show as a course, a friction, a step that they feign: what nothing feigns is not there
     feigned = max(each[0] for each in found) > fit.solution.log_likelihood + FEIGNED
-    if feigned or np.any(fit.model.assumed.kick):
-        yield from _kicks(fit)
     yield from motion.components(fit, slow=feigned)
 
 
@@ -120,8 +120,16 @@ def _kicks(fit: Fitted) -> Iterator[Candidate]:
         return priced(trial, fit.path, cost=1.0 if kick.any() else -PAYS)
 
     if not np.any(now):
-        found = [of(np.full(now.size, size)) for size in motion.KICKS]
-        yield max(found, key=lambda pair: pair[0])
+        best = of(np.full(now.size, _noticed(fit)))
+        yield best
+        if best[0] < fit.solution.log_likelihood - ABSENT:
+            return
+        for factor in (THRICE, 1.0 / THRICE):
+            while (found := of(best[1].assumed.kick * factor))[0] > best[0] + SAME:
+                yield found
+                best = found
+            yield found
+        yield from (of(each * best[1].assumed.kick) for each in np.eye(now.size))
         return
     for i in range(now.size):
         for factor in (0.1, 0.5, 2.0):
@@ -130,6 +138,17 @@ def _kicks(fit: Fitted) -> Iterator[Candidate]:
             yield of(kick)
     for factor in (0.0, 0.6, 1.7):
         yield of(now * factor)
+
+
+def _noticed(fit: Fitted) -> float:
+    """Kicks of all pendulums that would make gravity a few times less certain than it is, rad s-1/2.
+
+    The slope of a phase that wanders by k/a is uncertain by .77 k/(a sqrt(T)) of the frequency.
+    """
+    problem = fit.model.problem
+    arc = float(np.sqrt(2.0) * np.std(fit.path[:, : 2 * problem.pendulums : 2]))
+    sigma = mean_gravity(fit.solution, problem.lattice.duration)[1]
+    return NOTICED * sigma * problem.swing * arc * float(np.sqrt(problem.lattice.duration)) / (2.0 * 0.77)
 
 
 def _fading(fit: Fitted, fades: Iterable[float]) -> list[Candidate]:

@@ -31,6 +31,8 @@ SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 p
 COPIED = 30  # values in a row that two traces cannot share by chance
 COARSEST = 0.3  # of the swing's root mean square, a step to which readings are rounded
 LONGEST_GAP = 1.0  # s, of a heave that is interpolated
+ABOVE = 2.0  # of the noise: what may stand beside zero frequency by chance
+NEIGHBOURS = 7  # values whose sixth difference shows their noise
 
 
 @dataclass(frozen=True)
@@ -123,11 +125,13 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     if heave is not None and dense:
         from scipy.interpolate import CubicSpline
 
-        bias, doubt = _bias(time[there], heave[there])
-        spline = CubicSpline(time[there] - lattice.start, heave[there] - bias)
+        since, value = time[there] - lattice.start, heave[there]
+        even = np.arange(since[0], since[-1], np.diff(since).min())
+        white = _white(since, value)
+        bias, doubt = _bias(CubicSpline(since, value)(even), white / np.sqrt(even[1] - even[0]))
+        spline = CubicSpline(since, value - bias)
         at = lattice.step * (np.arange(lattice.nodes)[:, None] + NODES)
         recorded, slope = spline(at), spline(at, 1)
-        white = _white(time[there], heave[there])
     stated = np.full(series.shape[0], np.nan)
     if "elongation_uncertainty" in stored:
         given = np.asarray(stored["elongation_uncertainty"].values, dtype=np.float64)
@@ -225,25 +229,26 @@ def _quantum(value: Floats) -> float:
     return float(np.median(np.diff(found)))
 
 
-def _bias(time: Floats, heave: Floats) -> tuple[float, float]:
-    """Bias of a recorded heave over reference gravity, and its 1 sigma: the ship neither sinks nor flies.
+def _bias(heave: Floats, noise: float) -> tuple[float, float]:
+    """Bias of a recorded heave at even times over reference gravity, and its 1 sigma: the ship neither sinks nor flies.
 
     A mean under a taper that lets nothing of the sea pass; its sigma from what stands beside zero frequency, below the
-    sea.
+    sea, above the noise. That acts on the pendulums alike, and leaves gravity with the bias.
     """
     from scipy.signal.windows import kaiser
 
-    since = (time - time[0]) / (time[-1] - time[0])
-    grid = np.linspace(0.0, 1.0, 1024)
-    weight = np.interp(since, grid, kaiser(1024, SHAPE)) * np.gradient(time)
+    weight, since = kaiser(heave.size, SHAPE), np.linspace(0.0, 1.0, heave.size)
     weight /= weight.sum()
     beside = [np.abs(np.sum(weight * np.exp(2j * np.pi * turns * since) * heave)) for turns in BESIDE]
-    return float(weight @ heave), float(np.sqrt(np.mean(np.square(beside))))
+    square = float(np.mean(np.square(beside))) - ABOVE * noise**2 * float(weight @ weight)
+    return float(weight @ heave), float(np.sqrt(max(square, 0.0)))
 
 
 def _white(time: Floats, heave: Floats) -> float:
-    """White noise of a recorded heave times the root of its step, from what six neighbours do not foretell."""
-    weights = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])  # sixth difference: insensitive to slow waves
-    rest = np.convolve(heave, weights, "valid")
-    scale = float(np.median(np.abs(rest))) / 0.6745 / float(np.sqrt(weights @ weights))
-    return scale * float(np.sqrt(np.median(np.diff(time))))
+    """White noise of a recorded heave times the root of its step, from divided differences: slow waves leave none."""
+    at, value = (np.lib.stride_tricks.sliding_window_view(each, NEIGHBOURS) for each in (time, heave))
+    apart = (at[:, :, None] - at[:, None, :]) / (at[:, -1:, None] - at[:, :1, None]) + np.eye(NEIGHBOURS)
+    weights = 1.0 / apart.prod(axis=2)
+    rest = np.sum(weights * value, axis=1) / np.linalg.norm(weights, axis=1)
+    spacing = np.diff(time)  # what is interpolated over a long one has the noise of few values
+    return float(np.median(np.abs(rest)) / 0.6745 * np.sqrt(np.sum(spacing**2) / np.sum(spacing)))

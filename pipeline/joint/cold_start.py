@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.arrays import Floats
 from pipeline.joint import apparatus, explanation, kinds, spectrum
 from pipeline.joint.constants import Constant, starts
 from pipeline.joint.gather import Gathered
@@ -79,12 +80,14 @@ def cold_start(problem: Problem, assumed: Assumed, first: tuple[Constant, ...]) 
         if number == 0:
             easy = replace(rough, sine=False, noise=np.maximum(rough.noise, size))
             constants = released(problem.run(easy, held(constants), span=(0, end))[0].constants, first)
-        constants, gate = followed(problem, rough, narrowed(constants), end)
+        constants, errors = followed(problem, rough, narrowed(constants), end)
         constants = released(constants, first)
         if end == nodes:
             break
-    rough = replace(rough, kick=assumed.kick + ROUGH_KICK)
-    return smoothed(problem, rough, narrowed(constants), NONE2, gate, most=1)
+    # what shakes one trace all along is not wild
+    scatter = [deviation(errors[problem.lattice.trace == j]) for j in range(rough.noise.size)]
+    rough = replace(rough, kick=assumed.kick + ROUGH_KICK, noise=rough.noise * scatter)
+    return smoothed(problem, rough, narrowed(constants), NONE2, 2.0 * GATE, most=1)
 
 
 def again(begun: explanation.Fitted) -> explanation.Fitted:
@@ -116,8 +119,8 @@ def mirrored(begun: explanation.Fitted) -> list[explanation.Fitted]:
 
 def followed(
     problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], end: int
-) -> tuple[tuple[Constant, ...], float]:
-    """Gauss-Newton on the first nodes, without readings far off as long as they are few; and where these begin."""
+) -> tuple[tuple[Constant, ...], Floats]:
+    """Gauss-Newton on the first nodes, without readings far off as long as they are few; and all errors, (r,)."""
     gate = COARSE_GATE
     for _ in range(MOST_FITS):
         solution, of = problem.run(assumed, constants, span=(0, end), gate=gate)
@@ -126,7 +129,7 @@ def followed(
         constants = solution.constants
         if share < MOST_OUTLIERS and np.all(np.abs(solution.step) < 0.1 * np.sqrt(np.diag(solution.covariance))):
             break
-    return constants, 2.0 * GATE * deviation(of.errors)
+    return constants, of.errors
 
 
 @dataclass(frozen=True)

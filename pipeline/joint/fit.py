@@ -33,6 +33,8 @@ class Outcome:
         Factor in `sigma` by which the prediction errors exceed the model; 1: they are white.
     left_out : int
         Readings that were not used.
+    still : tuple of str
+        See `gather.Gathered`.
     """
 
     fit: explanation.Fitted
@@ -41,6 +43,7 @@ class Outcome:
     sigma: float
     spread: float
     left_out: int
+    still: tuple[str, ...]
 
     @property
     def words(self) -> str:
@@ -49,7 +52,7 @@ class Outcome:
         law = "sine" if model.assumed.sine else "linear"
         faults = apparatus.found(self.fit.solution)
         named = [words for words in model.words if not any(fault.startswith(f"{words}:") for fault in faults)]
-        parts = [f"restoring = {law}", *named, *faults]
+        parts = [f"restoring = {law}", *named, *faults, *self.still]
         near = [
             f"{(other.words or ('nothing else',))[-1]} at {value - self.fit.solution.log_likelihood:+.1f}"
             for value, other, _ in self.close
@@ -92,7 +95,7 @@ def reduce(gathered: Gathered) -> Outcome:
             f"instrument/period: gravity would be {100.0 * (mean - 1.0):+.1f} % off reference_gravity; "
             "check period, reference_gravity and the time axis"
         )
-    return Outcome(fit, close, mean, sigma, spread, int(fit.model.problem.left_out.sum()))
+    return Outcome(fit, close, mean, sigma, spread, int(fit.model.problem.left_out.sum()), gathered.still)
 
 
 def of_the_law(fit: explanation.Fitted) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from data_schemas.errors import RecordError, RefusedError
 from pipeline.arrays import Floats
 from pipeline.conditions import TEMPERATURE
-from pipeline.joint.calm import is_calm
+from pipeline.joint.calm import WINDOW, is_calm
 from pipeline.joint.flow import NODES
 from pipeline.joint.lattice import Lattice, lay
 from pipeline.joint.problem import Problem
@@ -30,6 +30,7 @@ OFTEN, FEW = 10.0, 5.0  # times as often as other values; readings a value from 
 SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 pass; turns in the record
 COPIED = 30  # values in a row that two traces cannot share by chance
 COARSEST = 0.3  # of the swing's root mean square, a step to which readings are rounded
+STILL, SWINGLESS, FEWEST = 0.01, 12.0, 10  # of the largest trace's variance; of white noise's power; readings
 LONGEST_GAP = 1.0  # s, of a heave that is interpolated
 ABOVE = 2.0  # of the noise: what may stand beside zero frequency by chance
 NEIGHBOURS = 7  # values whose sixth difference shows their noise
@@ -52,6 +53,8 @@ class Gathered:
         White noise of a recording that is interpolated, over reference gravity, times the root of its step, s1/2.
     heave_doubt : float
         1 sigma of its mean over reference gravity, which gravity shares.
+    still : tuple of str
+        Traces that stand still for a while, and when, in words.
     denser : callable
         The same with as many nodes as readings, for motion that the traces do not show before they are fitted.
     """
@@ -63,6 +66,7 @@ class Gathered:
     noise: Floats
     heave_noise: float
     heave_doubt: float
+    still: tuple[str, ...]
     denser: Callable[[], Gathered]
 
     @property
@@ -92,7 +96,8 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     if known["period_change"] is not None:
         frequency = frequency / (1.0 + known["period_change"])
     frequency = frequency * (1.0 + known["chronometer_rate"] / 86400.0)  # in the record's own time
-    series = _told_apart(series)
+    traces = tuple(str(trace) for trace in stored["trace"].values)
+    series, still = _moving(time, _told_apart(series), float(frequency.mean()), traces)
     some = np.asarray(np.isfinite(series).any(axis=0))
     if not some.any():
         raise RecordError("record/elongation: no trace has a reading")
@@ -156,11 +161,12 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
             _track(known, all_times, lattice),
         ),
         labels,
-        tuple(str(trace) for trace in stored["trace"].values),
+        traces,
         known,
         stated,
         white,
         doubt,
+        still,
         partial(gather, record, calm=False),
     )
 
@@ -183,6 +189,32 @@ def _told_apart(series: Floats) -> Floats:
     if np.isfinite(series).any() and not np.isfinite(out).any():
         raise RefusedError("record/elongation: the traces hold the same values; give each pendulum, or the difference")
     return out
+
+
+def _moving(time: Floats, series: Floats, swing: float, names: tuple[str, ...]) -> tuple[Floats, tuple[str, ...]]:
+    """Traces, (t, n), without what shows neither swing nor sway for two windows and more; and that in words."""
+    out, words = series.copy(), []
+    least = STILL * float(np.nanmax(np.nanvar(series[np.isfinite(series).any(axis=1)], axis=1)))
+    bounds = np.searchsorted(time, np.arange(time[0], time[-1], WINDOW))
+    stretches = [slice(a, b) for a, b in zip(bounds, [*bounds[1:], time.size], strict=True)]
+    for j, own in enumerate(series):
+        stands = [_stands(time[part], own[part], swing, least) for part in stretches]
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], stands, [0]]))).reshape(-1, 2)
+        for first, last in edges[edges[:, 1] - edges[:, 0] > 1]:
+            part = slice(stretches[first].start, stretches[last - 1].stop)
+            out[j, part] = np.nan
+            words.append(f"trace '{names[j]}' stands still from {time[part][0]:.0f} to {time[part][-1]:.0f} s")
+    return out, tuple(words)
+
+
+def _stands(time: Floats, value: Floats, swing: float, least: float) -> bool:
+    """Whether readings vary less than that, and have no more power at the swing than chance gives."""
+    there = np.isfinite(value)
+    if there.sum() < FEWEST:
+        return False
+    own = value[there] - value[there].mean()
+    turned = np.abs(np.sum(own * np.exp(-1j * swing * time[there]))) ** 2
+    return bool(own.var() < least and turned <= min(SWINGLESS, 0.1 * own.size) * own.size * own.var())
 
 
 def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:

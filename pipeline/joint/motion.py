@@ -292,6 +292,8 @@ def _steady(fit: Fitted) -> Engine | None:
     product, square = np.zeros(frequency.size, dtype=np.complex128), np.zeros(frequency.size)
     for trace in range(problem.traces):
         used = (lattice.trace == trace) & np.isfinite(fit.of.whitened)
+        if not used.any():
+            continue
         errors, scale = clipped(fit.of.whitened[used]), float(np.nanmedian(fit.of.scale[used]))
         own = turning[lattice.node[used]] @ lattice.combination[trace] * np.exp(1j * swing * lattice.offset[used])
         place = np.clip(np.rint(lattice.time[used] / step), 0, size - 1).astype(np.int64)

@@ -29,7 +29,8 @@ MOST_FITS = 4
 
 def deviation(errors: Floats) -> float:
     """Of errors in their own deviations, from the smaller half of them; at least 1."""
-    return max(float(np.nanquantile(np.abs(errors), 0.25)) / 0.3186, 1.0)
+    known = np.abs(errors[np.isfinite(errors)])
+    return max(float(np.quantile(known, 0.25)) / 0.3186, 1.0) if known.size else 1.0
 
 
 def smoothed(

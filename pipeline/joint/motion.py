@@ -132,7 +132,8 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
         if not any(line.axis == each.axis and abs(np.log(line.peak / each.peak)) < SAME_LINE for each in near):
             near.append(line)
             lines.append(line)
-    steady = _steady(fit) if model.problem.leaves_heave_open(model.assumed.sine) else None
+    upright = model.problem.leaves_heave_open(model.assumed.sine) and not model.problem.rounded
+    steady = _steady(fit) if upright else None
     known = [each for each in near if isinstance(each, Engine)]
     if steady and not any(abs(steady.peak - each.peak) < 2.0 * each.damping for each in known):
         yield of(replace(model.assumed, ship=(*ship, steady)))

@@ -7,7 +7,8 @@ nothing pays. Explanations that stay close are averaged into value and sigma.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +23,7 @@ from pipeline.joint.whiteness import LEAST_READINGS
 PAYS = 5.0  # in log-likelihood
 ROUNDS = 8
 STEPS, LEAST_STEP = 12, 0.3  # times tried at once; of the lattice's step
-FAULT, STEP_COST = 5.0, 9.0  # in log-likelihood: of what an apparatus seldom has; of a time that may be any
+COMMON, FAULT, STEP_COST = 1.0, 5.0, 9.0  # in log-likelihood: a scale or period that is off; what is rare; at any time
 FADES = (0.0, 0.05, 0.1, 0.25)  # of the mean speed, below which knife-edge friction fades
 FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
@@ -56,7 +57,8 @@ def _constants(fit: Fitted) -> Iterator[Candidate]:
     extra = [*(each for each in frictions if each.name not in names), *apparatus.faults(problem, own)]
     course = () if any(is_knot(each) for each in own) else knots(problem.lattice.duration)
     best = -np.inf
-    for each in _added(fit, extra, course):
+    costs = [COMMON if each.kind in SCALES else FAULT for each in extra]
+    for each in _added(fit, extra, costs, course):
         best = max(best, each[0])
         yield each
     # a step shows as the drift, the friction or the course that it resembles
@@ -65,7 +67,7 @@ def _constants(fit: Fitted) -> Iterator[Candidate]:
 
 
 def _added(
-    fit: Fitted, extra: list[Constant], course: tuple[Constant, ...] = (), cost: float = FAULT
+    fit: Fitted, extra: list[Constant], costs: Sequence[float], course: tuple[Constant, ...] = ()
 ) -> list[Candidate]:
     """Each of several constants added alone, or a course of gravity: all priced by one pass."""
     model = fit.model
@@ -76,7 +78,7 @@ def _added(
     _, of = problem.run(model.assumed, whole, about=fit.path, root=root)
     first = list(range(len(own)))
     found = []
-    for at, each in enumerate(extra, len(own)):
+    for at, (each, cost) in enumerate(zip(extra, costs, strict=True), len(own)):
         rows = [*first, at]
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
         solution = solve((*own, each), normal, float(of.totals[0]), float(of.totals[1]), root[np.ix_(rows, rows)])
@@ -104,7 +106,7 @@ def _steps(fit: Fitted) -> list[Candidate]:
         if best:
             last = best[0][1].constants[-1]
             tried = [each for each in tried if (each.kind, each.index) == (last.kind, last.index)]
-        best = [max([*best, *_added(fit, tried, cost=STEP_COST)], key=lambda each: each[0])]
+        best = [max([*best, *_added(fit, tried, [STEP_COST] * len(tried))], key=lambda each: each[0])]
         at = best[0][1].constants[-1].centre
         low, high = max(0.0, at - (high - low) / STEPS), min(lattice.duration, at + (high - low) / STEPS)
     return best
@@ -219,7 +221,7 @@ def _rivals(fit: Fitted) -> list[Candidate]:
         lean = fit.without(taken)
         others = apparatus.faults(fit.model.problem, lean.model.constants)
         extra = [each for each in others if each.kind in SCALES and each.name != taken.name]
-        for each in _added(lean, extra, cost=0.0):
+        for each in _added(lean, extra, [0.0] * len(extra)):
             other = _fitted(lean, each) if each[0] > least - MUCH else None
             if other is not None:
                 found.append((other.solution.log_likelihood, other.model, other.solution))
@@ -302,12 +304,16 @@ def _fitted(fit: Fitted, candidate: Candidate) -> Fitted | None:
 
 
 def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:
-    """Gravity over reference gravity and its 1 sigma, over the explanations that stay close."""
+    """Gravity over reference gravity and its 1 sigma, over the explanations that stay close.
+
+    Those that differ by a size alone share what is due to one.
+    """
     duration = fit.model.problem.lattice.duration
-    parts = []
+    parts, alike = [], Counter(model.words for _, model, _ in close)
     for value, model, solution in ((fit.solution.log_likelihood, fit.model, fit.solution), *close):
         mean, sigma = mean_gravity(solution, duration)
-        parts.append((value, mean, float(np.hypot(sigma, motion.unseen(fit, model)))))
+        shared = value - float(np.log(max(alike[model.words], 1)))
+        parts.append((value if model is fit.model else shared, mean, float(np.hypot(sigma, motion.unseen(fit, model)))))
     logs = np.array([part[0] for part in parts])
     share = np.exp(logs - logs.max())
     share /= share.sum()

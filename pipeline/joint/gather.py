@@ -33,7 +33,7 @@ COARSEST = 0.3  # of the swing's root mean square, a step to which readings are 
 STILL, SWINGLESS, FEWEST = 0.01, 12.0, 10  # of the largest trace's variance; of white noise's power; readings
 LONGEST_GAP = 1.0  # s, of a heave that is interpolated
 ABOVE = 2.0  # of the noise: what may stand beside zero frequency by chance
-NEIGHBOURS = 7  # values whose sixth difference shows their noise
+NEIGHBOURS, ENOUGH = 7, 20000  # values whose sixth difference shows their noise; so many such
 
 
 @dataclass(frozen=True)
@@ -279,7 +279,8 @@ def _bias(heave: Floats, noise: float) -> tuple[float, float]:
 
 def _white(time: Floats, heave: Floats) -> float:
     """White noise of a recorded heave times the root of its step, from divided differences: slow waves leave none."""
-    at, value = (np.lib.stride_tricks.sliding_window_view(each, NEIGHBOURS) for each in (time, heave))
+    some = slice(None, None, 1 + time.size // ENOUGH)
+    at, value = (np.lib.stride_tricks.sliding_window_view(each, NEIGHBOURS)[some] for each in (time, heave))
     apart = (at[:, :, None] - at[:, None, :]) / (at[:, -1:, None] - at[:, :1, None]) + np.eye(NEIGHBOURS)
     weights = 1.0 / apart.prod(axis=2)
     rest = np.sum(weights * value, axis=1) / np.linalg.norm(weights, axis=1)

@@ -8,7 +8,7 @@ nothing pays. Explanations that stay close are averaged into value and sigma.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +23,8 @@ from pipeline.joint.whiteness import LEAST_READINGS
 PAYS = 5.0  # in log-likelihood
 ROUNDS = 8
 STEPS, LEAST_STEP = 12, 0.3  # times tried at once; of the lattice's step
-COMMON, FAULT, STEP_COST = 1.0, 5.0, 9.0  # in log-likelihood: a scale or period that is off; what is rare; at any time
+FAULT, STEP_COST = 5.0, 9.0  # in log-likelihood: of what an apparatus seldom has; of a time that may be any
+SMALL, LIKELIER = 0.1, 2.0  # of a scale's or period's prior; in log-likelihood
 FADES = (0.0, 0.05, 0.1, 0.25)  # of the mean speed, below which knife-edge friction fades
 FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
@@ -57,8 +58,7 @@ def _constants(fit: Fitted) -> Iterator[Candidate]:
     extra = [*(each for each in frictions if each.name not in names), *apparatus.faults(problem, own)]
     course = () if any(is_knot(each) for each in own) else knots(problem.lattice.duration)
     best = -np.inf
-    costs = [COMMON if each.kind in SCALES else FAULT for each in extra]
-    for each in _added(fit, extra, costs, course):
+    for each in _added(fit, extra, course):
         best = max(best, each[0])
         yield each
     # a step shows as the drift, the friction or the course that it resembles
@@ -67,9 +67,12 @@ def _constants(fit: Fitted) -> Iterator[Candidate]:
 
 
 def _added(
-    fit: Fitted, extra: list[Constant], costs: Sequence[float], course: tuple[Constant, ...] = ()
+    fit: Fitted, extra: list[Constant], course: tuple[Constant, ...] = (), cost: float = FAULT
 ) -> list[Candidate]:
-    """Each of several constants added alone, or a course of gravity: all priced by one pass."""
+    """Each of several constants added alone, or a course of gravity: all priced by one pass.
+
+    A scale or period that is off by a tenth of what it may be off by is less rare.
+    """
     model = fit.model
     problem, own = model.problem, model.constants
     whole = (*own, *extra, *course)
@@ -78,12 +81,16 @@ def _added(
     _, of = problem.run(model.assumed, whole, about=fit.path, root=root)
     first = list(range(len(own)))
     found = []
-    for at, (each, cost) in enumerate(zip(extra, costs, strict=True), len(own)):
+    for at, each in enumerate(extra, len(own)):
         rows = [*first, at]
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
-        solution = solve((*own, each), normal, float(of.totals[0]), float(of.totals[1]), root[np.ix_(rows, rows)])
-        trial = replace(model, words=(*model.words, each.name), constants=solution.constants)
-        found.append((solution.log_likelihood - cost, trial, solution))
+        for least in (1.0, SMALL) if each.kind in SCALES else (1.0,):
+            prior = root[np.ix_(rows, rows)]
+            prior[-1, -1] *= least
+            constants = (*own, replace(each, prior=least * each.prior))
+            solution = solve(constants, normal, float(of.totals[0]), float(of.totals[1]), prior)
+            trial = replace(model, words=(*model.words, each.name), constants=solution.constants)
+            found.append((solution.log_likelihood - cost + (LIKELIER if least < 1.0 else 0.0), trial, solution))
     if course:
         rows = [*first, *range(len(whole) - len(course), len(whole))]
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
@@ -106,7 +113,7 @@ def _steps(fit: Fitted) -> list[Candidate]:
         if best:
             last = best[0][1].constants[-1]
             tried = [each for each in tried if (each.kind, each.index) == (last.kind, last.index)]
-        best = [max([*best, *_added(fit, tried, [STEP_COST] * len(tried))], key=lambda each: each[0])]
+        best = [max([*best, *_added(fit, tried, cost=STEP_COST)], key=lambda each: each[0])]
         at = best[0][1].constants[-1].centre
         low, high = max(0.0, at - (high - low) / STEPS), min(lattice.duration, at + (high - low) / STEPS)
     return best
@@ -221,7 +228,7 @@ def _rivals(fit: Fitted) -> list[Candidate]:
         lean = fit.without(taken)
         others = apparatus.faults(fit.model.problem, lean.model.constants)
         extra = [each for each in others if each.kind in SCALES and each.name != taken.name]
-        for each in _added(lean, extra, [0.0] * len(extra)):
+        for each in _added(lean, extra, cost=0.0):
             other = _fitted(lean, each) if each[0] > least - MUCH else None
             if other is not None:
                 found.append((other.solution.log_likelihood, other.model, other.solution))

@@ -203,6 +203,9 @@ def _moving(time: Floats, series: Floats, swing: float, names: tuple[str, ...]) 
         edges = np.flatnonzero(np.diff(np.concatenate([[0], stands, [0]]))).reshape(-1, 2)
         for first, last in edges[edges[:, 1] - edges[:, 0] > 1]:
             part = slice(stretches[first].start, stretches[last - 1].stop)
+            moves = np.abs(own - np.nanmean(own[part])) > FAR * np.nanstd(own[part])
+            before, after = np.flatnonzero(moves[: part.start]), np.flatnonzero(moves[part.stop :])
+            part = slice(before[-1] + 1 if before.size else 0, part.stop + after[0] if after.size else own.size)
             out[j, part] = np.nan
             words.append(f"trace '{names[j]}' stands still from {time[part][0]:.0f} to {time[part][-1]:.0f} s")
     return out, tuple(words)

@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 from test_method import in_sigmas, record, row
 
 from data_schemas.errors import RefusedError
+from pipeline.joint.gather import _bias, _white
 
 pytestmark = pytest.mark.compiled
 
@@ -111,3 +112,35 @@ def test_traces_that_are_one_and_readings_too_coarse_are_refused(
 ) -> None:
     with pytest.raises(RefusedError, match=words):
         row(changed(record()[0], "elongation", change))
+
+
+def test_a_trace_that_stands_still_is_named() -> None:
+    def dead(time: np.ndarray, value: np.ndarray) -> np.ndarray:
+        return np.where(time > 200.0, np.random.default_rng(3).normal(scale=1e-5, size=time.size), value)
+
+    gravity = record()[1]
+    found = row(first(dead, trace=1))
+    assert "stands still from 200 to 300 s" in found["choice_reason"]
+    assert "apparatus-fault" in found["flags"]
+    assert abs(in_sigmas(found, gravity)) < 3.5
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.3])
+def test_noise_of_a_recorded_heave_is_told_at_any_times(lost: float) -> None:
+    random = np.random.default_rng(8)
+    time = 0.1 * np.arange(18000)
+    heave = 0.02 * np.sin(0.8 * time) + 0.01 * np.cos(1.1 * time) + random.normal(scale=2e-6, size=time.size)
+    there = random.random(time.size) >= lost
+    spacing = np.diff(time[there])
+    expected = 2e-6 * np.sqrt(np.sum(spacing**2) / np.sum(spacing))
+    assert _white(time[there], heave[there]) == pytest.approx(expected, rel=0.05)
+
+
+def test_bias_of_a_recorded_heave_is_not_doubted_for_its_noise() -> None:
+    random = np.random.default_rng(9)
+    time = 0.1 * np.arange(18000)
+    heave = 3e-4 + 0.02 * np.sin(0.8 * time) + random.normal(scale=2e-6, size=time.size)
+    found, doubt = _bias(heave, 2e-6)
+    assert found == pytest.approx(3e-4, abs=1e-7)
+    assert doubt < 2e-8
+    assert _bias(heave + 1e-5 * np.sin(2.0 * np.pi * 9.0 * time / time[-1]), 2e-6)[1] > 1e-6

@@ -14,6 +14,9 @@ from data_schemas.errors import RefusedError
 from data_schemas.scene import Scene
 from data_schemas.scene_way import lightening
 from pipeline import process, summaries
+from pipeline.benchmarks.honesty.case import Case
+from pipeline.benchmarks.honesty.records import of_case
+from pipeline.joint.cold_start import Begun
 from pipeline.joint.gather import gather
 
 GRAVITY = 9.8123
@@ -206,3 +209,23 @@ def test_what_the_ships_way_takes_off_is_no_change_of_gravity(known: bool) -> No
     values = result["course"]["gravity_course"].values
     assert np.ptp(values) == pytest.approx(0.0 if known else rate * 600.0, abs=3e-5)
     assert ("along the track" in result["course"].attrs["eotvos"]) is known
+
+
+def test_a_trace_that_is_shaken_all_along_is_not_taken_for_wild() -> None:
+    """3 Hz, .012 g: a hundred times the reading noise."""
+    motion = [
+        {"kind": "harmonics", "amplitude": [0.05, 0.03, 0.12], "period": [9.0, 7.0, 1.0 / 3.0]},
+    ]
+    made, gravity = record(motion=motion, recording={"sampling_rate": 25, "vertical_acceleration": False})
+    begun = Begun.of(gather(made), sine=True)
+    assert np.isfinite(begun.rough.of.whitened).mean() > 0.99
+    found = row(made)
+    assert abs(in_sigmas(found, gravity)) < 3.5
+    assert found["gravity_sigma_mgal"] < 0.3
+
+
+def test_small_kicks_are_in_sigma_though_nothing_feigns_them() -> None:
+    made = of_case(Case(kicks=(1e-7, 1e-7)), np.random.default_rng([14, 1958]), "kicks (1e-07, 1e-07) 14")
+    found = row(made.tree)
+    assert abs(in_sigmas(found, made.gravity)) < 3.0
+    assert found["gravity_sigma_mgal"] > 0.03

@@ -213,7 +213,21 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
             break
         fit = motion.reshaped(_faded(taken))
     close = [again for each in found if (again := tried.again(each)) is not None]
+    fit, close = _resized(fit, close)
     return fit, [*close, *_rivals(fit)]
+
+
+def _resized(fit: Fitted, close: list[Candidate]) -> tuple[Fitted, list[Candidate]]:
+    """The likeliest of a fit and those that differ from it by a size alone, and the others."""
+    alike = [each for each in close if sorted(each[1].words) == sorted(fit.model.words)]
+    best = max(alike, key=lambda each: each[0], default=None)
+    found = _fitted(fit, best) if best is not None and best[0] > fit.solution.log_likelihood else None
+    if found is None or found.solution.log_likelihood <= fit.solution.log_likelihood:
+        return fit, close
+    return found, [
+        *(each for each in close if each is not best),
+        (fit.solution.log_likelihood, fit.model, fit.solution),
+    ]
 
 
 def _rivals(fit: Fitted) -> list[Candidate]:

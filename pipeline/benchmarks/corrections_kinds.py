@@ -2,7 +2,7 @@
 
 On noise-free linear pendulums it is known which method is right and by how much, to the order of magnitude, the others
 are wrong. The sizes of wrong methods depend on phases and swell, so they are judged by their root mean square over
-several swells. On real pendulums a value is judged by its own sigma and flags.
+several swells. On real pendulums a value is judged by its own sigma; a flag excuses no error.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Kind:
     refused : tuple of str
         Methods that may decline: a phase means nothing where the amplitude vanishes.
     real : bool
-        Real pendulums, where a value of the methods made for them must hold within its sigma or carry a flag.
+        Real pendulums, where a value of the methods made for them must hold within its sigma.
     """
 
     name: str

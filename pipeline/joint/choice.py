@@ -134,10 +134,13 @@ def _kicks(fit: Fitted) -> Iterator[Candidate]:
         if best[0] < fit.solution.log_likelihood - ABSENT:
             return
         for factor in (THRICE, 1.0 / THRICE):
+            begun = best
             while (found := of(best[1].assumed.kick * factor))[0] > best[0] + SAME:
                 yield found
                 best = found
             yield found
+            if best is not begun:
+                break
         yield from (of(each * best[1].assumed.kick) for each in np.eye(now.size))
         return
     for i in range(now.size):
@@ -333,8 +336,8 @@ def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:
     parts, alike = [], Counter(model.words for _, model, _ in close)
     for value, model, solution in ((fit.solution.log_likelihood, fit.model, fit.solution), *close):
         mean, sigma = mean_gravity(solution, duration)
-        shared = value - float(np.log(max(alike[model.words], 1)))
-        parts.append((value if model is fit.model else shared, mean, float(np.hypot(sigma, motion.unseen(fit, model)))))
+        shared = 0.0 if model is fit.model else float(np.log(alike[model.words]))
+        parts.append((value - shared, mean, float(np.hypot(sigma, motion.unseen(fit, model)))))
     logs = np.array([part[0] for part in parts])
     share = np.exp(logs - logs.max())
     share /= share.sum()

@@ -97,10 +97,12 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         frequency = frequency / (1.0 + known["period_change"])
     frequency = frequency * (1.0 + known["chronometer_rate"] / 86400.0)  # in the record's own time
     traces = tuple(str(trace) for trace in stored["trace"].values)
+    if not np.isfinite(series).any():
+        raise RecordError("record/elongation: no trace has a reading")
     series, still = _moving(time, _told_apart(series), float(frequency.mean()), traces)
     some = np.asarray(np.isfinite(series).any(axis=0))
     if not some.any():
-        raise RecordError("record/elongation: no trace has a reading")
+        raise RefusedError(f"record/elongation: no trace swings: {'; '.join(still)}; check the traces and their times")
     largest = float(np.nanmedian(np.abs(series)))
     if largest > LARGEST:
         raise RefusedError(f"record/elongation: half of the readings exceed {largest:.3g} rad; give elongations in rad")

@@ -22,7 +22,7 @@ from pipeline.benchmarks.honesty.plain import gravity_at
 from pipeline.benchmarks.honesty.records import Made, of_case
 from pipeline.benchmarks.progress import progress
 from pipeline.benchmarks.scenes import linear, real
-from synth import simulate
+from pipeline.benchmarks.trials import made
 
 COUNT, QUICK = 400, 8
 MGAL = 1e-5  # m s-2
@@ -94,14 +94,14 @@ def campaign(name: str, case: Case | Callable[[np.random.Generator], Case | Made
     return found
 
 
-def fitted(made: Made) -> Fit:
+def fitted(record: Made) -> Fit:
     """Fit one record as a user would."""
     from pipeline.processing import process
     from pipeline.summary import summaries
 
     began = time.process_time()
     try:
-        result = process(made.tree)
+        result = process(record.tree)
     except IsochronyError:
         return Fit(math.inf, math.nan, time.process_time() - began, math.nan)
     took = time.process_time() - began
@@ -111,10 +111,10 @@ def fitted(made: Made) -> Fit:
     band = math.nan
     if "course" in result.children:
         course = result["course"].dataset
-        truth = np.array([gravity_at(each, made.law) for each in np.asarray(result["time"].values)])
+        truth = np.array([gravity_at(each, record.law) for each in np.asarray(result["time"].values)])
         off = (course["gravity_course"].values - truth) / MGAL / course["gravity_course_sigma"].values
         band = float(np.sqrt(np.mean(off**2)))
-    return Fit((row["gravity_m_s2"] - made.gravity) / MGAL, row["gravity_sigma_mgal"], took, band)
+    return Fit((row["gravity_m_s2"] - record.gravity) / MGAL, row["gravity_sigma_mgal"], took, band)
 
 
 def rms(values: Iterator[float]) -> float:
@@ -141,8 +141,7 @@ def _efficiency(count: int) -> Iterator[Row]:
             scene = make(1e-5, noise=1e-4, sampling_rate=rate)
 
             def case(random: np.random.Generator, scene: Scene = scene) -> Made:
-                drawn = scene.model_copy(update={"seed": int(random.integers(2**31))})
-                return Made(simulate(drawn)[0], scene.gravity, Case(), scene.gravity * np.eye(6)[0])
+                return made(scene.model_copy(update={"seed": int(random.integers(2**31))}))
 
             fits, bound = campaign(f"{words} at {rate} Hz", case, count), gravity_bound(scene)
             # the bound is that of linear pendulums of the same arcs and swell: the arcs carry no more

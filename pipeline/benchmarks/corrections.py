@@ -10,24 +10,22 @@ import functools
 import importlib.util
 import math
 import statistics
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from data_schemas.errors import IsochronyError
 from pipeline.benchmarks import json_table
 from pipeline.benchmarks.corrections_kinds import SWELLS, Kind, kinds
 from pipeline.benchmarks.csv_table import write
+from pipeline.benchmarks.honesty.records import Made
+from pipeline.benchmarks.honesty.score import reduced
 from pipeline.benchmarks.kept import Kept
 from pipeline.benchmarks.progress import progress
 from pipeline.benchmarks.scenes import real_heave
-from pipeline.gravity import MGAL
 from pipeline.methods import PAIR_METHODS
 from pipeline.processing import process
-from pipeline.summary import summaries
 from synth import simulate
 
 Row = dict[str, Any]
@@ -72,33 +70,19 @@ def measured(kind: Kind, seed: int, methods: Sequence[str], repeats: int, kept: 
     configuration = {**what, "repeats": repeats, "methods": list(methods)}
     rows = kept.get(configuration)
     if rows is None:
-        tree, gravity = kind.record(seed)
-        rows = [_reduced(tree, name, gravity, repeats) for name in methods]
+        made = kind.record(seed)
+        rows = [_timed(made, name, repeats) for name in methods]
         kept.put(configuration, rows)
     return rows
 
 
-def _reduced(record: Any, name: str, gravity: float, repeats: int) -> Row:
+def _timed(made: Made, name: str, repeats: int) -> Row:
     """Error against truth, sigma, warm run time from record to result, or why the method declined."""
-    row = {"method": name, "error_mgal": math.nan, "sigma_mgal": math.nan, "ms": math.nan, "flags": "", "refused": ""}
     _compile(name)
-    taken = []
-    for _ in range(repeats):
-        started = time.perf_counter()
-        try:
-            result = process(record, method=name)
-        except IsochronyError as refusal:
-            return row | {"refused": str(refusal)}
-        taken.append(time.perf_counter() - started)
-    (found,) = summaries(result)
-    if found["status"] != "ok":
-        return row | {"refused": found["error"]}
-    return row | {
-        "error_mgal": (found["gravity_m_s2"] - gravity) / MGAL,
-        "sigma_mgal": found["gravity_sigma_mgal"],
-        "ms": 1e3 * statistics.median(taken),
-        "flags": " ".join(found["flags"]),
-    }
+    runs = [reduced(made, name) for _ in range(repeats)]
+    taken = math.nan if runs[0]["refused"] else 1e3 * statistics.median(each["seconds"] for each in runs)
+    kept = {key: runs[0][key] for key in ("error_mgal", "sigma_mgal", "flags", "refused")}
+    return {"method": name, "ms": taken, **kept}
 
 
 @functools.cache

@@ -12,13 +12,9 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from xarray import DataTree
-
-from pipeline.benchmarks.honesty.records import record
+from pipeline.benchmarks.honesty.records import Made, record
 from pipeline.benchmarks.scenes import resonant, swell, two_pendulums
-from synth import simulate
-
-Found = tuple[DataTree, float]
+from pipeline.benchmarks.trials import made
 
 SWELLS = (24, 25, 26, 27, 28, 29)
 """Seeds of the swell; the records that are shown have the first."""
@@ -34,7 +30,7 @@ class Kind:
     Attributes
     ----------
     record : callable
-        The seed of the swell gives the record, and its gravity, m s-2.
+        The seed of the swell gives the record.
     right : dict
         Largest error, mGal, of the methods that are right here.
     wrong : dict
@@ -46,7 +42,7 @@ class Kind:
     """
 
     name: str
-    record: Callable[[int], Found]
+    record: Callable[[int], Made]
     right: Mapping[str, float] = field(default_factory=dict)
     wrong: Mapping[str, float] = field(default_factory=dict)
     refused: tuple[str, ...] = ()
@@ -61,17 +57,12 @@ def kinds(*, quick: bool) -> list[Kind]:
     ]
 
 
-def _real(kind: str, duration: float | None, seed: int) -> Found:
-    made = record(kind, "middle", seed, duration=duration)
-    return made.tree, made.gravity
+def _real(kind: str, duration: float | None, seed: int) -> Made:
+    return record(kind, "middle", seed, duration=duration)
 
 
-def _linear(name: str, difference: float, *more: dict[str, Any], **changes: Any) -> Callable[[int], Found]:
-    def make(seed: int) -> Found:
-        scene = two_pendulums(name, difference, motion=[swell(seed=seed), *more], **changes)
-        return simulate(scene)[0], scene.gravity
-
-    return make
+def _linear(name: str, difference: float, *more: dict[str, Any], **changes: Any) -> Callable[[int], Made]:
+    return lambda seed: made(two_pendulums(name, difference, motion=[swell(seed=seed), *more], **changes))
 
 
 LINEAR = (

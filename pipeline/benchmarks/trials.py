@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from data_schemas.scene import Scene
+from pipeline.benchmarks.honesty.case import Case
+from pipeline.benchmarks.honesty.records import Made
 from pipeline.gravity import MGAL
 from pipeline.observation import observe
 from pipeline.prepared import Prepared, prepare
@@ -18,7 +22,6 @@ class Outcome:
     """What one method made of one record; mGal, NaN where it refused."""
 
     error: float
-    sigma: float
     flags: tuple[str, ...]
     refusal: str
 
@@ -27,8 +30,8 @@ def outcome(reduction: Reduction, gravity: float) -> Outcome:
     """Compare a reduction with the truth."""
     value = reduction.gravity
     if value is None:
-        return Outcome(float("nan"), float("nan"), (), reduction.error)
-    return Outcome((value.gravity - gravity) / MGAL, value.sigma, reduction.flags, "")
+        return Outcome(float("nan"), (), reduction.error)
+    return Outcome((value.gravity - gravity) / MGAL, reduction.flags, "")
 
 
 def prepared(scene: Scene) -> Prepared:
@@ -40,3 +43,8 @@ def reduce_all(scene: Scene, methods: Sequence[str]) -> dict[str, Outcome]:
     """Every method on a scene's record."""
     ready = prepared(scene)
     return {name: outcome(reduce_by(name, ready, 0.0), scene.gravity) for name in methods}
+
+
+def made(scene: Scene) -> Made:
+    """A scene's record as the suite `honesty` has its own; gravity does not change."""
+    return Made(simulate(scene)[0], scene.gravity, Case(), scene.gravity * np.eye(6)[0])

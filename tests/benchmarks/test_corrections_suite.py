@@ -15,11 +15,11 @@ import pytest
 
 from data_schemas.errors import RecordError
 from data_schemas.scene import Scene
-from pipeline.benchmarks import corrections, scenes
+from pipeline.benchmarks import corrections, scenes, trials
 from pipeline.benchmarks.corrections import METHODS
-from pipeline.benchmarks.corrections_kinds import REAL, SWELLS, Found, Kind, _real, kinds
+from pipeline.benchmarks.corrections_kinds import REAL, SWELLS, Kind, _real, kinds
+from pipeline.benchmarks.honesty.records import Made
 from pipeline.benchmarks.kept import Kept
-from synth import simulate
 
 
 @pytest.mark.parametrize("quick", [True, False])
@@ -32,8 +32,8 @@ def test_every_kind_has_a_name_of_its_own(quick: bool) -> None:
 def test_real_records_are_those_of_the_suite_honesty() -> None:
     """Shorter when quick; another seed is another record."""
     short, other = (partial(_real, "swell", 30.0)(seed) for seed in (24, 25))
-    assert float(short[0]["time"][-1]) == pytest.approx(30.0, abs=0.2)
-    assert short[1] != other[1]
+    assert float(short.tree["time"][-1]) == pytest.approx(30.0, abs=0.2)
+    assert short.gravity != other.gravity
 
 
 def row(method: str, error: float = 0.0, sigma: float = 0.1, **changes: Any) -> dict[str, Any]:
@@ -100,8 +100,8 @@ def test_refusals_are_rows_and_the_summary_counts_them() -> None:
     assert math.isnan(found["shooting"]["median_ms"])
 
 
-def of(scene: Scene) -> Callable[[int], Found]:
-    return lambda seed: (simulate(scene)[0], scene.gravity)
+def of(scene: Scene) -> Callable[[int], Made]:
+    return lambda seed: trials.made(scene)
 
 
 @pytest.fixture
@@ -109,7 +109,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Three kinds of a minute's length, reduced by nobody; the methods that were asked for."""
     asked: list[str] = []
 
-    def reduced(record: Any, name: str, gravity: float, repeats: int) -> dict[str, Any]:
+    def timed(record: Made, name: str, repeats: int) -> dict[str, Any]:
         asked.append(name)
         answer = declined(name) if name == "general" else row(name, 1e-3)
         return {key: value for key, value in answer.items() if key != "case"}
@@ -119,7 +119,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         Kind("real", of(scenes.real(duration=20.0, sampling_rate=5)), real=True),
     ]
     monkeypatch.setattr(corrections, "kinds", lambda *, quick: chosen)
-    monkeypatch.setattr(corrections, "_reduced", reduced)
+    monkeypatch.setattr(corrections, "_timed", timed)
     return asked
 
 
@@ -182,7 +182,7 @@ def test_a_record_that_is_declined_as_a_whole_is_declined_by_each(monkeypatch: p
         raise RecordError("no difference")
 
     monkeypatch.setattr(corrections, "_compile", lambda name: None)
-    monkeypatch.setattr(corrections, "process", refuse)
+    monkeypatch.setattr("pipeline.processing.process", refuse)
     kind = Kind("x", of(scenes.linear(duration=10.0, sampling_rate=5)))
     rows = corrections.measured(kind, 1, METHODS, 1, Kept(None))
     assert [(each["method"], each["refused"]) for each in rows] == [(name, "no difference") for name in METHODS]

@@ -11,8 +11,8 @@ import xarray as xr
 from scipy.interpolate import CubicSpline
 from test_method import in_sigmas, record, row
 
-from data_schemas.errors import RefusedError
-from pipeline.joint.gather import _bias, _white
+from data_schemas.errors import RecordError, RefusedError
+from pipeline.joint.gather import _bias, _white, gather
 
 pytestmark = pytest.mark.compiled
 
@@ -144,3 +144,8 @@ def test_bias_of_a_recorded_heave_is_not_doubted_for_its_noise() -> None:
     assert found == pytest.approx(3e-4, abs=1e-7)
     assert doubt < 2e-8
     assert _bias(heave + 1e-5 * np.sin(2.0 * np.pi * 9.0 * time / time[-1]), 2e-6)[1] > 1e-6
+
+
+def test_a_record_without_readings_is_refused_in_one_line() -> None:
+    with pytest.raises(RecordError, match="no trace has a reading"):
+        gather(changed(record()[0], "elongation", lambda time, value: np.full_like(value, np.nan)))

@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint.flow import Flow
-from pipeline.joint.kinds import START, ZERO
+from pipeline.joint.kinds import GAIN, START, ZERO
 from pipeline.joint.passes import Columns, Kept, Pass, Readings, Slots
 from pipeline.joint.remainder import (
     collocate,
@@ -257,6 +257,22 @@ def lay_known(known: Floats, k: int, nodes: Floats) -> None:
 
 
 @kernel
+def lay_by(columns: Columns, of_traces: np.ndarray, trace: int, seen: Floats, j: int, buffer: Floats, row: int) -> None:
+    """Lay a whitened error and its derivatives into the buffer.
+
+    The scale of a trace moves a reading by itself, which tells nothing beside an unknown motion of the ship: that is
+    taken off, and what was known before it stays.
+    """
+    last = seen.shape[1] - 1
+    for c in range(last + 1):
+        buffer[row, c] = seen[j, c]
+    for n in range(of_traces.size):
+        c = of_traces[n]
+        if columns.kind[c] == GAIN and (columns.member[c] == trace or columns.member[c] < 0):
+            buffer[row, c] += seen[j, last]
+
+
+@kernel
 def sum_up(buffer: Floats, rows: int, normal: Floats) -> None:
     """Add the products of whitened errors and derivatives."""
     normal[:] += np.dot(buffer[:rows].T, buffer[:rows])
@@ -411,8 +427,7 @@ def sweep(
             for j in range(used):
                 product *= root[j, j]
                 of.whitened[slots.reading[j]], of.scale[slots.reading[j]] = -seen[j, constants], root[j, j]
-                for c in range(constants + 1):
-                    buffer[rows, c] = seen[j, c]
+                lay_by(columns, of_traces, slots.trace[j], seen, j, buffer, rows)
                 rows += 1
                 if rows == ROWS:
                     sum_up(buffer, rows, of.normal)

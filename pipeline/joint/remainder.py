@@ -334,7 +334,7 @@ def derive_errors(
         elif kind == DRIFT:
             seen[j, c] += (time - columns.centre[c]) / columns.width[c]
         elif kind == GAIN:
-            seen[j, c] += seen[j, last]
+            seen[j, c] += readings.value[which]
         elif kind == STEP and time >= columns.centre[c]:
             seen[j, c] += 1.0
         elif kind == DELAY or (kind == CLOCK and time >= columns.centre[c]):

@@ -127,6 +127,19 @@ def test_derivatives_are_those_of_the_prediction_errors(constant: Constant, sine
         assert normal[at, -1] == pytest.approx(slope @ here, rel=rel, abs=rel * np.sqrt(slope @ slope))
 
 
+@pytest.mark.parametrize("size", [0.2, 1.0, 5.0])
+def test_the_scale_of_one_trace_is_not_told_from_a_ship_of_another_size(size: float) -> None:
+    rng = np.random.default_rng(3)
+    time = STEP * np.arange(2000)
+    value = 1e-3 * np.cumsum(rng.normal(size=2000)) + 0.02 * np.cos(6.2 * time)
+    of = Problem(lay(time, value[None], np.array([[1.0]]), 6.2), KAPPA[:1], np.array([1e-3]))
+    model = Assumed((Sea(0.7, 0.3, 0.02 * size), Vibration(6.0, 1e-2 * size)), np.zeros(1), np.full(3, 1e-3), False)
+    gravity, gain = Constant("gravity", kinds.GRAVITY, 1e-9, mean=1.0, value=1.0), Constant("gain", kinds.GAIN, 0.01)
+    solution, _ = of.run(model, (*starts(1, np.sqrt(KAPPA[:1]), arc=1e3), gravity, gain))
+    assert solution.sigma("gain") == pytest.approx(0.01, rel=1e-6)
+    assert solution.of("gain").value == pytest.approx(0.0, abs=1e-6)
+
+
 @pytest.mark.parametrize("breaks", [(), ((11, 0), (11, 1), (20, 1))])
 @pytest.mark.parametrize("heave_noise", [0.0, 1e-3])
 def test_a_path_does_not_depend_on_how_much_is_kept_at_once(

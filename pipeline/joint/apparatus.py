@@ -12,6 +12,7 @@ from pipeline.joint.problem import Problem
 ZERO = 0.01  # rad: 1 sigma of a trace's zero, of its drift over the record, and of a step of it
 GAIN = 0.01  # of a trace's scale
 DELAY = 0.01  # s, of one trace against the others, and of a step of the clock
+KNOCK = 1e-4  # rad s-1: of a step of a pendulum's speed
 RATIO = 1e-5  # of the square of a frequency against the others
 HEAVE_SCALE, HEAVE_DELAY = 0.3, 0.1  # of a recorded heave; s
 CERTAIN = 5.0  # deviations
@@ -52,8 +53,13 @@ def faults(problem: Problem, own: tuple[Constant, ...]) -> list[Constant]:
 
 
 def steps(problem: Problem, times: Floats) -> list[Constant]:
-    """Steps of each zero and of the clock at given times, s."""
+    """Steps of each zero, of the clock and of each pendulum's speed at given times, s."""
     found = [step_of_zero(j, float(at)) for at in times for j in range(problem.traces)]
+    found += [
+        Constant(f"knock of pendulum {i + 1} at {at:.1f} s", kinds.KNOCK, KNOCK, i, centre=float(at))
+        for at in times
+        for i in range(problem.pendulums)
+    ]
     return [*found, *(step_of_clock(float(at)) for at in times)]
 
 

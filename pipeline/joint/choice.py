@@ -35,18 +35,18 @@ SCALES = (kinds.GAIN, kinds.RATIO)  # of constants that stand for each other
 
 def candidates(fit: Fitted) -> Iterator[Candidate]:
     """Explanations that add one thing to a fitted one, with their log-likelihoods; what takes long comes last."""
-    found = []
-    for each in _constants(fit):
-        found.append(each)
-        yield each
-    yield from _kicks(fit)
-    # turns show as a course, a friction, a step that they feign: what nothing feigns is not there
-    feigned = max(each[0] for each in found) > fit.solution.log_likelihood + FEIGNED
-    yield from motion.components(fit, slow=feigned)
+    shown = fit.solution.log_likelihood + FEIGNED
+    found = _constants(fit)
+    kicks = list(_kicks(fit))
+    # steps and knocks show as the drift, the friction, the course, the kicks that they resemble, turns as the first of
+    # these: what nothing feigns is not there
+    steps = _steps(fit) if max(each[0] for each in [*found, *kicks]) > shown else []
+    yield from (*found, *kicks, *steps)
+    yield from motion.components(fit, slow=max(each[0] for each in [*found, *steps]) > shown)
 
 
-def _constants(fit: Fitted) -> Iterator[Candidate]:
-    """Friction, a course of gravity, faults of the apparatus, all priced by one pass; and steps where these pay."""
+def _constants(fit: Fitted) -> list[Candidate]:
+    """Friction, a course of gravity, faults of the apparatus, all priced by one pass."""
     model = fit.model
     problem, own = model.problem, model.constants
     names = {each.name for each in own}
@@ -57,13 +57,7 @@ def _constants(fit: Fitted) -> Iterator[Candidate]:
     )
     extra = [*(each for each in frictions if each.name not in names), *apparatus.faults(problem, own)]
     course = () if any(is_knot(each) for each in own) else knots(problem.lattice.duration)
-    best = -np.inf
-    for each in _added(fit, extra, course):
-        best = max(best, each[0])
-        yield each
-    # a step shows as the drift, the friction or the course that it resembles
-    if best > fit.solution.log_likelihood + FEIGNED:
-        yield from _steps(fit)
+    return _added(fit, extra, course)
 
 
 def _added(
@@ -103,7 +97,7 @@ def _added(
 
 
 def _steps(fit: Fitted) -> list[Candidate]:
-    """The likeliest step of a zero or of the clock: on a coarse grid, then finer and finer about the best."""
+    """The likeliest step of a zero or of the clock, or knock: on a coarse grid, then finer and finer about the best."""
     lattice = fit.model.problem.lattice
     low, high = 0.0, lattice.duration
     best: list[Candidate] = []

@@ -50,6 +50,7 @@ def columns(constants: tuple[Constant, ...]) -> Columns:
         np.array([each.index for each in constants], dtype=np.int64),
         np.array([each.centre for each in constants], dtype=np.float64),
         np.array([each.width for each in constants], dtype=np.float64),
+        np.array([each.value for each in constants], dtype=np.float64),
     )
 
 

@@ -463,13 +463,15 @@ def sweep(
             for i in range(count):
                 differentiate(flow, i, known, k, nodes, rest, by, extra)
                 tilt(flow, i, by, ahead, ahead_columns)
+        elif forced.size > 0:
+            extra[:] = 0.0
         np.dot(ahead, state_updated, state)
         if moving:
             np.dot(ahead, updated, moved)
             np.dot(moved, ahead_columns, updated)
             add_noise(updated, flow.noise, k % UNEVEN == 0, covariance)
         if forced.size > 0:
-            force_columns(flow, columns, forced, nodes, recorded, slope, k, push)
+            force_columns(flow, columns, forced, nodes, recorded, slope, k, push, extra)
         if flow.heave_noise > 0.0:
             jolt(flow, nodes, push)
         for r in range(two):

@@ -43,14 +43,16 @@ class Columns(NamedTuple):
     kind, member : (c,) arrays of int
         Kind as above; pendulum, trace (-1: all) or state that it belongs to.
     centre, width : (c,) arrays
-        s: of GRAVITY a cubic spline's, width 0: the whole record; of DRIFT centre and scale; of STEP and CLOCK their
-        time; of DRY the centre is the speed below which it fades, rad s-1.
+        s: of GRAVITY a cubic spline's, width 0: the whole record; of DRIFT centre and scale; of STEP, CLOCK and KNOCK
+        their time; of DRY the centre is the speed below which it fades, rad s-1.
+    value : (c,) array
     """
 
     kind: np.ndarray
     member: np.ndarray
     centre: Floats
     width: Floats
+    value: Floats
 
 
 class Pass(NamedTuple):

@@ -16,6 +16,7 @@ from pipeline.joint.kinds import (
     GRAVITY,
     HEAVE_DELAY,
     HEAVE_SCALE,
+    KNOCK,
     QUADRATIC,
     RATIO,
     STEP,
@@ -261,14 +262,26 @@ def force_columns(
     slope: Floats,
     k: int,
     push: Floats,
+    extra: Floats,
 ) -> None:
-    """What the constants `forced` add to the derivatives of the pendulums during the step from node k, (f, 2 p)."""
+    """What the constants `forced` add to the derivatives of the pendulums during the step from node k, (f, 2 p).
+
+    What a knock in that step moves the pendulums by is added to `extra`, (2 p,).
+    """
     count, time = flow.kappa.size, k * flow.step
     at = (0.5 - np.sqrt(15.0) / 10.0, 0.5, 0.5 + np.sqrt(15.0) / 10.0)
     for n in range(forced.size):
         c = forced[n]
         for r in range(2 * count):
             push[n, r] = 0.0
+        if columns.kind[c] == KNOCK:
+            i, left = columns.member[c], time + flow.step - columns.centre[c]
+            if 0.0 < left <= flow.step:
+                own = np.sqrt(flow.kappa[i] * flow.gravity)
+                push[n, 2 * i], push[n, 2 * i + 1] = np.sin(own * left) / own, np.cos(own * left)
+                extra[2 * i] += columns.value[c] * push[n, 2 * i]
+                extra[2 * i + 1] += columns.value[c] * push[n, 2 * i + 1]
+            continue
         kind, width = columns.kind[c], columns.width[c]
         if (
             kind == GRAVITY

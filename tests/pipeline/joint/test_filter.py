@@ -99,6 +99,7 @@ def test_likelihood_and_path_are_those_of_one_dense_gaussian(lost: tuple[int, ..
         Constant("delay", kinds.DELAY, 1.0, index=1),
         Constant("clock", kinds.CLOCK, 1.0, centre=0.5),
         Constant("ratio", kinds.RATIO, 1.0, index=1),
+        Constant("knock", kinds.KNOCK, 1.0, index=1, value=0.01, centre=0.5),
         Constant("dry", kinds.DRY, 1.0, value=1e-3, centre=0.02),
     ],
     ids=lambda constant: constant.name,

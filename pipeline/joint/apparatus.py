@@ -53,10 +53,10 @@ def faults(problem: Problem, own: tuple[Constant, ...]) -> list[Constant]:
 
 
 def steps(problem: Problem, times: Floats) -> list[Constant]:
-    """Steps of each zero, of the clock and of each pendulum's speed at given times, s."""
+    """Steps of each zero, of the clock and of each pendulum's speed (which, the readings hardly tell) at times, s."""
     found = [step_of_zero(j, float(at)) for at in times for j in range(problem.traces)]
     found += [
-        Constant(f"knock of pendulum {i + 1} at {at:.1f} s", kinds.KNOCK, KNOCK, i, centre=float(at))
+        Constant(f"knock of a pendulum at {at:.1f} s", kinds.KNOCK, KNOCK, i, centre=float(at))
         for at in times
         for i in range(problem.pendulums)
     ]

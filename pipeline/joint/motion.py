@@ -204,12 +204,14 @@ def _with(fit: Fitted, assumed: Assumed) -> Fitted:
 
 def pruned(fit: Fitted) -> Fitted:
     """Without components of the ship that the record is likelier without; a broad vertical one would hide gravity."""
+    shown = None
     for number in reversed(range(len(fit.model.assumed.ship))):
         model, ship = fit.model, fit.model.assumed.ship
         rest = (*ship[:number], *ship[number + 1 :])
         if not rest:
             break
-        if Shown.of(fit).gain(replace(model.assumed, ship=rest)) < -MISSED:
+        shown = shown or Shown.of(fit)
+        if shown.gain(replace(model.assumed, ship=rest)) < -MISSED:
             continue
         sizes = [2 * model.problem.pendulums, *(each.system()[1].size for each in ship)]
         begin = sum(sizes[: number + 1])
@@ -217,7 +219,7 @@ def pruned(fit: Fitted) -> Fitted:
         begun = (*model.begun[:number], *model.begun[number + 1 :])
         trial = replace(model, assumed=replace(model.assumed, ship=rest), begun=begun)
         try:
-            fit = max(fit, fitted(trial, path), key=lambda each: each.solution.log_likelihood)
+            fit, shown = max(fit, fitted(trial, path), key=lambda each: each.solution.log_likelihood), None
         except np.linalg.LinAlgError:
             continue
     return fit

@@ -234,6 +234,6 @@ def test_small_kicks_are_in_sigma_though_nothing_feigns_them() -> None:
 def test_a_knock_is_found_and_named_not_taken_for_kicks() -> None:
     made = of_case(Case(knocks=(1e-5, 0.0)), np.random.default_rng([3, 1958]), "knock 3")
     found = row(made.tree)
-    assert "knock of pendulum" in found["choice_reason"]
+    assert "knock of a pendulum" in found["choice_reason"]
     assert found["gravity_sigma_mgal"] < 0.02
     assert abs(in_sigmas(found, made.gravity)) < 3.5

@@ -1,0 +1,206 @@
+"""Readings of a node: their rows in the state, and the algebra of what they move it by.
+
+It makes no views and calls no kernel that takes arrays; see `pipeline.joint.filtering`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint.flow import Flow
+from pipeline.joint.passes import Pass, Readings, Slots
+from synth.kernels.compiled import kernel, summing_kernel
+
+
+@kernel
+def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> None:
+    """Row of a reading in the state, into slot j: the linear flow to its own time; and the pull of what it leaves."""
+    size, traces = slots.row.shape[1], readings.combination.shape[0]
+    trace, tau = readings.trace[which], readings.offset[which]
+    for q in range(size):
+        slots.row[j, q] = 0.0
+    for m in range(3):
+        slots.pull[j, m] = tau * tau * (flow.pull[m, 0] + tau * (flow.pull[m, 1] + tau * flow.pull[m, 2]))
+    power = 1.0
+    for e in range(flow.horizontal.shape[0]):
+        if trace < traces:
+            for i in range(flow.kappa.size):
+                factor = power * readings.combination[trace, i]
+                for q in range(size):
+                    slots.row[j, q] += factor * flow.angles[i, e, q]
+        elif trace == traces:
+            for q in range(size):
+                slots.row[j, q] += power * flow.horizontal[e, q]
+        else:
+            for q in range(size):
+                slots.row[j, q] += power * flow.vertical[e, q]
+        power *= tau
+        if power == 0.0:
+            break
+
+
+@kernel
+def pick(readings: Readings, k: int, slots: Slots, of: Pass) -> int:
+    """Put the readings of node k that are used into the slots; how many there are."""
+    used = 0
+    for which in range(readings.first[k], readings.first[k + 1]):
+        if readings.variance[which] < np.inf:
+            slots.reading[used] = which
+            used += 1
+        else:
+            of.errors[which] = of.whitened[which] = np.nan
+    return used
+
+
+@kernel
+def recognise(readings: Readings, slots: Slots, used: int) -> bool:
+    """Whether readings are like those that stood in their slots; notes what the slots hold now."""
+    alike = True
+    for j in range(used):
+        which = slots.reading[j]
+        same = slots.trace[j] == readings.trace[which] and slots.offset[j] == readings.offset[which]
+        alike = alike and same and slots.variance[j] == readings.variance[which]
+        slots.trace[j], slots.offset[j] = readings.trace[which], readings.offset[which]
+        slots.variance[j] = readings.variance[which]
+    return alike
+
+
+@kernel
+def pull_aside(slots: Slots, used: int, readings: Readings, rest: Floats, seen: Floats) -> None:
+    """Add to what is seen of each reading what the linear flow leaves out between node and reading."""
+    last = seen.shape[1] - 1
+    for j in range(used):
+        trace = slots.trace[j]
+        if trace < readings.combination.shape[0]:
+            for i in range(rest.shape[0]):
+                moved = slots.pull[j, 0] * rest[i, 0, 2] + slots.pull[j, 1] * rest[i, 1, 2]
+                moved += slots.pull[j, 2] * rest[i, 2, 2]
+                seen[j, last] += readings.combination[trace, i] * moved
+
+
+@summing_kernel
+def square_up(slots: Slots, used: int, gain: Floats, square: Floats) -> None:
+    """Covariance of the prediction errors of a node."""
+    for j in range(used):
+        for q in range(j + 1):
+            total = 0.0
+            for r in range(gain.shape[1]):
+                total += gain[j, r] * slots.row[q, r]
+            square[j, q] = square[q, j] = total
+        square[j, j] += slots.variance[j]
+
+
+@kernel
+def factorise(square: Floats, used: int, root: Floats) -> bool:
+    """Lower Cholesky factor; whether it went."""
+    for j in range(used):
+        total = square[j, j]
+        for q in range(j):
+            total -= root[j, q] * root[j, q]
+        if not total > 0.0:
+            return False
+        root[j, j] = np.sqrt(total)
+        for r in range(j + 1, used):
+            total = square[r, j]
+            for q in range(j):
+                total -= root[r, q] * root[j, q]
+            root[r, j] = total / root[j, j]
+    return True
+
+
+@kernel
+def substitute(root: Floats, used: int, rows: Floats) -> None:
+    """Forward substitution of a lower factor, row by row."""
+    for j in range(used):
+        for q in range(j):
+            factor = root[j, q]
+            for c in range(rows.shape[1]):
+                rows[j, c] -= factor * rows[q, c]
+        factor = 1.0 / root[j, j]
+        for c in range(rows.shape[1]):
+            rows[j, c] *= factor
+
+
+@kernel
+def change_of(gain: Floats, used: int, old: Floats, covariance: Floats) -> float:
+    """Largest change of a gain since it was noted, relative to it and to the state's deviation; notes the new one."""
+    change = 0.0
+    for r in range(gain.shape[1]):
+        most, off = 0.0, 0.0
+        for j in range(used):
+            most = max(most, abs(gain[j, r]))
+            off = max(off, abs(gain[j, r] - old[j, r]))
+            old[j, r] = gain[j, r]
+        spread = most + np.sqrt(max(covariance[r, r], 0.0))
+        if spread > 0.0:
+            change = max(change, off / spread)
+    return change
+
+
+@kernel
+def set_aside(slots: Slots, used: int, gate: float, of: Pass, seen: Floats, gain: Floats) -> int:
+    """Leave out the readings over the gate; how many stay."""
+    stay = 0
+    for j in range(used):
+        which = slots.reading[j]
+        if abs(of.errors[which]) > gate:
+            of.totals[2] += 1.0
+            of.whitened[which] = np.nan
+            continue
+        slots.reading[stay], slots.trace[stay], slots.variance[stay] = which, slots.trace[j], slots.variance[j]
+        for r in range(gain.shape[1]):
+            gain[stay, r], slots.row[stay, r] = gain[j, r], slots.row[j, r]
+        for c in range(seen.shape[1]):
+            seen[stay, c] = seen[j, c]
+        stay += 1
+    return stay
+
+
+@summing_kernel
+def lift(predicted: Floats, gain: Floats, seen: Floats, used: int, updated: Floats) -> None:
+    """Take off what the readings move the state by, four readings at a time.
+
+    Parameters
+    ----------
+    predicted, updated : (d, n) arrays
+    gain, seen : (u, d) and (u, n) arrays
+        Of zeros up to the next multiple of four.
+    """
+    for r in range(predicted.shape[0]):
+        a, b, c, d = gain[0, r], gain[1, r], gain[2, r], gain[3, r]
+        for q in range(predicted.shape[1]):
+            updated[r, q] = predicted[r, q] - a * seen[0, q] - b * seen[1, q] - c * seen[2, q] - d * seen[3, q]
+    for j in range(4, used, 4):
+        for r in range(predicted.shape[0]):
+            a, b, c, d = gain[j, r], gain[j + 1, r], gain[j + 2, r], gain[j + 3, r]
+            for q in range(predicted.shape[1]):
+                updated[r, q] -= a * seen[j, q] + b * seen[j + 1, q] + c * seen[j + 2, q] + d * seen[j + 3, q]
+
+
+@kernel
+def clear(rows: Floats, used: int) -> None:
+    """Zeros behind the rows in use, up to a multiple of four."""
+    for j in range(used, used + (-used) % 4):
+        for r in range(rows.shape[1]):
+            rows[j, r] = 0.0
+
+
+@kernel
+def copy(source: Floats, to: Floats) -> None:
+    """Copy a matrix."""
+    for r in range(source.shape[0]):
+        for q in range(source.shape[1]):
+            to[r, q] = source[r, q]
+
+
+@kernel
+def add_noise(moved: Floats, noise: Floats, symmetric: bool, covariance: Floats) -> None:
+    """Covariance at the next node: the moved one, made symmetric where asked, and the process noise."""
+    for r in range(noise.shape[0]):
+        for q in range(noise.shape[0]):
+            covariance[r, q] = moved[r, q] + noise[r, q]
+    if symmetric:
+        for r in range(noise.shape[0]):
+            for q in range(r):
+                covariance[r, q] = covariance[q, r] = 0.5 * (covariance[r, q] + covariance[q, r])

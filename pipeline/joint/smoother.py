@@ -46,22 +46,15 @@ def smooth(
         Smoothed states; rows `begin` to `end` are written.
     """
     two, size, start = keep.swing.shape[1], adjoint.size, readings.first[begin]
-    ahead, later = flow.rows[flow.rows.shape[0] - size :], np.zeros(size)
+    ahead, later = flow.rows[flow.rows.shape[0] - size + two :].copy(), np.zeros(size)
     for k in range(end - 1, begin - 1, -1):
-        s = k - begin
         if k + 2 < readings.first.size:
-            for q in range(size):
-                later[q], adjoint[q] = adjoint[q], 0.0
-            for r in range(two):
-                for q in range(size):
-                    adjoint[q] += later[r] * keep.swing[s, r, q]
-            for r in range(two, size):
-                for q in range(two, size):
-                    adjoint[q] += later[r] * ahead[r, q]
+            step_back(keep, k - begin, ahead, adjoint, later)
         gather_readings(readings, k, start, whitened, keep, adjoint, later)
         for q in range(size):
             path[k, q] = adjoint[q]
-    at_break = 0
+    at_break, driven, onward = 0, np.dot(path[begin:end], flow.noise), np.zeros_like(ahead)
+    onward[:, two:] = ahead[:, two:].T
     for r in range(size):
         for q in range(size):
             state[r] += covariance[r, q] * adjoint[q]
@@ -75,32 +68,65 @@ def smooth(
         for q in range(size):
             path[k, q] = state[q]
         if k + 1 < end:
-            step_on(flow, keep, k - begin, pushed, path, k, later)
-            for q in range(size):
-                state[q] = later[q]
+            step_on(keep, k - begin, onward, driven, pushed, path, k, state, later)
 
 
 @summing_kernel
-def step_on(flow: Flow, keep: Kept, s: int, pushed: Floats, path: Floats, k: int, state: Floats) -> None:
-    """The smoothed state of the next node, (d,), from that of node k and the next one's adjoint in `path`."""
-    two, size, offset, last = keep.swing.shape[1], state.size, flow.rows.shape[0] - state.size, keep.push.shape[1] - 1
+def step_back(keep: Kept, s: int, ahead: Floats, adjoint: Floats, later: Floats) -> None:
+    """The adjoint of a node from that of the next one, (d,); the ship's part of the step is `ahead`."""
+    two, size = keep.swing.shape[1], adjoint.size
+    for q in range(size):
+        later[q], adjoint[q] = adjoint[q], 0.0
+    for r in range(two):
+        for q in range(size):
+            adjoint[q] += later[r] * keep.swing[s, r, q]
+    add_rows(ahead, later, two, adjoint)
+
+
+@summing_kernel
+def step_on(
+    keep: Kept,
+    s: int,
+    onward: Floats,
+    driven: Floats,
+    pushed: Floats,
+    path: Floats,
+    k: int,
+    state: Floats,
+    before: Floats,
+) -> None:
+    """The smoothed state of the next node, (d,), from that of node k, and what drives it.
+
+    The next node's adjoint is in `path` still; `driven` holds what the noise makes of all.
+    """
+    two, size, last = keep.swing.shape[1], state.size, keep.push.shape[1] - 1
     impulse = 0.0
     for q in range(two):
         impulse += keep.push[s, last, q] * path[k + 1, q]
-    for r in range(size):
-        total = 0.0
+    for q in range(size):
+        before[q], state[q] = state[q], driven[s + 1, q]
+    for r in range(two):
+        total = impulse * keep.push[s, last, r]
         for q in range(size):
-            total += flow.noise[r, q] * path[k + 1, q]
-        if r < two:
-            for q in range(size):
-                total += keep.swing[s, r, q] * path[k, q]
-            for n in range(pushed.size):
-                total += pushed[n] * keep.push[s, n, r]
-            total += impulse * keep.push[s, last, r]
-        else:
-            for q in range(two, size):
-                total += flow.rows[offset + r, q] * path[k, q]
-        state[r] = total
+            total += keep.swing[s, r, q] * before[q]
+        for n in range(pushed.size):
+            total += pushed[n] * keep.push[s, n, r]
+        state[r] += total
+    add_rows(onward, before, two, state)
+
+
+@summing_kernel
+def add_rows(rows: Floats, factors: Floats, begin: int, to: Floats) -> None:
+    """Add rows times factors, these from place `begin` on, to a vector; four at a time."""
+    whole = rows.shape[0] - rows.shape[0] % 4
+    for r in range(0, whole, 4):
+        at = begin + r
+        a, b, c, d = factors[at], factors[at + 1], factors[at + 2], factors[at + 3]
+        for q in range(to.size):
+            to[q] += a * rows[r, q] + b * rows[r + 1, q] + c * rows[r + 2, q] + d * rows[r + 3, q]
+    for r in range(whole, rows.shape[0]):
+        for q in range(to.size):
+            to[q] += factors[begin + r] * rows[r, q]
 
 
 @summing_kernel

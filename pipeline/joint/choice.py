@@ -135,7 +135,8 @@ def _kicks(fit: Fitted) -> Iterator[Candidate]:
             yield found
             if best is not begun:
                 break
-        yield from (of(each * best[1].assumed.kick) for each in np.eye(now.size))
+        if best[0] > fit.solution.log_likelihood:
+            yield from (of(each * best[1].assumed.kick) for each in np.eye(now.size))
         return
     for i in range(now.size):
         for factor in (0.1, 0.5, 2.0):
@@ -247,17 +248,20 @@ def _rivals(fit: Fitted) -> list[Candidate]:
 
 
 class Tried:
-    """Candidates beside a fit, each fitted for itself once."""
+    """Candidates beside a fit, each fitted for itself; only what that says of gravity is kept, paths are large."""
 
     def __init__(self, fit: Fitted) -> None:
         self.fit = fit
-        self._found: dict[int, tuple[Candidate, Fitted | None]] = {}
+        self._found: dict[int, tuple[Candidate, Candidate | None, float]] = {}
 
-    def of(self, candidate: Candidate) -> Fitted | None:
-        """A candidate fitted; None where it explains nothing."""
+    def of(self, candidate: Candidate) -> tuple[Candidate | None, float]:
+        """A candidate as it is once fitted, None where it explains nothing; and what it leaves unseen of gravity."""
         if id(candidate) not in self._found:
-            self._found[id(candidate)] = candidate, _fitted(self.fit, candidate)  # held, that no other has its id
-        return self._found[id(candidate)][1]
+            found = _fitted(self.fit, candidate)
+            after = None if found is None else _as_candidate(candidate, found)
+            hidden = 0.0 if found is None else motion.unseen(found, found.model)
+            self._found[id(candidate)] = candidate, after, hidden  # the first is held, that no other has its id
+        return self._found[id(candidate)][1:]
 
     def matters(self, candidate: Candidate) -> bool:
         """Whether it is more than a line of the sea that leaves gravity and its sigma where they are."""
@@ -266,13 +270,12 @@ class Tried:
             return True
         if candidate[0] > fit.solution.log_likelihood + MUCH:
             return True
-        found = self.of(candidate)
+        found, hidden = self.of(candidate)
         if found is None:
             return False
         duration = fit.model.problem.lattice.duration
-        (value, sigma), (other, wider) = (mean_gravity(each.solution, duration) for each in (fit, found))
-        wider = float(np.hypot(wider, motion.unseen(found, found.model)))
-        return abs(other - value) > HARMLESS * sigma or wider > (1.0 + HARMLESS) * sigma
+        (value, sigma), (other, wider) = (mean_gravity(each, duration) for each in (fit.solution, found[2]))
+        return abs(other - value) > HARMLESS * sigma or float(np.hypot(wider, hidden)) > (1.0 + HARMLESS) * sigma
 
     def taken(self, ahead: list[Candidate]) -> Fitted | None:
         """The first that still pays when it is fitted; of gains and periods, and where all gain much, the likeliest."""
@@ -284,10 +287,14 @@ class Tried:
                 same = [each, *(other for other in rest if other[1].words[-1:] != each[1].words[-1:])]
             else:
                 same = [each, *(other for other in rest if _of_scale(each) and _of_scale(other))]
-            found = [(candidate, fit) for candidate in same if (fit := self.of(candidate)) is not None]
-            fits = [fit for candidate, fit in found if _as_candidate(candidate, fit)[0] > base + PAYS]
-            if fits:
-                return max(fits, key=lambda fit: fit.solution.log_likelihood)
+            best = None
+            for candidate in same:
+                found = _fitted(self.fit, candidate)
+                if found is None or _as_candidate(candidate, found)[0] <= base + PAYS:
+                    continue
+                best = found if best is None else max(best, found, key=lambda one: one.solution.log_likelihood)
+            if best is not None:
+                return best
         return None
 
     def again(self, candidate: Candidate) -> Candidate | None:
@@ -296,8 +303,7 @@ class Tried:
         upright = any(each.axis == "vertical" for each in more)
         if candidate[0] < self.fit.solution.log_likelihood and not upright:
             return candidate
-        found = self.of(candidate)
-        return None if found is None else _as_candidate(candidate, found)
+        return self.of(candidate)[0]
 
 
 def _of_scale(candidate: Candidate) -> bool:

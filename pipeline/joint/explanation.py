@@ -88,6 +88,7 @@ def fitted(model: Model, about: Floats) -> Fitted:
         if left < STRAIGHT:
             break
         doubt, about = astray(model, path, about), path
+    of = of._replace(errors=np.zeros(0))  # whitened ones serve from here on, and long records have many
     return Fitted(replace(model, constants=constants), solution, path, of, before, doubt)
 
 

@@ -76,16 +76,17 @@ def cold_start(problem: Problem, assumed: Assumed, first: tuple[Constant, ...]) 
     between = float(np.median(np.diff(np.unique(problem.lattice.node)))) * step * problem.swing
     for number, seconds in enumerate(STAGES if between < SPARSE else STAGES[1:]):
         end = int(min(nodes, np.ceil(seconds / step)))
+        part = problem.until(end)
         rough = replace(still, noise=np.maximum(assumed.noise, size * COARSE / 5.0 ** min(number, 2)))
         if number == 0:
             easy = replace(rough, sine=False, noise=np.maximum(rough.noise, size))
-            constants = released(problem.run(easy, held(constants), span=(0, end))[0].constants, first)
-        constants, errors = followed(problem, rough, narrowed(constants), end)
+            constants = released(part.run(easy, held(constants))[0].constants, first)
+        constants, errors = followed(part, rough, narrowed(constants))
         constants = released(constants, first)
         if end == nodes:
             break
     # what shakes one trace all along is not wild
-    scatter = [deviation(errors[problem.lattice.trace == j]) for j in range(rough.noise.size)]
+    scatter = [deviation(errors[part.lattice.trace == j]) for j in range(rough.noise.size)]
     rough = replace(rough, kick=assumed.kick + ROUGH_KICK, noise=rough.noise * scatter)
     return smoothed(problem, rough, narrowed(constants), NONE2, 2.0 * GATE, most=1)
 
@@ -118,12 +119,12 @@ def mirrored(begun: explanation.Fitted) -> list[explanation.Fitted]:
 
 
 def followed(
-    problem: Problem, assumed: Assumed, constants: tuple[Constant, ...], end: int
+    problem: Problem, assumed: Assumed, constants: tuple[Constant, ...]
 ) -> tuple[tuple[Constant, ...], Floats]:
-    """Gauss-Newton on the first nodes, without readings far off as long as they are few; and all errors, (r,)."""
+    """Gauss-Newton without readings far off as long as they are few; and all errors, (r,)."""
     gate = COARSE_GATE
     for _ in range(MOST_FITS):
-        solution, of = problem.run(assumed, constants, span=(0, end), gate=gate)
+        solution, of = problem.run(assumed, constants, gate=gate)
         share = float(of.totals[2] / max(of.totals[1] + of.totals[2], 1.0))
         gate = GATE * deviation(of.errors) if share < MOST_OUTLIERS else 0.0
         constants = solution.constants

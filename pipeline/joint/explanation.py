@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Component, Ship
 
 MOST_FITS = 6
-STRAIGHT = 0.02  # of the reading noise
+STRAIGHT, NEARLY_STRAIGHT = 0.02, 3.0  # of the reading noise
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,8 @@ class Fitted:
         What it went about.
     doubt : float
         Of gravity over itself, from a path that does not settle: in long gaps the ship's is hardly known.
+    spectra : dict
+        Of the errors, once they are asked for; see `whiteness.errors_by_frequency`.
     """
 
     model: Model
@@ -64,6 +66,7 @@ class Fitted:
     of: passes.Pass
     about: tuple[Constant, ...]
     doubt: float = 0.0
+    spectra: dict[tuple[int, int], tuple[Floats, Floats, np.ndarray]] = field(default_factory=dict, init=False)
 
     def without(self, constant: Constant) -> Fitted:
         """The same without a constant that hardly differs from zero: by the last pass, linearised."""
@@ -77,14 +80,23 @@ class Fitted:
         return Fitted(model, solution, self.path, self.of._replace(normal=normal), rest, self.doubt)
 
 
-def fitted(model: Model, about: Floats) -> Fitted:
-    """Gauss-Newton about the smoothed path, until it is straight between the last two."""
+def fitted(model: Model, about: Floats, *, smooth: bool = False) -> Fitted:
+    """Gauss-Newton about the smoothed path, until it is straight between the last two.
+
+    Paths contract a thousandfold a pass: the last one needs no smoothing. That of linear pendulums scales derivatives
+    alone, and stays, unless it is asked for.
+    """
     root = prior_root(model.constants, model.course)
-    constants = model.constants
+    constants, left, doubt = model.constants, np.inf if model.assumed.sine or smooth else 0.0, 0.0
     for _ in range(MOST_FITS):
         before = constants
-        solution, of, path = model.problem.fit(model.assumed, before, about=about, root=root)
-        constants, left, doubt = solution.constants, bend(model, path, about), 0.0
+        solution, of, path = model.problem.fit(
+            model.assumed, before, about=about, root=root, smooth=bool(left > NEARLY_STRAIGHT)
+        )
+        constants, doubt = solution.constants, 0.0
+        if path is about:
+            break
+        left = bend(model, path, about)
         if left < STRAIGHT:
             break
         doubt, about = astray(model, path, about), path

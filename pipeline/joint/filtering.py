@@ -103,26 +103,33 @@ def sum_up(buffer: Floats, rows: int, normal: Floats) -> None:
 @kernel
 def keep_step(keep: Kept, s: int, ahead: Floats, push: Floats) -> None:
     """Keep what a step makes of the pendulums."""
-    for r in range(push.shape[1]):
-        for q in range(ahead.shape[1]):
-            keep.swing[s, r, q] = ahead[r, q]
-        for n in range(push.shape[0]):
+    if s < keep.swing.shape[0]:
+        for r in range(push.shape[1]):
+            for q in range(ahead.shape[1]):
+                keep.swing[s, r, q] = ahead[r, q]
+    for n in range(push.shape[0]):
+        for r in range(push.shape[1]):
             keep.push[s, n, r] = push[n, r]
 
 
 @kernel
-def keep_readings(keep: Kept, start: int, slots: Slots, used: int, root: Floats, gain: Floats, seen: Floats) -> None:
-    """Keep the whitened rows of a node's readings, their gains and errors."""
+def keep_errors(keep: Kept, start: int, slots: Slots, used: int, seen: Floats) -> None:
+    """Keep the whitened errors of a node's readings."""
     for j in range(used):
-        at = slots.reading[j] - start
+        for c in range(seen.shape[1]):
+            keep.errors[slots.reading[j] - start, c] = -seen[j, c]
+
+
+@kernel
+def keep_gain(keep: Kept, begin: int, slots: Slots, used: int, root: Floats, gain: Floats) -> None:
+    """Keep the whitened rows of a node's readings, and their gains, from row `begin` on."""
+    for j in range(used):
         for r in range(gain.shape[1]):
             total = slots.row[j, r]
             for q in range(j):
-                total -= root[j, q] * keep.row[slots.reading[q] - start, r]
-            keep.row[at, r] = total / root[j, j]
-            keep.gain[at, r] = gain[j, r]
-        for c in range(seen.shape[1]):
-            keep.errors[at, c] = -seen[j, c]
+                total -= root[j, q] * keep.row[begin + q, r]
+            keep.row[begin + j, r] = total / root[j, j]
+            keep.gain[begin + j, r] = gain[j, r]
 
 
 @kernel
@@ -180,7 +187,7 @@ def sweep(
     of_traces = np.flatnonzero(columns.kind >= ZERO)
     push = np.zeros((forced.size + 2, two))
     plain = not flow.sine and not np.any(flow.quadratic) and not np.any(flow.dry) and known.shape[0] == 0
-    keeping = keep.swing.shape[0] > 0
+    keeping, kept, end_kept = keep.swing.shape[0] > 0, 0, 0
     given = about.shape[0] > 0
     joined = flow.sine and given
     asked = not plain or forced.size > 0 or flow.heave_noise > 0.0
@@ -258,8 +265,13 @@ def sweep(
                 of.totals[0] += np.log(product)
                 product = 1.0
             of.totals[1] += used
+            if keep.errors.shape[0] > 0:
+                keep_errors(keep, readings.first[begin], slots, used, seen)
             if keeping:
-                keep_readings(keep, readings.first[begin], slots, used, root, gain, seen)
+                if moving:
+                    kept, end_kept = end_kept, end_kept + used
+                    keep_gain(keep, kept, slots, used, root, gain)
+                keep.first[k - begin] = kept
         else:
             if moving:
                 copy(covariance, updated)

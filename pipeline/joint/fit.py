@@ -11,7 +11,7 @@ from pipeline.joint import apparatus, choice, explanation, motion, spectrum
 from pipeline.joint.cold_start import ACCELEROMETER, CAPTURE, DIFFERENCE, KICK, Begun, again, released
 from pipeline.joint.explanation import grown
 from pipeline.joint.gather import Gathered
-from pipeline.joint.outliers import GATE, OUTLIER, better, heard_again, smoothed, standing
+from pipeline.joint.outliers import GATE, OUTLIER, better, heard_again, isolated, smoothed, standing
 from pipeline.joint.problem import Assumed
 
 SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate, when this is known; s-1
@@ -71,7 +71,7 @@ def reduce(gathered: Gathered) -> Outcome:
     try:
         found = fitted(gathered)
         fit, close = choice.settle(found[0])
-        if len(found) > 1 and (fit.model.words or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
+        if len(found) > 1 and (strained(fit) or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
             reference = float(gathered.constants["reference_gravity"])
             fit, close = weighed([(fit, close), choice.settle(found[1])], reference)
     except motion.UnresolvedError:
@@ -82,6 +82,8 @@ def reduce(gathered: Gathered) -> Outcome:
             "record/combination"
         ) from None
     mean, sigma = choice.averaged(fit, close)
+    if not fit.model.assumed.sine:
+        fit = explanation.fitted(fit.model, fit.path, smooth=True)
     sigma = float(np.sqrt(sigma**2 + gathered.heave_doubt**2 + fit.doubt**2))
     spread = choice.unexplained(fit)
     if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:
@@ -96,6 +98,11 @@ def reduce(gathered: Gathered) -> Outcome:
             "check period, reference_gravity and the time axis"
         )
     return Outcome(fit, close, mean, sigma, spread, int(fit.model.problem.left_out.sum()), gathered.still)
+
+
+def strained(fit: explanation.Fitted) -> bool:
+    """Whether a fit needs more than motion of the ship, and may do so to make up for a wrong law."""
+    return not all(MOTION in words for words in fit.model.words) or choice.unexplained(fit) > 1.0
 
 
 def of_the_law(fit: explanation.Fitted) -> float:
@@ -138,6 +145,7 @@ def weighed(
 MGAL = 1e-5  # m s-2
 MOST_APART = 10.0  # mGal
 CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law explains the readings, and where it does not
+MOTION = "motion"  # in the words of a component of the ship
 DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
 MOST_SPREAD = 30.0
 MOST_SIGMA = 1e-3  # over gravity: a sigma of a gal says that no swing at the stated period was followed
@@ -169,6 +177,8 @@ def with_difference(fit: explanation.Fitted) -> explanation.Fitted:
 
 def plain(begun: Begun) -> explanation.Fitted | None:
     """All readings; what the rough start doubts may be the ship's motion. None where one is far off."""
+    if isolated(begun.rough):
+        return None
     model = begun.rough.model
     constants = released(model.constants, begun.first)[: len(begun.first)]
     assumed = replace(model.assumed, breaks=())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -37,20 +38,41 @@ class Lattice:
     value: Floats
     combination: Floats
 
-    @property
+    @cached_property
     def time(self) -> Floats:
         """Of each reading since the first node, s."""
         return np.asarray(self.node * self.step + self.offset)
 
+    @cached_property
+    def of_trace(self) -> list[np.ndarray]:
+        """Readings of each trace, in order."""
+        return [np.flatnonzero(self.trace == j) for j in range(self.combination.shape[0])]
+
+    @cached_property
+    def spacing(self) -> list[float]:
+        """s between a trace's readings, as a rule; at least a millisecond."""
+        return [float(max(np.median(np.diff(self.time[own])), 1e-3)) if own.size > 1 else 1.0 for own in self.of_trace]
+
+    @cached_property
+    def interval(self) -> float:
+        """s between readings of any trace, as a rule."""
+        return float(np.median(np.diff(np.unique(self.time))))
+
     @property
     def dense(self) -> bool:
         """Whether no readings of different times share a node, as a rule."""
-        return self.step < 1.5 * float(np.median(np.diff(np.unique(self.time))))
+        return self.step < 1.5 * self.interval
 
     @property
     def duration(self) -> float:
         """From the first node to the last, s."""
         return self.step * (self.nodes - 1)
+
+    def until(self, nodes: int) -> Lattice:
+        """Its first nodes alone."""
+        some = slice(0, int(np.searchsorted(self.node, nodes)))
+        own = (self.node[some], self.trace[some], self.offset[some], self.value[some])
+        return Lattice(self.start, self.step, nodes, *own, self.combination)
 
     def readings(self, variance: Floats, value: Floats | None = None, late: Floats | None = None) -> Readings:
         """What the kernels take.

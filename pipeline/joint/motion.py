@@ -83,12 +83,9 @@ def _rougher(shown: Shown, start: Assumed, axis: Axis) -> Assumed:
         if not shapes:
             break
         noise = np.where(np.isfinite(best.noise), best.noise, UNKNOWN)
-        tried = (
-            replace(best, ship=(*best.ship, kind(peak, width * peak, size, axis)))
-            for kind, peak, width in shapes
-            for size in SIZES
-        )
-        found, gain = shown.likeliest(max(tried, key=lambda each: shown.gain(replace(each, noise=noise))), loose=LOOSE)
+        units = [kind(peak, width * peak, 1.0, axis) for kind, peak, width in shapes]
+        joined = replace(shown.joined(replace(best, noise=noise), units, SIZES), noise=best.noise)
+        found, gain = shown.likeliest(joined, loose=LOOSE)
         if gain < top + (MORE if not level or found.ship[-1].peak < CALM * shown.swing else MUCH_MORE):
             break
         best, top, slow = found, gain, slow + (found.ship[-1].peak < CALM * shown.swing or not level)
@@ -103,8 +100,7 @@ def _rougher(shown: Shown, start: Assumed, axis: Axis) -> Assumed:
 
 def _sparse(problem: Problem) -> bool:
     """Whether sidebands lie upon each other."""
-    spacing = float(np.median(np.diff(np.unique(problem.lattice.time))))
-    return spacing * problem.swing > spectrum.SPARSE
+    return problem.lattice.interval * problem.swing > spectrum.SPARSE
 
 
 def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
@@ -283,7 +279,7 @@ def _steady(fit: Fitted) -> Engine | None:
 
     problem, lattice, path = fit.model.problem, fit.model.problem.lattice, fit.path
     swing, two = problem.swing, 2 * problem.pendulums
-    step = max(float(np.median(np.diff(np.unique(lattice.time)))), 1e-3)
+    step = max(lattice.interval, 1e-3)
     size = next_fast_len(2 * (int(lattice.duration / step) + 2))  # finer than a line is wide
     frequency = 2.0 * np.pi * np.arange(size) / (size * step)
     some = (frequency > STEADY * swing) & (frequency < np.pi / step)
@@ -333,9 +329,9 @@ def _scaled_errors(fit: Fitted, trace: int) -> tuple[Floats, Floats, float]:
     if not frequency.size or np.pi / frequency[-1] * swing > spectrum.SPARSE:
         return np.zeros(0), np.zeros(0), 0.0
     # errors far below their own scale need no explanation
-    power /= max(float(np.median(power)) / np.log(2.0), QUIET)
+    power = power / max(float(np.median(power)) / np.log(2.0), QUIET)
     power[(frequency < CALM * swing) | (np.abs(frequency / swing - 1.0) < OWN)] = 1.0
-    return frequency, power, float(np.nanmedian(fit.of.scale[used])) ** 2 * 2.0 / float(used.sum())
+    return frequency, power, float(np.nanmedian(fit.of.scale[used])) ** 2 * 2.0 / used.size
 
 
 def _peaks(power: Floats) -> Iterator[tuple[int, int]]:

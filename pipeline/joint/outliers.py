@@ -24,6 +24,7 @@ HARDLY = 1e-6  # s before the first reading that shows a step
 LASTING = 8.0  # s on either side that a doubt is decided by
 OUTLIER = float(np.log(0.01 / 0.1))  # of a reading in a hundred, over .1 rad
 GATE = 7.0  # deviations beyond which a reading is left out
+NEIGHBOUR = 0.3  # of its error: those beside a single reading that lies far off
 MOST_FITS = 4
 
 
@@ -31,6 +32,17 @@ def deviation(errors: Floats) -> float:
     """Of errors in their own deviations, from the smaller half of them; at least 1."""
     known = np.abs(errors[np.isfinite(errors)])
     return max(float(np.quantile(known, 0.25)) / 0.3186, 1.0) if known.size else 1.0
+
+
+def isolated(rough: explanation.Fitted) -> bool:
+    """Whether single readings lie far off between neighbours that do not: no motion of a ship does that."""
+    for own in rough.model.problem.lattice.of_trace:
+        errors = np.abs(rough.of.errors[own])
+        errors = errors[np.isfinite(errors)] / deviation(errors)
+        beside = np.maximum(errors[:-2], errors[2:])
+        if np.any((errors[1:-1] > GATE) & (beside < NEIGHBOUR * errors[1:-1])):
+            return True
+    return False
 
 
 def smoothed(

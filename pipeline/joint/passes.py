@@ -87,19 +87,22 @@ class Kept(NamedTuple):
 
     Attributes
     ----------
-    swing : (s, 2 p, d) array
-        Derivative's rows of the step that begins at the node.
+    swing : (s or 1, 2 p, d) array
+        Derivative's rows of the step that begins at the node; one where all are alike.
     push : (s, f + 2, 2 p) array
         What that step adds to the pendulums: derivatives by the constants that move them, what is left, and the
         impulse of a recorded heave's noise.
+    first : (s,) array of int
+        The node's first row of the next two.
     row, gain : (r, d) arrays
-        Whitened rows of the stretch's readings in the state, and what they move it by; 0 where left out.
+        Whitened rows of the readings in the state, and what they move it by; while the gain is kept, nodes share them.
     errors : (r, c + 1) array
         Derivatives of the whitened prediction errors, and these; NaN where left out.
     """
 
     swing: Floats
     push: Floats
+    first: np.ndarray
     row: Floats
     gain: Floats
     errors: Floats

@@ -17,7 +17,7 @@ from pipeline.joint.lattice import Lattice
 from pipeline.joint.ship import Component, Ship
 
 NONE2, NONE3 = np.zeros((0, 0)), np.zeros((0, 0, 0))
-NOTHING_KEPT = passes.Kept(NONE3, NONE3, NONE2, NONE2, NONE2)
+NOTHING_KEPT = passes.Kept(NONE3, NONE3, np.zeros(0, dtype=np.int64), NONE2, NONE2, NONE2)
 LEVEL = 0.5  # of one pendulum's answer to the ship
 MOST_DAMPED = 0.3  # of its frequency
 LEAST = 0.1  # of reference gravity, and of a trace's scale
@@ -99,6 +99,13 @@ class Problem:
     def swing(self) -> float:
         """Frequency of the pendulums at reference gravity, rad s-1."""
         return float(np.sqrt(self.kappa.mean()))
+
+    def until(self, nodes: int) -> Problem:
+        """The first nodes alone."""
+        lattice = self.lattice.until(nodes)
+        known = (each[:nodes] for each in (self.recorded, self.slope))
+        left_out, track = self.left_out[: lattice.node.size], self.track[:nodes]
+        return Problem(lattice, self.kappa, self.damping, *known, left_out, self.heave, track, self.rounded)
 
     def leaves_heave_open(self, sine: bool) -> bool:
         """Whether vertical motion acts under a law, and no recording says how."""
@@ -215,35 +222,46 @@ class Problem:
         about: Floats = NONE2,
         gate: float = 0.0,
         root: Floats | None = None,
+        smooth: bool = True,
     ) -> tuple[Solution, passes.Pass, Floats]:
-        """The same of the whole record, with prediction errors and smoothed path, (k, d), at the solution."""
+        """The same of the whole record, with prediction errors at the solution and smoothed path, (k, d).
+
+        Parameters
+        ----------
+        smooth : bool
+            False: the path is `about`.
+        """
         sweep = self._sweep(assumed, constants, about, gate)
         nodes, of = self.lattice.nodes, sweep.of
         size, width = of.state.shape
-        each = 2 * self.pendulums * (size + width) + (2 * size + width) * self.lattice.node.size // nodes
-        stretch = max(1, KEPT // (8 * each))
+        smoothing = 2 * self.pendulums * (size + width) if smooth else 0
+        reading = 2 * size + width if smooth else width
+        stretch = max(1, KEPT // (8 * (smoothing + reading * -(-self.lattice.node.size // nodes))))
         begins = list(range(0, nodes, stretch))
-        keep = sweep.room(0, min(stretch, nodes))
+        keep = sweep.room(0, min(stretch, nodes), smooth=smooth)
         states = []
         for begin in begins:
             states.append((of.state.copy(), of.covariance.copy()))
             sweep.go(begin, min(begin + stretch, nodes), keep if len(begins) == 1 else NOTHING_KEPT)
         solution = sweep.solution(constants, root)
         change = np.append(solution.step, 1.0)
-        adjoint, path = np.zeros(of.state.shape[0]), np.zeros((nodes, of.state.shape[0]))
+        adjoint, path = np.zeros(of.state.shape[0]), np.zeros((nodes if smooth else 0, of.state.shape[0]))
         for begin, (state, covariance) in zip(reversed(begins), reversed(states), strict=True):
             end = min(begin + stretch, nodes)
             if len(begins) > 1:  # gone through again, and kept this time
-                keep = sweep.room(begin, end)
+                keep = sweep.room(begin, end, smooth=smooth)
                 sums = np.zeros_like(of.normal), np.zeros_like(of.totals)
                 again = of._replace(state=state.copy(), covariance=covariance.copy(), normal=sums[0], totals=sums[1])
                 replace(sweep, of=again).go(begin, end, keep)
             of.whitened[sweep.readings.first[begin] : sweep.readings.first[end]] = keep.errors @ change
-            pushed = np.append(change[:-1][sweep.forced], 1.0)
-            smoother.smooth(
-                sweep.flow, sweep.readings, sweep.breaks, begin, end, pushed, state @ change, covariance, of.whitened,
-                keep, adjoint, path,
-            )  # fmt: skip
+            if smooth:
+                pushed = np.append(change[:-1][sweep.forced], 1.0)
+                smoother.smooth(
+                    sweep.flow, sweep.readings, sweep.breaks, begin, end, pushed, state @ change, covariance,
+                    of.whitened, keep, adjoint, path,
+                )  # fmt: skip
+        if not smooth:
+            return solution, of, about
         if not np.abs(path[:, : 2 * self.pendulums : 2]).max() < FARTHEST:
             raise np.linalg.LinAlgError("the path runs away")
         return solution, of, path
@@ -315,6 +333,12 @@ class _Sweep:
         """Which constants move the pendulums."""
         return (self.columns.kind > kinds.START) & (self.columns.kind < kinds.ZERO)
 
+    @property
+    def bent(self) -> bool:
+        """Whether steps differ, as they do unless linear pendulums swing under constant gravity."""
+        flow = self.flow
+        return flow.sine or bool(np.any(flow.quadratic) or np.any(flow.dry)) or self.known.size > 0
+
     def go(self, begin: int, end: int, keep: passes.Kept = NOTHING_KEPT) -> None:
         """Filter a stretch."""
         went = filtering.sweep(
@@ -327,15 +351,17 @@ class _Sweep:
             of, span = self.readings, slice(self.readings.first[begin], self.readings.first[end])
             self.of.totals[0] += np.sum(np.log1p(self.gain)[of.trace[span]][np.isfinite(of.variance[span])])
 
-    def room(self, begin: int, end: int) -> passes.Kept:
-        """For what the smoother needs of a stretch."""
+    def room(self, begin: int, end: int, *, smooth: bool) -> passes.Kept:
+        """For the errors of a stretch, and what the smoother needs of it."""
         size, width = self.of.state.shape
         count, rows = end - begin, int(self.readings.first[end] - self.readings.first[begin])
+        many, all_rows = (count, rows) if smooth else (0, 0)
         return passes.Kept(
-            np.zeros((count, 2 * self.flow.kappa.size, size)),
-            np.zeros((count, int(self.forced.sum()) + 2, 2 * self.flow.kappa.size)),
-            np.zeros((rows, size)),
-            np.zeros((rows, size)),
+            np.empty((many if self.bent else min(many, 1), 2 * self.flow.kappa.size, size)),
+            np.empty((many, int(self.forced.sum()) + 2, 2 * self.flow.kappa.size)),
+            np.empty(many, dtype=np.int64),
+            np.empty((all_rows, size)),
+            np.empty((all_rows, size)),
             np.full((rows, width), np.nan),
         )
 

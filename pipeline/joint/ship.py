@@ -188,7 +188,7 @@ class Ship:
 
 def density(components: tuple[Component, ...], frequency: Floats, axis: Axis) -> Floats:
     """Two-sided power spectral density of the acceleration over reference gravity at frequencies in rad s-1, (f,)."""
-    total = np.zeros(frequency.size)
+    total = np.zeros(frequency.shape)
     for component in components:
         if component.axis == axis:
             total += component.rms**2 / component.unit_variance * component.shape(frequency)

@@ -45,12 +45,12 @@ def smooth(
     path : (k, d) array, out
         Smoothed states; rows `begin` to `end` are written.
     """
-    two, size, start = keep.swing.shape[1], adjoint.size, readings.first[begin]
+    two, size = keep.swing.shape[1], adjoint.size
     ahead, later = flow.rows[flow.rows.shape[0] - size + two :].copy(), np.zeros(size)
     for k in range(end - 1, begin - 1, -1):
         if k + 2 < readings.first.size:
             step_back(keep, k - begin, ahead, adjoint, later)
-        gather_readings(readings, k, start, whitened, keep, adjoint, later)
+        gather_readings(readings, k, begin, whitened, keep, adjoint, later)
         for q in range(size):
             path[k, q] = adjoint[q]
     at_break, driven, onward = 0, np.dot(path[begin:end], flow.noise), np.zeros_like(ahead)
@@ -79,7 +79,7 @@ def step_back(keep: Kept, s: int, ahead: Floats, adjoint: Floats, later: Floats)
         later[q], adjoint[q] = adjoint[q], 0.0
     for r in range(two):
         for q in range(size):
-            adjoint[q] += later[r] * keep.swing[s, r, q]
+            adjoint[q] += later[r] * keep.swing[min(s, keep.swing.shape[0] - 1), r, q]
     add_rows(ahead, later, two, adjoint)
 
 
@@ -108,7 +108,7 @@ def step_on(
     for r in range(two):
         total = impulse * keep.push[s, last, r]
         for q in range(size):
-            total += keep.swing[s, r, q] * before[q]
+            total += keep.swing[min(s, keep.swing.shape[0] - 1), r, q] * before[q]
         for n in range(pushed.size):
             total += pushed[n] * keep.push[s, n, r]
         state[r] += total
@@ -131,19 +131,19 @@ def add_rows(rows: Floats, factors: Floats, begin: int, to: Floats) -> None:
 
 @summing_kernel
 def gather_readings(
-    readings: Readings, k: int, start: int, whitened: Floats, keep: Kept, adjoint: Floats, change: Floats
+    readings: Readings, k: int, begin: int, whitened: Floats, keep: Kept, adjoint: Floats, change: Floats
 ) -> None:
-    """Add to the adjoint what the readings of node k say; kept from reading `start` on."""
-    size = adjoint.size
+    """Add to the adjoint what the readings of node k say; kept from node `begin` on."""
+    size, j = adjoint.size, keep.first[k - begin]
     for q in range(size):
         change[q] = 0.0
     for which in range(readings.first[k], readings.first[k + 1]):
         if np.isfinite(whitened[which]):
-            j = which - start
             rest = whitened[which]
             for q in range(size):
                 rest -= keep.gain[j, q] * adjoint[q]
             for q in range(size):
                 change[q] += keep.row[j, q] * rest
+            j += 1
     for q in range(size):
         adjoint[q] += change[q]

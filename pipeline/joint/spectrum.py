@@ -26,7 +26,7 @@ def folded(frequency: float, step: float) -> float:
 
 def transfer(problem: Problem, trace: int, frequency: Floats) -> Floats:
     """Square of a trace's answer to U, by frequency."""
-    answer = np.zeros(frequency.size)
+    answer = np.zeros(frequency.shape)
     for i in range(problem.pendulums):
         kappa = float(problem.kappa[i])
         answer = answer - problem.lattice.combination[trace, i] * kappa / (kappa - frequency**2)

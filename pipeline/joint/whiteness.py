@@ -7,7 +7,7 @@ in all of the record, through gaps. Whittle's likelihood of that ratio moves all
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -37,22 +37,28 @@ ENOUGH = 0.2  # in log-likelihood
 
 
 def errors_by_frequency(fit: Fitted, trace: int, taper: int = 1) -> tuple[Floats, Floats, np.ndarray]:
-    """Power of a trace's whitened errors by frequency, rad s-1, 1 where they are of unit variance; and which these are.
+    """Power of a trace's whitened errors by frequency, rad s-1, 1 where they are of unit variance; and their samples.
 
-    Empty where they are few. Under a taper, a power of a sine: lines leak without.
+    Empty where they are few. Under a taper, a power of a sine: lines leak without. Kept with the fit: not to be changed.
     """
-    from scipy.fft import next_fast_len
+    if (trace, taper) not in fit.spectra:
+        fit.spectra[trace, taper] = _errors_by_frequency(fit, trace, taper)
+    return fit.spectra[trace, taper]
+
+
+def _errors_by_frequency(fit: Fitted, trace: int, taper: int) -> tuple[Floats, Floats, np.ndarray]:
+    from scipy.fft import next_fast_len, rfft
 
     lattice = fit.model.problem.lattice
-    used = (lattice.trace == trace) & np.isfinite(fit.of.whitened)
-    if used.sum() < LEAST_READINGS:
+    used = lattice.of_trace[trace]
+    used = used[np.isfinite(fit.of.whitened[used])]
+    if used.size < LEAST_READINGS:
         return np.zeros(0), np.zeros(0), used
-    time = lattice.time[used]
-    step = max(float(np.median(np.diff(time))), 1e-3)
+    time, step = lattice.time[used], lattice.spacing[trace]
     series = np.zeros(next_fast_len(int(lattice.duration / step) + 2, real=True))
     part = np.sin(np.pi * (time - time[0]) / (time[-1] - time[0])) ** taper
     series[np.clip(np.rint(time / step), 0, series.size - 1).astype(np.int64)] = part * clipped(fit.of.whitened[used])
-    power = np.abs(np.fft.rfft(series)) ** 2 / float(part @ part)
+    power = np.abs(rfft(series)) ** 2 / float(part @ part)
     return 2.0 * np.pi * np.arange(power.size) / (series.size * step), power, used
 
 
@@ -62,28 +68,41 @@ def clipped(errors: Floats) -> Floats:
     return np.asarray(np.clip(errors, -most, most))
 
 
+def _binned(frequency: Floats, edges: Floats) -> tuple[np.ndarray, np.ndarray]:
+    """First ordinate and number of those in each bin between edges; frequencies increase."""
+    begins = np.unique(np.searchsorted(frequency, np.append(-np.inf, edges)))
+    begins = begins[begins < frequency.size]
+    return begins, np.diff(np.append(begins, frequency.size))
+
+
 def _sharp(frequency: Floats, power: Floats, edges: Floats) -> Floats:
     """Frequencies of the highest ordinates that stand far above what lies in their bins."""
-    at = np.searchsorted(edges, frequency, side="right")
+    if frequency.size <= MOST_SHARP:
+        return np.zeros(0)
     height = np.log(np.maximum(power, 1e-30))
-    above = height - (np.bincount(at, height) / np.maximum(np.bincount(at), 1))[at]
-    some = np.argsort(above)[-MOST_SHARP:]
+    begins, count = _binned(frequency, edges)
+    above = height - np.repeat(np.add.reduceat(height, begins) / count, count)
+    some = np.argpartition(above, -MOST_SHARP)[-MOST_SHARP:]
     return np.asarray(frequency[some[above[some] > SHARP]])
 
 
 @dataclass(frozen=True)
 class Band:
-    """A trace's errors in bins of frequency.
+    """A trace's errors in bins of frequency; f of them, onto each of which m frequencies fall where samples are sparse.
 
     Attributes
     ----------
     trace : int
     power, weight : (f,) arrays
         Mean power of the errors, and number of ordinates.
-    frequency, across, upright : (m f,) arrays
-        rad s-1, with those that fall upon each bin's own where readings are sparse; see `spectrum.Seen`.
+    frequency : (m, f) array
+        rad s-1, the bin's own in the middle row.
+    across, upright : (m, f) arrays
+        Square of the trace's answer to U, and to Z on either side of the swing.
+    kicked : (m, f, p) array
+        The same to the kicks of each pendulum.
     step : float
-        s between readings.
+        s between samples.
     """
 
     trace: int
@@ -115,24 +134,22 @@ class Band:
         # traces answer at the swing as nowhere else
         off = np.append(bin_width * (np.arange(LEAST) + 0.5), near * np.geomspace(1.0, WIDELY, NEARBY))
         edges = [np.geomspace(frequency[0], frequency[-1] * 1.0001, BINS + 1), centre - off, centre + off]
-        fast = frequency > CALM * swing
-        narrow = [(peak, 0.0, "horizontal") for peak in _sharp(frequency[fast], power[fast], edges[0])]
+        fast = np.searchsorted(frequency, CALM * swing, side="right")
+        narrow = [(peak, 0.0, "horizontal") for peak in _sharp(frequency[fast:], power[fast:], edges[0])]
         narrow += [(each.peak, each.damping, each.axis) for each in lines if isinstance(each, Engine)]
         for peak, width, axis in narrow:
             about = np.arange(-BESIDE, BESIDE, 1.0 / FINE) * max(width, bin_width)
             centres = [peak] if axis == "horizontal" else [abs(peak + by) for by in (swing, -swing)]
             edges += [each + about for each in centres]
-        at = np.searchsorted(np.unique(np.concatenate(edges)), frequency, side="right")
-        count = np.bincount(at)
-        some = count > 0
-        mean, weight = np.bincount(at, frequency)[some] / count[some], count[some] / TAPERED[taper]
-        folds = int(2.0 * swing * step / np.pi)  # sparse readings show what is faster among the rest
-        every = np.abs(mean + 2.0 * np.pi / step * np.arange(-folds, folds + 1)[:, None]).ravel()
+        begins, count = _binned(frequency, np.concatenate(edges))
+        mean, weight = np.add.reduceat(frequency, begins) / count, count / TAPERED[taper]
+        folds = int(2.0 * swing * step / np.pi)  # sparse samples show what is faster among the rest
+        every = np.abs(mean + 2.0 * np.pi / step * np.arange(-folds, folds + 1)[:, None])
         angles = fit.path[:, : 2 * problem.pendulums : 2] @ problem.lattice.combination[trace]
         upright = spectrum.beside_the_swing(swing, 0.5 * float(np.mean(angles**2)), every)
         across = spectrum.transfer(problem, trace, every)
-        kicked = problem.lattice.combination[trace] ** 2 * problem.kappa / (problem.kappa - every[:, None] ** 2) ** 2
-        return Band(trace, np.bincount(at, power)[some] / count[some], weight, every, across, upright, kicked, step)
+        kicked = problem.lattice.combination[trace] ** 2 * problem.kappa / (problem.kappa - every[..., None] ** 2) ** 2
+        return Band(trace, np.add.reduceat(power, begins) / count, weight, every, across, upright, kicked, step)
 
     def answer(self, component: Component, swing: float) -> Floats:
         """Density that a component of the ship makes expect, (f,)."""
@@ -141,17 +158,12 @@ class Band:
         else:
             above, below = (density((component,), np.abs(self.frequency + by), "vertical") for by in (swing, -swing))
             every = self.upright * (above + below)
-        return np.asarray(every.reshape(-1, self.power.size).sum(axis=0))
-
-    def still(self, noise: Floats, kick: Floats) -> Floats:
-        """Density that reading noise and kicks make expect, (f,)."""
-        kicked = (self.kicked @ kick**2).reshape(-1, self.power.size).sum(axis=0)
-        return np.asarray(kicked + noise[self.trace] ** 2 * self.step)
+        return np.asarray(every.sum(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """The errors of all traces beside what a fit assumes.
+    """The errors of all traces beside what a fit assumes; n bins in all bands.
 
     Attributes
     ----------
@@ -171,33 +183,49 @@ class Shown:
         """What a fit shows, also of some lines that it does not assume, but so near the swing, relative to it."""
         problem, assumed = fit.model.problem, fit.model.assumed
         found = [Band.of(fit, trace, (*assumed.ship, *lines), beside) for trace in range(problem.traces)]
-        swing = problem.swing
-        return Shown(tuple(each for each in found if each is not None), assumed, swing)
+        return Shown(tuple(each for each in found if each is not None), assumed, problem.swing)
 
     def _of_all(self, parts: Iterable[Floats]) -> Floats:
         return np.concatenate([np.zeros(0), *parts])
 
-    def _answer(self, component: Component) -> Floats:
-        if component not in self._answers:
-            self._answers[component] = self._of_all(each.answer(component, self.swing) for each in self.bands)
-        return self._answers[component]
+    def _of_unit(self, component: Component) -> Floats:
+        return self._of_all(each.answer(component, self.swing) for each in self.bands)
 
-    def expected(self, wanted: Assumed) -> Floats:
-        """Logarithm of the density that it makes expect in all bands, (n,)."""
-        still = self._of_all(each.still(wanted.noise, wanted.kick) for each in self.bands)
-        return np.asarray(np.log(sum((self._answer(each) for each in wanted.ship), still)))
+    def _answer(self, component: Component) -> Floats:
+        """Density that a component makes expect in all bands, (n,)."""
+        unit = replace(component, rms=1.0)
+        if unit not in self._answers:
+            self._answers[unit] = self._of_unit(unit)
+        return np.asarray(component.rms**2 * self._answers[unit])
+
+    def _noisy(self, trace: int, noise: float) -> Floats:
+        """The same of the noise of a trace."""
+        parts = (np.full(each.power.size, noise**2 * each.step * (each.trace == trace)) for each in self.bands)
+        return self._of_all(parts)
+
+    @cached_property
+    def _of_kicks(self) -> Floats:
+        """Density that kicks of each pendulum make expect, (n, p)."""
+        return np.concatenate(
+            [np.zeros((0, self.assumed.kick.size)), *(each.kicked.sum(axis=0) for each in self.bands)]
+        )
+
+    def density(self, wanted: Assumed) -> Floats:
+        """Density that it makes expect in all bands, (n,)."""
+        noise = self._of_all(np.full(each.power.size, wanted.noise[each.trace] ** 2 * each.step) for each in self.bands)
+        return np.asarray(sum((self._answer(each) for each in wanted.ship), self._of_kicks @ wanted.kick**2 + noise))
 
     @cached_property
     def assumed_density(self) -> Floats:
         """Logarithm of what the fit made expect, (n,)."""
-        return self.expected(self.assumed)
+        return np.asarray(np.log(self.density(self.assumed)))
 
     def gain(self, wanted: Assumed) -> float:
         """What the likelihood gains where other things are assumed."""
-        return self._worth(self.expected(wanted) - self.assumed_density)
+        return float(self._worth(np.log(self.density(wanted)) - self.assumed_density))
 
-    def _worth(self, more: Floats) -> float:
-        return -float(np.sum(self.weight * (more + self.power * (np.exp(-more) - 1.0))))
+    def _worth(self, more: Floats) -> Floats:
+        return np.asarray(-(more + self.power * (np.exp(-more) - 1.0)) @ self.weight)
 
     @cached_property
     def power(self) -> Floats:
@@ -211,11 +239,17 @@ class Shown:
 
     def excess(self, wanted: Assumed) -> float:
         """Frequency above the sea's where the errors exceed most what else would be expected, rad s-1; 0: nowhere."""
-        over = np.exp(self.assumed_density - self.expected(wanted)) * self.power - 1.0
-        own = [each.frequency.reshape(-1, each.power.size) for each in self.bands]
-        at = self._of_all(each[len(each) // 2] for each in own)
+        over = np.exp(self.assumed_density) / self.density(wanted) * self.power - 1.0
+        at = self._of_all(each.frequency[len(each.frequency) // 2] for each in self.bands)
         over[at < CALM * self.swing] = 0.0
         return float(at[np.argmax(over * np.sqrt(self.weight))]) if over.any() else 0.0
+
+    def joined(self, wanted: Assumed, units: Sequence[Component], sizes: Sequence[float]) -> Assumed:
+        """With the one of several components of unit size, and the size, that make the errors likeliest."""
+        square, base = np.square(sizes)[:, None], self.density(wanted)
+        worth = [self._worth(np.log(base + square * self._answer(each)) - self.assumed_density) for each in units]
+        at, size = np.unravel_index(np.argmax(worth), (len(units), len(sizes)))
+        return replace(wanted, ship=(*wanted.ship, replace(units[at], rms=sizes[size])))
 
     def likeliest(self, start: Assumed, *, last: bool = False, loose: float = 1.0) -> tuple[Assumed, float]:
         """Ship and noise where the errors are likeliest, and by how much, in log-likelihood.
@@ -230,14 +264,13 @@ class Shown:
             By how much less widths and sizes keep to it than they would to a fit.
         """
         ship, count = start.ship, start.noise.size - 2
-        own = spectrum.parameters(ship).size
+        places = np.cumsum([0, *(spectrum.parameters((each,)).size for each in ship)])
+        own = int(places[-1])
         unknown = ~np.isfinite(start.noise[:count])
         vector = np.append(spectrum.parameters(ship), np.log(np.where(unknown, UNKNOWN, start.noise[:count])))
         spread = np.append(spectrum.spreads(ship, loose), np.where(unknown, UNKNOWN_SPREAD, NOISE_SPREAD))
-        free = np.arange(vector.size)
-        if last:
-            free = free[own - spectrum.parameters(ship[-1:]).size : own]
-        power, weight, begin = self.power, self.weight, vector
+        free = np.arange(places[-2], own) if last else np.arange(vector.size)
+        begin = vector
 
         def make(vector: Floats) -> Assumed:
             size = np.maximum(np.exp(vector[own:]), spectrum.LEAST_NOISE)
@@ -245,21 +278,39 @@ class Shown:
             return replace(start, ship=spectrum.assemble(ship, vector[:own]), noise=noise)
 
         def value(vector: Floats) -> tuple[float, Floats]:
-            more = self.expected(make(vector)) - self.assumed_density
-            return self._worth(more) - 0.5 * float(np.sum(((vector - begin) / spread) ** 2)), more
+            whole = self.density(make(vector))
+            worth = float(self._worth(np.log(whole) - self.assumed_density))
+            return worth - 0.5 * float(np.sum(((vector - begin) / spread) ** 2)), whole
 
-        top, more = value(vector)
+        def slopes(vector: Floats) -> Iterator[Floats]:
+            """Of the density by the free parameters."""
+            now = make(vector)
+            for k in free:
+                if k >= own:
+                    yield 2.0 * self._noisy(k - own, now.noise[k - own])
+                    continue
+                of = int(np.searchsorted(places, k, side="right")) - 1
+                there = self._answer(now.ship[of])
+                if k == places[of + 1] - 1:  # a size
+                    yield 2.0 * there
+                    continue
+                moved = vector[places[of] : places[of + 1]].copy()
+                moved[k - places[of]] += STEP
+                yield (self._of_unit(spectrum.assemble((ship[of],), moved)[0]) - there) / STEP
+
+        top, whole = value(vector)
         for _ in range(ROUNDS):
-            rows = np.stack([(value(vector + STEP * np.eye(vector.size)[k])[1] - more) / STEP for k in free])
-            slope = rows @ (weight * (power * np.exp(-more) - 1.0)) - ((vector - begin) / spread**2)[free]
-            step = np.linalg.solve((rows * weight) @ rows.T + np.diag(spread[free] ** -2.0), slope)
+            rows = np.stack(list(slopes(vector))) / whole
+            over = self.power * np.exp(self.assumed_density) / whole - 1.0
+            slope = rows @ (self.weight * over) - ((vector - begin) / spread**2)[free]
+            step = np.linalg.solve((rows * self.weight) @ rows.T + np.diag(spread[free] ** -2.0), slope)
             by = np.zeros(vector.size)
             by[free] = step * min(1.0, MOST_STEP / max(float(np.abs(step).max()), 1e-12))
             before = top
             for _ in range(HALVINGS):
                 trial = value(vector + by)
                 if trial[0] > top:
-                    vector, (top, more) = vector + by, trial
+                    vector, (top, whole) = vector + by, trial
                     break
                 by *= 0.3
             if top - before < ENOUGH:
@@ -269,8 +320,7 @@ class Shown:
     def doubt(self, number: int) -> float:
         """1 sigma of the mean square of a component's motion as it is followed, over what is assumed of it."""
         ship, weight, whole = self.assumed.ship, self.weight, np.exp(self.assumed_density)
-        rest = (*ship[:number], *ship[number + 1 :])
-        own = whole - np.exp(self.expected(replace(self.assumed, ship=rest)))
+        own = self._answer(ship[number])
         share = own / whole  # of what is read at a frequency: so much of the motion there is followed
         lost = 1.0 - float(np.sum(weight * own * share) / np.sum(weight * own))
         ordinates = float(np.sum(weight * share) ** 2 / np.sum(weight * share**2))

@@ -56,6 +56,8 @@ class Fitted:
         What it went about.
     doubt : float
         Of gravity over itself, from a path that does not settle: in long gaps the ship's is hardly known.
+    bent : float
+        See `bend`, between the last two paths.
     spectra : dict
         Of the errors, once they are asked for; see `whiteness.errors_by_frequency`.
     """
@@ -66,6 +68,7 @@ class Fitted:
     of: passes.Pass
     about: tuple[Constant, ...]
     doubt: float = 0.0
+    bent: float = 0.0
     spectra: dict[tuple[int, int], tuple[Floats, Floats, np.ndarray]] = field(default_factory=dict, init=False)
 
     def without(self, constant: Constant) -> Fitted:
@@ -77,31 +80,37 @@ class Fitted:
         normal, totals = turned.T @ self.of.normal @ turned, self.of.totals
         solution = solve(rest, normal, totals[0], totals[1], prior_root(rest, self.model.course))
         model = replace(self.model, constants=solution.constants)
-        return Fitted(model, solution, self.path, self.of._replace(normal=normal), rest, self.doubt)
+        return Fitted(model, solution, self.path, self.of._replace(normal=normal), rest, self.doubt, self.bent)
 
 
-def fitted(model: Model, about: Floats, *, smooth: bool = False) -> Fitted:
-    """Gauss-Newton about the smoothed path, until it is straight between the last two.
+def fitted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOST_FITS) -> Fitted:
+    """Gauss-Newton about the smoothed path, until it is straight between the last two, or so many passes are done.
 
     Paths contract a thousandfold a pass: the last one needs no smoothing. That of linear pendulums scales derivatives
     alone, and stays, unless it is asked for.
     """
     root = prior_root(model.constants, model.course)
     constants, left, doubt = model.constants, np.inf if model.assumed.sine or smooth else 0.0, 0.0
-    for _ in range(MOST_FITS):
+    for _ in range(most):
         before = constants
         solution, of, path = model.problem.fit(
             model.assumed, before, about=about, root=root, smooth=bool(left > NEARLY_STRAIGHT)
         )
         constants, doubt = solution.constants, 0.0
         if path is about:
+            left = 0.0
             break
         left = bend(model, path, about)
         if left < STRAIGHT:
             break
         doubt, about = astray(model, path, about), path
     of = of._replace(errors=np.zeros(0))  # whitened ones serve from here on, and long records have many
-    return Fitted(replace(model, constants=constants), solution, path, of, before, doubt)
+    return Fitted(replace(model, constants=constants), solution, path, of, before, doubt, left)
+
+
+def straightened(fit: Fitted) -> Fitted:
+    """The same, gone on with where its last paths are not straight yet."""
+    return fit if fit.bent < STRAIGHT else fitted(fit.model, fit.path)
 
 
 def grown(path: Floats, pendulums: int, ship: tuple[Component, ...]) -> Floats:

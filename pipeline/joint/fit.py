@@ -230,7 +230,7 @@ def risen(model: explanation.Model, rough: explanation.Fitted) -> tuple[explanat
     if not found:
         raise np.linalg.LinAlgError("neither level nor heaving motion of the ship can be followed")
     best = max(found, key=standing)
-    if fit is not None:
+    if fit is not None and not (best is heaving and motion.is_white(best, problem.differences)):
         kicked = better(replace(model, assumed=motion.kicked(fit)), best)
         if kicked is not best and (sought or np.nanmax(np.abs(kicked.of.whitened)) < GATE):
             return fit, kicked
@@ -243,7 +243,7 @@ def _beside(model: explanation.Model, assumed: Assumed, rough: explanation.Fitte
     pendulums = model.problem.pendulums
     about = grown(rough.path[:, : 2 * pendulums], pendulums, assumed.ship)
     try:
-        return explanation.fitted(replace(model, assumed=assumed, begun=assumed.ship), about)
+        return explanation.fitted(replace(model, assumed=assumed, begun=assumed.ship), about, most=1)
     except np.linalg.LinAlgError:
         return None
 

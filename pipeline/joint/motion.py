@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import spectrum
-from pipeline.joint.explanation import Candidate, Fitted, Model, fitted, grown, priced
+from pipeline.joint.explanation import Candidate, Fitted, Model, fitted, grown, priced, straightened
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Axis, Component, Engine, Sea, Vibration
 from pipeline.joint.whiteness import CALM, UNKNOWN, Shown, clipped, errors_by_frequency
@@ -175,7 +175,7 @@ def reshaped(fit: Fitted) -> Fitted:
         fit = found
         if more < ENOUGH:
             break
-    return fit
+    return straightened(fit)
 
 
 def _heaving_as_it_sways(ship: tuple[Component, ...]) -> tuple[Component, ...]:
@@ -193,7 +193,7 @@ def _with(fit: Fitted, assumed: Assumed) -> Fitted:
     if [type(each) for each in assumed.ship] != [type(each) for each in fit.model.assumed.ship]:
         path = grown(path[:, : 2 * fit.model.problem.pendulums], fit.model.problem.pendulums, assumed.ship)
     try:
-        return fitted(replace(fit.model, assumed=assumed), path)
+        return fitted(replace(fit.model, assumed=assumed), path, most=1)
     except np.linalg.LinAlgError:
         return fit
 
@@ -215,7 +215,7 @@ def pruned(fit: Fitted) -> Fitted:
         begun = (*model.begun[:number], *model.begun[number + 1 :])
         trial = replace(model, assumed=replace(model.assumed, ship=rest), begun=begun)
         try:
-            fit, shown = max(fit, fitted(trial, path), key=lambda each: each.solution.log_likelihood), None
+            fit, shown = max(fit, fitted(trial, path, most=1), key=lambda each: each.solution.log_likelihood), None
         except np.linalg.LinAlgError:
             continue
     return fit

@@ -103,9 +103,8 @@ class Problem:
     def until(self, nodes: int) -> Problem:
         """The first nodes alone."""
         lattice = self.lattice.until(nodes)
-        known = (each[:nodes] for each in (self.recorded, self.slope))
-        left_out, track = self.left_out[: lattice.node.size], self.track[:nodes]
-        return Problem(lattice, self.kappa, self.damping, *known, left_out, self.heave, track, self.rounded)
+        known = {name: getattr(self, name)[:nodes] for name in ("recorded", "slope", "track")}
+        return replace(self, lattice=lattice, left_out=self.left_out[: lattice.node.size], **known)
 
     def leaves_heave_open(self, sine: bool) -> bool:
         """Whether vertical motion acts under a law, and no recording says how."""

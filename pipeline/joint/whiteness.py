@@ -39,7 +39,7 @@ ENOUGH = 0.2  # in log-likelihood
 def errors_by_frequency(fit: Fitted, trace: int, taper: int = 1) -> tuple[Floats, Floats, np.ndarray]:
     """Power of a trace's whitened errors by frequency, rad s-1, 1 where they are of unit variance; and their samples.
 
-    Empty where they are few. Under a taper, a power of a sine: lines leak without. Kept with the fit: not to be changed.
+    Empty where they are few. Under a taper, a power of a sine: lines leak without. Kept with the fit.
     """
     if (trace, taper) not in fit.spectra:
         fit.spectra[trace, taper] = _errors_by_frequency(fit, trace, taper)
@@ -151,15 +151,6 @@ class Band:
         kicked = problem.lattice.combination[trace] ** 2 * problem.kappa / (problem.kappa - every[..., None] ** 2) ** 2
         return Band(trace, np.add.reduceat(power, begins) / count, weight, every, across, upright, kicked, step)
 
-    def answer(self, component: Component, swing: float) -> Floats:
-        """Density that a component of the ship makes expect, (f,)."""
-        if component.axis == "horizontal":
-            every = self.across * density((component,), self.frequency, "horizontal")
-        else:
-            above, below = (density((component,), np.abs(self.frequency + by), "vertical") for by in (swing, -swing))
-            every = self.upright * (above + below)
-        return np.asarray(every.sum(axis=0))
-
 
 @dataclass(frozen=True, eq=False)
 class Shown:
@@ -188,18 +179,42 @@ class Shown:
     def _of_all(self, parts: Iterable[Floats]) -> Floats:
         return np.concatenate([np.zeros(0), *parts])
 
-    def _of_unit(self, component: Component) -> Floats:
-        return self._of_all(each.answer(component, self.swing) for each in self.bands)
+    @cached_property
+    def _every(self) -> tuple[Floats, Floats, Floats]:
+        """Frequencies of all bands, and the answers to U and Z, (m n,) arrays."""
+        parts = ([getattr(each, name).ravel() for each in self.bands] for name in ("frequency", "across", "upright"))
+        frequency, across, upright = (self._of_all(each) for each in parts)
+        return frequency, across, upright
+
+    @cached_property
+    def _bins(self) -> np.ndarray:
+        """Bin that each of them falls upon."""
+        sizes = [each.power.size for each in self.bands]
+        parts = zip(np.cumsum([0, *sizes[:-1]]), self.bands, strict=True) if sizes else ()
+        return np.concatenate([np.arange(0), *(at + np.arange(b.frequency.size) % b.power.size for at, b in parts)])
+
+    def _of(self, component: Component) -> Floats:
+        """Density that a component of the ship makes expect in all bands, (n,)."""
+        frequency, across, upright = self._every
+        if component.axis == "horizontal":
+            every = across * density((component,), frequency, "horizontal")
+        else:
+            above, below = (
+                density((component,), np.abs(frequency + by), "vertical") for by in (self.swing, -self.swing)
+            )
+            every = upright * (above + below)
+        folded = frequency.size > self.power.size
+        return np.asarray(np.bincount(self._bins, every, self.power.size) if folded else every)
 
     def _answer(self, component: Component) -> Floats:
-        """Density that a component makes expect in all bands, (n,)."""
+        """The same, kept for one of unit size."""
         unit = replace(component, rms=1.0)
         if unit not in self._answers:
-            self._answers[unit] = self._of_unit(unit)
+            self._answers[unit] = self._of(unit)
         return np.asarray(component.rms**2 * self._answers[unit])
 
     def _noisy(self, trace: int, noise: float) -> Floats:
-        """The same of the noise of a trace."""
+        """Density that the noise of a trace makes expect in all bands, (n,)."""
         parts = (np.full(each.power.size, noise**2 * each.step * (each.trace == trace)) for each in self.bands)
         return self._of_all(parts)
 
@@ -248,7 +263,7 @@ class Shown:
         """With the one of several components of unit size, and the size, that make the errors likeliest."""
         square, base = np.square(sizes)[:, None], self.density(wanted)
         worth = [self._worth(np.log(base + square * self._answer(each)) - self.assumed_density) for each in units]
-        at, size = np.unravel_index(np.argmax(worth), (len(units), len(sizes)))
+        at, size = divmod(int(np.argmax(worth)), len(sizes))
         return replace(wanted, ship=(*wanted.ship, replace(units[at], rms=sizes[size])))
 
     def likeliest(self, start: Assumed, *, last: bool = False, loose: float = 1.0) -> tuple[Assumed, float]:
@@ -285,7 +300,7 @@ class Shown:
         def slopes(vector: Floats) -> Iterator[Floats]:
             """Of the density by the free parameters."""
             now = make(vector)
-            for k in free:
+            for k in free.tolist():
                 if k >= own:
                     yield 2.0 * self._noisy(k - own, now.noise[k - own])
                     continue
@@ -296,7 +311,7 @@ class Shown:
                     continue
                 moved = vector[places[of] : places[of + 1]].copy()
                 moved[k - places[of]] += STEP
-                yield (self._of_unit(spectrum.assemble((ship[of],), moved)[0]) - there) / STEP
+                yield (self._of(spectrum.assemble((ship[of],), moved)[0]) - there) / STEP
 
         top, whole = value(vector)
         for _ in range(ROUNDS):

@@ -18,6 +18,7 @@ from pipeline.joint import apparatus, kinds, motion
 from pipeline.joint.constants import Constant, Solution, solve
 from pipeline.joint.course import best_course, is_knot, knots, prior_root, weights
 from pipeline.joint.explanation import Candidate, Fitted, Model, fitted, grown, priced
+from pipeline.joint.unresolved import unresolved
 from pipeline.joint.whiteness import LEAST_READINGS
 
 PAYS = 5.0  # in log-likelihood
@@ -31,6 +32,7 @@ MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
 NOTICED, ABSENT, SAME, THRICE = 2.5, 2.0, 0.5, 3.0  # of gravity's sigma; in log-likelihood; a step of kicks
 SCALES = (kinds.GAIN, kinds.RATIO)  # of constants that stand for each other
+REPLACED = (*SCALES, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC)  # others may explain what they were taken for
 
 
 def candidates(fit: Fitted) -> Iterator[Candidate]:
@@ -47,17 +49,19 @@ def candidates(fit: Fitted) -> Iterator[Candidate]:
 
 def _constants(fit: Fitted) -> list[Candidate]:
     """Friction, a course of gravity, faults of the apparatus, all priced by one pass."""
-    model = fit.model
-    problem, own = model.problem, model.constants
-    names = {each.name for each in own}
-    speed = _speed(fit)
+    taken = any(is_knot(each) for each in fit.model.constants)
+    return _added(fit, _possible(fit), () if taken else knots(fit.model.problem.lattice.duration))
+
+
+def _possible(fit: Fitted) -> list[Constant]:
+    """Friction that is not viscous, and faults of the apparatus, which a fit does not have."""
+    speed, names = _speed(fit), {each.name for each in fit.model.constants}
     frictions = (
         Constant("quadratic friction", kinds.QUADRATIC, 1e-2),
         *(Constant("knife-edge friction", kinds.DRY, 1e-4, centre=part * speed) for part in FADES),
     )
-    extra = [*(each for each in frictions if each.name not in names), *apparatus.faults(problem, own)]
-    course = () if any(is_knot(each) for each in own) else knots(problem.lattice.duration)
-    return _added(fit, extra, course)
+    found = [each for each in frictions if each.name not in names]
+    return [*found, *apparatus.faults(fit.model.problem, fit.model.constants)]
 
 
 def _added(
@@ -176,9 +180,14 @@ def _faded(fit: Fitted) -> Fitted:
     if _fade(fit.model) is None:
         return fit
     best = max(_fading(fit, [part * _speed(fit) for part in FADES]), key=lambda each: each[0])
-    for by in (1.5, 1.25, 1.1, 1.05):
+    for by in (1.5, 1.25, 1.1, 1.03):
         now = _fade(best[1])
-        best = max([best, *_fading(fit, (now * by, now / by))], key=lambda each: each[0]) if now else best
+        if not now:
+            break
+        low, high = _fading(fit, (now / by, now * by))
+        bent = low[0] + high[0] - 2.0 * best[0]
+        top = 0.5 * (low[0] - high[0]) / bent if bent < 0.0 else 0.0  # of a parabola, in steps
+        best = max([best, low, high, *_fading(fit, [now * by ** float(np.clip(top, -2.0, 2.0))])], key=lambda c: c[0])
     return fitted(best[1], fit.path)
 
 
@@ -229,18 +238,18 @@ def _resized(fit: Fitted, close: list[Candidate]) -> tuple[Fitted, list[Candidat
 
 
 def _rivals(fit: Fitted) -> list[Candidate]:
-    """Other gains and periods, and ways of friction to fade, that explain nearly as well what was taken explains."""
+    """Other constants, kicks, and ways of friction to fade, that explain nearly as well what was taken explains."""
     found, least, fade = [], fit.solution.log_likelihood - PAYS, _fade(fit.model)
     if fade is not None:
         fades = [part * fade for part in (0.0, 0.3, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0)]
         found += _fading(fit, fades if fade else [part * _speed(fit) for part in FADES[1:]])
     for taken in fit.model.constants:
-        if taken.kind not in SCALES:
+        if taken.kind not in REPLACED:
             continue
         lean = fit.without(taken)
-        others = apparatus.faults(fit.model.problem, lean.model.constants)
-        extra = [each for each in others if each.kind in SCALES and each.name != taken.name]
-        for each in _added(lean, extra, cost=0.0):
+        others = [each for each in _possible(lean) if each.name != taken.name]
+        tried = [*_added(lean, others, cost=0.0), *(_kicks(lean) if taken.kind not in SCALES else ())]
+        for each in tried:
             other = _fitted(lean, each) if each[0] > least - MUCH else None
             if other is not None:
                 found.append((other.solution.log_likelihood, other.model, other.solution))
@@ -255,11 +264,11 @@ class Tried:
         self._found: dict[int, tuple[Candidate, Candidate | None, float]] = {}
 
     def of(self, candidate: Candidate) -> tuple[Candidate | None, float]:
-        """A candidate as it is once fitted, None where it explains nothing; and what it leaves unseen of gravity."""
+        """A candidate as it is once fitted, None where it explains nothing; and what it leaves in doubt of gravity."""
         if id(candidate) not in self._found:
             found = _fitted(self.fit, candidate)
             after = None if found is None else _as_candidate(candidate, found)
-            hidden = 0.0 if found is None else motion.unseen(found, found.model)
+            hidden = 0.0 if found is None else unresolved(found, found.model.assumed)[1]
             self._found[id(candidate)] = candidate, after, hidden  # the first is held, that no other has its id
         return self._found[id(candidate)][1:]
 
@@ -337,7 +346,8 @@ def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:
     for value, model, solution in ((fit.solution.log_likelihood, fit.model, fit.solution), *close):
         mean, sigma = mean_gravity(solution, duration)
         shared = 0.0 if model is fit.model else float(np.log(alike[model.words]))
-        parts.append((value - shared, mean, float(np.hypot(sigma, motion.unseen(fit, model)))))
+        more, doubt = unresolved(fit, model.assumed)
+        parts.append((value - shared, mean + more, float(np.hypot(sigma, doubt))))
     logs = np.array([part[0] for part in parts])
     share = np.exp(logs - logs.max())
     share /= share.sum()

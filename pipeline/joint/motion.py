@@ -25,7 +25,6 @@ SAME_LINE = 0.2  # in the logarithm of the frequency
 QUIET = 0.3  # of the power that white errors of unit variance have
 LEAST_BAND, BANDS = 8, 12  # bins of the lowest band; bands of a spectrum
 MOST_COMPONENTS = 3
-FAST = 3.0  # of the swing's frequency
 TWICE = (1e-5, 1e-4, 1e-3)  # over reference gravity: vertical motion at twice the swing's frequency, which hides in it
 RARE = 500.0  # in log-likelihood, of that: kicks and friction that is not met do nearly the same
 TURN = 1.5  # rad of a motion in a step of the lattice
@@ -142,18 +141,6 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
         twice = 2.0 * model.problem.swing
         lines = [Engine(twice, OWN * OWN * twice, size, "vertical") for size in TWICE]
         yield from (of(replace(model.assumed, ship=(*ship, line)), RARE) for line in lines)
-
-
-def unseen(fit: Fitted, model: Model) -> float:
-    """1 sigma of gravity over itself, of what a fast vertical motion does that a model assumes and does not follow.
-
-    It stiffens a pendulum by its mean square over that of its frequency, in those of the swing.
-    """
-    swing, ship = float(model.problem.kappa.mean()), model.assumed.ship
-    upright = [number for number, each in enumerate(ship) if each.axis == "vertical"]
-    fast = [number for number in upright if ship[number].peak > FAST * np.sqrt(swing)]
-    shown = replace(Shown.of(fit, ship), assumed=model.assumed) if fast else None
-    return sum(swing * (ship[k].rms / ship[k].peak) ** 2 * shown.doubt(k) for k in fast) if shown else 0.0
 
 
 def reshaped(fit: Fitted) -> Fitted:

@@ -331,12 +331,3 @@ class Shown:
             if top - before < ENOUGH:
                 break
         return make(vector), top
-
-    def doubt(self, number: int) -> float:
-        """1 sigma of the mean square of a component's motion as it is followed, over what is assumed of it."""
-        ship, weight, whole = self.assumed.ship, self.weight, np.exp(self.assumed_density)
-        own = self._answer(ship[number])
-        share = own / whole  # of what is read at a frequency: so much of the motion there is followed
-        lost = 1.0 - float(np.sum(weight * own * share) / np.sum(weight * own))
-        ordinates = float(np.sum(weight * share) ** 2 / np.sum(weight * share**2))
-        return float(np.hypot(lost, 2.0 * np.sqrt(lost / ordinates)))

@@ -8,7 +8,7 @@ nothing pays. Explanations that stay close are averaged into value and sigma.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from pipeline.arrays import Floats
 from pipeline.joint import apparatus, kinds, motion
 from pipeline.joint.constants import Constant, Solution, solve
 from pipeline.joint.course import best_course, is_knot, knots, prior_root, weights
-from pipeline.joint.explanation import Candidate, Fitted, Model, fitted, grown, priced
+from pipeline.joint.explanation import Candidate, Fitted, fitted, grown, priced
 from pipeline.joint.unresolved import unresolved
 from pipeline.joint.whiteness import LEAST_READINGS
 
@@ -27,6 +27,7 @@ STEPS, LEAST_STEP = 12, 0.3  # times tried at once; of the lattice's step
 FAULT, STEP_COST = 5.0, 9.0  # in log-likelihood: of what an apparatus seldom has; of a time that may be any
 SMALL, LIKELIER = 0.1, 2.0  # of a scale's or period's prior; in log-likelihood
 FADES = (0.0, 0.05, 0.1, 0.25)  # of the mean speed, below which knife-edge friction fades
+SETTLED = 0.3  # of sigma: a step that is none
 FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
@@ -162,33 +163,18 @@ def _noticed(fit: Fitted) -> float:
     return NOTICED * sigma * problem.swing * arc * float(np.sqrt(problem.lattice.duration)) / (2.0 * 0.77)
 
 
-def _fading(fit: Fitted, fades: Iterable[float]) -> list[Candidate]:
-    """The same with knife-edge friction that fades below other speeds."""
-    found = []
-    for fade in fades:
-        own = (replace(each, centre=fade) if each.kind == kinds.DRY else each for each in fit.model.constants)
-        found.append(priced(replace(fit.model, constants=tuple(own)), fit.path))
-    return found
-
-
-def _fade(model: Model) -> float | None:
-    return next((each.centre for each in model.constants if each.kind == kinds.DRY), None)
-
-
-def _faded(fit: Fitted) -> Fitted:
-    """With the speed below which knife-edge friction fades where the readings are likeliest."""
-    if _fade(fit.model) is None:
+def _with_fade(fit: Fitted) -> Fitted:
+    """With the speed below which knife-edge friction fades as a constant, where such friction is taken."""
+    own = {each.kind: each for each in fit.model.constants}
+    if kinds.DRY not in own or kinds.FADE in own:
         return fit
-    best = max(_fading(fit, [part * _speed(fit) for part in FADES]), key=lambda each: each[0])
-    for by in (1.5, 1.25, 1.1, 1.03):
-        now = _fade(best[1])
-        if not now:
+    fade = Constant("fading of friction", kinds.FADE, max(own[kinds.DRY].centre, FADES[-1] * _speed(fit)))
+    fit = replace(fit, model=replace(fit.model, constants=(*fit.model.constants, fade)))
+    for _ in range(ROUNDS):
+        fit = fitted(fit.model, fit.path)
+        if abs(fit.solution.step[-1]) < SETTLED * fit.solution.sigma(fade.name):
             break
-        low, high = _fading(fit, (now / by, now * by))
-        bent = low[0] + high[0] - 2.0 * best[0]
-        top = 0.5 * (low[0] - high[0]) / bent if bent < 0.0 else 0.0  # of a parabola, in steps
-        best = max([best, low, high, *_fading(fit, [now * by ** float(np.clip(top, -2.0, 2.0))])], key=lambda c: c[0])
-    return fitted(best[1], fit.path)
+    return fit
 
 
 def _speed(fit: Fitted) -> float:
@@ -218,7 +204,7 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
         taken = tried.taken([each for each in found if each[0] > base + PAYS])
         if taken is None:
             break
-        fit = motion.reshaped(_faded(taken))
+        fit = motion.reshaped(_with_fade(taken))
     close = [again for each in found if (again := tried.again(each)) is not None]
     fit, close = _resized(fit, close)
     return fit, [*close, *_rivals(fit)]
@@ -238,11 +224,8 @@ def _resized(fit: Fitted, close: list[Candidate]) -> tuple[Fitted, list[Candidat
 
 
 def _rivals(fit: Fitted) -> list[Candidate]:
-    """Other constants, kicks, and ways of friction to fade, that explain nearly as well what was taken explains."""
-    found, least, fade = [], fit.solution.log_likelihood - PAYS, _fade(fit.model)
-    if fade is not None:
-        fades = [part * fade for part in (0.0, 0.3, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0)]
-        found += _fading(fit, fades if fade else [part * _speed(fit) for part in FADES[1:]])
+    """Other constants, and kicks, that explain nearly as well what was taken explains."""
+    found, least = [], fit.solution.log_likelihood - PAYS
     for taken in fit.model.constants:
         if taken.kind not in REPLACED:
             continue

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import spectrum
-from pipeline.joint.explanation import Candidate, Fitted, Model, fitted, grown, priced, straightened
+from pipeline.joint.explanation import Candidate, Fitted, fitted, grown, priced, straightened
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Axis, Component, Engine, Sea, Vibration
 from pipeline.joint.whiteness import CALM, UNKNOWN, Shown, clipped, errors_by_frequency

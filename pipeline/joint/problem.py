@@ -18,6 +18,7 @@ from pipeline.joint.ship import Component, Ship
 
 NONE2, NONE3 = np.zeros((0, 0)), np.zeros((0, 0, 0))
 NOTHING_KEPT = passes.Kept(NONE3, NONE3, np.zeros(0, dtype=np.int64), NONE2, NONE2, NONE2)
+FADING = (kinds.DRY, kinds.FADE)  # the first's centre, and a change of it
 LEVEL = 0.5  # of one pendulum's answer to the ship
 MOST_DAMPED = 0.3  # of its frequency
 LEAST = 0.1  # of reference gravity, and of a trace's scale
@@ -135,7 +136,7 @@ class Problem:
             assumed.sine,
             tuple(quadratic),
             tuple(dry),
-            next((each.centre for each in constants if each.kind == kinds.DRY), 0.0),
+            sum(each.centre + each.value * (each.kind == kinds.FADE) for each in constants if each.kind in FADING),
             assumed.heave_noise,
         )
 

@@ -12,6 +12,7 @@ from pipeline.joint.kinds import (
     DELAY,
     DRIFT,
     DRY,
+    FADE,
     GAIN,
     GRAVITY,
     HEAVE_DELAY,
@@ -26,7 +27,7 @@ from pipeline.joint.passes import Columns, Readings
 from synth.kernels.compiled import kernel, summing_kernel
 
 MOST_ARC, MOST_ACCELERATION = 0.5, 0.3  # rad; over reference gravity
-TURNED = 1e-9  # rad s-1: a pendulum turns at no less
+TURNED, FADED = 1e-9, 1e-4  # rad s-1: a pendulum turns at no less; change of a fading speed for its derivative
 
 
 @kernel
@@ -299,7 +300,13 @@ def force_columns(
                 elif kind == QUADRATIC:
                     force = -abs(speed) * speed
                 elif kind == DRY:
-                    force = -direction(flow, i, m, angle, speed, columns.centre[c])[0]
+                    fade = flow.fade if flow.dry[i] != 0.0 else columns.centre[c]
+                    force = -direction(flow, i, m, angle, speed, fade)[0]
+                elif kind == FADE:
+                    more = FADED * (abs(flow.fade) + TURNED)
+                    force = direction(flow, i, m, angle, speed, flow.fade)[0]
+                    force -= direction(flow, i, m, angle, speed, flow.fade + more)[0]
+                    force *= flow.dry[i] / more
                 else:
                     lever = angle
                     if flow.sine:

@@ -10,11 +10,12 @@ whole numbers are therefore compared at exact instants, all others at the double
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from importlib import import_module
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,15 +23,102 @@ from numpy.typing import NDArray
 from data_schemas.errors import RefusedError
 from pipeline.benchmarks import truth
 from pipeline.benchmarks.own import Answer
-from pipeline.benchmarks.problems import Problem
-from pipeline.benchmarks.symbolic import equations
+from pipeline.benchmarks.problems import Problem, Swell
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
+from synth.systems.driven_pendulums import DrivenPendulums
+from synth.systems.elastic_beam import ElasticBeam
+from synth.systems.restoring import Sine
+from synth.systems.van_der_pol import VanDerPol
 
+Number = Callable[[Any], Any]
+Equations = list[tuple[Any, Any]]
 TIGHT = 1e-18
 OWN_TIGHT = 1e-14
 _SAMPLED = 200  # readings of which many digits are made
 _BETWEEN = 400  # instants besides, closer towards the start, which show how large a component becomes
+
+
+def equations(problem: Problem, number: Number) -> Equations:
+    """Pairs (variable, derivative) in the order of the state.
+
+    Parameters
+    ----------
+    number : callable
+        Makes a number of the arithmetic wanted, `float` or `numpy.longdouble`.
+
+    Raises
+    ------
+    ImportError
+        heyoka is not installed.
+    """
+    system = problem.system
+    if isinstance(system, DrivenPendulums):
+        return _pendulums(problem, number)
+    if isinstance(system, ElasticBeam):
+        return _beam(system, number)
+    assert isinstance(system, VanDerPol)
+    return _van_der_pol(system, number)
+
+
+def _level(motion: Swell, number: Number) -> Any:
+    import heyoka as hy
+
+    terms = [number(a) * hy.cos(number(w) * hy.time + number(p)) for a, w, p in zip(*motion, strict=True) if a]
+    return hy.sum(terms) if terms else None
+
+
+def _pendulums(problem: Problem, number: Number) -> Equations:
+    import heyoka as hy
+
+    system = problem.system
+    across, along = _level(problem.horizontal, number), _level(problem.vertical, number)
+    sine, gravity = isinstance(system.restoring, Sine), number(system.gravity)
+    found: Equations = []
+    for k, (n, gamma) in enumerate(zip(system.natural_frequency, system.terms.damping_rate, strict=True)):
+        x, v = hy.make_vars(f"x{k}", f"v{k}")
+        back = hy.sin(x) if sine else x
+        if along is not None:
+            back = (number(1.0) + along / gravity) * back
+        if across is not None:
+            back = back + across / gravity * (hy.cos(x) if sine else number(1.0))
+        found += [(x, v), (v, -number(2.0) * number(gamma) * v - number(n) * number(n) * back)]
+    return found
+
+
+def _beam(system: ElasticBeam, number: Number) -> Equations:
+    """System (1) of Kanunnikov and Lamper, solved for the accelerations."""
+    import heyoka as hy
+
+    x, v = hy.make_vars("x", "v")
+    gravity, heavy = number(system.gravity), number(system.beam_mass)
+    whole, inertia = heavy, heavy
+    force: Any = number(0.0)
+    swings = []
+    for k, (m, length) in enumerate(zip(system.mass, system.length, strict=True)):
+        angle, rate = hy.make_vars(f"phi{k}", f"rate{k}")
+        sine, cosine = hy.sin(angle), hy.cos(angle)
+        free = -(gravity / number(length)) * sine
+        if system.terms is not None:
+            share = angle / number(system.terms.angle[k])
+            free = free + number(system.terms.rate[k]) * (number(1.0) - share * share) * rate
+        whole = whole + number(m)
+        inertia = inertia + number(m) * cosine * cosine
+        force = force + number(m) * number(length) * (cosine * rate * rate + sine * free)
+        swings.append((angle, rate, sine, free, number(length)))
+    pull = force - number(system.stiffness) * x - whole * number(system.damping_rate) * v
+    beam = pull / inertia
+    found: Equations = [(x, v), (v, beam)]
+    for angle, rate, sine, free, length in swings:
+        found += [(angle, rate), (rate, free + sine * beam / length)]
+    return found
+
+
+def _van_der_pol(system: VanDerPol, number: Number) -> Equations:
+    import heyoka as hy
+
+    y, v = hy.make_vars("y", "v")
+    return [(y, v), (v, number(system.stiffness) * (number(1.0) - y * y) * v - y)]
 
 
 @dataclass(frozen=True)

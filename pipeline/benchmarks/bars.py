@@ -20,6 +20,13 @@ from pipeline.benchmarks.trials import outcome, prepared, reduce_all
 from pipeline.reduction import reduce_by
 
 
+def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
+    """Yield every bar. Quick: fewer seeds, with limits as much wider as chance asks."""
+    yield from rows()
+    yield from bars_joint.rows(quick=quick)
+    yield from bars_speed.rows(quick=quick)
+
+
 def rows() -> Iterator[Row]:
     """Yield the bars of accuracy."""
     yield from _wrong_by_nature()
@@ -81,10 +88,3 @@ def _browne() -> Iterator[Row]:
         shift, bar = float(np.mean(shifts)), f"Browne, 0.1 m/s2 at 10 s, {axis}"
         yield at_most(f"{bar}: seen {shift:.3f} mGal, off {expected} by", abs(shift - expected), 0.02, "mGal")
         yield at_most(f"{bar}: left by shooting", max(left), 0.02, "mGal")
-
-
-def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
-    """Yield every bar. Quick: fewer seeds, with limits as much wider as chance asks."""
-    yield from rows()
-    yield from bars_joint.rows(quick=quick)
-    yield from bars_speed.rows(quick=quick)

@@ -23,7 +23,7 @@ from typing import Any
 
 import data_schemas
 import synth
-from pipeline.batch import ledger_index, log
+from pipeline.batch import ledger, log
 from pipeline.batch.summary import NAMES
 from pipeline.benchmarks.bar import at_least, at_most, holds, not_measured
 from pipeline.benchmarks.clock import median_ratio, tree_environment
@@ -130,7 +130,7 @@ def killed_and_resumed(records: Path, out: Path, after: int) -> None:
     """Kill a batch of two processes with -9 once so many records are in its ledger, and resume it."""
     words = _command(records, out, "--jobs", "2")
     with subprocess.Popen(words, env=_environment(), stderr=subprocess.DEVNULL) as begun:
-        while begun.poll() is None and _lines(out / ledger_index.NAME) < after:
+        while begun.poll() is None and _lines(out / ledger.NAME) < after:
             time.sleep(0.01)
         begun.kill()
     subprocess.run([*words, "--resume"], env=_environment(), check=True, capture_output=True)

@@ -42,6 +42,65 @@ NOTHING: dict[str, Any] = {
 """Scores of a film that was refused."""
 
 
+def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
+    """Yield one row a film and reader, then one row a promise.
+
+    Quick: films of two minutes, the ends of each axis, and no promise that needs half an hour of film. With a folder:
+    both tables as CSV.
+    """
+    table: list[dict[str, Any]] = []
+    seconds = _QUICK_SECONDS if quick else _SECONDS
+    with tempfile.TemporaryDirectory() as temporary:
+        _warm_up(Path(temporary) / "case.film.tif")
+        for case in progress(list(cases(seconds, quick=quick)), "film"):
+            for row in rows_of(case, Path(temporary) / "case.film.tif"):
+                table.append(row)
+                yield row
+        promises = []
+        for row in rows(Path(temporary), quick=quick):
+            promises.append(row)
+            yield row
+    if folder is not None:
+        write(folder / "film.csv", table)
+        write(folder / "film-bars.csv", promises)
+
+
+def _warm_up(path: Path) -> None:
+    """Read a short film once, so that no film is charged with what is compiled at first use."""
+    import synth
+    from pipeline.film.digitise import digitise
+
+    case = next(cases(_WARM_SECONDS, quick=True))
+    synth.expose(case.scene, case.film, path, overwrite=True)
+    digitise(path)
+
+
+def rows_of(case: Case, path: Path) -> Iterator[dict[str, Any]]:
+    """Rows of one film: the project's reading, then its peers."""
+    import synth
+    from pipeline.film.digitise import open_film
+    from pipeline.film.knowledge import FilmOptions
+
+    tree = synth.expose(case.scene, case.film, path, overwrite=True)
+    truth = Truth.of(tree)
+    named = {"axis": case.axis, "value": case.value}
+    pixels = truth.column.shape[1] * round(case.film.paper_width * case.film.dpi / 25.4)
+    started = time.process_time()
+    try:
+        found = own_reading(path, truth, case.film.mark_interval)
+        scores, refusal, spent = found.scores, "", found.seconds
+    except IsochronyError as fault:
+        scores, refusal, spent = NOTHING, str(fault), time.process_time() - started
+    yield {**named, "reader": "isochrony", **scores, "mpx_s": pixels / 1e6 / spent, "refused": refusal}
+    scan, _ = open_film(path, None, FilmOptions())
+    started = time.process_time()
+    for name, position in readings(scan, truth):
+        spent = time.process_time() - started
+        scored = places(position[order(position, truth)], None, truth)
+        yield {**named, "reader": name, **NOTHING, **scored, "mpx_s": pixels / 1e6 / spent, "refused": ""}
+        started = time.process_time()
+
+
 @dataclass(frozen=True)
 class Case:
     """One film.
@@ -199,62 +258,3 @@ def _gravity(name: str, limit: float, folder: Path) -> Iterator[Row]:
     sigma = float(result["gravity"].dataset["gravity_sigma"].values[0])
     yield at_most(f"{name} film of 30 minutes: gravity", error, limit, "mGal")
     yield at_most(f"{name} film of 30 minutes: gravity over its 95 % interval", error / (1.96 * sigma), 1.0)
-
-
-def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
-    """Yield one row a film and reader, then one row a promise.
-
-    Quick: films of two minutes, the ends of each axis, and no promise that needs half an hour of film. With a folder:
-    both tables as CSV.
-    """
-    table: list[dict[str, Any]] = []
-    seconds = _QUICK_SECONDS if quick else _SECONDS
-    with tempfile.TemporaryDirectory() as temporary:
-        _warm_up(Path(temporary) / "case.film.tif")
-        for case in progress(list(cases(seconds, quick=quick)), "film"):
-            for row in rows_of(case, Path(temporary) / "case.film.tif"):
-                table.append(row)
-                yield row
-        promises = []
-        for row in rows(Path(temporary), quick=quick):
-            promises.append(row)
-            yield row
-    if folder is not None:
-        write(folder / "film.csv", table)
-        write(folder / "film-bars.csv", promises)
-
-
-def _warm_up(path: Path) -> None:
-    """Read a short film once, so that no film is charged with what is compiled at first use."""
-    import synth
-    from pipeline.film.digitise import digitise
-
-    case = next(cases(_WARM_SECONDS, quick=True))
-    synth.expose(case.scene, case.film, path, overwrite=True)
-    digitise(path)
-
-
-def rows_of(case: Case, path: Path) -> Iterator[dict[str, Any]]:
-    """Rows of one film: the project's reading, then its peers."""
-    import synth
-    from pipeline.film.digitise import open_film
-    from pipeline.film.knowledge import FilmOptions
-
-    tree = synth.expose(case.scene, case.film, path, overwrite=True)
-    truth = Truth.of(tree)
-    named = {"axis": case.axis, "value": case.value}
-    pixels = truth.column.shape[1] * round(case.film.paper_width * case.film.dpi / 25.4)
-    started = time.process_time()
-    try:
-        found = own_reading(path, truth, case.film.mark_interval)
-        scores, refusal, spent = found.scores, "", found.seconds
-    except IsochronyError as fault:
-        scores, refusal, spent = NOTHING, str(fault), time.process_time() - started
-    yield {**named, "reader": "isochrony", **scores, "mpx_s": pixels / 1e6 / spent, "refused": refusal}
-    scan, _ = open_film(path, None, FilmOptions())
-    started = time.process_time()
-    for name, position in readings(scan, truth):
-        spent = time.process_time() - started
-        scored = places(position[order(position, truth)], None, truth)
-        yield {**named, "reader": name, **NOTHING, **scored, "mpx_s": pixels / 1e6 / spent, "refused": ""}
-        started = time.process_time()

@@ -46,6 +46,50 @@ EXACT = 1e-15
 """An estimate of a few roundings is not asked to be met from below: an error may vanish by chance."""
 
 
+def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
+    """Yield three kinds of rows: work-precision, honesty, bars. Quick: a tenth as long, fewer tolerances."""
+    races: dict[str, tuple[str, list[Point]]] = {}
+    tables: dict[str, list[Row]] = {"work-precision": []}
+    for name, problem in raced(quick=quick).items():
+        truth = reference(problem)
+        races[name] = truth.source, sweep(problem, truth, quick=quick)
+        rows = [point.row(truth.source) for point in races[name][1]]
+        tables["work-precision"] += rows
+        yield from rows
+    points = {name: found for name, (_, found) in races.items()}
+    tables["honesty"] = [row for found in points.values() for row in estimates(found)]
+    bars = judged(points)
+    tables["bars"] = list(not_judged(bars) if quick else bars)
+    yield from (*tables["honesty"], *tables["bars"])
+    if folder is not None:
+        for name, table in tables.items():
+            write(folder / f"{name}.csv", table)
+        if importlib.util.find_spec("matplotlib") is not None:
+            from pipeline.benchmarks.pictures import draw_integrators
+
+            draw_integrators(races, folder / "integrators.png")
+
+
+def honest(error: float, estimate: float) -> bool:
+    """Whether an estimate fits the true error; NaN fits nothing."""
+    return error <= UNDER * estimate and (error >= estimate / OVER or estimate <= EXACT)
+
+
+def estimates(points: Sequence[Point]) -> Iterator[Row]:
+    """One row for each point at which one of the project's propagators gave a value."""
+    for point in points:
+        if point.own and point.seconds and not math.isnan(point.estimate):
+            yield {
+                "honesty": point.problem,
+                "method": point.method,
+                "tolerance": point.tolerance,
+                "error": point.whole_error,
+                "estimate": point.estimate,
+                "error_over_estimate": point.whole_error / point.estimate,
+                "pass": honest(point.whole_error, point.estimate),
+            }
+
+
 def not_judged(rows: Iterator[Row]) -> Iterator[Row]:
     """Rows of short problems, on which starting up is what takes the time: reported, not judged."""
     for row in rows:
@@ -104,47 +148,3 @@ def time_at(points: Sequence[Point], error: float) -> float:
     errors = np.log([max(point.error, 1e-17) for point in front])
     times = np.log([point.ms for point in front])
     return float(np.exp(np.interp(-math.log(error), -errors, times)))
-
-
-def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
-    """Yield three kinds of rows: work-precision, honesty, bars. Quick: a tenth as long, fewer tolerances."""
-    races: dict[str, tuple[str, list[Point]]] = {}
-    tables: dict[str, list[Row]] = {"work-precision": []}
-    for name, problem in raced(quick=quick).items():
-        truth = reference(problem)
-        races[name] = truth.source, sweep(problem, truth, quick=quick)
-        rows = [point.row(truth.source) for point in races[name][1]]
-        tables["work-precision"] += rows
-        yield from rows
-    points = {name: found for name, (_, found) in races.items()}
-    tables["honesty"] = [row for found in points.values() for row in estimates(found)]
-    bars = judged(points)
-    tables["bars"] = list(not_judged(bars) if quick else bars)
-    yield from (*tables["honesty"], *tables["bars"])
-    if folder is not None:
-        for name, table in tables.items():
-            write(folder / f"{name}.csv", table)
-        if importlib.util.find_spec("matplotlib") is not None:
-            from pipeline.benchmarks.pictures import draw_integrators
-
-            draw_integrators(races, folder / "integrators.png")
-
-
-def honest(error: float, estimate: float) -> bool:
-    """Whether an estimate fits the true error; NaN fits nothing."""
-    return error <= UNDER * estimate and (error >= estimate / OVER or estimate <= EXACT)
-
-
-def estimates(points: Sequence[Point]) -> Iterator[Row]:
-    """One row for each point at which one of the project's propagators gave a value."""
-    for point in points:
-        if point.own and point.seconds and not math.isnan(point.estimate):
-            yield {
-                "honesty": point.problem,
-                "method": point.method,
-                "tolerance": point.tolerance,
-                "error": point.whole_error,
-                "estimate": point.estimate,
-                "error_over_estimate": point.whole_error / point.estimate,
-                "pass": honest(point.whole_error, point.estimate),
-            }

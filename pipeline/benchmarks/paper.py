@@ -2,6 +2,16 @@
 
 The paper argues that gravity at sea cannot be had from one pendulum, because a forcing close to its own frequency
 disturbs its period by 2e-3 s, and can be had from the difference of two; and that what it neglects is small.
+
+What the neglected terms are worth: each figure is the error of gravity that leaving the term out would cause, positive
+where gravity would come out too large. A term is known as a correction of the phase speed; it is integrated and
+regressed with the weights of the phase, as the correction itself is. Between (26) and (27) the paper drops, averaged
+over a swing,
+
+    (n1-n2) (Theta1/2 n1 a) [(Phi1' - n1) cos(Phi1-phi) + (Theta1'/Theta1) sin(Phi1-phi)]
+
+and before (24) `(n1-n2) xi/g`, whose part that turns with the pendulum is `(Z1' - i n1 Z1)/(i n1)`: twice as much. It
+drops psi1-psi2 after (18), damping and the finite arc throughout.
 """
 
 from __future__ import annotations

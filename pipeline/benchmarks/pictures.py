@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.benchmarks.own import CLOSED, COLLOCATION, EXPLICIT, PICARD, RADAU
+from pipeline.benchmarks.problems import CLOSED, COLLOCATION, EXPLICIT, PICARD, RADAU
 from pipeline.benchmarks.work_precision import Point
 from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend, panel, save, sheet
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.batch import ledger_index
+from pipeline.batch import ledger
 from pipeline.batch.summary import NAMES
 from pipeline.benchmarks import batch
 from pipeline.benchmarks.batch import BARE, DASK, KILLED, ONE, TWO
@@ -81,7 +81,7 @@ def test_a_killed_batch_is_resumed_and_the_ways_agree(tmp_path: Path, monkeypatc
     monkeypatch.setattr(batch.subprocess, "Popen", lambda *a, **b: begun.append(popen(*a, **b)) or begun[-1])
     batch.killed_and_resumed(records, tmp_path / KILLED, 2)
     assert begun[0].returncode == -9
-    assert (tmp_path / KILLED / ledger_index.NAME).read_bytes().count(b"\n") >= 6
+    assert (tmp_path / KILLED / ledger.NAME).read_bytes().count(b"\n") >= 6
     assert batch._same(tmp_path / KILLED, tmp_path / ONE)
     if importlib.util.find_spec("distributed") is not None:
         assert len(batch.WAYS[DASK](records, tmp_path / "by dask")) == 6

@@ -13,9 +13,8 @@ import pytest
 
 from pipeline.benchmarks import integrators, work_precision
 from pipeline.benchmarks.integrators import time_at
-from pipeline.benchmarks.own import OWN, Answer
 from pipeline.benchmarks.peers import PEERS
-from pipeline.benchmarks.problems import Problem, beam, hour, raced, stiff_beam, van_der_pol
+from pipeline.benchmarks.problems import OWN, Answer, Problem, beam, hour, raced, stiff_beam, van_der_pol
 from pipeline.benchmarks.references import reference
 from pipeline.benchmarks.work_precision import Point, contenders, set_up, tolerances
 from synth.systems.dispatch import derivative

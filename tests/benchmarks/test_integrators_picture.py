@@ -40,8 +40,8 @@ def test_a_line_for_each_method(tmp_path: Path) -> None:
 
 
 def test_every_method_has_a_look() -> None:
-    from pipeline.benchmarks.own import OWN
     from pipeline.benchmarks.peers import PEERS
     from pipeline.benchmarks.pictures import LOOKS
+    from pipeline.benchmarks.problems import OWN
 
     assert set(LOOKS) == {*OWN, *PEERS}

@@ -1,12 +1,20 @@
-"""Periods of the instrument under the conditions of a record: what temperature and air add to the stated ones.
+"""Periods of the instrument under the conditions of a record: temperature, air, and what base stations say of them.
 
 The two periods change by different amounts, and with them n1/n2, which every method holds: a temperature coefficient
 that differs by 1e-7 s/K moves the ratio by 1e-6 in 10 K, some 2 mGal.
+
+Each occupation of a base station gives the period that the instrument then had, brought to reference_gravity by the
+base's own gravity. Between two occupations the period is taken on the straight line through both; where there is one on
+one side only, it is held. What the line may be wrong by: the occupations' own uncertainties, and a drift that wandered
+instead of going straight. A wandering drift pinned at both ends departs from the line by `|misclosure| sqrt(f (1 -
+f))`, 1 sigma, at the part f of the time between them (a Brownian bridge whose size the misclosure tells): half of it
+midway.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,6 +32,8 @@ AIR = ("air_density", "air_density_reference", "density_coefficient")
 MOST_CHANGE = 0.02  # of a period, by temperature, air and drift together
 MOST_TURN = 0.1  # of the swing's frequency
 MOST_TILT = 0.1  # rad2: 18 degrees
+MGAL = 1e-5  # m s-2
+BASE = ("base_time", "base_gravity", "base_period")
 
 
 def refuse_impossible(constants: Constants, period: Floats, longer: Floats) -> None:
@@ -67,3 +77,73 @@ def by_air(constants: Constants) -> Floats:
         return np.zeros(np.shape(constants["period"]))
     relative = float(constants["air_density"]) / float(constants["air_density_reference"])
     return np.asarray(constants["density_coefficient"]) * relative
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Periods of the instrument at the time of the record.
+
+    Attributes
+    ----------
+    period : (2,) array
+        At reference gravity, s.
+    relative_uncertainty : (2,) array
+        From the occupations' periods and from drift, 1 sigma; zero where nothing is stated.
+    gravity_uncertainty : float or None
+        Of the bases' gravity, m s-2.
+    misclosure, misclosure_uncertainty : float
+        After less before, of the second pendulum, as gravity, mGal; NaN with bases on one side only.
+    fraction : float
+        Where the record lies between the two, 0 to 1.
+    stated : bool
+        Whether the occupations state any uncertainty.
+    """
+
+    period: Floats
+    relative_uncertainty: Floats
+    gravity_uncertainty: float | None
+    misclosure: float
+    misclosure_uncertainty: float
+    fraction: float
+    stated: bool
+
+
+def tie(constants: Constants, middle: float, reference_gravity: float) -> Tie | None:
+    """Tie a record whose middle is `middle` seconds after its epoch; None where no base is stated."""
+    if any(name not in constants for name in BASE):
+        return None
+    time, gravity = np.asarray(constants["base_time"]), np.asarray(constants["base_gravity"])
+    own = np.asarray(constants["base_period"])  # (base, 2)
+    period = own * np.sqrt(gravity / reference_gravity)[:, None]
+    stated = "base_period_uncertainty" in constants
+    spread = np.asarray(constants["base_period_uncertainty"]) / own if stated else np.zeros_like(own)
+    heavy = np.asarray(constants["base_gravity_uncertainty"]) if "base_gravity_uncertainty" in constants else None
+    order = np.argsort(time, kind="stable")
+    earlier, later = order[time[order] <= middle], order[time[order] > middle]
+    if earlier.size and later.size:
+        ends, fraction = (int(earlier[-1]), int(later[0])), 0.0
+        fraction = float((middle - time[ends[0]]) / (time[ends[1]] - time[ends[0]]))
+    else:
+        nearest = int(earlier[-1] if earlier.size else later[0])
+        ends, fraction = (nearest, nearest), 0.0
+    weights = np.array([1.0 - fraction, fraction])
+    at, uncertain = period[list(ends)], spread[list(ends)]
+    drift = np.abs(at[1] - at[0]) / at[0] * np.sqrt(fraction * (1.0 - fraction))
+    two_sided = ends[0] != ends[1]
+    scale = 2.0 * reference_gravity / MGAL
+    heavy_part = None if heavy is None else _of_gravity(heavy, gravity, ends, weights)
+    return Tie(
+        period=weights @ at,
+        relative_uncertainty=np.hypot(np.sqrt((weights**2) @ uncertain**2), drift),
+        gravity_uncertainty=heavy_part,
+        misclosure=scale * float((at[1, 1] - at[0, 1]) / at[0, 1]) if two_sided else float("nan"),
+        misclosure_uncertainty=scale * float(np.hypot(*uncertain[:, 1])) if two_sided else float("nan"),
+        fraction=fraction,
+        stated=stated or two_sided,
+    )
+
+
+def _of_gravity(heavy: Floats, gravity: Floats, ends: tuple[int, int], weights: Floats) -> float:
+    """Equal gravity means one station, whose error both occupations share."""
+    one, two = heavy[ends[0]] * weights[0], heavy[ends[1]] * weights[1]
+    return float(one + two if gravity[ends[0]] == gravity[ends[1]] else np.hypot(one, two))

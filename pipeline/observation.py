@@ -11,8 +11,7 @@ import numpy as np
 from data_schemas.errors import RecordError, RefusedError, UsageError
 from data_schemas.scratch import by_portions, portions, room
 from pipeline.arrays import Floats, row_means_present
-from pipeline.base_stations import Tie, tie
-from pipeline.conditions import Constants, by_air, by_temperature, refuse_impossible
+from pipeline.conditions import Constants, Tie, by_air, by_temperature, refuse_impossible, tie
 
 if TYPE_CHECKING:
     from xarray import DataTree

@@ -14,7 +14,7 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
     Keys are those of the contract but for `input` and `output`, which only the caller knows.
     """
     if "synchrony" in result.children:
-        from pipeline.synchronism.summary import synchrony_summaries
+        from pipeline.synchronism.result import synchrony_summaries
 
         return synchrony_summaries(result)
     if "gravity" not in result.children:

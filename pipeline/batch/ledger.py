@@ -1,22 +1,151 @@
 """The ledger of a batch: one line of JSON an outcome, appended and brought to the disk by the parent alone.
 
 A line that tells of versions comes before those that refer to it. A torn end is cut off when the ledger is opened.
+
+A line is JSON and ends with the CRC-32 of what stands before it. A kill leaves at most one torn line, the last; a line
+that was damaged counts as not there, and its input is done again. Of several lines of one key the last one holds.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import zlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, NamedTuple, Self
 
 from data_schemas.contents import shown
 from data_schemas.errors import FileError, UsageError
 from data_schemas.writing import reason, sync_folder
-from pipeline.batch.ledger_index import NAME, Index, line_of, outcome_content, place
+from pipeline.batch.config import Config
 from pipeline.batch.outcome import Outcome
+
+NAME = "ledger.jsonl"
+_CRC = ', "crc32": "'
+
+
+class Place(NamedTuple):
+    """What is remembered of a line: enough to decide whether its result may be kept, and where to read the rest."""
+
+    offset: int
+    status: str
+    input_sha256: str | None
+    output_sha256: str | None
+    configuration_sha256: str
+    versions: str
+
+    def fits(self, config: Config, versions: str) -> bool:
+        """Whether it was made with these settings and versions."""
+        return self.versions == versions and self.configuration_sha256 == config.sha256
+
+
+class Index:
+    """What a ledger knows, as it is on the disk now.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the batch.
+    versions : str
+        JSON of what makes the numbers now.
+
+    Attributes
+    ----------
+    path : Path
+        Of the ledger.
+    versions : str
+        Short name of the versions, as lines give it.
+    places : dict of str to Place
+        By key.
+
+    Raises
+    ------
+    FileError
+        It cannot be read.
+    """
+
+    def __init__(self, folder: Path, versions: str) -> None:
+        self.path = folder / NAME
+        self.versions = f"{zlib.crc32(versions.encode()):08x}"
+        self.places: dict[str, Place] = {}
+        self._told: set[str] = set()
+        self._size = 0  # of the lines that are whole
+        try:
+            with self.path.open("rb") as file:
+                for line in file:
+                    self._see(line)
+        except OSError as error:
+            raise FileError(f"{shown(self.path, 400)}: {error.strerror}; make it readable") from None
+
+    def line(self, key: str) -> dict[str, Any]:
+        """What the ledger says of a key.
+
+        Raises
+        ------
+        FileError
+            It cannot be read any more.
+        """
+        with self.path.open("rb") as file:
+            file.seek(self.places[key].offset)
+            content = content_of(file.readline())
+        if content is None:
+            raise FileError(f"{shown(self.path, 400)}: the line of {shown(key)} was damaged meanwhile; use --resume")
+        return content
+
+    def _see(self, line: bytes) -> None:
+        content = content_of(line)
+        if content is not None and "key" in content:
+            self.places[content["key"]] = place(self._size, content)
+        elif content is not None:
+            self._told.add(str(content.get("versions")))
+        if line.endswith(b"\n"):  # the last may be torn
+            self._size += len(line)
+
+
+def line_of(content: Mapping[str, Any]) -> bytes:
+    """A content as a line with its CRC-32.
+
+    Examples
+    --------
+    >>> line_of({"key": "a"})
+    b'{"key": "a", "crc32": "5169b140"}\\n'
+    >>> content_of(line_of({"key": "a"}))
+    {'key': 'a'}
+    """
+    text = json.dumps(content, allow_nan=False).removesuffix("}")
+    return f'{text}{_CRC}{zlib.crc32(text.encode()):08x}"}}\n'.encode()
+
+
+def content_of(line: bytes) -> dict[str, Any] | None:
+    """The content of a line; None if it is torn or damaged."""
+    text, mark, crc = line.rpartition(_CRC.encode())
+    if not mark or crc != f'{zlib.crc32(text):08x}"}}\n'.encode():
+        return None
+    content: dict[str, Any] = json.loads(text + b"}")
+    return content
+
+
+def outcome_content(one: Outcome, configuration: str, versions: str) -> dict[str, Any]:
+    """What the line of an outcome says."""
+    return {
+        "key": one.key,
+        "status": one.status,
+        "error_class": one.error_class,
+        "error": one.error,
+        "input_sha256": one.input_sha256,
+        "output_sha256": one.output_sha256,
+        "configuration_sha256": configuration,
+        "versions": versions,
+        "seconds": one.seconds,
+        "rows": list(one.rows),
+    }
+
+
+def place(offset: int, content: Mapping[str, Any]) -> Place:
+    """What is remembered of a line that begins at an offset."""
+    return Place(offset, *(content[name] for name in Place._fields[1:]))
 
 
 class Ledger(Index):

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from data_schemas.errors import FileError, IsochronyError, RefusedError
-from pipeline.batch.config import Config
+from pipeline.batch.config import Allow, Config
 from pipeline.batch.hashing import file_sha256, input_sha256
-from pipeline.batch.limits import bounded
 from pipeline.batch.outcome import Outcome, failure
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
+PER_DECLARED = 12
+"""Bytes allowed for each byte of values that an input declares."""
+
+_STATM = Path("/proc/self/statm")
 _KEPT = ("requested_method", "method", "status", "error", "gravity_m_s2", "gravity_sigma_mgal", "uncorrected_m_s2",
          "noise_sigma_mgal", "difference_frequency_rad_s", "period_s", "period_sigma_s", "samples_used")  # fmt: skip
 
@@ -99,3 +105,44 @@ def _number(value: Any) -> Any:
 def _refused(key: str, error: str, digest: str | None) -> Outcome:
     told = failure(key, RefusedError.__name__, error, digest)
     return Outcome(key, "refused", told.error_class, told.error, digest)
+
+
+@contextlib.contextmanager
+def bounded(fixed: int | None) -> Iterator[Allow]:
+    """Keep this process below `fixed` bytes; once the input says what it declares, `PER_DECLARED` times that is added.
+
+    What the system can limit is address space, of which a process that has compiled code maps hundreds of MiB that it
+    never touches. So the limit is what may be held in memory plus what is mapped and not held now: then an allocation
+    that would pass the bound fails, with a `MemoryError` or the end of the process. What an input declares may be a
+    bomb, a megabyte that unpacks to gigabytes: it never gives more than half of the machine's memory.
+
+    Parameters
+    ----------
+    fixed : int or None
+        None, or a system without such a limit: unbounded.
+
+    Yields
+    ------
+    callable
+        Told the bytes that the input declares.
+    """
+    if fixed is None or not _STATM.exists():
+        yield lambda _declared: None
+        return
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    mapped, held = (int(word) * os.sysconf("SC_PAGE_SIZE") for word in _STATM.read_text().split()[:2])
+
+    half = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
+
+    def allow(declared: int) -> None:
+        limit = mapped - held + max(fixed, min(fixed + PER_DECLARED * declared, half))
+        hard = before[1]
+        resource.setrlimit(resource.RLIMIT_AS, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
+
+    try:
+        allow(0)
+        yield allow
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)

@@ -6,20 +6,32 @@ The first table: one row a film and reader; errors are normal to the line, px rm
 from __future__ import annotations
 
 import math
+import statistics
 import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from data_schemas.errors import IsochronyError
-from pipeline.benchmarks import film_bars
-from pipeline.benchmarks.csv_table import write
-from pipeline.benchmarks.film_cases import Case, cases
-from pipeline.benchmarks.film_peers import readings
-from pipeline.benchmarks.film_scores import Truth, order, own_reading, places
-from pipeline.benchmarks.progress import progress
+import numpy as np
 
+from data_schemas.errors import IsochronyError
+from data_schemas.film_fields import Dimming
+from data_schemas.scene import Scene, load_scene
+from data_schemas.scene_film import Film
+from data_schemas.scene_recording import Stretch
+from pipeline.benchmarks.bar import Row, at_least, at_most, holds, not_measured
+from pipeline.benchmarks.csv_table import write
+from pipeline.benchmarks.film_scores import Truth, order, own_reading, places, readings
+from pipeline.benchmarks.progress import progress
+from pipeline.gravity import MGAL
+
+GRAIN = 0.05
+MIDDLE = 63.5  # mm, of the paper
+HALF_HOUR, HARD_SECONDS = 1800.0, 300.0
+MOST_WRONG = 1e-4
+_LEAST_READ = 0.5  # of the rows; a film of which less is read counts as not read
 _SECONDS, _QUICK_SECONDS, _WARM_SECONDS = 300.0, 130.0, 70.0
 
 NOTHING: dict[str, Any] = {
@@ -45,7 +57,7 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
                 table.append(row)
                 yield row
         promises = []
-        for row in film_bars.rows(Path(temporary), quick=quick):
+        for row in rows(Path(temporary), quick=quick):
             promises.append(row)
             yield row
     if folder is not None:
@@ -87,3 +99,162 @@ def rows_of(case: Case, path: Path) -> Iterator[dict[str, Any]]:
         scored = places(position[order(position, truth)], None, truth)
         yield {**named, "reader": name, **NOTHING, **scored, "mpx_s": pixels / 1e6 / spent, "refused": ""}
         started = time.process_time()
+
+
+@dataclass(frozen=True)
+class Case:
+    """One film.
+
+    Attributes
+    ----------
+    axis, value
+        Which property is varied, and what it is here.
+    scene : Scene
+    film : Film
+    """
+
+    axis: str
+    value: float
+    scene: Scene
+    film: Film
+
+
+def scene(seconds: float) -> Scene:
+    """The shipped scene of the films, of some length."""
+    from synth import scene_path
+
+    return load_scene(scene_path("film")).model_copy(update={"duration": seconds})
+
+
+def crossing(apart: float, **parts: Any) -> Film:
+    """A film whose two traces rest so many mm apart."""
+    places = [
+        {"name": "1", "position": MIDDLE - 0.5 * apart},
+        {"name": "1-2", "position": MIDDLE + 0.5 * apart},
+    ]
+    return Film.model_validate({"grain": GRAIN, "traces": places, **parts})
+
+
+def cases(seconds: float, *, quick: bool) -> Iterator[Case]:
+    """Every film of the table; quick: the ends of each axis alone."""
+    course = scene(seconds)
+
+    def along(axis: str, values: tuple[float, ...], film: Any) -> Iterator[Case]:
+        for value in (values[0], values[-1]) if quick else values:
+            yield Case(axis, value, course, film(value))
+
+    yield from along("grain", (0.02, 0.05, 0.10), lambda value: Film(grain=value))
+    yield from along("speed, mm/s", (2.8, 5.0, 10.0), lambda value: Film(grain=GRAIN, speed=value))
+    yield from along("resolution, dpi", (200.0, 300.0, 600.0), lambda value: Film(grain=GRAIN, dpi=value))
+    yield from along("traces apart, mm", (0.0, 8.0, 16.0), crossing)
+    yield from along(
+        "marks missing", (0.0, 0.1, 0.25), lambda value: Film(grain=GRAIN, missing_marks=value, spurious_marks=1)
+    )
+
+
+def hard_films(seconds: float) -> dict[str, Film]:
+    """Films that may be declined but not read wrongly, by name."""
+    return {
+        "steep: 2.8 mm/s, grain 0.07": Film(grain=0.07, speed=2.8),
+        "traces that touch without crossing": crossing(touching(seconds)),
+        "heavy dirt and fog, low contrast": Film(
+            grain=0.07, fog=0.5, fog_gradient=0.2, density_max=1.2, dust=100.0, scratches=10.0, handwriting=3
+        ),
+        "blackout of 10 s": Film(grain=GRAIN, blackouts=(Stretch(start=150.0, stop=160.0),)),
+        "lamp at 15 % for 30 s": Film(grain=GRAIN, dimmings=(Dimming(start=150.0, stop=180.0, factor=0.15),)),
+        "torn end": Film(grain=GRAIN, torn_end=100.0),
+        "upside down": Film(grain=GRAIN, upside_down=True),
+    }
+
+
+def touching(seconds: float) -> float:
+    """How far apart traces must rest so that they just touch, mm."""
+    import synth
+
+    elongation: Any = synth.simulate(scene(seconds))[0]["record"].dataset["elongation"].values
+    return float(np.max(elongation[0] - elongation[1]) * Film().lever)
+
+
+def rows(folder: Path, *, quick: bool) -> Iterator[Row]:
+    """Yield every promise; those that need half an hour of film are left out when quick. The folder is for films."""
+    if quick:
+        yield not_measured("films of half an hour: accuracy, gravity, speed", "", "the full run makes them")
+        return
+    yield from hard(folder)
+    yield from _accuracy(folder)
+    for name, limit in (("typical", 1.0), ("historic-slow", 5.0)):
+        yield from _gravity(name, limit, folder)
+
+
+def hard(folder: Path) -> Iterator[Row]:
+    """One row a hard film, and how many were read."""
+    read = 0
+    for name, film in progress(hard_films(HARD_SECONDS).items(), "hard films"):
+        path, truth = _exposed(film, folder, HARD_SECONDS)
+        try:
+            scores = own_reading(path, truth, film.mark_interval).scores
+        except IsochronyError:
+            yield holds(f"{name}: refused", True, "read or refused")
+            continue
+        is_right = scores["wrong_unflagged"] <= MOST_WRONG and not scores["slipped"]
+        read += bool(is_right and scores["accepted"] >= _LEAST_READ)
+        words = f"{scores['accepted']:.0%} of rows read, {scores['wrong_unflagged']:.1e} wrong"
+        yield holds(f"{name}: {words}", bool(is_right), "read or refused")
+    yield at_least("hard films that were read", read, 5)
+
+
+def _exposed(film: Film, folder: Path, seconds: float = HALF_HOUR) -> tuple[Path, Truth]:
+    import synth
+
+    path = folder / "bar.film.tif"
+    return path, Truth.of(synth.expose(scene(seconds), film, path, overwrite=True))
+
+
+def _accuracy(folder: Path) -> Iterator[Row]:
+    """Of films with a grain of 0.05, and the speed of reading them."""
+    speeds = []
+    for words, film, accepted in (
+        ("traces apart", Film(grain=GRAIN), 0.83),
+        ("traces crossing, 8 mm apart", crossing(8.0), 0.78),
+        ("traces crossing, resting at one place", crossing(0.0), 0.78),
+    ):
+        path, truth = _exposed(film, folder)
+        try:
+            found = own_reading(path, truth, film.mark_interval)
+        except IsochronyError as fault:
+            yield holds(f"{words}: read ({fault})", False, "read")
+            continue
+        scores = found.scores
+        speeds.append(found.reading.scan.rows * found.reading.scan.columns / 1e6 / found.seconds)
+        yield at_most(f"{words}: normal error", scores["normal_px"], 0.20, "px rms")
+        yield at_most(f"{words}: normal error of flat parts", scores["flat_px"], 0.22, "px rms")
+        yield at_most(f"{words}: amplitude bias", abs(scores["amplitude_bias"]), 1e-3)
+        yield at_most(f"{words}: mark position on one trace", scores["mark_px"], 0.20, "px rms")
+        yield at_least(f"{words}: slices accepted", scores["accepted"], accepted)
+        yield at_most(f"{words}: slices flagged", scores["flagged"], 0.01)
+        yield at_most(f"{words}: single direction", scores["single"], 0.02)
+        yield at_most(f"{words}: wrong and unflagged", scores["wrong_unflagged"], MOST_WRONG)
+        if scores["crossings"]:
+            yield at_least(f"{words}: crossings met", scores["crossings"], 1000)
+            yield at_most(f"{words}: swaps", scores["swaps"], 0)
+    speed = statistics.median(speeds) if speeds else math.nan
+    yield at_least("speed of all of digitise, one core", speed, 10.0, "Mpx per CPU second")
+
+
+def _gravity(name: str, limit: float, folder: Path) -> Iterator[Row]:
+    """From a scene to film to gravity."""
+    import synth
+    from pipeline.film.digitise import digitise
+    from pipeline.processing import process
+
+    path, course = folder / "bar.film.tif", scene(HALF_HOUR)
+    synth.expose_to(course, name, path, overwrite=True)
+    try:
+        result = process(digitise(path))
+    except IsochronyError as fault:
+        yield holds(f"{name} film of 30 minutes to gravity: refused ({fault})", False, f"within {limit:g} mGal")
+        return
+    error = abs(float(result["gravity"].dataset["gravity"].values[0]) - course.gravity) / MGAL
+    sigma = float(result["gravity"].dataset["gravity_sigma"].values[0])
+    yield at_most(f"{name} film of 30 minutes: gravity", error, limit, "mGal")
+    yield at_most(f"{name} film of 30 minutes: gravity over its 95 % interval", error / (1.96 * sigma), 1.0)

@@ -1,23 +1,43 @@
 """Suite `integrators`: error against run time of every propagator and of the peers, honesty of estimates, bars.
 
-With a folder: a picture, and every table as CSV.
+Bars: times faster than peers at equal or smaller error, on points of one run. With a folder: a picture, and every
+table as CSV.
 """
 
 from __future__ import annotations
 
 import importlib.util
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from pipeline.benchmarks import integrators_bars
+import numpy as np
+
+from pipeline.benchmarks.bar import Row, at_least, not_measured, reported
 from pipeline.benchmarks.csv_table import write
 from pipeline.benchmarks.problems import raced
 from pipeline.benchmarks.references import reference
 from pipeline.benchmarks.work_precision import Point, sweep
 
-Row = dict[str, Any]
+ABSENT = "not installed, or did not reach it: extra 'peers'"
+ANY = math.nan
+_STIFF = ((1e-6, 1.4), (1e-9, 1.4), (1e-12, 3.0))
+
+BARS: tuple[tuple[str, str, float, float, float | None], ...] = (
+    ("linear", "heyoka", ANY, 1e-14, 50.0),
+    ("linear", "CyRK DOP853", 1e-6, 1e-14, None),
+    ("linear", "scipy DOP853", 1e-9, 1e-14, None),
+    ("nonlinear", "heyoka", 1e-12, 1e-11, 8.0),
+    ("nonlinear", "CyRK DOP853", 1e-9, 1e-11, None),
+    ("nonlinear", "scipy DOP853", 1e-9, 1e-11, None),
+    ("beam", "heyoka", 1e-9, math.inf, 1.5),
+    ("beam", "scipy DOP853", 1e-9, math.inf, None),
+    *(("van der Pol", "scipy Radau", tolerance, math.inf, 300.0) for tolerance in (1e-6, 1e-9, 1e-12)),
+    *((name, "CyRK RADAU", tolerance, math.inf, limit) for name in ("van der Pol", "stiff beam")
+      for tolerance, limit in _STIFF),
+)  # fmt: skip
+"""Problem, peer, its tolerance (`ANY`: its fastest point), the largest error of ours, and how many times faster ours
+must be at that error and not above the peer's; None is reported only."""
 UNDER = 10.0
 """The true error may be so many times the estimate."""
 OVER = 1000.0
@@ -38,16 +58,16 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
         yield from rows
     points = {name: found for name, (_, found) in races.items()}
     tables["honesty"] = [row for found in points.values() for row in estimates(found)]
-    bars = integrators_bars.judged(points)
-    tables["bars"] = list(integrators_bars.not_judged(bars) if quick else bars)
+    bars = judged(points)
+    tables["bars"] = list(not_judged(bars) if quick else bars)
     yield from (*tables["honesty"], *tables["bars"])
     if folder is not None:
         for name, table in tables.items():
             write(folder / f"{name}.csv", table)
         if importlib.util.find_spec("matplotlib") is not None:
-            from pipeline.benchmarks.integrators_picture import draw
+            from pipeline.benchmarks.pictures import draw_integrators
 
-            draw(races, folder / "integrators.png")
+            draw_integrators(races, folder / "integrators.png")
 
 
 def honest(error: float, estimate: float) -> bool:
@@ -68,3 +88,63 @@ def estimates(points: Sequence[Point]) -> Iterator[Row]:
                 "error_over_estimate": point.whole_error / point.estimate,
                 "pass": honest(point.whole_error, point.estimate),
             }
+
+
+def not_judged(rows: Iterator[Row]) -> Iterator[Row]:
+    """Rows of short problems, on which starting up is what takes the time: reported, not judged."""
+    for row in rows:
+        yield row | {"limit": f"of the full run: {row['limit']}", "pass": None}
+
+
+def judged(found: Mapping[str, Sequence[Point]]) -> Iterator[Row]:
+    """Bars from the points of the suite."""
+    for name, peer, tolerance, error, limit in BARS:
+        points = found[name]
+        rival = min(_of(points, peer, tolerance), key=lambda point: point.ms, default=None)
+        at = "any tolerance" if math.isnan(tolerance) else f"{tolerance:g}"
+        bar = f"{name}{'' if math.isinf(error) else f' at <= {error:g}'}: times faster than {peer} at {at}"
+        if rival is None:
+            yield not_measured(bar, "reported" if limit is None else f">= {limit:g}", ABSENT)
+            continue
+        method, mine = own_time(points, min(error, rival.error))
+        words = f"{bar}: {method} {mine:.3g} ms, it {rival.ms:.3g} ms at {rival.error:.1g}"
+        ratio = rival.ms / mine
+        yield reported(words, ratio) if limit is None else at_least(words, ratio, limit)
+
+
+def _of(points: Sequence[Point], method: str, tolerance: float = ANY) -> list[Point]:
+    """Points of a method that have a value, at one tolerance or all."""
+    return [
+        point
+        for point in points
+        if point.method == method
+        and point.seconds
+        and math.isfinite(point.error)
+        and (math.isnan(tolerance) or point.tolerance == tolerance)
+    ]
+
+
+def own_time(points: Sequence[Point], error: float) -> tuple[str, float]:
+    """The fastest propagator at an error and its time, ms; NaN where none reaches it."""
+    methods = dict.fromkeys(point.method for point in points if point.own)
+    times = {method: time_at(_of(points, method), error) for method in methods}
+    reached = {method: time for method, time in times.items() if not math.isnan(time)}
+    return min(reached.items(), key=lambda item: item[1], default=("none", math.nan))
+
+
+def time_at(points: Sequence[Point], error: float) -> float:
+    """Time, ms, at which one method reaches an error: its curve, interpolated between logarithms; NaN if never.
+
+    Points that others beat in both respects are passed over. A method that is always better takes its least time.
+    """
+    front: list[Point] = []
+    for point in sorted(points, key=lambda point: (point.ms, point.error)):
+        if not front or point.error < front[-1].error:
+            front.append(point)
+    if not front or front[-1].error > error:
+        return math.nan
+    if front[0].error <= error:
+        return front[0].ms
+    errors = np.log([max(point.error, 1e-17) for point in front])
+    times = np.log([point.ms for point in front])
+    return float(np.exp(np.interp(-math.log(error), -errors, times)))

@@ -13,7 +13,7 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.benchmarks.problems import Problem
-from pipeline.benchmarks.symbolic import equations
+from pipeline.benchmarks.references import equations
 from synth.phase import Floats
 from synth.systems.dispatch import derivative, jacobian
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import importlib
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -10,7 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from data_schemas.errors import RefusedError
+from data_schemas.scene_pendulum import StateStart
+from synth.motion.harmonic_sum import HarmonicSum
+from synth.pendulums.linear import respond
 from synth.phase import Floats
+from synth.propagators.even import EvenTimes
 from synth.systems.driven_pendulums import DrivenPendulums
 from synth.systems.elastic_beam import ElasticBeam, stiffness_of_ratio
 from synth.systems.harmonic_motion import harmonics
@@ -23,6 +29,9 @@ HOUR = 3600  # s
 RATE = 20  # readings a second
 HARMONICS = 33
 HEAVE = 0.07  # m/s^2 of each vertical harmonic: z''/g = 0.03 r.m.s.
+CLOSED, PICARD, COLLOCATION = "closed form", "Picard collocation", "beam collocation"
+RADAU, EXPLICIT = "Radau", "explicit"
+CLOSED_FORM_ERROR = 1e-15
 
 
 class Swell(NamedTuple):
@@ -143,3 +152,99 @@ def stiff_beam() -> Problem:
     system = loose._replace(stiffness=stiffness_of_ratio(1000.0, loose), damping_rate=fastest)
     start = np.array([0.0, 0.0, 1.0, 0.0, -0.5, 0.0])
     return Problem("stiff beam", "beam", system, start, Fraction(1, RATE), 401, (2, 4), stiff=True)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What one propagation gave.
+
+    Attributes
+    ----------
+    states : (k, n) or (k, judged) array
+        States, or the angles alone.
+    estimated_error : float
+        The propagator's own.
+    even : bool
+        It counts readings in whole numbers: its instants are exact, not rounded to doubles.
+    """
+
+    states: Floats
+    estimated_error: float
+    even: bool = False
+
+
+Call = Callable[[], Answer]
+
+
+def _closed_form(problem: Problem, tolerance: float) -> Call:
+    if problem.kind != "linear":
+        raise RefusedError("closed form: linear pendulums that swing, on a support that moves sideways, have one")
+    system, moved, start = problem.system, _sum(problem.horizontal), problem.start.tolist()
+
+    def call() -> Answer:
+        responses = [
+            respond(
+                float(n),
+                float(gamma),
+                StateStart(angle=start[2 * k], angular_velocity=start[2 * k + 1]),
+                moved,
+                system.gravity,
+            )
+            for k, (n, gamma) in enumerate(zip(system.natural_frequency, system.terms.damping_rate, strict=True))
+        ]
+        angles = EvenTimes(problem.step, problem.count).elongation(responses, moved.angular_frequency)
+        return Answer(np.asarray(angles.T, np.float64), CLOSED_FORM_ERROR, even=True)
+
+    return call
+
+
+def _picard(problem: Problem, tolerance: float) -> Call:
+    from synth.propagators.picard import PicardPlan
+
+    if problem.kind != "sine":
+        raise RefusedError("Picard collocation: made for pendulums with the full sine on a support moved as prescribed")
+    system = problem.system
+    plan = PicardPlan(
+        system.natural_frequency,
+        system.terms.damping_rate,
+        problem.start.reshape(-1, 2),
+        _sum(problem.horizontal),
+        _sum(problem.vertical),
+        system.gravity,
+        EvenTimes(problem.step, problem.count),
+    )
+
+    def call() -> Answer:
+        angles, error = plan.elongation()
+        return Answer(angles.T, error, even=True)
+
+    return call
+
+
+def _sum(swell: Swell) -> HarmonicSum:
+    return HarmonicSum(swell.rate, swell.amplitude * np.exp(1j * swell.phase))
+
+
+def _integrator(name: str) -> Callable[[Problem, float], Call]:
+    def make(problem: Problem, tolerance: float) -> Call:
+        integrate: Any = importlib.import_module(f"synth.integrators.{name}").integrate
+
+        def call() -> Answer:
+            found = integrate(problem.system, problem.start, problem.times, tolerance=tolerance)
+            return Answer(found.states, found.estimated_error)
+
+        return call
+
+    return make
+
+
+OWN: Mapping[str, Callable[[Problem, float], Call]] = {
+    CLOSED: _closed_form,
+    PICARD: _picard,
+    COLLOCATION: _integrator("collocation"),
+    RADAU: _integrator("radau"),
+    EXPLICIT: _integrator("explicit"),
+}
+"""All propagators, by the names under which rows and pictures show them: (problem, tolerance) -> call."""
+AS_EXACT_AS_CAN_BE = (CLOSED, PICARD)
+"""Propagators that take no tolerance."""

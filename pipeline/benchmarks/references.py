@@ -5,32 +5,170 @@ Linear pendulums: the closed form in many digits (mpmath). All others: Taylor in
 
 Instants are doubles, and a swing moves by 1e-12 in an hour's last half bit of time. Propagators that count readings in
 whole numbers are therefore compared at exact instants, all others at the doubles that they were given.
+
+Equations are given to heyoka in numbers of the integration's arithmetic, so that a double stays the number it is.
 """
 
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from importlib import import_module
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
-from pipeline.benchmarks import truth
-from pipeline.benchmarks.own import Answer
-from pipeline.benchmarks.problems import Problem
-from pipeline.benchmarks.symbolic import equations
+from pipeline.benchmarks.problems import GRAVITY, Answer, Problem, Swell
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
+from synth.systems.driven_pendulums import DrivenPendulums
+from synth.systems.elastic_beam import ElasticBeam
+from synth.systems.restoring import Sine
+from synth.systems.van_der_pol import VanDerPol
 
+Number = Callable[[Any], Any]
+Equations = list[tuple[Any, Any]]
 TIGHT = 1e-18
 OWN_TIGHT = 1e-14
 _SAMPLED = 200  # readings of which many digits are made
 _BETWEEN = 400  # instants besides, closer towards the start, which show how large a component becomes
+
+
+def linear(
+    frequency: Iterable[float],
+    damping: Iterable[float],
+    start: Sequence[float],
+    swell: Swell,
+    instants: Sequence[Fraction],
+) -> Floats:
+    """Linear pendulums under harmonics, however damped, at resonance too; (instants, pendulums), rad.
+
+    Resonance and critical damping are approached to 1e-40 in 100 digits, which is their limit to 40.
+    """
+    mpmath: Any = import_module("mpmath")
+    mp, mpf, mpc = mpmath.mp, mpmath.mpf, mpmath.mpc
+    found = np.empty((len(instants), len(start) // 2))
+    with mp.workdps(100):
+        for k, (n, each) in enumerate(zip(frequency, damping, strict=True)):
+            square, gamma = mpf(float(n)) ** 2 * (1 + mpf(10) ** -40), mpf(float(each))
+            root = mp.sqrt(mpc(gamma**2 - square))
+            fast, slow = -gamma - root, -gamma + root
+            steady = []
+            for a, w, p in zip(*swell, strict=True):
+                rate = mpf(float(w))
+                drive = -(mpf(float(n)) ** 2) * mpf(float(a)) / mpf(GRAVITY) * mp.expj(mpf(float(p)))
+                steady.append((rate, drive / (square - rate * rate + mpc(0, 2) * gamma * rate)))
+            angle = mpf(float(start[2 * k])) - mp.fsum(c.real for _, c in steady)
+            speed = mpf(float(start[2 * k + 1])) - mp.fsum((mpc(0, w) * c).real for w, c in steady)
+            one = (speed - slow * angle) / (fast - slow)
+            for row, instant in enumerate(instants):
+                t = mpf(instant.numerator) / instant.denominator
+                free = (one * mp.exp(fast * t) + (angle - one) * mp.exp(slow * t)).real
+                found[row, k] = float(free + mp.fsum((c * mp.expj(w * t)).real for w, c in steady))
+    return found
+
+
+def swing(frequency: float, amplitude: float, instants: Sequence[Fraction]) -> Floats:
+    """A pendulum released at rest: `sin(theta/2) = k cd(n t, k)`; (instants, 1), rad."""
+    mpmath: Any = import_module("mpmath")
+    with mpmath.mp.workdps(40):
+        modulus, n = mpmath.sin(mpmath.mpf(float(amplitude)) / 2), mpmath.mpf(float(frequency))
+        times = [mpmath.mpf(each.numerator) / each.denominator for each in instants]
+        values = [2 * mpmath.asin(modulus * mpmath.ellipfun("cd", n * t, m=modulus**2)) for t in times]
+        return np.array([[float(value)] for value in values])
+
+
+def separatrix(frequency: float, instants: Sequence[Fraction]) -> Floats:
+    """Through the bottom with 2 n exactly: `4 atan(tanh(n t/2))`, towards the top for ever; (instants, 1), rad."""
+    times = np.array([float(each) for each in instants])
+    return 4.0 * np.arctan(np.tanh(0.5 * frequency * times))[:, None]
+
+
+def equations(problem: Problem, number: Number) -> Equations:
+    """Pairs (variable, derivative) in the order of the state.
+
+    Parameters
+    ----------
+    number : callable
+        Makes a number of the arithmetic wanted, `float` or `numpy.longdouble`.
+
+    Raises
+    ------
+    ImportError
+        heyoka is not installed.
+    """
+    system = problem.system
+    if isinstance(system, DrivenPendulums):
+        return _pendulums(problem, number)
+    if isinstance(system, ElasticBeam):
+        return _beam(system, number)
+    assert isinstance(system, VanDerPol)
+    return _van_der_pol(system, number)
+
+
+def _level(motion: Swell, number: Number) -> Any:
+    import heyoka as hy
+
+    terms = [number(a) * hy.cos(number(w) * hy.time + number(p)) for a, w, p in zip(*motion, strict=True) if a]
+    return hy.sum(terms) if terms else None
+
+
+def _pendulums(problem: Problem, number: Number) -> Equations:
+    import heyoka as hy
+
+    system = problem.system
+    across, along = _level(problem.horizontal, number), _level(problem.vertical, number)
+    sine, gravity = isinstance(system.restoring, Sine), number(system.gravity)
+    found: Equations = []
+    for k, (n, gamma) in enumerate(zip(system.natural_frequency, system.terms.damping_rate, strict=True)):
+        x, v = hy.make_vars(f"x{k}", f"v{k}")
+        back = hy.sin(x) if sine else x
+        if along is not None:
+            back = (number(1.0) + along / gravity) * back
+        if across is not None:
+            back = back + across / gravity * (hy.cos(x) if sine else number(1.0))
+        found += [(x, v), (v, -number(2.0) * number(gamma) * v - number(n) * number(n) * back)]
+    return found
+
+
+def _beam(system: ElasticBeam, number: Number) -> Equations:
+    """System (1) of Kanunnikov and Lamper, solved for the accelerations."""
+    import heyoka as hy
+
+    x, v = hy.make_vars("x", "v")
+    gravity, heavy = number(system.gravity), number(system.beam_mass)
+    whole, inertia = heavy, heavy
+    force: Any = number(0.0)
+    swings = []
+    for k, (m, length) in enumerate(zip(system.mass, system.length, strict=True)):
+        angle, rate = hy.make_vars(f"phi{k}", f"rate{k}")
+        sine, cosine = hy.sin(angle), hy.cos(angle)
+        free = -(gravity / number(length)) * sine
+        if system.terms is not None:
+            share = angle / number(system.terms.angle[k])
+            free = free + number(system.terms.rate[k]) * (number(1.0) - share * share) * rate
+        whole = whole + number(m)
+        inertia = inertia + number(m) * cosine * cosine
+        force = force + number(m) * number(length) * (cosine * rate * rate + sine * free)
+        swings.append((angle, rate, sine, free, number(length)))
+    pull = force - number(system.stiffness) * x - whole * number(system.damping_rate) * v
+    beam = pull / inertia
+    found: Equations = [(x, v), (v, beam)]
+    for angle, rate, sine, free, length in swings:
+        found += [(angle, rate), (rate, free + sine * beam / length)]
+    return found
+
+
+def _van_der_pol(system: VanDerPol, number: Number) -> Equations:
+    import heyoka as hy
+
+    y, v = hy.make_vars("y", "v")
+    return [(y, v), (v, number(system.stiffness) * (number(1.0) - y * y) * v - y)]
 
 
 @dataclass(frozen=True)
@@ -69,7 +207,7 @@ def reference(problem: Problem) -> Reference:
     if problem.kind == "linear" and importlib.util.find_spec("mpmath") is not None:
         rows = np.unique(np.linspace(0, problem.count - 1, _SAMPLED).astype(np.int64))
         n, gamma = problem.system.natural_frequency, problem.system.terms.damping_rate
-        true = partial(truth.linear, n, gamma, problem.start.tolist(), problem.horizontal)
+        true = partial(linear, n, gamma, problem.start.tolist(), problem.horizontal)
         even = true([problem.step * row for row in rows.tolist()])
         values = true([Fraction(time) for time in problem.times[rows].tolist()])
         return Reference(rows, problem.judged, values, even, np.abs(even).max(axis=0), "mpmath, 100 digits")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.scene_simulation import Propagator
-from pipeline.benchmarks import truth
+from pipeline.benchmarks import references as truth
 from pipeline.benchmarks.problems import GRAVITY, STILL, Swell
 from synth.phase import Floats
 from synth.systems.elastic_beam import ElasticBeam, stiffness_of_ratio

@@ -14,9 +14,8 @@ from typing import Any
 
 from data_schemas.errors import RefusedError
 from pipeline.benchmarks.clock import rounds, timed
-from pipeline.benchmarks.own import AS_EXACT_AS_CAN_BE, OWN, Answer
 from pipeline.benchmarks.peers import PEERS
-from pipeline.benchmarks.problems import Problem
+from pipeline.benchmarks.problems import AS_EXACT_AS_CAN_BE, OWN, Answer, Problem
 from pipeline.benchmarks.progress import progress
 from pipeline.benchmarks.references import Reference
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from data_schemas.errors import UsageError
-from pipeline.cli.parser import number, positive
-from pipeline.cli.processors import processors
+from pipeline.cli.parser import number, positive, processors
 
 _DESCRIPTION = """\
 Gravity from many inputs: records (.record.nc), folders and patterns of them, and scenes (.toml), which are
@@ -88,8 +87,7 @@ def run(options: argparse.Namespace) -> int:
     from pipeline.batch.campaign import Tally
     from pipeline.batch.ledger import Ledger
     from pipeline.batch.log import Log
-    from pipeline.cli.batch_jobs import jobs_of
-    from pipeline.cli.batch_telling import tell_end, tell_plan
+    from pipeline.cli.batch_jobs import jobs_of, tell_end, tell_plan
     from pipeline.cli.outputs import folder_for_output
     from pipeline.provenance import versions
 
@@ -115,8 +113,8 @@ def _do(options: argparse.Namespace, jobs: Any, ledger: Any, log: Any, tally: An
     from pipeline.batch import campaign
     from pipeline.batch.resume import remove_leftovers
     from pipeline.batch.summary import write_summary
-    from pipeline.cli.simulate_progress import progress
-    from pipeline.cli.termination import orderly
+    from pipeline.cli.outputs import orderly
+    from pipeline.cli.progress import progress
 
     folder = Path(options.out)
     with orderly(), progress("batch", " records") as draw:
@@ -172,7 +170,7 @@ def _check(options: argparse.Namespace) -> None:
 
 def _refuse(options: argparse.Namespace, folder: Path, jobs: Any) -> None:
     """Raise `UsageError` where something of the user's, or of a batch begun before, would be overwritten."""
-    from pipeline.batch.ledger_index import NAME
+    from pipeline.batch.ledger import NAME
     from pipeline.batch.summary import NAMES
     from pipeline.cli.outputs import refuse_clashes
 

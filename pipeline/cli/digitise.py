@@ -11,8 +11,8 @@ from typing import Any
 from data_schemas.errors import IsochronyError, RefusedError, UsageError
 from pipeline.cli.faults import naming
 from pipeline.cli.film_options import add_film_options, description, film_options
-from pipeline.cli.film_progress import film_progress
 from pipeline.cli.outputs import make_folder, place, refuse_clashes, stem
+from pipeline.cli.progress import film_progress
 from pipeline.cli.tables import print_json
 
 _DESCRIPTION = """\

@@ -6,12 +6,10 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.cli.faults import naming
-from pipeline.cli.outputs import folder_for_output, place, refuse_clashes
+from pipeline.cli.faults import naming, read_checked
+from pipeline.cli.outputs import folder_for_output, orderly, place, refuse_clashes
 from pipeline.cli.parser import whole_number
-from pipeline.cli.reading import read_checked
-from pipeline.cli.simulate_progress import progress
-from pipeline.cli.termination import orderly
+from pipeline.cli.progress import progress
 
 if TYPE_CHECKING:
     from xarray import DataTree

@@ -1,8 +1,17 @@
-"""Faults told to the user: the line always names the file it is about."""
+"""Faults told to the user: the line names the file it is about; a file that a verb is going to use must be good."""
 
 from __future__ import annotations
 
 import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from data_schemas.errors import RecordError
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+    from data_schemas.layouts import Kind
 
 
 def naming(path: str | os.PathLike[str], message: str) -> str:
@@ -15,3 +24,32 @@ def naming(path: str | os.PathLike[str], message: str) -> str:
     """
     path = os.fspath(path)
     return message if os.path.basename(path) in message else f"{path}: {message}"
+
+
+def read_checked(path: Path, kind: Kind) -> DataTree:
+    """Read a file and check it against the layout of its kind.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read.
+    RecordError
+        It is of another kind, or breaks its layout; further faults are counted.
+    """
+    import data_schemas
+
+    tree = data_schemas.read(path)
+    refuse_faults(path, data_schemas.check(tree, kind))
+    return tree
+
+
+def refuse_faults(path: Path, faults: list[str]) -> None:
+    """Raise `RecordError` with the first fault and the number of the others, if there are any.
+
+    A file of another kind has many faults of which only that one matters.
+    """
+    if not faults:
+        return
+    faults = [fault for fault in faults if fault.startswith("attribute schema:")] or faults
+    more = f" (and {len(faults) - 1} more: isochrony validate {path})" if len(faults) > 1 else ""
+    raise RecordError(f"{path}: {faults[0]}{more}")

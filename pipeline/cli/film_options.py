@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from data_schemas.errors import UsageError
-from pipeline.cli.parser import number, one_of
-from pipeline.cli.repeated import pairs, periods
+from pipeline.cli.parser import number, one_of, pairs, periods
 
 if TYPE_CHECKING:
     from data_schemas.film_description import FilmDescription

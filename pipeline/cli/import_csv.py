@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
-from pipeline.cli.parser import number, one_of
-from pipeline.cli.repeated import pairs, periods
+from pipeline.cli.parser import number, one_of, pairs, periods
 
 _DESCRIPTION = """\
 Turn a text table into a record (netCDF).

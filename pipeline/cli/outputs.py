@@ -1,16 +1,24 @@
-"""Where results go: `-o` as a file or a folder, and refusing to overwrite, decided before any work starts."""
+"""Where results go: `-o` as a file or a folder, and refusing to overwrite, decided before any work starts.
+
+An orderly end when the system asks for one (SIGTERM), as after Ctrl-C: nothing half-written stays.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import signal
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import FrameType
 
 from data_schemas.errors import UsageError
 
 _ENDINGS = (".record.nc", ".result.nc", ".truth.nc", ".nc", ".toml", ".csv", ".tsv", ".txt", ".dat")
 _IMAGES = (".tif", ".tiff", ".png", ".jpg", ".jpeg")
+STATUS = 128 + signal.SIGTERM
+"""Exit status of a program that was asked to end, as shells count."""
 
 
 def stem(path: Path) -> str:
@@ -104,3 +112,17 @@ def folder_for_output(folder: Path) -> Iterator[None]:
         for each in missing:  # the deepest first
             with contextlib.suppress(OSError):  # not empty: something was written
                 each.rmdir()
+
+
+@contextlib.contextmanager
+def orderly() -> Iterator[None]:
+    """Turn SIGTERM into an exception for as long as files are being written."""
+
+    def leave(_number: int, _frame: FrameType | None) -> None:
+        sys.exit(STATUS)
+
+    before = signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
@@ -108,3 +109,38 @@ def positive(option: str) -> Callable[[str], int]:
         return int(word)
 
     return convert
+
+
+def periods(verb: str, texts: Iterable[str]) -> dict[str, float]:
+    """Label -> seconds; the label "" where none was written."""
+    labelled = pairs(verb, "--period", (text if "=" in text else f"={text}" for text in texts))
+    return {label: number("--period", above=0.0)(value) for label, value in labelled.items()}
+
+
+def pairs(verb: str, option: str, texts: Iterable[str]) -> dict[str, str]:
+    """Name -> value.
+
+    Raises
+    ------
+    UsageError
+        No equals sign, no value, or a name twice.
+
+    Examples
+    --------
+    >>> pairs("import", "--combination", ["upper=1-2"])
+    {'upper': '1-2'}
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not equals or not value:
+            raise UsageError(f"{verb}: {option} {text}: write it as {option} NAME=VALUE")
+        if key in found:
+            raise UsageError(f"{verb}: {option} names '{key}' twice; give each once")
+        found[key] = value
+    return found
+
+
+def processors() -> int:
+    """Processors of this process; all of the machine where the system cannot tell."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

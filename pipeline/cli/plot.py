@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from data_schemas.errors import UsageError
-from pipeline.cli.film_options import add_reading_options
-from pipeline.cli.image_files import is_image
+from data_schemas.errors import RecordError, RefusedError, UsageError
+from pipeline.cli.faults import naming, read_checked, refuse_faults
+from pipeline.cli.film_options import add_reading_options, description, reading_options
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
-from pipeline.cli.reading import read_checked, refuse_faults
+from pipeline.cli.progress import film_progress
 
 if TYPE_CHECKING:
     from data_schemas.layouts import Kind
@@ -33,6 +34,7 @@ examples:
   isochrony plot ship.record.nc                            ship.record.png
   isochrony plot ship.result.nc --truth ship.truth.nc -o ship.png
   isochrony plot ship.film.tif --from 60 --to 70           ship.film.png: ten seconds of film"""
+_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"\x89PNG", b"\xff\xd8\xff")
 
 
 def add_parser(verbs: Any) -> argparse.ArgumentParser:
@@ -65,8 +67,6 @@ def run(options: argparse.Namespace) -> int:
     if output.suffix.lower() != ".png":
         raise UsageError(f"{output}: pictures are written as PNG; end the name with .png")
     if is_film:
-        from pipeline.cli.plot_film import draw_film
-
         return draw_film(path, output, options)
     if options.start is not None or options.stop is not None:
         raise UsageError("plot: --from and --to go with the image of a film; drop them here")
@@ -112,3 +112,48 @@ def true_gravity(path: str) -> float:
 def _kind_ending(path: Path) -> str:
     """Keep `.record` or `.result` in the picture's name, so that the two do not fight for one."""
     return next((f".{kind}" for kind in ("record", "result") if path.name.endswith(f".{kind}.nc")), "")
+
+
+def draw_film(path: Path, output: Path, options: argparse.Namespace) -> int:
+    """Read a film and draw it; of a film that cannot be read the image alone, with the reason, and status 3."""
+    from pipeline.film.digitise import open_film, read
+    from pipeline.plots import film_figure, save, unread_figure
+
+    if options.start is not None and options.stop is not None and options.stop <= options.start:
+        raise UsageError(f"plot: --to {options.stop:g} is not after --from {options.start:g}")
+    said = reading_options(options)
+    try:
+        with film_progress(path.name) as progress:
+            reading, _ = read(
+                path,
+                description(options),
+                options=said,
+                orientation=options.orientation,
+                lines=options.lines,
+                reading=options.reading,
+                jobs=options.jobs,
+                progress=progress,
+            )
+        figure = film_figure(reading, options.start, options.stop)
+        status = 0
+    except (RefusedError, RecordError) as fault:
+        scan, _ = open_film(path, description(options), said, orientation=options.orientation, lines=options.lines)
+        told = naming(path, str(fault))
+        print(f"isochrony: {told}", file=sys.stderr)
+        figure = unread_figure(scan, told)
+        status = fault.exit_status
+    make_folder(output)
+    save(figure, output)
+    print(output)
+    return status
+
+
+def is_image(path: Path) -> bool:
+    """Whether a file begins as TIFF, PNG or JPEG do; a file that cannot be read does not."""
+    try:
+        if not path.is_file():
+            return False
+        with path.open("rb") as stream:
+            return stream.read(4).startswith(_MAGIC)
+    except (OSError, ValueError):
+        return False

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from data_schemas.errors import IsochronyError, RefusedError, UsageError
-from pipeline.cli.faults import naming
+from pipeline.cli.faults import naming, read_checked
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
 from pipeline.cli.parser import did_you_mean, number
-from pipeline.cli.reading import read_checked
 from pipeline.cli.summary_rows import SummaryPrinter, failure
 
 if TYPE_CHECKING:

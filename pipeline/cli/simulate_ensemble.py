@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data_schemas.errors import UsageError
-from pipeline.cli.outputs import folder_for_output, stem
-from pipeline.cli.parser import positive
-from pipeline.cli.processors import processors
-from pipeline.cli.simulate_progress import progress
-from pipeline.cli.termination import orderly
+from pipeline.cli.outputs import folder_for_output, orderly, stem
+from pipeline.cli.parser import positive, processors
+from pipeline.cli.progress import progress
 
 if TYPE_CHECKING:
     from data_schemas.scene import Scene

@@ -16,9 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.film.normal_points import Samples, course_at
+from pipeline.film.normal_points import Samples, course_at, row_times
 from pipeline.film.parts import Floats, Strobe, TimeAxis, Tracks
-from pipeline.film.row_times import row_times
 
 BLOCK = 30.0  # s
 _CLUSTER = 2.0  # s: four marks, two swings

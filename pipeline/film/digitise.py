@@ -17,8 +17,7 @@ from data_schemas.film_description import (
 from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.reading import READINGS, Progress, Reading, read_film
 from pipeline.film.record import make_record
-from pipeline.film.scan.opening import OpenScan, open_scan
-from pipeline.film.scan.options import ScanOptions
+from pipeline.film.scan.opening import OpenScan, ScanOptions, open_scan
 
 if TYPE_CHECKING:
     import xarray as xr

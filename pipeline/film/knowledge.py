@@ -6,11 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from data_schemas.errors import UsageError
 from data_schemas.film_description import DescribedPendulum, DescribedTrace, FilmDescription
-from pipeline.film.parts import Expected, Marking
+from pipeline.film.parts import Marking
 from pipeline.importing.pendulums import combine
 
 ASSUMED_LEVER = 2000.0  # mm rad-1; historic levers were found in no source
@@ -118,18 +116,10 @@ class Known:
             speed=None if scale is None or self.speed is None else self.speed / scale,
         )
 
-    def expected(self, scale: float | None) -> Expected:
-        """What `track` is told of the traces."""
-        traces = self.traces
-        if not traces:
-            return Expected()
-        positions = [trace.position for trace in traces]
-        amplitudes = [trace.amplitude for trace in traces]
-        return Expected(
-            count=len(traces),
-            positions=None if scale is None or None in positions else np.array(positions, dtype=np.float64) / scale,
-            amplitudes=None if scale is None or None in amplitudes else np.array(amplitudes, dtype=np.float64) / scale,
-        )
+    @property
+    def count(self) -> int | None:
+        """Number of traces; None where neither user nor description names them."""
+        return len(self.traces) or None
 
     def pendulums(self, traces: Sequence[DescribedTrace]) -> tuple[Any, ...]:
         """The pendulums of some traces, with their periods and what else is described of them.

@@ -2,9 +2,9 @@
 
 A sample is the course at its instant plus the mean departure of the rows' readings from the course. The course is the
 tracker's smooth curve, whose prior holds a frequency; what of it survives in a sample is second order in the row's
-distance from the instant. To keep that out of the phase, the departures are first described by a harmonic with slow
-changes over two swings (`departure`): of the description too only second order survives, and its noise with it, so
-that the noise of the samples stays white.
+distance from the instant. To keep that out of the phase, the departures are first described by a line and a swing of
+slowly changing size (`describe`), in adjoining blocks of a few swings: of the description too only second order
+survives, and its noise with it, so that the noise of the samples stays white.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.film.departure import block_length, describe, terms
 from pipeline.film.parts import Floats, TimeAxis, Tracks
-from pipeline.film.row_times import row_times, time_at
 
+_SWINGS = 2.0  # a block: long enough to tell a swing from a line, short beside any change of the swing
+_FEWEST = 24  # readings in a block: four a term
+_RIDGE = 1e-9  # of the diagonal, for blocks of which only one end was read
 LOST = np.uint16(ELONGATION_FLAGS["lost"])
 
 
@@ -165,3 +166,62 @@ def _combine_flags(
     np.bitwise_or.at(of_all, samples[inside], rows[inside])
     np.bitwise_or.at(of_accepted, samples[accepted], rows[accepted])
     qc[:] = np.where(good, of_accepted, np.where(of_all == 0, LOST, of_all))
+
+
+def row_times(tracks: Tracks, axis: TimeAxis, trace: int) -> Floats:
+    """Time at which a trace crossed the centre line of each row, (rows,) s; NaN where it is not known."""
+    return time_at(axis, trace, np.arange(tracks.course.shape[1], dtype=np.float64) + 0.5, tracks.course[trace])
+
+
+def time_at(axis: TimeAxis, trace: int, row: Floats, column: Floats) -> Floats:
+    """Time at which light of a trace fell on places of the film, s; NaN outside the axis.
+
+    The axis gives the time of a row at column 0 of the first trace. The image lags by `shear` rows a column and by
+    the trace's `offset`, so that row r of the trace shows what the axis has at r - offset - shear * column.
+    """
+    rows = np.arange(axis.seconds.size) + 0.5
+    place = row - axis.offset[trace] - axis.shear * column
+    return np.asarray(np.interp(place, rows, axis.seconds, left=np.nan, right=np.nan))
+
+
+def block_length(period: float, rate: float) -> int:
+    """Samples in a block."""
+    return max(2, round(_SWINGS * period * rate))
+
+
+def describe(
+    times: Floats, departure: Floats, weight: Floats, block: NDArray[np.int64], count: int, period: float, span: float
+) -> Floats:
+    """Coefficients of each block, (count, 6); zero where a block holds too few readings.
+
+    Parameters
+    ----------
+    times, departure, weight : (readings,) arrays
+        In order of `block`; times in s, departures in any unit, weights as inverse variances.
+    block : (readings,) array
+        Block of each reading, not decreasing, below `count`.
+    period : float
+        Of the swing, s.
+    span : float
+        Length of a block, s; block b covers b * span to (b + 1) * span.
+    """
+    coefficients = np.zeros((count, 6))
+    edges = np.searchsorted(block, np.arange(count + 1))
+    columns = terms(times, block, period, span)
+    for number in range(count):
+        part = slice(edges[number], edges[number + 1])
+        if part.stop - part.start < _FEWEST:
+            continue
+        weighted = columns[part] * weight[part, None]
+        matrix = weighted.T @ columns[part]
+        matrix[np.diag_indices(6)] *= 1.0 + _RIDGE
+        coefficients[number] = np.linalg.lstsq(matrix, weighted.T @ departure[part], rcond=1e-12)[0]
+    return coefficients
+
+
+def terms(times: Floats, block: NDArray[np.int64], period: float, span: float) -> Floats:
+    """The six functions at some times of some blocks, (times, 6)."""
+    x = 2.0 * (times / span - block) - 1.0
+    phase = 2.0 * np.pi * times / period
+    cosine, sine = np.cos(phase), np.sin(phase)
+    return np.stack([np.ones_like(x), x, cosine, sine, x * cosine, x * sine], axis=-1)

@@ -53,34 +53,6 @@ class Emulsion(Protocol):
 
 
 @dataclass(frozen=True)
-class Expected:
-    """What may be known of the traces before the film is read; None where nothing is.
-
-    Attributes
-    ----------
-    count : int or None
-        Number of traces.
-    positions : (traces,) array or None
-        Resting places across the film, px.
-    amplitudes : (traces,) array or None
-        Of the swing, px.
-    rows_per_swing : float or None
-        Rows in one full period.
-    spot : float or None
-        1 sigma of the spot, px.
-    seeds : (seeds, 3) array or None
-        Trace number, row and column of points clicked by a user.
-    """
-
-    count: int | None = None
-    positions: Floats | None = None
-    amplitudes: Floats | None = None
-    rows_per_swing: float | None = None
-    spot: float | None = None
-    seeds: Floats | None = None
-
-
-@dataclass(frozen=True)
 class Tracks:
     """Traces as read, row by row.
 

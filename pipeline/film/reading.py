@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data_schemas.errors import RefusedError
+from data_schemas.errors import RecordError, RefusedError
 from pipeline.film.comparing import PhaseDifference, compare
-from pipeline.film.film_scale import film_scale, rows_per_second
 from pipeline.film.knowledge import Known
 from pipeline.film.normal_points import Samples, normal_points
 from pipeline.film.parts import Emulsion, Strobe, TimeAxis, Tracks
 from pipeline.film.scan.opening import OpenScan
 
+_MM_PER_INCH = 25.4
 Progress = Callable[[str, int, int], None]
 """Told the stage, how much of it is done, and of how much."""
 
@@ -133,19 +133,19 @@ def _read_time(
     from pipeline.film.marks.minutes import TimeReversedError
     from pipeline.film.strobe.dense import dense_tracks
     from pipeline.film.strobe.dense_emulsion import dense_emulsion
-    from pipeline.film.strobe.saturated import Saturated
+    from pipeline.film.strobe.dense_survey import Saturated
     from pipeline.film.tracking.track import track
 
-    expected, marking = known.expected(scan.scale), known.marking(scan.scale)
+    count, marking = known.count, known.marking(scan.scale)
 
     def followed(scan: OpenScan, dense: bool) -> tuple[OpenScan, Emulsion, Tracks, TimeAxis]:
         if dense:
-            emulsion = dense_emulsion(scan, expected)
-            tracks = dense_tracks(scan, emulsion, expected)
+            emulsion = dense_emulsion(scan, count)
+            tracks = dense_tracks(scan, emulsion, count)
             sure = Saturated.of(emulsion)
             return scan, sure, tracks, time_axis(scan, sure, tracks, marking, jobs)
         emulsion = measure_emulsion(scan)
-        tracks = track(scan, emulsion, expected=expected, jobs=jobs, progress=_stage(progress, "traces"))
+        tracks = track(scan, emulsion, count=count, jobs=jobs, progress=_stage(progress, "traces"))
         return scan, emulsion, tracks, time_axis(scan, emulsion, tracks, marking, jobs)
 
     faults = []
@@ -194,3 +194,34 @@ def _speed_notes(axis: TimeAxis, scale: float, nominal: float | None) -> list[st
     if nominal is None or not abs(speed / nominal - 1.0) > _SPEED_TOLERANCE:
         return []
     return [f"the marks give {speed:.3g} mm/s, not {nominal:g}; check --dpi, --mark-interval and --speed"]
+
+
+def rows_per_second(axis: TimeAxis) -> float:
+    """Mean speed of the film, from the marks; NaN without two."""
+    if axis.index.size < 2:
+        return float("nan")
+    return float((axis.row[-1] - axis.row[0]) / ((axis.index[-1] - axis.index[0]) * axis.interval))
+
+
+def film_scale(stated: float | None, speed: float | None, axis: TimeAxis) -> tuple[float, str | None]:
+    """Size of a pixel, mm, and what had to be believed for it.
+
+    Parameters
+    ----------
+    stated : float or None
+        As the user or the file says, mm.
+    speed : float or None
+        Nominal speed of the film, mm s-1.
+
+    Raises
+    ------
+    RecordError
+        Neither is known: elongations would have no scale.
+    """
+    if stated is not None:
+        return stated, None
+    rate = rows_per_second(axis)
+    if speed is None or not np.isfinite(rate):
+        raise RecordError("the image says no resolution, which elongations need; give --dpi, or the film's --speed")
+    dpi = _MM_PER_INCH * rate / speed
+    return speed / rate, f"the image says no resolution; the marks at {speed:g} mm/s give {dpi:.4g} dpi"

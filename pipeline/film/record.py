@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import permutations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from data_schemas.errors import RecordError
 from data_schemas.film_description import DescribedTrace, FilmDescription
 from data_schemas.layouts import CONVENTIONS, VERSION
 from data_schemas.variables import attributes
 from pipeline.film.comparing import clock_uncertainty
-from pipeline.film.datasets import dataset
-from pipeline.film.film_scale import rows_per_second
-from pipeline.film.instrument import instrument_of
+from pipeline.film.instrument import dataset, instrument_of
 from pipeline.film.knowledge import Known, default_traces
-from pipeline.film.marks.flags import marks_flags, marks_seen
-from pipeline.film.matching import match
+from pipeline.film.marks.checks import marks_flags, marks_seen
 from pipeline.film.parts import Floats, TimeAxis
-from pipeline.film.reading import Reading, accepted_fraction
+from pipeline.film.reading import Reading, accepted_fraction, rows_per_second
 from pipeline.film.scan.files import sha256
 
 if TYPE_CHECKING:
     import xarray as xr
 
+_MOST_TRACES = 7
+_FACTOR = 5.0  # mm: a swing wrong by a factor of e counts as a place wrong by this
 _DEFAULT_START = "2000-01-01T00:00:00Z"
 _ALIKE = 2.0  # s over which errors of the times are alike: the smoother's reach
 
@@ -73,7 +74,7 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
             },
             {"trace": [trace.name for trace in traces], "pendulum": labels},
         ),
-        "/film": _film(reading, known, traces, lever, rest[order]),
+        "/film": _film(reading, known, traces, lever, rest, order),
     }
     instrument = instrument_of(
         known, pendulums, reading.samples.time, _rate_uncertainty(reading), needed=len(traces) > 1
@@ -117,7 +118,14 @@ def _stated(description: FilmDescription | None, name: str) -> str:
     return str(getattr(description, name)) if stated else ""
 
 
-def _film(reading: Reading, known: Known, traces: Sequence[DescribedTrace], lever: Floats, rest: Floats) -> xr.Dataset:
+def _film(
+    reading: Reading,
+    known: Known,
+    traces: Sequence[DescribedTrace],
+    lever: Floats,
+    rest: Floats,
+    order: list[int],
+) -> xr.Dataset:
     gap = known.marking(None).gap
     values = {
         "optical_lever": lever,
@@ -133,7 +141,13 @@ def _film(reading: Reading, known: Known, traces: Sequence[DescribedTrace], leve
         {name: value for name, value in values.items() if value is not None},
         {"trace": [trace.name for trace in traces]},
     )
-    film.attrs = {**findings(reading), "resting_column": rest, "assumed": "; ".join(known.assumptions(traces))}
+    offset = reading.axis.offset[order]
+    film.attrs = {
+        **findings(reading),
+        "trace_offset": (offset - offset[0]) * reading.scale,
+        "resting_column": rest[order],
+        "assumed": "; ".join(known.assumptions(traces)),
+    }
     return film
 
 
@@ -146,7 +160,6 @@ def findings(reading: Reading) -> dict[str, Any]:
         "accepted_fraction": accepted_fraction(reading.tracks, axis),
         "marks_found": int(marks_seen(axis, reading.strobe).size),
         "skew": float(np.degrees(np.arctan(axis.shear))),
-        "trace_offset": axis.offset * reading.scale,
         "time_sigma": time_sigma(axis),
         # at the marks the times are exact
         "time_rate_sigma": 0.0 if reading.kind == "strobe" else axis.rate_sigma,
@@ -188,3 +201,49 @@ def time_sigma(axis: TimeAxis) -> float:
     """R.m.s. of the stated uncertainty of the rows' times, s; NaN where no row has a time."""
     timed = np.isfinite(axis.seconds)
     return float(np.sqrt(np.mean(axis.seconds_sigma[timed] ** 2))) if timed.any() else float("nan")
+
+
+def match(described: Sequence[DescribedTrace], rest: Floats, swing: Floats) -> list[int]:
+    """For each described trace, the number of the one found.
+
+    Without a place for each, traces are described as they lie from the left to the right. The scan need not begin at
+    the paper's edge: a shift common to all places does not count.
+
+    Parameters
+    ----------
+    described : sequence of DescribedTrace
+    rest, swing : (found,) arrays
+        Where the traces found rest and how far they swing, mm.
+
+    Raises
+    ------
+    RecordError
+        More or fewer traces were found than are described, or too many.
+    """
+    count = len(described)
+    if rest.size != count:
+        names = ", ".join(trace.name for trace in described)
+        raise RecordError(
+            f"{_traces(rest.size)} found on the film, but {count} described ({names}); say which are there with --trace"
+        )
+    if any(trace.position is None for trace in described):
+        return [int(k) for k in np.argsort(rest, kind="stable")]
+    if count > _MOST_TRACES:
+        raise RecordError(f"{count} traces are described; at most {_MOST_TRACES} can be told apart")
+    places = np.array([trace.position for trace in described], dtype=np.float64)
+    sizes = [trace.amplitude for trace in described]
+
+    def strangeness(order: Iterable[int]) -> float:
+        order = list(order)
+        # a shift of all places alike costs every order the same
+        cost = float(np.sum((rest[order] - places) ** 2))
+        for size, found in zip(sizes, order, strict=True):
+            if size is not None and swing[found] > 0.0:
+                cost += (_FACTOR * float(np.log(swing[found] / size))) ** 2
+        return cost
+
+    return list(min(permutations(range(count)), key=strangeness))
+
+
+def _traces(count: int) -> str:
+    return "no trace was" if count == 0 else "1 trace was" if count == 1 else f"{count} traces were"

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.film.film_scale import rows_per_second
-from pipeline.film.reading import Reading, accepted_fraction
+from pipeline.film.reading import Reading, accepted_fraction, rows_per_second
 from pipeline.film.record import flags
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ import numpy as np
 
 from data_schemas.scratch import portions, release, room
 from pipeline.arrays import Floats
-from pipeline.inversion.filters import reach_of, windowed
+from pipeline.inversion.motion import reach_of, windowed
 
 PASS, STOP = 0.5, 0.85  # of the swing's frequency
 REJECTION = 80.0  # dB, of the swing: what is left of it is 1e-6 rad

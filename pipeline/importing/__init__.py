@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-_WHERE = {"ImportOptions": "pipeline.importing.options", "import_csv": "pipeline.importing.record"}
+_WHERE = {"ImportOptions": "pipeline.importing.pendulums", "import_csv": "pipeline.importing.record"}
 __all__ = ["ImportOptions", "import_csv"]
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from pipeline.arrays import Complexes, Floats
-from pipeline.projection.least_squares import BLOCK, add_gram
+from pipeline.projection.identity import BLOCK, add_gram
 from pipeline.projection.taps import BEFORE, NODES
 from synth.kernels.compiled import kernel
 
@@ -86,7 +86,7 @@ def recursion(
     columns : (4, n) array
         The last row comes with the forcing of the derivative by n2.
     gram : (6, 6) array
-        As `least_squares.solve` takes it.
+        As `identity.solve` takes it.
     """
     direct, gain, turn, rate = constants
     now, ago = past

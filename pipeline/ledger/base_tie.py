@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.base_stations import BASE, Tie
+from pipeline.conditions import BASE, Tie
 from pipeline.ledger.entry import MGAL, Case, Change, absent, uncertainty_told
 
 NAME = "base_tie"

@@ -1,21 +1,27 @@
-"""What a correction is given, and what it gives."""
+"""What a correction is given, and what it gives.
+
+An exact method gives one frequency and no parts. What a known disturbance adds to the frequency is its response: the
+disturbance moves the phasor of the difference by dD(t), and the least squares of the complex form answers with `d n2 =
+Re sum conj(g) dD`, g its influence. That holds through zero amplitude, with gaps, and with damping fitted, where
+averages of a phase speed do not.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.arrays import Floats
+from pipeline.arrays import Complexes, Floats
 from pipeline.conditions import Constants
+from pipeline.estimate import Estimate
+from pipeline.harmonics.envelope import fill
+from pipeline.harmonics.narrowband import running_integral
+from pipeline.harmonics.slow_motion import SlowMotion
+from pipeline.prepared import Prepared
 
-if TYPE_CHECKING:
-    from pipeline.estimate import Estimate
-    from pipeline.ledger.shares import Shares
-    from pipeline.prepared import Prepared
-
+REACH, PASSES = 20.0, 3  # s to either side: longer than a wave
 MGAL = 1e-5  # m s-2
 DAY = 86400.0  # s
 UNKNOWN = float("nan")  # uncertainty of a correction whose input states none
@@ -78,14 +84,10 @@ class Case:
     @cached_property
     def shares(self) -> Shares:
         """Parts of the estimate's own correction; found when they are asked for, gravity does not need them."""
-        from pipeline.ledger.shares import shares
-
         return shares(self.estimate, self.prepared)
 
     def mean_over_record(self, series: Floats | float) -> float:
         """Mean of what changes n^2 within the record as it acts on the estimate; of a number, itself."""
-        from pipeline.ledger.shares import mean_over_record
-
         if np.ndim(series) == 0:
             return float(series)
         seen = self.prepared.observation
@@ -154,3 +156,121 @@ def absent(constants: Constants, needs: tuple[str, ...]) -> str:
 def uncertainty_told(sigma: float) -> str:
     """End of a reason: nothing, or that the inputs state no uncertainty."""
     return "; no uncertainty stated" if np.isnan(sigma) else ""
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Parts of a method's own correction of n2, rad s-1, ADDED.
+
+    Attributes
+    ----------
+    arc, horizontal, vertical : float
+        Finite arc, horizontal and vertical acceleration of the support.
+    by_gain : float
+        Change of all of them for a relative change of the first trace's gain.
+    squares : (float, float)
+        Mean square amplitudes of the two pendulums, rad2.
+    reduced : bool
+        Whether the method reduces accelerations as they act on real pendulums.
+    """
+
+    arc: float = 0.0
+    horizontal: float = 0.0
+    vertical: float = 0.0
+    by_gain: float = 0.0
+    squares: tuple[float, float] = (0.0, 0.0)
+    reduced: bool = False
+
+
+def shares(estimate: Estimate, prepared: Prepared) -> Shares:
+    """Split what a method corrected; nothing for methods that take the pendulums as linear."""
+    if not estimate.acceleration_reduced and estimate.finite_arc == 0.0:
+        return Shares()
+    envelope, frequency = prepared.blocks, estimate.frequency
+    first, difference = fill(envelope.first), fill(envelope.difference)
+    own = -arc_answer(prepared, first, difference, frequency)
+    gained = -arc_answer(prepared, 1.01 * first, difference, frequency)
+    arc = estimate.finite_arc if estimate.finite_arc != 0.0 else own
+    horizontal = vertical = 0.0
+    if estimate.acceleration_reduced:
+        slow = prepared.slow_motion
+        still = replace(slow, zeta=None)
+        horizontal = -turned(prepared, gained_phase(still, frequency, envelope.time))
+        if slow.zeta is not None:
+            vertical = -turned(prepared, gained_phase(slow, frequency, envelope.time)) - horizontal
+    return Shares(
+        arc=arc,
+        horizontal=horizontal,
+        vertical=vertical,
+        by_gain=(gained - own) / 0.01 + 2.0 * horizontal,  # the slow motion enters squared
+        squares=(_square(envelope.first), _square(envelope.first - envelope.difference)),
+        reduced=estimate.acceleration_reduced,
+    )
+
+
+def arc_answer(prepared: Prepared, first: Complexes, difference: Complexes, frequency: float) -> float:
+    """What the finite arcs of both pendulums add to n2, rad s-1 (they make it smaller)."""
+    second = first - difference
+    # Z_i' gains -(i n/16) |Z_i|^2 Z_i
+    forcing = -1j * frequency / 16.0 * (np.abs(first) ** 2 * first - np.abs(second) ** 2 * second)
+    growth = prepared.rough.jacobian[0]
+    return _answer(prepared, growth * running_integral(forcing / growth, prepared.blocks.hop))
+
+
+def gained_phase(slow: SlowMotion, frequency: float, time: Floats) -> Floats:
+    """Phase that a swing gains by the support's acceleration, rad, from its second order on.
+
+    Heave acts in first order too, but to and fro: over a record nothing is left but what its ends happen to cut off. Of
+    the second order the wiggle within single waves is taken off, which the blocks are too long to follow.
+    """
+    own = slow.begin + slow.step * np.arange(slow.angle.size)
+    phase = slow.phase(slow.gamma(frequency), frequency, own)
+    if slow.zeta is not None:
+        half = 0.25 * frequency * slow.step * (slow.zeta[1:] + slow.zeta[:-1])
+        phase = phase - np.concatenate([[0.0], np.cumsum(half)])
+    for _ in range(PASSES):
+        phase = running_mean(phase, round(REACH / slow.step))
+    steady = float((phase[-1] - phase[0]) / (own[-1] - own[0]))
+    return np.asarray(np.interp(time, own, phase - steady * own) + steady * time)
+
+
+def running_mean(values: Floats, reach: int) -> Floats:
+    """Mean over as many neighbours on either side, fewer near the ends: a straight line stays itself."""
+    index = np.arange(values.size)
+    half = np.minimum(reach, np.minimum(index, values.size - 1 - index))
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    return np.asarray((total[index + half + 1] - total[index - half]) / (2 * half + 1))
+
+
+def turned(prepared: Prepared, phase: Floats) -> float:
+    """What a phase that both pendulums gain alike, (k,) rad at the blocks' instants, adds to n2, rad s-1.
+
+    D' gains i phase' D, whose response is `growth int i phase' D/growth dt`; the first pendulum is an input as it is.
+    """
+    growth = prepared.rough.jacobian[0]
+    swing = fill(prepared.blocks.difference) / growth
+    steps = 0.5j * np.diff(phase) * (swing[1:] + swing[:-1])
+    return _answer(prepared, growth * np.concatenate([[0.0], np.cumsum(steps)]))
+
+
+def mean_over_record(prepared: Prepared, time: Floats, series: Floats) -> float:
+    """Mean of a course over the record as it acts on n2, when n2 changes in proportion to it.
+
+    Parameters
+    ----------
+    time, series : (m,) arrays
+        s by the record's clock; the course.
+    """
+    seen = prepared.observation
+    centre = float(series.mean())
+    grown = np.concatenate([[0.0], np.cumsum(0.5 * (series[1:] + series[:-1] - 2.0 * centre) * np.diff(time))])
+    at = np.interp(prepared.blocks.time + seen.start, time, grown)
+    return centre + turned(prepared, at)
+
+
+def _answer(prepared: Prepared, moved: Complexes) -> float:
+    return float((np.conj(prepared.rough_budget.influence) @ moved).real)
+
+
+def _square(harmonic: Complexes) -> float:
+    return float(np.nanmean(np.abs(harmonic) ** 2))

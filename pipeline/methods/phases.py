@@ -12,8 +12,7 @@ from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
 from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import running_integral
-from pipeline.outliers import MOST_ANGLE
-from pipeline.prepared import LEAST_EXPLAINED, Prepared, require_swing
+from pipeline.prepared import LEAST_EXPLAINED, MOST_ANGLE, Prepared, require_swing
 
 LEAST_AMPLITUDE = 0.1  # min a / max a below which the phase form of (27) errs by up to 1000 mGal
 

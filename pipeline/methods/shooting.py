@@ -7,8 +7,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import sum_of_squares
 from pipeline.estimate import Estimate
-from pipeline.inversion.influence import theta_influence
-from pipeline.inversion.iteration import Iteration
+from pipeline.inversion.iteration import Iteration, theta_influence
 from pipeline.inversion.motion import motion
 from pipeline.methods import projection
 from pipeline.prepared import Prepared

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.period.cycles import Cycles
-from pipeline.period.finite_arc import arc_factor
+from pipeline.period.cycles import Cycles, arc_factor
 
 Factor = Callable[[Floats], Floats]
 

@@ -6,7 +6,7 @@ import importlib
 from typing import Any
 
 _WHERE = {
-    "demo_figure": "pipeline.plots.demo",
+    "demo_figure": "pipeline.plots.result",
     "film_figure": "pipeline.plots.film",
     "period_figure": "pipeline.plots.period",
     "record_figure": "pipeline.plots.record",

@@ -8,12 +8,12 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_schemas.errors import UsageError
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import row_means_present
 from pipeline.plots.canvas import GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, panel, sheet
-from pipeline.plots.film_image import picture
 from pipeline.plots.series import Floats
 
 if TYPE_CHECKING:
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from pipeline.film.parts import Scan
     from pipeline.film.reading import Reading
 
+_IMAGE_HEIGHT = 900  # dots across the film, at most
+_LEAST_CONTRAST = 0.1  # of full scale: the grain of blank film is not stretched to black and white
 _STRIP = 30.0  # s of film a strip, if that makes no more than the most
 _MOST_STRIPS = 12
 _WIDTH, _HEIGHT = 15.0, 20.0  # inches, of all strips
@@ -200,7 +202,7 @@ def _rows_of(reading: Reading, seconds: Floats, trace: int, column: Floats) -> F
 
 def _draw_marks(axes: Axes, reading: Reading, strip: Strip) -> None:
     """Marks as ticks along the upper edge, full minutes long and named."""
-    from pipeline.film.marks.flags import marks_seen
+    from pipeline.film.marks.checks import marks_seen
 
     axis, seen = reading.axis, marks_seen(reading.axis, reading.strobe)
     rows = np.interp(seen, axis.index, axis.row)
@@ -256,7 +258,7 @@ def _label_time(axes: Axes, reading: Reading, strip: Strip) -> None:
 
 
 def _subtitle(reading: Reading) -> str:
-    from pipeline.film.marks.flags import marks_seen
+    from pipeline.film.marks.checks import marks_seen
     from pipeline.film.reading import accepted_fraction
     from pipeline.film.record import flags
     from pipeline.film.summary import share_read
@@ -289,3 +291,26 @@ def _legend(figure: Figure, reading: Reading) -> None:
     # at most five to a row: they share the height with the heading
     columns = -(-len(handles) // 2) if len(handles) > 5 else len(handles)
     figure.legend(handles=handles, loc="upper right", ncols=columns, fontsize=8.5, frameon=False, borderaxespad=0.4)
+
+
+def picture(scan: Scan, first: int, stop: int, left: int, right: int, dots: int) -> NDArray[np.float32]:
+    """Grey from 0 (black) to 1 of rows `first` to `stop`, columns `left` to `right`, at most (dots, 900).
+
+    A dot that covers several pixels is halfway between their mean and their darkest. The contrast is stretched from
+    the darkest lines to the blank film.
+    """
+    down = max(1, -(-(stop - first) // dots))
+    across = max(1, -(-(right - left) // _IMAGE_HEIGHT))
+    rows, columns = (stop - first) // down, (right - left) // across
+    shown = np.empty((rows, columns), dtype=np.float32)
+    step = max(1, 1024 // down)
+    for a in range(0, rows, step):
+        b = min(rows, a + step)
+        pixels = scan.read(first + a * down, first + b * down)[:, left : left + columns * across]
+        blocks = pixels.reshape(b - a, down, columns, across)
+        shown[a:b] = blocks.mean(axis=(1, 3), dtype=np.float32)
+        if down * across > 1:
+            shown[a:b] = 0.5 * (shown[a:b] + blocks.min(axis=(1, 3)))
+    dark, blank = np.percentile(shown, [0.05, 60.0])
+    contrast = max(float(blank - dark), _LEAST_CONTRAST * scan.full_scale)
+    return np.asarray(np.clip(0.95 - 0.87 * (blank - shown) / contrast, 0.0, 1.0), dtype=np.float32)

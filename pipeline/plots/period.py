@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.period.finite_arc import arc_factor
+from pipeline.period.cycles import arc_factor
 from pipeline.plots.canvas import BLUE, GREY, ORANGE, VERMILION, legend, panel, sheet
 from pipeline.plots.series import Floats, robust_limits
 

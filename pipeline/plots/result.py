@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.plots.canvas import BLUE, GREEN, PALETTE, VERMILION, legend, note, panel, sheet
+from pipeline.plots.record import draw_whole
 from pipeline.plots.series import Floats, angle_scale, robust_limits, running_mean, thin, time_scale
 
 if TYPE_CHECKING:
@@ -229,3 +230,28 @@ def _gravity(result: DataTree, method: str) -> float:
 def _seconds(result: DataTree) -> Floats:
     time: Floats = np.asarray(result.dataset["time"].values, dtype=np.float64)
     return np.asarray(time - time[0])
+
+
+def demo_figure(record: DataTree, result: DataTree, true_gravity: float) -> Figure:
+    """Draw a record and its result on one sheet.
+
+    Parameters
+    ----------
+    record, result : DataTree
+        As `pipeline.process` took and gave them.
+    true_gravity : float
+        m s-2; the methods' errors are counted from it.
+    """
+    time = np.asarray(record.dataset["time"].values, dtype=np.float64)
+    time = time - time[0]
+    labels = [str(label) for label in record["record"].dataset["trace"].values][:2]
+    figure = sheet("From a ship's record to gravity", subtitle(result), 12.0, 10.0)
+    grid = figure.add_gridspec(3, 2)
+    for column, label in enumerate(labels):
+        kind = "the difference" if "-" in label else "a single pendulum"
+        axes = panel(figure, grid[0, column], f"Recorded: {kind}, trace {label}", "", "")
+        draw_whole(axes, time, np.asarray(record["record"].dataset["elongation"].values[column]), PALETTE[2 * column])
+    draw_amplitudes(panel(figure, grid[1, 0], "Amplitude of each harmonic", "", ""), result)
+    draw_gravity(panel(figure, grid[1, 1], "Error of each method", "", ""), result, true_gravity)
+    draw_phase_speed(panel(figure, grid[2, :], "Phase speed of the difference pendulum", "", ""), result)
+    return figure

@@ -6,6 +6,7 @@ left out, never filled; an instant with less than half of its window has no phas
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ _LEAST_SWINGS = 12.0
 _LEAST_READINGS = 12  # of a window
 _TERMS = 5
 _PADDING = 4
+_MULTIPLES = {"vertical_acceleration": 2.0, "horizontal_acceleration": 1.0}
 
 
 class Phases(NamedTuple):
@@ -146,3 +148,49 @@ def _slope(time: Floats, values: Floats) -> float:
     if present.sum() < 2:
         raise RefusedError("synchrony: a pendulum was hardly read; leave its trace out")
     return float(np.polyfit(time[present], values[present], 1)[0])
+
+
+class Beam(NamedTuple):
+    """Motion of the support at a multiple of the clocks' frequency."""
+
+    direction: str
+    """``vertical`` or ``horizontal``."""
+    amplitude: float
+    """m."""
+    ratio: Floats
+    """(clocks,) amplitude of the support over that of the clock, m/rad."""
+
+
+def beam(
+    time: Floats, accelerations: Mapping[str, Floats], frequency: float, amplitude: Floats, since: float
+) -> Beam | None:
+    """The larger of what the recorded accelerations show, None if none was recorded.
+
+    Parameters
+    ----------
+    time : (n,) array
+        s.
+    accelerations : mapping of str to (n,) array
+        As in the record, m s-2; NaN = missing.
+    frequency : float
+        Of the clocks, rad/s.
+    amplitude : (clocks,) array
+        Mean, rad.
+    since : float
+        Time from which the motion counts, s.
+    """
+    found = []
+    for name, multiple in _MULTIPLES.items():
+        values = accelerations.get(name)
+        if values is None:
+            continue
+        used = np.isfinite(values) & (time >= since)
+        if used.sum() < 16:
+            continue
+        turn = multiple * frequency
+        window = np.hanning(int(used.sum()))
+        carrier = np.exp(-1j * turn * time[used])
+        felt = np.abs(2.0 * np.sum(window * (values[used] - values[used].mean()) * carrier) / window.sum())
+        size = float(felt) / turn**2
+        found.append(Beam(name.partition("_")[0], size, size / amplitude))
+    return max(found, key=lambda each: each.amplitude, default=None)

@@ -42,8 +42,7 @@ def synchrony(record: DataTree) -> DataTree:
     """
     from data_schemas import check
     from pipeline.synchronism.allan import allan_deviation, available
-    from pipeline.synchronism.beam import beam
-    from pipeline.synchronism.phases import phases
+    from pipeline.synchronism.phases import beam, phases
     from pipeline.synchronism.result import Found, Pair, laid_out
     from pipeline.synchronism.verdict import judge
 

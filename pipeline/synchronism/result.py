@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time as stopwatch
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -10,14 +11,15 @@ import numpy as np
 from data_schemas.variables import VARIABLES, attributes
 from pipeline.arrays import Floats
 from pipeline.result import result_attributes
-from pipeline.synchronism import rates
+from pipeline.synchronism import allan
 from pipeline.synchronism.allan import REMEDY
-from pipeline.synchronism.beam import Beam
-from pipeline.synchronism.phases import Phases
+from pipeline.synchronism.phases import Beam, Phases
 from pipeline.synchronism.verdict import Verdict
 
 if TYPE_CHECKING:
     from xarray import DataTree
+
+UNSURE = 0.95
 
 
 class Pair(NamedTuple):
@@ -48,7 +50,7 @@ def laid_out(record: DataTree, found: Found, started: float) -> DataTree:
     from xarray import Dataset, DataTree
 
     seen, pairs = found.phases, found.pairs
-    means = [rates.mean(seen.time, each.psi) for each in pairs]
+    means = [allan.mean(seen.time, each.psi) for each in pairs]
     verdicts = [each.verdict for each in pairs]
     begun = found.start + float(seen.time[0])  # verdicts count from the first instant
     values: dict[str, Any] = {
@@ -59,7 +61,7 @@ def laid_out(record: DataTree, found: Found, started: float) -> DataTree:
         "frequency": seen.frequency,
         "phase_difference": np.stack([each.psi for each in pairs]),
         "phase_difference_sigma": np.stack([each.sigma for each in pairs]),
-        "rate_difference": np.stack([rates.instantaneous(seen.time, each.psi) for each in pairs]),
+        "rate_difference": np.stack([allan.instantaneous(seen.time, each.psi) for each in pairs]),
         "mean_rate_difference": np.array([mean for mean, _ in means]),
         "mean_rate_difference_sigma": np.array([sigma for _, sigma in means]),
         "verdict": _texts([each.state for each in verdicts]),
@@ -95,3 +97,48 @@ def laid_out(record: DataTree, found: Found, started: float) -> DataTree:
 
 def _texts(values: list[str]) -> Any:
     return np.array(values, dtype=object)
+
+
+def synchrony_summaries(result: DataTree) -> list[dict[str, Any]]:
+    """One dictionary a pair; keys of the contract, gravity null, and `synchrony` with what was found."""
+    table = result["synchrony"].dataset
+    clocks = [str(label) for label in table["clock"].values]
+    rows = []
+    for k, name in enumerate(str(pair) for pair in table["pair"].values):
+        one = table.isel(pair=k)
+        rows.append(
+            {
+                "record_id": str(result.attrs["record_id"]),
+                "status": "ok",
+                "error": None,
+                "requested_method": "synchrony",
+                "method": "synchrony",
+                "gravity_m_s2": None,
+                "gravity_sigma_mgal": None,
+                "frequency_rad_s": dict(zip(clocks, map(float, table["frequency"].values), strict=True)),
+                "difference_frequency_rad_s": None,
+                "corrections_mgal": {},
+                "sensitivity_mgal": {},
+                "synchrony": {
+                    "pair": name,
+                    "verdict": str(one["verdict"].values),
+                    "confidence": float(one["confidence"]),
+                    "angle_rad": _known(float(one["locked_angle"])),
+                    "angle_sigma_rad": _known(float(one["locked_angle_sigma"])),
+                    "lock_time_s": _known(float(one["lock_time"])),
+                    "slips": int(one["slips"]),
+                    "rate_difference_per_day": float(one["mean_rate_difference"]),
+                    "rate_difference_sigma_per_day": float(one["mean_rate_difference_sigma"]),
+                    "amplitude_ratio": float(one["amplitude_ratio"]),
+                    "beam_amplitude_m": float(table["beam_amplitude"]) if "beam_amplitude" in table else None,
+                },
+                "flags": ["unsure-verdict"] if float(one["confidence"]) < UNSURE else [],
+                "samples_used": int(np.isfinite(one["phase_difference"].values).sum()),
+                "elapsed_s": float(result.attrs["elapsed_s"]),
+            }
+        )
+    return rows
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value

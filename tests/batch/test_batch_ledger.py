@@ -10,8 +10,7 @@ from batch_parts import config_of
 
 from data_schemas.errors import FileError, UsageError
 from pipeline.batch import ledger as module
-from pipeline.batch.ledger import Ledger
-from pipeline.batch.ledger_index import NAME, Index
+from pipeline.batch.ledger import NAME, Index, Ledger
 from pipeline.batch.outcome import Outcome, failure
 
 ONE = Outcome("a.result.nc", "ok", None, None, "11", "22", ({"method": "projection", "gravity_m_s2": 0.1 + 0.2},), 1.5)

@@ -10,7 +10,7 @@ import pytest
 from batch_parts import config_of
 
 import data_schemas
-from pipeline.batch import summary_columns
+from pipeline.batch import summary
 from pipeline.batch.ledger import Ledger
 from pipeline.batch.outcome import Outcome, failure
 from pipeline.batch.summary import write_summary
@@ -69,7 +69,7 @@ def test_the_netcdf_table_says_the_same(written):
 
 
 def test_names_of_very_many_rows_are_left_to_the_csv(out, monkeypatch):
-    monkeypatch.setattr(summary_columns, "MOST_NAMED", 1)
+    monkeypatch.setattr(summary, "MOST_NAMED", 1)
     jobs = [(Path(f"{name}.nc"), config_of(out, name, variant=(("kind", name),))) for name in "abc"]
     with Ledger(out, "{}") as ledger:
         ledger.append(

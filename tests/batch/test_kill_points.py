@@ -23,8 +23,7 @@ from data_schemas import encoding, writing
 from pipeline.batch import campaign, ledger, resume, summary
 from pipeline.batch.campaign import Tally
 from pipeline.batch.executors.serial import serial
-from pipeline.batch.ledger import Ledger
-from pipeline.batch.ledger_index import Index
+from pipeline.batch.ledger import Index, Ledger
 from pipeline.batch.log import Log
 from pipeline.batch.resume import remove_leftovers
 from pipeline.batch.summary import NAMES, write_summary

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.batch import ledger_index
+from pipeline.batch import ledger
 from pipeline.batch.summary import NAMES
-from pipeline.benchmarks import batch, batch_ways
-from pipeline.benchmarks.batch_ways import BARE, DASK, KILLED, ONE, TWO
+from pipeline.benchmarks import batch
+from pipeline.benchmarks.batch import BARE, DASK, KILLED, ONE, TWO
 
 SECONDS = 130.0
 
@@ -45,9 +45,9 @@ def pretend(monkeypatch: pytest.MonkeyPatch):
                 (folder / f"{number}.record.nc").touch()
             return folder
 
-        monkeypatch.setattr(batch_ways, "WAYS", ways)
-        monkeypatch.setattr(batch_ways, "make_records", made)
-        monkeypatch.setattr(batch_ways, "killed_and_resumed", resumed)
+        monkeypatch.setattr(batch, "WAYS", ways)
+        monkeypatch.setattr(batch, "make_records", made)
+        monkeypatch.setattr(batch, "killed_and_resumed", resumed)
         return list(batch.run(quick=True, folder=folder))
 
     return run
@@ -73,25 +73,25 @@ def test_other_summaries_do_not_hold_and_dask_may_be_absent(pretend, monkeypatch
 
 @pytest.mark.compiled
 def test_a_killed_batch_is_resumed_and_the_ways_agree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    records = batch_ways.make_records(tmp_path / "records", 6, SECONDS)
-    ends = batch_ways.WAYS[TWO](records, tmp_path / ONE)
+    records = batch.make_records(tmp_path / "records", 6, SECONDS)
+    ends = batch.WAYS[TWO](records, tmp_path / ONE)
     assert len(ends) == 6
     begun = []
     popen = subprocess.Popen
-    monkeypatch.setattr(batch_ways.subprocess, "Popen", lambda *a, **b: begun.append(popen(*a, **b)) or begun[-1])
-    batch_ways.killed_and_resumed(records, tmp_path / KILLED, 2)
+    monkeypatch.setattr(batch.subprocess, "Popen", lambda *a, **b: begun.append(popen(*a, **b)) or begun[-1])
+    batch.killed_and_resumed(records, tmp_path / KILLED, 2)
     assert begun[0].returncode == -9
-    assert (tmp_path / KILLED / ledger_index.NAME).read_bytes().count(b"\n") >= 6
+    assert (tmp_path / KILLED / ledger.NAME).read_bytes().count(b"\n") >= 6
     assert batch._same(tmp_path / KILLED, tmp_path / ONE)
     if importlib.util.find_spec("distributed") is not None:
-        assert len(batch_ways.WAYS[DASK](records, tmp_path / "by dask")) == 6
+        assert len(batch.WAYS[DASK](records, tmp_path / "by dask")) == 6
         assert batch._same(tmp_path / "by dask", tmp_path / ONE)
 
 
 @pytest.mark.compiled
 def test_the_bare_loop(tmp_path: Path) -> None:
-    records = batch_ways.make_records(tmp_path / "records", 2, SECONDS)
-    ends = batch_ways.WAYS[BARE](records, tmp_path / "out")
+    records = batch.make_records(tmp_path / "records", 2, SECONDS)
+    ends = batch.WAYS[BARE](records, tmp_path / "out")
     assert ends == sorted(ends)
     assert [path.name for path in sorted((tmp_path / "out").iterdir())] == ["00000.record.nc", "00001.record.nc"]
 
@@ -99,4 +99,4 @@ def test_the_bare_loop(tmp_path: Path) -> None:
 def test_a_program_that_ends_early_is_told() -> None:
     silent = subprocess.Popen([sys.executable, "-c", ""], stderr=subprocess.PIPE, text=True)
     with silent, pytest.raises(ChildProcessError, match="ended before it said 'ready'"):
-        batch_ways._said(silent, "ready")
+        batch._said(silent, "ready")

@@ -16,8 +16,7 @@ import pytest
 from data_schemas.errors import RecordError
 from data_schemas.scene import Scene
 from pipeline.benchmarks import corrections, scenes, trials
-from pipeline.benchmarks.corrections import METHODS
-from pipeline.benchmarks.corrections_kinds import REAL, SWELLS, Kind, _real, kinds
+from pipeline.benchmarks.corrections import METHODS, REAL, SWELLS, Kind, _real, kinds
 from pipeline.benchmarks.honesty.records import Made
 from pipeline.benchmarks.kept import Kept
 

@@ -9,8 +9,8 @@ import pytest
 
 from data_schemas.errors import IsochronyError, RefusedError
 from data_schemas.scene_film import Film
-from pipeline.benchmarks import film, film_bars, film_cases
-from pipeline.benchmarks.film_cases import Case, cases, hard_films, scene, touching
+from pipeline.benchmarks import film
+from pipeline.benchmarks.film import Case, cases, hard_films, scene, touching
 
 pytest.importorskip("tifffile")
 READERS = {"isochrony", "column argmax", "centroid"}
@@ -21,7 +21,7 @@ def test_every_axis_has_its_ends() -> None:
     assert {case.axis for case in quick} == {case.axis for case in full}
     assert len(quick) == 10
     assert len(full) == 15
-    assert all(case.film.grain == film_cases.GRAIN for case in full if case.axis != "grain")
+    assert all(case.film.grain == film.GRAIN for case in full if case.axis != "grain")
 
 
 @pytest.mark.compiled
@@ -57,7 +57,7 @@ def test_a_refused_film_has_its_row(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_quick_promises_nothing() -> None:
-    (left_out,) = film_bars.rows(Path("."), quick=True)
+    (left_out,) = film.rows(Path("."), quick=True)
     assert left_out["pass"] is None
 
 
@@ -77,10 +77,10 @@ def test_hard_films_are_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         return given
 
     some = dict.fromkeys("abcd", Film(speed=1.0, lever=500.0, paper_width=40.0))
-    monkeypatch.setattr(film_bars, "HARD_SECONDS", 2.0)
-    monkeypatch.setattr(film_bars, "hard_films", lambda seconds: some)
-    monkeypatch.setattr(film_bars, "own_reading", answer)
-    rows = list(film_bars.hard(tmp_path))
+    monkeypatch.setattr(film, "HARD_SECONDS", 2.0)
+    monkeypatch.setattr(film, "hard_films", lambda seconds: some)
+    monkeypatch.setattr(film, "own_reading", answer)
+    rows = list(film.hard(tmp_path))
     assert [row["pass"] for row in rows] == [True, True, False, True, False]
     assert rows[1]["bar"] == "b: refused"
     assert rows[-1]["value"] == 1.0

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.benchmarks import huygens, huygens_map
+from pipeline.benchmarks import huygens
 from pipeline.benchmarks.kept import Kept
 
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(huygens_map, "QUICK", 5)
+    monkeypatch.setattr(huygens, "QUICK", 5)
 
 
 @pytest.mark.compiled
@@ -39,14 +39,14 @@ def test_the_suite_says_what_holds(small: None, tmp_path, monkeypatch: pytest.Mo
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("computed again")
 
-    monkeypatch.setattr(huygens_map, "integrate_ensemble", refuse)
-    assert len(huygens_map.lock_map(5, Kept(tmp_path))[2]) == 5
+    monkeypatch.setattr(huygens, "integrate_ensemble", refuse)
+    assert len(huygens.lock_map(5, Kept(tmp_path))[2]) == 5
 
 
 def test_the_edge_is_read_off_a_row() -> None:
     chis = np.array([0.1, 0.2, 0.3, 0.4])
-    assert huygens_map.measured_edge(chis, {"locked": [1, 1, 0, 0]}) == pytest.approx(0.25)
-    assert huygens_map.measured_edge(chis, {"locked": [0, 0, 0, 0]}) == pytest.approx(0.05)
-    assert huygens_map.measured_edge(chis, {"locked": [1, 1, 1, 1]}) == math.inf
-    (row,) = huygens_map.edges(chis, np.array([0.0]), [{"locked": [1, 1, 0, 0], "cpu_s": 1.0}])
+    assert huygens.measured_edge(chis, {"locked": [1, 1, 0, 0]}) == pytest.approx(0.25)
+    assert huygens.measured_edge(chis, {"locked": [0, 0, 0, 0]}) == pytest.approx(0.05)
+    assert huygens.measured_edge(chis, {"locked": [1, 1, 1, 1]}) == math.inf
+    (row,) = huygens.edges(chis, np.array([0.0]), [{"locked": [1, 1, 0, 0], "cpu_s": 1.0}])
     assert row["edge_by_balance"] == pytest.approx(row["edge_by_theory"], rel=0.08)

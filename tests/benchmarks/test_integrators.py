@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.benchmarks import integrators, integrators_bars, work_precision
-from pipeline.benchmarks.integrators_bars import time_at
-from pipeline.benchmarks.own import OWN, Answer
+from pipeline.benchmarks import integrators, work_precision
+from pipeline.benchmarks.integrators import time_at
 from pipeline.benchmarks.peers import PEERS
-from pipeline.benchmarks.problems import Problem, beam, hour, raced, stiff_beam, van_der_pol
+from pipeline.benchmarks.problems import OWN, Answer, Problem, beam, hour, raced, stiff_beam, van_der_pol
 from pipeline.benchmarks.references import reference
 from pipeline.benchmarks.work_precision import Point, contenders, set_up, tolerances
 from synth.systems.dispatch import derivative
@@ -34,7 +33,7 @@ def point(method: str, error: float, ms: float, *, own: bool = False, tolerance:
 def test_formulas_are_the_same_equations(name: str) -> None:
     import heyoka as hy
 
-    from pipeline.benchmarks.symbolic import equations
+    from pipeline.benchmarks.references import equations
 
     problem = EVERY[name]
     pairs = equations(problem, float)
@@ -108,7 +107,7 @@ def test_the_suite_yields_its_tables(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(integrators, "raced", lambda *, quick: chosen)
     monkeypatch.setattr(work_precision, "contenders", lambda problem: ("closed form", "Picard collocation", "explicit"))
     bars = [{"bar": "b", "value": 1.0, "limit": ">= 5", "pass": False}]
-    monkeypatch.setattr(integrators_bars, "judged", lambda found: iter(bars))
+    monkeypatch.setattr(integrators, "judged", lambda found: iter(bars))
     rows = list(integrators.run(quick=True, folder=tmp_path))
     # three tolerances of the explicit one, a row for each of the others, twice
     assert [next(iter(row)) for row in rows].count("problem") == 10
@@ -165,8 +164,8 @@ def test_bars_compare_at_equal_or_smaller_error() -> None:
         point("scipy Radau", 1e-8, 400.0, tolerance=1e-6),
     ]
     found = {"linear": own, "nonlinear": own, "beam": [*own, point("heyoka", 1e-10, 2.0)], "van der Pol": stiff}
-    rows = list(integrators_bars.judged({**found, "stiff beam": stiff}))
-    assert len({row["bar"] for row in rows}) == len(rows) == len(integrators_bars.BARS)
+    rows = list(integrators.judged({**found, "stiff beam": stiff}))
+    assert len({row["bar"] for row in rows}) == len(rows) == len(integrators.BARS)
     named = {":".join(row["bar"].split(":")[:2]): row for row in rows}
     assert named["van der Pol: times faster than CyRK RADAU at 1e-06"]["value"] == pytest.approx(10.0)  # 20 over 2
     assert named["van der Pol: times faster than CyRK RADAU at 1e-12"]["pass"] is False  # never reached

@@ -31,17 +31,17 @@ def inked(path: Path) -> int:
 
 
 def test_a_line_for_each_method(tmp_path: Path) -> None:
-    from pipeline.benchmarks.integrators_picture import draw
+    from pipeline.benchmarks.pictures import draw_integrators
 
     for name, some in (("all", points()), ("few", points()[:3]), ("none", points()[-1:])):
-        draw({"a problem": ("nothing", some)}, tmp_path / f"{name}.png")
+        draw_integrators({"a problem": ("nothing", some)}, tmp_path / f"{name}.png")
     none, few, every = (inked(tmp_path / f"{name}.png") for name in ("none", "few", "all"))
     assert 0 < none < few < every
 
 
 def test_every_method_has_a_look() -> None:
-    from pipeline.benchmarks.integrators_picture import LOOKS
-    from pipeline.benchmarks.own import OWN
     from pipeline.benchmarks.peers import PEERS
+    from pipeline.benchmarks.pictures import LOOKS
+    from pipeline.benchmarks.problems import OWN
 
     assert set(LOOKS) == {*OWN, *PEERS}

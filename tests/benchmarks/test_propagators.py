@@ -7,9 +7,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from pipeline.benchmarks.own import CLOSED, OWN
-from pipeline.benchmarks.problems import RATE, Problem, hour
-from pipeline.benchmarks.truth import linear
+from pipeline.benchmarks.problems import CLOSED, OWN, RATE, Problem, hour
+from pipeline.benchmarks.references import linear
 
 pytest.importorskip("mpmath")
 SHORT = hour(3)

@@ -10,7 +10,7 @@ import pytest
 
 from data_schemas.errors import RefusedError
 from data_schemas.scene import Scene
-from pipeline.benchmarks import stability, truth
+from pipeline.benchmarks import references, stability
 from pipeline.benchmarks.problems import GRAVITY, Swell
 from pipeline.benchmarks.stability import PROPAGATORS, Found, attempt, judge
 from pipeline.benchmarks.stability_motions import N, motions
@@ -97,7 +97,7 @@ def test_truth_of_the_linear_pendulum_obeys_its_equation() -> None:
     swell = Swell(np.array([0.5]), np.array([0.9]), np.array([0.3]))
     for damping in (0.0, 0.3, N, 10.0):
         instants = [Fraction(k, 1000) for k in range(41)]
-        theta = truth.linear((N,), (damping,), (0.1, 0.2), swell, instants)[:, 0]
+        theta = references.linear((N,), (damping,), (0.1, 0.2), swell, instants)[:, 0]
         rate, bend = np.gradient(theta, 1e-3)[1:-1], (theta[2:] - 2.0 * theta[1:-1] + theta[:-2]) / 1e-6
         level = 0.5 * np.cos(0.9 * np.arange(1, 40) / 1000.0 + 0.3)
         left = bend + 2.0 * damping * rate + N**2 * theta[1:-1] + N**2 * level / GRAVITY
@@ -109,8 +109,8 @@ def test_truth_of_the_linear_pendulum_obeys_its_equation() -> None:
 def test_truth_of_the_pendulum_keeps_its_energy() -> None:
     instants = [Fraction(k, 1000) for k in range(400)]
     for theta, energy in (
-        (truth.swing(N, 3.1, instants)[:, 0], -np.cos(3.1)),
-        (truth.separatrix(N, instants)[:, 0], 1.0),
+        (references.swing(N, 3.1, instants)[:, 0], -np.cos(3.1)),
+        (references.separatrix(N, instants)[:, 0], 1.0),
     ):
         rate = np.gradient(theta, 1e-3)[1:-1] / N
         # central differences: (n h)^2/6 of the rate
@@ -119,7 +119,7 @@ def test_truth_of_the_pendulum_keeps_its_energy() -> None:
 
 def test_elliptic_pendulum_has_the_period_of_the_sheet() -> None:
     period = 3.34849644557 * 2.0 * np.pi / N  # T/T0 at 3.1 rad (physics sheet, 3.2), 12 digits
-    assert truth.swing(N, 3.1, [Fraction(0.5 * period)])[0, 0] == pytest.approx(-3.1, abs=1e-10)
+    assert references.swing(N, 3.1, [Fraction(0.5 * period)])[0, 0] == pytest.approx(-3.1, abs=1e-10)
 
 
 @pytest.mark.campaign  # minutes, most of them compiling

@@ -92,7 +92,7 @@ def made_result(count: int = 1500, step: float = 1.2) -> xr.DataTree:
 
 
 def made_period_result() -> xr.DataTree:
-    from pipeline.period.finite_arc import arc_factor
+    from pipeline.period.cycles import arc_factor
 
     random = np.random.default_rng(3)
     amplitude = 1.6 * np.exp(-np.linspace(0.0, 3.5, 130))

@@ -20,10 +20,10 @@ from test_process import CONTRACT
 
 import data_schemas
 import synth
-from pipeline.batch.ledger_index import NAME
+from pipeline.batch.ledger import NAME
 from pipeline.batch.outcome import failure
 from pipeline.batch.summary import NAMES
-from pipeline.cli.processors import processors
+from pipeline.cli.parser import processors
 
 ROOT = Path(__file__).parents[2]
 SERIAL = ("--method", "projection", "--executor", "serial", "--trusted")

@@ -10,7 +10,7 @@ import pytest
 from made_trees import ERRORS, GRAVITY, METHODS, made_period_result, made_record, made_result
 
 from data_schemas.errors import FileError
-from pipeline.period.finite_arc import arc_factor
+from pipeline.period.cycles import arc_factor
 from pipeline.plots import demo_figure, period_figure, record_figure, result_figure, save
 from pipeline.plots.canvas import PALETTE
 from pipeline.plots.result import best_method

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from exact_pair import N2, Pair, swell
 
-from pipeline.outliers import outliers_and_noise
+from pipeline.prepared import outliers_and_noise
 
 STEP = 0.04
 TIME = np.arange(5000) * STEP

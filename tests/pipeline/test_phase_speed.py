@@ -9,22 +9,18 @@ import pytest
 from exact_pair import Pair, swell
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
-
-from pipeline.phase_speed import (
+from paper_formulas import (
     amplitude_speed,
     difference_amplitude,
     difference_speed,
     difference_speed_by_phase,
-    disturbed_speed,
-    leaking,
-    near_resonant_amplitude,
     near_resonant_motion,
-    panteleev,
     quadrature_form,
     raw_components,
-    vening_meinesz,
 )
+from scipy.integrate import solve_ivp
+
+from pipeline.phase_speed import disturbed_speed, leaking, near_resonant_amplitude, panteleev, vening_meinesz
 
 STEP = 0.02
 _STENCIL = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pipeline.benchmarks.paper import neglected_terms
 from pipeline.benchmarks.scenes import linear, resonant, swell, two_pendulums
 from pipeline.benchmarks.trials import outcome, prepared
 from pipeline.reduction import reduce_by
-from pipeline.validity import neglected_terms
 
 TERMS = {"first_speed", "first_growth", "forcing", "slow_difference", "damping_difference", "finite_arc"}
 

@@ -7,19 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.film.marks import checks, counting, swings
-from pipeline.film.marks.alignment import Alignment, aligned
-from pipeline.film.marks.closing import learned_width
+from pipeline.film.marks import checks, counting
+from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered
 from pipeline.film.marks.counting import Count
-from pipeline.film.marks.drive import Drive, drive
-from pipeline.film.marks.echoes import lasting
-from pipeline.film.marks.events import Events, gathered
-from pipeline.film.marks.gaps import Gaps
-from pipeline.film.marks.holes import holes_honest
+from pipeline.film.marks.drive import Drive, drive, holes_honest
 from pipeline.film.marks.minutes import Minutes, code_marks, find_minutes, repaired
-from pipeline.film.marks.oblique import middles, refined
-from pipeline.film.marks.search import find_gaps
-from pipeline.film.marks.seconds import times_of
+from pipeline.film.marks.oblique import lasting, middles, refined
+from pipeline.film.marks.search import Gaps, find_gaps, learned_width
 from pipeline.film.parts import Emulsion, Floats, Marking, Scan, TimeAxis, Tracks
 
 ROUNDS = 2  # of drive and shear
@@ -35,7 +29,6 @@ class Counted:
     count: Count
     minutes: Minutes
     alignment: Alignment
-    spacing: float
 
 
 def time_axis(scan: Scan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1) -> TimeAxis:
@@ -95,10 +88,10 @@ def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float) -> Co
     # an oblique image bends the swing, but its first harmonic keeps the phase of the swing's middle
     middle = [float(np.median(gaps.column[gaps.trace == k])) if (gaps.trace == k).any() else 0.0 for k in range(traces)]
     places = events.row + (alignment.offset + alignment.shear * np.array(middle))[:, None]
-    stretch = swings.stretched(events.row, spacing)
-    phase, doubt = swings.phases(tracks, places, stretch)
+    stretch = checks.stretched(events.row, spacing)
+    phase, doubt = checks.phases(tracks, places, stretch)
     centred = np.where(doubt < 1e-3, phase, np.nan)
-    advance, spread = swings.advance(events.row, centred, spacing * stretch)
+    advance, spread = checks.advance(events.row, centred, spacing * stretch)
     count = counting.counted(events.row, events.row_sigma, phase, doubt, advance, spread, spacing)
     minutes = find_minutes(events, count, marking.interval, marking.minute_code)
     mended = repaired(minutes, events, count, marking.interval)
@@ -107,7 +100,7 @@ def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float) -> Co
     checks.check_minutes(minutes)
     checks.check_leads(code_marks(minutes, events, count, marking.interval), events, count)
     checks.check_swings(count.index.astype(np.float64), events.row[count.event], centred[:, count.event], advance)
-    return Counted(events, count, minutes, alignment, spacing)
+    return Counted(events, count, minutes, alignment)
 
 
 def _axis(
@@ -160,3 +153,51 @@ def _flags(counted: Counted, seen: int) -> tuple[str, ...]:
         }.items()
         if holds
     )
+
+
+def times_of(found: Drive, rows: int, lasting: float) -> tuple[Floats, Floats]:
+    """Time since the first mark of the centre of each row, and 1 sigma, s; NaN beyond the marks.
+
+    Between marks the motion is the polynomial of degree five that has row, speed and acceleration at both.
+
+    The variance is the sum of three. At the marks, that of the drive's smoother, which knows the gaps' noise and how
+    rough the paper ran, both as the film itself shows them; between two marks, what a motion as rough may do unseen
+    while row and speed at both are held, `shake^2 (x (1 - x) h)^3 / 3 + roughness^2 (x (1 - x) h)^5 / 20` at the share
+    x of the way h; and `lasting`, which no smoother tells from motion. It is that of a time read on any trace; the zero
+    of time, common to all rows, is not in it.
+
+    Parameters
+    ----------
+    found : Drive
+    rows : int
+        Of the film.
+    lasting : float
+        1 sigma, px, of errors that neighbouring marks share: of their gaps, the traces' offsets and the shear.
+    """
+    from scipy.interpolate import CubicSpline
+
+    fine = 16
+    x = np.arange(fine) / fine
+    h = found.step
+    r0, r1 = found.row[:-1, None], found.row[1:, None]
+    v0, v1 = found.speed[:-1, None] * h, found.speed[1:, None] * h
+    a0, a1 = found.acceleration[:-1, None] * h * h, found.acceleration[1:, None] * h * h
+    c3 = 10 * (r1 - r0) - 6 * v0 - 4 * v1 - 1.5 * a0 + 0.5 * a1
+    c4 = -15 * (r1 - r0) + 8 * v0 + 7 * v1 + 1.5 * a0 - a1
+    c5 = 6 * (r1 - r0) - 3 * (v0 + v1) - 0.5 * (a0 - a1)
+    curve = r0 + x * (v0 + x * (0.5 * a0 + x * (c3 + x * (c4 + x * c5))))
+    at = np.concatenate([curve.ravel(), found.row[-1:]])
+    when = np.arange(at.size) * (h / fine)
+    centre = np.arange(rows) + 0.5
+    inside = (centre >= at[0]) & (centre <= at[-1])
+    seconds = np.full(rows, np.nan)
+    forward = np.maximum.accumulate(at + 1e-9 * np.arange(at.size))
+    seconds[inside] = CubicSpline(forward, when)(centre[inside])
+    sigma = np.full(rows, np.nan)
+    marks = np.arange(found.row.size)
+    place = seconds[inside] / h
+    variance = np.interp(place, marks, found.row_sigma**2 + lasting**2)
+    unseen = (place % 1.0) * (1.0 - place % 1.0) * h
+    variance += np.exp(2.0 * found.shake) * unseen**3 / 3.0 + np.exp(2.0 * found.roughness) * unseen**5 / 20.0
+    sigma[inside] = np.sqrt(variance) / np.interp(place, marks, np.maximum(found.speed, 1e-9))
+    return seconds, sigma

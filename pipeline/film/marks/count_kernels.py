@@ -14,48 +14,27 @@ from numpy.typing import NDArray
 from pipeline.arrays import Floats
 from synth.kernels.compiled import kernel
 
+SLACK = 0.12  # of the speed over the whole film: drift, wow and walk together
+SKIP = 8  # events that may be passed over in a row
+MISSED, PASSED = 2.5, 14.0  # prices of a mark missed, of an event that is none
+PHASE_MOST = 40.0  # price of a swing that does not fit at all
+WANDER = 0.006  # rad per root of a mark: what swell does to a pendulum's phase
 Whole = NDArray[np.int64]
 
 
 @kernel
-def list_steps(row: Floats, spacing: float, slack: float, skip: int, begin: Whole, end: Whole, count: Whole) -> int:
+def list_steps(row: Floats, spacing: float, begin: Whole, end: Whole, count: Whole) -> int:
     """Write all steps that could be meant, by their later event; returns how many (also beyond the arrays' size)."""
     total = 0
     for b in range(1, row.size):
-        for a in range(max(0, b - skip), b):
+        for a in range(max(0, b - SKIP), b):
             length = (row[b] - row[a]) / spacing
-            low, high = max(1, math.ceil(length / (1.0 + slack))), math.floor(length / (1.0 - slack))
+            low, high = max(1, math.ceil(length / (1.0 + SLACK))), math.floor(length / (1.0 - SLACK))
             for d in range(low, high + 1):
                 if total < begin.size:
                     begin[total], end[total], count[total] = a, b, d
                 total += 1
     return total
-
-
-@kernel
-def step_price(
-    a: int,
-    b: int,
-    d: int,
-    phase: Floats,
-    doubt: Floats,
-    advance: Floats,
-    spread: Floats,
-    wander: float,
-    missed: float,
-    passed: float,
-    most: float,
-) -> float:
-    """Price of one step: marks missed, events passed over, and swings that do not fit."""
-    price = missed * (d - 1) if d < 6 else missed * (5.0 + 0.1 * (d - 6))
-    price += passed * (b - a - 1)
-    for trace in range(phase.shape[0]):
-        away = phase[trace, b] - phase[trace, a] - advance[trace] * d
-        if math.isfinite(away):
-            away -= 2.0 * math.pi * math.floor(away / (2.0 * math.pi) + 0.5)
-            room = 2.0 * spread[trace] ** 2 + wander**2 * d + doubt[trace, a] + doubt[trace, b]
-            price += min(away * away / room, most)
-    return price
 
 
 @kernel
@@ -69,7 +48,6 @@ def count_marks(
     price: Floats,
     first_of: Whole,
     ends: int,
-    passed: float,
     change: float,
     most_change: float,
     forward: Floats,
@@ -87,7 +65,7 @@ def count_marks(
         a = begin[k]
         best, which = math.inf, -1
         if a < ends:
-            best = passed * a
+            best = PASSED * a
         for j in range(first_of[a], first_of[a + 1]):
             total = forward[j] + turn_price(row, sigma, spacing, begin, end, count, j, k, change, most_change)
             if total < best:
@@ -95,7 +73,7 @@ def count_marks(
         forward[k], before[k] = best + price[k], which
     for k in range(begin.size):
         left = events - 1 - end[k]
-        backward[k] = passed * left if left < ends else math.inf
+        backward[k] = PASSED * left if left < ends else math.inf
     for k in range(begin.size - 1, -1, -1):
         a = begin[k]
         for j in range(first_of[a], first_of[a + 1]):
@@ -130,19 +108,16 @@ def turn_price(
 
 @kernel
 def price_steps(
-    begin: Whole,
-    end: Whole,
-    count: Whole,
-    phase: Floats,
-    doubt: Floats,
-    advance: Floats,
-    spread: Floats,
-    wander: float,
-    missed: float,
-    passed: float,
-    most: float,
-    price: Floats,
+    begin: Whole, end: Whole, count: Whole, phase: Floats, doubt: Floats, advance: Floats, spread: Floats, price: Floats
 ) -> None:
-    """Price of every step by itself."""
+    """Price of every step by itself: marks missed, events passed over, and swings that do not fit."""
     for k in range(begin.size):
-        price[k] = step_price(begin[k], end[k], count[k], phase, doubt, advance, spread, wander, missed, passed, most)
+        a, b, d = begin[k], end[k], count[k]
+        price[k] = MISSED * (d - 1) if d < 6 else MISSED * (5.0 + 0.1 * (d - 6))
+        price[k] += PASSED * (b - a - 1)
+        for trace in range(phase.shape[0]):
+            away = phase[trace, b] - phase[trace, a] - advance[trace] * d
+            if math.isfinite(away):
+                away -= 2.0 * math.pi * math.floor(away / (2.0 * math.pi) + 0.5)
+                room = 2.0 * spread[trace] ** 2 + WANDER**2 * d + doubt[trace, a] + doubt[trace, b]
+                price[k] += min(away * away / room, PHASE_MOST)

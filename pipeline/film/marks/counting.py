@@ -9,18 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
-from pipeline.film.marks.count_kernels import count_marks, list_steps, price_steps
+from pipeline.film.marks.count_kernels import PASSED, SKIP, SLACK, count_marks, list_steps, price_steps
 from pipeline.film.parts import Floats
 
-SLACK = 0.12  # of the speed over the whole film: drift, wow and walk together
-SKIP = 8  # events that may be passed over in a row
-MISSED, PASSED = 2.5, 14.0  # prices of a mark missed, of an event that is none
 CHANGE, MOST_CHANGE = (0.002, 0.015), (0.006, 0.04)  # of the relative speed from mark to mark, and over any time
 CAUTION = 1.5  # times what the film shows of both
 FLOOR = 0.06  # px, of an event's row: what a course that is a little wrong does to single gaps
 AROUND = 30  # marks on either side that make the mean speed
-PHASE_MOST = 40.0  # price of a swing that does not fit at all
-WANDER = 0.006  # rad per root of a mark: what swell does to a pendulum's phase
 LEAST_LEAD = 12.0  # of the best count before any other
 LEAST_MARKS = 6
 ALONE = 4  # marks missing on either side of one that nothing vouches for
@@ -111,17 +106,17 @@ def counted(
         No way leads from the film's start to its end.
     """
     begin, end, count = (np.empty(0, dtype=np.int64) for _ in range(3))
-    total = list_steps(rows, spacing, SLACK, SKIP, begin, end, count)
+    total = list_steps(rows, spacing, begin, end, count)
     begin, end, count = (np.empty(total, dtype=np.int64) for _ in range(3))
-    list_steps(rows, spacing, SLACK, SKIP, begin, end, count)
+    list_steps(rows, spacing, begin, end, count)
     price = np.empty(total)
-    price_steps(begin, end, count, phase, doubt, advance, spread, WANDER, MISSED, PASSED, PHASE_MOST, price)
+    price_steps(begin, end, count, phase, doubt, advance, spread, price)
     first_of = np.searchsorted(end, np.arange(rows.size + 1))
     forward, backward, before = np.empty(total), np.empty(total), np.empty(total, dtype=np.int64)
     if total:
         count_marks(
             rows, np.hypot(sigma, FLOOR), spacing, begin, end, count, price, first_of,
-            min(SKIP, rows.size), PASSED, *unsteadiness(rows, spacing), forward, backward, before,
+            min(SKIP, rows.size), *unsteadiness(rows, spacing), forward, backward, before,
         )  # fmt: skip
     whole = forward + backward
     if total == 0 or not np.isfinite(whole.min()):

@@ -8,7 +8,8 @@ are worse than they say.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ OUTLIER = 5.0  # sigmas
 GAINED = 10.0  # fall of -2 log likelihood that a line must bring
 
 Lines = tuple[tuple[float, float, float], ...]
+HOLE = 3.0  # s without marks
 
 
 @dataclass(frozen=True)
@@ -221,3 +223,29 @@ def _line(rows: Floats, found: Drive) -> tuple[float, float] | None:
     place = top + 0.5 * (a - c) / (a - 2.0 * b + c)
     size = 2.0 * np.sqrt(power[top]) / np.hanning(marks).sum()
     return float(2.0 * np.pi * place / (4 * marks * found.step)), float(size)
+
+
+def holes_honest(rows: Floats, sigma: Floats, found: Drive) -> Drive:
+    """The same, with its 1 sigma in long holes as large as errors are where marks are hidden over as long a time.
+
+    The model's own sigma in a hole rests on the form of its motion, not on marks.
+    """
+    seen = np.flatnonzero((np.isfinite(rows) & found.used).any(axis=0))
+    length = int(np.diff(seen).max(initial=0))
+    if length * found.step < HOLE or seen.size < 6 * length:
+        return found
+    hidden = np.zeros(rows.shape[1], dtype=bool)
+    for begin in range(length, rows.shape[1] - length, 3 * length):
+        hidden[begin : begin + length] = True
+    left = found.used & ~hidden
+    parameters = (found.step, found.roughness, found.shake, found.floor, found.lines)
+    blind = run_drive(np.where(left, rows, np.nan), sigma, *parameters, left, True)
+    holes = hidden & (found.row_sigma < 0.5 * blind.row_sigma)
+    away = (blind.row - found.row)[holes] / blind.row_sigma[holes]
+    if away.size < 3:
+        return found
+    scale = max(1.0, float(np.sqrt(np.mean(away**2))))
+    inside = np.zeros(rows.shape[1], dtype=bool)
+    for begin, stop in itertools.pairwise(seen.tolist()):
+        inside[begin + 1 : stop] = (stop - begin) * found.step >= HOLE
+    return replace(found, row_sigma=np.where(inside, scale * found.row_sigma, found.row_sigma))

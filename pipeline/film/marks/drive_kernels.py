@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.film.marks.shading_kernels import solve
+from pipeline.film.marks.curve_kernels import solve
 from synth.kernels.compiled import kernel
 
 

@@ -15,8 +15,7 @@ import math
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.film.marks.curve_kernels import REACH, draw, place
-from pipeline.film.marks.shading_kernels import PARAMETERS, clear, shade, solve, window
+from pipeline.film.marks.curve_kernels import PARAMETERS, REACH, clear, draw, place, shade, solve, window
 from synth.kernels.compiled import kernel
 
 (

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
+from pipeline.film.marks.alignment import Events
 from pipeline.film.marks.counting import Count, shifted
-from pipeline.film.marks.events import Events
 from pipeline.film.parts import Floats
 
 TOLERANCE = 0.03  # of the marks' interval, of the second gap's place

@@ -2,20 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.film.in_order import in_order
 from pipeline.film.parts import Emulsion, Floats, Scan
+
+Item = TypeVar("Item")
 
 Result = TypeVar("Result")
 
 ROWS = 1024  # of a piece
 MARGIN = 24  # rows read on either side, so that a gap at a seam is seen whole
 LIGHTEST, GRAIN_STEPS = 2.5, 320  # exposure up to which the grain is tabulated
+
+
+def in_order(work: Callable[[Item], Result], items: Iterable[Item], jobs: int = 1) -> Iterator[Result]:
+    """Results of `work` on each of the items, in their order.
+
+    Parameters
+    ----------
+    work : callable
+        Changes nothing that its other calls need; with several jobs they run in threads.
+    items : iterable
+        Asked for in the caller's thread, at most `jobs` of them ahead of the results: none holds the film.
+    jobs : int
+        Threads; 1 for none but the caller's.
+
+    Examples
+    --------
+    >>> list(in_order(abs, [-3, 1, -2], jobs=2))
+    [3, 1, 2]
+    """
+    if jobs == 1:
+        yield from map(work, items)
+        return
+    from concurrent.futures import ThreadPoolExecutor
+
+    coming: deque[Future[Result]] = deque()
+    with ThreadPoolExecutor(jobs) as pool:
+        try:
+            for item in items:
+                coming.append(pool.submit(work, item))
+                if len(coming) > jobs:
+                    yield coming.popleft().result()
+            while coming:
+                yield coming.popleft().result()
+        finally:
+            for begun in coming:
+                begun.cancel()
 
 
 def over_pieces(

@@ -8,14 +8,16 @@ nothing else to be seen (dust, scratches and other traces' lines leave a misfit)
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from data_schemas.errors import RefusedError
+from pipeline.film.marks import gap_kernels
 from pipeline.film.marks.curve_kernels import brightness_along
 from pipeline.film.marks.gap_kernels import RESULTS, fit_gaps
-from pipeline.film.marks.gaps import Gaps
-from pipeline.film.marks.pieces import MARGIN, grain, over_pieces
+from pipeline.film.marks.pieces import MARGIN, exposed, grain, over_pieces
 from pipeline.film.parts import Emulsion, Floats, Scan, Tracks
 
 LATERAL = 0.1  # px, 1 sigma of the tracker's course across the line
@@ -26,6 +28,12 @@ VISIBLE = 0.3  # darkness expected in the middle of a gap, from which one is loo
 LEAST_LIGHT = 0.06  # of a line's nominal light, below which there is none
 DEEPEST, LEAST_DEPTH, MOST_MISFIT = 1.5, 0.5, 2.5
 CERTAIN = 4.0  # sigmas
+DIM = 0.5  # of the line's light, at the ends of a gap
+STEEP = 2.0  # slope from which the spot does not lengthen a gap along the rows
+BLACK, BRIGHT = 0.25, 0.75  # of the line's light, within and beside a gap from which the width is learned
+SHORTEST, LONGEST = 0.004, 0.15  # of a swing, how long the shutter may close
+SAMPLE = 8  # pieces in which the width is learned
+LEAST_RUNS = 12
 
 
 def steps_a_row(tracks: Tracks, spot: float) -> int:
@@ -153,3 +161,103 @@ def _judged(gaps: Gaps, width: float) -> Gaps:
         twice[i if gaps.row_sigma[i] > gaps.row_sigma[i + 1] else i + 1] = True
     gaps = gaps.pick(~twice)
     return gaps.pick(np.argsort(gaps.row, kind="stable"))
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Gaps on single traces, in order of their rows.
+
+    Attributes
+    ----------
+    trace : (gaps,) array of int64
+    row, row_sigma : (gaps,) arrays
+        Row of the middle of the gap on the trace, px.
+    column, column_sigma : (gaps,) arrays
+        Column of the trace there, px, by the edges of the gap.
+    slope : (gaps,) array
+        Of the trace there, px px-1.
+    width, width_sigma : (gaps,) arrays
+        Rows for which the shutter was closed.
+    depth, depth_sigma : (gaps,) arrays
+        Share of the light that the shutter held off: 1.
+    light : (gaps,) array
+        Of the line around the gap, over that of its slope.
+    misfit : (gaps,) array
+        Mean square of the pixels' residuals over that of their grain.
+    """
+
+    trace: NDArray[np.int64]
+    row: Floats
+    row_sigma: Floats
+    column: Floats
+    column_sigma: Floats
+    slope: Floats
+    width: Floats
+    width_sigma: Floats
+    depth: Floats
+    depth_sigma: Floats
+    light: Floats
+    misfit: Floats
+
+    @staticmethod
+    def of(trace: NDArray[np.int64], fitted: Floats) -> Gaps:
+        """From what `gap_kernels.fit_gaps` returns, (gaps, RESULTS)."""
+        names = {
+            field.name: getattr(gap_kernels, field.name.upper()) for field in fields(Gaps) if field.name != "trace"
+        }
+        return Gaps(trace=trace, **{name: fitted[:, at].copy() for name, at in names.items()})
+
+    def pick(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Gaps:
+        """Some of them."""
+        return Gaps(**{field.name: getattr(self, field.name)[which] for field in fields(Gaps)})
+
+    @property
+    def size(self) -> int:
+        """Number of gaps."""
+        return self.row.size
+
+
+def learned_width(scan: Scan, emulsion: Emulsion, tracks: Tracks) -> float:
+    """Rows for which the shutter closes, by the dark runs on steep strokes of some pieces of the film.
+
+    Raises
+    ------
+    RefusedError
+        Too few of them.
+    """
+    steps = steps_a_row(tracks, tracks.spot)
+    length = min(scan.rows, 640)
+    runs: list[float] = []
+    for begin in np.unique(np.linspace(0, scan.rows - length, SAMPLE).astype(int)):
+        exposure = exposed(scan, emulsion, int(begin), int(begin) + length)
+        for trace in range(tracks.course.shape[0]):
+            light, _ = relative_light(exposure, int(begin), int(begin), int(begin) + length, tracks, trace, 1.0, steps)
+            rows = int(begin) + (np.arange(light.size) + 0.5) / steps
+            lean = np.abs(tracks.slope[trace][np.minimum(rows.astype(int), scan.rows - 1)])
+            runs.extend(_dark_runs(light, lean) / steps)
+    inside = np.sort([run for run in runs if SHORTEST < run / tracks.rows_per_swing < LONGEST])
+    if inside.size < LEAST_RUNS:
+        raise RefusedError(
+            f"film: {inside.size} gaps in the traces, too few to tell how long the shutter closed; "
+            "state the gap and the rows per second, or check that the film bears time marks"
+        )
+    within = np.searchsorted(inside, 1.25 * inside) - np.arange(inside.size)
+    start = int(np.argmax(within))
+    return float(np.median(inside[start : start + within[start]]))
+
+
+def _dark_runs(light: Floats, lean: Floats) -> Floats:
+    """Lengths, in samples, of whole runs of darkness on steep strokes; ends interpolated."""
+    dark = light < DIM
+    edge = np.flatnonzero(dark[1:] != dark[:-1])
+    if edge.size < 2:
+        return np.empty(0)
+    ahead, behind = light[edge], light[edge + 1]
+    cross = edge + (DIM - ahead) / (behind - ahead)
+    lengths = []
+    for which in np.flatnonzero(dark[edge + 1])[:-1]:
+        low, high = edge[which] + 1, edge[which + 1] + 1
+        beside = np.concatenate([light[max(low - (high - low), 0) : low], light[high : 2 * high - low]])
+        if lean[low:high].min() > STEEP and light[low:high].mean() < BLACK and beside.mean() > BRIGHT:
+            lengths.append(cross[which + 1] - cross[which])
+    return np.array(lengths)

@@ -7,7 +7,7 @@ from typing import Any
 
 _WHERE = {
     "OpenScan": "pipeline.film.scan.opening",
-    "ScanOptions": "pipeline.film.scan.options",
+    "ScanOptions": "pipeline.film.scan.opening",
     "open_scan": "pipeline.film.scan.opening",
 }
 __all__ = ["OpenScan", "ScanOptions", "open_scan"]

@@ -7,14 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from data_schemas.errors import FileError, UsageError
 from pipeline.film.scan.border import WithoutBorder, without_border
 from pipeline.film.scan.files import open_image
-from pipeline.film.scan.image import ImageFile, Pixels, View
-from pipeline.film.scan.lines import Inverted, lines_are_light
-from pipeline.film.scan.options import ScanOptions
+from pipeline.film.scan.image import Image, ImageFile, Pixels, View
 from pipeline.film.scan.turning import CLOCKWISE, UPRIGHT, Turn, Turned, turned
 
+_SLABS = 24
+_SLAB_ROWS = 48
+_BLOCK = 48  # columns of one level of the blank film
+_FAINTEST = 6.0  # times the grain: what counts as a line
+ORIENTATIONS = ("auto", "0", "90", "180", "270")
+LINES = ("auto", "dark", "light")
 _MM_PER_INCH = 25.4
 _UNSAID = (1.0, 72.0, 96.0)  # pixels per inch that programs write where they know nothing; no film is scanned so
 _SQUARE = 0.01  # largest relative difference of pixels' two sides
@@ -125,3 +131,73 @@ def _scale(files: Sequence[ImageFile], options: ScanOptions, notes: list[str]) -
             f"strips of {', '.join(f'{dpi:g}' for dpi in sorted(stated))} dpi cannot be one film; say --dpi"
         )
     return _MM_PER_INCH / stated.pop()
+
+
+def sample_rows(image: Image) -> list[tuple[int, int]]:
+    """First and last row of slabs spread evenly over the image."""
+    height = min(_SLAB_ROWS, image.rows)
+    starts = np.unique(np.linspace(0, image.rows - height, _SLABS).astype(np.int64))
+    return [(int(start), int(start) + height) for start in starts]
+
+
+def lines_are_light(image: Image) -> bool:
+    """Whether what departs from the blank film is lighter than it; film is mostly blank.
+
+    Dust and scratches depart both ways; lines are the most of what departs.
+    """
+    darker, lighter = 0.0, 0.0
+    for first, stop in sample_rows(image):
+        departure = _departures(image.read(first, stop))
+        darker += float(-departure[departure < 0.0].sum())
+        lighter += float(departure[departure > 0.0].sum())
+    return lighter > darker
+
+
+def _departures(pixels: Pixels) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+    """By how many times the grain pixels depart from the median of their block, 0 where it is not clearly so."""
+    columns = pixels.shape[1] // _BLOCK * _BLOCK or pixels.shape[1]
+    blocks = pixels[:, :columns].reshape(pixels.shape[0], max(1, columns // _BLOCK), -1).astype(np.float32)
+    blocks -= np.median(blocks, axis=(0, 2), keepdims=True)
+    grain = 1.4826 * np.median(np.abs(blocks), axis=(0, 2), keepdims=True)
+    # a block of even noise is film; one across the film's edge is wide, and its departures no lines
+    blocks /= np.maximum(grain, np.median(grain)) + 0.5
+    blocks[np.abs(blocks) < _FAINTEST] = 0.0
+    return blocks
+
+
+@dataclass(frozen=True)
+class Inverted(View):
+    """An image whose light lines have become dark."""
+
+    def read(self, first: int, stop: int) -> Pixels:
+        """Rows `first` to `stop`."""
+        pixels = self.image.read(first, stop)
+        return np.asarray(pixels.dtype.type(self.full_scale) - pixels)
+
+
+@dataclass(frozen=True)
+class ScanOptions:
+    """How the image is to be taken.
+
+    Attributes
+    ----------
+    dpi : float or None
+        Pixels per inch; None: as the file says.
+    orientation : str
+        Degrees by which the image is turned clockwise so that time runs downwards: "0", "90", "180", "270"; "auto"
+        puts the long side down, its left end up.
+    lines : str
+        "dark" on light film, "light" on dark film, or "auto": what departs from the blank film decides.
+    """
+
+    dpi: float | None = None
+    orientation: str = "auto"
+    lines: str = "auto"
+
+    def __post_init__(self) -> None:
+        if self.dpi is not None and not 10.0 <= self.dpi <= 20_000.0:
+            raise UsageError(f"dpi {self.dpi:g}: give 10 to 20000 pixels per inch")
+        for name, known in (("orientation", ORIENTATIONS), ("lines", LINES)):
+            value = getattr(self, name)
+            if value not in known:
+                raise UsageError(f"{name} '{value}': give one of {', '.join(known)}")

@@ -107,7 +107,7 @@ class TiffLayout:
 
 
 def is_streamable(layout: TiffLayout) -> bool:
-    """Whether `tiff_segments` can decode the file piece by piece; Pillow takes the others whole, if they are small."""
+    """Whether `tiff` can decode the file piece by piece; Pillow takes the others whole, if they are small."""
     return layout.photometric in (_WHITE_IS_ZERO, _BLACK_IS_ZERO, _RGB) and layout.compression in (
         NO_COMPRESSION,
         DEFLATE,

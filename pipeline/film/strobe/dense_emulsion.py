@@ -13,15 +13,13 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion.curve import ToneCurve
-from pipeline.film.emulsion.film_emulsion import FilmEmulsion
+from pipeline.film.emulsion.film_emulsion import FilmEmulsion, ToneCurve
 from pipeline.film.emulsion.measure import plain_emulsion
 from pipeline.film.marks.pieces import exposed
-from pipeline.film.parts import Expected, Scan
+from pipeline.film.parts import Scan
 from pipeline.film.strobe.dense import Blocks, follow, line_light, spot_of, windows
 from pipeline.film.strobe.dense_kernels import NODES, draw_curve, nodes, tabulate
-from pipeline.film.strobe.dense_start import SHADE, light_of
-from pipeline.film.strobe.dense_survey import Survey, survey
+from pipeline.film.strobe.dense_survey import SHADE, Survey, light_of, survey
 from pipeline.film.tracking.calibrate import LEAST_GROWTH, STEEPEST_GRAIN
 
 PLACES, RUN = 10, 3  # runs of blocks, spread over the film, and blocks in each
@@ -36,17 +34,17 @@ TURNS, UNIT_TURNS = 12, 4
 SHADES = np.linspace(0.3, 1.0, 8)  # of the darkest pixel, between which grain is told
 
 
-def dense_emulsion(scan: Scan, known: Expected) -> FilmEmulsion:
-    """Blank film, grain and characteristic curve of a slow film.
+def dense_emulsion(scan: Scan, count: int | None) -> FilmEmulsion:
+    """Blank film, grain and characteristic curve of a slow film with `count` traces, if known.
 
     Raises
     ------
     RefusedError
         It shows no swinging bands, or others than were expected.
     """
-    spot = spot_of(scan, known)
+    spot = spot_of(scan)
     emulsion = _guessed(scan)
-    found = survey(scan, emulsion, known)
+    found = survey(scan, emulsion, count)
     emulsion = _in_unit(scan, emulsion, found, spot)
     for _ in range(ROUNDS):
         light, dark = lights(scan, emulsion, found, spot)

@@ -14,8 +14,7 @@ import math
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.film.marks.curve_kernels import place
-from pipeline.film.marks.shading_kernels import solve
+from pipeline.film.marks.curve_kernels import place, solve
 from synth.kernels.compiled import kernel
 
 CUBIC, QUADRATIC = 4, 3

@@ -1,8 +1,13 @@
-"""Where dense bands lie on a slow film and how fast they swing: sections here and there, and what most of them say."""
+"""Where dense bands lie on a slow film and how fast they swing: sections here and there, and what most of them say.
+
+Light is time: whatever its speed, a trace leaves the same light in every row. So the mean place of a row's light is the
+trace's own place, blurred by the spot, though a row may show two strokes and two halves of turning points.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +15,18 @@ from numpy.typing import NDArray
 from data_schemas.errors import RefusedError
 from pipeline.arrays import row_means_present
 from pipeline.film.marks.pieces import exposed
-from pipeline.film.parts import Emulsion, Expected, Floats, Scan
-from pipeline.film.strobe.dense_start import SHADE, light_of
+from pipeline.film.parts import Emulsion, Floats, Scan
+from pipeline.film.strobe.dense_kernels import CUBIC, SIZE
 
+SHADE = 3.0  # sigmas of the grain, from which a pixel is light
+ROOM = np.array([1e3, 90.0, 45.0, 20.0, 1e3, 20.0, 5.0, 1e3, 20.0, 5.0])  # px, of a shape: swell as large as the swing
+NOISE = 4.0  # px, 1 sigma of a row's mean place
+ROUNDS = 4
+FARTHEST = 2.0  # NOISE or usual residuals, of a row that counts in full
+BRIGHTEST = 0.1  # exposure that counts: turning points are saturated, and the curve cannot tell their light
+DARK = 0.3  # of the usual light of a row, below which it shows nothing
+TOLD, GUESSED = 0.3, 1.0  # of an exposure, 1 sigma of a pixel's grain up to which it is told, and at all believed
+HIDDEN = 1e3  # 1 sigma of what is not told
 SWINGS = 24  # of a section, about
 USUAL_SWING = 18.0  # rows
 PLACES = 9  # sections
@@ -21,6 +35,120 @@ MOST = 0.5  # of the sections that show bands, at least, that must agree
 LEAST_LIGHT = 0.25  # of the share of lit pixels in the midst of bands, at their edges
 NARROWEST = 12  # columns
 SHORTEST, LONGEST = 6.0, 120.0  # rows in a swing
+
+
+def light_of(exposure: NDArray[np.float32], left: int, right: int, least: float) -> tuple[Floats, Floats]:
+    """Light of each row between two columns, (rows,), and its mean column, px; NaN without light.
+
+    Parameters
+    ----------
+    exposure : (rows, columns) array
+    left, right : int
+        First column, and the one behind the last.
+    least : float
+        Exposure from which a pixel is light.
+    """
+    part = exposure[:, left:right]
+    lit = np.where(part > least, np.minimum(part, np.float32(BRIGHTEST)), np.float32(0.0))
+    light = lit.sum(axis=1, dtype=np.float64)
+    columns = (np.arange(left, right) + 0.5).astype(np.float32)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return light, np.where(light > 0.0, (lit @ columns) / light, np.nan)
+
+
+def basis(away: Floats, half: float, turn: float) -> Floats:
+    """Values of a block's curve by its shape: (..., SIZE) for rows `away` from its middle."""
+    x = away / half
+    cos, sin = np.cos(turn * away), np.sin(turn * away)
+    slow = [x**k for k in range(CUBIC)]
+    return np.stack([*slow, *(cos * each for each in slow[:3]), *(sin * each for each in slow[:3])], axis=-1)
+
+
+def first_shapes(
+    light: Floats, column: Floats, first: int, middles: Floats, period: float, spot: float
+) -> tuple[Floats, Floats]:
+    """Curves of the blocks around some rows, by the mean places of the rows' light.
+
+    Parameters
+    ----------
+    light, column : (rows,) arrays
+        Of the rows from `first` on.
+    middles : (blocks,) array
+    period : float
+        Rows in a swing, and half of a block.
+    spot : float
+        1 sigma, px.
+
+    Returns
+    -------
+    shapes : (blocks, SIZE) array
+    residual : (blocks,) array
+        Usual distance of the rows' light from them, px; NaN where too few rows show light.
+    """
+    turn, count = 2.0 * np.pi / period, int(np.ceil(2.0 * period))
+    at = np.round(middles - period).astype(np.int64)[:, None] - first + np.arange(count)
+    inside = (at >= 0) & (at < light.size)
+    at = np.clip(at, 0, light.size - 1)
+    shown = np.where(inside & np.isfinite(column[at]), light[at], 0.0)
+    usual = np.median(shown, axis=1, keepdims=True)
+    trust = np.where((shown > DARK * usual) & (usual > 0.0), 1.0, 0.0)
+    value = np.nan_to_num(column[at])
+    level = np.sum(trust * value, axis=1) / np.maximum(trust.sum(axis=1), 1.0)
+    design = basis(at + first + 0.5 - middles[:, None], period, turn)
+    shapes, residual = np.zeros((middles.size, SIZE)), np.zeros(middles.size)
+    weight = trust
+    for _ in range(ROUNDS):
+        weighed = design * weight[:, :, None]
+        normal = np.swapaxes(weighed, 1, 2) @ design + np.diag((NOISE / ROOM) ** 2)
+        right = np.swapaxes(weighed, 1, 2) @ (value - level[:, None])[:, :, None]
+        shapes = np.linalg.solve(normal, right)[:, :, 0]
+        away = np.abs((design @ shapes[:, :, None])[:, :, 0] - value + level[:, None])
+        residual = 1.4826 * np.median(away, axis=1)
+        limit = FARTHEST * np.maximum(residual, NOISE)[:, None]
+        weight = trust * np.minimum(1.0, limit / np.maximum(away, 1e-9)) ** 2
+    shapes[:, 0] += level
+    shapes[:, CUBIC:] *= np.exp(0.5 * (turn * spot) ** 2)  # the spot blurs the swing
+    few = trust.sum(axis=1) < 0.7 * count
+    return shapes, np.where(few, np.nan, residual)
+
+
+def saturation(emulsion: Emulsion, unsure: float = TOLD) -> float:
+    """Exposure from which the grain of a pixel exceeds a share of it: how bright it was is no longer told."""
+    light = np.linspace(0.02, 2.0, 100, dtype=np.float32)
+    told = np.asarray(emulsion.noise(light), dtype=np.float64) < unsure * light
+    return float(light[told].max()) if told.any() else float(light[-1])
+
+
+@dataclass(frozen=True)
+class Saturated:
+    """An emulsion whose saturated pixels have no weight.
+
+    Attributes
+    ----------
+    emulsion : Emulsion
+    told : float
+        Exposure beyond which nothing is told.
+    brightest : float
+        The highest exposure that is given.
+    """
+
+    emulsion: Emulsion
+    told: float
+    brightest: float
+
+    @staticmethod
+    def of(emulsion: Emulsion) -> Saturated:
+        """The same emulsion with an end to what it tells."""
+        return Saturated(emulsion, saturation(emulsion), saturation(emulsion, GUESSED))
+
+    def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
+        """Relative exposure of rows from `first` on, up to the highest that is believed."""
+        return np.minimum(self.emulsion.exposure(pixels, first), np.float32(self.brightest))
+
+    def noise(self, exposure: NDArray[np.float32]) -> NDArray[np.float32]:
+        """1 sigma of the grain in units of exposure; without end where the film is saturated."""
+        sigma = np.asarray(self.emulsion.noise(exposure), dtype=np.float32)
+        return np.where(np.asarray(exposure) > self.told, np.float32(HIDDEN), sigma)
 
 
 @dataclass(frozen=True)
@@ -39,23 +167,23 @@ class Survey:
     period: float
 
 
-def survey(scan: Scan, emulsion: Emulsion, known: Expected) -> Survey:
-    """Bands and rows per swing of a film, as most of its sections show them.
+def survey(scan: Scan, emulsion: Emulsion, count: int | None) -> Survey:
+    """Bands, `count` if known, and rows per swing of a film, as most of its sections show them.
 
     Raises
     ------
     RefusedError
         No swinging band was found, fewer than were expected, or the sections contradict each other.
     """
-    length = min(scan.rows, int(SWINGS * (known.rows_per_swing or USUAL_SWING)))
+    length = min(scan.rows, int(SWINGS * USUAL_SWING))
     least = SHADE * float(emulsion.noise(np.zeros(1, dtype=np.float32))[0])
     sections = []
     for begin in np.unique(np.linspace(0, scan.rows - length, PLACES + 2).astype(int)[1:-1]):
         piece = exposed(scan, emulsion, int(begin), int(begin) + length)
-        here = bands(piece > least, known.count)
+        here = bands(piece > least, count)
         if here:
             sections.append((here, rows_per_swing(piece, here, least)))
-    count = known.count or (int(np.median([len(here) for here, _ in sections])) if sections else 1)
+    count = count or (int(np.median([len(here) for here, _ in sections])) if sections else 1)
     whole = [(here, period) for here, period in sections if len(here) == count]
     if len(whole) < MOST * len(sections) or not whole:
         most = max((len(here) for here, _ in sections), default=0)
@@ -66,7 +194,7 @@ def survey(scan: Scan, emulsion: Emulsion, known: Expected) -> Survey:
     edges = np.array([[(band.left, band.right) for band in here] for here, _ in whole])
     left, right = edges[:, :, 0].min(axis=0), edges[:, :, 1].max(axis=0)
     together = tuple(Band(int(a), int(b)) for a, b in zip(left, right, strict=True))
-    return Survey(together, known.rows_per_swing or voted([period for _, period in sections]))
+    return Survey(together, voted([period for _, period in sections]))
 
 
 def voted(periods: list[float]) -> float:

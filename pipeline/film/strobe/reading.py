@@ -11,10 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import median_present
-from pipeline.film.marks.closing import learned_width
-from pipeline.film.marks.gaps import Gaps
 from pipeline.film.marks.pieces import over_pieces
-from pipeline.film.marks.search import CERTAIN, DEEPEST, LATERAL, LEAST_DEPTH, MOST_MISFIT, fitted
+from pipeline.film.marks.search import CERTAIN, DEEPEST, LATERAL, LEAST_DEPTH, MOST_MISFIT, Gaps, fitted, learned_width
 from pipeline.film.normal_points import between_rows
 from pipeline.film.parts import Emulsion, Floats, Scan, Strobe, TimeAxis, Tracks
 

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion.curve import ToneCurve
-from pipeline.film.tracking.line_profile import MOST_NODES, nodes_of, profile
-from pipeline.film.tracking.optics import Optics
+from pipeline.film.emulsion.film_emulsion import ToneCurve
+from pipeline.film.tracking.line_profile import MOST_NODES, Optics, nodes_of, profile
 from pipeline.film.tracking.section import Section
 from synth.kernels.compiled import kernel
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
+from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.motion import STATES, place_variance, slope_of, slope_variance
-from pipeline.film.tracking.optics import Optics
 from pipeline.film.tracking.pieces import Piece
 from pipeline.film.tracking.row_fit import solve
 from synth.kernels.compiled import kernel

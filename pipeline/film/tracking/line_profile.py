@@ -13,8 +13,12 @@ spots along the trace) that the sum of Gaussians is as good as the integral: 1e-
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from pipeline.arrays import Floats
+from pipeline.film.emulsion.film_emulsion import HIGHEST_EXPOSURE, TABLE_SIZE, ToneCurve
 from synth.kernels.compiled import kernel
 
 REACH = 4.0  # spots: what lies farther leaves less than 3e-4
@@ -145,3 +149,33 @@ def profile(nodes: Floats, count: int, shift: float, tilt: float, spot: float, f
     for i in range(size):
         out[1, i] *= 2.0 * scale
         out[2, i] *= 2.0 * scale
+
+
+@dataclass(frozen=True)
+class Optics:
+    """Spot, slit and emulsion.
+
+    Attributes
+    ----------
+    spot : float
+        1 sigma of the spot as the scan shows it, px.
+    shear : float
+        Rows by which the image lags per column.
+    curve : ToneCurve
+        Darkness above blank against exposure.
+    grain : (2,) array
+        Variance of a pixel's darkness on blank film, and its growth per unit of darkness.
+    """
+
+    spot: float
+    shear: float
+    curve: ToneCurve
+    grain: Floats
+
+    def numbers(self) -> Floats:
+        """For the kernels: spot, shear, step of the table, grain."""
+        return np.array([self.spot, self.shear, HIGHEST_EXPOSURE / (TABLE_SIZE - 1), *self.grain])
+
+    def with_(self, **changes: object) -> Optics:
+        """A copy with some numbers changed."""
+        return replace(self, **changes)  # type: ignore[arg-type]

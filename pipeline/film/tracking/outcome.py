@@ -7,15 +7,30 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats
-from pipeline.film.tracking.combine import combined
-from pipeline.film.tracking.gap_fit import fit_gaps
-from pipeline.film.tracking.gaps import as_table, find_gaps, from_table, lamp_course
-from pipeline.film.tracking.judgement import judge, openness
-from pipeline.film.tracking.optics import Optics
+from pipeline.film.tracking.combine import BOTH, combined
+from pipeline.film.tracking.gap_fit import Gaps, as_table, find_gaps, fit_gaps, from_table, lamp_course
+from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.pieces import Piece
-from pipeline.film.tracking.reading import FIELDS, read_piece
+from pipeline.film.tracking.row_reading import FIELDS, read_piece
 
+LEAST_OPEN = 0.7  # share of the light let through under which a row counts as lying in a gap
+SEEN = 4.0
+LEAST_LIGHT, MOST_LIGHT = 0.5, 1.8  # of the lamp's
+PARTIAL, PARTIAL_SIGMA = 0.85, 3.0  # less light than that, and a part of the line is missing: it begins or ends there
+CUT, CUT_SIGMA = 0.35, 3.0  # rows of light lacking beside each other, and sigma of it: the shutter closed there
+CUT_ROWS, ABOUT = 3, 7
+MISFIT = 4.0
+OUTLIER = 4.5
+FAR = 0.75  # spots off a course that is known: no reading of a faint line is worth that much doubt
+STRANGE = 2.5  # sigma from which on two rows beside each other are both left out
+COURSE_SLACK = 0.06  # spots
+DISAGREEMENT = 6.0
+WORST_NORMAL = 0.35  # spots: a reading no better than that is left out
+SHARED = 1.5  # growth of the variance by other traces from which on a row is flagged
+FLOOR = 0.006  # spots, of the normal: what model and calibration leave
+LOST_SWINGS = 0.3
 MARGIN_SPOTS = 16  # of gaps, beyond a piece
 
 
@@ -125,3 +140,118 @@ class Outcome:
         self.slope[trace, part] = np.where(known, rate / gain, np.nan)
         self.curvature[trace, part] = np.where(known, bend / gain**3, np.nan)
         self.brightness[trace, part] = np.where(known, brightness, np.nan)
+
+
+def openness(gaps: Gaps, first: int, rows: int, spot: float) -> Floats:
+    """Share of a trace's light that the shutter let through to each row."""
+    from scipy.special import ndtr
+
+    share = np.ones(rows)
+    for middle, length in zip(gaps.middle, gaps.length, strict=True):
+        a, b = int(max(0, middle - length - 5 * spot - first)), int(min(rows, middle + length + 5 * spot - first + 1))
+        away = first + np.arange(a, b) + 0.5 - middle
+        if a >= b:
+            continue
+        share[a:b] -= ndtr((away + 0.5 * length) / spot) - ndtr((away - 0.5 * length) / spot)
+    return share
+
+
+def judge(
+    reading: Floats,
+    states: Floats,
+    course_variance: Floats,
+    disagreement: Floats,
+    known: NDArray[np.uint8],
+    open_share: Floats,
+    lamp: Floats,
+    black: NDArray[np.bool_],
+    optics: Optics,
+) -> tuple[Floats, Floats, NDArray[np.uint16]]:
+    """Position and sigma of one trace's rows, NaN where not accepted, and their flags.
+
+    Parameters
+    ----------
+    reading : (rows, 7) array
+        Of `row_reading.read_piece`.
+    states, course_variance, disagreement, known : (rows, ...) arrays
+        Of `combine.combined`.
+    open_share, lamp : (rows,) arrays
+        Light let through by the shutter, and brightness in the open.
+    black : (rows,) array
+        Where the darkest pixel by the line can be no darker.
+    """
+    shift, variance, light, light_variance, misfit, alone, slope = reading.T
+    stretch = 1.0 + slope**2
+    flag = ELONGATION_FLAGS
+    followed = known > 0
+    whole = np.maximum(LEAST_LIGHT * lamp, PARTIAL * lamp - PARTIAL_SIGMA * np.sqrt(light_variance))
+    seen = followed & (light > SEEN * np.sqrt(light_variance)) & (light > whole)
+    light_spread = _usual(light_variance, followed) / lamp**2
+    seen &= (light > PARTIAL * lamp) | ~_cut(1.0 - light / lamp, light_spread, followed)
+    gap = followed & (open_share < LEAST_OPEN)
+    unsure = followed & (disagreement > DISAGREEMENT)
+    shared = followed & (variance > SHARED * alone)
+    spread = np.where(shared, variance, np.minimum(variance, _usual(alone / stretch, followed) * stretch))
+    allowed = spread + course_variance + (COURSE_SLACK * optics.spot) ** 2 * stretch
+    strange = shift**2 > STRANGE**2 * allowed
+    dim = 1.0 - light / lamp > STRANGE * np.sqrt(light_spread)
+    wild = (misfit > MISFIT) | (shift**2 > OUTLIER**2 * allowed) | (light > MOST_LIGHT * lamp)
+    wild |= shift**2 > (FAR * optics.spot) ** 2 * stretch + OUTLIER**2 * course_variance
+    wild |= strange & _beside(followed & ~gap & (strange | dim))
+    wide = variance > WORST_NORMAL**2 * optics.spot**2 * stretch
+    accepted = seen & ~gap & ~unsure & ~wild & ~wide & ~black
+    qc = np.zeros(shift.size, dtype=np.uint16)
+    qc |= np.where(gap, flag["gap"], 0).astype(np.uint16)
+    qc |= np.where(followed & black, flag["saturated"], 0).astype(np.uint16)
+    qc |= np.where(unsure, flag["ambiguous"], 0).astype(np.uint16)
+    qc |= np.where(followed & shared, flag["overlap"], 0).astype(np.uint16)
+    qc |= np.where(followed & (known != BOTH), flag["single_direction"], 0).astype(np.uint16)
+    qc |= np.where(followed & ~gap & ~shared & ~accepted & ~unsure & ~black, flag["outlier"], 0).astype(np.uint16)
+    position = np.where(accepted, states[:, 0] + states[:, 3] + shift, np.nan)
+    sigma = np.sqrt(variance * np.maximum(1.0, misfit) + (FLOOR * optics.spot) ** 2 * stretch)
+    return position, np.where(accepted, sigma, np.nan), qc
+
+
+def _usual(variance: Floats, followed: NDArray[np.bool_]) -> Floats:
+    """Variance of readings of whole lines about each row.
+
+    Where the shutter cuts a row that is not known to lie in a gap, it takes light, and the fit calls its reading unsure
+    instead of wrong.
+    """
+    from scipy.ndimage import median_filter
+
+    good = followed & np.isfinite(variance)
+    usual = float(np.median(variance[good])) if good.any() else 0.0
+    return np.asarray(median_filter(np.where(good, variance, usual), ABOUT))
+
+
+def _cut(lack: Floats, variance: Floats, followed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which rows lie where light is lacking on rows beside each other: a gap too faint to be found as one.
+
+    A row of which the shutter cut off a part is read amiss by up to half a row; its own light hardly tells where lines
+    are faint, but what a gap takes is taken from several rows together.
+    """
+    ends = np.ones(CUT_ROWS)
+    total, spread = np.convolve(np.where(followed, lack, 0.0), ends), np.convolve(variance, ends)
+    lacking = total > np.maximum(CUT, CUT_SIGMA * np.sqrt(spread))
+    return np.asarray(np.any([lacking[k : k + lack.size] for k in range(CUT_ROWS)], axis=0))
+
+
+def _beside(rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which rows have one of `rows` before or after them."""
+    beside = np.zeros_like(rows)
+    beside[1:] |= rows[:-1]
+    beside[:-1] |= rows[1:]
+    return beside
+
+
+def flag_lost(position: Floats, course: Floats, qc: NDArray[np.uint16], period: float) -> None:
+    """Where a trace was followed without being read for long it is lost: course NaN, in place."""
+    read = np.isfinite(position)
+    half = max(4, round(LOST_SWINGS * period))
+    total = np.concatenate([[0], np.cumsum(read)])
+    rows = np.arange(read.size)
+    near = total[np.minimum(rows + half + 1, read.size)] - total[np.maximum(rows - half, 0)]
+    lost = ~np.isfinite(course) | (near == 0)
+    course[lost] = np.nan
+    qc[lost] = ELONGATION_FLAGS["lost"]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
 from pipeline.film.tracking.follow import follow, replay
+from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.motion import STATES
-from pipeline.film.tracking.optics import Optics
 from pipeline.film.tracking.seeding import Swing
 
 # Growth a swing of the variance of the slow part's bend (in amplitudes a swing squared), of the frequency (in radians a

@@ -7,18 +7,16 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.film.emulsion.curve import ToneCurve
+from pipeline.film.emulsion.film_emulsion import ToneCurve
 from pipeline.film.tracking.calibrate import calibrate, measure_shear, open_rows
-from pipeline.film.tracking.optics import Optics
+from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.section import Section, read_section
-from pipeline.film.tracking.seeding import find_swings
-from pipeline.film.tracking.turning_points import spot_size
+from pipeline.film.tracking.seeding import find_swings, spot_size
 
 FIRST_ROWS = 512
 MOST_ROWS = 4096
 PLACES = (0.5, 0.15, 0.85, 0.3, 0.7, 0.02, 0.95)
 MORE_PLACES = (0.4, 0.6, 0.22, 0.78, 0.09, 0.91, 0.35, 0.65, 0.45, 0.55)  # where none of the others shows all traces
-SECTION_SWINGS = 8.0
 ENOUGH = 3  # sections with traces
 REFINEMENTS = 3
 SURE = 0.6  # share of rows read, with the film's own optics, by which a trace is one
@@ -26,11 +24,11 @@ ASKEW = (0.0, 0.009, -0.009, 0.018, -0.018, 0.027, -0.027)  # rows a column: hal
 Darkness = Callable[[int, int], NDArray[np.float32]]
 
 
-def first_optics(darkness: NDArray[np.float32], sigma: float, spot: float | None) -> Optics:
+def first_optics(darkness: NDArray[np.float32], sigma: float) -> Optics:
     """What a piece of film shows of spot and curve before any trace is known."""
-    width = spot or spot_size(darkness)
     darkest = 1.1 * float(np.quantile(darkness, 1.0 - min(2e-4, 20.0 / darkness.size)))
-    return Optics(width, 0.0, ToneCurve(max(darkest, 3.0 * sigma), 0.2, 1.5), np.array([sigma**2, 10.0 * sigma**2]))
+    curve = ToneCurve(max(darkest, 3.0 * sigma), 0.2, 1.5)
+    return Optics(spot_size(darkness), 0.0, curve, np.array([sigma**2, 10.0 * sigma**2]))
 
 
 def sections(rows: int, height: int) -> Iterator[tuple[int, int]]:
@@ -44,16 +42,10 @@ def sections(rows: int, height: int) -> Iterator[tuple[int, int]]:
 
 
 def probe(
-    darkness: Darkness,
-    rows: int,
-    sigma: float,
-    spot: float | None = None,
-    period: float | None = None,
-    count: int | None = None,
-    optics: Optics | None = None,
+    darkness: Darkness, rows: int, sigma: float, count: int | None = None, optics: Optics | None = None
 ) -> tuple[Section, Optics] | None:
     """The section that shows most traces, and optics fitted to it; None if nothing swings on the film."""
-    height = round(SECTION_SWINGS * period) if period else FIRST_ROWS
+    height = FIRST_ROWS
     while True:
         tried: list[tuple[int, int]] = []
         read: list[tuple[Section, Optics]] = []
@@ -62,14 +54,14 @@ def probe(
             if len(whole) == ENOUGH or (len(tried) >= len(PLACES) and (whole or count is None or not read)):
                 break
             piece = darkness(first, stop)
-            guess = optics or first_optics(piece, sigma, spot)
-            found = _read_askew(piece, first, guess, read[0][0].period if read else period, count)
+            guess = optics or first_optics(piece, sigma)
+            found = _read_askew(piece, first, guess, read[0][0].period if read else None, count)
             tried.append((first, stop))
             if found is not None:
                 read.append(found)
         if read:
             break
-        if period or height >= min(rows, MOST_ROWS):
+        if height >= min(rows, MOST_ROWS):
             return None
         height *= 2
     section, guess = max(_whole(read, count) or read, key=lambda each: open_rows(each[0], each[1].spot))

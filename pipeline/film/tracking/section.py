@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
 from pipeline.film.tracking.combine import combined
-from pipeline.film.tracking.optics import Optics
+from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.pieces import Filter, Piece, run, start
 from pipeline.film.tracking.seeding import SAME, Swing, find_swings
 

@@ -8,11 +8,9 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.film.emulsion.film_emulsion import FilmEmulsion
-from pipeline.film.parts import Expected, Scan, Tracks
-from pipeline.film.tracking.judgement import flag_lost
-from pipeline.film.tracking.optics import Optics
-from pipeline.film.tracking.ordering import order
-from pipeline.film.tracking.outcome import Outcome
+from pipeline.film.parts import Scan, Tracks
+from pipeline.film.tracking.line_profile import Optics
+from pipeline.film.tracking.outcome import Outcome, flag_lost
 from pipeline.film.tracking.passes import SECTION_SWINGS, Film, backward, forward
 from pipeline.film.tracking.pieces import run, start
 from pipeline.film.tracking.probing import SURE, probe
@@ -34,7 +32,7 @@ def track(
     scan: Scan,
     emulsion: FilmEmulsion,
     *,
-    expected: Expected | None = None,
+    count: int | None = None,
     jobs: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> Tracks:
@@ -44,8 +42,8 @@ def track(
     ----------
     scan, emulsion
         Of `measure_emulsion`.
-    expected : Expected, optional
-        What is known beforehand.
+    count : int, optional
+        Number of traces, if known.
     jobs : int
         Threads that may work.
     progress : callable, optional
@@ -56,21 +54,20 @@ def track(
     RefusedError
         Nothing swings on the film, or fewer traces than were expected.
     """
-    expected = expected or Expected()
     sigma = float(np.sqrt(emulsion.grain[0]))
     given = Optics(emulsion.spot, 0.0, emulsion.curve, emulsion.grain) if emulsion.spot else None
 
     def darkness(first: int, stop: int) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
         return emulsion.darkness(scan.read(first, stop), first)
 
-    probed = probe(darkness, scan.rows, sigma, expected.spot, expected.rows_per_swing, expected.count, given)
+    probed = probe(darkness, scan.rows, sigma, count, given)
     if probed is None:
         raise RefusedError(NOTHING)
     section, optics = probed
     traces = len(section.swings)
-    if expected.count is not None and traces < expected.count:
+    if count is not None and traces < count:
         raise RefusedError(
-            f"count is {expected.count} traces but {traces} were found on the film: give the number that swing on it"
+            f"count is {count} traces but {traces} were found on the film: give the number that swing on it"
         )
     film = Film(scan, emulsion, optics, section.period)
     begin = _led_in(film, _first_section(film, section))
@@ -85,15 +82,14 @@ def track(
         flag_lost(out.position[k], out.course[k], out.qc[k], film.period)
     _refuse_unread(out)
     _refuse_doubles(out, optics.spot)
-    rank = order(out.course, out.slope, expected)
     return Tracks(
-        out.position[rank],
-        out.sigma[rank],
-        out.course[rank],
-        out.slope[rank],
-        out.curvature[rank],
-        out.brightness[rank],
-        out.qc[rank],
+        out.position,
+        out.sigma,
+        out.course,
+        out.slope,
+        out.curvature,
+        out.brightness,
+        out.qc,
         film.period,
         optics.spot,
     )

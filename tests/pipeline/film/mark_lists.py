@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.film.marks.gaps import Gaps
+from pipeline.film.marks.search import Gaps
 from pipeline.film.parts import Floats, Tracks
 
 

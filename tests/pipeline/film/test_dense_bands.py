@@ -11,16 +11,24 @@ from spot_film import SPOT, Sheet, Swinging, exposure_of
 
 from data_schemas.errors import RefusedError
 from pipeline.film.marks import gap_kernels
-from pipeline.film.marks.gaps import Gaps
-from pipeline.film.parts import Expected, Tracks
+from pipeline.film.marks.search import Gaps
+from pipeline.film.parts import Tracks
 from pipeline.film.reading import ways_to_follow
-from pipeline.film.strobe.dense import unlike, usual_swing, windows
-from pipeline.film.strobe.dense_blending import blended, joined, values
+from pipeline.film.strobe.dense import blended, joined, unlike, usual_swing, values, windows
 from pipeline.film.strobe.dense_kernels import CUBIC, SIZE
-from pipeline.film.strobe.dense_start import basis, first_shapes, light_of
-from pipeline.film.strobe.dense_survey import Band, Survey, bands, survey, voted
+from pipeline.film.strobe.dense_survey import (
+    Band,
+    Saturated,
+    Survey,
+    bands,
+    basis,
+    first_shapes,
+    light_of,
+    saturation,
+    survey,
+    voted,
+)
 from pipeline.film.strobe.reading import AT_TURNS, BEND, UNTOLD_BEND, bends
-from pipeline.film.strobe.saturated import Saturated, saturation
 
 PERIOD, LEAST = 17.9, 0.002
 LEFT = Swinging(100.0, 45.0, 0.3, PERIOD, slow=40.0, slow_period=150.0)  # swell of the swing's own size
@@ -77,7 +85,7 @@ def test_a_block_in_the_dark_has_no_curve() -> None:
 
 
 def test_the_survey_finds_bands_and_period() -> None:
-    found = survey(Sheet(light()), Lit(), Expected(count=2))
+    found = survey(Sheet(light()), Lit(), 2)
     assert found.period == pytest.approx(PERIOD, rel=0.02)
     for band, trace in zip(found.bands, (LEFT, RIGHT), strict=True):
         reach = trace.amplitude + trace.slow
@@ -89,7 +97,7 @@ def test_the_survey_finds_bands_and_period() -> None:
 def test_other_bands_than_expected_are_refused(count: int, what: str) -> None:
     image = light() if count == 3 else np.zeros_like(light())
     with pytest.raises(RefusedError, match=what):
-        survey(Sheet(image), Lit(), Expected(count=count))
+        survey(Sheet(image), Lit(), count)
 
 
 def test_sections_vote_for_the_period() -> None:

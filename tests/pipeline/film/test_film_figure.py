@@ -8,7 +8,7 @@ from film_stand_ins import reading
 
 from data_schemas.errors import UsageError
 from pipeline.plots import film_figure, save, unread_figure
-from pipeline.plots.film_image import picture
+from pipeline.plots.film import picture
 
 pytest.importorskip("matplotlib")
 

@@ -11,9 +11,8 @@ from small_film import Film, film
 
 from pipeline.film.marks import gap_kernels
 from pipeline.film.marks.axis import axis_of
-from pipeline.film.marks.curve_kernels import brightness_along, draw, light_at_rest, place
+from pipeline.film.marks.curve_kernels import brightness_along, draw, light_at_rest, place, solve
 from pipeline.film.marks.search import fitted
-from pipeline.film.marks.shading_kernels import solve
 from pipeline.film.parts import Marking
 from pipeline.film.strobe.dense_kernels import SIZE, fit_block, nodes, swing
 

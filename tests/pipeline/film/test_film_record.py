@@ -13,10 +13,9 @@ import data_schemas
 from data_schemas.errors import RecordError, UsageError
 from data_schemas.film_description import DescribedTrace, FilmDescription
 from pipeline.film.comparing import PhaseDifference, clock_uncertainty
-from pipeline.film.film_scale import film_scale, rows_per_second
 from pipeline.film.knowledge import ASSUMED_LEVER, FilmOptions, Known
-from pipeline.film.matching import match
-from pipeline.film.record import make_record
+from pipeline.film.reading import film_scale, rows_per_second
+from pipeline.film.record import make_record, match
 from pipeline.film.summary import summary
 
 TWO = FilmOptions(traces=("1", "1-2"), periods=PERIODS, gravity=9.81)
@@ -168,19 +167,16 @@ def test_several_traces_need_periods_and_their_gravity(tmp_path):
 @pytest.mark.parametrize("text", [":1", "1:"])
 def test_trace_options_are_checked(text):
     with pytest.raises(UsageError, match="NAME or NAME:COMBINATION"):
-        Known(None, FilmOptions(traces=(text,))).expected(None)
+        _ = Known(None, FilmOptions(traces=(text,))).traces
     with pytest.raises(UsageError, match="twice"):
-        Known(None, FilmOptions(traces=("1", "1"))).expected(None)
+        _ = Known(None, FilmOptions(traces=("1", "1"))).traces
 
 
-def test_stages_are_told_what_is_known_in_pixels():
+def test_stages_are_told_what_is_known():
     known = Known(described())
-    expected, marking = known.expected(SCALE), known.marking(SCALE)
-    assert expected.count == 2
-    np.testing.assert_allclose(expected.positions, [31.0 / SCALE, 95.0 / SCALE])
-    assert expected.amplitudes is None
-    assert marking.speed == pytest.approx(5.0 / SCALE)
-    assert Known().expected(SCALE).count is None
+    assert known.count == 2
+    assert known.marking(SCALE).speed == pytest.approx(5.0 / SCALE)
+    assert Known().count is None
     assert Known().marking(None).interval == 0.5
 
 

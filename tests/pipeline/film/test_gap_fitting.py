@@ -9,9 +9,7 @@ import pytest
 from small_film import FOG, SCAN_RANGE, Film, Pixels, film
 
 from data_schemas.errors import RefusedError
-from pipeline.film.marks.closing import learned_width
-from pipeline.film.marks.gaps import Gaps
-from pipeline.film.marks.search import find_gaps
+from pipeline.film.marks.search import Gaps, find_gaps, learned_width
 
 pytestmark = pytest.mark.compiled
 WIDTH = 0.03 * 59.055

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from pipeline.film.in_order import in_order
+from pipeline.film.marks.pieces import in_order
 
 
 @pytest.mark.parametrize("jobs", [1, 2, 5])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from film_stand_ins import reading
 
-from pipeline.film.marks.flags import MEANINGS, marks_flags, marks_seen
+from pipeline.film.marks.checks import MEANINGS, marks_flags, marks_seen
 from pipeline.film.record import findings
 
 

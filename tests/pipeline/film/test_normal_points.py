@@ -7,9 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pipeline.film.normal_points import between_rows, normal_points
+from pipeline.film.normal_points import between_rows, normal_points, row_times
 from pipeline.film.parts import TimeAxis, Tracks
-from pipeline.film.row_times import row_times
 
 ROWS_PER_SECOND, PERIOD, AMPLITUDE = 59.06, 1.00966, 118.0
 SIGMA = 0.5

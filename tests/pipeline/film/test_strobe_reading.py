@@ -8,7 +8,7 @@ from small_film import Film, film
 
 from data_schemas.errors import RefusedError
 from pipeline.film.marks.axis import time_axis
-from pipeline.film.parts import Expected, Marking, Strobe, TimeAxis
+from pipeline.film.parts import Marking, Strobe, TimeAxis
 from pipeline.film.strobe.dense import dense_tracks
 from pipeline.film.strobe.reading import GAP, read_at_marks
 
@@ -86,7 +86,7 @@ def test_rows_are_timed_to_a_tenth_of_a_millisecond() -> None:
 def test_a_slow_film_is_read_at_its_marks() -> None:
     """1.5 mm/s: strokes lie nine rows apart and no row shows a line by itself."""
     made = film(40.0, speed=17.717, **PAIR)
-    tracks = dense_tracks(made.scan, made.emulsion, Expected(spot=1.18, count=2))
+    tracks = dense_tracks(made.scan, made.emulsion, 2)
     assert tracks.rows_per_swing == pytest.approx(1.0097 * 17.717, rel=2e-3)
     for trace in range(2):
         away = (tracks.course[trace] - made.tracks.course[trace]) / np.hypot(1.0, made.tracks.slope[trace])
@@ -106,4 +106,4 @@ def test_a_film_without_bands_is_refused() -> None:
     image = np.full_like(made.scan.image, 229)
     image += np.random.default_rng(0).integers(0, 9, image.shape, dtype=np.uint8)
     with pytest.raises(RefusedError, match="film:"):
-        dense_tracks(type(made.scan)(image), made.emulsion)
+        dense_tracks(type(made.scan)(image), made.emulsion, None)

@@ -7,13 +7,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pipeline.harmonics.envelope import Envelope, fill, image_distance, window_length
-from pipeline.harmonics.windows import (
+from pipeline.harmonics.envelope import (
     KAISER_SHAPE,
     LEAST_COVERAGE,
     WINDOW_SECONDS,
+    Envelope,
     block_envelope,
+    fill,
+    image_distance,
     sliding_envelope,
+    window_length,
 )
 
 N0 = 2.0 * np.pi / 1.01

@@ -10,7 +10,7 @@ import pytest
 from exact_pair import N2, Pair, swell
 
 from pipeline.estimate import budget
-from pipeline.harmonics.envelope import Envelope
+from pipeline.harmonics.envelope import Envelope, block_envelope
 from pipeline.harmonics.narrowband import (
     ComplexForm,
     NarrowbandFit,
@@ -20,7 +20,6 @@ from pipeline.harmonics.narrowband import (
     regression,
     running_integral,
 )
-from pipeline.harmonics.windows import block_envelope
 
 HOP = 1.0
 TIME = 8.0 + HOP * np.arange(285)

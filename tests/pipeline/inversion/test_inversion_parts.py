@@ -9,12 +9,10 @@ import pytest
 from heavy_pair import observe
 from scipy.integrate import solve_ivp
 
-from pipeline.harmonics.windows import block_envelope
-from pipeline.inversion.filters import SWELL, design
-from pipeline.inversion.influence import theta_influence
-from pipeline.inversion.iteration import Iteration
+from pipeline.harmonics.envelope import block_envelope
+from pipeline.inversion.iteration import Iteration, theta_influence
 from pipeline.inversion.kernels import adjoint, expand, past_taps
-from pipeline.inversion.motion import motion, third_harmonic
+from pipeline.inversion.motion import SWELL, design, motion, third_harmonic
 from pipeline.methods.projection import linear_fit
 from pipeline.methods.shooting import invert
 from pipeline.prepared import Prepared, prepare

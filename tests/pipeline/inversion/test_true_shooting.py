@@ -9,7 +9,7 @@ from heavy_pair import DAMPING, HEAVE, PERIODS, REFERENCE, G, acceleration, angl
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
-from pipeline.inversion.filters import design
+from pipeline.inversion.motion import design
 from pipeline.methods.projection import linear_fit
 from pipeline.methods.shooting import invert
 from pipeline.prepared import prepare

@@ -12,8 +12,7 @@ from ledger_records import entry, row, scene
 
 import synth
 from pipeline.gravity import gravity
-from pipeline.ledger.entry import Entry
-from pipeline.ledger.shares import Shares, mean_over_record, running_mean, shares
+from pipeline.ledger.entry import Entry, Shares, mean_over_record, running_mean, shares
 from pipeline.methods import method
 from pipeline.observation import Observation, observe
 from pipeline.prepared import prepare

@@ -9,7 +9,7 @@ import pytest
 from ledger_records import BASES, GRAVITY, PERIOD, entry, error, row, scene, with_stated
 
 import synth
-from pipeline.base_stations import tie
+from pipeline.conditions import tie
 
 DAY = 86400.0
 

@@ -11,8 +11,7 @@ from scipy.special import ellipk
 
 from data_schemas.errors import RefusedError
 from pipeline import process, summaries
-from pipeline.period.cycles import find_cycles
-from pipeline.period.finite_arc import arc_factor
+from pipeline.period.cycles import arc_factor, find_cycles
 from pipeline.period.fit import fit_period
 
 T0 = 1.029

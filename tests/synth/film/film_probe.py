@@ -24,7 +24,7 @@ def peak() -> float:
 def main(path: str, seconds: str) -> None:
     """Expose the shipped scene for some seconds; print MiB."""
     import synth
-    from pipeline.benchmarks.film_cases import scene
+    from pipeline.benchmarks.film import scene
 
     synth.expose_to(scene(float(seconds)), "typical", path, overwrite=True)
     print(peak())

@@ -7,9 +7,7 @@ import pytest
 from spot_film import CONTRAST, DENSEST, FOG, MIDDLE, SCANNER, SPOT, Sheet, Swinging, developed, exposure_of, shutter
 
 from pipeline.film.emulsion.blank import darkness_table, measure_blank
-from pipeline.film.emulsion.curve import ToneCurve
-from pipeline.film.emulsion.film_emulsion import FilmEmulsion
-from pipeline.film.parts import Expected
+from pipeline.film.emulsion.film_emulsion import FilmEmulsion, ToneCurve
 from pipeline.film.strobe.dense_emulsion import dense_emulsion, fitted_curve, grain_growth
 from pipeline.film.strobe.dense_kernels import NODES, SIZE, draw_curve, nodes, tabulate
 
@@ -79,7 +77,7 @@ def test_exposure_is_that_of_the_darkness():
 def test_the_emulsion_of_a_slow_film_is_told_from_its_bands():
     traces = [Swinging(100.0, 45.0, 0.3, PERIOD, slow=40.0, slow_period=150.0), Swinging(290.0, 60.0, 2.0, PERIOD)]
     film = LAMP * exposure_of(traces, 700, 370, shutter(700, 8.86, 0.52))
-    emulsion = dense_emulsion(Sheet(developed(film, grain=0.04)), Expected(count=2))
+    emulsion = dense_emulsion(Sheet(developed(film, grain=0.04)), 2)
     grid = np.geomspace(0.01, 0.3, 20)
     assert emulsion.curve.darkness(grid) == pytest.approx(TRUE.darkness(grid), rel=0.1)
     assert emulsion.curve.darkest == pytest.approx(TRUE.darkest, rel=0.05)

@@ -19,8 +19,7 @@ from spot_film import (
 )
 
 from pipeline.film.emulsion.blank import darkness_table, measure_blank
-from pipeline.film.emulsion.curve import HIGHEST_EXPOSURE, ToneCurve
-from pipeline.film.emulsion.film_emulsion import FilmEmulsion
+from pipeline.film.emulsion.film_emulsion import HIGHEST_EXPOSURE, FilmEmulsion, ToneCurve
 from pipeline.film.emulsion.measure import measure_emulsion
 
 

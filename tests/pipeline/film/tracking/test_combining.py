@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.film.emulsion.curve import ToneCurve
+from pipeline.film.emulsion.film_emulsion import ToneCurve
 from pipeline.film.tracking.combine import combined
-from pipeline.film.tracking.optics import Optics
+from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.pieces import Piece
 
 OPTICS = Optics(1.2, 0.0, ToneCurve(0.6, 0.2, 1.5), np.array([5e-5, 1e-3]))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.film.emulsion.curve import HIGHEST_EXPOSURE, TABLE_SIZE, ToneCurve
+from pipeline.film.emulsion.film_emulsion import HIGHEST_EXPOSURE, TABLE_SIZE, ToneCurve
 from pipeline.film.tracking.line_profile import MOST_NODES, nodes_of, profile
 from pipeline.film.tracking.row_fit import solve
 from pipeline.film.tracking.row_reading import read_row

@@ -11,18 +11,19 @@ from tiny_film import CURVE, EVERY, LENGTH, PERIOD, SPOT, Tiny, tiny
 
 from data_schemas.errors import RefusedError
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.film.emulsion.curve import ToneCurve
-from pipeline.film.parts import Expected, Tracks
+from pipeline.film.emulsion.film_emulsion import ToneCurve
+from pipeline.film.parts import Tracks
 from pipeline.film.tracking import calibrate as calibration
 from pipeline.film.tracking import probing
 from pipeline.film.tracking.gap_fit import fit_gaps
-from pipeline.film.tracking.optics import Optics
+from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.passes import forward
 from pipeline.film.tracking.probing import SURE, sections
 from pipeline.film.tracking.section import Section, read_section
 from pipeline.film.tracking.track import _rewound, track
 
 ROWS, BEGIN, BLACK = 110, 15.0, 128.0
+FIRST_ROWS = round(8.0 * PERIOD)  # a section, on films that are shorter than usual ones
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +43,9 @@ def section(short: Tiny) -> Section:
 def dark() -> tuple[Tiny, Tracks]:
     """Two traces with a blackout, tracked."""
     made = tiny(230, ((BEGIN, 90.0), (BLACK, 215.0)))
-    return made, track(made.sheet, made.emulsion, expected=Expected(count=2, rows_per_swing=PERIOD))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(probing, "FIRST_ROWS", FIRST_ROWS)
+        return made, track(made.sheet, made.emulsion, count=2)
 
 
 def test_a_section_shows_its_traces(short: Tiny, section: Section) -> None:
@@ -67,7 +70,7 @@ def test_spot_and_curve_are_told_from_a_section(short: Tiny, section: Section, m
 def test_a_first_guess_of_the_optics_is_refined(short: Tiny, section: Section, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(calibration, "MOST_ROWS", 25)
     monkeypatch.setattr(probing, "REFINEMENTS", 1)
-    guess = probing.first_optics(section.darkness, float(np.sqrt(short.optics.grain[0])), None)
+    guess = probing.first_optics(section.darkness, float(np.sqrt(short.optics.grain[0])))
     assert guess.spot == pytest.approx(SPOT, rel=0.3)
     again, told = probing.refine(section, guess, fixed=False)
     assert abs(told.spot / SPOT - 1.0) < 0.08
@@ -137,9 +140,10 @@ def test_a_film_with_a_blackout_is_read_on_both_sides(dark: tuple[Tiny, Tracks])
     assert tracks.rows_per_swing == pytest.approx(PERIOD, rel=0.01)
 
 
-def test_several_threads_read_what_one_reads(dark: tuple[Tiny, Tracks]) -> None:
+def test_several_threads_read_what_one_reads(dark: tuple[Tiny, Tracks], monkeypatch: pytest.MonkeyPatch) -> None:
     made, tracks = dark
-    again = track(made.sheet, made.emulsion, expected=Expected(count=2, rows_per_swing=PERIOD), jobs=2)
+    monkeypatch.setattr(probing, "FIRST_ROWS", FIRST_ROWS)
+    again = track(made.sheet, made.emulsion, count=2, jobs=2)
     for field in fields(Tracks):
         np.testing.assert_array_equal(getattr(again, field.name), getattr(tracks, field.name), err_msg=field.name)
 
@@ -188,6 +192,6 @@ def test_sections_are_looked_at_until_one_shows_all_traces(
     monkeypatch.setattr(probing, "_read_askew", read)
     monkeypatch.setattr(probing, "refine", lambda section, optics, fixed: (section, optics))
     monkeypatch.setattr(probing, "read_section", lambda *_args, **_options: None)
-    found = probing.probe(lambda _first, _stop: section.darkness, 20_000, 0.01, SPOT, PERIOD, count, short.optics)
+    found = probing.probe(lambda _first, _stop: section.darkness, 20_000, 0.01, count, short.optics)
     assert found is not None
     assert (len(looked), len(found[0].swings)) == (looks, swings)

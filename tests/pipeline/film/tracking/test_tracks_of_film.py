@@ -9,7 +9,7 @@ from spot_film import PERIOD, Sheet, Swinging, developed, exposure_of, shutter
 from data_schemas.errors import RefusedError
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.film.emulsion.measure import measure_emulsion
-from pipeline.film.parts import Expected, Tracks
+from pipeline.film.parts import Tracks
 from pipeline.film.tracking.track import track
 
 pytestmark = pytest.mark.compiled
@@ -18,9 +18,9 @@ APART = [Swinging(110.0, 60.0, 0.3, slow=10.0), Swinging(290.0, 55.0, 2.0)]
 CROSSING = [Swinging(200.0, 60.0, 0.3), Swinging(206.0, 48.0, 2.4)]
 
 
-def read(image, **expected) -> Tracks:
+def read(image, count=None) -> Tracks:
     sheet = Sheet(image)
-    return track(sheet, measure_emulsion(sheet), expected=Expected(**expected))
+    return track(sheet, measure_emulsion(sheet), count=count)
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""After a blackout: told by amplitude and phase, or not told at all; order as the user expects it."""
+"""After a blackout: told by amplitude and phase, or not told at all."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.film.parts import Expected
-from pipeline.film.tracking.matching import match
-from pipeline.film.tracking.ordering import order
+from pipeline.film.tracking.passes import match
 from pipeline.film.tracking.seeding import Swing
 
 
@@ -47,13 +45,3 @@ def test_one_of_two_is_known_again():
     last = [before(500.0, 60.0, 0.5), before(700.0, 120.0, 0.6)]
     assert match(Found((a_swing(700.0, 118.0, 0.6),)), last) == [1]
     assert match(Found((a_swing(700.0, 30.0, 3.6),)), last) is None
-
-
-def test_traces_come_in_the_order_expected_of_them():
-    rows = np.arange(400)
-    course = np.stack([200 + 50 * np.sin(0.1 * rows), 400 + 90 * np.cos(0.1 * rows)])
-    slope = np.gradient(course, axis=1)
-    assert order(course, slope, Expected()) == [0, 1]
-    assert order(course, slope, Expected(positions=np.array([400.0, 200.0]))) == [1, 0]
-    assert order(course, slope, Expected(amplitudes=np.array([90.0, 50.0]))) == [1, 0]
-    assert order(course, slope, Expected(seeds=np.array([[1, 120.0, course[0, 120] + 3.0]]))) == [1, 0]

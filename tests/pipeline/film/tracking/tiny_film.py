@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from spot_film import CONTRAST, DENSEST, FOG, MIDDLE, SCANNER, Sheet, Swinging, developed, exposure_of, shutter
 
 from pipeline.film.emulsion.blank import darkness_table, measure_blank
-from pipeline.film.emulsion.curve import ToneCurve
-from pipeline.film.emulsion.film_emulsion import FilmEmulsion
-from pipeline.film.tracking.optics import Optics
+from pipeline.film.emulsion.film_emulsion import FilmEmulsion, ToneCurve
+from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.passes import Film
 
 SPOT, PERIOD, GRAIN, COLUMNS = 0.9, 13.3, 0.03, 60

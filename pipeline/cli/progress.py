@@ -1,10 +1,30 @@
-"""The progress bar of reading a film, on stderr, where a person watches: one bar a stage."""
+"""Progress bars on stderr, where a person watches: of long simulations and batches, and of reading a film."""
 
 from __future__ import annotations
 
 import contextlib
 import sys
 from collections.abc import Callable, Iterator
+
+
+@contextlib.contextmanager
+def progress(what: str, unit: str) -> Iterator[Callable[[int, int], None] | None]:
+    """A function of how much is done, and of how much, that draws a bar; None where stderr is no terminal.
+
+    What takes less than half a second gets no bar.
+    """
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from tqdm import tqdm
+
+    with tqdm(desc=what, unit=unit, unit_scale=True, file=sys.stderr, leave=False, delay=0.5) as bar:
+
+        def draw(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield draw
 
 
 @contextlib.contextmanager

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from data_schemas.film_fields import Dimming
 from data_schemas.scene import Scene, load_scene
-from data_schemas.scene_film import Film
+from data_schemas.scene_film import Dimming, Film
 from data_schemas.scene_recording import Stretch
 
 GRAIN = 0.05

@@ -10,9 +10,9 @@ from typing import Any
 
 from pipeline.benchmarks.problems import Problem, Swell
 from synth.systems.driven_pendulums import DrivenPendulums
-from synth.systems.elastic_beam import ElasticBeam
 from synth.systems.restoring import Sine
 from synth.systems.van_der_pol import VanDerPol
+from synth.systems.yielding import ElasticBeam
 
 Number = Callable[[Any], Any]
 Equations = list[tuple[Any, Any]]

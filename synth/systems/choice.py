@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from types import FunctionType
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
-from numba.extending import overload
+from numba.core import types
+from numba.extending import overload, register_jitable
 
 Chooser = TypeVar("Chooser", bound=Callable[..., Any])
 
@@ -24,6 +26,29 @@ def chosen_for(function: Callable[..., Any]) -> Callable[[Chooser], Chooser]:
         return chooser
 
     return register
+
+
+def taken_in(function: Chooser) -> Chooser:
+    """Decorator: plain Python that kernels take in; a branch on `argument is None` is decided when they are compiled.
+
+    What is returned must be of one type all the same: see `or_none` for the choice between None and something.
+    """
+    register_jitable(function)
+    return function
+
+
+def or_none(function: Chooser) -> Chooser:
+    """Decorator: as `taken_in`, for a function whose result is None where its first argument is."""
+
+    def choose(first: Any, *others: Any) -> Any:
+        return (lambda first, *others: None) if isinstance(first, types.NoneType) else function
+
+    @functools.wraps(function)
+    def call(first: Any, *others: Any) -> Any:
+        return None if first is None else function(first, *others)
+
+    overload(call, strict=False)(choose)
+    return cast(Chooser, call)
 
 
 def plain(function: Callable[..., Any]) -> Callable[..., Any]:

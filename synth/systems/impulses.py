@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from numba.extending import overload
+
 from synth.phase import Floats
-from synth.systems.choice import chosen_for, taken_in
+from synth.systems.choice import taken_in
 
 
 class Impulses(NamedTuple):
@@ -25,9 +27,9 @@ def kicks_of(system: Any) -> Any:
     return getattr(system, "kicks", None)
 
 
-@chosen_for(kicks_of)
-def _kicks_of(system: Any) -> Any:
-    return (lambda system: system.kicks) if "kicks" in getattr(system, "fields", ()) else (lambda system: None)
+overload(kicks_of, strict=False)(
+    lambda system: (lambda system: system.kicks) if "kicks" in getattr(system, "fields", ()) else (lambda system: None)
+)
 
 
 @taken_in

@@ -26,16 +26,7 @@ _HOME = {
     "write": "writing",
 }
 
-__all__ = [
-    "VERSION",
-    "check",
-    "content_sha256",
-    "json_schema",
-    "load_scene",
-    "read",
-    "validate",
-    "write",
-]
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:
@@ -47,4 +38,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return __all__

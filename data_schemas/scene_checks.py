@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 from data_schemas.scene_gravity import LARGEST_CHANGE, LinearCourse, SineCourse
 from data_schemas.scene_pendulum import FreeStart, Pendulum
 from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
-from data_schemas.scene_way import lightening
 
 if TYPE_CHECKING:
     from data_schemas.scene import Scene
+
+_TURN = 7.292115e-5  # rad/s, GRS80
+_AXIS, _SQUARE_ECCENTRICITY = 6378137.0, 0.00669438002290  # m, GRS80
 
 
 def period(scene: Scene, pendulum: Pendulum) -> float:
@@ -23,6 +25,33 @@ def period(scene: Scene, pendulum: Pendulum) -> float:
     if given.air_density is not None:
         value += pendulum.density_coefficient * given.air_density / given.air_density_reference
     return value
+
+
+def lightening(latitude: float, speed: float, course: float) -> float:
+    """Loss of gravity on a ship under way, m/s^2, upright centrifugal force of its motion less the Earth's own.
+
+    Parameters
+    ----------
+    latitude, course
+        Degrees; course from north by east.
+    speed
+        m/s over ground.
+
+    Examples
+    --------
+    >>> round(lightening(0.0, 4 * 1852 / 3600, 90.0) * 1e5, 1)
+    30.1
+    """
+    slant, way = math.radians(latitude), math.radians(course)
+    bulge = math.sqrt(1.0 - (math.sqrt(_SQUARE_ECCENTRICITY) * math.sin(slant)) ** 2)
+    east, north = speed * math.sin(way), speed * math.cos(way)
+    ring = _AXIS * math.cos(slant) / bulge  # radius of the parallel
+    ground = _TURN * ring
+    if ring > 1.0:
+        eastward = ((ground + east) ** 2 - ground**2) / ring * math.cos(slant)
+    else:  # at a pole, where the parallel is a point
+        eastward = east**2 * bulge / _AXIS
+    return eastward + north**2 * bulge**3 / (_AXIS * (1.0 - _SQUARE_ECCENTRICITY))
 
 
 def _in_plane(scene: Scene) -> float:

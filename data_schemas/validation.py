@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from .checking import faults
@@ -26,7 +27,10 @@ def validate(path: str | os.PathLike[str]) -> list[str]:
         ``path: group/name: what is wrong; what to do``.
     """
     if Path(path).suffix == ".toml":
-        return _description_faults(path) if _describes_film(path) else _scene_faults(path)
+        from .film_description import load_description
+        from .scene import load_scene
+
+        return _faults(load_description if _describes_film(path) else load_scene, path)
     try:
         contents = load(path)
     except FileError as error:
@@ -46,22 +50,10 @@ def _describes_film(path: str | os.PathLike[str]) -> bool:
         return False
 
 
-def _description_faults(path: str | os.PathLike[str]) -> list[str]:
-    from .film_description import load_description
-
+def _faults(load: Callable[[str | os.PathLike[str]], object], path: str | os.PathLike[str]) -> list[str]:
     try:
-        load_description(path)
-    except (RecordError, FileError) as error:
-        return [str(error)]
-    return []
-
-
-def _scene_faults(path: str | os.PathLike[str]) -> list[str]:
-    from .scene import load_scene
-
-    try:
-        load_scene(path)
-    except (SceneError, FileError) as error:
+        load(path)
+    except (SceneError, RecordError, FileError) as error:
         return [str(error)]
     return []
 

@@ -12,27 +12,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from synth.ensemble import simulate_ensemble
-    from synth.ensemble_files import write_ensemble
-    from synth.film.exposing import expose, expose_to, film_truth_path
-    from synth.film.named import films, load_film
-    from synth.shipped import scene_path, scenes
-    from synth.simulation import simulate
-    from synth.streaming import simulate_to
-
-__all__ = [
-    "expose",
-    "expose_to",
-    "film_truth_path",
-    "films",
-    "load_film",
-    "scene_path",
-    "scenes",
-    "simulate",
-    "simulate_ensemble",
-    "simulate_to",
-    "write_ensemble",
-]
+    from synth.ensemble import simulate_ensemble as simulate_ensemble
+    from synth.ensemble_files import write_ensemble as write_ensemble
+    from synth.film.exposing import expose as expose
+    from synth.film.exposing import expose_to as expose_to
+    from synth.film.exposing import film_truth_path as film_truth_path
+    from synth.film.named import films as films
+    from synth.film.named import load_film as load_film
+    from synth.shipped import scene_path as scene_path
+    from synth.shipped import scenes as scenes
+    from synth.streaming import simulate as simulate
+    from synth.streaming import simulate_to as simulate_to
 
 _HOMES = {
     "expose": "synth.film.exposing",
@@ -40,13 +30,15 @@ _HOMES = {
     "film_truth_path": "synth.film.exposing",
     "films": "synth.film.named",
     "load_film": "synth.film.named",
-    "simulate": "synth.simulation",
+    "simulate": "synth.streaming",
     "simulate_to": "synth.streaming",
     "simulate_ensemble": "synth.ensemble",
     "write_ensemble": "synth.ensemble_files",
     "scenes": "synth.shipped",
     "scene_path": "synth.shipped",
 }
+
+__all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
@@ -57,4 +49,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return __all__

@@ -17,8 +17,7 @@ from data_schemas.scene_pendulum import FreeStart, ImpulseEscapement, Pendulum, 
 from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
 from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum
-from synth.pendulums.linear import respond
-from synth.pendulums.starting import start_state
+from synth.pendulums.linear import respond, start_state
 from synth.phase import Floats
 from synth.systems.harmonic_motion import Harmonics, harmonics
 from synth.systems.impulses import Impulses
@@ -128,14 +127,14 @@ def assemble(
     lengths = np.array([scene.reference_gravity * (each.period / (2 * np.pi)) ** 2 for each in pendulums])
     start = np.concatenate([[support.displacement, support.velocity], swing])
     if isinstance(support, FrameSupport):
-        from synth.systems.flexible_frame import FlexibleFrame
+        from synth.systems.yielding import FlexibleFrame
 
         resistance = support.resistance
         system = FlexibleFrame(
             support.mass, masses, lengths, support.stiffness, resistance, scene.gravity, terms, sideways, upwards
         )
         return Assembly(system, start, _kicks(system, pendulums, masses * lengths**2))
-    from synth.systems.elastic_beam import ElasticBeam
+    from synth.systems.yielding import ElasticBeam
 
     damping = support.damping_rate
     system = ElasticBeam(

@@ -18,11 +18,7 @@ _MODULES: dict[Propagator, str] = {
     "explicit": "synth.integrators.explicit",
     "radau": "synth.integrators.radau",
 }
-_STREAMS: dict[Propagator, str] = {
-    "beam-collocation": "synth.integrators.collocation_stream",
-    "explicit": "synth.integrators.explicit_stream",
-    "radau": "synth.integrators.radau_stream",
-}
+_STREAMS = _MODULES | {"explicit": "synth.integrators.events"}
 _AT_ONCE = 1 << 18
 """Moments up to which a record is integrated in one piece; longer ones are marched twice and not held."""
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from data_schemas.errors import RefusedError, SceneError
 from synth.choice import NAMES
-from synth.pendulums.starting import start_state
+from synth.pendulums.linear import start_state
 from synth.phase import Floats, Phasors
 from synth.plan import Plan
 from synth.portions import recut

@@ -17,8 +17,7 @@ from synth.conditions import stiffening
 from synth.gravity_course import gravity_change, mean_change
 from synth.kicks import Kicks, kicks
 from synth.motion.harmonic_sum import HarmonicSum, add
-from synth.motion.harmonics import harmonics
-from synth.motion.near_resonant import near_resonant
+from synth.motion.harmonics import harmonics, near_resonant
 from synth.motion.sea import sea
 from synth.motion.tabulated import tabulated
 from synth.needs import needs

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 
 from data_schemas.errors import IsochronyError
-from data_schemas.film_fields import Dimming
 from data_schemas.scene import Scene, load_scene
-from data_schemas.scene_film import Film
+from data_schemas.scene_film import Dimming, Film
 from data_schemas.scene_recording import Stretch
 from pipeline.benchmarks.bar import Row, at_least, at_most, holds, not_measured
 from pipeline.benchmarks.csv_table import write

@@ -18,11 +18,11 @@ from synth.pendulums.linear import respond
 from synth.phase import Floats
 from synth.propagators.even import EvenTimes
 from synth.systems.driven_pendulums import DrivenPendulums
-from synth.systems.elastic_beam import ElasticBeam, stiffness_of_ratio
 from synth.systems.harmonic_motion import harmonics
 from synth.systems.resistance import VanDerPolDrive, Viscous
 from synth.systems.restoring import Linear, Sine
 from synth.systems.van_der_pol import VanDerPol
+from synth.systems.yielding import ElasticBeam, stiffness_of_ratio
 
 GRAVITY = 9.81
 HOUR = 3600  # s

@@ -27,9 +27,9 @@ from pipeline.benchmarks.problems import GRAVITY, Answer, Problem, Swell
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
 from synth.systems.driven_pendulums import DrivenPendulums
-from synth.systems.elastic_beam import ElasticBeam
 from synth.systems.restoring import Sine
 from synth.systems.van_der_pol import VanDerPol
+from synth.systems.yielding import ElasticBeam
 
 Number = Callable[[Any], Any]
 Equations = list[tuple[Any, Any]]

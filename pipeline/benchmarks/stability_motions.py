@@ -18,7 +18,7 @@ from data_schemas.scene_simulation import Propagator
 from pipeline.benchmarks import references as truth
 from pipeline.benchmarks.problems import GRAVITY, STILL, Swell
 from synth.phase import Floats
-from synth.systems.elastic_beam import ElasticBeam, stiffness_of_ratio
+from synth.systems.yielding import ElasticBeam, stiffness_of_ratio
 
 LINEAR: tuple[Propagator, ...] = ("auto", "closed-form", "radau", "explicit")
 OVERDAMPED: tuple[Propagator, ...] = ("auto", "radau", "explicit")

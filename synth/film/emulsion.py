@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from data_schemas.scene_film import Film
 from synth.film.pixels import Pixels
 from synth.kernels.compiled import kernel
 from synth.phase import Floats, Integers
@@ -15,46 +14,11 @@ SCANNER_RANGE = 2.2
 """The scanner shows a density as the value 10^(-density / 2.2) of its full scale."""
 
 
-def density_of(exposure: Floats, film: Film) -> Floats:
-    """Density of an exposure by the film's characteristic curve, without gradient of the fog.
-
-    Examples
-    --------
-    >>> film = Film()
-    >>> density_of(np.array([0.0, 0.2, 1e9]), film).round(6).tolist()
-    [0.1, 0.8, 1.5]
-    """
-    with np.errstate(divide="ignore"):
-        ratio = (film.half_exposure / np.asarray(exposure)) ** film.gamma
-    density: Floats = film.fog + (film.density_max - film.fog) / (1.0 + ratio)
-    return density
-
-
-def exposure_of(density: Floats, film: Film) -> Floats:
-    """Inverse of `density_of`, for densities above the fog and below the maximum.
-
-    Examples
-    --------
-    >>> film = Film()
-    >>> exposure_of(density_of(np.array([0.01, 0.5]), film), film).round(9).tolist()
-    [0.01, 0.5]
-    """
-    share = (np.asarray(density) - film.fog) / (film.density_max - density)
-    exposure: Floats = film.half_exposure * share ** (1.0 / film.gamma)
-    return exposure
-
-
 @kernel
 def develop(
-    image: Pixels,
-    left: Integers,
-    right: Integers,
-    fog: Floats,
-    fog_rise: float,
-    density_max: float,
-    half_exposure: float,
-    gamma: float,
-) -> None:
+    image: Pixels, left: Integers, right: Integers, fog: Floats, fog_rise: float, density_max: float,
+    half_exposure: float, gamma: float,
+) -> None:  # fmt: skip
     """Turn exposure into density, in place; what is not paper gets none.
 
     Parameters

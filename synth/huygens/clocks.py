@@ -9,10 +9,10 @@ import numpy as np
 
 from data_schemas.errors import UsageError
 from synth.phase import Floats
-from synth.systems.elastic_beam import ElasticBeam
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.reduction import reduced
 from synth.systems.resistance import VanDerPolDrive
+from synth.systems.yielding import ElasticBeam
 
 
 class Clocks(NamedTuple):

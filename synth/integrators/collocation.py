@@ -8,6 +8,7 @@ looser limits and shorter intervals; the difference is the estimate.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,15 +17,14 @@ from numpy.typing import ArrayLike
 from data_schemas.errors import RefusedError
 from synth.integrators.collocation_run import COARSEST, COMPANION, FINEST, Problem, Run, run
 from synth.integrators.explicit import checked, with_checks
-from synth.integrators.trajectory import Trajectory, relative_error
+from synth.integrators.trajectory import Stream, Trajectory, onward, rehearsal, relative_error
 from synth.kernels.collocation_remainder import NODES
 from synth.phase import Floats
-from synth.systems.elastic_beam import ElasticBeam
-from synth.systems.flexible_frame import FlexibleFrame
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import VanDerPolDrive, Viscous
 from synth.systems.terms import Both
+from synth.systems.yielding import ElasticBeam, FlexibleFrame
 
 SYSTEMS = (ElasticBeam, ReducedBeam, FlexibleFrame, Metronomes)
 """Types of systems that can be collocated."""
@@ -77,6 +77,39 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
     made = refined(system, first, every, tolerance)
     found = made.states if every.size == instants.size else made.states[np.searchsorted(every, instants)]
     return Trajectory(instants, found, made.error, made.steps, made.evaluations, made.rejected)
+
+
+def stream(
+    system: Any, start: ArrayLike, chunks: Iterable[Floats], span: tuple[float, float], *, tolerance: float = 1e-10
+) -> Stream:
+    """As `integrate`, for times that come in chunks.
+
+    The limits and the error are found by marches that keep few states; the motion is then marched once more, from the
+    end of one chunk to that of the next.
+
+    Parameters
+    ----------
+    system, start, tolerance
+        As there.
+    chunks : iterable of (k,) arrays
+        Increasing times, over all chunks.
+    span : (float, float)
+        Time of the start, and a time that no chunk goes beyond.
+
+    Examples
+    --------
+    >>> frame = FlexibleFrame(2.0, np.full(2, 0.2), np.array([0.25, 0.24]), 150.0, 0.0, 9.81)
+    >>> pieces = stream(frame, [0, 0, 0.1, 0, -0.1, 0], [np.array([0.0, 0.5]), np.array([1.0])], (0.0, 1.0))
+    >>> [piece.states.shape for piece in pieces]
+    [(2, 6), (1, 6)]
+    """
+    first, instants = rehearsal(start, span)
+    made = refined(system, first, instants, tolerance)
+
+    def march(state: Floats, times: Floats) -> Floats:
+        return run(made.problem, state, times, made.run.limits, depth=made.run.depth)[0]
+
+    return Stream(onward(march, first, span[0], chunks), made.error, made.steps, made.evaluations, made.rejected)
 
 
 class Refined(NamedTuple):

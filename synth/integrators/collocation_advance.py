@@ -1,13 +1,13 @@
-"""To the end of an interval of exponential collocation, without loss: states are sums of two doubles."""
+"""Through an interval of exponential collocation: to its end without loss, states being sums of two doubles; and states
+inside it, by the polynomial through its start, nodes and end."""
 
 from __future__ import annotations
 
 from synth.integrators.collocation_simd import LANES, load, total
+from synth.kernels.collocation import POINTS, moved
 from synth.kernels.collocation_remainder import NODES
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, summing_kernel
 from synth.phase import Floats
-
-_SPLIT = 134217729.0  # 2^27 + 1
 
 
 @kernel
@@ -18,50 +18,8 @@ def advance(state: Floats, propagator: Floats, end: Floats, known: Floats, now: 
         for row in range(2):
             kick = product_sum(end, c, row * NODES, known, now, c)
             kick_rest = product_sum(end, c, (row + 2) * NODES, known, now, c)
-            leading, rest = _moved(propagator, c, 8 * row, position, position_rest, rate, rate_rest, kick, kick_rest)
+            leading, rest = moved(propagator, c, 8 * row, position, position_rest, rate, rate_rest, kick, kick_rest)
             state[c, 2 * row], state[c, 2 * row + 1] = leading, rest
-
-
-@kernel
-def _moved(
-    entries: Floats,
-    c: int,
-    row: int,
-    position: float,
-    position_rest: float,
-    rate: float,
-    rate_rest: float,
-    kick: float,
-    kick_rest: float,
-) -> tuple[float, float]:
-    """One row of the propagator times the state, plus what the remainder adds; leading double and rest."""
-    a, lost = _product(entries[c, row], entries[c, row + 1], entries[c, row + 2], position)
-    b, more = _product(entries[c, row + 4], entries[c, row + 5], entries[c, row + 6], rate)
-    small = entries[c, row + 3] * position + entries[c, row + 2] * position_rest
-    small += entries[c, row + 7] * rate + entries[c, row + 6] * rate_rest
-    free, first = _two_sum(a, b)
-    total, second = _two_sum(free, kick)
-    small = ((small + kick_rest) + (lost + more)) + (first + second)
-    leading = total + small
-    return leading, small - (leading - total)
-
-
-@kernel
-def _product(head: float, tail: float, whole: float, value: float) -> tuple[float, float]:
-    """Product, and what its rounding lost; exact."""
-    value_head = value * _SPLIT
-    value_head = value_head - (value_head - value)
-    value_tail = value - value_head
-    product = whole * value
-    return product, ((head * value_head - product) + (head * value_tail + tail * value_head)) + tail * value_tail
-
-
-@kernel
-def _two_sum(a: float, b: float) -> tuple[float, float]:
-    """Sum, and what its rounding lost; exact."""
-    total = a + b
-    turned = total - a
-    return total, (a - (total - turned)) + (b - turned)
 
 
 @kernel
@@ -69,3 +27,27 @@ def product_sum(rows: Floats, c: int, place: int, known: Floats, now: int, which
     """Sum over the nodes of a row of weights times the remainder."""
     first = load(rows, (c, place)) * load(known, (now, which, 0))
     return total(first + load(rows, (c, place + LANES)) * load(known, (now, which, LANES)))
+
+
+@summing_kernel
+def read(
+    place: float, points: Floats, shares: Floats, table: Floats, spots: Floats, states: Floats, reading: int
+) -> None:
+    """Fill a row of states at a place in the interval, 0 to 1; barycentric."""
+    x = 2.0 * place - 1.0
+    total, hit = 0.0, -1
+    for j in range(POINTS):
+        apart = x - points[j]
+        if apart == 0.0:
+            hit, apart = j, 1.0
+        table[j] = shares[j] / apart
+        total += table[j]
+    if hit >= 0:
+        for c in range(spots.shape[0]):
+            states[reading, c] = spots[c, hit]
+        return
+    for c in range(spots.shape[0]):
+        value = 0.0
+        for j in range(POINTS):
+            value += table[j] * spots[c, j]
+        states[reading, c] = value / total

@@ -6,20 +6,20 @@ turn would change nothing, from a guess that is good where the motion repeats it
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba.core import types
 
-from synth.integrators.collocation_advance import advance, product_sum
+from synth.integrators.collocation_advance import advance, product_sum, read
 from synth.integrators.collocation_guess import ORDERS, best, guess, remember
-from synth.integrators.collocation_lanes import nodes_of
-from synth.integrators.collocation_reading import POINTS, read
+from synth.integrators.collocation_remainders import nodes_of
 from synth.integrators.collocation_simd import LANES, load, store, total
+from synth.integrators.collocation_weights import Level
+from synth.kernels.collocation import POINTS
 from synth.kernels.collocation_remainder import NODES
 from synth.kernels.compiled import kernel
 from synth.phase import Floats, Integers
-from synth.systems.choice import chosen_for, plain
+from synth.systems.choice import taken_in
 from synth.systems.dispatch import remainder
 from synth.systems.terms import motion
 
@@ -36,31 +36,32 @@ _LEAST = 1e-300  # square of a size: what a first guess leaves at rest has none
 _STALL = 1e3  # changes this many times the smallest that matters are rounding if they fall no longer
 
 
+class Work(NamedTuple):
+    """What a march moves on, and its work space."""
+
+    state: Floats
+    """(components, 4) position and rate, each as leading double and rest."""
+    amplitude: Floats
+    """(components,) square of the largest size so far."""
+    memory: Floats
+    """(lag, ORDERS, components, NODES) as for `collocation_guess`."""
+    known: Floats
+    """(2, components, NODES)."""
+    room: Floats
+    """(2, components, NODES)."""
+    base: Floats
+    """(components, 2 * NODES)."""
+    position: Floats
+    """(components, NODES)."""
+    rate: Floats
+    """(components, NODES)."""
+
+
 @kernel
 def march(
-    system: Any,
-    horizontal: Any,
-    vertical: Any,
-    excess: Floats,
-    weights: Any,
-    plan: Any,
-    begin: float,
-    interval: float,
-    count: int,
-    state: Floats,
-    known: Floats,
-    base: Floats,
-    position: Floats,
-    rate: Floats,
-    room: Floats,
-    amplitude: Floats,
-    memory: Floats,
-    mirror: Floats,
-    limits: Any,
-    times: Floats,
-    states: Floats,
-    report: Integers,
-) -> int:
+    system: Any, horizontal: Any, vertical: Any, excess: Floats, level: Level, plan: Any, work: Work, limits: Any,
+    begin: float, count: int, times: Floats, states: Floats, report: Integers,
+) -> int:  # fmt: skip
     """Carry the system through consecutive intervals and read it on the way.
 
     Parameters
@@ -71,28 +72,20 @@ def march(
         Of the ship.
     excess : (components, 2)
         As for `remainder`.
-    weights : tuple of arrays
-        Of `collocation_weights.Weights`, all components: flow, inner, end, propagator and reach.
+    level : Level
+        Length of the intervals, whose multiples are exact, and the weights of all components.
     plan : tuple
         Nodes in intervals (NODES,), rows of the Legendre tail (1, 4 * NODES), barycentric points (POINTS,) on [-1, 1],
         shares (POINTS,), and the polynomial guess (1, NODES * NODES).
-    begin, interval : float
-        Start and length, s; their multiples are exact.
-    count : int
-        Intervals to do.
-    state : (components, 4)
-        Position and rate, each as leading double and rest; moves on.
-    known, room : (2, components, NODES)
-    base : (components, 2 * NODES)
-    position, rate : (components, NODES)
-        Work space.
-    amplitude : (components,)
-        Square of the largest size so far; raised.
-    memory, mirror : (lag, ORDERS, components, NODES), (components,)
-        As for `collocation_guess`; the memory moves on.
+    work : Work
+        State, amplitude and memory move on.
     limits : (float, float)
         Squares: change of a position, relative to its size, that does not matter; what r beyond its last Legendre
         term may cost.
+    begin : float
+        Start, s.
+    count : int
+        Intervals to do.
     times, states : (k,), (k, 2 * components)
         Readings; those inside these intervals are filled.
     report : (5,) int64
@@ -103,7 +96,9 @@ def march(
     int
         Number of intervals done.
     """
-    flow, inner, end, propagator, reach = weights
+    interval, mirror, reach = level.interval, level.mirror, level.reach
+    state, amplitude, memory, known, room = work.state, work.amplitude, work.memory, work.known, work.room
+    base, position, rate = work.base, work.position, work.rate
     places, tail, points, shares, continuation = plan
     components = state.shape[0]
     sample = np.zeros((2, NODES))
@@ -119,13 +114,13 @@ def march(
         following = start + interval
         reading = report[0] < times.size and times[report[0]] < following
         for c in range(components):
-            _free(flow, c, state[c, 0], state[c, 2], base)
+            _free(level.flow, c, state[c, 0], state[c, 2], base)
         slot = report[2] % memory.shape[0]
         guess(memory, slot, report[4], mirror, continuation, known, now)
         renewed = i % _RENEWAL == 0
         turns, before, going = 0, np.inf, True
         while True:
-            _couple(inner, known, now, base, position, rate)
+            _couple(level.inner, known, now, base, position, rate)
             if not going:
                 break
             if turns == MOST_TURNS:
@@ -179,7 +174,7 @@ def march(
                 for j in range(NODES):
                     spots[2 * c, j + 1] = position[c, j]
                     spots[2 * c + 1, j + 1] = rate[c, j]
-        advance(state, propagator, end, known, now)
+        advance(state, level.propagator, level.end, known, now)
         if reading:
             for c in range(components):
                 spots[2 * c, POINTS - 1], spots[2 * c + 1, POINTS - 1] = state[c, 0], state[c, 2]
@@ -189,18 +184,12 @@ def march(
     return count
 
 
+@taken_in
 def _sample(begin: float, interval: float, places: Floats, term: Any, out: Floats) -> None:
     """The ship's acceleration at the nodes, if it moves."""
     if term is not None:
         for j in range(NODES):
             out[j] = motion(begin + interval * places[j], term)
-
-
-@chosen_for(_sample)
-def _sampled(begin: Any, interval: Any, places: Any, term: Any, out: Any) -> Any:
-    if isinstance(term, types.NoneType):
-        return lambda begin, interval, places, term, out: None
-    return plain(_sample)
 
 
 @kernel

@@ -1,4 +1,14 @@
-"""Every system's accelerations at the nodes, less its linear part: see `collocation_lanes`.
+"""Every system's accelerations at the nodes, less its linear part, of eight nodes at once.
+
+A system that can be collocated registers a kernel under "remainder": all accelerations at the nodes, less the linear
+part that is carried exactly,
+
+    remainder(position, rate, sideways, upwards, system, excess, room, out, now)
+
+position, rate, out[now] are (components, NODES); sideways and upwards the ship's acceleration (NODES,) or None;
+`excess` (components, 2) what the carried linear part has more than the system's own, 1/s^2 and 1/s, so that `out` is
+right to the last bit; room (2, components, NODES) is work space. Arrays are indexed, never cut: each view would count
+references.
 
 Two passes over the pendulums: what each does to the support, then what the support does to each.
 """
@@ -10,20 +20,64 @@ from typing import Any
 
 import numpy as np
 
-from synth.integrators.collocation_lanes import at, felt, turned
 from synth.integrators.collocation_simd import LANES, load, positive, store, wide
 from synth.kernels.collocation_remainder import NODES
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
-from synth.systems.carried import carried
+from synth.systems.choice import or_none, taken_in
 from synth.systems.dispatch import registered
-from synth.systems.elastic_beam import ElasticBeam
-from synth.systems.flexible_frame import FlexibleFrame
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.terms import driven
+from synth.systems.yielding import ElasticBeam, FlexibleFrame, lever, own_mass, pushed
 
 Exact = list[tuple[Fraction, Fraction]]
+
+_ROUNDER = 6755399441055744.0  # 1.5 * 2^52: adding and subtracting it rounds to a whole number
+_PI = (3.141592653589793116, 1.2246467991473532072e-16)
+_INVERSE_PI = 0.3183098861837906715
+
+
+@kernel
+def turned(angle: Any) -> Any:
+    """sin, cos and `angle - sin` of eight angles.
+
+    Reduced to a quarter turn either way, then Taylor series; `angle - sin` has no cancellation at small angles.
+    """
+    half_turns = (angle * _INVERSE_PI + _ROUNDER) - _ROUNDER
+    h = (angle - half_turns * _PI[0]) - half_turns * _PI[1]
+    pairs = (half_turns * 0.5 + _ROUNDER) - _ROUNDER
+    sign = 1.0 - 2.0 * abs(half_turns - 2.0 * pairs)
+    s = h * h
+    q = s * s
+    low = (1 / 6 + s * (-1 / 120)) + q * (1 / 5040 + s * (-1 / 362880))
+    high = (1 / 39916800 + s * (-1 / 6227020800)) + q * (1 / 1307674368000 + s * (-1 / 355687428096000))
+    top = 1 / 121645100408832000 + s * (-1 / 51090942171709440000)
+    rest = (h * s) * (low + (q * q) * (high + (q * q) * top))
+    low = (0.5 + s * (-1 / 24)) + q * (1 / 720 + s * (-1 / 40320))
+    high = (1 / 3628800 + s * (-1 / 479001600)) + q * (1 / 87178291200 + s * (-1 / 20922789888000))
+    top = 1 / 6402373705728000 + s * (-1 / 2432902008176640000)
+    fall = s * (low + (q * q) * (high + (q * q) * top))
+    return sign * (h - rest), sign * (1.0 - fall), (angle - sign * h) + sign * rest
+
+
+@or_none
+def at(values: Any, j: int) -> Any:
+    """The ship's acceleration at eight nodes from the j-th on; None stays None."""
+    return load(values, (j,))
+
+
+@taken_in
+def felt(torque: Any, sine: Any, cosine: Any, share: float, sideways: Any, upwards: Any) -> Any:
+    """Torque with what the ship adds to it: `-share (x'' cos + z'' sin)`."""
+    across = torque if sideways is None else torque - share * (sideways * cosine)
+    return across if upwards is None else across - share * (upwards * sine)
+
+
+@or_none
+def nodes_of(term: Any, room: Floats) -> Any:
+    """Work space for a motion, or None if there is none."""
+    return room
 
 
 def linear_part(system: Any) -> Exact:
@@ -31,15 +85,12 @@ def linear_part(system: Any) -> Exact:
     if isinstance(system, ElasticBeam | FlexibleFrame):
         gravity = Fraction(float(system.gravity))
         clocks = [(gravity / Fraction(float(length)), Fraction(0)) for length in system.length]
-        bobs = sum(Fraction(float(mass)) for mass in system.mass)
+        total = Fraction(float(own_mass(system))) + sum(Fraction(float(mass)) for mass in system.mass)
         if isinstance(system, ElasticBeam):
-            total = Fraction(float(system.beam_mass)) + bobs
-            return [(Fraction(float(system.stiffness)) / total, Fraction(float(system.damping_rate))), *clocks]
-        total = Fraction(float(system.frame_mass)) + bobs
-        return [
-            (Fraction(float(system.stiffness)) / total, Fraction(float(system.resistance)) / total),
-            *clocks,
-        ]
+            loss = Fraction(float(system.damping_rate))
+        else:
+            loss = Fraction(float(system.resistance)) / total
+        return [(Fraction(float(system.stiffness)) / total, loss), *clocks]
     if isinstance(system, ReducedBeam):
         support = (Fraction(4), 2 * Fraction(float(system.beam_damping)))
         return [support, *((1 + Fraction(float(tau)), Fraction(0)) for tau in system.detuning)]
@@ -48,86 +99,39 @@ def linear_part(system: Any) -> Exact:
     raise TypeError(f"{type(system).__name__} has no collocation")
 
 
+@registered("remainder", FlexibleFrame)
 @registered("remainder", ElasticBeam)
 @kernel
-def _beam(
-    position: Any,
-    rate: Any,
-    sideways: Any,
-    upwards: Any,
-    system: ElasticBeam,
-    excess: Any,
-    room: Any,
-    out: Any,
-    now: int,
+def _yielding(
+    position: Any, rate: Any, sideways: Any, upwards: Any, system: Any, excess: Any, room: Any, out: Any, now: int
 ) -> None:
     count, gravity = system.length.size, system.gravity
-    whole = system.beam_mass
+    whole = own_mass(system)
     for p in range(count):
         whole += system.mass[p]
-    stiffness, drag = system.stiffness, whole * system.damping_rate
     for j in range(0, NODES, LANES):
         force, light = wide(0.0), wide(0.0)
         across, along = at(sideways, j), at(upwards, j)
         for p in range(count):
             angle, swing = load(position, (p + 1, j)), load(rate, (p + 1, j))
             sine, cosine, short = turned(angle)
+            arm, slope = lever(sine, cosine, system)
             inverse = 1.0 / system.length[p]
             torque = felt(driven(wide(0.0), p, angle, swing, system.terms), sine, cosine, inverse, across, along)
             pull = gravity * inverse
             free = torque - pull * sine
-            force += (system.mass[p] * system.length[p]) * (cosine * (swing * swing) + sine * free)
-            light += system.mass[p] * (sine * sine)
-            store(room, (0, p, j), inverse * sine)
+            force += (system.mass[p] * system.length[p]) * (slope * (swing * swing) + arm * free)
+            light += system.mass[p] * (arm * arm)
+            store(room, (0, p, j), inverse * arm)
             store(room, (1, p, j), pull * short + torque + (excess[p + 1, 0] * angle + excess[p + 1, 1] * swing))
         place, speed = load(position, (0, j)), load(rate, (0, j))
-        push = carried(force, whole, along)
-        beam = (push - stiffness * place - drag * speed) / (whole - light)
-        own = (push + light * beam) * (1.0 / whole)
+        drag, push = pushed(whole, system, across, along)
+        force += push
+        yielding = (force - system.stiffness * place - drag * speed) / (whole - light)
+        own = (force + light * yielding) * (1.0 / whole)
         store(out, (now, 0, j), own + (excess[0, 0] * place + excess[0, 1] * speed))
         for p in range(count):
-            store(out, (now, p + 1, j), load(room, (1, p, j)) + load(room, (0, p, j)) * beam)
-
-
-@registered("remainder", FlexibleFrame)
-@kernel
-def _frame(
-    position: Any,
-    rate: Any,
-    sideways: Any,
-    upwards: Any,
-    system: FlexibleFrame,
-    excess: Any,
-    room: Any,
-    out: Any,
-    now: int,
-) -> None:
-    count, gravity = system.length.size, system.gravity
-    whole = system.frame_mass
-    for p in range(count):
-        whole += system.mass[p]
-    stiffness, drag = system.stiffness, system.resistance
-    for j in range(0, NODES, LANES):
-        force, light = wide(0.0), wide(0.0)
-        across, along = at(sideways, j), at(upwards, j)
-        for p in range(count):
-            angle, swing = load(position, (p + 1, j)), load(rate, (p + 1, j))
-            sine, cosine, short = turned(angle)
-            inverse = 1.0 / system.length[p]
-            torque = felt(driven(wide(0.0), p, angle, swing, system.terms), sine, cosine, inverse, across, along)
-            pull = gravity * inverse
-            free = torque - pull * sine
-            force += (system.mass[p] * system.length[p]) * (sine * (swing * swing) - cosine * free)
-            light += system.mass[p] * (cosine * cosine)
-            store(room, (0, p, j), inverse * cosine)
-            store(room, (1, p, j), pull * short + torque + (excess[p + 1, 0] * angle + excess[p + 1, 1] * swing))
-        place, speed = load(position, (0, j)), load(rate, (0, j))
-        push = carried(force, -whole, across)
-        frame = (push - stiffness * place - drag * speed) / (whole - light)
-        own = (push + light * frame) * (1.0 / whole)
-        store(out, (now, 0, j), own + (excess[0, 0] * place + excess[0, 1] * speed))
-        for p in range(count):
-            store(out, (now, p + 1, j), load(room, (1, p, j)) - load(room, (0, p, j)) * frame)
+            store(out, (now, p + 1, j), load(room, (1, p, j)) + load(room, (0, p, j)) * yielding)
 
 
 @registered("remainder", ReducedBeam)

@@ -12,12 +12,12 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from synth.integrators.collocation_guess import ORDERS
-from synth.integrators.collocation_march import ROUGH, march
+from synth.integrators.collocation_march import ROUGH, Work, march
 from synth.integrators.collocation_remainders import excess_of, linear_part, mirror_of
-from synth.integrators.collocation_weights import aligned, weights
+from synth.integrators.collocation_weights import Level, aligned, weights
 from synth.kernels.collocation_remainder import NODES
 from synth.phase import Floats, Integers
-from synth.propagators.picard_nodes import FINE, continuation, gauss_nodes, legendre_tail
+from synth.propagators.picard_nodes import FINE, barycentric, continuation, gauss_nodes, legendre_tail
 
 _MOST_LEVELS = 17  # the shortest intervals are 256 times shorter than the longest
 _FARTHEST = 10.0  # rad a component may turn in an interval
@@ -91,24 +91,11 @@ class Problem:
             interval = _exact(self.longest * part.numerator / part.denominator)
             each = zip(self.square.tolist(), self.loss.tolist(), strict=True)
             made = [weights(square, loss, interval) for square, loss in each]
-            packed = tuple(aligned(np.array(column)) for column in zip(*made, strict=True))
+            packed = [aligned(np.array(column)) for column in zip(*made, strict=True)]
             repeats = part.denominator <= _LONGEST_LAG
             mirror = self.mirror if repeats and part.numerator % 2 else np.ones_like(self.mirror)
-            self.levels[part] = Level(interval, packed, part.denominator if repeats else 1, mirror)
+            self.levels[part] = Level._make([interval, part.denominator if repeats else 1, mirror, *packed])
         return self.levels[part]
-
-
-@dataclass(frozen=True)
-class Level:
-    """One length of intervals."""
-
-    interval: float
-    """s."""
-    weights: tuple[Floats, ...]
-    lag: int
-    """Intervals after which the motion repeats itself, as far as it does; whole half swings."""
-    mirror: Floats
-    """(components,) what that many do to the remainder, 1 or -1."""
 
 
 @dataclass
@@ -149,26 +136,21 @@ class Run:
         system = self.problem.system
         if len(self._memory) != level.lag:
             self._memory = aligned(np.zeros((level.lag, ORDERS, len(self.state), NODES)))
+        work = Work(
+            self.state, self.amplitude, self._memory, self._known, self._room, self._base, self._position, self._rate
+        )
+        ship = getattr(system, "horizontal", None), getattr(system, "vertical", None)
+        limits = self.limits[0] ** 2, self.limits[1] ** 2
         done = march(
             system,
-            getattr(system, "horizontal", None),
-            getattr(system, "vertical", None),
+            *ship,
             self.problem.excess,
-            level.weights,
+            level,
             _plan(),
+            work,
+            limits,
             self.time,
-            level.interval,
             count,
-            self.state,
-            self._known,
-            self._base,
-            self._position,
-            self._rate,
-            self._room,
-            self.amplitude,
-            self._memory,
-            level.mirror,
-            (self.limits[0] ** 2, self.limits[1] ** 2),
             times,
             states,
             self.report,
@@ -262,13 +244,8 @@ def _refused(here: Run, level: Level) -> RefusedError:
 @functools.cache
 def _plan() -> tuple[Floats, ...]:
     """What every march needs of the nodes; see `march`."""
-    nodes = gauss_nodes() / FINE
-    points = np.concatenate([[-1.0], nodes, [1.0]])
-    apart = points[:, None] - points
-    np.fill_diagonal(apart, 1.0)
-    shares = 1.0 / np.prod(2.0 * apart, axis=1)
     continued = aligned(continuation().T.reshape(1, -1))
-    return (nodes + 1.0) / 2.0, aligned(legendre_tail()[None, :]), points, shares, continued
+    return (gauss_nodes() / FINE + 1.0) / 2.0, aligned(legendre_tail()[None, :]), *barycentric(), continued
 
 
 def _exact(interval: float) -> float:

@@ -17,9 +17,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
-
-from synth.systems.choice import chosen_for
+from numba.extending import intrinsic, lower_builtin, lower_cast, models, overload, register_model
 
 LANES = 8
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
@@ -114,47 +112,40 @@ _unary(operator.neg, lambda builder, value: builder.fneg(value))
 _unary(abs, _magnitude)
 
 
-def _address(context: Any, builder: Any, kind: Any, array: Any, indices: Any) -> Any:
-    """Pointer to an element, as to a vector; the last index is contiguous."""
-    made = context.make_array(kind)(context, builder, array)
-    strides = [builder.extract_value(made.strides, axis) for axis in range(kind.ndim)]
+def _address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    """Pointer to an element of the first argument, as to a vector; the second holds its indices, the last contiguous."""
+    array, indices = sig.args[:2]
+    made = context.make_array(array)(context, builder, args[0])
     offset = ir.Constant(ir.IntType(64), 0)
-    for index, stride in zip(indices, strides, strict=True):
+    for k in range(array.ndim):
+        index = context.cast(builder, builder.extract_value(args[1], k), indices[k], types.intp)
+        stride = builder.extract_value(made.strides, k)
         offset = builder.add(offset, builder.mul(index, stride, flags=("nsw",)), flags=("nsw",))
     base = builder.bitcast(made.data, ir.IntType(8).as_pointer())
     return builder.bitcast(builder.gep(base, [offset], inbounds=True), _VECTOR.as_pointer())
 
 
-def _is_doubles(kind: Any) -> bool:
-    return isinstance(kind, types.Array) and kind.dtype == types.float64 and kind.layout == "C"
+def _refuse_others(kind: Any) -> None:
+    if not (isinstance(kind, types.Array) and kind.dtype == types.float64 and kind.layout == "C"):
+        raise TypeError(f"lanes want contiguous arrays of doubles, not {kind}")
 
 
 @intrinsic
 def _load(typing: Any, array: Any, indices: Any) -> Any:
-    if not _is_doubles(array):
-        raise TypeError(f"lanes want contiguous arrays of doubles, not {array}")
+    _refuse_others(array)
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        parts = [
-            context.cast(builder, builder.extract_value(args[1], k), sig.args[1][k], types.intp)
-            for k in range(array.ndim)
-        ]
-        return builder.load(_address(context, builder, array, args[0], parts), align=8)
+        return builder.load(_address(context, builder, sig, args), align=8)
 
     return lanes_type(array, indices), code
 
 
 @intrinsic
 def _store(typing: Any, array: Any, indices: Any, value: Any) -> Any:
-    if not _is_doubles(array):
-        raise TypeError(f"lanes want contiguous arrays of doubles, not {array}")
+    _refuse_others(array)
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        parts = [
-            context.cast(builder, builder.extract_value(args[1], k), sig.args[1][k], types.intp)
-            for k in range(array.ndim)
-        ]
-        builder.store(args[2], _address(context, builder, array, args[0], parts), align=8)
+        builder.store(args[2], _address(context, builder, sig, args), align=8)
         return context.get_dummy_value()
 
     return types.void(array, indices, lanes_type), code
@@ -187,6 +178,11 @@ def _positive(typing: Any, value: Any) -> Any:
     return lanes_type(lanes_type), code
 
 
+def _lowered(function: Any, code: Any) -> None:
+    """Compile a function as an intrinsic."""
+    overload(function, strict=False)(lambda *arguments: lambda *arguments: code(*arguments))
+
+
 def load(array: Any, indices: tuple[int, ...]) -> Any:
     """Eight neighbours of a contiguous array from this element on."""
     return array[(*indices[:-1], slice(indices[-1], indices[-1] + LANES))].copy()
@@ -202,21 +198,6 @@ def total(value: Any) -> float:
     return float(np.sum(value))
 
 
-@chosen_for(load)
-def _loaded(array: Any, indices: Any) -> Any:
-    return lambda array, indices: _load(array, indices)
-
-
-@chosen_for(store)
-def _stored(array: Any, indices: Any, value: Any) -> Any:
-    return lambda array, indices, value: _store(array, indices, value)
-
-
-@chosen_for(total)
-def _totalled(value: Any) -> Any:
-    return lambda value: _sum(value)
-
-
 def wide(value: float) -> Any:
     """Eight times the same number."""
     return np.full(LANES, value)
@@ -227,11 +208,5 @@ def positive(value: Any) -> Any:
     return np.where(value > 0.0, value, np.nan)
 
 
-@chosen_for(wide)
-def _widened(value: Any) -> Any:
-    return lambda value: _wide(value)
-
-
-@chosen_for(positive)
-def _checked(value: Any) -> Any:
-    return lambda value: _positive(value)
+for _name, _code in ((load, _load), (total, _sum), (wide, _wide), (positive, _positive), (store, _store)):
+    _lowered(_name, _code)

@@ -24,13 +24,11 @@ from numpy.typing import NDArray
 from synth.kernels.collocation_remainder import NODES
 from synth.phase import Floats
 from synth.propagators.picard_nodes import FINE, gauss_nodes
+from synth.propagators.picard_weights import ONE, fixed, parts, series
 
 Longs = NDArray[Any]  # long doubles, which type checkers cannot tell from doubles
 
-_BITS = 192
-_ONE = 1 << _BITS
 _QUADRATURE = 28  # exact for r times the 40th power of time: K over 5 rad to 1e-20
-_SPLIT = 134217729.0  # 2^27 + 1: Veltkamp's constant for halves of 26 bits
 
 
 class Weights(NamedTuple):
@@ -48,6 +46,22 @@ class Weights(NamedTuple):
     leading double, for exact products, that double, and what is left."""
     reach: float
     """What a change of r over the interval is worth in the position, s^2."""
+
+
+class Level(NamedTuple):
+    """One length of intervals, with the weights of all components, (components, ...) each as in `Weights`."""
+
+    interval: float
+    """s."""
+    lag: int
+    """Intervals after which the motion repeats itself, as far as it does; whole half swings."""
+    mirror: Floats
+    """(components,) what that many do to the remainder, 1 or -1."""
+    flow: Floats
+    inner: Floats
+    end: Floats
+    propagator: Floats
+    reach: Floats
 
 
 @functools.lru_cache(maxsize=1024)
@@ -139,27 +153,6 @@ def _kernel(own: Any, half: Any, time: Any) -> tuple[Any, Any]:
 
 def _propagator(square: Fraction, loss: Fraction, interval: Fraction) -> list[float]:
     """Entries over one interval, right to 2^-106."""
-    a, b = _fixed(square * interval**2), _fixed(loss * interval)
-    # x^i/i! times the i-th derivative of K at zero, from K^(i+2) = -loss K^(i+1) - square K^(i); time in intervals
-    before, term, order = 0, _ONE, 1
-    total, slope = term, _ONE
-    while abs(term) + abs(before) > 1 << 20:
-        steeper = -(b * term >> _BITS) - ((a * before >> _BITS) // order)
-        slope += steeper
-        order += 1
-        before, term = term, steeper // order
-        total += term
-    own = Fraction(total, _ONE) * interval
-    rise = Fraction(slope, _ONE)
-    return [part for entry in (rise + loss * own, own, -square * own, rise) for part in _parts(entry)]
-
-
-def _parts(entry: Fraction) -> list[float]:
-    leading = float(entry)
-    head = leading * _SPLIT
-    head = head - (head - leading)
-    return [head, leading - head, leading, float(entry - Fraction(leading))]
-
-
-def _fixed(value: Fraction) -> int:
-    return (value.numerator << _BITS) // value.denominator
+    total, slope = series(ONE, fixed(square * interval**2), fixed(loss * interval))
+    own, rise = Fraction(total, ONE) * interval, Fraction(slope, ONE)
+    return [part for entry in (rise + loss * own, own, -square * own, rise) for part in parts(fixed(entry))]

@@ -1,7 +1,7 @@
 """What the march watches for within a step, and what happens there.
 
 `Crossings` notes when a component passes a value; `Escapement` gives a pendulum a kick where its angle passes a
-value. The march calls `watching`, `locate`, `strike` and the others below; for `None` they compile to nothing.
+value. The march calls `begin`, `locate`, `strike` and the others below; for `None` they compile to nothing.
 """
 
 from __future__ import annotations
@@ -10,13 +10,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.core import types
 
 from synth.integrators.events_roots import DEGREE, NONE, TO_BERNSTEIN, first_crossing, margin, sign
 from synth.kernels.compiled import kernel
 from synth.phase import Floats, Integers
-from synth.systems.choice import chosen_for
-from synth.systems.dispatch import response
+from synth.systems.dispatch import by_type, registered, response
 
 _SAME = 1e-12  # crossings nearer than this share of a step are one instant: all of them happen
 
@@ -106,35 +104,37 @@ _NOTES = ("times", "lows", "rates", "which")
 
 
 @kernel
-def _begin(event: Any, memory: Memory, state: Floats) -> None:
-    for j in range(event.level.size):
-        memory.sides[j] = sign(state[event.component[j]] - event.level[j])
+def begin(event: Any, memory: Any, state: Floats) -> None:
+    """Remember the sides at the start."""
+    if event is not None:
+        for j in range(event.level.size):
+            memory.sides[j] = sign(state[event.component[j]] - event.level[j])
 
 
 @kernel
-def _locate(
-    event: Any, memory: Memory, state: Floats, low: Floats, following: Floats, left_over: Floats, polynomial: Floats
+def locate(
+    event: Any, memory: Any, state: Floats, low: Floats, following: Floats, left_over: Floats, polynomial: Floats
 ) -> float:
     """Share of the step at the first crossing, or 2.0; remembers the crossing of each watch."""
     earliest = NONE
-    for j in range(event.level.size):
-        c, level = event.component[j], event.level[j]
-        for m in range(DEGREE + 1):
-            value = 0.0
-            for row in range(7):
-                value += TO_BERNSTEIN[row, m] * polynomial[row, c]
-            memory.coefficients[0, m] = (state[c] - level) + (low[c] + value)
-        # the same expression at both ends, so that a step begins with the very number its predecessor ended with
-        memory.coefficients[0, 0] = (state[c] - level) + low[c]
-        end = (following[c] - level) + left_over[c]
-        memory.coefficients[0, DEGREE] = end
-        memory.margins[j] = min(memory.margins[j], margin(memory.coefficients, memory.work))
-        memory.shares[j] = first_crossing(
-            memory.coefficients, memory.lefts, memory.work, memory.sides[j], event.direction[j]
-        )
-        earliest = min(earliest, memory.shares[j])
-    if earliest > 1.0:
-        _pass(event, memory, following, left_over)
+    if event is not None:
+        for j in range(event.level.size):
+            c, level = event.component[j], event.level[j]
+            for m in range(DEGREE + 1):
+                value = 0.0
+                for row in range(7):
+                    value += TO_BERNSTEIN[row, m] * polynomial[row, c]
+                memory.coefficients[0, m] = (state[c] - level) + (low[c] + value)
+            # the same expression at both ends, so that a step begins with the very number its predecessor ended with
+            memory.coefficients[0, 0] = (state[c] - level) + low[c]
+            memory.coefficients[0, DEGREE] = (following[c] - level) + left_over[c]
+            memory.margins[j] = min(memory.margins[j], margin(memory.coefficients, memory.work))
+            memory.shares[j] = first_crossing(
+                memory.coefficients, memory.lefts, memory.work, memory.sides[j], event.direction[j]
+            )
+            earliest = min(earliest, memory.shares[j])
+        if earliest > 1.0:
+            _pass(event, memory, following, left_over)
     return earliest
 
 
@@ -148,14 +148,15 @@ def _pass(event: Any, memory: Memory, following: Floats, left_over: Floats) -> N
 
 
 @kernel
-def _miss(event: Any, memory: Memory, share: float, following: Floats, left_over: Floats) -> tuple[int, float]:
-    """Component of the earliest crossing, and by how much the state misses its level."""
-    first = 0
-    for j in range(event.level.size):
-        if memory.shares[j] == share:
-            first = j
-    c = event.component[first]
-    return c, (event.level[first] - following[c]) - left_over[c]
+def miss(event: Any, memory: Any, share: float, following: Floats, left_over: Floats) -> tuple[int, float]:
+    """Component of the earliest crossing, and what the state lacks to its level."""
+    c, lack = 0, 0.0
+    if event is not None:
+        for j in range(event.level.size):
+            if memory.shares[j] == share:
+                c = event.component[j]
+                lack = (event.level[j] - following[c]) - left_over[c]
+    return c, lack
 
 
 @kernel
@@ -189,137 +190,44 @@ def _note(memory: Memory, j: int, time: float, time_low: float, rate: float) -> 
 
 
 @kernel
-def _full(memory: Memory) -> bool:
-    return memory.noted[0] + memory.sides.size > memory.times.size
-
-
-@kernel
-def _strike_nothing(
-    event: Any, memory: Memory, share: float, time: float, time_low: float, following: Floats, left_over: Floats,
-    slope: Floats, system: Any,
-) -> None:  # fmt: skip
-    for j in range(event.level.size):
-        if _happens(event, memory, j, share, following, left_over):
-            _note(memory, j, time, time_low, slope[event.component[j]])
-
-
-@kernel
-def _strike_pendulum(
-    event: Any, memory: Memory, share: float, time: float, time_low: float, following: Floats, left_over: Floats,
-    slope: Floats, system: Any,
-) -> None:  # fmt: skip
-    impulse = memory.impulse
-    for j in range(event.level.size):
-        if _happens(event, memory, j, share, following, left_over):
-            _note(memory, j, time, time_low, slope[event.component[j]])
-            rate = following[event.component[j] + 1]
-            response(following, event.pendulum[j], system, impulse)
-            ease = impulse[event.component[j] + 1]  # change of rate by a unit impulse
-            # energy of an impulse J: J rate + J^2 ease/2; the root that pushes along the motion, without cancellation
-            speed = abs(rate) + math.sqrt(rate * rate + 2.0 * ease * event.energy[j])
-            push = 2.0 * event.energy[j] / speed if speed > 0.0 else 0.0
-            if rate < 0.0 or (rate == 0.0 and event.direction[j] < 0):
-                push = -push
-            for i in range(following.size):
-                following[i] += push * impulse[i]
-
-
-def watching(event: Any) -> bool:
-    """Whether there is anything to watch for."""
-    return event is not None
-
-
-def begin(event: Any, memory: Any, state: Floats) -> None:
-    """Remember the sides at the start."""
-    if event is not None:
-        _begin(event, memory, state)
-
-
-def locate(
-    event: Any, memory: Any, state: Floats, low: Floats, following: Floats, left_over: Floats, polynomial: Floats
-) -> float:
-    """Share of the step at the first crossing, or 2.0."""
-    return NONE if event is None else _locate(event, memory, state, low, following, left_over, polynomial)
-
-
-def miss(event: Any, memory: Any, share: float, following: Floats, left_over: Floats) -> tuple[int, float]:
-    """Component that crosses, and what it lacks to its level."""
-    return (0, 0.0) if event is None else _miss(event, memory, share, following, left_over)
-
-
 def full(event: Any, memory: Any) -> bool:
     """Whether the memory may have no room for what happens next."""
-    return event is not None and bool(_full(memory))
+    return event is not None and memory.noted[0] + memory.sides.size > memory.times.size
 
 
+@kernel
 def strike(
     event: Any, memory: Any, share: float, time: float, time_low: float, following: Floats, left_over: Floats,
     slope: Floats, system: Any,
 ) -> None:  # fmt: skip
     """Note what crosses at this instant, and give the kicks."""
-    if isinstance(event, Escapement):
-        _strike_pendulum(event, memory, share, time, time_low, following, left_over, slope, system)
-    elif event is not None:
-        _strike_nothing(event, memory, share, time, time_low, following, left_over, slope, system)
+    if event is not None:
+        for j in range(event.level.size):
+            if _happens(event, memory, j, share, following, left_over):
+                _note(memory, j, time, time_low, slope[event.component[j]])
+                _kick(event, j, memory.impulse, following, system)
 
 
-def _none(event: Any) -> bool:
-    return isinstance(event, types.NoneType)
+@by_type("event")
+def _kick(event: Any, j: int, impulse: Floats, following: Floats, system: Any) -> None:
+    """What the crossing of watch j does to the state."""
 
 
-@chosen_for(watching)
-def _watching(event: Any) -> Any:
-    found = not _none(event)
-    return lambda event: found
+@registered("_kick", Crossings)
+def _nothing(event: Crossings, j: int, impulse: Floats, following: Floats, system: Any) -> None:
+    return None
 
 
-@chosen_for(begin)
-def _begin_typed(event: Any, memory: Any, state: Any) -> Any:
-    if _none(event):
-        return lambda event, memory, state: None
-    return lambda event, memory, state: _begin(event, memory, state)
-
-
-@chosen_for(locate)
-def _locate_typed(
-    event: Any, memory: Any, state: Any, low: Any, following: Any, left_over: Any, polynomial: Any
-) -> Any:
-    if _none(event):
-        return lambda event, memory, state, low, following, left_over, polynomial: 2.0
-    return lambda event, memory, state, low, following, left_over, polynomial: _locate(
-        event, memory, state, low, following, left_over, polynomial
-    )
-
-
-@chosen_for(miss)
-def _miss_typed(event: Any, memory: Any, share: Any, following: Any, left_over: Any) -> Any:
-    if _none(event):
-        return lambda event, memory, share, following, left_over: (0, 0.0)
-    return lambda event, memory, share, following, left_over: _miss(event, memory, share, following, left_over)
-
-
-@chosen_for(full)
-def _full_typed(event: Any, memory: Any) -> Any:
-    if _none(event):
-        return lambda event, memory: False
-    return lambda event, memory: _full(memory)
-
-
-@chosen_for(strike)
-def _strike_typed(
-    event: Any,
-    memory: Any,
-    share: Any,
-    time: Any,
-    time_low: Any,
-    following: Any,
-    left_over: Any,
-    slope: Any,
-    system: Any,
-) -> Any:
-    if _none(event):
-        return lambda event, memory, share, time, time_low, following, left_over, slope, system: None
-    chosen = _strike_pendulum if event.instance_class is Escapement else _strike_nothing
-    return lambda event, memory, share, time, time_low, following, left_over, slope, system: chosen(
-        event, memory, share, time, time_low, following, left_over, slope, system
-    )
+@registered("_kick", Escapement)
+@kernel
+def _push(event: Escapement, j: int, impulse: Floats, following: Floats, system: Any) -> None:
+    rate = following[event.component[j] + 1]
+    response(following, event.pendulum[j], system, impulse)
+    ease = impulse[event.component[j] + 1]  # change of rate by a unit impulse
+    # energy of an impulse J: J rate + J^2 ease/2; the root that pushes along the motion, without cancellation
+    speed = abs(rate) + math.sqrt(rate * rate + 2.0 * ease * event.energy[j])
+    push = 2.0 * event.energy[j] / speed if speed > 0.0 else 0.0
+    if rate < 0.0 or (rate == 0.0 and event.direction[j] < 0):
+        push = -push
+    for i in range(following.size):
+        following[i] += push * impulse[i]

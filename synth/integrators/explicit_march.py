@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from synth.integrators.events_kick import begin, full, locate, miss, strike, watching
+from synth.integrators.events_kick import begin, full, locate, miss, strike
 from synth.integrators.explicit_control import add, allow, expect, first_step, is_finite, is_stiff, noise
 from synth.integrators.explicit_progress import (
     CALM,
@@ -36,7 +36,7 @@ from synth.integrators.explicit_step import attempt, between, dense, local_error
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
-from synth.systems.impulses import halt, jolt
+from synth.systems.impulses import halt, jolt, kicks_of
 
 DONE, UNDERFLOW, NOT_FINITE, TOO_STIFF, TOO_LONG, FULL = range(6)
 MOST_STEPS = 2_000_000_000
@@ -148,7 +148,7 @@ def march(
             derivative(time + time_low, following, system, slope)
             counts[EVALUATIONS] += 1
         if halted:
-            jolt(system, counts[KICKS], following)
+            jolt(kicks_of(system), counts[KICKS], following)
             derivative(time + time_low, following, system, slope)
             counts[KICKS] += 1
             counts[EVALUATIONS] += 1
@@ -161,7 +161,7 @@ def march(
         allow(scale, expected, tolerance, allowed)
         step, growth, error_before = proposed, _LARGEST_GROWTH, max(error, 1e-8)
         while status == DONE:
-            stop = halt(system, counts[KICKS], end)
+            stop = halt(kicks_of(system), counts[KICKS], end)
             left = (stop - time) - time_low
             final = step >= left * (1.0 - 1e-12)
             if final:
@@ -202,7 +202,7 @@ def march(
         factor = 0.9 * max(error, 1e-8) ** -_CONTROL * error_before**_MEMORY
         proposed = step * min(growth, max(0.2, factor))
         ready, share = False, 2.0
-        if watching(event):
+        if event is not None:
             dense(time + time_low, step, state, increment, slope, k, point, spare, polynomial, system)
             counts[EVALUATIONS] += 3
             ready = True

@@ -10,12 +10,15 @@ import math
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
+
 from synth.integrators.explicit_tableau import CORRECTION, DENSE, ERRORS, NODES, WEIGHTS
 from synth.kernels.compiled import kernel, summing_kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
 
-_A, _B, _L, _C, _E, _D = WEIGHTS, WEIGHTS[12], CORRECTION, NODES, ERRORS, DENSE
+_A, _B, _L, _C, _D, _E = WEIGHTS, WEIGHTS[12], CORRECTION, NODES, np.array(DENSE), np.array(ERRORS)
+_INSIDE = np.array([[*row, *[0.0] * (16 - len(row))] for row in WEIGHTS])
 
 _FIRST = CORRECTION[0] + float(sum(map(Fraction, WEIGHTS[12])) - 1)  # the rest of the first slope's weight
 
@@ -111,10 +114,10 @@ def local_error(step: float, k: Floats, scale: Floats) -> float:
     third = 0.0
     fifth = 0.0
     for i in range(n):
-        low = _E[0][0] * k[0, i] + _E[0][5] * k[5, i] + _E[0][6] * k[6, i] + _E[0][7] * k[7, i]
-        low += _E[0][8] * k[8, i] + _E[0][9] * k[9, i] + _E[0][10] * k[10, i] + _E[0][11] * k[11, i]
-        high = _E[1][0] * k[0, i] + _E[1][5] * k[5, i] + _E[1][6] * k[6, i] + _E[1][7] * k[7, i]
-        high += _E[1][8] * k[8, i] + _E[1][9] * k[9, i] + _E[1][10] * k[10, i] + _E[1][11] * k[11, i]
+        low, high = 0.0, 0.0
+        for j in range(12):
+            low += _E[0, j] * k[j, i]
+            high += _E[1, j] * k[j, i]
         third += (low / scale[i]) ** 2
         fifth += (high / scale[i]) ** 2
     if fifth == 0.0:
@@ -124,50 +127,37 @@ def local_error(step: float, k: Floats, scale: Floats) -> float:
 
 @kernel
 def dense(
-    time: float,
-    step: float,
-    state: Floats,
-    increment: Floats,
-    after: Floats,
-    k: Floats,
-    point: Floats,
-    slope: Floats,
-    polynomial: Floats,
-    system: Any,
-) -> None:
+    time: float, step: float, state: Floats, increment: Floats, after: Floats, k: Floats, point: Floats, slope: Floats,
+    polynomial: Floats, system: Any,
+) -> None:  # fmt: skip
     """Coefficients (7, n) of the dense output of order 7 of a step that was accepted; three more evaluations.
 
     Parameters
     ----------
     after : (n,) array
         Slope at the end of the step.
-    """  # fmt: skip
-    n = state.size
-    h = step
-    for i in range(n):
+    """
+    for i in range(state.size):
         k[12, i] = after[i]
-    for i in range(n):
-        total = _A[13][0] * k[0, i] + _A[13][6] * k[6, i] + _A[13][7] * k[7, i] + _A[13][8] * k[8, i]
-        total += _A[13][9] * k[9, i] + _A[13][10] * k[10, i] + _A[13][11] * k[11, i] + _A[13][12] * k[12, i]
-        point[i] = state[i] + h * total
-    derivative(time + _C[13] * h, point, system, slope)
-    for i in range(n):
-        k[13, i] = slope[i]
-    for i in range(n):
-        total = _A[14][0] * k[0, i] + _A[14][5] * k[5, i] + _A[14][6] * k[6, i] + _A[14][7] * k[7, i]
-        total += _A[14][10] * k[10, i] + _A[14][11] * k[11, i] + _A[14][12] * k[12, i] + _A[14][13] * k[13, i]
-        point[i] = state[i] + h * total
-    derivative(time + _C[14] * h, point, system, slope)
-    for i in range(n):
-        k[14, i] = slope[i]
-    for i in range(n):
-        total = _A[15][0] * k[0, i] + _A[15][5] * k[5, i] + _A[15][6] * k[6, i] + _A[15][7] * k[7, i]
-        total += _A[15][8] * k[8, i] + _A[15][12] * k[12, i] + _A[15][13] * k[13, i] + _A[15][14] * k[14, i]
-        point[i] = state[i] + h * total
-    derivative(time + _C[15] * h, point, system, slope)
-    for i in range(n):
-        k[15, i] = slope[i]
-    _curve(h, k, increment, polynomial)
+    _slope_of(13, time, step, state, k, point, slope, system)
+    _slope_of(14, time, step, state, k, point, slope, system)
+    _slope_of(15, time, step, state, k, point, slope, system)
+    _curve(step, k, increment, polynomial)
+
+
+@kernel
+def _slope_of(
+    stage: int, time: float, step: float, state: Floats, k: Floats, point: Floats, slope: Floats, system: Any
+) -> None:
+    """Fill a row of slopes from those before it; the stages of a step itself are written out, for speed."""
+    for i in range(state.size):
+        total = 0.0
+        for j in range(stage):
+            total += _INSIDE[stage, j] * k[j, i]
+        point[i] = state[i] + step * total
+    derivative(time + _C[stage] * step, point, system, slope)
+    for i in range(state.size):
+        k[stage, i] = slope[i]
 
 
 @summing_kernel
@@ -177,22 +167,11 @@ def _curve(h: float, k: Floats, increment: Floats, polynomial: Floats) -> None:
         polynomial[0, i] = rise
         polynomial[1, i] = h * k[0, i] - rise
         polynomial[2, i] = 2.0 * rise - h * (k[12, i] + k[0, i])
-        total = _D[0][0] * k[0, i] + _D[0][5] * k[5, i] + _D[0][6] * k[6, i] + _D[0][7] * k[7, i]
-        total += _D[0][8] * k[8, i] + _D[0][9] * k[9, i] + _D[0][10] * k[10, i] + _D[0][11] * k[11, i]
-        total += _D[0][12] * k[12, i] + _D[0][13] * k[13, i] + _D[0][14] * k[14, i] + _D[0][15] * k[15, i]
-        polynomial[3, i] = h * total
-        total = _D[1][0] * k[0, i] + _D[1][5] * k[5, i] + _D[1][6] * k[6, i] + _D[1][7] * k[7, i]
-        total += _D[1][8] * k[8, i] + _D[1][9] * k[9, i] + _D[1][10] * k[10, i] + _D[1][11] * k[11, i]
-        total += _D[1][12] * k[12, i] + _D[1][13] * k[13, i] + _D[1][14] * k[14, i] + _D[1][15] * k[15, i]
-        polynomial[4, i] = h * total
-        total = _D[2][0] * k[0, i] + _D[2][5] * k[5, i] + _D[2][6] * k[6, i] + _D[2][7] * k[7, i]
-        total += _D[2][8] * k[8, i] + _D[2][9] * k[9, i] + _D[2][10] * k[10, i] + _D[2][11] * k[11, i]
-        total += _D[2][12] * k[12, i] + _D[2][13] * k[13, i] + _D[2][14] * k[14, i] + _D[2][15] * k[15, i]
-        polynomial[5, i] = h * total
-        total = _D[3][0] * k[0, i] + _D[3][5] * k[5, i] + _D[3][6] * k[6, i] + _D[3][7] * k[7, i]
-        total += _D[3][8] * k[8, i] + _D[3][9] * k[9, i] + _D[3][10] * k[10, i] + _D[3][11] * k[11, i]
-        total += _D[3][12] * k[12, i] + _D[3][13] * k[13, i] + _D[3][14] * k[14, i] + _D[3][15] * k[15, i]
-        polynomial[6, i] = h * total
+        for row in range(4):
+            total = 0.0
+            for j in range(16):
+                total += _D[row, j] * k[j, i]
+            polynomial[3 + row, i] = h * total
 
 
 @kernel

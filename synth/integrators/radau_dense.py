@@ -1,14 +1,16 @@
 """The collocation polynomial of a step: Newton's form on the nodes 1 = c_s, ..., c_1, 0.
 
-Inside the step it is the dense output, of order s; beyond it the first guess of the next step.
+Inside the step it is the dense output, of order s, or the first guess where a part of the step is solved for by itself;
+beyond it the first guess of the next step.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from synth.integrators.radau_newton import SOLVED, Work, collocate_any, prepare_any
 from synth.integrators.radau_tables import FIVE, SEVEN, THREE
-from synth.kernels.compiled import summing_kernel
+from synth.kernels.compiled import kernel, summing_kernel
 
 _N3, _N5, _N7 = THREE.nodes, FIVE.nodes, SEVEN.nodes
 _R3, _R5, _R7 = THREE.reciprocals, FIVE.reciprocals, SEVEN.reciprocals
@@ -51,3 +53,34 @@ def extrapolate(s: int, old: int, begin: float, ratio: float, size: Any, polynom
         evaluate(begin + ratio * nodes[i], old, size, polynomial, z, i)
         for c in range(n):
             z[i * n + c] -= base[c]
+
+
+@kernel
+def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, point: Any) -> None:
+    """First guess of a step from the polynomial of another one of `old` stages (0: none).
+
+    It starts at the share `begin` of that one, and is `ratio` times as long.
+    """
+    if old == 0:
+        for i in range(s * len(size)):
+            z[i] = 0.0
+    else:
+        extrapolate(s, old, begin, ratio, size, polynomial, z, point)
+
+
+@kernel
+def part_step(
+    s: int, time: float, part: float, share: float, state: Any, scale: Any, goal: float, jacobian: Any, size: Any,
+    polynomial: Any, work: Work, system: Any,
+) -> int:  # fmt: skip
+    """Solve the first `share` of a step by itself: increments in `work.point`, with the order of the end of a step.
+
+    Returns the corrections made, or 0 where it could not be solved; `work.point` then holds nothing of use.
+    """
+    if not prepare_any(s, part, jacobian, size, work):
+        return 0
+    guess(s, s, 0.0, share, size, polynomial, work.z, work.point)
+    outcome, turns, _ = collocate_any(s, time, part, state, scale, goal, size, work, system)
+    for c in range(len(size)):
+        work.point[c] = work.z[(s - 1) * len(size) + c]
+    return turns if outcome == SOLVED else 0

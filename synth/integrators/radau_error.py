@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from synth.integrators.radau_linear import solve
+from synth.integrators.radau_newton import Work
 from synth.integrators.radau_tables import FIVE, SEVEN, THREE
 from synth.kernels.compiled import kernel
 from synth.systems.dispatch import derivative
@@ -25,22 +26,9 @@ def _size(size: Any, values: Any, scale: Any) -> float:
 
 @kernel
 def local_error(
-    s: int,
-    time: float,
-    step: float,
-    state: Any,
-    slope: Any,
-    scale: Any,
-    again: float,
-    size: Any,
-    z: Any,
-    f: Any,
-    point: Any,
-    other: Any,
-    stack: Any,
-    exchanges: Any,
+    s: int, time: float, step: float, state: Any, slope: Any, scale: Any, again: float, size: Any, work: Work,
     system: Any,
-) -> float:
+) -> float:  # fmt: skip
     """Difference from an embedded formula of order s, filtered by (gamma/h - J)^-1.
 
     Hairer and Wanner (1996), IV.8, (8.19) and (8.20).
@@ -48,7 +36,7 @@ def local_error(
     Where it exceeds `again` it is filtered once more, with the slope at the corrected start: the first filter
     overestimates what a stiff component has before it settled.
     """
-    n = len(size)
+    n, z, f, point, other = len(size), work.z, work.f, work.point, work.slope
     weights = _E3 if s == 3 else _E5 if s == 5 else _E7
     gain = (_R3 if s == 3 else _R5 if s == 5 else _R7)[0].real / step
     for c in range(n):
@@ -57,7 +45,7 @@ def local_error(
             total += weights[i] * z[i * n + c]
         f[n + c] = gain * total
         f[c] = slope[c] + f[n + c]
-    solve(size, stack, exchanges, f)
+    solve(size, work.stack, work.exchanges, f)
     error = _size(size, f, scale)
     if error > again:
         for c in range(n):
@@ -65,7 +53,7 @@ def local_error(
         derivative(time, point, system, other)
         for c in range(n):
             f[c] = other[c] + f[n + c]
-        solve(size, stack, exchanges, f)
+        solve(size, work.stack, work.exchanges, f)
         error = _size(size, f, scale)
     return error
 

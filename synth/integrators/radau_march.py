@@ -14,11 +14,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from synth.integrators.radau_dense import differences, evaluate
+from synth.integrators.radau_dense import differences, evaluate, guess, part_step
 from synth.integrators.radau_error import first_step, local_error
 from synth.integrators.radau_memory import address
-from synth.integrators.radau_newton import NOT_FINITE, SOLVED
-from synth.integrators.radau_orders import collocate_any, guess, part_step, prepare_any
+from synth.integrators.radau_newton import NOT_FINITE, SOLVED, Work, collocate_any, prepare_any
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative, jacobian
@@ -103,13 +102,14 @@ def march(
     """
     n, k = len(size), times.size
     z, f, g, polynomial = address(space, 0), address(space, 7 * n), address(space, 14 * n), address(space, 21 * n)
-    z_part, scale, carry = address(space, 29 * n), address(space, 36 * n), address(space, 37 * n)
+    scale, carry = address(space, 36 * n), address(space, 37 * n)
     state, slope = space[38 * n : 39 * n], space[39 * n : 40 * n]
     point, other = space[40 * n : 41 * n], space[41 * n : 42 * n]
     here, slope_at, square = address(space, 38 * n), address(space, 39 * n), n * n
     slopes, slopes_at = space[42 * n : 42 * n + square].reshape(n, n), address(space, 42 * n)
-    stack, stack_part = address(space, 42 * n + square), address(space, 42 * n + 8 * square)
-    exchanges, exchanges_part = address(places, 0), address(places, 7 * n)
+    work = Work(z, f, g, address(space, 42 * n + square), address(places, 0), point, other)
+    stack, exchanges = address(space, 42 * n + 8 * square), address(places, 7 * n)
+    part_work = Work(address(space, 29 * n), f, g, stack, exchanges, point, other)
     time, late = times[0], 0.0  # the time is their sum
     s, old, since, old_step, old_log = orders[1], 0, 0, 0.0, 0.0
     end = times[k - 1]
@@ -156,10 +156,8 @@ def march(
             floor = max(_FLOOR * max(largest[c], least[c]), _SMALL * top, 1e-300)
             scale[c] = 1.0 / max(abs(state[c]), abs(point[c]), floor)
         solved, turns, contraction = NOT_FINITE, 0, 1.0
-        if prepare_any(s, step, slopes_at, size, stack, exchanges):
-            solved, turns, contraction = collocate_any(
-                s, time, step, here, scale, goal, size, z, f, g, point, other, stack, exchanges, system
-            )
+        if prepare_any(s, step, slopes_at, size, work):
+            solved, turns, contraction = collocate_any(s, time, step, here, scale, goal, size, work, system)
         counts[EVALUATIONS] += s * turns
         error, log, factor = 0.0, 0.0, 1.0
         if solved == SOLVED:
@@ -167,23 +165,8 @@ def march(
                 ended = abs(state[c] + z[(s - 1) * n + c])
                 floor = max(_FLOOR * max(largest[c], least[c]), _SMALL * top, 1e-300)
                 scale[c] = 1.0 / max(abs(state[c]), ended, floor)
-            error = local_error(
-                s,
-                time,
-                step,
-                here,
-                slope_at,
-                scale,
-                allowed if careful else 1e300,
-                size,
-                z,
-                f,
-                point,
-                other,
-                stack,
-                exchanges,
-                system,
-            )
+            again = allowed if careful else 1e300
+            error = local_error(s, time, step, here, slope_at, scale, again, size, work, system)
             counts[EVALUATIONS] += 1 if careful else 0
             log = math.log(max(error / allowed, 1e-10)) / (s + 1)
             factor = _SAFE * math.exp(-log)
@@ -219,24 +202,7 @@ def march(
             part = (times[done] - time) - late
             if error > dense and part > 0.0:
                 turns = part_step(
-                    s,
-                    time,
-                    part,
-                    part / step,
-                    here,
-                    scale,
-                    goal,
-                    slopes_at,
-                    size,
-                    polynomial,
-                    z_part,
-                    f,
-                    g,
-                    point,
-                    other,
-                    stack_part,
-                    exchanges_part,
-                    system,
+                    s, time, part, part / step, here, scale, goal, slopes_at, size, polynomial, part_work, system
                 )
                 counts[EVALUATIONS] += s * turns
                 if turns == 0:

@@ -12,9 +12,7 @@ from typing import Any
 
 from numba.core import cgutils as _builders
 from numba.core import types
-from numba.extending import intrinsic
-
-from synth.systems.choice import chosen_for
+from numba.extending import intrinsic, overload
 
 cgutils: Any = _builders  # numba is without types
 pointer: Any = types.CPointer
@@ -34,8 +32,4 @@ def _typed(context: Any, array: Any, start: Any) -> Any:
 
 
 _address: Any = intrinsic(_typed)
-
-
-@chosen_for(address)
-def _chosen(array: Any, start: Any) -> Any:
-    return lambda array, start: _address(array, start)
+overload(address, strict=False)(lambda array, start: lambda array, start: _address(array, start))

@@ -10,7 +10,7 @@ coefficients as constants.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from synth.integrators.radau_linear import factor, factor_pair, solve, solve_pair
 from synth.integrators.radau_tables import FIVE, SEVEN, THREE
@@ -22,6 +22,7 @@ SOLVED, DIVERGED, NOT_FINITE = 0, 1, 2
 _ROUNDING, _NOISY = 1e-14, 0.3  # of the state: corrections below this that hardly shrink are rounding
 _SLOWEST = 0.9  # contraction from which an iteration is not worth its evaluations
 
+_S3, _S5, _S7 = (0,) * 3, (0,) * 5, (0,) * 7
 _N3, _N5, _N7 = THREE.nodes, FIVE.nodes, SEVEN.nodes
 _A3, _A5, _A7 = THREE.inverse, FIVE.inverse, SEVEN.inverse
 _M3, _M5, _M7 = THREE.modes, FIVE.modes, SEVEN.modes
@@ -29,24 +30,41 @@ _P3, _P5, _P7 = THREE.projection, FIVE.projection, SEVEN.projection
 _R3, _R5, _R7 = THREE.rates, FIVE.rates, SEVEN.rates
 
 
+class Work(NamedTuple):
+    """Working space of a step of s stages: addresses (`radau_memory`), but for the last two, which are arrays (n,)."""
+
+    z: Any
+    """(s, n) increments."""
+    f: Any
+    """(s, n)."""
+    g: Any
+    """(s, n)."""
+    stack: Any
+    """(s, n, n) factored matrices,"""
+    exchanges: Any
+    """(s, n) with their exchanges, see `radau_linear`."""
+    point: Any
+    slope: Any
+
+
 @kernel
-def prepare(step: float, jacobian: Any, count: Any, size: Any, stack: Any, exchanges: Any) -> bool:
+def prepare(step: float, jacobian: Any, count: Any, size: Any, work: Work) -> bool:
     """Factor all matrices for a step; False if one is singular or not finite."""
     s = len(count)
     rates = _R3 if s == 3 else _R5 if s == 5 else _R7
     inverse = 1.0 / step
-    good = factor(rates[0].real * inverse, jacobian, size, stack, exchanges)
+    good = factor(rates[0].real * inverse, jacobian, size, work.stack, work.exchanges)
     for k in range(1, (s + 1) // 2):
         good &= factor_pair(
-            2 * k - 1, rates[k].real * inverse, rates[k].imag * inverse, jacobian, size, stack, exchanges
+            2 * k - 1, rates[k].real * inverse, rates[k].imag * inverse, jacobian, size, work.stack, work.exchanges
         )
     return good
 
 
 @summing_kernel
-def _correct(step: float, count: Any, size: Any, z: Any, f: Any, g: Any, stack: Any, exchanges: Any) -> None:
+def _correct(step: float, count: Any, size: Any, work: Work) -> None:
     """Correct the increments z by Newton's method from the slopes f; g becomes the amplitudes of the correction."""
-    n, s = len(size), len(count)
+    n, s, z, f, g = len(size), len(count), work.z, work.f, work.g
     matrix = _A3 if s == 3 else _A5 if s == 5 else _A7
     inverse = 1.0 / step
     for i in range(s):
@@ -62,9 +80,9 @@ def _correct(step: float, count: Any, size: Any, z: Any, f: Any, g: Any, stack: 
             for j in range(s):
                 total += matrix[i, j] * f[j * n + c]
             g[i * n + c] = total
-    solve(size, stack, exchanges, g)
+    solve(size, work.stack, work.exchanges, g)
     for k in range(1, (s + 1) // 2):
-        solve_pair(2 * k - 1, size, stack, exchanges, g)
+        solve_pair(2 * k - 1, size, work.stack, work.exchanges, g)
     matrix = _M3 if s == 3 else _M5 if s == 5 else _M7
     for i in range(s):
         for c in range(n):
@@ -97,21 +115,7 @@ def _lower(state: Any, count: Any, size: Any, z: Any, scale: Any) -> None:
 
 @kernel
 def collocate(
-    time: float,
-    step: float,
-    state: Any,
-    scale: Any,
-    goal: float,
-    count: Any,
-    size: Any,
-    z: Any,
-    f: Any,
-    g: Any,
-    point: Any,
-    slope: Any,
-    stack: Any,
-    exchanges: Any,
-    system: Any,
+    time: float, step: float, state: Any, scale: Any, goal: float, count: Any, size: Any, work: Work, system: Any
 ) -> tuple[int, int, float]:
     """Solve one step.
 
@@ -124,12 +128,8 @@ def collocate(
     goal : float
         Remainder of the iteration to reach, relative to the sizes.
     count, size : tuples of length s and n
-    z : (s, n) array
-        First guess of increments; the solution on return.
-    f, g, point, slope : (s, n), (s, n), (n,), (n,) arrays
-        Working space.
-    stack, exchanges : arrays
-        Factored by `prepare` for this step.
+    work : Work
+        Made ready by `prepare` for this step; z holds a first guess of the increments, the solution on return.
     system : NamedTuple
 
     Returns
@@ -138,6 +138,7 @@ def collocate(
         SOLVED, DIVERGED or NOT_FINITE; contraction -1 where one correction was enough.
     """
     n, s = len(size), len(count)
+    z, f, point, slope = work.z, work.f, work.point, work.slope
     nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
     most = 2 * s + 2
     contraction, before, quotient, moved = -1.0, 0.0, 0.0, 0.0
@@ -149,10 +150,10 @@ def collocate(
             derivative(time + nodes[i] * step, point, system, slope)
             for c in range(n):
                 f[i * n + c] = slope[c]
-        _correct(step, count, size, z, f, g, stack, exchanges)
+        _correct(step, count, size, work)
         if turn == 1:  # before it is measured: a ratio of corrections measured by different sizes would say nothing
             _lower(state, count, size, z, scale)
-        moved = math.sqrt(_moved(count, size, scale, g))
+        moved = math.sqrt(_moved(count, size, scale, work.g))
         if not moved < 1e100:
             return NOT_FINITE, turn, 1.0
         if turn > 1:
@@ -168,3 +169,25 @@ def collocate(
             return SOLVED, turn, contraction
         before = moved
     return SOLVED if moved <= _ROUNDING else DIVERGED, most, contraction
+
+
+@kernel
+def prepare_any(s: int, step: float, jacobian: Any, size: Any, work: Work) -> bool:
+    """`prepare` for a number of stages chosen while marching: it becomes a constant of the compiler."""
+    if s == 3:
+        return prepare(step, jacobian, _S3, size, work)
+    if s == 5:
+        return prepare(step, jacobian, _S5, size, work)
+    return prepare(step, jacobian, _S7, size, work)
+
+
+@kernel
+def collocate_any(
+    s: int, time: float, step: float, state: Any, scale: Any, goal: float, size: Any, work: Work, system: Any
+) -> tuple[int, int, float]:
+    """`collocate` for s stages."""
+    if s == 3:
+        return collocate(time, step, state, scale, goal, _S3, size, work, system)
+    if s == 5:
+        return collocate(time, step, state, scale, goal, _S5, size, work, system)
+    return collocate(time, step, state, scale, goal, _S7, size, work, system)

@@ -200,35 +200,40 @@ def _kick(end: Any, first: int, known: Any, now: int, p: int) -> float:
 
 @kernel
 def _advance(state: Any, propagator: Any, end: Any, known: Any, now: int, p: int) -> None:
-    """To the end of the interval: exact products with the leading doubles, everything else in the rest.
-
-    Terms are bracketed so that few additions wait for each other.
-    """
+    """To the end of the interval."""
     angle, angle_rest, speed, speed_rest = state[p, 0], state[p, 1], state[p, 2], state[p, 3]
-    angle_head = angle * _SPLIT
-    angle_head = angle_head - (angle_head - angle)
-    angle_tail = angle - angle_head
-    speed_head = speed * _SPLIT
-    speed_head = speed_head - (speed_head - speed)
-    speed_tail = speed - speed_head
     for k in range(2):
         kick = _kick(end, k * NODES, known, now, p)
         kick_rest = _kick(end, (k + 2) * NODES, known, now, p)
-        head, tail = propagator[p, 8 * k], propagator[p, 8 * k + 1]
-        leading, rest = propagator[p, 8 * k + 2], propagator[p, 8 * k + 3]
-        small = (rest * angle + leading * angle_rest) + kick_rest
-        a = leading * angle
-        lost = ((head * angle_head - a) + (head * angle_tail + tail * angle_head)) + tail * angle_tail
-        head, tail = propagator[p, 8 * k + 4], propagator[p, 8 * k + 5]
-        leading, rest = propagator[p, 8 * k + 6], propagator[p, 8 * k + 7]
-        small += rest * speed + leading * speed_rest
-        b = leading * speed
-        lost += ((head * speed_head - b) + (head * speed_tail + tail * speed_head)) + tail * speed_tail
-        free, first = _two_sum(a, b)
-        total, second = _two_sum(free, kick)
-        small = (small + lost) + (first + second)
-        state[p, 2 * k] = total + small
-        state[p, 2 * k + 1] = small - (state[p, 2 * k] - total)
+        leading, rest = moved(propagator, p, 8 * k, angle, angle_rest, speed, speed_rest, kick, kick_rest)
+        state[p, 2 * k], state[p, 2 * k + 1] = leading, rest
+
+
+@kernel
+def moved(
+    entries: Any, c: int, row: int, position: float, position_rest: float, rate: float, rate_rest: float,
+    kick: float, kick_rest: float,
+) -> tuple[float, float]:  # fmt: skip
+    """One row of the propagator times the state, plus what the remainder adds; leading double and rest."""
+    a, lost = _product(entries[c, row], entries[c, row + 1], entries[c, row + 2], position)
+    b, more = _product(entries[c, row + 4], entries[c, row + 5], entries[c, row + 6], rate)
+    small = entries[c, row + 3] * position + entries[c, row + 2] * position_rest
+    small += entries[c, row + 7] * rate + entries[c, row + 6] * rate_rest
+    free, first = _two_sum(a, b)
+    total, second = _two_sum(free, kick)
+    small = ((small + kick_rest) + (lost + more)) + (first + second)
+    leading = total + small
+    return leading, small - (leading - total)
+
+
+@kernel
+def _product(head: float, tail: float, whole: float, value: float) -> tuple[float, float]:
+    """Product, and what its rounding lost; exact."""
+    value_head = value * _SPLIT
+    value_head = value_head - (value_head - value)
+    value_tail = value - value_head
+    product = whole * value
+    return product, ((head * value_head - product) + (head * value_tail + tail * value_head)) + tail * value_tail
 
 
 @kernel

@@ -31,6 +31,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 _KEPT_GENERATIONS = 4  # older cache folders are removed, so that upgrades do not fill the disk
 _PACKAGES = ("synth", "pipeline")
+_COMPILED = (b"kernel\n", b"numba", b"@registered(", b"@taken_in")
+"""What files hold whose code is compiled."""
 
 
 @functools.cache
@@ -41,7 +43,7 @@ def cache_folder() -> Path:
     for package in _PACKAGES:
         for source in sorted((root / package).rglob("*.py")):
             text = source.read_bytes()
-            if b"kernel\n" in text or b"numba" in text:
+            if any(mark in text for mark in _COMPILED):
                 digest.update(source.relative_to(root).as_posix().encode() + b"\0" + text)
     base = _writable_base()
     folder = base / digest.hexdigest()[:16]

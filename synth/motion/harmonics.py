@@ -1,4 +1,4 @@
-"""A plain sum of harmonics."""
+"""A plain sum of harmonics, and one close to a pendulum: u = alpha cos(m t + delta), n - m = 2 nu (P 29)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from data_schemas.scene_motion import HarmonicMotion
+from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion
 from synth.motion.harmonic_sum import HarmonicSum
 
 
@@ -19,3 +19,17 @@ def harmonics(term: HarmonicMotion) -> HarmonicSum:
     else:
         rate = 2 * math.pi / np.array(term.period)
     return HarmonicSum(rate, amplitude * np.exp(1j * phase))
+
+
+def near_resonant(term: NearResonantMotion, frequency: float) -> HarmonicSum:
+    """Place the harmonic beside a pendulum.
+
+    Parameters
+    ----------
+    term
+        Its detuning nu, or the time pi/nu between the vanishings of the beat.
+    frequency
+        n of the pendulum it is close to, rad/s.
+    """
+    phasor = term.amplitude * complex(np.exp(1j * term.phase))
+    return HarmonicSum(np.array([frequency - 2 * term.nu]), np.array([phasor]))

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from data_schemas.scene_pendulum import FreeStart, Start
 from synth.motion.harmonic_sum import Comb, HarmonicSum
-from synth.phase import Phasors, damped_frequency
+from synth.phase import Floats, Phasors, damped_frequency
 from synth.propagators.periodic import PeriodicSums
 
 NEAR_RESONANT_BAND = (0.8, 1.25)
@@ -147,3 +147,28 @@ def respond(frequency: float, damping_rate: float, start: Start, motion: Harmoni
         speed = start.angular_velocity + float((w * forced.imag).sum()) - float(gain.real.sum())
         free = complex(angle, -(speed + damping_rate * angle) / nearest)
     return Response(frequency, damping_rate, omega, free, forced, near, gain, split, motion.combs)
+
+
+def start_state(response: Response, angular_frequency: Floats) -> Floats:
+    """Angle and angular velocity at t = 0 of a linear pendulum: its free harmonic on top of the steady motion psi.
+
+    A pendulum released at rest would carry a mean mode of its own (physics sheet, 1.2); a nonlinear pendulum that is to
+    start on the forced solution starts from here.
+
+    Parameters
+    ----------
+    response
+        As `respond` gives it.
+    angular_frequency : (harmonics,)
+        Of the motion that it answers, rad/s.
+
+    Returns
+    -------
+    (2,) float64
+        rad, rad/s
+    """
+    own = complex(-response.damping_rate, float(response.damped_frequency))
+    slow = np.array([np.sum(response.forced), np.sum(1j * angular_frequency * response.forced)])
+    free = np.array([response.start, own * response.start + np.sum(response.gain)])
+    state: Floats = (slow + free).real
+    return state

@@ -21,6 +21,15 @@ def gauss_nodes() -> Integers:
     return np.concatenate([-after[::-1], middle, after])
 
 
+@functools.cache
+def barycentric() -> tuple[Floats, Floats]:
+    """Start, nodes and end of an interval on [-1, 1], (POINTS,), and their barycentric shares."""
+    points = np.concatenate([[-1.0], gauss_nodes() / FINE, [1.0]])
+    apart = points[:, None] - points
+    np.fill_diagonal(apart, 1.0)
+    return points, 1.0 / np.prod(2.0 * apart, axis=1)
+
+
 def interpolation(place: Floats) -> Floats:
     """Rows that give y anywhere in an interval from its start, its nodes and its end.
 
@@ -34,10 +43,7 @@ def interpolation(place: Floats) -> Floats:
     (moments, POINTS) float64
         Barycentric weights of the polynomial through all of them.
     """
-    points = np.concatenate([[-1.0], gauss_nodes() / FINE, [1.0]])
-    apart = points[:, None] - points
-    np.fill_diagonal(apart, 1.0)
-    share = 1.0 / np.prod(2.0 * apart, axis=1)
+    points, share = barycentric()
     distance = (2.0 * np.asarray(place) - 1.0)[:, None] - points
     exact = distance == 0.0
     distance[exact] = 1.0

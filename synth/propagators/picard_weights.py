@@ -27,8 +27,9 @@ from synth.kernels.collocation_remainder import NODES
 from synth.phase import Floats
 from synth.propagators.picard_nodes import FINE, continuation, gauss_nodes
 
-_BITS = 320
-_ONE = 1 << _BITS
+BITS = 320
+ONE = 1 << BITS
+"""1 in fixed point."""
 _NOTHING = 1 << 8  # rounding of what follows
 
 
@@ -70,28 +71,28 @@ def weights(frequency: float, damping_rate: float, interval: Fraction) -> Weight
     interval
         h in s, exact.
     """
-    turn = _fixed(Fraction(frequency) * interval)
-    loss = _fixed(2 * Fraction(damping_rate) * interval)
-    places = [(FINE + int(node)) * (_ONE // (2 * FINE)) for node in gauss_nodes()] + [_ONE]
-    kernel, slope = zip(*(_kernel(place, turn, loss) for place in places), strict=True)
+    turn = fixed(Fraction(frequency) * interval)
+    loss = fixed(2 * Fraction(damping_rate) * interval)
+    square = turn * turn >> BITS
+    places = [(FINE + int(node)) * (ONE // (2 * FINE)) for node in gauss_nodes()] + [ONE]
+    kernel, slope = zip(*(series(place, square, loss) for place in places), strict=True)
     each_place = zip(places, kernel, slope, strict=True)
-    moments, rates = zip(*(_moments(*each, turn, loss) for each in each_place), strict=True)
+    moments, rates = zip(*(_moments(*each, square, loss) for each in each_place), strict=True)
     lagrange = np.array(_lagrange(), dtype=object)  # (power, node)
-    square = turn * turn >> _BITS
-    angle = (np.array(moments, dtype=object) @ lagrange >> _BITS) * square >> _BITS
-    speed = (np.array(rates[-1], dtype=object) @ lagrange >> _BITS) * turn >> _BITS
+    angle = (np.array(moments, dtype=object) @ lagrange >> BITS) * square >> BITS
+    speed = (np.array(rates[-1], dtype=object) @ lagrange >> BITS) * turn >> BITS
     inner = np.array([[_float(value) for value in row] for row in angle])
     last = [_pair(value) for value in (*angle[-1], *speed)]
-    flow = [[_float(rise + (loss * each >> _BITS)) for each, rise in zip(kernel, slope, strict=True)]]
-    flow.append([_float(turn * each >> _BITS) for each in kernel])
-    cross = turn * kernel[-1] >> _BITS
-    entries = (slope[-1] + (loss * kernel[-1] >> _BITS), cross, -cross, slope[-1])
+    flow = [[_float(rise + (loss * each >> BITS)) for each, rise in zip(kernel, slope, strict=True)]]
+    flow.append([_float(turn * each >> BITS) for each in kernel])
+    cross = turn * kernel[-1] >> BITS
+    entries = (slope[-1] + (loss * kernel[-1] >> BITS), cross, -cross, slope[-1])
     return Weights(
         np.array([each[:NODES] for each in flow]).ravel(),
         np.ascontiguousarray(inner[:NODES].T).ravel(),
         np.ascontiguousarray((inner[:NODES] @ continuation()).T).ravel(),
         np.array(last).T.ravel(),
-        np.concatenate([_parts(entry) for entry in entries]),
+        np.concatenate([parts(entry) for entry in entries]),
     )
 
 
@@ -108,39 +109,37 @@ def _lagrange() -> list[list[int]]:
                 pairs = zip([0, *polynomial], [*polynomial, 0], strict=True)
                 polynomial = [low - other * high for low, high in pairs]
         scale = math.prod(node - other for other in nodes if other != node)
-        columns.append([(each * unit**power << _BITS) // scale for power, each in enumerate(polynomial)])
+        columns.append([(each * unit**power << BITS) // scale for power, each in enumerate(polynomial)])
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-def _kernel(place: int, turn: int, loss: int) -> tuple[int, int]:
-    """K(x) and K'(x) by their power series: the coefficients follow from the equation of motion."""
-    square = turn * turn >> _BITS
+def series(place: int, square: int, loss: int) -> tuple[int, int]:
+    """K(x) and K'(x) by their power series: the coefficients follow from the equation of motion; all in fixed point."""
     before, term = 0, place  # x^i/i! times the i-th derivative of K at zero, i = 0 and 1
-    total, slope, order = term, _ONE, 1
+    total, slope, order = term, ONE, 1
     while abs(term) + abs(before) > _NOTHING:
         # K^(i+2) = -2 gamma K^(i+1) - n^2 K^(i)
-        steeper = -(loss * term >> _BITS) - ((square * before >> _BITS) * place // order >> _BITS)
+        steeper = -(loss * term >> BITS) - ((square * before >> BITS) * place // order >> BITS)
         slope += steeper
         order += 1
-        before, term = term, (steeper * place >> _BITS) // order
+        before, term = term, (steeper * place >> BITS) // order
         total += term
     return total, slope
 
 
-def _moments(place: int, kernel: int, slope: int, turn: int, loss: int) -> tuple[list[int], list[int]]:
-    square = turn * turn >> _BITS
+def _moments(place: int, kernel: int, slope: int, square: int, loss: int) -> tuple[list[int], list[int]]:
     moments: list[int] = []
     rates: list[int] = []
-    power = _ONE
+    power = ONE
     for m in range(NODES):
         rates.append(m * moments[-1] if m else kernel)
-        rest = power - (m * rates[-2] if m else slope) - (loss * rates[-1] >> _BITS)
-        moments.append((rest << _BITS) // square)
-        power = power * place >> _BITS
+        rest = power - (m * rates[-2] if m else slope) - (loss * rates[-1] >> BITS)
+        moments.append((rest << BITS) // square)
+        power = power * place >> BITS
     return moments, rates
 
 
-def _parts(entry: int) -> list[float]:
+def parts(entry: int) -> list[float]:
     """Head and tail (26 bits each) of the leading double, itself, and what is left."""
     leading, rest = _pair(entry)
     mantissa, exponent = math.frexp(leading)
@@ -151,12 +150,13 @@ def _parts(entry: int) -> list[float]:
 def _pair(value: int) -> tuple[float, float]:
     """A fixed-point number as leading double and rest."""
     leading = _float(value)
-    return leading, _float(value - _fixed(Fraction(leading)))
+    return leading, _float(value - fixed(Fraction(leading)))
 
 
-def _fixed(value: Fraction) -> int:
-    return (value.numerator << _BITS) // value.denominator
+def fixed(value: Fraction) -> int:
+    """The number in fixed point."""
+    return (value.numerator << BITS) // value.denominator
 
 
 def _float(value: int) -> float:
-    return value / _ONE
+    return value / ONE

@@ -6,13 +6,10 @@ its swing is `(g + z'') sin phi + x'' cos phi`; the rest acts on what holds the 
 
 from __future__ import annotations
 
-from typing import Any
-
-from numba.core import types
-
-from synth.systems.choice import chosen_for
+from synth.systems.choice import taken_in
 
 
+@taken_in
 def weight(sine: float, cosine: float, gravity: float, horizontal: float | None, vertical: float | None) -> float:
     """Pull along the swing per mass, `(g + z'') sine + x'' cosine`, m/s^2.
 
@@ -27,6 +24,7 @@ def weight(sine: float, cosine: float, gravity: float, horizontal: float | None,
     return pull if horizontal is None else pull + horizontal * cosine
 
 
+@taken_in
 def carried(force: float, mass: float, acceleration: float | None) -> float:
     """Force with `mass x acceleration` added.
 
@@ -36,25 +34,3 @@ def carried(force: float, mass: float, acceleration: float | None) -> float:
     (1.0, 7.0)
     """
     return force if acceleration is None else force + mass * acceleration
-
-
-def _absent(kind: Any) -> bool:
-    return isinstance(kind, types.NoneType)
-
-
-@chosen_for(weight)
-def _weight(sine: Any, cosine: Any, gravity: Any, horizontal: Any, vertical: Any) -> Any:
-    if _absent(horizontal) and _absent(vertical):
-        return lambda sine, cosine, gravity, horizontal, vertical: gravity * sine
-    if _absent(horizontal):
-        return lambda sine, cosine, gravity, horizontal, vertical: (gravity + vertical) * sine
-    if _absent(vertical):
-        return lambda sine, cosine, gravity, horizontal, vertical: gravity * sine + horizontal * cosine
-    return lambda sine, cosine, gravity, horizontal, vertical: (gravity + vertical) * sine + horizontal * cosine
-
-
-@chosen_for(carried)
-def _carried(force: Any, mass: Any, acceleration: Any) -> Any:
-    if _absent(acceleration):
-        return lambda force, mass, acceleration: force
-    return lambda force, mass, acceleration: force + mass * acceleration

@@ -2,35 +2,45 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from types import FunctionType
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
-from numba.extending import overload
+from numba.core import types
+from numba.extending import overload, register_jitable
 
-Chooser = TypeVar("Chooser", bound=Callable[..., Any])
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def chosen_for(function: Callable[..., Any]) -> Callable[[Chooser], Chooser]:
-    """Decorator: the function below takes the argument types of `function` and returns the code to compile.
+def taken_in(function: Function) -> Function:
+    """Decorator: plain Python that kernels take in; a branch on `argument is None` is decided when they are compiled.
 
-    Numba wants the chooser and what it returns to have the same signature, annotations included, and a lambda has
-    none; so the chooser's are taken off.
+    What is returned must be of one type all the same: see `or_none` for the choice between None and something.
     """
+    register_jitable(function)
+    return function
 
-    def register(chooser: Chooser) -> Chooser:
-        chooser.__annotations__ = {}
-        overload(function)(chooser)
-        return chooser
 
-    return register
+def or_none(function: Function) -> Function:
+    """Decorator: as `taken_in`, for a function whose result is None where its first argument is."""
+
+    def choose(first: Any, *others: Any) -> Any:
+        return (lambda first, *others: None) if isinstance(first, types.NoneType) else function
+
+    @functools.wraps(function)
+    def call(first: Any, *others: Any) -> Any:
+        return None if first is None else function(first, *others)
+
+    overload(call, strict=False)(choose)
+    return cast(Function, call)
 
 
 def plain(function: Callable[..., Any]) -> Callable[..., Any]:
     """The kernel's Python code, for the compiler to take in as its own.
 
     Called as a kernel, each call would count references to every array of the parameters: 60 ns where the
-    arithmetic takes 6. Numba wants signatures without annotations here (see `chosen_for`).
+    arithmetic takes 6. It comes without annotations, which Numba would compare.
     """
     code = getattr(function, "py_func", function)
     return FunctionType(code.__code__, code.__globals__, code.__name__, code.__defaults__, code.__closure__)

@@ -8,26 +8,40 @@ in, so that new numbers never recompile, a term left out costs nothing, and the 
 
 from __future__ import annotations
 
+import functools
+import inspect
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from numba.core import types
+from numba.extending import overload
 
-from synth.systems.choice import chosen_for, plain
+from synth.systems.choice import plain
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-_TABLE: dict[str, dict[type, Callable[..., Any]]] = {
-    "derivative": {},
-    "jacobian": {},
-    "energy": {},
-    "response": {},
-    "remainder": {},
-}
+_TABLE: dict[str, dict[type, Callable[..., Any]]] = {}
+
+
+def by_type(argument: str) -> Callable[[Function], Function]:
+    """Decorator: the name below stands for the kernels registered under it, one for each type of this argument."""
+
+    def stand(function: Function) -> Function:
+        role, place = function.__name__, list(inspect.signature(function).parameters).index(argument)
+        _TABLE[role] = {}
+
+        @functools.wraps(function)
+        def call(*arguments: Any) -> Any:
+            return _find(role, type(arguments[place]))(*arguments)
+
+        overload(call, strict=False)(lambda *arguments: plain(_find(role, _class(arguments[place]))))
+        return cast(Function, call)
+
+    return stand
 
 
 def registered(role: str, system: type) -> Callable[[Function], Function]:
-    """Decorator: the kernel below plays `role` (a key of the table above) for a system type."""
+    """Decorator: the kernel below plays `role` (a name made `by_type`) for a type."""
 
     def note(function: Function) -> Function:
         _TABLE[role][system] = function
@@ -37,70 +51,42 @@ def registered(role: str, system: type) -> Callable[[Function], Function]:
 
 
 def _find(role: str, system: Any) -> Callable[..., Any]:
-    table = _TABLE[role]
-    if system not in table:
+    if system not in _TABLE[role]:
         raise TypeError(f"{getattr(system, '__name__', system)} has no {role}")
-    return table[system]
+    return _TABLE[role][system]
 
 
+def _class(system: Any) -> Any:
+    return type(None) if isinstance(system, types.NoneType) else getattr(system, "instance_class", system)
+
+
+@by_type("system")
 def derivative(time: float, state: Any, system: Any, out: Any) -> None:
     """`out = d state / dt`."""
-    _find("derivative", type(system))(time, state, system, out)
 
 
+@by_type("system")
 def jacobian(time: float, state: Any, system: Any, out: Any) -> None:
     """`out[i, j] = d(d state_i / dt) / d state_j`."""
-    _find("jacobian", type(system))(time, state, system, out)
 
 
-def energy(state: Any, system: Any) -> float:
+@by_type("system")
+def energy(state: Any, system: Any) -> Any:
     """Energy of a conservative system (without drive and damping)."""
-    return float(_find("energy", type(system))(state, system))
 
 
+@by_type("system")
 def response(state: Any, index: int, system: Any, out: Any) -> None:
     """`out` = change of the state by a unit impulse (torque x time) on pendulum `index`."""
-    _find("response", type(system))(state, index, system, out)
 
 
+@by_type("system")
 def remainder(
     position: Any, rate: Any, sideways: Any, upwards: Any, system: Any, excess: Any, room: Any, out: Any, now: int
 ) -> None:
-    """Accelerations less the linear part at all nodes of an interval; see `integrators.collocation_lanes`."""
-    _find("remainder", type(system))(position, rate, sideways, upwards, system, excess, room, out, now)
+    """Accelerations less the linear part at all nodes of an interval; see `integrators.collocation_remainders`."""
 
 
 def plain_jacobian(time: float, state: Any, system: Any, out: Any) -> None:
     """As `jacobian`, in plain Python: where one evaluation is wanted, compiling would cost seconds."""
     plain(_find("jacobian", type(system)))(time, state, system, out)
-
-
-def _class(system: Any) -> Any:
-    return system.instance_class if isinstance(system, types.NamedTuple | types.NamedUniTuple) else None
-
-
-@chosen_for(derivative)
-def _derivative(time: Any, state: Any, system: Any, out: Any) -> Any:
-    return plain(_find("derivative", _class(system)))
-
-
-@chosen_for(jacobian)
-def _jacobian(time: Any, state: Any, system: Any, out: Any) -> Any:
-    return plain(_find("jacobian", _class(system)))
-
-
-@chosen_for(energy)
-def _energy(state: Any, system: Any) -> Any:
-    return plain(_find("energy", _class(system)))
-
-
-@chosen_for(response)
-def _response(state: Any, index: Any, system: Any, out: Any) -> Any:
-    return plain(_find("response", _class(system)))
-
-
-@chosen_for(remainder)
-def _remainder(
-    position: Any, rate: Any, sideways: Any, upwards: Any, system: Any, excess: Any, room: Any, out: Any, now: Any
-) -> Any:
-    return plain(_find("remainder", _class(system)))

@@ -11,11 +11,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.core import types
 
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
-from synth.systems.choice import chosen_for
+from synth.systems.choice import or_none
 from synth.systems.dispatch import registered
 from synth.systems.restoring import Sine, height, pull, pull_slope
 from synth.systems.terms import driven, driven_slope, motion
@@ -48,16 +47,10 @@ class DrivenPendulums(NamedTuple):
         return 0
 
 
-def relative(acceleration: float | None, gravity: float) -> float | None:
+@or_none
+def relative(acceleration: Any, gravity: float) -> Any:
     """Acceleration over gravity; None stays None."""
-    return None if acceleration is None else acceleration / gravity
-
-
-@chosen_for(relative)
-def _relative(acceleration: Any, gravity: Any) -> Any:
-    if isinstance(acceleration, types.NoneType):
-        return lambda acceleration, gravity: None
-    return lambda acceleration, gravity: acceleration / gravity
+    return acceleration / gravity
 
 
 @registered("derivative", DrivenPendulums)

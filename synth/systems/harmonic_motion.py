@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from synth.kernels.compiled import kernel, summing_kernel
 from synth.phase import Floats
-from synth.systems.terms import term
+from synth.systems.dispatch import registered
 
 _TURN = Fraction("6.283185307179586476925286766559005768394338798750211641949889184615632812572")
 _SPLIT = 134217729.0  # 2^27 + 1: Veltkamp's constant for halves of 26 bits
@@ -54,13 +54,6 @@ def harmonics(amplitude: ArrayLike, angular_frequency: ArrayLike, phase: ArrayLi
     angle = [float(Fraction(float(value)) / _TURN % 1) for value in start]
     offset = np.array(angle)
     return Harmonics(np.array([size, parts[0], parts[1], parts[2], offset - np.rint(offset)]))
-
-
-def opposite(motion: Harmonics) -> Harmonics:
-    """The same motion the other way."""
-    table = motion.table.copy()
-    table[0] = -table[0]
-    return Harmonics(table)
 
 
 # Taylor series of cos and sin of 2 pi x for |x| <= 1/8, folded from |x| <= 1/2; the first term left out is below 1e-17
@@ -103,7 +96,11 @@ def _head(time: float) -> float:
     return scaled - (scaled - time)
 
 
-@term("motion", Harmonics)
+@registered("motion", Harmonics)
+def _motion(time: float, term: Harmonics) -> float:
+    return _level(time, term)  # a kernel, not taken in: its sums may be reordered
+
+
 @summing_kernel
 def _level(time: float, term: Harmonics) -> float:
     """Acceleration at `time`, m/s^2; the exact products are in kernels whose sums may not be reordered."""

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba.core import types
+from numba.extending import overload
 
-from synth.kernels.compiled import kernel
 from synth.phase import Floats
-from synth.systems.choice import chosen_for
+from synth.systems.choice import taken_in
 
 
 class Impulses(NamedTuple):
@@ -23,44 +22,27 @@ class Impulses(NamedTuple):
     """(impulses, pendulums) rad/s."""
 
 
-@kernel
-def _halt(kicks: Impulses, number: int, end: float) -> float:
+def kicks_of(system: Any) -> Any:
+    """The impulses of a system, or None."""
+    return getattr(system, "kicks", None)
+
+
+overload(kicks_of, strict=False)(
+    lambda system: (lambda system: system.kicks) if "kicks" in getattr(system, "fields", ()) else (lambda system: None)
+)
+
+
+@taken_in
+def halt(kicks: Impulses | None, number: int, end: float) -> float:
+    """Time of impulse `number`, or the end of the march if that is earlier."""
+    if kicks is None:
+        return end
     return min(end, (number + 1) * kicks.step) if number < kicks.rates.shape[0] else end
 
 
-@kernel
-def _jolt(kicks: Impulses, number: int, state: Floats) -> None:
-    for i in range(kicks.rates.shape[1]):
-        state[2 * i + 1] += kicks.rates[number, i]
-
-
-def halt(system: Any, number: int, end: float) -> float:
-    """Time of impulse `number`, or the end of the march if that is earlier."""
-    kicks = getattr(system, "kicks", None)
-    return end if kicks is None else _halt(kicks, number, end)
-
-
-def jolt(system: Any, number: int, state: Floats) -> None:
+@taken_in
+def jolt(kicks: Impulses | None, number: int, state: Floats) -> None:
     """Add impulse `number` to the state of a system whose first angle leads it."""
-    kicks = getattr(system, "kicks", None)
     if kicks is not None:
-        _jolt(kicks, number, state)
-
-
-def _has_kicks(system: Any) -> bool:
-    fields = getattr(system, "fields", ())
-    return "kicks" in fields and not isinstance(system.types[fields.index("kicks")], types.NoneType)
-
-
-@chosen_for(halt)
-def _halt_typed(system: Any, number: Any, end: Any) -> Any:
-    if _has_kicks(system):
-        return lambda system, number, end: _halt(system.kicks, number, end)
-    return lambda system, number, end: end
-
-
-@chosen_for(jolt)
-def _jolt_typed(system: Any, number: Any, state: Any) -> Any:
-    if _has_kicks(system):
-        return lambda system, number, state: _jolt(system.kicks, number, state)
-    return lambda system, number, state: None
+        for i in range(kicks.rates.shape[1]):
+            state[2 * i + 1] += kicks.rates[number, i]

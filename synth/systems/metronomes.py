@@ -14,14 +14,10 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.carried import weight
 from synth.systems.dispatch import registered
-from synth.systems.resistance import VanDerPolDrive
 from synth.systems.terms import driven, driven_slope, motion
 
 
@@ -133,24 +129,3 @@ def _response(state: Floats, index: int, system: Metronomes, out: Floats) -> Non
     for i in range(system.natural_frequency.size):
         out[2 * i + 1] = math.cos(state[2 * i]) * recoil
     out[2 * index + 1] += 1.0
-
-
-def pantaleone(detuning: ArrayLike, drive: float, drive_angle: float, coupling: float) -> Metronomes:
-    """Metronomes in Pantaleone's own form, time in radians of the mean metronome.
-
-    Parameters
-    ----------
-    detuning : (metronomes,)
-        D_i.
-    drive, drive_angle, coupling : float
-        mu, th0 in rad, b.
-
-    Examples
-    --------
-    >>> pantaleone([0.21, 0.0], 0.01, 0.39, 0.05).natural_frequency.tolist()
-    [1.1, 1.0]
-    """
-    frequencies = np.sqrt(1.0 + np.asarray(detuning, dtype=np.float64))
-    alike = np.ones(frequencies.size)
-    escapement = VanDerPolDrive(drive * alike, drive_angle * alike)
-    return Metronomes(frequencies, coupling, escapement)

@@ -16,9 +16,9 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from synth.phase import Floats
-from synth.systems.elastic_beam import ElasticBeam
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import VanDerPolDrive
+from synth.systems.yielding import ElasticBeam
 
 _ROUNDING = 1e-9
 

@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
-from synth.systems.terms import term
-
-Slopes = tuple[float, float]
+from synth.systems.dispatch import registered
+from synth.systems.terms import Slopes
 
 
 class Viscous(NamedTuple):
@@ -23,13 +22,13 @@ class Viscous(NamedTuple):
     """(pendulums,) gamma, 1/s."""
 
 
-@term("driven", Viscous)
+@registered("driven", Viscous)
 @kernel
 def _viscous(acceleration: float, index: int, angle: float, rate: float, term: Viscous) -> float:
     return acceleration - 2.0 * term.damping_rate[index] * rate
 
 
-@term("driven_slope", Viscous)
+@registered("driven_slope", Viscous)
 @kernel
 def _viscous_slope(slopes: Slopes, index: int, angle: float, rate: float, term: Viscous) -> Slopes:
     return slopes[0], slopes[1] - 2.0 * term.damping_rate[index]
@@ -42,13 +41,13 @@ class Quadratic(NamedTuple):
     """(pendulums,) c, 1/rad."""
 
 
-@term("driven", Quadratic)
+@registered("driven", Quadratic)
 @kernel
 def _quadratic(acceleration: float, index: int, angle: float, rate: float, term: Quadratic) -> float:
     return acceleration - term.coefficient[index] * abs(rate) * rate
 
 
-@term("driven_slope", Quadratic)
+@registered("driven_slope", Quadratic)
 @kernel
 def _quadratic_slope(slopes: Slopes, index: int, angle: float, rate: float, term: Quadratic) -> Slopes:
     return slopes[0], slopes[1] - 2.0 * term.coefficient[index] * abs(rate)
@@ -63,13 +62,13 @@ class KnifeEdge(NamedTuple):
     """(pendulums,) rate at which friction reaches 76 %, rad/s."""
 
 
-@term("driven", KnifeEdge)
+@registered("driven", KnifeEdge)
 @kernel
 def _knife_edge(acceleration: float, index: int, angle: float, rate: float, term: KnifeEdge) -> float:
     return acceleration - term.friction[index] * math.tanh(rate / term.scale[index])
 
 
-@term("driven_slope", KnifeEdge)
+@registered("driven_slope", KnifeEdge)
 @kernel
 def _knife_edge_slope(slopes: Slopes, index: int, angle: float, rate: float, term: KnifeEdge) -> Slopes:
     share = math.tanh(rate / term.scale[index])
@@ -85,14 +84,14 @@ class VanDerPolDrive(NamedTuple):
     """(pendulums,) S0/l_i, rad: below it the escapement drives, above it resists."""
 
 
-@term("driven", VanDerPolDrive)
+@registered("driven", VanDerPolDrive)
 @kernel
 def _van_der_pol(acceleration: float, index: int, angle: float, rate: float, term: VanDerPolDrive) -> float:
     share = angle / term.angle[index]
     return acceleration + term.rate[index] * (1.0 - share * share) * rate
 
 
-@term("driven_slope", VanDerPolDrive)
+@registered("driven_slope", VanDerPolDrive)
 @kernel
 def _van_der_pol_slope(slopes: Slopes, index: int, angle: float, rate: float, term: VanDerPolDrive) -> Slopes:
     share = angle / term.angle[index]

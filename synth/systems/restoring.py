@@ -10,9 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from numba.core import types
-
-from synth.systems.choice import chosen_for
+from synth.systems.dispatch import by_type, registered
 
 
 class Sine(NamedTuple):
@@ -40,7 +38,8 @@ class Linear(NamedTuple):
     """Unused: a tuple without fields does not compile."""
 
 
-def pull(angle: float, horizontal: float | None, vertical: float | None, restoring: Any) -> float:
+@by_type("restoring")
+def pull(angle: float, horizontal: float | None, vertical: float | None, restoring: Any) -> Any:
     """Angular acceleration towards the vertical, over n^2.
 
     Parameters
@@ -49,90 +48,63 @@ def pull(angle: float, horizontal: float | None, vertical: float | None, restori
         rad.
     horizontal, vertical : float or None
         Acceleration of the support over gravity.
-    restoring : Sine or Linear
+    restoring : Sine, SineFromTop or Linear
     """
-    if isinstance(restoring, SineFromTop):
-        return -math.sin(angle)
-    sine = isinstance(restoring, Sine)
-    back = math.sin(angle) if sine else angle
-    if vertical is not None:
-        back = (1.0 + vertical) * back
-    if horizontal is not None:
-        back = back + (horizontal * math.cos(angle) if sine else horizontal)
-    return back
 
 
-def pull_slope(angle: float, horizontal: float | None, vertical: float | None, restoring: Any) -> float:
+@by_type("restoring")
+def pull_slope(angle: float, horizontal: float | None, vertical: float | None, restoring: Any) -> Any:
     """Derivative of `pull` by the angle."""
-    if isinstance(restoring, SineFromTop):
-        return -math.cos(angle)
-    sine = isinstance(restoring, Sine)
-    slope = math.cos(angle) if sine else 1.0
-    if vertical is not None:
-        slope = (1.0 + vertical) * slope
-    if horizontal is not None and sine:
-        slope = slope - horizontal * math.sin(angle)
-    return slope
 
 
-def height(angle: float, restoring: Any) -> float:
+@by_type("restoring")
+def height(angle: float, restoring: Any) -> Any:
     """Potential energy over m l^2 n^2; `1 - cos` without its cancellation."""
-    if isinstance(restoring, SineFromTop):
-        return 2.0 * math.cos(0.5 * angle) ** 2
-    half = math.sin(0.5 * angle) if isinstance(restoring, Sine) else 0.5 * angle
-    return 2.0 * half * half
 
 
-def _absent(kind: Any) -> bool:
-    return isinstance(kind, types.NoneType)
+@registered("pull", Sine)
+def _pull(angle: float, horizontal: float | None, vertical: float | None, restoring: Sine) -> float:
+    back = math.sin(angle) if vertical is None else (1.0 + vertical) * math.sin(angle)
+    return back if horizontal is None else back + horizontal * math.cos(angle)
 
 
-@chosen_for(pull)
-def _pull(angle: Any, horizontal: Any, vertical: Any, restoring: Any) -> Any:
-    if restoring.instance_class is SineFromTop:
-        return lambda angle, horizontal, vertical, restoring: -math.sin(angle)
-    if restoring.instance_class is Sine:
-        if _absent(horizontal) and _absent(vertical):
-            return lambda angle, horizontal, vertical, restoring: math.sin(angle)
-        if _absent(horizontal):
-            return lambda angle, horizontal, vertical, restoring: (1.0 + vertical) * math.sin(angle)
-        if _absent(vertical):
-            return lambda angle, horizontal, vertical, restoring: math.sin(angle) + horizontal * math.cos(angle)
-        return lambda angle, horizontal, vertical, restoring: (
-            (1.0 + vertical) * math.sin(angle) + horizontal * math.cos(angle)
-        )
-    if _absent(horizontal) and _absent(vertical):
-        return lambda angle, horizontal, vertical, restoring: angle
-    if _absent(horizontal):
-        return lambda angle, horizontal, vertical, restoring: (1.0 + vertical) * angle
-    if _absent(vertical):
-        return lambda angle, horizontal, vertical, restoring: angle + horizontal
-    return lambda angle, horizontal, vertical, restoring: (1.0 + vertical) * angle + horizontal
+@registered("pull_slope", Sine)
+def _pull_slope(angle: float, horizontal: float | None, vertical: float | None, restoring: Sine) -> float:
+    slope = math.cos(angle) if vertical is None else (1.0 + vertical) * math.cos(angle)
+    return slope if horizontal is None else slope - horizontal * math.sin(angle)
 
 
-@chosen_for(pull_slope)
-def _pull_slope(angle: Any, horizontal: Any, vertical: Any, restoring: Any) -> Any:
-    if restoring.instance_class is SineFromTop:
-        return lambda angle, horizontal, vertical, restoring: -math.cos(angle)
-    if restoring.instance_class is Sine:
-        if _absent(horizontal) and _absent(vertical):
-            return lambda angle, horizontal, vertical, restoring: math.cos(angle)
-        if _absent(horizontal):
-            return lambda angle, horizontal, vertical, restoring: (1.0 + vertical) * math.cos(angle)
-        if _absent(vertical):
-            return lambda angle, horizontal, vertical, restoring: math.cos(angle) - horizontal * math.sin(angle)
-        return lambda angle, horizontal, vertical, restoring: (
-            (1.0 + vertical) * math.cos(angle) - horizontal * math.sin(angle)
-        )
-    if _absent(vertical):
-        return lambda angle, horizontal, vertical, restoring: 1.0
-    return lambda angle, horizontal, vertical, restoring: 1.0 + vertical
+@registered("height", Sine)
+def _height(angle: float, restoring: Sine) -> float:
+    return 2.0 * math.sin(0.5 * angle) * math.sin(0.5 * angle)
 
 
-@chosen_for(height)
-def _height(angle: Any, restoring: Any) -> Any:
-    if restoring.instance_class is SineFromTop:
-        return lambda angle, restoring: 2.0 * math.cos(0.5 * angle) * math.cos(0.5 * angle)
-    if restoring.instance_class is Sine:
-        return lambda angle, restoring: 2.0 * math.sin(0.5 * angle) * math.sin(0.5 * angle)
-    return lambda angle, restoring: 0.5 * angle * angle
+@registered("pull", SineFromTop)
+def _pull_at_top(angle: float, horizontal: None, vertical: None, restoring: SineFromTop) -> float:
+    return -math.sin(angle)
+
+
+@registered("pull_slope", SineFromTop)
+def _pull_slope_at_top(angle: float, horizontal: None, vertical: None, restoring: SineFromTop) -> float:
+    return -math.cos(angle)
+
+
+@registered("height", SineFromTop)
+def _height_at_top(angle: float, restoring: SineFromTop) -> float:
+    return 2.0 * math.cos(0.5 * angle) * math.cos(0.5 * angle)
+
+
+@registered("pull", Linear)
+def _pull_linear(angle: float, horizontal: float | None, vertical: float | None, restoring: Linear) -> float:
+    back = angle if vertical is None else (1.0 + vertical) * angle
+    return back if horizontal is None else back + horizontal
+
+
+@registered("pull_slope", Linear)
+def _pull_slope_linear(angle: float, horizontal: float | None, vertical: float | None, restoring: Linear) -> float:
+    return 1.0 if vertical is None else 1.0 + vertical
+
+
+@registered("height", Linear)
+def _height_linear(angle: float, restoring: Linear) -> float:
+    return 0.5 * angle * angle

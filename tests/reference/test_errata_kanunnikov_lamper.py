@@ -13,10 +13,10 @@ from synth.huygens.offset import daily_of_chi
 from synth.huygens.orbit import orbit, start_of
 from synth.huygens.paper import COUPLING, DAMPING, corrected, printed
 from synth.systems.dispatch import plain_jacobian
-from synth.systems.elastic_beam import ElasticBeam, _derivative, _energy
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.reduced_beam import _derivative as _reduced
 from synth.systems.resistance import VanDerPolDrive
+from synth.systems.yielding import ElasticBeam, _derivative, _energy
 
 M, MASS, LENGTH, STIFFNESS, G = 2.0, np.array([1.0, 0.7]), np.array([1.0, 0.9]), 150.0, 9.81
 BEAM = ElasticBeam(M, MASS, LENGTH, STIFFNESS, 0.0, G)

@@ -8,8 +8,7 @@ from made_films import SMALL, planned, rest
 
 from data_schemas.errors import UsageError
 from data_schemas.scene_film import Film
-from synth.film.dirt import Dirt
-from synth.film.stroke_kernel import draw_strokes
+from synth.film.dirt import Dirt, draw_strokes
 
 
 def soiled(film, rows=1024, first=0, plan=None):

@@ -7,25 +7,25 @@ import pytest
 from made_films import SMALL, planned, rest
 
 from data_schemas.scene_film import Film
-from synth.film.emulsion import density_of, develop, exposure_of, scan
+from synth.film.emulsion import develop, scan
 from synth.film.strips import blurred, quantised
+
+
+def developed(exposure, film):
+    image = np.array(exposure)[None]
+    paper = np.array([0]), np.array([image.size])
+    develop(image, *paper, np.array([film.fog]), 0.0, film.density_max, film.half_exposure, film.gamma)
+    return image[0]
 
 
 def test_the_curve_rises_from_the_fog_to_its_maximum():
     film = Film(fog=0.2, density_max=1.8, half_exposure=0.3, gamma=1.3)
-    density = density_of(np.logspace(-6, 6, 500), film)
+    density = developed(np.logspace(-6, 6, 500), film)
     assert np.all(np.diff(density) > 0)
     assert density[0] == pytest.approx(0.2, abs=1e-6)
     assert density[-1] == pytest.approx(1.8, abs=1e-6)
-    assert density_of(np.array([0.3]), film)[0] == pytest.approx(1.0)
-    assert density_of(np.array([0.0]), film)[0] == 0.2
-
-
-@pytest.mark.parametrize("gamma", [0.7, 1.5, 3.0])
-def test_the_inverse_of_the_curve(gamma):
-    film = Film(gamma=gamma)
-    exposure = np.logspace(-2, 1, 50)
-    np.testing.assert_allclose(exposure_of(density_of(exposure, film), film), exposure, rtol=1e-9)
+    assert developed([0.3], film)[0] == pytest.approx(1.0)
+    assert developed([0.0], film)[0] == 0.2
 
 
 def test_the_kernel_is_the_curve():
@@ -34,7 +34,9 @@ def test_the_kernel_is_the_curve():
     image = exposure.copy()
     all_of_it = np.array([0]), np.array([4])
     develop(image, *all_of_it, np.array([0.2]), 0.0, film.density_max, film.half_exposure, film.gamma)
-    np.testing.assert_allclose(image, density_of(exposure, film), rtol=1e-6)
+    with np.errstate(divide="ignore"):
+        curve = film.fog + (film.density_max - film.fog) / (1.0 + (film.half_exposure / exposure) ** film.gamma)
+    np.testing.assert_allclose(image, curve, rtol=1e-6)
     off_paper = exposure.copy()
     develop(off_paper, np.array([1]), np.array([3]), np.array([0.2]), 0.0, 1.5, 0.2, 2.0)
     assert off_paper[0, 0] == 0.0

@@ -9,11 +9,19 @@ import pytest
 
 from synth.huygens.balance import solutions
 from synth.huygens.clocks import Clocks
-from synth.huygens.locking import adler, edge, edge_of_balance, mean_beta, slip
+from synth.huygens.locking import edge, edge_of_balance, mean_beta, slip
 from synth.huygens.slow_flow import stability
 from synth.integrators.collocation_ensemble import integrate_ensemble
 
 PAIRS = [Clocks(0.02, 0.02, 5.7143e-5, (tau, tau)) for tau in (0.0, -0.0114, -0.03)]
+
+
+def adler(clocks: Clocks, chi: float, critical: float) -> float:
+    """Adler's mean |d psi/dz| beyond the edge, `[(1 + beta)/2] sqrt(chi^2 - chi_c^2)`; 0 below it.
+
+    By 2 to 8 % slower than the truth at delta0 = 0.02 and nu = 5.7e-5, even with the true edge.
+    """
+    return 0.5 * (1.0 + mean_beta(clocks)) * math.sqrt(max(chi * chi - critical * critical, 0.0))
 
 
 @pytest.mark.parametrize("clocks", PAIRS, ids=lambda each: f"{each.mean_detuning:g}")
@@ -53,7 +61,7 @@ def test_motion_of_system_2_locks_and_slips_as_said(clocks: Clocks) -> None:
         passed = np.interp([0.0, slips * math.pi], course, times[4000:])
         measured = slips * math.pi / (passed[1] - passed[0]) * math.sqrt(1.0 + mean_beta(clocks))
         assert slip(clocks, share * critical) == pytest.approx(measured, rel=0.02)
-        assert adler(clocks, share * critical) == pytest.approx(measured, rel=0.08)
+        assert adler(clocks, share * critical, critical) == pytest.approx(measured, rel=0.08)
 
 
 def test_no_slip_below_the_edge() -> None:

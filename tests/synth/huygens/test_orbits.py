@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from paper_criterion import paper_regime_holds
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.huygens.balance import Regime, solutions
@@ -14,7 +15,6 @@ from synth.huygens.flow import carried
 from synth.huygens.offset import chi_of_daily, daily_of_chi, orbit_slope, slope
 from synth.huygens.orbit import orbit, orbits, start_of
 from synth.huygens.paper import COUPLING, DAMPING, corrected
-from synth.huygens.slow_flow import paper_regime_holds
 from synth.huygens.symmetry import perturbed, symmetric
 from synth.integrators.collocation import integrate
 from synth.systems.reduced_beam import ReducedBeam

@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from synth.systems.elastic_beam import ElasticBeam
-from synth.systems.flexible_frame import FlexibleFrame
 from synth.systems.harmonic_motion import harmonics
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import VanDerPolDrive, Viscous
 from synth.systems.terms import together
+from synth.systems.yielding import ElasticBeam, FlexibleFrame
 
 LENGTHS = np.array([0.249, 0.2484])
 MASSES = np.array([0.3, 0.2, 0.25])

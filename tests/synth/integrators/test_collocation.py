@@ -15,12 +15,11 @@ from synth.integrators.collocation_remainders import excess_of, linear_part
 from synth.integrators.collocation_run import FINEST, Problem, run
 from synth.systems.dispatch import energy
 from synth.systems.driven_pendulums import plain
-from synth.systems.elastic_beam import ElasticBeam, stiffness_of_ratio
-from synth.systems.flexible_frame import FlexibleFrame
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive
 from synth.systems.terms import together
+from synth.systems.yielding import ElasticBeam, FlexibleFrame, stiffness_of_ratio
 
 EVERY = pytest.mark.parametrize("name", ["beam", "reduced", "frame", "metronomes"])
 

@@ -9,9 +9,9 @@ from collocation_cases import LENGTHS
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.collocation import integrate
 from synth.integrators.collocation_ensemble import integrate_ensemble, members_of
-from synth.systems.elastic_beam import ElasticBeam
 from synth.systems.metronomes import Metronomes
 from synth.systems.resistance import Quadratic, VanDerPolDrive
+from synth.systems.yielding import ElasticBeam
 
 DRIVE = VanDerPolDrive(np.full(2, 0.06), 0.0138 / LENGTHS)
 BEAMS = ElasticBeam(50.0, np.full(2, 0.25), LENGTHS, np.array([8000.0, 7000.0, 9000.0]), 0.25, 9.81, DRIVE)  # type: ignore[arg-type]

@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from synth.integrators.collocation_lanes import turned
+from synth.integrators.collocation_remainders import turned
 from synth.integrators.collocation_simd import LANES, load, positive, store, total, wide
 from synth.integrators.collocation_weights import aligned, weights
 from synth.kernels.collocation_remainder import NODES

@@ -8,16 +8,15 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+from pantaleone_board import pantaleone
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.events import crossings, escapement, integrate_with_events
 from synth.systems.dispatch import energy
 from synth.systems.driven_pendulums import DrivenPendulums, plain
-from synth.systems.elastic_beam import ElasticBeam
-from synth.systems.flexible_frame import FlexibleFrame
-from synth.systems.metronomes import pantaleone
 from synth.systems.resistance import Viscous
 from synth.systems.restoring import Linear, SineFromTop
+from synth.systems.yielding import ElasticBeam, FlexibleFrame
 
 
 def exact_period(amplitude: float | str) -> float:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pantaleone_board import pantaleone
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.explicit import integrate
@@ -14,15 +15,13 @@ from synth.integrators.explicit_error import LOOSEST
 from synth.integrators.explicit_run import run
 from synth.systems.dispatch import energy
 from synth.systems.driven_pendulums import DrivenPendulums, plain
-from synth.systems.elastic_beam import ElasticBeam, stiffness_of_ratio
-from synth.systems.flexible_frame import FlexibleFrame
 from synth.systems.harmonic_motion import harmonics
-from synth.systems.metronomes import pantaleone
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive, Viscous
 from synth.systems.restoring import Linear
 from synth.systems.terms import together
 from synth.systems.van_der_pol import VanDerPol
+from synth.systems.yielding import ElasticBeam, FlexibleFrame, stiffness_of_ratio
 
 LENGTHS = np.array([0.249, 0.2484])
 BEAM_A = ReducedBeam(0.02, 0.02, 7.142857142857e-6, np.array([-0.01139, -0.01141]))

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from data_schemas.errors import RefusedError, UsageError
-from synth.integrators.events import crossings, escapement, integrate_with_events
+from synth.integrators.events import crossings, escapement, integrate_with_events, stream
 from synth.integrators.explicit import integrate
-from synth.integrators.explicit_stream import stream
 from synth.systems.driven_pendulums import DrivenPendulums, plain
 from synth.systems.resistance import Viscous
 

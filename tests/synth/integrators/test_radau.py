@@ -11,16 +11,15 @@ import pytest
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators import radau, radau_march
-from synth.integrators.radau import integrate
-from synth.integrators.radau_dense import differences
-from synth.integrators.radau_orders import part_step
-from synth.integrators.radau_pair import Problem, Run, swing_of_bobs
+from synth.integrators.radau import Problem, Run, integrate, swing_of_bobs
+from synth.integrators.radau_dense import differences, part_step
+from synth.integrators.radau_newton import Work
 from synth.phase import Floats
 from synth.systems.driven_pendulums import plain
-from synth.systems.elastic_beam import ElasticBeam
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.van_der_pol import VanDerPol
+from synth.systems.yielding import ElasticBeam
 from tests.synth.integrators.conftest import Cliff, Linear
 
 INTERPRETED = pytest.mark.skipif(
@@ -153,7 +152,7 @@ def test_a_part_step_that_cannot_be_solved_says_so() -> None:
     for slopes, time in ((np.full(1, np.nan), 0.0), (np.zeros(1), 1.0)):
         turns = part_step(
             s, time, 0.5, 0.5, state, scale, 1e-9, slopes, (0,), polynomial,
-            z, f, g, point, slope, stack, exchanges, Cliff(0.5),
+            Work(z, f, g, stack, exchanges, point, slope), Cliff(0.5),
         )  # fmt: skip
         assert turns == 0
 

@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from synth.integrators.radau import integrate
-from synth.integrators.radau_pair import Problem, swing_of_bobs
+from synth.integrators.radau import Problem, integrate, swing_of_bobs
 from synth.phase import Floats
 from synth.systems.driven_pendulums import DrivenPendulums
-from synth.systems.elastic_beam import ElasticBeam, stiffness_of_ratio
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import KnifeEdge, VanDerPolDrive, Viscous
 from synth.systems.restoring import Sine
 from synth.systems.van_der_pol import VanDerPol
+from synth.systems.yielding import ElasticBeam, stiffness_of_ratio
 
 pytestmark = [pytest.mark.campaign, pytest.mark.compiled]
 

@@ -10,7 +10,7 @@ import pytest
 
 from synth.integrators.radau_dense import differences, evaluate, extrapolate
 from synth.integrators.radau_linear import factor, factor_pair, solve, solve_pair
-from synth.integrators.radau_newton import DIVERGED, NOT_FINITE, SOLVED, collocate, prepare
+from synth.integrators.radau_newton import DIVERGED, NOT_FINITE, SOLVED, Work, collocate, prepare
 from synth.phase import Floats
 from synth.systems.dispatch import jacobian
 from synth.systems.driven_pendulums import plain
@@ -20,31 +20,22 @@ from tests.synth.integrators.conftest import Cliff, Linear
 STAGES = pytest.mark.parametrize("stages", [3, 5, 7])
 
 
-def _space(stages: int, n: int) -> tuple[Any, ...]:
-    return (
-        np.zeros(stages * n),
-        np.zeros(stages * n),
-        np.zeros(stages * n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(stages * n * n),
-        np.zeros(stages * n, dtype=np.int64),
-    )
+def _space(stages: int, n: int) -> Work:
+    z, f, g = (np.zeros(stages * n) for _ in range(3))
+    return Work(z, f, g, np.zeros(stages * n * n), np.zeros(stages * n, dtype=np.int64), np.zeros(n), np.zeros(n))
 
 
 def _step(system: Any, time: float, state: Floats, step: float, stages: int) -> tuple[int, Floats]:
     """Outcome and increments at the nodes of one step solved to rounding."""
     n = state.size
     count, size = (0,) * stages, (0,) * n
-    z, f, g, point, slope, stack, exchanges = _space(stages, n)
+    work = _space(stages, n)
     slopes = np.zeros((n, n))
     jacobian(time, state, system, slopes)
-    assert prepare(step, slopes.ravel(), count, size, stack, exchanges)
+    assert prepare(step, slopes.ravel(), count, size, work)
     scale = 1.0 / np.maximum(np.abs(state), 1e-3)
-    outcome, _, _ = collocate(
-        time, step, state, scale, 1e-15, count, size, z, f, g, point, slope, stack, exchanges, system
-    )
-    return outcome, z.reshape(stages, n)
+    outcome, _, _ = collocate(time, step, state, scale, 1e-15, count, size, work, system)
+    return outcome, work.z.reshape(stages, n)
 
 
 @pytest.mark.parametrize("n", [1, 3, 6])

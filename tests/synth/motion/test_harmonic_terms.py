@@ -7,8 +7,7 @@ import pytest
 
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion
 from synth.motion.harmonic_sum import add
-from synth.motion.harmonics import harmonics
-from synth.motion.near_resonant import near_resonant
+from synth.motion.harmonics import harmonics, near_resonant
 
 
 def test_period_and_angular_frequency_say_the_same() -> None:

@@ -13,8 +13,7 @@ from picard_cases import GRAVITY, HEAVE, STILL, SWELL, N, make, motion
 from data_schemas.errors import RefusedError
 from data_schemas.scene_pendulum import StateStart
 from synth.motion.harmonic_sum import HarmonicSum
-from synth.pendulums.linear import respond
-from synth.pendulums.starting import start_state
+from synth.pendulums.linear import respond, start_state
 from synth.propagators import picard, picard_error, picard_march
 from synth.propagators.even import EvenTimes
 from synth.propagators.uneven import UnevenTimes

@@ -11,8 +11,7 @@ from scipy.integrate import solve_ivp
 
 from data_schemas.scene_pendulum import FreeStart
 from synth.motion.harmonic_sum import HarmonicSum
-from synth.pendulums.linear import respond
-from synth.pendulums.starting import start_state
+from synth.pendulums.linear import respond, start_state
 from synth.propagators.even import EvenTimes
 from synth.propagators.picard import PicardPlan
 from synth.propagators.uneven import UnevenTimes

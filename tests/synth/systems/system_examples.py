@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from pantaleone_board import pantaleone
 
 from synth.phase import Floats
 from synth.systems.driven_pendulums import DrivenPendulums
-from synth.systems.elastic_beam import ElasticBeam
-from synth.systems.flexible_frame import FlexibleFrame
-from synth.systems.harmonic_motion import harmonics, opposite
-from synth.systems.metronomes import Metronomes, pantaleone
+from synth.systems.harmonic_motion import Harmonics, harmonics
+from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive, Viscous
 from synth.systems.restoring import Linear, Sine
 from synth.systems.terms import together
+from synth.systems.yielding import ElasticBeam, FlexibleFrame
 
 FREQUENCY = np.array([6.2, 6.3, 5.9])
 LENGTH = np.array([0.25, 0.24, 0.3])
@@ -56,6 +56,13 @@ def state_for(system: Any, seed: int = 3) -> Floats:
     """A random state of ordinary size."""
     size = system.first_angle + 2 * 3
     return np.random.default_rng(seed).normal(size=size) * 0.4
+
+
+def opposite(motion: Harmonics) -> Harmonics:
+    """The same motion the other way."""
+    table = motion.table.copy()
+    table[0] = -table[0]
+    return Harmonics(table)
 
 
 def mirrored(system: Any, state: Floats) -> tuple[Any, Floats]:

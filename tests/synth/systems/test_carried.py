@@ -14,9 +14,8 @@ from test_equations import slope
 
 from synth.phase import Floats
 from synth.systems.carried import carried, weight
-from synth.systems.elastic_beam import ElasticBeam
-from synth.systems.flexible_frame import FlexibleFrame
 from synth.systems.terms import motion
+from synth.systems.yielding import ElasticBeam, FlexibleFrame
 
 NOW = 0.7
 SWAY = [(1.2, 0.7, 0.3), (0.4, 5.1, 1.0)]

@@ -10,11 +10,10 @@ import pytest
 from system_examples import SYSTEMS, state_for
 
 from synth.systems.driven_pendulums import DrivenPendulums, plain
-from synth.systems.elastic_beam import ElasticBeam, stiffness_of_ratio
-from synth.systems.flexible_frame import FlexibleFrame
 from synth.systems.rates import fastest_rate
 from synth.systems.resistance import KnifeEdge, VanDerPolDrive, Viscous
 from synth.systems.van_der_pol import VanDerPol
+from synth.systems.yielding import ElasticBeam, FlexibleFrame, stiffness_of_ratio
 
 
 def test_a_plain_pendulum_is_as_fast_as_it_swings() -> None:

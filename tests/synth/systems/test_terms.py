@@ -7,10 +7,10 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from system_examples import DRIVE, KNIFE, QUADRATIC, UPWARDS, VISCOUS
+from system_examples import DRIVE, KNIFE, QUADRATIC, UPWARDS, VISCOUS, opposite
 
 from synth.kernels.compiled import kernel
-from synth.systems.harmonic_motion import Harmonics, harmonics, opposite
+from synth.systems.harmonic_motion import Harmonics, harmonics
 from synth.systems.terms import Both, driven, driven_slope, motion, together
 
 

@@ -341,9 +341,14 @@ def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:
 
 def mean_gravity(solution: Solution, duration: float) -> tuple[float, float]:
     """Mean of gravity over the record over reference gravity, and its 1 sigma."""
-    row = weights(solution.constants, np.linspace(0.0, duration, 512)).mean(axis=0)
+    row = mean_row(solution, duration)
     values = np.array([each.value for each in solution.constants])
     return float(row @ values), float(np.sqrt(row @ solution.covariance @ row))
+
+
+def mean_row(solution: Solution, duration: float) -> Floats:
+    """Row that gives this mean from the constants, (c,)."""
+    return np.asarray(weights(solution.constants, np.linspace(0.0, duration, 512)).mean(axis=0))
 
 
 def unexplained(fit: Fitted) -> float:

@@ -13,6 +13,7 @@ from pipeline.joint.explanation import grown
 from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import GATE, OUTLIER, better, heard_again, isolated, smoothed, standing
 from pipeline.joint.problem import Assumed
+from pipeline.joint.rounding import change_by_rounding
 
 SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate, when this is known; s-1
 
@@ -84,7 +85,11 @@ def reduce(gathered: Gathered) -> Outcome:
     mean, sigma = choice.averaged(fit, close)
     if not fit.model.assumed.sine:
         fit = explanation.fitted(fit.model, fit.path, smooth=True)
-    sigma = float(np.sqrt(sigma**2 + gathered.heave_doubt**2 + fit.doubt**2))
+    rounding = 0.0
+    if gathered.problem.steps.any():
+        rounding = change_by_rounding(fit, choice.mean_row(fit.solution, fit.model.problem.lattice.duration))
+    mean -= rounding
+    sigma = float(np.sqrt(sigma**2 + gathered.heave_doubt**2 + fit.doubt**2 + (ROUNDED * rounding) ** 2))
     spread = choice.unexplained(fit)
     if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:
         raise RefusedError(
@@ -148,6 +153,7 @@ CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law expla
 MOTION = "motion"  # in the words of a component of the ship
 DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
 MOST_SPREAD = 30.0
+ROUNDED = 0.3  # of the change by rounding, to which it is known
 MOST_SIGMA = 1e-3  # over gravity: a sigma of a gal says that no swing at the stated period was followed
 
 

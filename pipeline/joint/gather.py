@@ -161,7 +161,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
             _far(lattice.trace, lattice.value, series.shape[0]),
             spline,
             _track(known, all_times, lattice),
-            bool(steps.any()),
+            steps,
         ),
         labels,
         traces,

@@ -127,7 +127,7 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
         if not any(line.axis == each.axis and abs(np.log(line.peak / each.peak)) < SAME_LINE for each in near):
             near.append(line)
             lines.append(line)
-    upright = model.problem.leaves_heave_open(model.assumed.sine) and not model.problem.rounded
+    upright = model.problem.leaves_heave_open(model.assumed.sine) and not model.problem.steps.any()
     steady = _steady(fit) if upright else None
     known = [each for each in near if isinstance(each, Engine)]
     if steady and not any(abs(steady.peak - each.peak) < 2.0 * each.damping for each in known):
@@ -215,7 +215,7 @@ def _lines(fit: Fitted) -> Iterator[Component]:
     """
     problem, lattice = fit.model.problem, fit.model.problem.lattice
     swing, two = problem.swing, 2 * problem.pendulums
-    vertical = problem.leaves_heave_open(fit.model.assumed.sine)
+    vertical = problem.leaves_heave_open(fit.model.assumed.sine) and not problem.steps.any()
     arcs = np.std(fit.path[:, :two:2] @ lattice.combination.T, axis=0)
     every = [_scaled_errors(fit, trace) for trace in range(problem.traces)]
     dense = [j for j, each in enumerate(every) if each[0].size and each[0].size == max(each[0].size for each in every)]

@@ -72,8 +72,8 @@ class Problem:
         The same recording at any times since the first node, s.
     track : (k, 3) array
         Known change of gravity along the track, from its mean, over reference gravity, at the nodes; empty: none.
-    rounded : bool
-        Whether readings were rounded to few values, which leaves lines of its own.
+    steps : (t,) array
+        rad, to which samples were rounded, which leaves lines of its own; 0: not so that it shows.
     """
 
     lattice: Lattice
@@ -84,7 +84,7 @@ class Problem:
     left_out: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     heave: Callable[[Floats], Floats] | None = None
     track: Floats = field(default_factory=lambda: np.zeros((0, 3)))
-    rounded: bool = False
+    steps: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def pendulums(self) -> int:

@@ -1,0 +1,52 @@
+"""What rounding of the samples to few values does to gravity.
+
+Its errors follow the swing, and hang together while the arcs change by less than a step: they are no noise, though they
+pass for it. They are known once the path is: samples of the fitted path, rounded and fitted alike, show the change.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint import kinds
+from pipeline.joint.constants import total
+from pipeline.joint.explanation import Fitted, fitted
+
+
+def change_by_rounding(fit: Fitted, gravity: Floats) -> float:
+    """Change of gravity over reference gravity that rounding has made.
+
+    Parameters
+    ----------
+    fit : Fitted
+    gravity : (c,) array
+        Row that gives gravity from the constants.
+    """
+    problem, lattice = fit.model.problem, fit.model.problem.lattice
+    own = np.flatnonzero(lattice.trace < problem.traces)
+    trace = lattice.trace[own]
+    exact = _path_at(fit, lattice.time[own], trace) + total(fit.model.constants, kinds.ZERO, problem.traces + 2)[trace]
+    step = problem.steps[trace]
+    rounded = np.where(step > 0.0, np.rint(exact / np.maximum(step, 1e-300)) * step, exact)
+    found = []
+    for values in (rounded, exact):
+        value = lattice.value.copy()
+        value[own] = values
+        again = replace(fit.model, problem=replace(problem, lattice=replace(lattice, value=value)))
+        found.append(fitted(again, fit.path, most=1).solution.constants)
+    return float(sum(row * (a.value - b.value) for row, a, b in zip(gravity, *found, strict=True)))
+
+
+def _path_at(fit: Fitted, time: Floats, trace: np.ndarray) -> Floats:
+    """What traces show of the path at times, (r,)."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    lattice, found = fit.model.problem.lattice, np.zeros(time.size)
+    nodes = lattice.step * np.arange(lattice.nodes)
+    for i in range(fit.model.problem.pendulums):
+        angle = CubicHermiteSpline(nodes, fit.path[:, 2 * i], fit.path[:, 2 * i + 1])
+        found += lattice.combination[trace, i] * angle(time)
+    return found

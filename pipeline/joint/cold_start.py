@@ -11,7 +11,7 @@ from pipeline.joint import apparatus, explanation, kinds, spectrum
 from pipeline.joint.constants import Constant, starts
 from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import COARSE_GATE, GATE, MOST_FITS, deviation, smoothed, standing
-from pipeline.joint.problem import NONE2, Assumed, Problem
+from pipeline.joint.problem import NO_PATH, Assumed, Problem
 from pipeline.joint.ship import Component, Sea, Vibration
 
 STAGES = (25.0, 100.0, 400.0)  # s: stretches on which a cold start is followed
@@ -88,7 +88,7 @@ def cold_start(problem: Problem, assumed: Assumed, first: tuple[Constant, ...]) 
     # what shakes one trace all along is not wild
     scatter = [deviation(errors[part.lattice.trace == j]) for j in range(rough.noise.size)]
     rough = replace(rough, kick=assumed.kick + ROUGH_KICK, noise=rough.noise * scatter)
-    return smoothed(problem, rough, narrowed(constants), NONE2, 2.0 * GATE, most=1)
+    return smoothed(problem, rough, narrowed(constants), NO_PATH, 2.0 * GATE, most=1)
 
 
 def again(begun: explanation.Fitted) -> explanation.Fitted:
@@ -115,7 +115,7 @@ def mirrored(begun: explanation.Fitted) -> list[explanation.Fitted]:
         else each
         for each in constants
     )
-    return [smoothed(model.problem, model.assumed, constants, NONE2)]
+    return [smoothed(model.problem, model.assumed, constants, NO_PATH)]
 
 
 def followed(

@@ -118,7 +118,7 @@ def grown(path: Floats, pendulums: int, ship: tuple[Component, ...]) -> Floats:
     size = 2 * pendulums + sum(each.system()[1].size for each in ship)
     if size == path.shape[1]:
         return path
-    out = np.zeros((path.shape[0], size))
+    out = np.zeros((path.shape[0], size), dtype=path.dtype)
     kept = min(size, path.shape[1])
     out[:, :kept] = path[:, :kept]
     return out

@@ -66,8 +66,9 @@ def follow(
     """What a path is at the nodes of the steps from node k on, and at their ends beside the flow; see `join_ends`."""
     count = min(along.shape[0], end - k)
     last = min(count, about.shape[0] - k - 1)
-    np.dot(about[k : k + count], to_nodes, along[:count])
-    away[:last] = np.dot(about[k + 1 : k + 1 + last], ends) - np.dot(about[k : k + last], onward)
+    path = about[k : k + along.shape[0] + 1].astype(np.float64)
+    np.dot(path[:count], to_nodes, along[:count])
+    away[:last] = np.dot(path[1 : last + 1], ends) - np.dot(path[:last], onward)
 
 
 @kernel

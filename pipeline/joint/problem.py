@@ -17,6 +17,7 @@ from pipeline.joint.lattice import Lattice
 from pipeline.joint.ship import Component, Ship
 
 NONE2, NONE3 = np.zeros((0, 0)), np.zeros((0, 0, 0))
+NO_PATH = NONE2.astype(np.float32)
 NOTHING_KEPT = passes.Kept(NONE3, NONE3, np.zeros(0, dtype=np.int64), NONE2, NONE2, NONE2)
 FADING = (kinds.DRY, kinds.FADE)  # the first's centre, and a change of it
 LEVEL = 0.5  # of one pendulum's answer to the ship
@@ -188,7 +189,7 @@ class Problem:
         constants: tuple[Constant, ...],
         *,
         span: tuple[int, int] | None = None,
-        about: Floats = NONE2,
+        about: Floats = NO_PATH,
         gate: float = 0.0,
         root: Floats | None = None,
     ) -> tuple[Solution, passes.Pass]:
@@ -219,7 +220,7 @@ class Problem:
         assumed: Assumed,
         constants: tuple[Constant, ...],
         *,
-        about: Floats = NONE2,
+        about: Floats = NO_PATH,
         gate: float = 0.0,
         root: Floats | None = None,
         smooth: bool = True,
@@ -238,28 +239,31 @@ class Problem:
         reading = 2 * size + width if smooth else width
         stretch = max(1, KEPT // (8 * (smoothing + reading * -(-self.lattice.node.size // nodes))))
         begins = list(range(0, nodes, stretch))
-        keep = sweep.room(0, min(stretch, nodes), smooth=smooth)
+        keep = sweep.room(min(stretch, nodes), smooth=smooth)
         states = []
         for begin in begins:
             states.append((of.state.copy(), of.covariance.copy()))
             sweep.go(begin, min(begin + stretch, nodes), keep if len(begins) == 1 else NOTHING_KEPT)
         solution = sweep.solution(constants, root)
         change = np.append(solution.step, 1.0)
-        adjoint, path = np.zeros(of.state.shape[0]), np.zeros((nodes if smooth else 0, of.state.shape[0]))
+        adjoint, path = np.zeros(size), np.zeros((nodes if smooth else 0, size), dtype=np.float32)
+        smoothed = np.empty((min(stretch, nodes) if smooth else 0, size))
         for begin, (state, covariance) in zip(reversed(begins), reversed(states), strict=True):
             end = min(begin + stretch, nodes)
+            first, last = sweep.readings.first[[begin, end]]
             if len(begins) > 1:  # gone through again, and kept this time
-                keep = sweep.room(begin, end, smooth=smooth)
                 sums = np.zeros_like(of.normal), np.zeros_like(of.totals)
                 again = of._replace(state=state.copy(), covariance=covariance.copy(), normal=sums[0], totals=sums[1])
+                keep.errors[:] = np.nan
                 replace(sweep, of=again).go(begin, end, keep)
-            of.whitened[sweep.readings.first[begin] : sweep.readings.first[end]] = keep.errors @ change
+            of.whitened[first:last] = keep.errors[: last - first] @ change
             if smooth:
                 pushed = np.append(change[:-1][sweep.forced], 1.0)
                 smoother.smooth(
                     sweep.flow, sweep.readings, sweep.breaks, begin, end, pushed, state @ change, covariance,
-                    of.whitened, keep, adjoint, path,
+                    of.whitened, keep, adjoint, smoothed,
                 )  # fmt: skip
+                path[begin:end] = smoothed[: end - begin]
         if not smooth:
             return solution, of, about
         if not np.abs(path[:, : 2 * self.pendulums : 2]).max() < FARTHEST:
@@ -288,7 +292,15 @@ class Problem:
             breaks=np.array(sorted(assumed.breaks), dtype=np.int64).reshape(-1, 2),
             gate=gate,
             gain=self.gain(constants),
-            of=passes.Pass(state, covariance, np.zeros((width, width)), np.zeros(3), *np.full((3, count), np.nan)),
+            of=passes.Pass(
+                state,
+                covariance,
+                np.zeros((width, width)),
+                np.zeros(3),
+                np.full(count, np.nan),
+                np.full(count, np.nan, dtype=np.float32),
+                np.full(count, np.nan, dtype=np.float32),
+            ),
         )
 
 
@@ -351,11 +363,12 @@ class _Sweep:
             of, span = self.readings, slice(self.readings.first[begin], self.readings.first[end])
             self.of.totals[0] += np.sum(np.log1p(self.gain)[of.trace[span]][np.isfinite(of.variance[span])])
 
-    def room(self, begin: int, end: int, *, smooth: bool) -> passes.Kept:
-        """For the errors of a stretch, and what the smoother needs of it."""
+    def room(self, nodes: int, *, smooth: bool) -> passes.Kept:
+        """For the errors of stretches of so many nodes, and what the smoother needs of them."""
         size, width = self.of.state.shape
-        count, rows = end - begin, int(self.readings.first[end] - self.readings.first[begin])
-        many, all_rows = (count, rows) if smooth else (0, 0)
+        first = self.readings.first
+        rows = int(np.max(first[nodes:] - first[: first.size - nodes]))
+        many, all_rows = (nodes, rows) if smooth else (0, 0)
         return passes.Kept(
             np.empty((many if self.bent else min(many, 1), 2 * self.flow.kappa.size, size)),
             np.empty((many, int(self.forced.sum()) + 2, 2 * self.flow.kappa.size)),

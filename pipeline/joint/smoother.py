@@ -42,8 +42,8 @@ def smooth(
         Prediction errors at the changed constants.
     adjoint : (d,) array, changed
         Of the predicted state behind the stretch; of its first node on return.
-    path : (k, d) array, out
-        Smoothed states; rows `begin` to `end` are written.
+    path : (s, d) array, out
+        Smoothed states.
     """
     two, size = keep.swing.shape[1], adjoint.size
     ahead, later = flow.rows[flow.rows.shape[0] - size + two :].copy(), np.zeros(size)
@@ -52,8 +52,8 @@ def smooth(
             step_back(keep, k - begin, ahead, adjoint, later)
         gather_readings(readings, k, begin, whitened, keep, adjoint, later)
         for q in range(size):
-            path[k, q] = adjoint[q]
-    at_break, driven, onward = 0, np.dot(path[begin:end], flow.noise), np.zeros_like(ahead)
+            path[k - begin, q] = adjoint[q]
+    at_break, driven, onward = 0, np.dot(path[: end - begin], flow.noise), np.zeros_like(ahead)
     onward[:, two:] = ahead[:, two:].T
     for r in range(size):
         for q in range(size):
@@ -62,13 +62,13 @@ def smooth(
         while at_break < breaks.shape[0] and breaks[at_break, 0] <= k:
             if breaks[at_break, 0] == k:
                 i = breaks[at_break, 1]
-                state[2 * i] += ANYWHERE**2 * path[k, 2 * i]
-                state[2 * i + 1] += flow.kappa[i] * ANYWHERE**2 * path[k, 2 * i + 1]
+                state[2 * i] += ANYWHERE**2 * path[k - begin, 2 * i]
+                state[2 * i + 1] += flow.kappa[i] * ANYWHERE**2 * path[k - begin, 2 * i + 1]
             at_break += 1
         for q in range(size):
-            path[k, q] = state[q]
+            path[k - begin, q] = state[q]
         if k + 1 < end:
-            step_on(keep, k - begin, onward, driven, pushed, path, k, state, later)
+            step_on(keep, k - begin, onward, driven, pushed, path, state, later)
 
 
 @summing_kernel
@@ -91,18 +91,17 @@ def step_on(
     driven: Floats,
     pushed: Floats,
     path: Floats,
-    k: int,
     state: Floats,
     before: Floats,
 ) -> None:
-    """The smoothed state of the next node, (d,), from that of node k, and what drives it.
+    """The smoothed state of the next node, (d,), from that of node s, and what drives it.
 
     The next node's adjoint is in `path` still; `driven` holds what the noise makes of all.
     """
     two, size, last = keep.swing.shape[1], state.size, keep.push.shape[1] - 1
     impulse = 0.0
     for q in range(two):
-        impulse += keep.push[s, last, q] * path[k + 1, q]
+        impulse += keep.push[s, last, q] * path[s + 1, q]
     for q in range(size):
         before[q], state[q] = state[q], driven[s + 1, q]
     for r in range(two):

@@ -51,7 +51,8 @@ def _errors_by_frequency(fit: Fitted, trace: int, taper: int) -> tuple[Floats, F
 
     lattice = fit.model.problem.lattice
     used = lattice.of_trace[trace]
-    used = used[np.isfinite(fit.of.whitened[used])]
+    known = np.isfinite(fit.of.whitened[used])
+    used = used if known.all() else used[known]
     if used.size < LEAST_READINGS:
         return np.zeros(0), np.zeros(0), used
     time, step = lattice.time[used], lattice.spacing[trace]

@@ -16,6 +16,7 @@ from pipeline.joint.calm import WINDOW, is_calm
 from pipeline.joint.flow import NODES
 from pipeline.joint.lattice import Lattice, lay
 from pipeline.joint.problem import Problem
+from pipeline.joint.spectrum import folded
 from pipeline.ledger import eotvos
 from pipeline.observation import instrument
 
@@ -197,6 +198,8 @@ def _told_apart(series: Floats) -> Floats:
 def _moving(time: Floats, series: Floats, swing: float, names: tuple[str, ...]) -> tuple[Floats, tuple[str, ...]]:
     """Traces, (t, n), without what shows neither swing nor sway for two windows and more; and that in words."""
     out, words = series.copy(), []
+    if folded(swing, float(np.median(np.diff(time)))) * WINDOW < 2.0 * np.pi:
+        return out, ()  # samples so sparse show a swing that is nearly still
     least = STILL * float(np.nanmax(np.nanvar(series[np.isfinite(series).any(axis=1)], axis=1)))
     bounds = np.searchsorted(time, np.arange(time[0], time[-1], WINDOW))
     stretches = [slice(a, b) for a, b in zip(bounds, [*bounds[1:], time.size], strict=True)]

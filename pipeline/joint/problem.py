@@ -263,12 +263,10 @@ class Problem:
                     sweep.flow, sweep.readings, sweep.breaks, begin, end, pushed, state @ change, covariance,
                     of.whitened, keep, adjoint, smoothed,
                 )  # fmt: skip
+                if not np.abs(smoothed[: end - begin, : 2 * self.pendulums : 2]).max() < FARTHEST:
+                    raise np.linalg.LinAlgError("the path runs away")
                 path[begin:end] = smoothed[: end - begin]
-        if not smooth:
-            return solution, of, about
-        if not np.abs(path[:, : 2 * self.pendulums : 2]).max() < FARTHEST:
-            raise np.linalg.LinAlgError("the path runs away")
-        return solution, of, path
+        return solution, of, path if smooth else about
 
     def _sweep(self, assumed: Assumed, constants: tuple[Constant, ...], about: Floats, gate: float) -> _Sweep:
         ship = Ship.of(assumed.ship)
@@ -298,7 +296,7 @@ class Problem:
                 np.zeros((width, width)),
                 np.zeros(3),
                 np.full(count, np.nan),
-                np.full(count, np.nan, dtype=np.float32),
+                np.full(count, np.nan),
                 np.full(count, np.nan, dtype=np.float32),
             ),
         )

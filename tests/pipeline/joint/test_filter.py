@@ -101,6 +101,7 @@ def test_likelihood_and_path_are_those_of_one_dense_gaussian(lost: tuple[int, ..
         Constant("ratio", kinds.RATIO, 1.0, index=1),
         Constant("knock", kinds.KNOCK, 1.0, index=1, value=0.01, centre=0.5),
         Constant("dry", kinds.DRY, 1.0, value=1e-3, centre=0.02),
+        Constant("fade", kinds.FADE, 1.0, value=0.02),
     ],
     ids=lambda constant: constant.name,
 )
@@ -110,6 +111,8 @@ def test_derivatives_are_those_of_the_prediction_errors(constant: Constant, sine
     plain = tuple(each for each in constants() if (each.kind, each.index) != (constant.kind, constant.index))
     if constant.name == "hat":
         plain = constants()
+    if constant.name == "fade":
+        plain = (*plain, Constant("dry", kinds.DRY, 1.0, value=1e-3))
     whole = (*plain, constant)
 
     def errors(value: float) -> np.ndarray:

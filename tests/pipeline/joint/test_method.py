@@ -16,8 +16,11 @@ from data_schemas.scene_checks import lightening
 from pipeline import process, summaries
 from pipeline.benchmarks.honesty.case import Case
 from pipeline.benchmarks.honesty.records import of_case
+from pipeline.benchmarks.honesty.records import record as honesty_record
+from pipeline.joint import choice
 from pipeline.joint.cold_start import Begun
 from pipeline.joint.gather import gather
+from pipeline.joint.outliers import isolated
 
 GRAVITY = 9.8123
 
@@ -237,3 +240,38 @@ def test_a_knock_is_found_and_named_not_taken_for_kicks() -> None:
     assert "knock of a pendulum" in found["choice_reason"]
     assert found["gravity_sigma_mgal"] < 0.02
     assert abs(in_sigmas(found, made.gravity)) < 3.5
+
+
+@pytest.mark.parametrize(
+    ("kind", "strength", "seed", "most"),
+    [
+        ("quantisation", "middle", 1, 1.0),  # -24 mGal: rounding follows the swing
+        ("knife-edge damping", "strong", 7, 0.1),  # .2 mGal: a period in place of the speed at which friction fades
+        ("second marks", "strong", 2002, 10.0),  # 600 mGal: a swing of a second looks still
+        ("mixture", "strong", 1001, 3.0),  # -7 mGal: heave in steep seas that the noise hides
+    ],
+)
+def test_gravity_survives_what_feigns_another_record(kind: str, strength: str, seed: int, most: float) -> None:
+    made = honesty_record(kind, strength, seed)
+    found = row(made.tree)
+    assert abs(in_sigmas(found, made.gravity)) < 3.5
+    assert found["gravity_sigma_mgal"] < most
+
+
+def test_one_wild_sample_is_told_from_a_knock_by_its_neighbours() -> None:
+    spoiled, gravity = record()
+    values = spoiled["record"]["elongation"].values
+    rough = Begun.of(gather(spoiled), sine=True).rough
+    assert not isolated(rough)
+    values[0, 1500] += 0.01
+    assert isolated(Begun.of(gather(spoiled), sine=True).rough)
+    assert abs(in_sigmas(row(spoiled), gravity)) < 3.5
+
+
+def test_the_unlikely_law_is_not_settled_where_the_likely_one_is_at_ease(monkeypatch: pytest.MonkeyPatch) -> None:
+    made, _ = record(recording={"write_restoring": False})
+    settled = []
+    settle = choice.settle
+    monkeypatch.setattr(choice, "settle", lambda fit: settled.append(fit.model.assumed.sine) or settle(fit))
+    row(made)
+    assert settled == [True]

@@ -11,7 +11,8 @@ from test_method import GRAVITY, in_sigmas, record, row
 from pipeline.joint import choice, fit, motion
 from pipeline.joint.explanation import Fitted, fitted, grown
 from pipeline.joint.gather import Gathered, gather
-from pipeline.joint.ship import Component, Engine
+from pipeline.joint.ship import Component, Engine, Sea
+from pipeline.joint.unresolved import unresolved
 from pipeline.joint.whiteness import Shown, errors_by_frequency
 
 pytestmark = pytest.mark.compiled
@@ -97,18 +98,37 @@ def test_a_line_is_found_to_its_own_width(gathered: Gathered, settled: Fitted) -
     assert gain == pytest.approx(0.0, abs=1.0)
 
 
-def test_motion_that_is_hardly_seen_is_in_sigma(settled: Fitted) -> None:
-    model = settled.model
-    still = motion.unseen(settled, model)
-    found = []
-    for size in (1e-4, 1e-3):
-        line = Engine(25.0, 0.05, size, "vertical")
-        shaken = replace(model, assumed=replace(model.assumed, ship=(*model.assumed.ship, line)))
-        found.append(motion.unseen(settled, shaken))
-        stiffened = float(model.problem.kappa.mean()) * (size / line.peak) ** 2
-        assert 0.0 < found[-1] < 3.0 * stiffened
-    assert still == 0.0
-    assert found[1] > found[0]
+@pytest.fixture(scope="module")
+def unrecorded() -> Fitted:
+    return fit.fitted(gather(record(motion=SEAS, recording={"vertical_acceleration": False})[0]))[0]
+
+
+def hidden(of: Fitted, component: Component, noise: float) -> tuple[float, float]:
+    """What motion does under a reading noise, rad."""
+    assumed = replace(of.model.assumed, ship=(component,), noise=np.full(of.model.assumed.noise.size, noise))
+    return unresolved(of, assumed)
+
+
+def test_slow_motion_unseen_slows_by_a_quarter_of_its_square(unrecorded: Fitted) -> None:
+    more, doubt = hidden(unrecorded, Sea(0.3, 0.05, 1e-3, "vertical"), 1e3)
+    assert more == pytest.approx(0.25e-6, rel=0.02)
+    assert 0.5 * more < doubt < more
+
+
+def test_fast_motion_unseen_stiffens_by_its_mean_square(unrecorded: Fitted) -> None:
+    """Kapitza's pendulum: by the square of the swing's frequency over the motion's."""
+    line = Engine(50.0, 0.05, 1e-3, "vertical")
+    more, doubt = hidden(unrecorded, line, 1e3)
+    stiffened = float(unrecorded.model.problem.kappa.mean()) * (line.rms / line.peak) ** 2
+    assert more == pytest.approx(-stiffened, rel=0.1)
+    assert doubt > 0.5 * stiffened
+
+
+def test_motion_that_is_followed_changes_nothing(unrecorded: Fitted) -> None:
+    swell = Sea(0.8, 0.1, 1e-2, "vertical")
+    more, doubt = hidden(unrecorded, swell, 1e-9)
+    assert max(abs(more), doubt) < 1e-4 * 0.25 * swell.rms**2
+    assert hidden(unrecorded, replace(swell, axis="horizontal"), 1e3) == (0.0, 0.0)
 
 
 def test_a_line_too_fast_for_the_nodes_asks_for_more_of_them() -> None:

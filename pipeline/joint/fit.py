@@ -249,7 +249,7 @@ def _beside(model: explanation.Model, assumed: Assumed, rough: explanation.Fitte
     pendulums = model.problem.pendulums
     about = grown(rough.path[:, : 2 * pendulums], pendulums, assumed.ship)
     try:
-        return explanation.fitted(replace(model, assumed=assumed, begun=assumed.ship), about, most=1)
+        return explanation.fitted(replace(model, assumed=assumed, begun=assumed.ship), about, smooth=True, most=1)
     except np.linalg.LinAlgError:
         return None
 

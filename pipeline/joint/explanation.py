@@ -14,7 +14,8 @@ from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Component, Ship
 
 MOST_FITS = 6
-STRAIGHT, NEARLY_STRAIGHT = 0.02, 3.0  # of the reading noise
+STRAIGHT = 0.02  # of the reading noise
+CONTRACTION, LONG_GAP = 0.01, 5.0  # of what bends, a pass; s
 
 
 @dataclass(frozen=True)
@@ -86,15 +87,16 @@ class Fitted:
 def fitted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOST_FITS) -> Fitted:
     """Gauss-Newton about the smoothed path, until it is straight between the last two, or so many passes are done.
 
-    Paths contract a thousandfold a pass: the last one needs no smoothing. That of linear pendulums scales derivatives
-    alone, and stays, unless it is asked for.
+    Paths contract a thousandfold a pass, but in long gaps: the last one needs no smoothing. That of linear pendulums
+    scales derivatives alone: from where it is smoothed under the ship's own spectrum it stays.
     """
     root = prior_root(model.constants, model.course)
     constants, left, doubt = model.constants, np.inf if model.assumed.sine or smooth else 0.0, 0.0
+    contraction = 1.0 if model.problem.lattice.longest_gap > LONG_GAP else CONTRACTION
     for _ in range(most):
         before = constants
         solution, of, path = model.problem.fit(
-            model.assumed, before, about=about, root=root, smooth=bool(left > NEARLY_STRAIGHT)
+            model.assumed, before, about=about, root=root, smooth=bool(left * contraction > STRAIGHT)
         )
         constants, doubt = solution.constants, 0.0
         if path is about:

@@ -10,6 +10,7 @@ from data_schemas.errors import RefusedError
 from pipeline.joint import apparatus, choice, explanation, motion, spectrum
 from pipeline.joint.cold_start import ACCELEROMETER, CAPTURE, DIFFERENCE, KICK, Begun, again, released
 from pipeline.joint.explanation import grown
+from pipeline.joint.gaps import change_in_gaps
 from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import GATE, OUTLIER, better, heard_again, isolated, smoothed, standing
 from pipeline.joint.problem import Assumed
@@ -85,11 +86,12 @@ def reduce(gathered: Gathered) -> Outcome:
     mean, sigma = choice.averaged(fit, close)
     if not fit.model.assumed.sine:
         fit = explanation.fitted(fit.model, fit.path, smooth=True)
-    rounding = 0.0
-    if gathered.problem.steps.any():
-        rounding = change_by_rounding(fit, choice.mean_row(fit.solution, fit.model.problem.lattice.duration))
-    mean -= rounding
-    sigma = float(np.sqrt(sigma**2 + gathered.heave_doubt**2 + fit.doubt**2 + (ROUNDED * rounding) ** 2))
+    row = choice.mean_row(fit.solution, fit.model.problem.lattice.duration)
+    rounding = change_by_rounding(fit, row) if gathered.problem.steps.any() else 0.0
+    hidden, doubt = change_in_gaps(fit, row)
+    mean += hidden - rounding
+    doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt)
+    sigma = float(np.sqrt(sigma**2 + np.sum(np.square(doubts))))
     spread = choice.unexplained(fit)
     if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:
         raise RefusedError(

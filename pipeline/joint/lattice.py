@@ -58,6 +58,11 @@ class Lattice:
         """s between readings of any trace, as a rule."""
         return float(np.median(np.diff(np.unique(self.time))))
 
+    @cached_property
+    def longest_gap(self) -> float:
+        """s between readings of any trace, at the most."""
+        return float(np.diff(self.time).max(initial=0.0))
+
     @property
     def dense(self) -> bool:
         """Whether no readings of different times share a node, as a rule."""

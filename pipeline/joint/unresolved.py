@@ -38,7 +38,7 @@ def unresolved(fit: Fitted, assumed: Assumed) -> tuple[float, float]:
     swing, lattice = problem.swing, problem.lattice
     about = [each.peak + getattr(each, "damping", each.peak) * WIDTHS for each in upright]
     frequency = np.unique(np.concatenate([np.linspace(0.01, FASTEST, PLACES), *about]))
-    frequency = frequency[frequency > 0.0]
+    frequency = frequency[frequency > 0.0] * (1.0 + 1e-9)  # never twice the swing's own
     whole = density(assumed.ship, frequency, "vertical")
     shown = np.zeros(frequency.size)  # signal over noise, of all sidebands
     for trace, spacing in enumerate(lattice.spacing):

@@ -1,0 +1,51 @@
+"""What the ship does to gravity in gaps, where its motion is guessed from either side.
+
+Horizontal motion stiffens a pendulum by <u^2> / 2 of gravity, vertical motion slackens it by <zeta^2> / 4 (Browne's
+terms). The path that is likeliest fades in a gap, or goes on with a motion that is not the ship's; the mean square
+outside tells what it is there, but for its scatter. A fit with that as a known change of gravity shows how much of it
+gets into the mean.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint.explanation import Fitted, fitted
+from pipeline.joint.ship import Ship
+
+SHORTEST = 2.0  # s: nothing hides in shorter gaps
+FORETOLD = 20.0  # s: half of what happens in so long a gap is foretold
+INDEPENDENT = 10.0  # s, after which a swell's square is another one
+
+
+def change_in_gaps(fit: Fitted, gravity: Floats) -> tuple[float, float]:
+    """Change of mean gravity over reference gravity by motion in gaps, and its 1 sigma; 0 of linear pendulums.
+
+    Parameters
+    ----------
+    fit : Fitted
+    gravity : (c,) array
+        Row that gives gravity from the constants.
+    """
+    problem, lattice, two = fit.model.problem, fit.model.problem.lattice, 2 * fit.model.problem.pendulums
+    if not fit.model.assumed.sine or lattice.longest_gap < SHORTEST:
+        return 0.0, 0.0
+    ship, time = Ship.of(fit.model.assumed.ship), lattice.step * np.arange(lattice.nodes)
+    acts = 0.5 * (fit.path[:, two:] @ ship.horizontal) ** 2 - 0.25 * (fit.path[:, two:] @ ship.vertical) ** 2
+    own = np.unique(lattice.time[lattice.trace < problem.traces])
+    after = np.clip(np.searchsorted(own, time), 1, own.size - 1)
+    apart = own[after] - own[after - 1]
+    inside = apart > SHORTEST
+    if not inside.any() or inside.all():
+        return 0.0, 0.0
+    outside, hidden = float(acts[~inside].mean()), apart / (apart + FORETOLD) * inside
+    track = (outside * hidden)[:, None] + (problem.track if problem.track.size else np.zeros(3))
+    again = fitted(replace(fit.model, problem=replace(problem, track=track)), fit.path, most=1)
+    pairs = zip(gravity, again.solution.constants, fit.solution.constants, strict=True)
+    whole = float(sum(row * (one.value - other.value) for row, one, other in pairs))
+    missed = 1.0 - float(acts[inside].mean()) / outside
+    squares = max(float(inside.sum()) * lattice.step / INDEPENDENT, 1.0)
+    return whole * missed, abs(whole) * float(np.sqrt(0.5 / squares))

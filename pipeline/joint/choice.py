@@ -132,7 +132,8 @@ def _kicks(fit: Fitted) -> Iterator[Candidate]:
         yield best
         if best[0] < fit.solution.log_likelihood - ABSENT:
             return
-        for factor in (THRICE, 1.0 / THRICE):
+        less = best[0] + 1.0 < fit.solution.log_likelihood  # likelihoods fall on: larger ones explain nothing
+        for factor in (1.0 / THRICE,) if less else (THRICE, 1.0 / THRICE):
             begun = best
             while (found := of(best[1].assumed.kick * factor))[0] > best[0] + SAME:
                 yield found

@@ -119,22 +119,34 @@ def solve(
     root : (c, c) array, optional
         Root of the priors' covariance where they are not independent.
     """
-    value = np.array([each.value for each in constants])
-    mean = np.array([each.mean for each in constants])
     if root is None:
         root = np.diag([each.prior for each in constants])
-    matrix, right, squares = root.T @ normal[:-1, :-1] @ root, root.T @ normal[:-1, -1], float(normal[-1, -1])
-    off = np.linalg.solve(root, value - mean)
-    factor = np.linalg.cholesky(matrix + np.eye(off.size))
-    wanted = -(right + off)
-    step = np.linalg.solve(factor.T, np.linalg.solve(factor, wanted))
-    squares_now = squares + float(off @ off) - float(wanted @ step)
+    factor, whitened, squares = _reduced(constants, normal, root)
+    moved = root @ np.linalg.solve(factor.T, whitened)
     spread = np.linalg.solve(factor, root.T)
-    likelihood = -log_deviations - 0.5 * squares_now - float(np.log(np.diag(factor)).sum())
-    likelihood -= 0.5 * count * float(np.log(2.0 * np.pi))
-    moved = root @ step
-    found = tuple(replace(each, value=float(v)) for each, v in zip(constants, value + moved, strict=True))
-    return Solution(found, moved, spread.T @ spread, likelihood, squares_now, int(count))
+    found = tuple(replace(c, value=c.value + by) for c, by in zip(constants, moved.tolist(), strict=True))
+    likelihood = _log_likelihood(factor, squares, log_deviations, count)
+    return Solution(found, moved, spread.T @ spread, likelihood, squares, int(count))
+
+
+def log_likelihood(
+    constants: tuple[Constant, ...], normal: Floats, log_deviations: float, count: float, root: Floats
+) -> float:
+    """That of the solution alone."""
+    factor, _, squares = _reduced(constants, normal, root)
+    return _log_likelihood(factor, squares, log_deviations, count)
+
+
+def _reduced(constants: tuple[Constant, ...], normal: Floats, root: Floats) -> tuple[Floats, Floats, float]:
+    """Cholesky factor of the normal matrix in units of the priors, what is right of it, and the squares left."""
+    off = np.linalg.solve(root, np.array([each.value - each.mean for each in constants]))
+    factor = np.linalg.cholesky(root.T @ normal[:-1, :-1] @ root + np.eye(off.size))
+    whitened = np.linalg.solve(factor, -(root.T @ normal[:-1, -1] + off))
+    return factor, whitened, float(normal[-1, -1] + off @ off - whitened @ whitened)
+
+
+def _log_likelihood(factor: Floats, squares: float, log_deviations: float, count: float) -> float:
+    return float(-log_deviations - 0.5 * squares - np.log(np.diag(factor)).sum() - 0.5 * count * np.log(2.0 * np.pi))
 
 
 def starts(pendulums: int, frequency: Floats, value: Floats | None = None, arc: float = 0.5) -> tuple[Constant, ...]:

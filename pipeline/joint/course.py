@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import kinds
-from pipeline.joint.constants import Constant, Solution, solve, spline
+from pipeline.joint.constants import Constant, Solution, log_likelihood, solve, spline
 
 KNOTS, SPACINGS = (4, 24, 64), (60.0, 600.0)  # least, most of a short record, most; s: least, and most of a short one
 SIZES = 1e-6 * np.array([0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
@@ -64,15 +64,10 @@ def best_course(
     constants: tuple[Constant, ...], normal: Floats, totals: Floats, duration: float
 ) -> tuple[Course, Solution]:
     """The prior that the likelihood likes best, from the normal matrix of one pass."""
-    best: tuple[Course, Solution] | None = None
-    for size in SIZES:
-        for part in LENGTHS:
-            course = Course(float(size), float(part * duration))
-            found = solve(constants, normal, float(totals[0]), float(totals[1]), prior_root(constants, course))
-            if best is None or found.log_likelihood > best[1].log_likelihood:
-                best = course, found
-    assert best is not None
-    return best
+    tried = [Course(float(size), float(part * duration)) for size in SIZES for part in LENGTHS]
+    of = constants, normal, float(totals[0]), float(totals[1])
+    best = max(tried, key=lambda course: log_likelihood(*of, prior_root(constants, course)))
+    return best, solve(*of, prior_root(constants, best))
 
 
 def weights(constants: tuple[Constant, ...], times: Floats) -> Floats:

@@ -10,7 +10,7 @@ from pipeline.arrays import Floats
 from pipeline.joint import apparatus, explanation, kinds, spectrum
 from pipeline.joint.constants import Constant, starts
 from pipeline.joint.gather import Gathered
-from pipeline.joint.outliers import COARSE_GATE, GATE, MOST_FITS, deviation, smoothed, standing
+from pipeline.joint.outliers import COARSE_GATE, GATE, MOST_FITS, deviation, smoothed
 from pipeline.joint.problem import NO_PATH, Assumed, Problem
 from pipeline.joint.ship import Component, Sea, Vibration
 
@@ -152,8 +152,8 @@ class Begun:
     rough: explanation.Fitted
 
     @staticmethod
-    def of(gathered: Gathered, *, sine: bool) -> Begun:
-        """Follow the swing from a cold start."""
+    def of(gathered: Gathered, *, sine: bool) -> list[Begun]:
+        """Follow the swing from a cold start; and the one that even, sparse times show as well."""
         problem = gathered.problem
         stated = np.where(np.isfinite(gathered.noise), gathered.noise, UNSTATED)
         noise = np.concatenate([np.maximum(stated, spectrum.LEAST_NOISE), [ACCELEROMETER, ACCELEROMETER]])
@@ -164,6 +164,5 @@ class Begun:
         first = first_constants(gathered)
         rough = cold_start(problem, assumed, first)
         others = mirrored(rough)
-        if others:
-            rough = max([again(rough), *others], key=standing)
-        return Begun(gathered, assumed, first, rough)
+        found = [again(rough), *others] if others else [rough]
+        return [Begun(gathered, assumed, first, each) for each in found]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -165,12 +166,20 @@ def fitted(gathered: Gathered) -> list[explanation.Fitted]:
     Cold start, then all readings with the ship's motion by its spectrum. Only where that holds for no law, readings are
     left out, pendulums knocked, and all parameters of the ship sought.
     """
-    begun = [Begun.of(gathered, sine=sine) for sine in ([gathered.law != "linear"] if gathered.law else [True, False])]
-    fits = [plain(each) for each in begun]
+    laws = [gathered.law != "linear"] if gathered.law else [True, False]
+    begun = [Begun.of(gathered, sine=sine) for sine in laws]
+    fits = [likeliest(plain(each) for each in ways) for ways in begun]
     if fits[0] is None:  # lines near the swing, and noise that is not stated, make linear pendulums of others
-        fits = [fit or heard(each) for fit, each in zip(fits, begun, strict=True)]
+        fits = [fit or likeliest(heard(each) for each in ways) for fit, ways in zip(fits, begun, strict=True)]
     found = [fit for fit in fits if fit is not None]
+    if not found:
+        raise np.linalg.LinAlgError("neither level nor heaving motion of the ship can be followed")
     return sorted((with_difference(fit) for fit in found), key=of_the_law, reverse=True)
+
+
+def likeliest(fits: Iterable[explanation.Fitted | None]) -> explanation.Fitted | None:
+    """The one that stands highest, if there is any."""
+    return max((fit for fit in fits if fit is not None), key=standing, default=None)
 
 
 def with_difference(fit: explanation.Fitted) -> explanation.Fitted:
@@ -198,8 +207,8 @@ def plain(begun: Begun) -> explanation.Fitted | None:
     return fit if np.nanmax(np.abs(best.of.whitened)) < GATE else None
 
 
-def heard(begun: Begun) -> explanation.Fitted:
-    """Without what is wild, the pendulums knocked where they were."""
+def heard(begun: Begun) -> explanation.Fitted | None:
+    """Without what is wild, the pendulums knocked where they were. None where that cannot be followed."""
     rough = again(begun.rough)
     model = spectral(
         replace(rough.model, constants=released(rough.model.constants, begun.first)), rough, begun.gathered
@@ -217,7 +226,10 @@ def heard(begun: Begun) -> explanation.Fitted:
     known = best.model if best is not rough else model
     ship = tuple(each for each in known.assumed.ship if each.axis == "horizontal")
     level = replace(known.assumed, kick=begun.assumed.kick, ship=ship)
-    fit, _ = risen(replace(known, assumed=level, begun=ship), best)
+    try:
+        fit, _ = risen(replace(known, assumed=level, begun=ship), best)
+    except np.linalg.LinAlgError:
+        return None
     return motion.reshaped(heard_again(fit.model, fit, begun.gathered.problem))
 
 

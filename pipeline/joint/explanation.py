@@ -110,6 +110,16 @@ def fitted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOS
     return Fitted(replace(model, constants=constants), solution, path, of, before, doubt, left)
 
 
+def values(fit: Fitted) -> Floats:
+    """Of the constants, (c,)."""
+    return np.array([each.value for each in fit.solution.constants])
+
+
+def again(fit: Fitted, problem: Problem) -> Floats:
+    """Values of the constants, (c,), where the same model is fitted to another problem."""
+    return values(fitted(replace(fit.model, problem=problem), fit.path, most=1))
+
+
 def straightened(fit: Fitted) -> Fitted:
     """The same, gone on with where its last paths are not straight yet."""
     return fit if fit.bent < STRAIGHT else fitted(fit.model, fit.path)

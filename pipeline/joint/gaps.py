@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint.explanation import Fitted, fitted
+from pipeline.joint.explanation import Fitted, again, values
 from pipeline.joint.ship import Ship
 
 SHORTEST = 2.0  # s: nothing hides in shorter gaps
@@ -34,18 +34,18 @@ def change_in_gaps(fit: Fitted, gravity: Floats) -> tuple[float, float]:
     if not fit.model.assumed.sine or lattice.longest_gap < SHORTEST:
         return 0.0, 0.0
     ship, time = Ship.of(fit.model.assumed.ship), lattice.step * np.arange(lattice.nodes)
-    acts = 0.5 * (fit.path[:, two:] @ ship.horizontal) ** 2 - 0.25 * (fit.path[:, two:] @ ship.vertical) ** 2
+    across, along = (0.5 * (fit.path[:, two:] @ ship.horizontal) ** 2, 0.25 * (fit.path[:, two:] @ ship.vertical) ** 2)
     own = np.unique(lattice.time[lattice.trace < problem.traces])
     after = np.clip(np.searchsorted(own, time), 1, own.size - 1)
     apart = own[after] - own[after - 1]
     inside = apart > SHORTEST
     if not inside.any() or inside.all():
         return 0.0, 0.0
-    outside, hidden = float(acts[~inside].mean()), apart / (apart + FORETOLD) * inside
-    track = (outside * hidden)[:, None] + (problem.track if problem.track.size else np.zeros(3))
-    again = fitted(replace(fit.model, problem=replace(problem, track=track)), fit.path, most=1)
-    pairs = zip(gravity, again.solution.constants, fit.solution.constants, strict=True)
-    whole = float(sum(row * (one.value - other.value) for row, one, other in pairs))
-    missed = 1.0 - float(acts[inside].mean()) / outside
+    level, hidden = float((across + along)[~inside].mean()), apart / (apart + FORETOLD) * inside
+    if level <= 0.0:
+        return 0.0, 0.0
+    track = (level * hidden)[:, None] + (problem.track if problem.track.size else np.zeros(3))
+    whole = float(gravity @ (again(fit, replace(problem, track=track)) - values(fit)))
+    missed = float((across - along)[~inside].mean() - (across - along)[inside].mean()) / level
     squares = max(float(inside.sum()) * lattice.step / INDEPENDENT, 1.0)
     return whole * missed, abs(whole) * float(np.sqrt(0.5 / squares))

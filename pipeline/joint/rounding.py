@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint import kinds
 from pipeline.joint.constants import total
-from pipeline.joint.explanation import Fitted, fitted
+from pipeline.joint.explanation import Fitted, again
 
 
 def change_by_rounding(fit: Fitted, gravity: Floats) -> float:
@@ -32,12 +32,11 @@ def change_by_rounding(fit: Fitted, gravity: Floats) -> float:
     step = problem.steps[trace]
     rounded = np.where(step > 0.0, np.rint(exact / np.maximum(step, 1e-300)) * step, exact)
     found = []
-    for values in (rounded, exact):
+    for readings in (rounded, exact):
         value = lattice.value.copy()
-        value[own] = values
-        again = replace(fit.model, problem=replace(problem, lattice=replace(lattice, value=value)))
-        found.append(fitted(again, fit.path, most=1).solution.constants)
-    return float(sum(row * (a.value - b.value) for row, a, b in zip(gravity, *found, strict=True)))
+        value[own] = readings
+        found.append(again(fit, replace(problem, lattice=replace(lattice, value=value))))
+    return float(gravity @ (found[0] - found[1]))
 
 
 def _path_at(fit: Fitted, time: Floats, trace: np.ndarray) -> Floats:

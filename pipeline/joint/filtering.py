@@ -14,19 +14,19 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint.flow import Flow
+from pipeline.joint.flow import POINTS, Flow
 from pipeline.joint.kinds import GAIN, START, ZERO
 from pipeline.joint.passes import Columns, Kept, Pass, Readings, Slots
 from pipeline.joint.remainder import (
+    Steps,
     collocate,
     derive_errors,
-    differentiate,
     ends_of,
-    force_columns,
-    join_ends,
-    jolt,
+    lay_known,
     reach,
-    tilt,
+    remain,
+    room_for,
+    sources,
 )
 from pipeline.joint.updating import (
     add_noise,
@@ -60,23 +60,24 @@ def loosen(flow: Flow, i: int, covariance: Floats) -> None:
 
 
 @kernel
-def follow(
-    about: Floats, k: int, end: int, to_nodes: Floats, onward: Floats, ends: Floats, along: Floats, away: Floats
-) -> None:
+def follow(about: Floats, k: int, rows: Floats, ends: Floats, onward: Floats, path: Floats, steps: Steps) -> None:
     """What a path is at the nodes of the steps from node k on, and at their ends beside the flow; see `join_ends`."""
-    count = min(along.shape[0], end - k)
-    last = min(count, about.shape[0] - k - 1)
-    path = about[k : k + along.shape[0] + 1].astype(np.float64)
-    np.dot(path[:count], to_nodes, along[:count])
-    away[:last] = np.dot(path[1 : last + 1], ends) - np.dot(path[:last], onward)
+    for s in range(min(path.shape[0], about.shape[0] - k)):
+        for q in range(path.shape[1]):
+            path[s, q] = about[k + s, q]
+    np.dot(rows, path[:-1].T, steps.nodes)
+    steps.away[:] = np.dot(ends, path[1:].T) - np.dot(onward, path[:-1].T)
 
 
 @kernel
-def lay_known(known: Floats, k: int, nodes: Floats) -> None:
-    """Add the vertical acceleration that is known."""
-    if known.shape[0] > 0:
-        for m in range(3):
-            nodes[nodes.size - 3 + m] += known[k, m]
+def turn(flow: Flow, swing: Floats, s: int, ahead: Floats, ahead_columns: Floats) -> None:
+    """Turn the rows of the pendulums in a step's derivative, and their transpose; see `Steps.swing`."""
+    n, end = swing.shape[1] // 2, flow.rows.shape[0] - ahead.shape[0]
+    for i in range(swing.shape[0]):
+        for r in range(2):
+            at = 2 * i + r
+            for q in range(ahead.shape[0]):
+                ahead[at, q] = ahead_columns[q, at] = flow.rows[end + at, q] + swing[i, r * n + s, q]
 
 
 @kernel
@@ -102,15 +103,15 @@ def sum_up(buffer: Floats, rows: int, normal: Floats) -> None:
 
 
 @kernel
-def keep_step(keep: Kept, s: int, ahead: Floats, push: Floats) -> None:
-    """Keep what a step makes of the pendulums."""
+def keep_step(keep: Kept, s: int, ahead: Floats, push: Floats, at: int) -> None:
+    """Keep what a step makes of the pendulums; it is the one `at` its place in `push`."""
     if s < keep.swing.shape[0]:
         for r in range(push.shape[1]):
             for q in range(ahead.shape[1]):
                 keep.swing[s, r, q] = ahead[r, q]
     for n in range(push.shape[0]):
         for r in range(push.shape[1]):
-            keep.push[s, n, r] = push[n, r]
+            keep.push[s, n, r] = push[n, r, at]
 
 
 @kernel
@@ -156,7 +157,7 @@ def sweep(
 
     Parameters
     ----------
-    known, recorded, slope : (k, 3) arrays
+    known, recorded, slope : (k, 4) arrays
         At the nodes of each step: Z that acts beside the states; recorded heave; its derivative with time. Each may be
         empty where nothing asks for it.
     about : (k, d) array
@@ -167,30 +168,30 @@ def sweep(
         Readings whose error is larger than so many deviations are left out; 0: none.
     """
     count, size = flow.kappa.size, of.state.shape[0]
-    two, constants, between = 2 * count, of.state.shape[1] - 1, 6 * count + 6
+    two, constants, between = 2 * count, of.state.shape[1] - 1, flow.rows.shape[0] - size
     most = 4
     for k in range(begin, end):
         most = max(most, readings.first[k + 1] - readings.first[k] + 3)
     covariance, updated, moved = of.covariance.copy(), np.empty((size, size)), np.empty((size, size))
-    state, state_updated, now = of.state.copy(), np.empty((size, constants + 1)), np.empty((1, size))
-    ahead, to_nodes = flow.rows[between:].copy(), np.ascontiguousarray(flow.rows[:between].T)
-    ahead_columns, ends = np.ascontiguousarray(ahead.T), ends_of(flow)
-    along, away, onward = np.empty((CHUNK, between)), np.empty((CHUNK, 4 + two)), np.dot(ahead_columns, ends)
-    nodes, extra, rest, by = np.zeros(between), np.zeros(two), np.zeros((count, 3, 4)), np.zeros((3, 4))
+    state, state_updated = of.state.copy(), np.empty((size, constants + 1))
+    ahead, to_nodes, ends, rows_left = flow.rows[between:].copy(), flow.rows[:between].copy(), ends_of(flow), sources(flow)
+    ahead_columns, onward = np.ascontiguousarray(ahead.T), np.dot(ends, ahead)  # transposed in place, products are slow
     slots = Slots(
         np.zeros(most, dtype=np.int64), np.full(most, -1), np.zeros(most), np.zeros(most), np.zeros((most, size)),
-        np.zeros((most, 3)),
+        np.zeros((most, size)), np.zeros((most, 2, POINTS)),
     )  # fmt: skip
     square, root = np.zeros((most, most)), np.zeros((most, most))
     seen, gain, old_gain = np.zeros((most, constants + 1)), np.zeros((most, size)), np.zeros((most, size))
     buffer, rows = np.zeros((ROWS, constants + 1)), 0
     forced = np.flatnonzero((columns.kind > START) & (columns.kind < ZERO))
     of_traces = np.flatnonzero(columns.kind >= ZERO)
-    push = np.zeros((forced.size + 2, two))
     plain = not flow.sine and not np.any(flow.quadratic) and not np.any(flow.dry) and known.shape[0] == 0
     keeping, kept, end_kept = keep.swing.shape[0] > 0, 0, 0
     given = about.shape[0] > 0
-    joined = flow.sine and given
+    joined, at, chunk = flow.sine and given, 0, begin - CHUNK
+    path = np.zeros((CHUNK + 1 if given else 1, size))
+    steps = room_for(flow, forced.size, CHUNK if given else 1)
+    push = steps.push
     asked = not plain or forced.size > 0 or flow.heave_noise > 0.0
     moving, before, product, at_break = True, -1, 1.0, 0
     for k in range(begin, end):
@@ -205,27 +206,24 @@ def sweep(
             for j in range(used):
                 row_of(flow, readings, slots.reading[j], slots, j)
         before, moving = used, moving or not alike
-        if asked:
-            if not given:
-                for q in range(size):
-                    now[0, q] = state[q, constants]
-                reach(to_nodes, now, nodes)
-            else:
-                at = (k - begin) % CHUNK
-                if at == 0:
-                    follow(about, k, end, to_nodes, onward, ends, along, away)
-                for m in range(between):
-                    nodes[m] = along[at, m]
-            lay_known(known, k, nodes)
+        if given and asked:
+            at = k - chunk
+            if at == CHUNK:
+                chunk = max(k - 1, 0)  # one step is at hand before the node
+                at, some = k - chunk, min(CHUNK, end - chunk)
+                follow(about, chunk, to_nodes, ends, onward, path, steps)
+                remain(flow, columns, forced, known, recorded, slope, rows_left, plain, joined, chunk, some, steps)
+        elif not plain:
+            reach(to_nodes, state, steps.nodes)
+            lay_known(known, k, 1, steps.nodes)
+            collocate(flow, plain, 1, steps)
         np.dot(slots.row[:used], state, seen[:used])
         if not plain:
-            for i in range(count):
-                collocate(flow, i, nodes, rest)
-            pull_aside(slots, used, readings, rest, seen)
+            pull_aside(slots, used, readings, steps.rest, at, seen)
         for j in range(used):
             if of_traces.size > 0:
                 which = slots.reading[j]
-                derive_errors(readings, columns, of_traces, which, k * flow.step + slots.offset[j], state, seen, j)
+                derive_errors(readings, columns, of_traces, which, k * flow.step + slots.offset[j], slots, state, seen, j)
             seen[j, constants] -= readings.value[slots.reading[j]]
         if moving:
             np.dot(slots.row[:used], covariance, gain[:used])
@@ -285,40 +283,25 @@ def sweep(
         # to the next node
         settling = moving and alike and not flow.varying and change < SETTLED and used > 0
         if asked and not given:
-            for q in range(size):
-                now[0, q] = state_updated[q, constants]
-            reach(to_nodes, now, nodes)
-            lay_known(known, k, nodes)
-            if not plain:
-                for i in range(count):
-                    collocate(flow, i, nodes, rest)
-        if joined:
-            join_ends(flow, away, (k - begin) % CHUNK, nodes, rest)
+            reach(to_nodes, state_updated, steps.nodes)
+            remain(flow, columns, forced, known, recorded, slope, rows_left, plain, joined, k, 1, steps)
         if not plain:
-            for i in range(count):
-                differentiate(flow, i, known, k, nodes, rest, by, extra)
-                tilt(flow, i, by, ahead, ahead_columns)
-        for r in range(two if plain else 0):
-            extra[r] = 0.0  # a knock of the step before
+            turn(flow, steps.swing, at, ahead, ahead_columns)
         np.dot(ahead, state_updated, state)
         if moving:
             np.dot(ahead, updated, moved)
             np.dot(moved, ahead_columns, updated)
             add_noise(updated, flow.noise, k % UNEVEN == 0, covariance)
-        if forced.size > 0:
-            force_columns(flow, columns, forced, nodes, recorded, slope, k, push, extra)
-        if flow.heave_noise > 0.0:
-            jolt(flow, nodes, push)
         for r in range(two):
-            push[forced.size, r] = extra[r]  # what is left of the sine law
-            state[r, constants] += extra[r]
+            state[r, constants] += push[forced.size, r, at]  # what is left of the sine law
             for n in range(forced.size):
-                state[r, forced[n]] += push[n, r]
-            if moving and flow.heave_noise > 0.0:
+                state[r, forced[n]] += push[n, r, at]
+        for n in range(forced.size + 1, push.shape[0] if moving else 0):
+            for r in range(two):
                 for q in range(two):
-                    covariance[r, q] += push[forced.size + 1, r] * push[forced.size + 1, q]
+                    covariance[r, q] += push[n, r, at] * push[n, q, at]
         if keeping:
-            keep_step(keep, k - begin, ahead, push)
+            keep_step(keep, k - begin, ahead, push, at)
         moving = moving and not settling
     sum_up(buffer, rows, of.normal)
     of.totals[0] += np.log(product)

@@ -18,14 +18,15 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint.ship import Ship
 
-NODES = np.array([0.5 - np.sqrt(15.0) / 10.0, 0.5, 0.5 + np.sqrt(15.0) / 10.0])
+POINTS = 4
+NODES = 0.5 + 0.5 * np.polynomial.legendre.leggauss(POINTS)[0]
 """Gauss nodes of a step."""
 POWERS = 15
 HALVINGS = 6  # Van Loan's exponential is taken of a short step, then doubled: stable where the drift is stiff
 
 
 class Flow(NamedTuple):
-    """Matrices of one step; p pendulums, d states, 3 nodes.
+    """Matrices of one step; p pendulums, d states, 4 nodes.
 
     Attributes
     ----------
@@ -39,23 +40,23 @@ class Flow(NamedTuple):
         Speed below which knife-edge friction fades, rad s-1; 0: where a pendulum turns.
     kappa, damping, quadratic, dry : (p,) arrays
         n^2 at reference gravity, s-2; viscous rate, s-1; factor of |theta'| theta', 1; of sign theta', s-2.
-    rows : (6 p + 6 + d, d) array
-        What the linear flow makes of a state: each pendulum's angle at the three nodes, each one's speed, U, Z, and the
+    rows : (8 p + 8 + d, d) array
+        What the linear flow makes of a state: each pendulum's angle at the four nodes, each one's speed, U, Z, and the
         state at the end.
     noise : (d, d) array
         Covariance of the process noise.
     heave_noise : float
         White noise of a recorded heave over reference gravity times the root of its sampling step, s1/2: it acts on the
         pendulums by their angles.
-    response : (p, 4, 3, 2) array
+    response : (p, 5, 4, 2) array
         Angle and speed at each node and at the end to the Lagrange polynomials of an acceleration at the nodes.
     angles : (p, e, d) array
         Rows of each pendulum's angle near a node by the powers of the time from it, under the linear flow.
     horizontal, vertical : (e, d) arrays
         The same of U and Z.
-    pull : (3, 3) array
-        Lagrange polynomials of the nodes, integrated twice from the step's start: factors of the square, cube and
-        fourth power of the time.
+    pull : (4, 4) array
+        Lagrange polynomials of the nodes, integrated twice from the step's start: factors of the square to the fifth
+        power of the time.
     varying : bool
         Whether the flow's derivative turns with the swing; the covariance then follows it. (What the ship's motion does
         to two pendulums differs by their arcs as much as by their periods: a gain without the arcs errs by 2 mGal.)
@@ -99,7 +100,7 @@ def flow(
     Parameters
     ----------
     step : float
-        s; at most .8 rad of the swing.
+        s; at most 1.3 rad of the swing.
     kappa, damping, kick : (p,) arrays
         n^2 at reference gravity, s-2; damping rates, s-1; intensities of the random kicks, rad s-1/2.
     ship : Ship
@@ -159,13 +160,13 @@ def flow(
         angles=np.stack([_powers(drift, row) for row in np.eye(size)[:two:2]]),
         horizontal=_powers(drift, u_row),
         vertical=_powers(drift, z_row),
-        pull=_PULL / step ** np.arange(3),
+        pull=_PULL / step ** np.arange(POINTS),
         varying=bool(sine),
     )
 
 
-_POLYNOMIALS = [np.poly1d(np.delete(NODES, m), r=True) for m in range(3)]
-_PULL = np.array([p.coeffs[::-1] / p(node) for p, node in zip(_POLYNOMIALS, NODES, strict=True)]) / [2.0, 6.0, 12.0]
+_POLYNOMIALS = [np.poly1d(np.delete(NODES, m), r=True) for m in range(POINTS)]
+_PULL = np.array([p.coeffs[::-1] / p(node) for p, node in zip(_POLYNOMIALS, NODES, strict=True)]) / [2.0, 6.0, 12.0, 20.0]
 
 
 def _powers(drift: Floats, row: Floats) -> Floats:
@@ -183,9 +184,9 @@ _LAGRANGE = np.array([p(_AT) / p(node) for p, node in zip(_POLYNOMIALS, NODES, s
 
 
 def _response(step: float, stiffness: Floats, damping: Floats) -> Floats:
-    """Integrals of each pendulum's response to the Lagrange polynomials through the nodes, (p, 4, 3, 2)."""
+    """Integrals of each pendulum's response to the Lagrange polynomials through the nodes, (p, 5, 4, 2)."""
     since = (_ENDS[:, None] - _AT) * step
-    out = np.zeros((stiffness.size, 4, 3, 2))
+    out = np.zeros((stiffness.size, POINTS + 1, POINTS, 2))
     for i, (square, rate) in enumerate(zip(stiffness, damping, strict=True)):
         own = np.sqrt(square - rate**2)
         fading = _WEIGHTS * (_ENDS[:, None] * step) * np.exp(-rate * since)

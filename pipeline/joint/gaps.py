@@ -44,7 +44,7 @@ def change_in_gaps(fit: Fitted, gravity: Floats) -> tuple[float, float]:
     level, hidden = float((across + along)[~inside].mean()), apart / (apart + FORETOLD) * inside
     if level <= 0.0:
         return 0.0, 0.0
-    track = (level * hidden)[:, None] + (problem.track if problem.track.size else np.zeros(3))
+    track = (level * hidden)[:, None] + (problem.track if problem.track.size else np.zeros(1))
     whole = float(gravity @ (again(fit, replace(problem, track=track)) - values(fit)))
     missed = float((across - along)[~inside].mean() - (across - along)[inside].mean()) / level
     squares = max(float(inside.sum()) * lattice.step / INDEPENDENT, 1.0)

@@ -13,7 +13,7 @@ from data_schemas.errors import RecordError, RefusedError
 from pipeline.arrays import Floats
 from pipeline.conditions import TEMPERATURE
 from pipeline.joint.calm import WINDOW, is_calm
-from pipeline.joint.flow import NODES
+from pipeline.joint.flow import NODES, POINTS
 from pipeline.joint.lattice import Lattice, lay
 from pipeline.joint.problem import Problem
 from pipeline.joint.spectrum import folded
@@ -128,7 +128,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     arc = 1.5 * float(np.nanmax(np.nanstd(series[np.isfinite(series).any(axis=1)], axis=1)))
     calm = calm and all(is_calm(time, each, swing, arc) for each in series)
     lattice = lay(time, np.concatenate(rows), combination, swing, calm=calm)
-    recorded = slope = np.zeros((0, 3))
+    recorded = slope = np.zeros((0, POINTS))
     spline, doubt = None, 0.0
     if heave is not None and dense:
         from scipy.interpolate import CubicSpline
@@ -235,7 +235,7 @@ def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:
         longer = float(np.mean(constants["temperature_coefficient"] / constants["period"]))
         change += (1.0 + longer * (constants["temperature_course"] - constants["temperature"])) ** -2.0
     if not np.ptp(change):
-        return np.zeros((0, 3))
+        return np.zeros((0, POINTS))
     nodes = lattice.start + lattice.step * np.arange(lattice.nodes)
     mean = np.interp(nodes, time, change).mean()
     return np.asarray(np.interp(nodes[:, None] + lattice.step * NODES, time, change) - mean)

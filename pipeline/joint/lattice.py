@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint.passes import Readings
 
-MOST_ANGLE = 0.7  # of the swing a step, rad: .75 in strong heave costs 2e-3 mGal; readings lie within half of it
+MOST_ANGLE = 1.27  # of the swing a step, rad; readings lie within half of it
 FAST_ANGLE = 0.3  # the same of readings that share a node where the ship vibrates
 
 

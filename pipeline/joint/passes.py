@@ -89,9 +89,9 @@ class Kept(NamedTuple):
     ----------
     swing : (s or 1, 2 p, d) array
         Derivative's rows of the step that begins at the node; one where all are alike.
-    push : (s, f + 2, 2 p) array
+    push : (s, f + 1 or f + 5, 2 p) array
         What that step adds to the pendulums: derivatives by the constants that move them, what is left, and the
-        impulse of a recorded heave's noise.
+        impulses of a recorded heave's noise.
     first : (s,) array of int
         The node's first row of the next two.
     row, gain : (r, d) arrays
@@ -116,9 +116,9 @@ class Slots(NamedTuple):
     reading, trace : (u,) arrays of int
         Reading; its trace.
     offset, variance : (u,) arrays
-    row : (u, d) array
-        Row of the reading in the state.
-    pull : (u, 3) array
+    row, rate : (u, d) arrays
+        Row of the reading in the state, and its slope in time.
+    pull : (u, 2, 4) array
         Factors of the remaining accelerations at the step's nodes in a pendulum's angle at the reading's time.
     """
 
@@ -127,4 +127,5 @@ class Slots(NamedTuple):
     offset: Floats
     variance: Floats
     row: Floats
+    rate: Floats
     pull: Floats

@@ -12,7 +12,7 @@ from pipeline.arrays import Floats
 from pipeline.joint import constants as unknown
 from pipeline.joint import filtering, kinds, passes, smoother
 from pipeline.joint.constants import Constant, Solution
-from pipeline.joint.flow import NODES, Flow, flow
+from pipeline.joint.flow import NODES, POINTS, Flow, flow
 from pipeline.joint.lattice import Lattice
 from pipeline.joint.ship import Component, Ship
 
@@ -63,15 +63,15 @@ class Problem:
     lattice : Lattice
     kappa, damping : (p,) arrays
         n^2 at reference gravity, s-2; stated damping rates, s-1.
-    recorded : (k, 3) array
+    recorded : (k, 4) array
         Recorded heave over reference gravity at the nodes of each step; empty: not recorded, or a reading.
-    slope : (k, 3) array
+    slope : (k, 4) array
         Its derivative with time.
     left_out : (r,) array of bool
         Readings that are not used.
     heave : callable, optional
         The same recording at any times since the first node, s.
-    track : (k, 3) array
+    track : (k, 4) array
         Known change of gravity along the track, from its mean, over reference gravity, at the nodes; empty: none.
     steps : (t,) array
         rad, to which samples were rounded, which leaves lines of its own; 0: not so that it shows.
@@ -80,11 +80,11 @@ class Problem:
     lattice: Lattice
     kappa: Floats
     damping: Floats
-    recorded: Floats = field(default_factory=lambda: np.zeros((0, 3)))
-    slope: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    recorded: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))
+    slope: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))
     left_out: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     heave: Callable[[Floats], Floats] | None = None
-    track: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    track: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))
     steps: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
@@ -170,7 +170,7 @@ class Problem:
         course = [each for each in constants if each.kind == kinds.GRAVITY and each.width > 0.0 and each.value]
         scale = 1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])
         late = float(unknown.total(constants, kinds.HEAVE_DELAY, 1)[0])
-        recorded = self.recorded if sine else np.zeros((0, 3))
+        recorded = self.recorded if sine else np.zeros((0, POINTS))
         if not course and not self.track.size and (not recorded.size or (scale == 1.0 and late == 0.0)):
             return recorded
         at: Floats = self.lattice.step * (np.arange(self.lattice.nodes)[:, None] + NODES)
@@ -367,9 +367,10 @@ class _Sweep:
         first = self.readings.first
         rows = int(np.max(first[nodes:] - first[: first.size - nodes]))
         many, all_rows = (nodes, rows) if smooth else (0, 0)
+        pushes = int(self.forced.sum()) + 1 + (POINTS if self.flow.heave_noise else 0)
         return passes.Kept(
             np.empty((many if self.bent else min(many, 1), 2 * self.flow.kappa.size, size)),
-            np.empty((many, int(self.forced.sum()) + 2, 2 * self.flow.kappa.size)),
+            np.empty((many, pushes, 2 * self.flow.kappa.size)),
             np.empty(many, dtype=np.int64),
             np.empty((all_rows, size)),
             np.empty((all_rows, size)),

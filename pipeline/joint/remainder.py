@@ -1,11 +1,17 @@
-"""What a step does beside its linear flow: collocation of the remainder, and its derivatives by all constants."""
+"""What steps do beside their linear flow: collocation of the remainder, and its derivatives by state and constants.
+
+All work on n steps at once, the last axis, which processors take several at a time: those of a path that is given, or
+one.
+"""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint.flow import NODES, Flow
+from pipeline.joint.flow import NODES, POINTS, Flow
 from pipeline.joint.kinds import (
     CLOCK,
     DAMPING,
@@ -23,65 +29,126 @@ from pipeline.joint.kinds import (
     STEP,
     ZERO,
 )
-from pipeline.joint.passes import Columns, Readings
-from synth.kernels.compiled import kernel, summing_kernel
+from pipeline.joint.passes import Columns, Readings, Slots
+from synth.kernels.compiled import kernel
 
 MOST_ARC, MOST_ACCELERATION = 0.5, 0.3  # rad; over reference gravity
+MOST_TURNED = 1.6  # rad: beyond it the series of sine and cosine end
 TURNED, FADED = 1e-9, 1e-4  # rad s-1: a pendulum turns at no less; change of a fading speed for its derivative
+ROUNDS = 4  # of the collocation; each makes what is left a hundredth in a heave of .05 g
+LEFT, ANGLE, SPEED, SINE, COSINE, JOINED = range(6)
+"""What `Steps.rest` holds of a pendulum at a node: the acceleration left by the linear flow, angle and speed under the
+flow, sine and cosine of the angle that it is moved to (linear pendulums: that angle, and 1), and the acceleration left
+along the path itself."""
+SHARES = 0.5 * np.polynomial.legendre.leggauss(POINTS)[1]
+
+
+class Steps(NamedTuple):
+    """What n steps do; p pendulums, f forcing constants, d states, e what `ends_of` gives.
+
+    Attributes
+    ----------
+    nodes : (8 p + 8, n) array
+        Each pendulum's angle at the four nodes, each one's speed, U, Z.
+    away : (e, n) array
+        The path's next row less what the linear flow makes of it, see `ends_of`.
+    shift : (8, n) array
+        What U and Z are moved by along the path itself.
+    rest : (p, 6, 4, n) array
+        See `LEFT`.
+    by : (p, 4, 4, n) array
+        Derivative of the remaining acceleration by angle, speed, U and Z, at each node.
+    weight : (p, 2, 4, n) array
+        Angle and speed at the end to an acceleration at each node, which moves the angles at the others too.
+    factor : (p, 16, 2, n) array
+        Derivatives of angle and speed at the end to those four at each node.
+    swing : (p, 2 n, d) array
+        What that adds to their derivatives by the state.
+    extra : (2 p, n) array
+        What the steps add to the pendulums beside what the derivatives do.
+    push : (f + 1 or f + 5, 2 p, n) array
+        Derivatives by the constants that move the pendulums; `extra`; impulses of a recorded heave's noise.
+    room : (8, n) array
+    """
+
+    nodes: Floats
+    away: Floats
+    shift: Floats
+    rest: Floats
+    by: Floats
+    weight: Floats
+    factor: Floats
+    swing: Floats
+    extra: Floats
+    push: Floats
+    room: Floats
+
+
+@kernel
+def room_for(flow: Flow, forced: int, n: int) -> Steps:
+    """Room for n steps."""
+    count, size = flow.kappa.size, flow.noise.shape[0]
+    weight = np.zeros((count, 2, POINTS, n))
+    for i in range(count):
+        for r in range(2):
+            for m in range(POINTS):
+                weight[i, r, m] = flow.response[i, POINTS, m, r]
+    return Steps(
+        np.zeros((2 * POINTS * (count + 1), n)), np.zeros((4 + 2 * count, n)), np.zeros((2 * POINTS, n)),
+        np.zeros((count, 6, POINTS, n)), np.zeros((count, 4, POINTS, n)), weight,
+        np.zeros((count, 4 * POINTS, 2, n)), np.zeros((count, 2 * n, size)), np.zeros((2 * count, n)),
+        np.zeros((forced + 1 + (POINTS if flow.heave_noise > 0.0 else 0), 2 * count, n)), np.zeros((2 * POINTS, n)),
+    )  # fmt: skip
+
+
+@kernel
+def reach(rows: Floats, state: Floats, nodes: Floats) -> None:
+    """Angles, speeds, U and Z at the nodes of one step, from the last column of a state.
+
+    A state that runs away with wild readings is taken for no more than a pendulum or a ship can do: the flow stays
+    close to a linear one, which comes back.
+    """
+    angles = (nodes.shape[0] - 2 * POINTS) // 2
+    for m in range(nodes.shape[0]):
+        total = 0.0
+        for q in range(rows.shape[1]):
+            total += rows[m, q] * state[q, state.shape[1] - 1]
+        most = MOST_ACCELERATION if m >= 2 * angles else (MOST_ARC if m < angles else np.inf)
+        nodes[m, 0] = min(max(total, -most), most)
+
+
+@kernel
+def ends_of(flow: Flow) -> Floats:
+    """Rows of what a path is at the end of a step: U, Z and their derivatives, each pendulum's angle and speed."""
+    two, size = 2 * flow.kappa.size, flow.horizontal.shape[1]
+    out = np.zeros((4 + two, size))
+    for r in range(two, size):
+        for m in range(2):
+            out[m, r], out[2 + m, r] = flow.horizontal[m, r], flow.vertical[m, r]
+    for r in range(two):
+        out[4 + r, r] = 1.0
+    return out
 
 
 @kernel
 def sine_and_cosine(angle: float) -> tuple[float, float]:
     """Both to the last digits; a swing's angles need no reduction."""
-    if abs(angle) > 0.5:
-        return np.sin(angle), np.cos(angle)
+    angle = min(max(angle, -MOST_TURNED), MOST_TURNED)
     s = angle * angle
-    odd = s * (1 / 120 - s * (1 / 5040 - s * (1 / 362880 - s * (1 / 39916800 - s * (1 / 6227020800)))))
-    even = s * (1 / 24 - s * (1 / 720 - s * (1 / 40320 - s * (1 / 3628800 - s * (1 / 479001600 - s / 87178291200)))))
-    return angle - angle * s * (1 / 6 - odd), 1.0 - s * (0.5 - even)
-
-
-@summing_kernel
-def reach_nodes(columns: Floats, path: Floats, at: int, nodes: Floats) -> None:
-    """What the linear flow makes of row `at` of a path at the nodes; `columns` (d, n): the flow's rows, transposed."""
-    size, count = columns.shape[0], nodes.size
-    for m in range(count):
-        nodes[m] = 0.0
-    whole = size - size % 4
-    for q in range(0, whole, 4):
-        a, b, c, d = path[at, q], path[at, q + 1], path[at, q + 2], path[at, q + 3]
-        for m in range(count):
-            nodes[m] += a * columns[q, m] + b * columns[q + 1, m] + c * columns[q + 2, m] + d * columns[q + 3, m]
-    for q in range(whole, size):
-        a = path[at, q]
-        for m in range(count):
-            nodes[m] += a * columns[q, m]
+    odd = 1 / 6227020800 - s * (1 / 1307674368000 - s * (1 / 355687428096000 - s / 121645100408832000))
+    even = 1 / 479001600 - s * (1 / 87178291200 - s * (1 / 20922789888000 - s / 6402373705728000))
+    odd = 1 / 120 - s * (1 / 5040 - s * (1 / 362880 - s * (1 / 39916800 - s * odd)))
+    even = 1 / 24 - s * (1 / 720 - s * (1 / 40320 - s * (1 / 3628800 - s * even)))
+    return angle - angle * s * (1 / 6 - s * odd), 1.0 - s * (0.5 - s * even)
 
 
 @kernel
-def reach(columns: Floats, state: Floats, nodes: Floats) -> None:
-    """Angles, speeds, U and Z at the nodes of a step, from the state, (1, d).
-
-    A state that runs away with wild readings is taken for no more than a pendulum or a ship can do: the flow stays
-    close to a linear one, which comes back.
-    """
-    reach_nodes(columns, state, 0, nodes)
-    for m in range(nodes.size):
-        most = MOST_ACCELERATION if m >= nodes.size - 6 else (MOST_ARC if m < (nodes.size - 6) // 2 else np.inf)
-        nodes[m] = min(max(nodes[m], -most), most)
-
-
-@kernel
-def ends_of(flow: Flow) -> Floats:
-    """What a path is at the end of a step: U, Z and their derivatives, then each pendulum's angle and speed, (d, e)."""
-    two, size = 2 * flow.kappa.size, flow.horizontal.shape[1]
-    out = np.zeros((size, 4 + two))
-    for r in range(two, size):
-        for m in range(2):
-            out[r, m], out[r, 2 + m] = flow.horizontal[m, r], flow.vertical[m, r]
-    for r in range(two):
-        out[r, 4 + r] = 1.0
-    return out
+def turned(sine: float, cosine: float, by: float) -> tuple[float, float]:
+    """Sine and cosine of an angle a little farther on."""
+    return (
+        sine + by * (cosine - by * (0.5 * sine + by * cosine * (1 / 6))),
+        cosine - by * (sine + by * (0.5 * cosine - by * sine * (1 / 6))),
+    )
 
 
 @kernel
@@ -90,167 +157,178 @@ def direction(flow: Flow, i: int, m: int, angle: float, speed: float, fade: floa
 
     It is the mean over a node's share of the step, in which the pendulum may turn.
     """
-    within = flow.kappa[i] * abs(angle) * flow.step * (2.0 / 9.0 if m == 1 else 5.0 / 36.0) + TURNED
+    within = flow.kappa[i] * abs(angle) * flow.step * 0.5 * SHARES[m] + TURNED
     above, below = np.hypot(speed + within, fade), np.hypot(speed - within, fade)
     return (above - below) / (2.0 * within), ((speed + within) / above - (speed - within) / below) / (2.0 * within)
 
 
 @kernel
-def collocate(flow: Flow, i: int, nodes: Floats, rest: Floats) -> None:
-    """Angles of pendulum i at the nodes under what the linear flow leaves, and that remainder.
+def collocate(flow: Flow, plain: bool, n: int, steps: Steps) -> None:
+    """Angles at the nodes under what the linear flow leaves, and that remainder; none where all is `plain`.
 
-    Sine and cosine are taken once a node; collocation moves the angle by 1e-5 rad at most, for which two terms serve.
-
-    Parameters
-    ----------
-    nodes : (6 p + 6,) array, changed
-        Angles, speeds, U and Z at the nodes; the angles are moved.
-    rest : (p, 3, 4) array, out
-        At each node, sine and cosine of the angle before it is moved, the acceleration left by the linear flow, and
-        that angle.
+    Sine and cosine are taken once a node; collocation moves the angle by 1e-2 rad at most, for which three terms serve.
     """
-    count, kappa, gravity = flow.kappa.size, flow.kappa[i], flow.gravity
-    angle, speed, horizontal, vertical = 3 * i, 3 * (count + i), 6 * count, 6 * count + 3
-    quadratic, dry = flow.quadratic[i], flow.dry[i]
-    for m in range(3):
-        rest[i, m, 3] = nodes[angle + m]
-        rest[i, m, 0], rest[i, m, 1] = sine_and_cosine(rest[i, m, 3])
-    moved0 = moved1 = moved2 = 0.0
-    for _ in range(3):
-        for m in range(3):
-            by = moved0 if m == 0 else (moved1 if m == 1 else moved2)
-            u, z, at = nodes[horizontal + m], nodes[vertical + m], nodes[angle + m] + by
+    nodes, rest, moved = steps.nodes, steps.rest, steps.room
+    count, gravity = flow.kappa.size, flow.gravity
+    horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
+    for i in range(count):
+        angle, speed, kappa, quadratic, dry = POINTS * i, POINTS * (count + i), flow.kappa[i], flow.quadratic[i], flow.dry[i]
+        for m in range(POINTS):
+            for s in range(n):
+                rest[i, ANGLE, m, s] = rest[i, SINE, m, s] = nodes[angle + m, s]
+                rest[i, SPEED, m, s], rest[i, COSINE, m, s] = nodes[speed + m, s], 1.0
+                moved[m, s] = moved[POINTS + m, s] = 0.0
             if flow.sine:
-                sine, cosine = rest[i, m, 0], rest[i, m, 1]
-                s = sine + by * (cosine - 0.5 * by * sine)
-                c = cosine - by * (sine + 0.5 * by * cosine)
-                rest[i, m, 2] = -kappa * ((gravity + z) * s - gravity * at + u * (c - 1.0))
-            else:
-                rest[i, m, 2] = -kappa * z * at
-            if quadratic != 0.0 or dry != 0.0:
-                rest[i, m, 2] -= quadratic * abs(nodes[speed + m]) * nodes[speed + m]
-                rest[i, m, 2] -= dry * direction(flow, i, m, at, nodes[speed + m], flow.fade)[0]
-        f0, f1, f2 = rest[i, 0, 2], rest[i, 1, 2], rest[i, 2, 2]
-        moved0 = flow.response[i, 0, 0, 0] * f0 + flow.response[i, 0, 1, 0] * f1 + flow.response[i, 0, 2, 0] * f2
-        moved1 = flow.response[i, 1, 0, 0] * f0 + flow.response[i, 1, 1, 0] * f1 + flow.response[i, 1, 2, 0] * f2
-        moved2 = flow.response[i, 2, 0, 0] * f0 + flow.response[i, 2, 1, 0] * f1 + flow.response[i, 2, 2, 0] * f2
-    nodes[angle] += moved0
-    nodes[angle + 1] += moved1
-    nodes[angle + 2] += moved2
+                for s in range(n):
+                    rest[i, SINE, m, s], rest[i, COSINE, m, s] = sine_and_cosine(nodes[angle + m, s])
+        for _ in range(0 if plain else ROUNDS):
+            for m in range(POINTS):
+                for s in range(n):
+                    u, z, by = nodes[horizontal + m, s], nodes[vertical + m, s], moved[m, s]
+                    at = nodes[angle + m, s] + by
+                    if flow.sine:
+                        sine, cosine = turned(rest[i, SINE, m, s], rest[i, COSINE, m, s], by)
+                        rest[i, LEFT, m, s] = -kappa * ((gravity + z) * sine - gravity * at + u * (cosine - 1.0))
+                    else:
+                        rest[i, LEFT, m, s] = -kappa * z * at
+                if quadratic != 0.0 or dry != 0.0:
+                    for s in range(n):
+                        at, fast = nodes[angle + m, s] + moved[m, s], nodes[speed + m, s] + moved[POINTS + m, s]
+                        rest[i, LEFT, m, s] -= quadratic * abs(fast) * fast
+                        if dry != 0.0:
+                            rest[i, LEFT, m, s] -= dry * direction(flow, i, m, at, fast, flow.fade)[0]
+            for m in range(POINTS):
+                for r in range(2):
+                    a, b, c, d = flow.response[i, m, :, r]
+                    for s in range(n):
+                        moved[r * POINTS + m, s] = (
+                            a * rest[i, LEFT, 0, s]
+                            + b * rest[i, LEFT, 1, s]
+                            + c * rest[i, LEFT, 2, s]
+                            + d * rest[i, LEFT, 3, s]
+                        )
+        for m in range(POINTS):
+            for s in range(n):
+                nodes[angle + m, s] += moved[m, s]
+                nodes[speed + m, s] += moved[POINTS + m, s]
+                rest[i, JOINED, m, s] = rest[i, LEFT, m, s]
+                sine, cosine = turned(rest[i, SINE, m, s], rest[i, COSINE, m, s], moved[m, s])
+                rest[i, SINE, m, s] = sine if flow.sine else nodes[angle + m, s]
+                rest[i, COSINE, m, s] = cosine if flow.sine else 1.0
 
 
 @kernel
-def join_ends(flow: Flow, away: Floats, k: int, nodes: Floats, rest: Floats) -> None:
-    """Move the remainder in a step to where a path goes that ends at its next row, not where the flow leads.
+def join_ends(flow: Flow, n: int, steps: Steps) -> None:
+    """Move the remainder in steps to where a path goes that ends at its next row, not where the flow leads.
 
     What drives the ship acts within the step too. The flow alone takes the ship's motion for a fading one, which errs
     by .02 mGal where it vibrates at three times the swing's frequency. The distance at the end is spread over the step
     by Hermite polynomials that vanish at its start with their first derivatives, of the angle the second ones too.
-
-    Parameters
-    ----------
-    away : (n, 4 + 2 p) array
-        In row k, the path's next row less what the linear flow makes of it, see `ends_of`.
-    nodes : (6 p + 6,) array
-        Angles moved by `collocate`, speeds, U and Z at the nodes, under the flow.
-    rest : (p, 3, 4) array, changed
-        As `collocate` left it; its remaining acceleration is moved.
     """
+    nodes, away, shift, rest, room = steps.nodes, steps.away, steps.shift, steps.rest, steps.room
     count, gravity = flow.kappa.size, flow.gravity
-    u, u_speed, z, z_speed = away[k, 0], away[k, 1], away[k, 2], away[k, 3]
+    horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
+    for m in range(POINTS):
+        t = NODES[m]
+        cubic, slope = t * t * (3.0 - 2.0 * t), flow.step * t * t * (t - 1.0)
+        for s in range(n):
+            shift[m, s] = cubic * away[0, s] + slope * away[1, s]
+            shift[POINTS + m, s] = cubic * away[2, s] + slope * away[3, s]
     for i in range(count):
-        kappa, angle, speed = flow.kappa[i], away[k, 4 + 2 * i], away[k, 5 + 2 * i]
-        for m in range(3):
-            angle -= flow.response[i, 3, m, 0] * rest[i, m, 2]
-            speed -= flow.response[i, 3, m, 1] * rest[i, m, 2]
-        turn = -kappa * (gravity * angle + u) - 2.0 * flow.damping[i] * speed
-        for m in range(3):
+        kappa, angle = flow.kappa[i], POINTS * i
+        for s in range(n):
+            off, speed = away[4 + 2 * i, s], away[5 + 2 * i, s]
+            for m in range(POINTS):
+                off -= flow.response[i, POINTS, m, 0] * rest[i, LEFT, m, s]
+                speed -= flow.response[i, POINTS, m, 1] * rest[i, LEFT, m, s]
+            room[0, s], room[1, s] = off, flow.step * speed
+            room[2, s] = -(flow.step**2) * (kappa * (gravity * off + away[0, s]) + 2.0 * flow.damping[i] * speed)
+        for m in range(POINTS):
             t = NODES[m]
-            cubic, cubic_speed = t * t * (3.0 - 2.0 * t), flow.step * t * t * (t - 1.0)
-            off = t**3 * (
-                (10.0 - 15.0 * t + 6.0 * t * t) * angle
-                + (-4.0 + 7.0 * t - 3.0 * t * t) * flow.step * speed
-                + (0.5 - t + 0.5 * t * t) * flow.step**2 * turn
-            )
-            across, along = nodes[6 * count + m], nodes[6 * count + 3 + m]
-            at, by = nodes[3 * i + m], nodes[3 * i + m] - rest[i, m, 3]
-            s = rest[i, m, 0] + by * (rest[i, m, 1] - 0.5 * by * rest[i, m, 0])
-            c = rest[i, m, 1] - by * (rest[i, m, 0] + 0.5 * by * rest[i, m, 1])
-            left = (gravity + along) * s - gravity * at + across * (c - 1.0)
-            across, along = across + cubic * u + cubic_speed * u_speed, along + cubic * z + cubic_speed * z_speed
-            moved, turned = s + off * (c - 0.5 * off * s), c - off * (s + 0.5 * off * c)
-            rest[i, m, 2] -= kappa * ((gravity + along) * moved - gravity * (at + off) + across * (turned - 1.0) - left)
-
-
-@summing_kernel
-def tilt(flow: Flow, i: int, by: Floats, ahead: Floats, ahead_columns: Floats) -> None:
-    """Turn the two rows of pendulum i in the step's derivative, and their transpose.
-
-    Parameters
-    ----------
-    by : (3, 4) array
-        Derivative of the remaining acceleration at each node by angle, speed, U and Z.
-    ahead, ahead_columns : (d, d) arrays, changed
-    """
-    count, size = flow.kappa.size, ahead.shape[0]
-    angle, speed, u, z, end = 3 * i, 3 * (count + i), 6 * count, 6 * count + 3, 6 * count + 6 + 2 * i
-    a0, a1, a2, s0, s1, s2 = by[0, 0], by[1, 0], by[2, 0], by[0, 1], by[1, 1], by[2, 1]
-    u0, u1, u2, z0, z1, z2 = by[0, 2], by[1, 2], by[2, 2], by[0, 3], by[1, 3], by[2, 3]
-    p0, p1, p2 = flow.response[i, 3, 0, 0], flow.response[i, 3, 1, 0], flow.response[i, 3, 2, 0]
-    v0, v1, v2 = flow.response[i, 3, 0, 1], flow.response[i, 3, 1, 1], flow.response[i, 3, 2, 1]
-    for q in range(size):
-        f0 = a0 * flow.rows[angle, q] + s0 * flow.rows[speed, q] + u0 * flow.rows[u, q] + z0 * flow.rows[z, q]
-        f1 = (
-            a1 * flow.rows[angle + 1, q]
-            + s1 * flow.rows[speed + 1, q]
-            + u1 * flow.rows[u + 1, q]
-            + z1 * flow.rows[z + 1, q]
-        )
-        f2 = (
-            a2 * flow.rows[angle + 2, q]
-            + s2 * flow.rows[speed + 2, q]
-            + u2 * flow.rows[u + 2, q]
-            + z2 * flow.rows[z + 2, q]
-        )
-        ahead[2 * i, q] = flow.rows[end, q] + p0 * f0 + p1 * f1 + p2 * f2
-        ahead[2 * i + 1, q] = flow.rows[end + 1, q] + v0 * f0 + v1 * f1 + v2 * f2
-        ahead_columns[q, 2 * i], ahead_columns[q, 2 * i + 1] = ahead[2 * i, q], ahead[2 * i + 1, q]
+            of_angle = t**3 * (10.0 - 15.0 * t + 6.0 * t * t)
+            of_speed, of_turn = t**3 * (-4.0 + 7.0 * t - 3.0 * t * t), t**3 * (0.5 - t + 0.5 * t * t)
+            for s in range(n):
+                off = of_angle * room[0, s] + of_speed * room[1, s] + of_turn * room[2, s]
+                u, z, at = nodes[horizontal + m, s], nodes[vertical + m, s], nodes[angle + m, s]
+                sine, cosine = rest[i, SINE, m, s], rest[i, COSINE, m, s]
+                left = (gravity + z) * sine - gravity * at + u * (cosine - 1.0)
+                u, z, at = u + shift[m, s], z + shift[POINTS + m, s], at + off
+                sine, cosine = turned(sine, cosine, off)
+                rest[i, SINE, m, s], rest[i, COSINE, m, s] = sine, cosine
+                rest[i, JOINED, m, s] -= kappa * ((gravity + z) * sine - gravity * at + u * (cosine - 1.0) - left)
 
 
 @kernel
-def differentiate(
-    flow: Flow, i: int, known: Floats, k: int, nodes: Floats, rest: Floats, by: Floats, extra: Floats
-) -> None:
-    """Derivatives of what the linear flow leaves of pendulum i, and what the step adds to them times the state.
+def differentiate(flow: Flow, known: Floats, k: int, n: int, steps: Steps) -> None:
+    """Derivatives of what the linear flow leaves, and what the steps add to them times the state.
 
     Parameters
     ----------
-    known : (k, 3) array
+    known : (k, 4) array
         Z at the nodes beside the states; may be empty.
-    nodes : (6 p + 6,) array
-        Angles of the remainder, speeds, U, whole Z.
-    rest : (p, 3, 4) array
-        At each node, see `collocate`.
-    by : (3, 4) array, out
-        Derivative of the remaining acceleration at each node by angle, speed, U and Z.
-    extra : (2 p,) array, out
+    k : int
+        The first step.
     """
-    count, gravity, kappa = flow.kappa.size, flow.gravity, flow.kappa[i]
-    extra[2 * i] = extra[2 * i + 1] = 0.0
-    for m in range(3):
-        speed, u, z = nodes[3 * (count + i) + m], nodes[6 * count + m], nodes[6 * count + 3 + m]
-        beside = known[k, m] if known.shape[0] > 0 else 0.0
-        if flow.sine:
-            sine, cosine = rest[i, m, 0], rest[i, m, 1]
-            by[m, 0] = -kappa * ((gravity + z) * cosine - gravity - u * sine)
-            by[m, 2], by[m, 3] = -kappa * (cosine - 1.0), -kappa * sine
-        else:
-            by[m, 0], by[m, 2], by[m, 3] = -kappa * z, 0.0, 0.0
-        by[m, 1] = -2.0 * flow.quadratic[i] * abs(speed)
-        by[m, 1] -= flow.dry[i] * direction(flow, i, m, rest[i, m, 3], speed, flow.fade)[1]
-        linear = by[m, 0] * rest[i, m, 3] + by[m, 1] * speed + by[m, 2] * u + by[m, 3] * (z - beside)
-        extra[2 * i] += flow.response[i, 3, m, 0] * (rest[i, m, 2] - linear)
-        extra[2 * i + 1] += flow.response[i, 3, m, 1] * (rest[i, m, 2] - linear)
+    nodes, shift, rest, room = steps.nodes, steps.shift, steps.rest, steps.room
+    count, gravity = flow.kappa.size, flow.gravity
+    horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
+    for i in range(count):
+        kappa, quadratic, dry, by, fast = flow.kappa[i], flow.quadratic[i], flow.dry[i], steps.by[i], POINTS * (count + i)
+        for m in range(POINTS):
+            for s in range(n):
+                u, z = nodes[horizontal + m, s] + shift[m, s], nodes[vertical + m, s] + shift[POINTS + m, s]
+                if flow.sine:
+                    sine, cosine = rest[i, SINE, m, s], rest[i, COSINE, m, s]
+                    by[0, m, s] = -kappa * ((gravity + z) * cosine - gravity - u * sine)
+                    by[2, m, s], by[3, m, s] = -kappa * (cosine - 1.0), -kappa * sine
+                else:
+                    by[0, m, s] = -kappa * z
+            if quadratic != 0.0 or dry != 0.0:
+                for s in range(n):
+                    speed = nodes[fast + m, s]
+                    by[1, m, s] = -2.0 * quadratic * abs(speed)
+                    by[1, m, s] -= dry * direction(flow, i, m, nodes[POINTS * i + m, s], speed, flow.fade)[1]
+        for r in range(2):
+            weight, extra = steps.weight[i, r], steps.extra[2 * i + r]
+            for m in range(POINTS):
+                for s in range(n):
+                    weight[m, s] = flow.response[i, POINTS, m, r]
+            for _ in range(2):
+                for m in range(POINTS):
+                    for s in range(n):
+                        room[m, s], room[POINTS + m, s] = weight[m, s] * by[0, m, s], weight[m, s] * by[1, m, s]
+                for m in range(POINTS):
+                    a, b, c, d = flow.response[i, :POINTS, m, 0]
+                    own = flow.response[i, POINTS, m, r]
+                    for s in range(n):
+                        weight[m, s] = own + a * room[0, s] + b * room[1, s] + c * room[2, s] + d * room[3, s]
+                    if quadratic != 0.0 or dry != 0.0:
+                        a, b, c, d = flow.response[i, :POINTS, m, 1]
+                        for s in range(n):
+                            weight[m, s] += a * room[4, s] + b * room[5, s] + c * room[6, s] + d * room[7, s]
+            for s in range(n):
+                extra[s] = 0.0
+            for m in range(POINTS):
+                own = flow.response[i, POINTS, m, r]
+                for s in range(n):
+                    beside = known[k + s, m] if known.shape[0] > 0 else 0.0
+                    linear = by[0, m, s] * rest[i, ANGLE, m, s] + by[1, m, s] * rest[i, SPEED, m, s]
+                    linear += by[2, m, s] * nodes[horizontal + m, s] + by[3, m, s] * (nodes[vertical + m, s] - beside)
+                    extra[s] += own * rest[i, JOINED, m, s] - weight[m, s] * linear
+                    for c in range(4):
+                        steps.factor[i, 4 * m + c, r, s] = weight[m, s] * by[c, m, s]
+
+
+@kernel
+def sources(flow: Flow) -> Floats:
+    """Rows of angle, speed, U and Z at the nodes that each pendulum's remainder hangs on, (p, 16, d)."""
+    count = flow.kappa.size
+    out = np.empty((count, 4 * POINTS, flow.rows.shape[1]))
+    for i in range(count):
+        for m in range(POINTS):
+            for c, begin in enumerate((POINTS * i, POINTS * (count + i), 2 * POINTS * count, 2 * POINTS * count + POINTS)):
+                out[i, 4 * m + c] = flow.rows[begin + m]
+    return out
 
 
 @kernel
@@ -258,73 +336,120 @@ def force_columns(
     flow: Flow,
     columns: Columns,
     forced: np.ndarray,
-    nodes: Floats,
     recorded: Floats,
     slope: Floats,
     k: int,
-    push: Floats,
-    extra: Floats,
+    n: int,
+    steps: Steps,
 ) -> None:
-    """What the constants `forced` add to the derivatives of the pendulums during the step from node k, (f, 2 p).
+    """What the constants `forced` add to the derivatives of the pendulums during the steps from node k.
 
-    What a knock in that step moves the pendulums by is added to `extra`, (2 p,).
+    What a knock in such a step moves the pendulums by is added to `extra`.
     """
-    count, time = flow.kappa.size, k * flow.step
-    at = (0.5 - np.sqrt(15.0) / 10.0, 0.5, 0.5 + np.sqrt(15.0) / 10.0)
-    for n in range(forced.size):
-        c = forced[n]
+    nodes, rest, push, force, extra = steps.nodes, steps.rest, steps.push, steps.room[0], steps.extra
+    count, begin, end = flow.kappa.size, k * flow.step, (k + n) * flow.step
+    for f in range(forced.size):
+        c = forced[f]
+        kind, centre, width = columns.kind[c], columns.centre[c], columns.width[c]
         for r in range(2 * count):
-            push[n, r] = 0.0
-        if columns.kind[c] == KNOCK:
-            i, left = columns.member[c], time + flow.step - columns.centre[c]
-            if 0.0 < left <= flow.step:
-                own = np.sqrt(flow.kappa[i] * flow.gravity)
-                push[n, 2 * i], push[n, 2 * i + 1] = np.sin(own * left) / own, np.cos(own * left)
-                extra[2 * i] += columns.value[c] * push[n, 2 * i]
-                extra[2 * i + 1] += columns.value[c] * push[n, 2 * i + 1]
+            for s in range(n):
+                push[f, r, s] = 0.0
+        if kind == KNOCK:
+            i = columns.member[c]
+            own = np.sqrt(flow.kappa[i] * flow.gravity)
+            for s in range(n):
+                left = begin + (s + 1) * flow.step - centre
+                if 0.0 < left <= flow.step:
+                    push[f, 2 * i, s], push[f, 2 * i + 1, s] = np.sin(own * left) / own, np.cos(own * left)
+                    extra[2 * i, s] += columns.value[c] * push[f, 2 * i, s]
+                    extra[2 * i + 1, s] += columns.value[c] * push[f, 2 * i + 1, s]
             continue
-        kind, width = columns.kind[c], columns.width[c]
-        if (
-            kind == GRAVITY
-            and width > 0.0
-            and abs(time + 0.5 * flow.step - columns.centre[c]) > 2.0 * width + flow.step
-        ):
+        if kind == GRAVITY and width > 0.0 and (end <= centre - 2.0 * width or begin >= centre + 2.0 * width):
             continue
         for i in range(count):
             if columns.member[c] >= 0 and columns.member[c] != i:
                 continue
-            for m in range(3):
-                angle, speed = nodes[3 * i + m], nodes[3 * (count + i) + m]
+            kappa, fade = flow.kappa[i], flow.fade if flow.dry[i] != 0.0 else centre
+            for m in range(POINTS):
+                speed, u, z = nodes[POINTS * (count + i) + m], nodes[2 * POINTS * count + m], nodes[2 * POINTS * count + POINTS + m]
+                for s in range(n):
+                    force[s] = -kappa * rest[i, SINE, m, s]
                 if kind == DAMPING:
-                    force = -2.0 * speed
+                    for s in range(n):
+                        force[s] = -2.0 * speed[s]
                 elif kind == QUADRATIC:
-                    force = -abs(speed) * speed
+                    for s in range(n):
+                        force[s] = -abs(speed[s]) * speed[s]
                 elif kind == DRY:
-                    fade = flow.fade if flow.dry[i] != 0.0 else columns.centre[c]
-                    force = -direction(flow, i, m, angle, speed, fade)[0]
+                    for s in range(n):
+                        force[s] = -direction(flow, i, m, nodes[POINTS * i + m, s], speed[s], fade)[0]
                 elif kind == FADE:
                     more = FADED * (abs(flow.fade) + TURNED)
-                    force = direction(flow, i, m, angle, speed, flow.fade)[0]
-                    force -= direction(flow, i, m, angle, speed, flow.fade + more)[0]
-                    force *= flow.dry[i] / more
-                else:
-                    lever = angle
-                    if flow.sine:
-                        square = angle * angle
-                        lever *= 1.0 - square * (1.0 - square * (1.0 - square * (1 / 42)) * (1 / 20)) * (1 / 6)
-                    if kind == RATIO:
-                        cosine = 1.0 - 0.5 * angle * angle if flow.sine else 1.0
-                        lever = lever * (flow.gravity + nodes[6 * count + 3 + m]) + cosine * nodes[6 * count + m]
-                    force = -flow.kappa[i] * lever
-                    if kind == HEAVE_SCALE:
-                        force *= recorded[k, m] if recorded.shape[0] > 0 else 0.0
-                    elif kind == HEAVE_DELAY:
-                        force *= slope[k, m] if slope.shape[0] > 0 else 0.0
-                    elif width > 0.0:
-                        away = abs(time + at[m] * flow.step - columns.centre[c]) / width
-                        force *= (max(0.0, 2.0 - away) ** 3 - 4.0 * max(0.0, 1.0 - away) ** 3) / 6.0
-                push[n, 2 * i] += flow.response[i, 3, m, 0] * force
-                push[n, 2 * i + 1] += flow.response[i, 3, m, 1] * force
+                    for s in range(n):
+                        angle = nodes[POINTS * i + m, s]
+                        force[s] = direction(flow, i, m, angle, speed[s], flow.fade)[0]
+                        force[s] -= direction(flow, i, m, angle, speed[s], flow.fade + more)[0]
+                        force[s] *= flow.dry[i] / more
+                elif kind == RATIO:
+                    for s in range(n):
+                        force[s] = force[s] * (flow.gravity + z[s]) - kappa * rest[i, COSINE, m, s] * u[s]
+                elif kind == HEAVE_SCALE:
+                    for s in range(n):
+                        force[s] *= recorded[k + s, m] if recorded.shape[0] > 0 else 0.0
+                elif kind == HEAVE_DELAY:
+                    for s in range(n):
+                        force[s] *= slope[k + s, m] if slope.shape[0] > 0 else 0.0
+                elif width > 0.0:
+                    for s in range(n):
+                        away = abs(begin + (s + NODES[m]) * flow.step - centre) / width
+                        force[s] *= (max(0.0, 2.0 - away) ** 3 - 4.0 * max(0.0, 1.0 - away) ** 3) / 6.0
+                for r in range(2):
+                    for s in range(n):
+                        push[f, 2 * i + r, s] += steps.weight[i, r, m, s] * force[s]
+
+
+@kernel
+def remain(
+    flow: Flow,
+    columns: Columns,
+    forced: np.ndarray,
+    known: Floats,
+    recorded: Floats,
+    slope: Floats,
+    rows: Floats,
+    plain: bool,
+    joined: bool,
+    k: int,
+    n: int,
+    steps: Steps,
+) -> None:
+    """All that the steps from node k do beside their linear flow, from what that makes of the path at the nodes."""
+    lay_known(known, k, n, steps.nodes)
+    collocate(flow, plain, n, steps)
+    if joined:
+        join_ends(flow, n, steps)
+    if plain:
+        steps.extra[:] = 0.0  # a knock of steps before
+    else:
+        differentiate(flow, known, k, n, steps)
+        for i in range(rows.shape[0]):
+            np.dot(steps.factor[i].reshape(rows.shape[1], -1).T, rows[i], steps.swing[i])
+    if forced.size > 0:
+        force_columns(flow, columns, forced, recorded, slope, k, n, steps)
+    if flow.heave_noise > 0.0:
+        jolt(flow, n, steps)
+    for r in range(steps.extra.shape[0]):
+        for s in range(n):
+            steps.push[forced.size, r, s] = steps.extra[r, s]
+
+
+@kernel
+def lay_known(known: Floats, k: int, n: int, nodes: Floats) -> None:
+    """Add the vertical acceleration that is known in the steps from node k."""
+    if known.shape[0] > 0:
+        for m in range(POINTS):
+            for s in range(n):
+                nodes[nodes.shape[0] - POINTS + m, s] += known[k + s, m]
 
 
 @kernel
@@ -334,6 +459,7 @@ def derive_errors(
     of_traces: np.ndarray,
     which: int,
     time: float,
+    slots: Slots,
     state: Floats,
     seen: Floats,
     j: int,
@@ -358,20 +484,20 @@ def derive_errors(
         elif kind == STEP and time >= columns.centre[c]:
             seen[j, c] += 1.0
         elif kind == DELAY or (kind == CLOCK and time >= columns.centre[c]):
-            for i in range(readings.combination.shape[1]):
-                seen[j, c] -= readings.combination[trace, i] * state[2 * i + 1, last]
+            for q in range(state.shape[0]):
+                seen[j, c] -= slots.rate[j, q] * state[q, last]
 
 
 @kernel
-def jolt(flow: Flow, nodes: Floats, impulse: Floats) -> None:
-    """What the noise of a recorded heave does to the pendulums: an impulse in mid-step, as large as the angle makes it.
+def jolt(flow: Flow, n: int, steps: Steps) -> None:
+    """What the noise of a recorded heave does to the pendulums: an impulse a node, as large as the angle makes it.
 
-    Parameters
-    ----------
-    impulse : (f + 2, 2 p) array
-        Its last row is written.
+    The last of `push` are written.
     """
-    at = impulse.shape[0] - 1
+    begin = steps.push.shape[0] - POINTS
     for i in range(flow.kappa.size):
-        speed = flow.kappa[i] * np.sin(nodes[3 * i + 1]) * flow.heave_noise * np.sqrt(flow.step)
-        impulse[at, 2 * i], impulse[at, 2 * i + 1] = 0.5 * flow.step * speed, speed
+        for m in range(POINTS):
+            size = flow.kappa[i] * flow.heave_noise / np.sqrt(SHARES[m] * flow.step)
+            for r in range(2):
+                for s in range(n):
+                    steps.push[begin + m, 2 * i + r, s] = size * steps.rest[i, SINE, m, s] * steps.weight[i, r, m, s]

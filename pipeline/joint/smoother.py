@@ -98,19 +98,22 @@ def step_on(
 
     The next node's adjoint is in `path` still; `driven` holds what the noise makes of all.
     """
-    two, size, last = keep.swing.shape[1], state.size, keep.push.shape[1] - 1
-    impulse = 0.0
-    for q in range(two):
-        impulse += keep.push[s, last, q] * path[s + 1, q]
+    two, size = keep.swing.shape[1], state.size
     for q in range(size):
         before[q], state[q] = state[q], driven[s + 1, q]
     for r in range(two):
-        total = impulse * keep.push[s, last, r]
+        total = 0.0
         for q in range(size):
             total += keep.swing[min(s, keep.swing.shape[0] - 1), r, q] * before[q]
         for n in range(pushed.size):
             total += pushed[n] * keep.push[s, n, r]
         state[r] += total
+    for n in range(pushed.size, keep.push.shape[1]):
+        impulse = 0.0
+        for q in range(two):
+            impulse += keep.push[s, n, q] * path[s + 1, q]
+        for r in range(two):
+            state[r] += impulse * keep.push[s, n, r]
     add_rows(onward, before, two, state)
 
 

@@ -8,35 +8,46 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint.flow import Flow
+from pipeline.joint.flow import POINTS, Flow
 from pipeline.joint.passes import Pass, Readings, Slots
+from pipeline.joint.remainder import JOINED, LEFT
 from synth.kernels.compiled import kernel, summing_kernel
 
 
 @kernel
 def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> None:
-    """Row of a reading in the state, into slot j: the linear flow to its own time; and the pull of what it leaves."""
+    """Row of a reading in the state, into slot j, and its slope in time: the linear flow to its own time; and the pull
+    of what that leaves in the step that begins at the node, and in the one that ends there."""
     size, traces = slots.row.shape[1], readings.combination.shape[0]
-    trace, tau = readings.trace[which], readings.offset[which]
+    trace, tau, square = readings.trace[which], readings.offset[which], flow.gravity * flow.kappa.mean()
     for q in range(size):
-        slots.row[j, q] = 0.0
-    for m in range(3):
-        slots.pull[j, m] = tau * tau * (flow.pull[m, 0] + tau * (flow.pull[m, 1] + tau * flow.pull[m, 2]))
-    power = 1.0
+        slots.row[j, q] = slots.rate[j, q] = 0.0
+    for m in range(POINTS):
+        for b in range(2):  # the nodes lie alike, seen from the end of the step before
+            at = m if b == 0 else POINTS - 1 - m
+            t = tau if b == 0 else -tau
+            pull, factor = 0.0, t * t
+            for e in range(POINTS):
+                swung = square * t * t / ((e + 3) * (e + 4))
+                pull += factor * flow.pull[at, e] * (1.0 - swung * (1.0 - square * t * t / ((e + 5) * (e + 6))))
+                factor *= t
+            slots.pull[j, b, m] = pull
+    power, before = 1.0, 0.0
     for e in range(flow.horizontal.shape[0]):
         if trace < traces:
             for i in range(flow.kappa.size):
-                factor = power * readings.combination[trace, i]
+                factor, slope = power * readings.combination[trace, i], e * before * readings.combination[trace, i]
                 for q in range(size):
                     slots.row[j, q] += factor * flow.angles[i, e, q]
+                    slots.rate[j, q] += slope * flow.angles[i, e, q]
         elif trace == traces:
             for q in range(size):
                 slots.row[j, q] += power * flow.horizontal[e, q]
         else:
             for q in range(size):
                 slots.row[j, q] += power * flow.vertical[e, q]
-        power *= tau
-        if power == 0.0:
+        power, before = power * tau, power
+        if before == 0.0:
             break
 
 
@@ -67,15 +78,22 @@ def recognise(readings: Readings, slots: Slots, used: int) -> bool:
 
 
 @kernel
-def pull_aside(slots: Slots, used: int, readings: Readings, rest: Floats, seen: Floats) -> None:
-    """Add to what is seen of each reading what the linear flow leaves out between node and reading."""
+def pull_aside(slots: Slots, used: int, readings: Readings, rest: Floats, s: int, seen: Floats) -> None:
+    """Add to what is seen of each reading what the linear flow leaves out between node and reading.
+
+    The node is where step s begins. Where no step before it is at hand, that step is gone on with backwards.
+    """
     last = seen.shape[1] - 1
     for j in range(used):
         trace = slots.trace[j]
+        back = 1 if slots.offset[j] < 0.0 and s > 0 else 0
+        plane = JOINED if back else LEFT
         if trace < readings.combination.shape[0]:
             for i in range(rest.shape[0]):
-                moved = slots.pull[j, 0] * rest[i, 0, 2] + slots.pull[j, 1] * rest[i, 1, 2]
-                moved += slots.pull[j, 2] * rest[i, 2, 2]
+                moved = slots.pull[j, back, 0] * rest[i, plane, 0, s - back]
+                moved += slots.pull[j, back, 1] * rest[i, plane, 1, s - back]
+                moved += slots.pull[j, back, 2] * rest[i, plane, 2, s - back]
+                moved += slots.pull[j, back, 3] * rest[i, plane, 3, s - back]
                 seen[j, last] += readings.combination[trace, i] * moved
 
 

@@ -106,8 +106,9 @@ def test_likelihood_and_path_are_those_of_one_dense_gaussian(lost: tuple[int, ..
     ids=lambda constant: constant.name,
 )
 def test_derivatives_are_those_of_the_prediction_errors(constant: Constant, sine: bool) -> None:
-    # readings that say next to nothing keep the gain at nought: a difference would change it too
-    of, model = problem(), replace(assumed(sine), noise=np.array([1e4, 2e4, 1.0, 1.0]))
+    # readings that say next to nothing keep the gain at nought: a difference would change it too; over some seconds
+    # what a constant does between a node and its readings, which is left out, is nothing beside what it has done
+    of, model = problem(180), replace(assumed(sine), noise=np.array([1e4, 2e4, 1.0, 1.0]))
     plain = tuple(each for each in constants() if (each.kind, each.index) != (constant.kind, constant.index))
     if constant.name == "hat":
         plain = constants()
@@ -157,7 +158,7 @@ def test_a_path_does_not_depend_on_how_much_is_kept_at_once(
     np.testing.assert_allclose(parts[1].whitened, whole[1].whitened, rtol=1e-7, atol=1e-9)
 
 
-@pytest.mark.parametrize("breaks", [(), ((11, 0), (20, 1))])
+@pytest.mark.parametrize("breaks", [(), ((2, 0), (4, 1))])
 def test_a_smoothed_path_is_where_the_likelihood_of_one_more_reading_is_greatest(
     breaks: tuple[tuple[int, int], ...],
 ) -> None:
@@ -168,17 +169,17 @@ def test_a_smoothed_path_is_where_the_likelihood_of_one_more_reading_is_greatest
 
     def likelihood(angle: float) -> float:
         lattice = of.lattice
-        at = int(np.searchsorted(lattice.node, 7))
+        at = int(np.searchsorted(lattice.node, 3))
         added = replace(
             lattice,
-            node=np.insert(lattice.node, at, 7),
+            node=np.insert(lattice.node, at, 3),
             trace=np.insert(lattice.trace, at, 0),
             offset=np.insert(lattice.offset, at, 0.0),
             value=np.insert(lattice.value, at, angle),
         )
         return replace(of, lattice=added).run(model, held, about=about)[0].log_likelihood
 
-    here, by = float(path[7, 0]), 1e-3
+    here, by = float(path[3, 0]), 1e-3
     low, mid, high = (likelihood(here + k * by) for k in (-1.0, 0.0, 1.0))
     assert mid > max(low, high)
     assert abs(low - high) < 1e-6 * (2.0 * mid - low - high)

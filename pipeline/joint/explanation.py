@@ -141,6 +141,30 @@ def shifted(constants: tuple[Constant, ...], path: Floats, begin: int) -> tuple[
     return tuple(replace(c, value=float(path[begin, c.index])) if c.kind == kinds.START else c for c in constants)
 
 
+def angles(fit: Fitted, times: Floats) -> Floats:
+    """Each pendulum's angle at times since the first node, s, (n, p): Hermite's quintics from node to node."""
+    model, problem, two = fit.model, fit.model.problem, 2 * fit.model.problem.pendulums
+    flow, ship = problem.flow(model.assumed, fit.solution.constants), Ship.of(model.assumed.ship)
+    lattice, path = problem.lattice, fit.path.astype(np.float64)
+    angle, speed = path[:, :two:2], path[:, 1:two:2]
+    across, along = (path[:, two:] @ row for row in (ship.horizontal, ship.vertical))
+    if problem.heave is not None:
+        along = along + problem.heave(lattice.step * np.arange(lattice.nodes))
+    if model.assumed.sine:
+        pull = (flow.gravity + along[:, None]) * np.sin(angle) + across[:, None] * np.cos(angle)
+    else:
+        pull = flow.gravity * angle + across[:, None]
+    turn = lattice.step**2 * (-flow.kappa * pull - 2.0 * flow.damping * speed)
+    speed = lattice.step * speed
+    k = np.clip((times / lattice.step).astype(np.int64), 0, lattice.nodes - 2)
+    t = (times / lattice.step - k)[:, None]
+    out = angle[k] + t * (speed[k] + t * 0.5 * turn[k])
+    off = angle[k + 1] - angle[k] - speed[k] - 0.5 * turn[k]
+    faster, sharper = speed[k + 1] - speed[k] - turn[k], 0.5 * (turn[k + 1] - turn[k])
+    cubic, fourth, fifth = (a * off + b * faster + c * sharper for a, b, c in ((10, -4, 1), (-15, 7, -2), (6, -3, 1)))
+    return np.asarray(out + t**3 * (cubic + t * (fourth + t * fifth)))
+
+
 def bend(model: Model, path: Floats, about: Floats) -> float:
     """What linearising about one path leaves out of another, as if it added up all along, over the reading noise."""
     problem, two = model.problem, 2 * model.problem.pendulums

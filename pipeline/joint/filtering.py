@@ -29,11 +29,13 @@ from pipeline.joint.remainder import (
     sources,
 )
 from pipeline.joint.updating import (
+    add_drive,
     add_noise,
     change_of,
     clear,
     copy,
     factorise,
+    lay_heave,
     lift,
     pick,
     pull_aside,
@@ -174,11 +176,13 @@ def sweep(
         most = max(most, readings.first[k + 1] - readings.first[k] + 3)
     covariance, updated, moved = of.covariance.copy(), np.empty((size, size)), np.empty((size, size))
     state, state_updated = of.state.copy(), np.empty((size, constants + 1))
-    ahead, to_nodes, ends, rows_left = flow.rows[between:].copy(), flow.rows[:between].copy(), ends_of(flow), sources(flow)
+    ahead, to_nodes = flow.rows[between:].copy(), flow.rows[:between].copy()
+    ends, rows_left = ends_of(flow), sources(flow)
     ahead_columns, onward = np.ascontiguousarray(ahead.T), np.dot(ends, ahead)  # transposed in place, products are slow
     slots = Slots(
         np.zeros(most, dtype=np.int64), np.full(most, -1), np.zeros(most), np.zeros(most), np.zeros((most, size)),
-        np.zeros((most, size)), np.zeros((most, 2, POINTS)),
+        np.zeros((most, size)), np.zeros((most, size)), np.zeros((most, size)), np.zeros(most),
+        np.zeros((most, 2, POINTS)),
     )  # fmt: skip
     square, root = np.zeros((most, most)), np.zeros((most, most))
     seen, gain, old_gain = np.zeros((most, constants + 1)), np.zeros((most, size)), np.zeros((most, size))
@@ -191,7 +195,7 @@ def sweep(
     joined, at, chunk = flow.sine and given, 0, begin - CHUNK
     path = np.zeros((CHUNK + 1 if given else 1, size))
     steps = room_for(flow, forced.size, CHUNK if given else 1)
-    push = steps.push
+    push, impulses = steps.push, forced.size + (3 if flow.heaves else 1)
     asked = not plain or forced.size > 0 or flow.heave_noise > 0.0
     moving, before, product, at_break = True, -1, 1.0, 0
     for k in range(begin, end):
@@ -217,13 +221,15 @@ def sweep(
             reach(to_nodes, state, steps.nodes)
             lay_known(known, k, 1, steps.nodes)
             collocate(flow, plain, 1, steps)
+        if joined and flow.heaves:
+            lay_heave(flow, readings, slots, used, steps, path, at)
         np.dot(slots.row[:used], state, seen[:used])
         if not plain:
             pull_aside(slots, used, readings, steps.rest, at, seen)
         for j in range(used):
             if of_traces.size > 0:
                 which = slots.reading[j]
-                derive_errors(readings, columns, of_traces, which, k * flow.step + slots.offset[j], slots, state, seen, j)
+                derive_errors(readings, columns, of_traces, which, k * flow.step, slots, state, seen, j)
             seen[j, constants] -= readings.value[slots.reading[j]]
         if moving:
             np.dot(slots.row[:used], covariance, gain[:used])
@@ -292,11 +298,13 @@ def sweep(
             np.dot(ahead, updated, moved)
             np.dot(moved, ahead_columns, updated)
             add_noise(updated, flow.noise, k % UNEVEN == 0, covariance)
+            if flow.heaves:
+                add_drive(flow, push, forced.size + 1, at, covariance)
         for r in range(two):
             state[r, constants] += push[forced.size, r, at]  # what is left of the sine law
             for n in range(forced.size):
                 state[r, forced[n]] += push[n, r, at]
-        for n in range(forced.size + 1, push.shape[0] if moving else 0):
+        for n in range(impulses, push.shape[0] if moving else 0):
             for r in range(two):
                 for q in range(two):
                     covariance[r, q] += push[n, r, at] * push[n, q, at]

@@ -57,6 +57,10 @@ class Flow(NamedTuple):
     pull : (4, 4) array
         Lagrange polynomials of the nodes, integrated twice from the step's start: factors of the square to the fifth
         power of the time.
+    driven : (2, d) array
+        Covariance with the process noise of Z and its derivative at the step's end.
+    heaves : bool
+        Whether vertical motion that is not recorded acts: what drives it acts within the step too.
     varying : bool
         Whether the flow's derivative turns with the swing; the covariance then follows it. (What the ship's motion does
         to two pendulums differs by their arcs as much as by their periods: a gain without the arcs errs by 2 mGal.)
@@ -78,6 +82,8 @@ class Flow(NamedTuple):
     horizontal: Floats
     vertical: Floats
     pull: Floats
+    driven: Floats
+    heaves: bool
     varying: bool
 
 
@@ -133,7 +139,8 @@ def flow(
     noise = transition @ short[:size, size:]
     for _ in range(HALVINGS):
         noise, transition = transition @ noise @ transition.T + noise, transition @ transition
-    to_node = expm(drift * (NODES * step)[:, None, None])
+    to_node, noise = expm(drift * (NODES * step)[:, None, None]), 0.5 * (noise + noise.T)
+    vertical = _powers(drift, z_row)
     return Flow(
         step=step,
         sine=sine,
@@ -154,19 +161,21 @@ def flow(
                 ]
             )
         ),
-        noise=0.5 * (noise + noise.T),
+        noise=noise,
         heave_noise=heave_noise,
         response=_response(step, kappa * gravity, np.asarray(damping)),
         angles=np.stack([_powers(drift, row) for row in np.eye(size)[:two:2]]),
         horizontal=_powers(drift, u_row),
-        vertical=_powers(drift, z_row),
+        vertical=vertical,
         pull=_PULL / step ** np.arange(POINTS),
+        driven=vertical[:2] @ noise,
+        heaves=bool(sine and np.any(vertical)),
         varying=bool(sine),
     )
 
 
 _POLYNOMIALS = [np.poly1d(np.delete(NODES, m), r=True) for m in range(POINTS)]
-_PULL = np.array([p.coeffs[::-1] / p(node) for p, node in zip(_POLYNOMIALS, NODES, strict=True)]) / [2.0, 6.0, 12.0, 20.0]
+_PULL = np.array([p.coeffs[::-1] / p(node) for p, node in zip(_POLYNOMIALS, NODES, strict=True)]) / [2, 6, 12, 20]
 
 
 def _powers(drift: Floats, row: Floats) -> Floats:

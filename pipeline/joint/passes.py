@@ -118,6 +118,11 @@ class Slots(NamedTuple):
     offset, variance : (u,) arrays
     row, rate : (u, d) arrays
         Row of the reading in the state, and its slope in time.
+    level, heave : (u, d) arrays
+        The row under the linear flow alone; what the ship's vertical motion does between the node and the reading to a
+        pendulum that it accelerates by as much.
+    beside : (u,) array
+        What the row has of the path that it is about beside `level`.
     pull : (u, 2, 4) array
         Factors of the remaining accelerations at the step's nodes in a pendulum's angle at the reading's time.
     """
@@ -128,4 +133,7 @@ class Slots(NamedTuple):
     variance: Floats
     row: Floats
     rate: Floats
+    level: Floats
+    heave: Floats
+    beside: Floats
     pull: Floats

@@ -367,7 +367,7 @@ class _Sweep:
         first = self.readings.first
         rows = int(np.max(first[nodes:] - first[: first.size - nodes]))
         many, all_rows = (nodes, rows) if smooth else (0, 0)
-        pushes = int(self.forced.sum()) + 1 + (POINTS if self.flow.heave_noise else 0)
+        pushes = int(self.forced.sum()) + 1 + (2 if self.flow.heaves else 0) + (POINTS if self.flow.heave_noise else 0)
         return passes.Kept(
             np.empty((many if self.bent else min(many, 1), 2 * self.flow.kappa.size, size)),
             np.empty((many, pushes, 2 * self.flow.kappa.size)),

@@ -15,6 +15,7 @@ from pipeline.gravity import MGAL, gravity
 from pipeline.joint import apparatus
 from pipeline.joint.choice import mean_gravity
 from pipeline.joint.course import weights
+from pipeline.joint.explanation import angles
 from pipeline.joint.fit import Outcome, reduce
 from pipeline.joint.gather import Gathered, gather
 from pipeline.ledger import eotvos
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from xarray import DataTree
 
 KINDS = {"kicks": "random-kicks", "gravity changes": "gravity-changes"}
+MOST_TURN = 0.7  # rad of the swing between samples of the path, for its third harmonic to show
 WIDENED = 1.1  # factor in sigma from which the flag says so
 
 
@@ -141,20 +143,22 @@ def _prepared(record: DataTree, gathered: Gathered, outcome: Outcome, pair: tupl
     problem = outcome.fit.model.problem
     first, second = pair
     one, two = gathered.pendulums.index(first), gathered.pendulums.index(second)
-    path, step = outcome.fit.path, problem.lattice.step
-    theta: Floats = path[:, 2 * one].copy()
+    parts = int(np.ceil(problem.lattice.step * problem.swing / MOST_TURN))
+    step = problem.lattice.step / parts
+    time = step * np.arange(parts * (problem.lattice.nodes - 1) + 1)
+    path = angles(outcome.fit, time)
     constants = instrument(record, (first, second))
     vertical = None
-    if problem.recorded.size:
-        vertical = problem.recorded[:, 1] * constants["reference_gravity"]
+    if problem.heave is not None:
+        vertical = problem.heave(time) * constants["reference_gravity"]
     observation = Observation(
         first=first,
         second=second,
         start=problem.lattice.start,
-        time=step * np.arange(problem.lattice.nodes),
+        time=time,
         step=step,
-        theta=theta,
-        difference=theta - path[:, 2 * two],
+        theta=path[:, one],
+        difference=path[:, one] - path[:, two],
         sigma_theta=None,
         sigma_difference=None,
         vertical=vertical,

@@ -66,8 +66,9 @@ class Steps(NamedTuple):
         What that adds to their derivatives by the state.
     extra : (2 p, n) array
         What the steps add to the pendulums beside what the derivatives do.
-    push : (f + 1 or f + 5, 2 p, n) array
-        Derivatives by the constants that move the pendulums; `extra`; impulses of a recorded heave's noise.
+    push : (f + 1 + 2 + 4, 2 p, n) array
+        Derivatives by the constants that move the pendulums; `extra`; where vertical motion is not recorded, by what
+        drives Z and its derivative within the step; where it is, impulses of the recording's noise.
     room : (8, n) array
     """
 
@@ -87,7 +88,8 @@ class Steps(NamedTuple):
 @kernel
 def room_for(flow: Flow, forced: int, n: int) -> Steps:
     """Room for n steps."""
-    count, size = flow.kappa.size, flow.noise.shape[0]
+    count, size, two = flow.kappa.size, flow.noise.shape[0], 2 * flow.kappa.size
+    pushes = forced + 1 + (2 if flow.heaves else 0) + (POINTS if flow.heave_noise > 0.0 else 0)
     weight = np.zeros((count, 2, POINTS, n))
     for i in range(count):
         for r in range(2):
@@ -96,8 +98,8 @@ def room_for(flow: Flow, forced: int, n: int) -> Steps:
     return Steps(
         np.zeros((2 * POINTS * (count + 1), n)), np.zeros((4 + 2 * count, n)), np.zeros((2 * POINTS, n)),
         np.zeros((count, 6, POINTS, n)), np.zeros((count, 4, POINTS, n)), weight,
-        np.zeros((count, 4 * POINTS, 2, n)), np.zeros((count, 2 * n, size)), np.zeros((2 * count, n)),
-        np.zeros((forced + 1 + (POINTS if flow.heave_noise > 0.0 else 0), 2 * count, n)), np.zeros((2 * POINTS, n)),
+        np.zeros((count, 4 * POINTS, 2, n)), np.zeros((count, 2 * n, size)), np.zeros((two, n)),
+        np.zeros((pushes, two, n)), np.zeros((2 * POINTS, n)),
     )  # fmt: skip
 
 
@@ -172,7 +174,13 @@ def collocate(flow: Flow, plain: bool, n: int, steps: Steps) -> None:
     count, gravity = flow.kappa.size, flow.gravity
     horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
     for i in range(count):
-        angle, speed, kappa, quadratic, dry = POINTS * i, POINTS * (count + i), flow.kappa[i], flow.quadratic[i], flow.dry[i]
+        angle, speed, kappa, quadratic, dry = (
+            POINTS * i,
+            POINTS * (count + i),
+            flow.kappa[i],
+            flow.quadratic[i],
+            flow.dry[i],
+        )
         for m in range(POINTS):
             for s in range(n):
                 rest[i, ANGLE, m, s] = rest[i, SINE, m, s] = nodes[angle + m, s]
@@ -273,7 +281,13 @@ def differentiate(flow: Flow, known: Floats, k: int, n: int, steps: Steps) -> No
     count, gravity = flow.kappa.size, flow.gravity
     horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
     for i in range(count):
-        kappa, quadratic, dry, by, fast = flow.kappa[i], flow.quadratic[i], flow.dry[i], steps.by[i], POINTS * (count + i)
+        kappa, quadratic, dry, by, fast = (
+            flow.kappa[i],
+            flow.quadratic[i],
+            flow.dry[i],
+            steps.by[i],
+            POINTS * (count + i),
+        )
         for m in range(POINTS):
             for s in range(n):
                 u, z = nodes[horizontal + m, s] + shift[m, s], nodes[vertical + m, s] + shift[POINTS + m, s]
@@ -326,7 +340,9 @@ def sources(flow: Flow) -> Floats:
     out = np.empty((count, 4 * POINTS, flow.rows.shape[1]))
     for i in range(count):
         for m in range(POINTS):
-            for c, begin in enumerate((POINTS * i, POINTS * (count + i), 2 * POINTS * count, 2 * POINTS * count + POINTS)):
+            for c, begin in enumerate(
+                (POINTS * i, POINTS * (count + i), 2 * POINTS * count, 2 * POINTS * count + POINTS)
+            ):
                 out[i, 4 * m + c] = flow.rows[begin + m]
     return out
 
@@ -346,8 +362,9 @@ def force_columns(
 
     What a knock in such a step moves the pendulums by is added to `extra`.
     """
-    nodes, rest, push, force, extra = steps.nodes, steps.rest, steps.push, steps.room[0], steps.extra
+    nodes, rest, push, extra, force = steps.nodes, steps.rest, steps.push, steps.extra, steps.room[0]
     count, begin, end = flow.kappa.size, k * flow.step, (k + n) * flow.step
+    horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
     for f in range(forced.size):
         c = forced[f]
         kind, centre, width = columns.kind[c], columns.centre[c], columns.width[c]
@@ -371,7 +388,7 @@ def force_columns(
                 continue
             kappa, fade = flow.kappa[i], flow.fade if flow.dry[i] != 0.0 else centre
             for m in range(POINTS):
-                speed, u, z = nodes[POINTS * (count + i) + m], nodes[2 * POINTS * count + m], nodes[2 * POINTS * count + POINTS + m]
+                speed, u, z = nodes[POINTS * (count + i) + m], nodes[horizontal + m], nodes[vertical + m]
                 for s in range(n):
                     force[s] = -kappa * rest[i, SINE, m, s]
                 if kind == DAMPING:
@@ -436,6 +453,8 @@ def remain(
             np.dot(steps.factor[i].reshape(rows.shape[1], -1).T, rows[i], steps.swing[i])
     if forced.size > 0:
         force_columns(flow, columns, forced, recorded, slope, k, n, steps)
+    if flow.heaves:
+        drive(flow, joined, forced.size + 1, n, steps)
     if flow.heave_noise > 0.0:
         jolt(flow, n, steps)
     for r in range(steps.extra.shape[0]):
@@ -458,7 +477,7 @@ def derive_errors(
     columns: Columns,
     of_traces: np.ndarray,
     which: int,
-    time: float,
+    node: float,
     slots: Slots,
     state: Floats,
     seen: Floats,
@@ -466,9 +485,9 @@ def derive_errors(
 ) -> None:
     """What the constants `of_traces` of a trace add to the derivatives of what is seen of a reading.
 
-    On entry row j of `seen` holds what the reading's row makes of `state`, (d, c + 1).
+    On entry row j of `seen` holds what the reading's row makes of `state`, (d, c + 1); `node`: its time, s.
     """
-    last, trace = state.shape[1] - 1, readings.trace[which]
+    last, trace, time = state.shape[1] - 1, readings.trace[which], node + readings.offset[which]
     for n in range(of_traces.size):
         c = of_traces[n]
         kind = columns.kind[c]
@@ -486,6 +505,30 @@ def derive_errors(
         elif kind == DELAY or (kind == CLOCK and time >= columns.centre[c]):
             for q in range(state.shape[0]):
                 seen[j, c] -= slots.rate[j, q] * state[q, last]
+
+
+@kernel
+def drive(flow: Flow, joined: bool, begin: int, n: int, steps: Steps) -> None:
+    """What it does to the pendulums that Z and its derivative end elsewhere than the flow leads; see `join_ends`.
+
+    Without it a motion that vanishes at zero frequency would leave a sawtooth there, which looks like gravity. Rows
+    `begin` and the next of `push` are written. What the path that is joined has of it is taken off `extra`.
+    """
+    for i in range(flow.kappa.size):
+        for r in range(2):
+            at = 2 * i + r
+            for s in range(n):
+                steps.push[begin, at, s] = steps.push[begin + 1, at, s] = 0.0
+            for m in range(POINTS):
+                t = NODES[m]
+                cubic, slope = t * t * (3.0 - 2.0 * t), flow.step * t * t * (t - 1.0)
+                for s in range(n):
+                    factor = steps.factor[i, 4 * m + 3, r, s]
+                    steps.push[begin, at, s] += cubic * factor
+                    steps.push[begin + 1, at, s] += slope * factor
+            for s in range(n if joined else 0):
+                steps.extra[at, s] -= steps.push[begin, at, s] * steps.away[2, s]
+                steps.extra[at, s] -= steps.push[begin + 1, at, s] * steps.away[3, s]
 
 
 @kernel

@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint import kinds
 from pipeline.joint.constants import total
-from pipeline.joint.explanation import Fitted, again
+from pipeline.joint.explanation import Fitted, again, angles
 
 
 def change_by_rounding(fit: Fitted, gravity: Floats) -> float:
@@ -28,7 +28,8 @@ def change_by_rounding(fit: Fitted, gravity: Floats) -> float:
     problem, lattice = fit.model.problem, fit.model.problem.lattice
     own = np.flatnonzero(lattice.trace < problem.traces)
     trace = lattice.trace[own]
-    exact = _path_at(fit, lattice.time[own], trace) + total(fit.model.constants, kinds.ZERO, problem.traces + 2)[trace]
+    exact = np.einsum("rp,rp->r", lattice.combination[trace], angles(fit, lattice.time[own]))
+    exact += total(fit.model.constants, kinds.ZERO, problem.traces + 2)[trace]
     step = problem.steps[trace]
     rounded = np.where(step > 0.0, np.rint(exact / np.maximum(step, 1e-300)) * step, exact)
     found = []
@@ -37,15 +38,3 @@ def change_by_rounding(fit: Fitted, gravity: Floats) -> float:
         value[own] = readings
         found.append(again(fit, replace(problem, lattice=replace(lattice, value=value))))
     return float(gravity @ (found[0] - found[1]))
-
-
-def _path_at(fit: Fitted, time: Floats, trace: np.ndarray) -> Floats:
-    """What traces show of the path at times, (r,)."""
-    from scipy.interpolate import CubicHermiteSpline
-
-    lattice, found = fit.model.problem.lattice, np.zeros(time.size)
-    nodes = lattice.step * np.arange(lattice.nodes)
-    for i in range(fit.model.problem.pendulums):
-        angle = CubicHermiteSpline(nodes, fit.path[:, 2 * i], fit.path[:, 2 * i + 1])
-        found += lattice.combination[trace, i] * angle(time)
-    return found

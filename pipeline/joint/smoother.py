@@ -54,7 +54,7 @@ def smooth(
         for q in range(size):
             path[k - begin, q] = adjoint[q]
     at_break, driven, onward = 0, np.dot(path[: end - begin], flow.noise), np.zeros_like(ahead)
-    onward[:, two:] = ahead[:, two:].T
+    onward[:, two:], felt = ahead[:, two:].T, np.zeros(2)
     for r in range(size):
         for q in range(size):
             state[r] += covariance[r, q] * adjoint[q]
@@ -68,7 +68,7 @@ def smooth(
         for q in range(size):
             path[k - begin, q] = state[q]
         if k + 1 < end:
-            step_on(keep, k - begin, onward, driven, pushed, path, state, later)
+            step_on(flow, keep, k - begin, onward, driven, pushed, path, state, later, felt)
 
 
 @summing_kernel
@@ -85,6 +85,7 @@ def step_back(keep: Kept, s: int, ahead: Floats, adjoint: Floats, later: Floats)
 
 @summing_kernel
 def step_on(
+    flow: Flow,
     keep: Kept,
     s: int,
     onward: Floats,
@@ -93,6 +94,7 @@ def step_on(
     path: Floats,
     state: Floats,
     before: Floats,
+    felt: Floats,
 ) -> None:
     """The smoothed state of the next node, (d,), from that of node s, and what drives it.
 
@@ -101,6 +103,23 @@ def step_on(
     two, size = keep.swing.shape[1], state.size
     for q in range(size):
         before[q], state[q] = state[q], driven[s + 1, q]
+    first = pushed.size
+    if flow.heaves:
+        for a in range(2):
+            felt[a] = 0.0
+            for q in range(two):
+                felt[a] += keep.push[s, first + a, q] * path[s + 1, q]
+        for a in range(2):
+            for q in range(size):
+                state[q] += felt[a] * flow.driven[a, q]
+        for a in range(2):
+            felt[a] = 0.0
+            for q in range(two, size):
+                felt[a] += flow.vertical[a, q] * state[q]
+        for a in range(2):
+            for r in range(two):
+                state[r] += keep.push[s, first + a, r] * felt[a]
+        first += 2
     for r in range(two):
         total = 0.0
         for q in range(size):
@@ -108,7 +127,7 @@ def step_on(
         for n in range(pushed.size):
             total += pushed[n] * keep.push[s, n, r]
         state[r] += total
-    for n in range(pushed.size, keep.push.shape[1]):
+    for n in range(first, keep.push.shape[1]):
         impulse = 0.0
         for q in range(two):
             impulse += keep.push[s, n, q] * path[s + 1, q]

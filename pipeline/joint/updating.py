@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint.flow import POINTS, Flow
+from pipeline.joint.flow import NODES, POINTS, Flow
 from pipeline.joint.passes import Pass, Readings, Slots
-from pipeline.joint.remainder import JOINED, LEFT
+from pipeline.joint.remainder import JOINED, LEFT, Steps
 from synth.kernels.compiled import kernel, summing_kernel
 
 
@@ -21,7 +21,7 @@ def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> 
     size, traces = slots.row.shape[1], readings.combination.shape[0]
     trace, tau, square = readings.trace[which], readings.offset[which], flow.gravity * flow.kappa.mean()
     for q in range(size):
-        slots.row[j, q] = slots.rate[j, q] = 0.0
+        slots.row[j, q] = slots.rate[j, q] = slots.heave[j, q] = 0.0
     for m in range(POINTS):
         for b in range(2):  # the nodes lie alike, seen from the end of the step before
             at = m if b == 0 else POINTS - 1 - m
@@ -32,7 +32,8 @@ def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> 
                 pull += factor * flow.pull[at, e] * (1.0 - swung * (1.0 - square * t * t / ((e + 5) * (e + 6))))
                 factor *= t
             slots.pull[j, b, m] = pull
-    power, before = 1.0, 0.0
+    power, before, third = 1.0, 0.0, 1.0
+    share = 0.5 * tau * tau * (1.0 - square * tau * tau / 12.0)
     for e in range(flow.horizontal.shape[0]):
         if trace < traces:
             for i in range(flow.kappa.size):
@@ -40,6 +41,9 @@ def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> 
                 for q in range(size):
                     slots.row[j, q] += factor * flow.angles[i, e, q]
                     slots.rate[j, q] += slope * flow.angles[i, e, q]
+            for q in range(size):
+                slots.heave[j, q] += third * share * flow.vertical[e, q]
+            third *= tau / 3.0
         elif trace == traces:
             for q in range(size):
                 slots.row[j, q] += power * flow.horizontal[e, q]
@@ -49,6 +53,32 @@ def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> 
         power, before = power * tau, power
         if before == 0.0:
             break
+    for q in range(size):
+        slots.level[j, q] = slots.row[j, q]
+
+
+@summing_kernel
+def lay_heave(flow: Flow, readings: Readings, slots: Slots, used: int, steps: Steps, path: Floats, s: int) -> None:
+    """What the ship's vertical motion does between the node and readings, into their rows, about row s of a path.
+
+    Two integrations weigh what is nearer the node more: the angles are taken as they are at a third of the way.
+    """
+    size = slots.row.shape[1]
+    apart = (NODES[1] - NODES[0]) * flow.step
+    for j in range(used):
+        trace, tau = slots.trace[j], slots.offset[j]
+        if trace >= readings.combination.shape[0] or tau == 0.0:
+            continue
+        near, next_, step = (POINTS - 1, POINTS - 2, s - 1) if tau < 0.0 and s > 0 else (0, 1, s)
+        ahead = (abs(tau) / 3.0 if step < s else tau / 3.0) / apart - NODES[0] * flow.step / apart
+        lever, own = 0.0, 0.0
+        for i in range(flow.kappa.size):
+            by = steps.by[i, 3, near, step] + ahead * (steps.by[i, 3, next_, step] - steps.by[i, 3, near, step])
+            lever += readings.combination[trace, i] * by
+        for q in range(2 * flow.kappa.size, size):
+            slots.row[j, q] = slots.level[j, q] + lever * slots.heave[j, q]
+            own += slots.heave[j, q] * path[s, q]
+        slots.beside[j] = lever * own  # which the pull has too
 
 
 @kernel
@@ -86,6 +116,7 @@ def pull_aside(slots: Slots, used: int, readings: Readings, rest: Floats, s: int
     last = seen.shape[1] - 1
     for j in range(used):
         trace = slots.trace[j]
+        seen[j, last] -= slots.beside[j]
         back = 1 if slots.offset[j] < 0.0 and s > 0 else 0
         plane = JOINED if back else LEFT
         if trace < readings.combination.shape[0]:
@@ -210,6 +241,25 @@ def copy(source: Floats, to: Floats) -> None:
     for r in range(source.shape[0]):
         for q in range(source.shape[1]):
             to[r, q] = source[r, q]
+
+
+@kernel
+def add_drive(flow: Flow, push: Floats, begin: int, s: int, covariance: Floats) -> None:
+    """Add what the process noise of vertical motion does within step s, from rows `begin` and the next of `push`."""
+    two = push.shape[1]
+    for a in range(2):
+        for r in range(two):
+            for q in range(covariance.shape[0]):
+                by = push[begin + a, r, s] * flow.driven[a, q]
+                covariance[r, q] += by
+                covariance[q, r] += by
+        for b in range(2):
+            square = 0.0
+            for q in range(two, covariance.shape[0]):
+                square += flow.driven[a, q] * flow.vertical[b, q]
+            for r in range(two):
+                for q in range(two):
+                    covariance[r, q] += push[begin + a, r, s] * square * push[begin + b, q, s]
 
 
 @kernel

@@ -193,8 +193,9 @@ def sweep(
     keeping, kept, end_kept = keep.swing.shape[0] > 0, 0, 0
     given = about.shape[0] > 0
     joined, at, chunk = flow.sine and given, 0, begin - CHUNK
-    path = np.zeros((CHUNK + 1 if given else 1, size))
-    steps = room_for(flow, forced.size, CHUNK if given else 1)
+    width = CHUNK if given else 1
+    path = np.zeros((width + 1, size))
+    steps = room_for(flow, forced.size, width)
     push, impulses = steps.push, forced.size + (3 if flow.heaves else 1)
     asked = not plain or forced.size > 0 or flow.heave_noise > 0.0
     moving, before, product, at_break = True, -1, 1.0, 0
@@ -219,8 +220,8 @@ def sweep(
                 remain(flow, columns, forced, known, recorded, slope, rows_left, plain, joined, chunk, some, steps)
         elif not plain:
             reach(to_nodes, state, steps.nodes)
-            lay_known(known, k, 1, steps.nodes)
-            collocate(flow, plain, 1, steps)
+            lay_known(known, k, width, steps.nodes)
+            collocate(flow, plain, width, steps)
         if joined and flow.heaves:
             lay_heave(flow, readings, slots, used, steps, path, at)
         np.dot(slots.row[:used], state, seen[:used])
@@ -290,7 +291,7 @@ def sweep(
         settling = moving and alike and not flow.varying and change < SETTLED and used > 0
         if asked and not given:
             reach(to_nodes, state_updated, steps.nodes)
-            remain(flow, columns, forced, known, recorded, slope, rows_left, plain, joined, k, 1, steps)
+            remain(flow, columns, forced, known, recorded, slope, rows_left, plain, joined, k, width, steps)
         if not plain:
             turn(flow, steps.swing, at, ahead, ahead_columns)
         np.dot(ahead, state_updated, state)

@@ -137,7 +137,9 @@ class Problem:
             assumed.sine,
             tuple(quadratic),
             tuple(dry),
-            sum(each.centre + each.value * (each.kind == kinds.FADE) for each in constants if each.kind in FADING),
+            float(
+                sum(each.centre + each.value * (each.kind == kinds.FADE) for each in constants if each.kind in FADING)
+            ),
             assumed.heave_noise,
         )
 

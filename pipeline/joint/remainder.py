@@ -170,7 +170,7 @@ def collocate(flow: Flow, plain: bool, n: int, steps: Steps) -> None:
 
     Sine and cosine are taken once a node; collocation moves the angle by 1e-2 rad at most, for which three terms serve.
     """
-    nodes, rest, moved = steps.nodes, steps.rest, steps.room
+    nodes, rest, moved, response = steps.nodes, steps.rest, steps.room, flow.response
     count, gravity = flow.kappa.size, flow.gravity
     horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
     for i in range(count):
@@ -207,7 +207,8 @@ def collocate(flow: Flow, plain: bool, n: int, steps: Steps) -> None:
                             rest[i, LEFT, m, s] -= dry * direction(flow, i, m, at, fast, flow.fade)[0]
             for m in range(POINTS):
                 for r in range(2):
-                    a, b, c, d = flow.response[i, m, :, r]
+                    a, b = response[i, m, 0, r], response[i, m, 1, r]
+                    c, d = response[i, m, 2, r], response[i, m, 3, r]
                     for s in range(n):
                         moved[r * POINTS + m, s] = (
                             a * rest[i, LEFT, 0, s]
@@ -277,60 +278,61 @@ def differentiate(flow: Flow, known: Floats, k: int, n: int, steps: Steps) -> No
     k : int
         The first step.
     """
-    nodes, shift, rest, room = steps.nodes, steps.shift, steps.rest, steps.room
+    nodes, shift, rest, room, response = steps.nodes, steps.shift, steps.rest, steps.room, flow.response
+    by, weight, extra, factor = steps.by, steps.weight, steps.extra, steps.factor
     count, gravity = flow.kappa.size, flow.gravity
     horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
     for i in range(count):
-        kappa, quadratic, dry, by, fast = (
-            flow.kappa[i],
-            flow.quadratic[i],
-            flow.dry[i],
-            steps.by[i],
-            POINTS * (count + i),
-        )
+        kappa, quadratic, dry, fast = flow.kappa[i], flow.quadratic[i], flow.dry[i], POINTS * (count + i)
         for m in range(POINTS):
             for s in range(n):
                 u, z = nodes[horizontal + m, s] + shift[m, s], nodes[vertical + m, s] + shift[POINTS + m, s]
                 if flow.sine:
                     sine, cosine = rest[i, SINE, m, s], rest[i, COSINE, m, s]
-                    by[0, m, s] = -kappa * ((gravity + z) * cosine - gravity - u * sine)
-                    by[2, m, s], by[3, m, s] = -kappa * (cosine - 1.0), -kappa * sine
+                    by[i, 0, m, s] = -kappa * ((gravity + z) * cosine - gravity - u * sine)
+                    by[i, 2, m, s], by[i, 3, m, s] = -kappa * (cosine - 1.0), -kappa * sine
                 else:
-                    by[0, m, s] = -kappa * z
+                    by[i, 0, m, s] = -kappa * z
             if quadratic != 0.0 or dry != 0.0:
                 for s in range(n):
                     speed = nodes[fast + m, s]
-                    by[1, m, s] = -2.0 * quadratic * abs(speed)
-                    by[1, m, s] -= dry * direction(flow, i, m, nodes[POINTS * i + m, s], speed, flow.fade)[1]
+                    by[i, 1, m, s] = -2.0 * quadratic * abs(speed)
+                    by[i, 1, m, s] -= dry * direction(flow, i, m, nodes[POINTS * i + m, s], speed, flow.fade)[1]
         for r in range(2):
-            weight, extra = steps.weight[i, r], steps.extra[2 * i + r]
             for m in range(POINTS):
                 for s in range(n):
-                    weight[m, s] = flow.response[i, POINTS, m, r]
+                    weight[i, r, m, s] = response[i, POINTS, m, r]
             for _ in range(2):
                 for m in range(POINTS):
                     for s in range(n):
-                        room[m, s], room[POINTS + m, s] = weight[m, s] * by[0, m, s], weight[m, s] * by[1, m, s]
+                        room[m, s], room[POINTS + m, s] = (
+                            weight[i, r, m, s] * by[i, 0, m, s],
+                            weight[i, r, m, s] * by[i, 1, m, s],
+                        )
                 for m in range(POINTS):
-                    a, b, c, d = flow.response[i, :POINTS, m, 0]
-                    own = flow.response[i, POINTS, m, r]
+                    a, b = response[i, 0, m, 0], response[i, 1, m, 0]
+                    c, d = response[i, 2, m, 0], response[i, 3, m, 0]
+                    own = response[i, POINTS, m, r]
                     for s in range(n):
-                        weight[m, s] = own + a * room[0, s] + b * room[1, s] + c * room[2, s] + d * room[3, s]
+                        weight[i, r, m, s] = own + a * room[0, s] + b * room[1, s] + c * room[2, s] + d * room[3, s]
                     if quadratic != 0.0 or dry != 0.0:
-                        a, b, c, d = flow.response[i, :POINTS, m, 1]
+                        a, b = response[i, 0, m, 1], response[i, 1, m, 1]
+                        c, d = response[i, 2, m, 1], response[i, 3, m, 1]
                         for s in range(n):
-                            weight[m, s] += a * room[4, s] + b * room[5, s] + c * room[6, s] + d * room[7, s]
+                            weight[i, r, m, s] += a * room[4, s] + b * room[5, s] + c * room[6, s] + d * room[7, s]
             for s in range(n):
-                extra[s] = 0.0
+                extra[2 * i + r, s] = 0.0
             for m in range(POINTS):
-                own = flow.response[i, POINTS, m, r]
+                own = response[i, POINTS, m, r]
                 for s in range(n):
                     beside = known[k + s, m] if known.shape[0] > 0 else 0.0
-                    linear = by[0, m, s] * rest[i, ANGLE, m, s] + by[1, m, s] * rest[i, SPEED, m, s]
-                    linear += by[2, m, s] * nodes[horizontal + m, s] + by[3, m, s] * (nodes[vertical + m, s] - beside)
-                    extra[s] += own * rest[i, JOINED, m, s] - weight[m, s] * linear
+                    linear = by[i, 0, m, s] * rest[i, ANGLE, m, s] + by[i, 1, m, s] * rest[i, SPEED, m, s]
+                    linear += by[i, 2, m, s] * nodes[horizontal + m, s] + by[i, 3, m, s] * (
+                        nodes[vertical + m, s] - beside
+                    )
+                    extra[2 * i + r, s] += own * rest[i, JOINED, m, s] - weight[i, r, m, s] * linear
                     for c in range(4):
-                        steps.factor[i, 4 * m + c, r, s] = weight[m, s] * by[c, m, s]
+                        factor[i, 4 * m + c, r, s] = weight[i, r, m, s] * by[i, c, m, s]
 
 
 @kernel
@@ -363,6 +365,7 @@ def force_columns(
     What a knock in such a step moves the pendulums by is added to `extra`.
     """
     nodes, rest, push, extra, force = steps.nodes, steps.rest, steps.push, steps.extra, steps.room[0]
+    weight = steps.weight
     count, begin, end = flow.kappa.size, k * flow.step, (k + n) * flow.step
     horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
     for f in range(forced.size):
@@ -422,7 +425,7 @@ def force_columns(
                         force[s] *= (max(0.0, 2.0 - away) ** 3 - 4.0 * max(0.0, 1.0 - away) ** 3) / 6.0
                 for r in range(2):
                     for s in range(n):
-                        push[f, 2 * i + r, s] += steps.weight[i, r, m, s] * force[s]
+                        push[f, 2 * i + r, s] += weight[i, r, m, s] * force[s]
 
 
 @kernel
@@ -514,21 +517,22 @@ def drive(flow: Flow, joined: bool, begin: int, n: int, steps: Steps) -> None:
     Without it a motion that vanishes at zero frequency would leave a sawtooth there, which looks like gravity. Rows
     `begin` and the next of `push` are written. What the path that is joined has of it is taken off `extra`.
     """
+    push, extra, away, factor = steps.push, steps.extra, steps.away, steps.factor
     for i in range(flow.kappa.size):
         for r in range(2):
             at = 2 * i + r
             for s in range(n):
-                steps.push[begin, at, s] = steps.push[begin + 1, at, s] = 0.0
+                push[begin, at, s] = push[begin + 1, at, s] = 0.0
             for m in range(POINTS):
                 t = NODES[m]
                 cubic, slope = t * t * (3.0 - 2.0 * t), flow.step * t * t * (t - 1.0)
                 for s in range(n):
-                    factor = steps.factor[i, 4 * m + 3, r, s]
-                    steps.push[begin, at, s] += cubic * factor
-                    steps.push[begin + 1, at, s] += slope * factor
+                    by = factor[i, 4 * m + 3, r, s]
+                    push[begin, at, s] += cubic * by
+                    push[begin + 1, at, s] += slope * by
             for s in range(n if joined else 0):
-                steps.extra[at, s] -= steps.push[begin, at, s] * steps.away[2, s]
-                steps.extra[at, s] -= steps.push[begin + 1, at, s] * steps.away[3, s]
+                extra[at, s] -= push[begin, at, s] * away[2, s]
+                extra[at, s] -= push[begin + 1, at, s] * away[3, s]
 
 
 @kernel
@@ -537,10 +541,11 @@ def jolt(flow: Flow, n: int, steps: Steps) -> None:
 
     The last of `push` are written.
     """
-    begin = steps.push.shape[0] - POINTS
+    push, rest, weight = steps.push, steps.rest, steps.weight
+    begin = push.shape[0] - POINTS
     for i in range(flow.kappa.size):
         for m in range(POINTS):
             size = flow.kappa[i] * flow.heave_noise / np.sqrt(SHARES[m] * flow.step)
             for r in range(2):
                 for s in range(n):
-                    steps.push[begin + m, 2 * i + r, s] = size * steps.rest[i, SINE, m, s] * steps.weight[i, r, m, s]
+                    push[begin + m, 2 * i + r, s] = size * rest[i, SINE, m, s] * weight[i, r, m, s]

@@ -170,3 +170,36 @@ def test_remainder_within_a_step_follows_the_path_to_its_end() -> None:
     faded = np.abs(steps.rest[0, remainder.LEFT, :, 0] - exact).max()
     remainder.join_ends(one, 1, steps)
     assert np.abs(steps.rest[0, remainder.JOINED, :, 0] - exact).max() < 0.1 * faded
+
+
+def test_derivatives_by_start_gravity_and_ship_follow_the_variational_equations() -> None:
+    ship, kappa = Ship.of((Sea(1.3, 0.3, 0.01), Sea(0.9, 0.2, 0.01, "vertical"))), float(KAPPA[0])
+    size = 2 + ship.drift.shape[0]
+    time = 0.1 * np.arange(200)
+    lattice = lay(time, np.zeros((1, time.size)), np.array([[1.0]]), 6.2)
+    nodes = lattice.start + lattice.step * np.arange(lattice.nodes)
+    begin = np.concatenate([[0.03, 0.1], 0.01 * np.random.default_rng(3).normal(size=size - 2)])
+
+    def slope(_: float, state: np.ndarray) -> np.ndarray:
+        angle, speed, moved = *state[:2], state[2:size]
+        across, along = ship.horizontal @ moved, ship.vertical @ moved
+        drift = np.zeros((size, size))
+        drift[0, 1], drift[2:, 2:] = 1.0, ship.drift
+        drift[1, 0] = -kappa * ((1.0 + along) * np.cos(angle) - across * np.sin(angle))
+        drift[1, 2:] = -kappa * (np.cos(angle) * ship.horizontal + np.sin(angle) * ship.vertical)
+        by = drift @ state[size:].reshape(size, -1)
+        by[1, -1] -= kappa * np.sin(angle)  # the last column is gravity's
+        turn = -kappa * ((1.0 + along) * np.sin(angle) + across * np.cos(angle))
+        return np.concatenate([[speed, turn], ship.drift @ moved, by.ravel()])
+
+    start = np.concatenate([begin, np.eye(size, size + 1).ravel()])
+    done = solve_ivp(slope, nodes[[0, -1]], start, t_eval=nodes, rtol=1e-10, atol=1e-13, max_step=0.05).y
+    expected = done[size:, -1].reshape(size, -1)[:2]
+    problem = Problem(lattice, KAPPA[:1], np.zeros(1))
+    seas = (Sea(1.3, 0.3, 0.01), Sea(0.9, 0.2, 0.01, "vertical"))
+    deaf, about = Assumed(seas, np.zeros(1), np.full(3, 1e9), sine=True), done[:size].T.astype(np.float32)
+    free = tuple(Constant(f"start {q}", kinds.START, 1.0, q) for q in range(size))
+    constants = (*free, Constant("gravity", kinds.GRAVITY, 1.0, mean=1.0, value=1.0))
+    found = problem.run(deaf, constants, about=about)[1].state[:2, :-1]
+    assert np.abs(found - expected).max() < 2e-6 * np.abs(expected).max()
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6 * np.abs(expected).max())

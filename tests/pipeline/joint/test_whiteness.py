@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from test_method import GRAVITY, in_sigmas, record, row
 
-from pipeline.joint import choice, fit, motion
-from pipeline.joint.explanation import Fitted, fitted, grown
+from pipeline.joint import choice, fit, lattice, motion
+from pipeline.joint.explanation import Fitted, fitted, grown, shifted
 from pipeline.joint.gather import Gathered, gather
 from pipeline.joint.ship import Component, Engine, Sea
 from pipeline.joint.unresolved import unresolved
@@ -48,6 +49,31 @@ def test_errors_of_the_true_model_are_white(settled: Fitted) -> None:
         _, power, used = errors_by_frequency(settled, trace)
         assert used.size > 2000
         assert np.mean(power[power.size // 2 :]) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("recorded", [False, True])
+def test_steps_of_the_lattice_change_neither_likelihood_nor_sigma(
+    monkeypatch: pytest.MonkeyPatch, *, recorded: bool
+) -> None:
+    """What drives the ship within a step acts in it: a sawtooth would leave power at zero frequency, as gravity does."""
+    made, _ = record(motion=SEAS, duration=900.0, recording={"vertical_acceleration": recorded})
+    found = fit.fitted(gather(made))[0]
+    if not recorded:
+        level = [each for each in found.model.assumed.ship if each.axis == "horizontal"]
+        found = with_ship(found, (*level, *(Sea(w, 0.4, 0.01, "vertical") for w in (0.9, 1.6))))
+    fits, nodes = [], found.model.problem.lattice
+    before = nodes.start + nodes.step * np.arange(nodes.nodes)
+    for angle, step in ((0.32, 0.05), (1.27, 0.2)):
+        monkeypatch.setattr(lattice, "MOST_ANGLE", angle)
+        problem = gather(made).problem
+        assert problem.lattice.step == pytest.approx(step)
+        after = problem.lattice.start + step * np.arange(problem.lattice.nodes)
+        path = CubicSpline(before, found.path)(after).astype(np.float32)
+        model = replace(found.model, problem=problem, constants=shifted(found.about, path, 0))
+        fits.append(fitted(model, path, smooth=True))
+    fine, coarse = (choice.mean_gravity(each.solution, 900.0)[1] for each in fits)
+    assert coarse == pytest.approx(fine, rel=0.01)
+    assert fits[0].solution.log_likelihood == pytest.approx(fits[1].solution.log_likelihood, abs=1.0)
 
 
 @pytest.mark.parametrize("factor", [0.2, 5.0])

@@ -55,7 +55,7 @@ def test_errors_of_the_true_model_are_white(settled: Fitted) -> None:
 def test_steps_of_the_lattice_change_neither_likelihood_nor_sigma(
     monkeypatch: pytest.MonkeyPatch, *, recorded: bool
 ) -> None:
-    """What drives the ship within a step acts in it: a sawtooth would leave power at zero frequency, as gravity does."""
+    """What drives the ship within a step acts in it: a sawtooth would have power at zero frequency, as gravity has."""
     made, _ = record(motion=SEAS, duration=900.0, recording={"vertical_acceleration": recorded})
     found = fit.fitted(gather(made))[0]
     if not recorded:
@@ -73,7 +73,8 @@ def test_steps_of_the_lattice_change_neither_likelihood_nor_sigma(
         fits.append(fitted(model, path, smooth=True))
     fine, coarse = (choice.mean_gravity(each.solution, 900.0)[1] for each in fits)
     assert coarse == pytest.approx(fine, rel=0.01)
-    assert fits[0].solution.log_likelihood == pytest.approx(fits[1].solution.log_likelihood, abs=1.0)
+    apart = fits[0].solution.log_likelihood - fits[1].solution.log_likelihood
+    assert abs(apart) < 5e-4 * fits[0].solution.count
 
 
 @pytest.mark.parametrize("factor", [0.2, 5.0])

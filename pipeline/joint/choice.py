@@ -226,13 +226,20 @@ def _resized(fit: Fitted, close: list[Candidate]) -> tuple[Fitted, list[Candidat
 
 def _rivals(fit: Fitted) -> list[Candidate]:
     """Other constants, and kicks, that explain nearly as well what was taken explains."""
-    found, least = [], fit.solution.log_likelihood - PAYS
-    for taken in fit.model.constants:
-        if taken.kind not in REPLACED:
-            continue
-        lean = fit.without(taken)
-        others = [each for each in _possible(lean) if each.name != taken.name]
-        tried = [*_added(lean, others, cost=0.0), *(_kicks(lean) if taken.kind not in SCALES else ())]
+    found, least, model = [], fit.solution.log_likelihood - PAYS, fit.model
+    leans: list[tuple[Fitted, list[Candidate]]] = []
+    for taken in model.constants:
+        if taken.kind in REPLACED:
+            lean = fit.without(taken)
+            others = [each for each in _possible(lean) if each.name != taken.name]
+            tried = [*_added(lean, others, cost=0.0), *(_kicks(lean) if taken.kind not in SCALES else ())]
+            leans.append((lean, tried))
+    if "kicks" in model.words:
+        words = tuple(word for word in model.words if word != "kicks")
+        still = replace(model, words=words, assumed=replace(model.assumed, kick=np.zeros_like(model.assumed.kick)))
+        lean = fitted(still, fit.path)
+        leans.append((lean, _added(lean, _possible(lean), cost=0.0)))
+    for lean, tried in leans:
         for each in tried:
             other = _fitted(lean, each) if each[0] > least - MUCH else None
             if other is not None:

@@ -1,7 +1,8 @@
 """What the ship does to gravity in gaps, where its motion is guessed from either side.
 
-Horizontal motion stiffens a pendulum by <u^2> / 2 of gravity, vertical motion slackens it by <zeta^2> / 4 (Browne's
-terms). The path that is likeliest fades in a gap, or goes on with a motion that is not the ship's; the mean square
+Horizontal motion at x times the swing's frequency stiffens a pendulum by <u^2> (r - r^2 / 2) of gravity, with
+r = 1 / (1 - x^2), vertical motion slackens it by <zeta^2> / (4 - x^2): slow ones by Browne's terms, <u^2> / 2 and
+<zeta^2> / 4, fast horizontal ones slacken it as Kapitza's pendulum, by <u^2> / x^2. The path that is likeliest fades in a gap, or goes on with a motion that is not the ship's; the mean square
 outside tells what it is there, but for its scatter. A fit with that as a known change of gravity shows how much of it
 gets into the mean.
 """
@@ -14,10 +15,10 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint.explanation import Fitted, again, values
-from pipeline.joint.ship import Ship
 
 SHORTEST = 2.0  # s: nothing hides in shorter gaps
 FORETOLD = 20.0  # s: half of what happens in so long a gap is foretold
+NEAR = 0.2  # of a square of frequencies: closer to resonance motion has no steady answer
 INDEPENDENT = 10.0  # s, after which a swell's square is another one
 
 
@@ -33,19 +34,28 @@ def change_in_gaps(fit: Fitted, gravity: Floats) -> tuple[float, float]:
     problem, lattice, two = fit.model.problem, fit.model.problem.lattice, 2 * fit.model.problem.pendulums
     if not fit.model.assumed.sine or lattice.longest_gap < SHORTEST:
         return 0.0, 0.0
-    ship, time = Ship.of(fit.model.assumed.ship), lattice.step * np.arange(lattice.nodes)
-    across, along = (0.5 * (fit.path[:, two:] @ ship.horizontal) ** 2, 0.25 * (fit.path[:, two:] @ ship.vertical) ** 2)
+    time, changes, at = lattice.step * np.arange(lattice.nodes), np.zeros((2, lattice.nodes)), two
+    for each in fit.model.assumed.ship:
+        row, square = each.system()[1], (each.peak / problem.swing) ** 2
+        motion = (fit.path[:, at : at + row.size] @ row) ** 2
+        at += row.size
+        if each.axis == "horizontal":
+            answer = (1.0 - square) / ((1.0 - square) ** 2 + NEAR**2)
+            changes[0] += (answer - 0.5 * answer**2) * motion
+        else:
+            changes[1] -= (4.0 - square) / ((4.0 - square) ** 2 + NEAR**2) * motion
     own = np.unique(lattice.time[lattice.trace < problem.traces])
     after = np.clip(np.searchsorted(own, time), 1, own.size - 1)
     apart = own[after] - own[after - 1]
     inside = apart > SHORTEST
     if not inside.any() or inside.all():
         return 0.0, 0.0
-    level, hidden = float((across + along)[~inside].mean()), apart / (apart + FORETOLD) * inside
+    level, hidden = float(np.abs(changes).sum(axis=0)[~inside].mean()), apart / (apart + FORETOLD) * inside
     if level <= 0.0:
         return 0.0, 0.0
     track = (level * hidden)[:, None] + (problem.track if problem.track.size else np.zeros(1))
     whole = float(gravity @ (again(fit, replace(problem, track=track)) - values(fit)))
-    missed = float((across - along)[~inside].mean() - (across - along)[inside].mean()) / level
+    change = changes.sum(axis=0)
+    missed = float(change[~inside].mean() - change[inside].mean()) / level
     squares = max(float(inside.sum()) * lattice.step / INDEPENDENT, 1.0)
     return whole * missed, abs(whole) * float(np.sqrt(0.5 / squares))

@@ -18,6 +18,7 @@ from pipeline.joint import apparatus, kinds, motion
 from pipeline.joint.constants import Constant, Solution, solve
 from pipeline.joint.course import best_course, is_knot, knots, prior_root, weights
 from pipeline.joint.explanation import Candidate, Fitted, fitted, grown, priced
+from pipeline.joint.ship import Component
 from pipeline.joint.unresolved import unresolved
 from pipeline.joint.whiteness import LEAST_READINGS
 
@@ -31,6 +32,7 @@ SETTLED = 0.3  # of sigma: a step that is none
 FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
+SIZES = 8  # of kicks, each three times the one before
 NOTICED, ABSENT, SAME, THRICE = 2.5, 2.0, 0.5, 3.0  # of gravity's sigma; in log-likelihood; a step of kicks
 SCALES = (kinds.GAIN, kinds.RATIO)  # of constants that stand for each other
 REPLACED = (*SCALES, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC)  # others may explain what they were taken for
@@ -193,7 +195,53 @@ def simplified(fit: Fitted) -> Fitted:
 
 
 def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
-    """Add what pays, the best first; the last fit, and the explanations that stay close to it."""
+    """Add what pays, the best first; the last fit, and the explanations that stay close to it.
+
+    Kicks of one pendulum leave errors in which motion, a delay and friction pay one after the other: where any did,
+    kicks alone are tried as well.
+    """
+    settled = _added_up(fit)
+    if settled[0].model.words:
+        alone = _kicked_alone(fit)
+        if alone is not None and alone.solution.log_likelihood > settled[0].solution.log_likelihood + PAYS:
+            settled = _added_up(alone)
+    fit, close = settled
+    fit, close = _resized(fit, close)
+    return fit, [*close, *_rivals(fit)]
+
+
+def _kicked_alone(fit: Fitted) -> Fitted | None:
+    """A fit with kicks of all pendulums, or of one, as large as the likelihood asks for, on its ship or a level one."""
+    model, pendulums, found = fit.model, fit.model.problem.pendulums, []
+    level = tuple(each for each in model.assumed.ship if each.axis == "horizontal")
+    for which in (np.ones(pendulums), *np.eye(pendulums)):
+        best, last, size = (-np.inf, model, fit.solution), -np.inf, _noticed(fit)
+        for _ in range(SIZES):
+            for ship in {level, model.assumed.ship}:
+                assumed = replace(model.assumed, ship=ship, kick=size * which)
+                trial = replace(model, words=(*model.words, "kicks"), assumed=assumed)
+                best = max(best, priced(trial, _with(fit, ship)), key=lambda one: one[0])
+            if best[0] == last:
+                break
+            last, size = best[0], THRICE * size
+        try:
+            alone = motion.reshaped(fitted(best[1], _with(fit, best[1].assumed.ship)))
+            again = max(_kicks(alone), key=lambda one: one[0])  # on the ship that goes with them
+            found.append(alone if again[0] < alone.solution.log_likelihood else fitted(again[1], alone.path))
+        except np.linalg.LinAlgError:
+            continue
+    return max(found, key=lambda one: one.solution.log_likelihood, default=None)
+
+
+def _with(fit: Fitted, ship: tuple[Component, ...]) -> Floats:
+    """Path of the pendulums on another ship, at rest."""
+    pendulums = fit.model.problem.pendulums
+    own = fit.path if ship == fit.model.assumed.ship else fit.path[:, : 2 * pendulums]
+    return grown(own, pendulums, ship)
+
+
+def _added_up(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
+    """What pays is added, the best first."""
     found: list[Candidate] = []
     for _ in range(ROUNDS):
         fit = motion.pruned(simplified(fit))
@@ -206,9 +254,7 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
         if taken is None:
             break
         fit = motion.reshaped(_with_fade(taken))
-    close = [again for each in found if (again := tried.again(each)) is not None]
-    fit, close = _resized(fit, close)
-    return fit, [*close, *_rivals(fit)]
+    return fit, [again for each in found if (again := tried.again(each)) is not None]
 
 
 def _resized(fit: Fitted, close: list[Candidate]) -> tuple[Fitted, list[Candidate]]:

@@ -1,10 +1,10 @@
 """What the ship does to gravity in gaps, where its motion is guessed from either side.
 
 Horizontal motion at x times the swing's frequency stiffens a pendulum by <u^2> (r - r^2 / 2) of gravity, with
-r = 1 / (1 - x^2), vertical motion slackens it by <zeta^2> / (4 - x^2): slow ones by Browne's terms, <u^2> / 2 and
-<zeta^2> / 4, fast horizontal ones slacken it as Kapitza's pendulum, by <u^2> / x^2. The path that is likeliest fades in a gap, or goes on with a motion that is not the ship's; the mean square
-outside tells what it is there, but for its scatter. A fit with that as a known change of gravity shows how much of it
-gets into the mean.
+r = 1 / (1 - x^2); vertical motion slackens it by <zeta^2> / (4 - x^2). If slow: <u^2> / 2 and <zeta^2> / 4, Browne's
+terms; fast horizontal motion slackens it by <u^2> / x^2. The path that is likeliest fades in a gap, or goes on with a
+motion that is not the ship's; the mean square outside tells what it is there, but for its scatter. A fit with that as
+a known change of gravity shows how much of it gets into the mean.
 """
 
 from __future__ import annotations

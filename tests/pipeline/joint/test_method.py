@@ -251,6 +251,8 @@ def test_a_knock_is_found_and_named_not_taken_for_kicks() -> None:
         ("half-second marks", "middle", 4001, 0.1),  # 17 gal: the swing on the other side of the marks
         ("second marks", "strong", 2002, 10.0),  # 600 mGal: a swing of a second looks still
         ("mixture", "strong", 1001, 3.0),  # -7 mGal: heave in steep seas that the noise hides
+        ("kicks of one pendulum", "strong", 8003, 3.0),  # 17 mGal: motion and a delay in place of large kicks
+        ("gain of the first trace", "middle", 8003, 0.3),  # -.22 +- .03 mGal: kicks in place of a gain
     ],
 )
 def test_gravity_survives_what_feigns_another_record(kind: str, strength: str, seed: int, most: float) -> None:

@@ -201,10 +201,11 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
     kicks alone are tried as well.
     """
     settled = _added_up(fit)
-    if settled[0].model.words:
-        alone = _kicked_alone(fit)
-        if alone is not None and alone.solution.log_likelihood > settled[0].solution.log_likelihood + PAYS:
-            settled = _added_up(alone)
+    words, ahead = settled[0].model.words, settled[0].solution.log_likelihood
+    alone = _kicked_alone(fit) if words else None
+    feigned = any(each == "kicks" or each.startswith("vertical motion") for each in words)
+    if alone is not None and alone.solution.log_likelihood > ahead + (-MUCH if feigned else PAYS):
+        settled = max(settled, _added_up(alone), key=lambda each: each[0].solution.log_likelihood)
     fit, close = settled
     fit, close = _resized(fit, close)
     return fit, [*close, *_rivals(fit)]

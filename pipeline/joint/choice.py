@@ -197,12 +197,12 @@ def simplified(fit: Fitted) -> Fitted:
 def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
     """Add what pays, the best first; the last fit, and the explanations that stay close to it.
 
-    Kicks of one pendulum leave errors in which motion, a delay and friction pay one after the other: where any did,
-    kicks alone are tried as well.
+    Kicks of one pendulum leave errors in which motion, a delay and friction pay one after the other: where they paid
+    much, kicks alone are tried as well.
     """
     settled = _added_up(fit)
     words, ahead = settled[0].model.words, settled[0].solution.log_likelihood
-    alone = _kicked_alone(fit) if words else None
+    alone = _kicked_alone(fit) if words and ahead > fit.solution.log_likelihood + MUCH else None
     feigned = any(each == "kicks" or each.startswith("vertical motion") for each in words)
     if alone is not None and alone.solution.log_likelihood > ahead + (-MUCH if feigned else PAYS):
         settled = max(settled, _added_up(alone), key=lambda each: each[0].solution.log_likelihood)

@@ -201,7 +201,8 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
     much, kicks alone are tried as well.
     """
     settled = _added_up(fit)
-    words, ahead = settled[0].model.words, settled[0].solution.log_likelihood
+    words = [each for each in settled[0].model.words if not each.startswith("horizontal motion")]
+    ahead = settled[0].solution.log_likelihood
     alone = _kicked_alone(fit) if words and ahead > fit.solution.log_likelihood + MUCH else None
     feigned = any(each == "kicks" or each.startswith("vertical motion") for each in words)
     if alone is not None and alone.solution.log_likelihood > ahead + (-MUCH if feigned else PAYS):

@@ -22,6 +22,7 @@ def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> 
     trace, tau, square = readings.trace[which], readings.offset[which], flow.gravity * flow.kappa.mean()
     for q in range(size):
         slots.row[j, q] = slots.rate[j, q] = slots.heave[j, q] = 0.0
+    slots.beside[j] = 0.0
     for m in range(POINTS):
         for b in range(2):  # the nodes lie alike, seen from the end of the step before
             at = m if b == 0 else POINTS - 1 - m

@@ -13,16 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.arrays import Floats
-from pipeline.joint import apparatus, kinds, motion
-from pipeline.joint.constants import Constant, Solution, solve
-from pipeline.joint.course import best_course, is_knot, knots, prior_root, weights
-from pipeline.joint.explanation import Candidate, Fitted, fitted, grown, priced
-from pipeline.joint.ship import Component
+from pipeline.joint import apparatus, kicks, kinds, motion
+from pipeline.joint.constants import Constant, solve
+from pipeline.joint.course import best_course, is_knot, knots, mean_gravity, prior_root
+from pipeline.joint.explanation import PAYS, Candidate, Fitted, fitted, grown
 from pipeline.joint.unresolved import unresolved
 from pipeline.joint.whiteness import LEAST_READINGS
 
-PAYS = 5.0  # in log-likelihood
 ROUNDS = 8
 STEPS, LEAST_STEP = 12, 0.3  # times tried at once; of the lattice's step
 FAULT, STEP_COST = 5.0, 9.0  # in log-likelihood: of what an apparatus seldom has; of a time that may be any
@@ -32,8 +29,6 @@ SETTLED = 0.3  # of sigma: a step that is none
 FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
-SIZES = 8  # of kicks, each three times the one before
-NOTICED, ABSENT, SAME, THRICE = 2.5, 2.0, 0.5, 3.0  # of gravity's sigma; in log-likelihood; a step of kicks
 SCALES = (kinds.GAIN, kinds.RATIO)  # of constants that stand for each other
 REPLACED = (*SCALES, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC)  # others may explain what they were taken for
 
@@ -42,11 +37,11 @@ def candidates(fit: Fitted) -> Iterator[Candidate]:
     """Explanations that add one thing to a fitted one, with their log-likelihoods; what takes long comes last."""
     shown = fit.solution.log_likelihood + FEIGNED
     found = _constants(fit)
-    kicks = list(_kicks(fit))
+    kicked = list(kicks.larger_or_smaller(fit))
     # steps and knocks show as the drift, the friction, the course, the kicks that they resemble, turns as the first of
     # these: what nothing feigns is not there
-    steps = _steps(fit) if max(each[0] for each in [*found, *kicks]) > shown else []
-    yield from (*found, *kicks, *steps)
+    steps = _steps(fit) if max(each[0] for each in [*found, *kicked]) > shown else []
+    yield from (*found, *kicked, *steps)
     yield from motion.components(fit, slow=max(each[0] for each in [*found, *steps]) > shown)
 
 
@@ -120,52 +115,6 @@ def _steps(fit: Fitted) -> list[Candidate]:
     return best
 
 
-def _kicks(fit: Fitted) -> Iterator[Candidate]:
-    model = fit.model
-    now, words = model.assumed.kick, tuple(word for word in model.words if word != "kicks")
-
-    def of(kick: Floats) -> Candidate:
-        named = (*words, "kicks") if kick.any() else words
-        trial = replace(model, words=named, assumed=replace(model.assumed, kick=kick))
-        return priced(trial, fit.path, cost=1.0 if kick.any() else -PAYS)
-
-    if not np.any(now):
-        best = of(np.full(now.size, _noticed(fit)))
-        yield best
-        if best[0] < fit.solution.log_likelihood - ABSENT:
-            return
-        less = best[0] + 1.0 < fit.solution.log_likelihood  # likelihoods fall on: larger ones explain nothing
-        for factor in (1.0 / THRICE,) if less else (THRICE, 1.0 / THRICE):
-            begun = best
-            while (found := of(best[1].assumed.kick * factor))[0] > best[0] + SAME:
-                yield found
-                best = found
-            yield found
-            if best is not begun:
-                break
-        if best[0] > fit.solution.log_likelihood:
-            yield from (of(each * best[1].assumed.kick) for each in np.eye(now.size))
-        return
-    for i in range(now.size):
-        for factor in (0.1, 0.5, 2.0):
-            kick = now.copy()
-            kick[i] *= factor
-            yield of(kick)
-    for factor in (0.0, 0.6, 1.7):
-        yield of(now * factor)
-
-
-def _noticed(fit: Fitted) -> float:
-    """Kicks of all pendulums that would make gravity a few times less certain than it is, rad s-1/2.
-
-    The slope of a phase that wanders by k/a is uncertain by .77 k/(a sqrt(T)) of the frequency.
-    """
-    problem = fit.model.problem
-    arc = float(np.sqrt(2.0) * np.std(fit.path[:, : 2 * problem.pendulums : 2]))
-    sigma = mean_gravity(fit.solution, problem.lattice.duration)[1]
-    return NOTICED * sigma * problem.swing * arc * float(np.sqrt(problem.lattice.duration)) / (2.0 * 0.77)
-
-
 def _with_fade(fit: Fitted) -> Fitted:
     """With the speed below which knife-edge friction fades as a constant, where such friction is taken."""
     own = {each.kind: each for each in fit.model.constants}
@@ -203,43 +152,13 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
     settled = _added_up(fit)
     words = [each for each in settled[0].model.words if not each.startswith("horizontal motion")]
     ahead = settled[0].solution.log_likelihood
-    alone = _kicked_alone(fit) if words and ahead > fit.solution.log_likelihood + MUCH else None
+    alone = kicks.alone(fit) if words and ahead > fit.solution.log_likelihood + MUCH else None
     feigned = any(each == "kicks" or each.startswith("vertical motion") for each in words)
     if alone is not None and alone.solution.log_likelihood > ahead + (-MUCH if feigned else PAYS):
         settled = max(settled, _added_up(alone), key=lambda each: each[0].solution.log_likelihood)
     fit, close = settled
     fit, close = _resized(fit, close)
     return fit, [*close, *_rivals(fit)]
-
-
-def _kicked_alone(fit: Fitted) -> Fitted | None:
-    """A fit with kicks of all pendulums, or of one, as large as the likelihood asks for, on its ship or a level one."""
-    model, pendulums, found = fit.model, fit.model.problem.pendulums, []
-    level = tuple(each for each in model.assumed.ship if each.axis == "horizontal")
-    for which in (np.ones(pendulums), *np.eye(pendulums)):
-        best, last, size = (-np.inf, model, fit.solution), -np.inf, _noticed(fit)
-        for _ in range(SIZES):
-            for ship in {level, model.assumed.ship}:
-                assumed = replace(model.assumed, ship=ship, kick=size * which)
-                trial = replace(model, words=(*model.words, "kicks"), assumed=assumed)
-                best = max(best, priced(trial, _with(fit, ship)), key=lambda one: one[0])
-            if best[0] == last:
-                break
-            last, size = best[0], THRICE * size
-        try:
-            alone = motion.reshaped(fitted(best[1], _with(fit, best[1].assumed.ship)))
-            again = max(_kicks(alone), key=lambda one: one[0])  # on the ship that goes with them
-            found.append(alone if again[0] < alone.solution.log_likelihood else fitted(again[1], alone.path))
-        except np.linalg.LinAlgError:
-            continue
-    return max(found, key=lambda one: one.solution.log_likelihood, default=None)
-
-
-def _with(fit: Fitted, ship: tuple[Component, ...]) -> Floats:
-    """Path of the pendulums on another ship, at rest."""
-    pendulums = fit.model.problem.pendulums
-    own = fit.path if ship == fit.model.assumed.ship else fit.path[:, : 2 * pendulums]
-    return grown(own, pendulums, ship)
 
 
 def _added_up(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
@@ -280,7 +199,10 @@ def _rivals(fit: Fitted) -> list[Candidate]:
         if taken.kind in REPLACED:
             lean = fit.without(taken)
             others = [each for each in _possible(lean) if each.name != taken.name]
-            tried = [*_added(lean, others, cost=0.0), *(_kicks(lean) if taken.kind not in SCALES else ())]
+            tried = [
+                *_added(lean, others, cost=0.0),
+                *(kicks.larger_or_smaller(lean) if taken.kind not in SCALES else ()),
+            ]
             leans.append((lean, tried))
     if "kicks" in model.words:
         words = tuple(word for word in model.words if word != "kicks")
@@ -393,18 +315,6 @@ def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:
     values, sigmas = np.array([part[1] for part in parts]), np.array([part[2] for part in parts])
     mean = float(share @ values)
     return mean, float(np.sqrt(share @ (sigmas**2 + (values - mean) ** 2)))
-
-
-def mean_gravity(solution: Solution, duration: float) -> tuple[float, float]:
-    """Mean of gravity over the record over reference gravity, and its 1 sigma."""
-    row = mean_row(solution, duration)
-    values = np.array([each.value for each in solution.constants])
-    return float(row @ values), float(np.sqrt(row @ solution.covariance @ row))
-
-
-def mean_row(solution: Solution, duration: float) -> Floats:
-    """Row that gives this mean from the constants, (c,)."""
-    return np.asarray(weights(solution.constants, np.linspace(0.0, duration, 512)).mean(axis=0))
 
 
 def unexplained(fit: Fitted) -> float:

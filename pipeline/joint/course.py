@@ -77,3 +77,15 @@ def weights(constants: tuple[Constant, ...], times: Floats) -> Floats:
         if each.kind == kinds.GRAVITY:
             out[:, k] = 1.0 if each.width == 0.0 else spline(times, each)
     return out
+
+
+def mean_gravity(solution: Solution, duration: float) -> tuple[float, float]:
+    """Mean of gravity over the record over reference gravity, and its 1 sigma."""
+    row = mean_row(solution, duration)
+    values = np.array([each.value for each in solution.constants])
+    return float(row @ values), float(np.sqrt(row @ solution.covariance @ row))
+
+
+def mean_row(solution: Solution, duration: float) -> Floats:
+    """Row that gives this mean from the constants, (c,)."""
+    return np.asarray(weights(solution.constants, np.linspace(0.0, duration, 512)).mean(axis=0))

@@ -14,6 +14,7 @@ from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Component, Ship
 
 MOST_FITS = 6
+PAYS = 5.0  # in log-likelihood
 STRAIGHT = 0.02  # of the reading noise
 CONTRACTION, LONG_GAP = 0.01, 5.0  # of what bends, a pass; s
 
@@ -134,6 +135,14 @@ def grown(path: Floats, pendulums: int, ship: tuple[Component, ...]) -> Floats:
     kept = min(size, path.shape[1])
     out[:, :kept] = path[:, :kept]
     return out
+
+
+def path_on(fit: Fitted, ship: tuple[Component, ...]) -> Floats:
+    """The path of a fit, its pendulums' alone where the ship is made of other components."""
+    path, pendulums, own = fit.path, fit.model.problem.pendulums, fit.model.assumed.ship
+    if [type(each) for each in ship] != [type(each) for each in own]:
+        path = path[:, : 2 * pendulums]
+    return grown(path, pendulums, ship)
 
 
 def shifted(constants: tuple[Constant, ...], path: Floats, begin: int) -> tuple[Constant, ...]:

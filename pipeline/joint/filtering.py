@@ -15,19 +15,10 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint.flow import POINTS, Flow
+from pipeline.joint.forcing import derive_errors, remain
 from pipeline.joint.kinds import GAIN, START, ZERO
 from pipeline.joint.passes import Columns, Kept, Pass, Readings, Slots
-from pipeline.joint.remainder import (
-    Steps,
-    collocate,
-    derive_errors,
-    ends_of,
-    lay_known,
-    reach,
-    remain,
-    room_for,
-    sources,
-)
+from pipeline.joint.remainder import Steps, collocate, ends_of, lay_known, reach, room_for, sources
 from pipeline.joint.updating import (
     add_drive,
     add_noise,

@@ -10,6 +10,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.joint import apparatus, choice, explanation, motion, spectrum
 from pipeline.joint.cold_start import ACCELEROMETER, CAPTURE, DIFFERENCE, KICK, Begun, again, released
+from pipeline.joint.course import mean_row
 from pipeline.joint.explanation import grown
 from pipeline.joint.gaps import change_in_gaps
 from pipeline.joint.gather import Gathered
@@ -87,7 +88,7 @@ def reduce(gathered: Gathered) -> Outcome:
     mean, sigma = choice.averaged(fit, close)
     if not fit.model.assumed.sine:
         fit = explanation.fitted(fit.model, fit.path, smooth=True)
-    row = choice.mean_row(fit.solution, fit.model.problem.lattice.duration)
+    row = mean_row(fit.solution, fit.model.problem.lattice.duration)
     rounding = change_by_rounding(fit, row) if gathered.problem.steps.any() else 0.0
     hidden, doubt = change_in_gaps(fit, row)
     mean += hidden - rounding

@@ -61,6 +61,8 @@ class Flow(NamedTuple):
         Covariance with the process noise of Z and its derivative at the step's end.
     heaves : bool
         Whether vertical motion that is not recorded acts: what drives it acts within the step too.
+    drives : int
+        Ways in which noise acts on the pendulums within a step: what drives that motion, noise of a recorded one.
     varying : bool
         Whether the flow's derivative turns with the swing; the covariance then follows it. (What the ship's motion does
         to two pendulums differs by their arcs as much as by their periods: a gain without the arcs errs by 2 mGal.)
@@ -84,6 +86,7 @@ class Flow(NamedTuple):
     pull: Floats
     driven: Floats
     heaves: bool
+    drives: int
     varying: bool
 
 
@@ -141,6 +144,7 @@ def flow(
         noise, transition = transition @ noise @ transition.T + noise, transition @ transition
     to_node, noise = expm(drift * (NODES * step)[:, None, None]), 0.5 * (noise + noise.T)
     vertical = _powers(drift, z_row)
+    heaves = bool(sine and np.any(vertical))
     return Flow(
         step=step,
         sine=sine,
@@ -169,7 +173,8 @@ def flow(
         vertical=vertical,
         pull=_PULL / step ** np.arange(POINTS),
         driven=vertical[:2] @ noise,
-        heaves=bool(sine and np.any(vertical)),
+        heaves=heaves,
+        drives=(2 if heaves else 0) + (POINTS if heave_noise > 0.0 else 0),
         varying=bool(sine),
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import spectrum
-from pipeline.joint.explanation import Candidate, Fitted, fitted, grown, priced, straightened
+from pipeline.joint.explanation import Candidate, Fitted, fitted, grown, path_on, priced, straightened
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Axis, Component, Engine, Sea, Vibration
 from pipeline.joint.whiteness import CALM, UNKNOWN, Shown, clipped, errors_by_frequency
@@ -176,11 +176,8 @@ def _heaving_as_it_sways(ship: tuple[Component, ...]) -> tuple[Component, ...]:
 
 
 def _with(fit: Fitted, assumed: Assumed) -> Fitted:
-    path = fit.path
-    if [type(each) for each in assumed.ship] != [type(each) for each in fit.model.assumed.ship]:
-        path = grown(path[:, : 2 * fit.model.problem.pendulums], fit.model.problem.pendulums, assumed.ship)
     try:
-        return fitted(replace(fit.model, assumed=assumed), path, most=1)
+        return fitted(replace(fit.model, assumed=assumed), path_on(fit, assumed.ship), most=1)
     except np.linalg.LinAlgError:
         return fit
 

@@ -89,9 +89,9 @@ class Kept(NamedTuple):
     ----------
     swing : (s or 1, 2 p, d) array
         Derivative's rows of the step that begins at the node; one where all are alike.
-    push : (s, f + 1 or f + 5, 2 p) array
-        What that step adds to the pendulums: derivatives by the constants that move them, what is left, and the
-        impulses of a recorded heave's noise.
+    push : (s, f + 1 + drives, 2 p) array
+        What that step adds to the pendulums: derivatives by the constants that move them, what is left, and by
+        what noise does; see `remainder.Steps.push`.
     first : (s,) array of int
         The node's first row of the next two.
     row, gain : (r, d) arrays

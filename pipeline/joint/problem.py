@@ -137,9 +137,7 @@ class Problem:
             assumed.sine,
             tuple(quadratic),
             tuple(dry),
-            float(
-                sum(each.centre + each.value * (each.kind == kinds.FADE) for each in constants if each.kind in FADING)
-            ),
+            sum((c.centre + c.value * (c.kind == kinds.FADE) for c in constants if c.kind in FADING), 0.0),
             assumed.heave_noise,
         )
 
@@ -369,10 +367,9 @@ class _Sweep:
         first = self.readings.first
         rows = int(np.max(first[nodes:] - first[: first.size - nodes]))
         many, all_rows = (nodes, rows) if smooth else (0, 0)
-        pushes = int(self.forced.sum()) + 1 + (2 if self.flow.heaves else 0) + (POINTS if self.flow.heave_noise else 0)
         return passes.Kept(
             np.empty((many if self.bent else min(many, 1), 2 * self.flow.kappa.size, size)),
-            np.empty((many, pushes, 2 * self.flow.kappa.size)),
+            np.empty((many, int(self.forced.sum()) + 1 + self.flow.drives, 2 * self.flow.kappa.size)),
             np.empty(many, dtype=np.int64),
             np.empty((all_rows, size)),
             np.empty((all_rows, size)),

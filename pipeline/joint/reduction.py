@@ -13,8 +13,7 @@ from pipeline.estimate import Estimate
 from pipeline.flags import flags
 from pipeline.gravity import MGAL, gravity
 from pipeline.joint import apparatus
-from pipeline.joint.choice import mean_gravity
-from pipeline.joint.course import weights
+from pipeline.joint.course import mean_gravity, weights
 from pipeline.joint.explanation import angles
 from pipeline.joint.fit import Outcome, reduce
 from pipeline.joint.gather import Gathered, gather

@@ -1,4 +1,4 @@
-"""What steps do beside their linear flow: collocation of the remainder, and its derivatives by state and constants.
+"""What steps do beside their linear flow: collocation of the remainder, and its derivatives by the state.
 
 All work on n steps at once, the last axis, which processors take several at a time: those of a path that is given, or
 one.
@@ -12,29 +12,11 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint.flow import NODES, POINTS, Flow
-from pipeline.joint.kinds import (
-    CLOCK,
-    DAMPING,
-    DELAY,
-    DRIFT,
-    DRY,
-    FADE,
-    GAIN,
-    GRAVITY,
-    HEAVE_DELAY,
-    HEAVE_SCALE,
-    KNOCK,
-    QUADRATIC,
-    RATIO,
-    STEP,
-    ZERO,
-)
-from pipeline.joint.passes import Columns, Readings, Slots
 from synth.kernels.compiled import kernel
 
 MOST_ARC, MOST_ACCELERATION = 0.5, 0.3  # rad; over reference gravity
 MOST_TURNED = 1.6  # rad: beyond it the series of sine and cosine end
-TURNED, FADED = 1e-9, 1e-4  # rad s-1: a pendulum turns at no less; change of a fading speed for its derivative
+TURNED = 1e-9  # rad s-1: a pendulum turns at no less
 ROUNDS = 4  # of the collocation; each makes what is left a hundredth in a heave of .05 g
 LEFT, ANGLE, SPEED, SINE, COSINE, JOINED = range(6)
 """What `Steps.rest` holds of a pendulum at a node: the acceleration left by the linear flow, angle and speed under the
@@ -66,7 +48,7 @@ class Steps(NamedTuple):
         What that adds to their derivatives by the state.
     extra : (2 p, n) array
         What the steps add to the pendulums beside what the derivatives do.
-    push : (f + 1 + 2 + 4, 2 p, n) array
+    push : (f + 1 + 2 + 4, 2 p, n) array; the last ones only where they are asked for
         Derivatives by the constants that move the pendulums; `extra`; where vertical motion is not recorded, by what
         drives Z and its derivative within the step; where it is, impulses of the recording's noise.
     room : (8, n) array
@@ -89,7 +71,6 @@ class Steps(NamedTuple):
 def room_for(flow: Flow, forced: int, n: int) -> Steps:
     """Room for n steps."""
     count, size, two = flow.kappa.size, flow.noise.shape[0], 2 * flow.kappa.size
-    pushes = forced + 1 + (2 if flow.heaves else 0) + (POINTS if flow.heave_noise > 0.0 else 0)
     weight = np.zeros((count, 2, POINTS, n))
     for i in range(count):
         for r in range(2):
@@ -99,7 +80,7 @@ def room_for(flow: Flow, forced: int, n: int) -> Steps:
         np.zeros((2 * POINTS * (count + 1), n)), np.zeros((4 + 2 * count, n)), np.zeros((2 * POINTS, n)),
         np.zeros((count, 6, POINTS, n)), np.zeros((count, 4, POINTS, n)), weight,
         np.zeros((count, 4 * POINTS, 2, n)), np.zeros((count, 2 * n, size)), np.zeros((two, n)),
-        np.zeros((pushes, two, n)), np.zeros((2 * POINTS, n)),
+        np.zeros((forced + 1 + flow.drives, two, n)), np.zeros((2 * POINTS, n)),
     )  # fmt: skip
 
 
@@ -174,13 +155,8 @@ def collocate(flow: Flow, plain: bool, n: int, steps: Steps) -> None:
     count, gravity = flow.kappa.size, flow.gravity
     horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
     for i in range(count):
-        angle, speed, kappa, quadratic, dry = (
-            POINTS * i,
-            POINTS * (count + i),
-            flow.kappa[i],
-            flow.quadratic[i],
-            flow.dry[i],
-        )
+        angle, speed = POINTS * i, POINTS * (count + i)
+        kappa, quadratic, dry = flow.kappa[i], flow.quadratic[i], flow.dry[i]
         for m in range(POINTS):
             for s in range(n):
                 rest[i, ANGLE, m, s] = rest[i, SINE, m, s] = nodes[angle + m, s]
@@ -210,12 +186,8 @@ def collocate(flow: Flow, plain: bool, n: int, steps: Steps) -> None:
                     a, b = response[i, m, 0, r], response[i, m, 1, r]
                     c, d = response[i, m, 2, r], response[i, m, 3, r]
                     for s in range(n):
-                        moved[r * POINTS + m, s] = (
-                            a * rest[i, LEFT, 0, s]
-                            + b * rest[i, LEFT, 1, s]
-                            + c * rest[i, LEFT, 2, s]
-                            + d * rest[i, LEFT, 3, s]
-                        )
+                        moved[r * POINTS + m, s] = a * rest[i, LEFT, 0, s] + b * rest[i, LEFT, 1, s]
+                        moved[r * POINTS + m, s] += c * rest[i, LEFT, 2, s] + d * rest[i, LEFT, 3, s]
         for m in range(POINTS):
             for s in range(n):
                 nodes[angle + m, s] += moved[m, s]
@@ -224,6 +196,13 @@ def collocate(flow: Flow, plain: bool, n: int, steps: Steps) -> None:
                 sine, cosine = turned(rest[i, SINE, m, s], rest[i, COSINE, m, s], moved[m, s])
                 rest[i, SINE, m, s] = sine if flow.sine else nodes[angle + m, s]
                 rest[i, COSINE, m, s] = cosine if flow.sine else 1.0
+
+
+@kernel
+def cubics(step: float, m: int) -> tuple[float, float]:
+    """At a node, Hermite polynomials of value and derivative at a step's end that vanish at its start."""
+    t = NODES[m]
+    return t * t * (3.0 - 2.0 * t), step * t * t * (t - 1.0)
 
 
 @kernel
@@ -238,8 +217,7 @@ def join_ends(flow: Flow, n: int, steps: Steps) -> None:
     count, gravity = flow.kappa.size, flow.gravity
     horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
     for m in range(POINTS):
-        t = NODES[m]
-        cubic, slope = t * t * (3.0 - 2.0 * t), flow.step * t * t * (t - 1.0)
+        cubic, slope = cubics(flow.step, m)
         for s in range(n):
             shift[m, s] = cubic * away[0, s] + slope * away[1, s]
             shift[POINTS + m, s] = cubic * away[2, s] + slope * away[3, s]
@@ -305,10 +283,8 @@ def differentiate(flow: Flow, known: Floats, k: int, n: int, steps: Steps) -> No
             for _ in range(2):
                 for m in range(POINTS):
                     for s in range(n):
-                        room[m, s], room[POINTS + m, s] = (
-                            weight[i, r, m, s] * by[i, 0, m, s],
-                            weight[i, r, m, s] * by[i, 1, m, s],
-                        )
+                        room[m, s] = weight[i, r, m, s] * by[i, 0, m, s]
+                        room[POINTS + m, s] = weight[i, r, m, s] * by[i, 1, m, s]
                 for m in range(POINTS):
                     a, b = response[i, 0, m, 0], response[i, 1, m, 0]
                     c, d = response[i, 2, m, 0], response[i, 3, m, 0]
@@ -327,9 +303,8 @@ def differentiate(flow: Flow, known: Floats, k: int, n: int, steps: Steps) -> No
                 for s in range(n):
                     beside = known[k + s, m] if known.shape[0] > 0 else 0.0
                     linear = by[i, 0, m, s] * rest[i, ANGLE, m, s] + by[i, 1, m, s] * rest[i, SPEED, m, s]
-                    linear += by[i, 2, m, s] * nodes[horizontal + m, s] + by[i, 3, m, s] * (
-                        nodes[vertical + m, s] - beside
-                    )
+                    linear += by[i, 2, m, s] * nodes[horizontal + m, s]
+                    linear += by[i, 3, m, s] * (nodes[vertical + m, s] - beside)
                     extra[2 * i + r, s] += own * rest[i, JOINED, m, s] - weight[i, r, m, s] * linear
                     for c in range(4):
                         factor[i, 4 * m + c, r, s] = weight[i, r, m, s] * by[i, c, m, s]
@@ -342,127 +317,9 @@ def sources(flow: Flow) -> Floats:
     out = np.empty((count, 4 * POINTS, flow.rows.shape[1]))
     for i in range(count):
         for m in range(POINTS):
-            for c, begin in enumerate(
-                (POINTS * i, POINTS * (count + i), 2 * POINTS * count, 2 * POINTS * count + POINTS)
-            ):
-                out[i, 4 * m + c] = flow.rows[begin + m]
+            for c, group in enumerate((i, count + i, 2 * count, 2 * count + 1)):
+                out[i, 4 * m + c] = flow.rows[POINTS * group + m]
     return out
-
-
-@kernel
-def force_columns(
-    flow: Flow,
-    columns: Columns,
-    forced: np.ndarray,
-    recorded: Floats,
-    slope: Floats,
-    k: int,
-    n: int,
-    steps: Steps,
-) -> None:
-    """What the constants `forced` add to the derivatives of the pendulums during the steps from node k.
-
-    What a knock in such a step moves the pendulums by is added to `extra`.
-    """
-    nodes, rest, push, extra, force = steps.nodes, steps.rest, steps.push, steps.extra, steps.room[0]
-    weight = steps.weight
-    count, begin, end = flow.kappa.size, k * flow.step, (k + n) * flow.step
-    horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
-    for f in range(forced.size):
-        c = forced[f]
-        kind, centre, width = columns.kind[c], columns.centre[c], columns.width[c]
-        for r in range(2 * count):
-            for s in range(n):
-                push[f, r, s] = 0.0
-        if kind == KNOCK:
-            i = columns.member[c]
-            own = np.sqrt(flow.kappa[i] * flow.gravity)
-            for s in range(n):
-                left = begin + (s + 1) * flow.step - centre
-                if 0.0 < left <= flow.step:
-                    push[f, 2 * i, s], push[f, 2 * i + 1, s] = np.sin(own * left) / own, np.cos(own * left)
-                    extra[2 * i, s] += columns.value[c] * push[f, 2 * i, s]
-                    extra[2 * i + 1, s] += columns.value[c] * push[f, 2 * i + 1, s]
-            continue
-        if kind == GRAVITY and width > 0.0 and (end <= centre - 2.0 * width or begin >= centre + 2.0 * width):
-            continue
-        for i in range(count):
-            if columns.member[c] >= 0 and columns.member[c] != i:
-                continue
-            kappa, fade = flow.kappa[i], flow.fade if flow.dry[i] != 0.0 else centre
-            for m in range(POINTS):
-                speed, u, z = nodes[POINTS * (count + i) + m], nodes[horizontal + m], nodes[vertical + m]
-                for s in range(n):
-                    force[s] = -kappa * rest[i, SINE, m, s]
-                if kind == DAMPING:
-                    for s in range(n):
-                        force[s] = -2.0 * speed[s]
-                elif kind == QUADRATIC:
-                    for s in range(n):
-                        force[s] = -abs(speed[s]) * speed[s]
-                elif kind == DRY:
-                    for s in range(n):
-                        force[s] = -direction(flow, i, m, nodes[POINTS * i + m, s], speed[s], fade)[0]
-                elif kind == FADE:
-                    more = FADED * (abs(flow.fade) + TURNED)
-                    for s in range(n):
-                        angle = nodes[POINTS * i + m, s]
-                        force[s] = direction(flow, i, m, angle, speed[s], flow.fade)[0]
-                        force[s] -= direction(flow, i, m, angle, speed[s], flow.fade + more)[0]
-                        force[s] *= flow.dry[i] / more
-                elif kind == RATIO:
-                    for s in range(n):
-                        force[s] = force[s] * (flow.gravity + z[s]) - kappa * rest[i, COSINE, m, s] * u[s]
-                elif kind == HEAVE_SCALE:
-                    for s in range(n):
-                        force[s] *= recorded[k + s, m] if recorded.shape[0] > 0 else 0.0
-                elif kind == HEAVE_DELAY:
-                    for s in range(n):
-                        force[s] *= slope[k + s, m] if slope.shape[0] > 0 else 0.0
-                elif width > 0.0:
-                    for s in range(n):
-                        away = abs(begin + (s + NODES[m]) * flow.step - centre) / width
-                        force[s] *= (max(0.0, 2.0 - away) ** 3 - 4.0 * max(0.0, 1.0 - away) ** 3) / 6.0
-                for r in range(2):
-                    for s in range(n):
-                        push[f, 2 * i + r, s] += weight[i, r, m, s] * force[s]
-
-
-@kernel
-def remain(
-    flow: Flow,
-    columns: Columns,
-    forced: np.ndarray,
-    known: Floats,
-    recorded: Floats,
-    slope: Floats,
-    rows: Floats,
-    plain: bool,
-    joined: bool,
-    k: int,
-    n: int,
-    steps: Steps,
-) -> None:
-    """All that the steps from node k do beside their linear flow, from what that makes of the path at the nodes."""
-    lay_known(known, k, n, steps.nodes)
-    collocate(flow, plain, n, steps)
-    if joined:
-        join_ends(flow, n, steps)
-    if plain:
-        steps.extra[:] = 0.0  # a knock of steps before
-    else:
-        differentiate(flow, known, k, n, steps)
-        for i in range(rows.shape[0]):
-            np.dot(steps.factor[i].reshape(rows.shape[1], -1).T, rows[i], steps.swing[i])
-    if forced.size > 0:
-        force_columns(flow, columns, forced, recorded, slope, k, n, steps)
-    if flow.heaves:
-        drive(flow, joined, forced.size + 1, n, steps)
-    if flow.heave_noise > 0.0:
-        jolt(flow, n, steps)
-    for r in range(steps.extra.shape[0]):
-        for s in range(n):
-            steps.push[forced.size, r, s] = steps.extra[r, s]
 
 
 @kernel
@@ -472,80 +329,3 @@ def lay_known(known: Floats, k: int, n: int, nodes: Floats) -> None:
         for m in range(POINTS):
             for s in range(n):
                 nodes[nodes.shape[0] - POINTS + m, s] += known[k + s, m]
-
-
-@kernel
-def derive_errors(
-    readings: Readings,
-    columns: Columns,
-    of_traces: np.ndarray,
-    which: int,
-    node: float,
-    slots: Slots,
-    state: Floats,
-    seen: Floats,
-    j: int,
-) -> None:
-    """What the constants `of_traces` of a trace add to the derivatives of what is seen of a reading.
-
-    On entry row j of `seen` holds what the reading's row makes of `state`, (d, c + 1); `node`: its time, s.
-    """
-    last, trace, time = state.shape[1] - 1, readings.trace[which], node + readings.offset[which]
-    for n in range(of_traces.size):
-        c = of_traces[n]
-        kind = columns.kind[c]
-        own = columns.member[c]
-        if (own >= 0 and own != trace) or (own < 0 and trace >= readings.combination.shape[0]):
-            continue
-        if kind == ZERO:
-            seen[j, c] += 1.0
-        elif kind == DRIFT:
-            seen[j, c] += (time - columns.centre[c]) / columns.width[c]
-        elif kind == GAIN:
-            seen[j, c] += readings.value[which]
-        elif kind == STEP and time >= columns.centre[c]:
-            seen[j, c] += 1.0
-        elif kind == DELAY or (kind == CLOCK and time >= columns.centre[c]):
-            for q in range(state.shape[0]):
-                seen[j, c] -= slots.rate[j, q] * state[q, last]
-
-
-@kernel
-def drive(flow: Flow, joined: bool, begin: int, n: int, steps: Steps) -> None:
-    """What it does to the pendulums that Z and its derivative end elsewhere than the flow leads; see `join_ends`.
-
-    Without it a motion that vanishes at zero frequency would leave a sawtooth there, which looks like gravity. Rows
-    `begin` and the next of `push` are written. What the path that is joined has of it is taken off `extra`.
-    """
-    push, extra, away, factor = steps.push, steps.extra, steps.away, steps.factor
-    for i in range(flow.kappa.size):
-        for r in range(2):
-            at = 2 * i + r
-            for s in range(n):
-                push[begin, at, s] = push[begin + 1, at, s] = 0.0
-            for m in range(POINTS):
-                t = NODES[m]
-                cubic, slope = t * t * (3.0 - 2.0 * t), flow.step * t * t * (t - 1.0)
-                for s in range(n):
-                    by = factor[i, 4 * m + 3, r, s]
-                    push[begin, at, s] += cubic * by
-                    push[begin + 1, at, s] += slope * by
-            for s in range(n if joined else 0):
-                extra[at, s] -= push[begin, at, s] * away[2, s]
-                extra[at, s] -= push[begin + 1, at, s] * away[3, s]
-
-
-@kernel
-def jolt(flow: Flow, n: int, steps: Steps) -> None:
-    """What the noise of a recorded heave does to the pendulums: an impulse a node, as large as the angle makes it.
-
-    The last of `push` are written.
-    """
-    push, rest, weight = steps.push, steps.rest, steps.weight
-    begin = push.shape[0] - POINTS
-    for i in range(flow.kappa.size):
-        for m in range(POINTS):
-            size = flow.kappa[i] * flow.heave_noise / np.sqrt(SHARES[m] * flow.step)
-            for r in range(2):
-                for s in range(n):
-                    push[begin + m, 2 * i + r, s] = size * rest[i, SINE, m, s] * weight[i, r, m, s]

@@ -1,0 +1,234 @@
+"""What acts on the pendulums in steps beside the state, by constants and by noise, and all that steps do together."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint.flow import NODES, POINTS, Flow
+from pipeline.joint.kinds import (
+    CLOCK,
+    DAMPING,
+    DELAY,
+    DRIFT,
+    DRY,
+    FADE,
+    GAIN,
+    GRAVITY,
+    HEAVE_DELAY,
+    HEAVE_SCALE,
+    KNOCK,
+    QUADRATIC,
+    RATIO,
+    STEP,
+    ZERO,
+)
+from pipeline.joint.passes import Columns, Readings, Slots
+from pipeline.joint.remainder import (
+    COSINE,
+    SHARES,
+    SINE,
+    TURNED,
+    Steps,
+    collocate,
+    cubics,
+    differentiate,
+    direction,
+    join_ends,
+    lay_known,
+)
+from synth.kernels.compiled import kernel
+
+FADED = 1e-4  # rad s-1: change of a fading speed for its derivative
+
+
+@kernel
+def remain(
+    flow: Flow,
+    columns: Columns,
+    forced: np.ndarray,
+    known: Floats,
+    recorded: Floats,
+    slope: Floats,
+    rows: Floats,
+    plain: bool,
+    joined: bool,
+    k: int,
+    n: int,
+    steps: Steps,
+) -> None:
+    """All that the steps from node k do beside their linear flow, from what that makes of the path at the nodes."""
+    lay_known(known, k, n, steps.nodes)
+    collocate(flow, plain, n, steps)
+    if joined:
+        join_ends(flow, n, steps)
+    if plain:
+        steps.extra[:] = 0.0  # a knock of steps before
+    else:
+        differentiate(flow, known, k, n, steps)
+        for i in range(rows.shape[0]):
+            np.dot(steps.factor[i].reshape(rows.shape[1], -1).T, rows[i], steps.swing[i])
+    if forced.size > 0:
+        force_columns(flow, columns, forced, recorded, slope, k, n, steps)
+    if flow.heaves:
+        drive(flow, joined, forced.size + 1, n, steps)
+    if flow.heave_noise > 0.0:
+        jolt(flow, n, steps)
+    for r in range(steps.extra.shape[0]):
+        for s in range(n):
+            steps.push[forced.size, r, s] = steps.extra[r, s]
+
+
+@kernel
+def force_columns(
+    flow: Flow,
+    columns: Columns,
+    forced: np.ndarray,
+    recorded: Floats,
+    slope: Floats,
+    k: int,
+    n: int,
+    steps: Steps,
+) -> None:
+    """What the constants `forced` add to the derivatives of the pendulums during the steps from node k.
+
+    What a knock in such a step moves the pendulums by is added to `extra`.
+    """
+    nodes, rest, push, extra, force = steps.nodes, steps.rest, steps.push, steps.extra, steps.room[0]
+    weight = steps.weight
+    count, begin, end = flow.kappa.size, k * flow.step, (k + n) * flow.step
+    horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
+    for f in range(forced.size):
+        c = forced[f]
+        kind, centre, width = columns.kind[c], columns.centre[c], columns.width[c]
+        for r in range(2 * count):
+            for s in range(n):
+                push[f, r, s] = 0.0
+        if kind == KNOCK:
+            i = columns.member[c]
+            own = np.sqrt(flow.kappa[i] * flow.gravity)
+            for s in range(n):
+                left = begin + (s + 1) * flow.step - centre
+                if 0.0 < left <= flow.step:
+                    push[f, 2 * i, s], push[f, 2 * i + 1, s] = np.sin(own * left) / own, np.cos(own * left)
+                    extra[2 * i, s] += columns.value[c] * push[f, 2 * i, s]
+                    extra[2 * i + 1, s] += columns.value[c] * push[f, 2 * i + 1, s]
+            continue
+        if kind == GRAVITY and width > 0.0 and (end <= centre - 2.0 * width or begin >= centre + 2.0 * width):
+            continue
+        for i in range(count):
+            if columns.member[c] >= 0 and columns.member[c] != i:
+                continue
+            kappa, fade = flow.kappa[i], flow.fade if flow.dry[i] != 0.0 else centre
+            for m in range(POINTS):
+                speed, u, z = nodes[POINTS * (count + i) + m], nodes[horizontal + m], nodes[vertical + m]
+                for s in range(n):
+                    force[s] = -kappa * rest[i, SINE, m, s]
+                if kind == DAMPING:
+                    for s in range(n):
+                        force[s] = -2.0 * speed[s]
+                elif kind == QUADRATIC:
+                    for s in range(n):
+                        force[s] = -abs(speed[s]) * speed[s]
+                elif kind == DRY:
+                    for s in range(n):
+                        force[s] = -direction(flow, i, m, nodes[POINTS * i + m, s], speed[s], fade)[0]
+                elif kind == FADE:
+                    more = FADED * (abs(flow.fade) + TURNED)
+                    for s in range(n):
+                        angle = nodes[POINTS * i + m, s]
+                        force[s] = direction(flow, i, m, angle, speed[s], flow.fade)[0]
+                        force[s] -= direction(flow, i, m, angle, speed[s], flow.fade + more)[0]
+                        force[s] *= flow.dry[i] / more
+                elif kind == RATIO:
+                    for s in range(n):
+                        force[s] = force[s] * (flow.gravity + z[s]) - kappa * rest[i, COSINE, m, s] * u[s]
+                elif kind == HEAVE_SCALE:
+                    for s in range(n):
+                        force[s] *= recorded[k + s, m] if recorded.shape[0] > 0 else 0.0
+                elif kind == HEAVE_DELAY:
+                    for s in range(n):
+                        force[s] *= slope[k + s, m] if slope.shape[0] > 0 else 0.0
+                elif width > 0.0:
+                    for s in range(n):
+                        away = abs(begin + (s + NODES[m]) * flow.step - centre) / width
+                        force[s] *= (max(0.0, 2.0 - away) ** 3 - 4.0 * max(0.0, 1.0 - away) ** 3) / 6.0
+                for r in range(2):
+                    for s in range(n):
+                        push[f, 2 * i + r, s] += weight[i, r, m, s] * force[s]
+
+
+@kernel
+def drive(flow: Flow, joined: bool, begin: int, n: int, steps: Steps) -> None:
+    """What it does to the pendulums that Z and its derivative end elsewhere than the flow leads; see `join_ends`.
+
+    Without it a motion that vanishes at zero frequency would leave a sawtooth there, which looks like gravity. Rows
+    `begin` and the next of `push` are written. What the path that is joined has of it is taken off `extra`.
+    """
+    push, extra, away, factor = steps.push, steps.extra, steps.away, steps.factor
+    for i in range(flow.kappa.size):
+        for r in range(2):
+            at = 2 * i + r
+            for s in range(n):
+                push[begin, at, s] = push[begin + 1, at, s] = 0.0
+            for m in range(POINTS):
+                cubic, slope = cubics(flow.step, m)
+                for s in range(n):
+                    by = factor[i, 4 * m + 3, r, s]
+                    push[begin, at, s] += cubic * by
+                    push[begin + 1, at, s] += slope * by
+            for s in range(n if joined else 0):
+                extra[at, s] -= push[begin, at, s] * away[2, s]
+                extra[at, s] -= push[begin + 1, at, s] * away[3, s]
+
+
+@kernel
+def jolt(flow: Flow, n: int, steps: Steps) -> None:
+    """What the noise of a recorded heave does to the pendulums: an impulse a node, as large as the angle makes it.
+
+    The last of `push` are written.
+    """
+    push, rest, weight = steps.push, steps.rest, steps.weight
+    begin = push.shape[0] - POINTS
+    for i in range(flow.kappa.size):
+        for m in range(POINTS):
+            size = flow.kappa[i] * flow.heave_noise / np.sqrt(SHARES[m] * flow.step)
+            for r in range(2):
+                for s in range(n):
+                    push[begin + m, 2 * i + r, s] = size * rest[i, SINE, m, s] * weight[i, r, m, s]
+
+
+@kernel
+def derive_errors(
+    readings: Readings,
+    columns: Columns,
+    of_traces: np.ndarray,
+    which: int,
+    node: float,
+    slots: Slots,
+    state: Floats,
+    seen: Floats,
+    j: int,
+) -> None:
+    """What the constants `of_traces` of a trace add to the derivatives of what is seen of a reading.
+
+    On entry row j of `seen` holds what the reading's row makes of `state`, (d, c + 1); `node`: its time, s.
+    """
+    last, trace, time = state.shape[1] - 1, readings.trace[which], node + readings.offset[which]
+    for n in range(of_traces.size):
+        c = of_traces[n]
+        kind = columns.kind[c]
+        own = columns.member[c]
+        if (own >= 0 and own != trace) or (own < 0 and trace >= readings.combination.shape[0]):
+            continue
+        if kind == ZERO:
+            seen[j, c] += 1.0
+        elif kind == DRIFT:
+            seen[j, c] += (time - columns.centre[c]) / columns.width[c]
+        elif kind == GAIN:
+            seen[j, c] += readings.value[which]
+        elif kind == STEP and time >= columns.centre[c]:
+            seen[j, c] += 1.0
+        elif kind == DELAY or (kind == CLOCK and time >= columns.centre[c]):
+            for q in range(state.shape[0]):
+                seen[j, c] -= slots.rate[j, q] * state[q, last]

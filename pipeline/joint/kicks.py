@@ -1,0 +1,86 @@
+"""Random kicks of the pendulums: how large the likelihood wants them, beside other things and alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint import motion
+from pipeline.joint.course import mean_gravity
+from pipeline.joint.explanation import PAYS, Candidate, Fitted, fitted, path_on, priced
+
+SIZES = 8  # each three times the one before
+NOTICED, ABSENT, SAME, THRICE = 2.5, 2.0, 0.5, 3.0  # of gravity's sigma; in log-likelihood; a step of sizes
+
+
+def larger_or_smaller(fit: Fitted) -> Iterator[Candidate]:
+    """Kicks that a fit does not have, or others than it has, each for the price of a pass."""
+    model = fit.model
+    now, words = model.assumed.kick, tuple(word for word in model.words if word != "kicks")
+
+    def of(kick: Floats) -> Candidate:
+        named = (*words, "kicks") if kick.any() else words
+        trial = replace(model, words=named, assumed=replace(model.assumed, kick=kick))
+        return priced(trial, fit.path, cost=1.0 if kick.any() else -PAYS)
+
+    if not np.any(now):
+        best = of(np.full(now.size, noticed(fit)))
+        yield best
+        if best[0] < fit.solution.log_likelihood - ABSENT:
+            return
+        less = best[0] + 1.0 < fit.solution.log_likelihood  # likelihoods fall on: larger ones explain nothing
+        for factor in (1.0 / THRICE,) if less else (THRICE, 1.0 / THRICE):
+            begun = best
+            while (found := of(best[1].assumed.kick * factor))[0] > best[0] + SAME:
+                yield found
+                best = found
+            yield found
+            if best is not begun:
+                break
+        if best[0] > fit.solution.log_likelihood:
+            yield from (of(each * best[1].assumed.kick) for each in np.eye(now.size))
+        return
+    for i in range(now.size):
+        for factor in (0.1, 0.5, 2.0):
+            kick = now.copy()
+            kick[i] *= factor
+            yield of(kick)
+    for factor in (0.0, 0.6, 1.7):
+        yield of(now * factor)
+
+
+def noticed(fit: Fitted) -> float:
+    """Kicks of all pendulums that would make gravity a few times less certain than it is, rad s-1/2.
+
+    The slope of a phase that wanders by k/a is uncertain by .77 k/(a sqrt(T)) of the frequency.
+    """
+    problem = fit.model.problem
+    arc = float(np.sqrt(2.0) * np.std(fit.path[:, : 2 * problem.pendulums : 2]))
+    sigma = mean_gravity(fit.solution, problem.lattice.duration)[1]
+    return NOTICED * sigma * problem.swing * arc * float(np.sqrt(problem.lattice.duration)) / (2.0 * 0.77)
+
+
+def alone(fit: Fitted) -> Fitted | None:
+    """A fit with kicks of all pendulums, or of one, as large as the likelihood asks for, on its ship or a level one."""
+    model, pendulums, found = fit.model, fit.model.problem.pendulums, []
+    level = tuple(each for each in model.assumed.ship if each.axis == "horizontal")
+    for which in (np.ones(pendulums), *np.eye(pendulums)):
+        best, last, size = (-np.inf, model, fit.solution), -np.inf, noticed(fit)
+        for _ in range(SIZES):
+            for ship in dict.fromkeys((level, model.assumed.ship)):
+                assumed = replace(model.assumed, ship=ship, kick=size * which)
+                trial = replace(model, words=(*model.words, "kicks"), assumed=assumed)
+                best = max(best, priced(trial, path_on(fit, ship)), key=lambda one: one[0])
+            if best[0] == last:
+                break
+            last, size = best[0], THRICE * size
+        try:
+            kicked = motion.reshaped(fitted(best[1], path_on(fit, best[1].assumed.ship)))
+            other = max(larger_or_smaller(kicked), key=lambda one: one[0])  # on the ship that goes with them
+            found.append(kicked if other[0] < kicked.solution.log_likelihood else fitted(other[1], kicked.path))
+        except np.linalg.LinAlgError:
+            continue
+    return max(found, key=lambda one: one.solution.log_likelihood, default=None)

@@ -10,6 +10,13 @@ from numpy.typing import NDArray
 from .contents import Contents, Entry, shown, type_name
 from .scratch import portions
 
+WORDS = {
+    ("instrument", "restoring"): ("sine", "linear"),
+    ("instrument", "acceleration_frame"): ("earth", "case"),
+    ("record", "reference"): ("vertical", "case"),
+}
+"""What an attribute of a group may say, the default first."""
+
 
 def record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> list[str]:
     """Faults of a record beyond the table's.
@@ -31,9 +38,10 @@ def record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> list
         found += _empty_traces(elongation, record.get("trace"))
     if sizes.get(("record", "trace"), 1) > 1:
         found += _needed_for_gravity(contents)
-    restoring = contents["instrument"].attrs.get("restoring", "sine") if "instrument" in contents else "sine"
-    if not isinstance(restoring, str) or restoring not in ("sine", "linear"):
-        found.append(f"instrument, attribute restoring: is {shown(repr(restoring))}; give 'sine' or 'linear'")
+    for (path, name), words in WORDS.items():
+        word = contents[path].attrs.get(name, words[0]) if path in contents else words[0]
+        if not isinstance(word, str) or word not in words:
+            found.append(f"{path}, attribute {name}: is {shown(repr(word))}; give '{words[0]}' or '{words[1]}'")
     return found
 
 

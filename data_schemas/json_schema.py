@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from .checking_record import WORDS
 from .contents import Group, from_tree, type_name
 from .errors import UsageError
 from .layouts import LAYOUTS, VERSION, Kind
@@ -125,8 +126,9 @@ def _file_schema(kind: Kind) -> dict[str, Any]:
 
 def _group_schema(path: str) -> dict[str, Any]:
     attributes: dict[str, Any] = {"type": "object", "additionalProperties": _ATTRIBUTE}
-    if path == "instrument":
-        attributes["properties"] = {"restoring": {"enum": ["sine", "linear"], "default": "sine"}}
+    said = {name: words for (group, name), words in WORDS.items() if group == path}
+    if said:
+        attributes["properties"] = {name: {"enum": list(words), "default": words[0]} for name, words in said.items()}
     return {
         "type": "object",
         "properties": {"attributes": attributes, "variables": _variables_schema(path)},

@@ -60,6 +60,9 @@ RECORD: dict[str, Variable] = {
     "vertical_acceleration": Variable(
         _TIME, "f8", "m s-2", "vertical acceleration of the support, up positive", missing=True
     ),
+    "case_tilt": Variable(
+        _TIME, "f8", "rad", "angle from the vertical of what elongations are measured from", missing=True
+    ),
 }  # fmt: skip
 
 INSTRUMENT: dict[str, Variable] = {

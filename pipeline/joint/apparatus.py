@@ -26,6 +26,8 @@ UNITS = {
 def constants(problem: Problem) -> tuple[Constant, ...]:
     """What is never taken as exactly known: the zero of each trace; scale and delay, or bias, of a recorded heave."""
     found = [Constant(f"zero of trace {j + 1}", kinds.ZERO, ZERO, j) for j in range(problem.traces)]
+    if np.any(problem.lattice.trace == problem.traces):
+        found.append(Constant("bias of the horizontal acceleration", kinds.ZERO, ZERO, problem.traces))
     if problem.recorded.size:
         found.append(Constant("scale of the heave", kinds.HEAVE_SCALE, HEAVE_SCALE))
         found.append(Constant("delay of the heave", kinds.HEAVE_DELAY, HEAVE_DELAY))
@@ -34,7 +36,7 @@ def constants(problem: Problem) -> tuple[Constant, ...]:
     return tuple(found)
 
 
-def faults(problem: Problem, own: tuple[Constant, ...]) -> list[Constant]:
+def faults(problem: Problem, own: tuple[Constant, ...], *, sine: bool) -> list[Constant]:
     """What may be wrong all along, beside constants that are sought already.
 
     Of gains and periods only as many show as there are differences: one more would be the scale of all, which nothing
@@ -44,7 +46,9 @@ def faults(problem: Problem, own: tuple[Constant, ...]) -> list[Constant]:
     traces = range(problem.traces)
     found = [Constant(f"drift of trace {j + 1}", kinds.DRIFT, ZERO, j, centre=half, width=half) for j in traces]
     found += [Constant(f"delay of trace {j + 1}", kinds.DELAY, DELAY, j) for j in traces[1:]]
-    if sum(each.kind in (kinds.GAIN, kinds.RATIO) for each in own) < problem.pendulums - 1:
+    if sine:
+        found.append(Constant("scale of all angles", kinds.GAIN, GAIN))
+    if sum(each.kind in (kinds.GAIN, kinds.RATIO) and each.index >= 0 for each in own) < problem.pendulums - 1:
         found += [Constant(f"gain of trace {j + 1}", kinds.GAIN, GAIN, j) for j in traces]
         members = range(0 if problem.pendulums > 2 else 1, problem.pendulums)
         found += [Constant(f"period of pendulum {i + 1}", kinds.RATIO, RATIO, i) for i in members]

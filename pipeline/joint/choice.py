@@ -59,7 +59,7 @@ def _possible(fit: Fitted) -> list[Constant]:
         *(Constant("knife-edge friction", kinds.DRY, 1e-4, centre=part * speed) for part in FADES),
     )
     found = [each for each in frictions if each.name not in names]
-    return [*found, *apparatus.faults(fit.model.problem, fit.model.constants)]
+    return [*found, *apparatus.faults(fit.model.problem, fit.model.constants, sine=fit.model.assumed.sine)]
 
 
 def _added(

@@ -71,7 +71,7 @@ def cold_start(problem: Problem, assumed: Assumed, first: tuple[Constant, ...]) 
     constants = first
     step, nodes = problem.lattice.step, problem.lattice.nodes
     size = float(np.std(problem.lattice.value[~problem.left_out]))
-    still = replace(assumed, ship=tuple(c for c in assumed.ship if c.axis == "horizontal"))
+    still = replace(assumed, ship=tuple(c for c in assumed.ship if c.axis != "vertical"))
     # readings that fall on one phase of the swing show the other only after a while
     between = float(np.median(np.diff(np.unique(problem.lattice.node)))) * step * problem.swing
     for number, seconds in enumerate(STAGES if between < SPARSE else STAGES[1:]):
@@ -160,6 +160,8 @@ class Begun:
         ship: tuple[Component, ...] = GENEROUS
         if problem.leaves_heave_open(sine):
             ship = (*ship, replace(GENEROUS[0], axis="vertical"))
+        if gathered.tilts:
+            ship = (*ship, replace(GENEROUS[0], axis="tilt"))
         assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
         first = first_constants(gathered)
         rough = cold_start(problem, assumed, first)

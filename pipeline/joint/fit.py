@@ -11,7 +11,7 @@ from data_schemas.errors import RefusedError
 from pipeline.joint import apparatus, choice, explanation, motion, spectrum
 from pipeline.joint.cold_start import ACCELEROMETER, CAPTURE, DIFFERENCE, KICK, Begun, again, released
 from pipeline.joint.course import mean_row
-from pipeline.joint.explanation import grown
+from pipeline.joint.explanation import LONG_GAP, grown
 from pipeline.joint.gaps import change_in_gaps
 from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import GATE, OUTLIER, better, heard_again, isolated, smoothed, standing
@@ -85,6 +85,8 @@ def reduce(gathered: Gathered) -> Outcome:
             f"elongation: no swing at the stated period can be followed ({error}); check instrument/period and "
             "record/combination"
         ) from None
+    if not gathered.tilts:
+        refuse_a_tilting_case(found[0], fit)
     mean, sigma = choice.averaged(fit, close)
     if not fit.model.assumed.sine:
         fit = explanation.fitted(fit.model, fit.path, smooth=True)
@@ -112,6 +114,43 @@ def reduce(gathered: Gathered) -> Outcome:
 def strained(fit: explanation.Fitted) -> bool:
     """Whether a fit needs more than motion of the ship, and may do so to make up for a wrong law."""
     return not all(MOTION in words for words in fit.model.words) or choice.unexplained(fit) > 1.0
+
+
+def refuse_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted) -> None:
+    """Refuse where the differences are likelier if what sways is the case, from which the pendulums are read.
+
+    Only what sways the pendulums themselves stiffens them, by half of its square. One pass about their free swing tells
+    it, unless a fit needs more than the plain one.
+
+    Raises
+    ------
+    RefusedError
+    """
+    model, two, lattice = plain.model, 2 * plain.model.problem.pendulums, plain.model.problem.lattice
+    slow = SLOWER * model.problem.swing
+    ship = tuple(
+        replace(each, axis="tilt", rms=each.rms / (1.0 - (each.peak / model.problem.swing) ** 2))
+        if each.axis == "horizontal" and each.peak < slow
+        else each
+        for each in model.assumed.ship
+    )
+    if ship == model.assumed.ship or not model.assumed.sine or lattice.longest_gap > LONG_GAP:
+        return  # what sways in gaps is not known
+    about, swings = plain.path.copy(), np.fft.rfft(plain.path[:, :two], axis=0)
+    swings[2.0 * np.pi * np.fft.rfftfreq(lattice.nodes, lattice.step) < slow] = 0.0
+    about[:, :two] = np.fft.irfft(swings, lattice.nodes, axis=0)
+    trial = replace(model, assumed=replace(model.assumed, ship=ship))
+    try:
+        tilted = explanation.fitted(trial, about, most=3 if fit.model.words else 1)
+        tilted = motion.reshaped(tilted) if fit.model.words else tilted
+    except np.linalg.LinAlgError:
+        return
+    if of_the_law(tilted) > of_the_law(fit) + TILTS:
+        raise RefusedError(
+            "record/elongation: the slow motion acts on the differences as the tilt of a case does from which all is "
+            "measured; give record/case_tilt, or attribute reference = 'case' and record/horizontal_acceleration in "
+            "the earth's frame"
+        )
 
 
 def of_the_law(fit: explanation.Fitted) -> float:
@@ -157,6 +196,7 @@ CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law expla
 MOTION = "motion"  # in the words of a component of the ship
 DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
 MOST_SPREAD = 30.0
+SLOWER, TILTS = 0.8, 10.0  # of the swing's frequency, up to which a case tilts; in log-likelihood
 ROUNDED = 0.3  # of the change by rounding, to which it is known
 MOST_SIGMA = 1e-3  # over gravity: a sigma of a gal says that no swing at the stated period was followed
 
@@ -225,7 +265,7 @@ def heard(begun: Begun) -> explanation.Fitted | None:
     except np.linalg.LinAlgError:
         best = rough
     known = best.model if best is not rough else model
-    ship = tuple(each for each in known.assumed.ship if each.axis == "horizontal")
+    ship = tuple(each for each in known.assumed.ship if each.axis != "vertical")
     level = replace(known.assumed, kick=begun.assumed.kick, ship=ship)
     try:
         fit, _ = risen(replace(known, assumed=level, begun=ship), best)

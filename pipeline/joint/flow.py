@@ -51,7 +51,8 @@ class Flow(NamedTuple):
     response : (p, 5, 4, 2) array
         Angle and speed at each node and at the end to the Lagrange polynomials of an acceleration at the nodes.
     angles : (p, e, d) array
-        Rows of each pendulum's angle near a node by the powers of the time from it, under the linear flow.
+        Rows of each pendulum's angle, as it is read, near a node by the powers of the time from it, under the linear
+        flow.
     horizontal, vertical : (e, d) arrays
         The same of U and Z.
     pull : (4, 4) array
@@ -128,8 +129,7 @@ def flow(
     two, size = 2 * count, 2 * count + ship.drift.shape[0]
     drift, drive = np.zeros((size, size)), np.zeros((size, size))
     drift[two:, two:], drive[two:, two:] = ship.drift, ship.drive
-    u_row, z_row = np.zeros(size), np.zeros(size)
-    u_row[two:], z_row[two:] = ship.horizontal, ship.vertical
+    u_row, z_row, p_row = (np.append(np.zeros(two), row) for row in (ship.horizontal, ship.vertical, ship.tilt))
     for i in range(count):
         drift[2 * i, 2 * i + 1] = 1.0
         drift[2 * i + 1, 2 * i], drift[2 * i + 1, 2 * i + 1] = -kappa[i] * gravity, -2.0 * damping[i]
@@ -168,7 +168,7 @@ def flow(
         noise=noise,
         heave_noise=heave_noise,
         response=_response(step, kappa * gravity, np.asarray(damping)),
-        angles=np.stack([_powers(drift, row) for row in np.eye(size)[:two:2]]),
+        angles=np.stack([_powers(drift, row - p_row) for row in np.eye(size)[:two:2]]),
         horizontal=_powers(drift, u_row),
         vertical=vertical,
         pull=_PULL / step ** np.arange(POINTS),

@@ -42,7 +42,7 @@ def change_in_gaps(fit: Fitted, gravity: Floats) -> tuple[float, float]:
         if each.axis == "horizontal":
             answer = (1.0 - square) / ((1.0 - square) ** 2 + NEAR**2)
             changes[0] += (answer - 0.5 * answer**2) * motion
-        else:
+        elif each.axis == "vertical":
             changes[1] -= (4.0 - square) / ((4.0 - square) ** 2 + NEAR**2) * motion
     own = np.unique(lattice.time[lattice.trace < problem.traces])
     after = np.clip(np.searchsorted(own, time), 1, own.size - 1)

@@ -56,6 +56,8 @@ class Gathered:
         1 sigma of its mean over reference gravity, which gravity shares.
     still : tuple of str
         Traces that stand still for a while, and when, in words.
+    tilts : bool
+        Whether elongations are measured from a case whose tilt is not recorded.
     denser : callable
         The same with as many nodes as readings, for motion that the traces do not show before they are fitted.
     """
@@ -68,6 +70,7 @@ class Gathered:
     heave_noise: float
     heave_doubt: float
     still: tuple[str, ...]
+    tilts: bool
     denser: Callable[[], Gathered]
 
     @property
@@ -100,6 +103,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     traces = tuple(str(trace) for trace in stored["trace"].values)
     if not np.isfinite(series).any():
         raise RecordError("record/elongation: no trace has a reading")
+    series, more, tilts = _from_the_vertical(record, time, series, combination)
     series, still = _moving(time, _told_apart(series), float(frequency.mean()), traces)
     some = np.asarray(np.isfinite(series).any(axis=0))
     if not some.any():
@@ -118,13 +122,15 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         )
     gravity = float(known["reference_gravity"])
     rows, heave, dense, white = [series], None, False, 0.0
+    if tilts:
+        rows.append(np.asarray(stored["horizontal_acceleration"].values, dtype=np.float64)[None, used] / gravity)
     if "vertical_acceleration" in stored:
         heave = np.asarray(stored["vertical_acceleration"].values, dtype=np.float64)[used] / gravity
         there = np.flatnonzero(np.isfinite(heave))
         dense = bool(there.size > 8) and float(np.diff(time[there]).max()) < LONGEST_GAP
         dense = dense and float(np.median(np.diff(time[there]))) * DENSE < 2.5
         if not dense:
-            rows += [np.full((1, time.size), np.nan), heave[None]]
+            rows += [*([] if tilts else [np.full((1, time.size), np.nan)]), heave[None]]
     arc = 1.5 * float(np.nanmax(np.nanstd(series[np.isfinite(series).any(axis=1)], axis=1)))
     calm = calm and all(is_calm(time, each, swing, arc) for each in series)
     lattice = lay(time, np.concatenate(rows), combination, swing, calm=calm)
@@ -151,6 +157,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
             "such an error follows the swing; give finer readings"
         )
     stated = np.where(steps > 0.0, np.hypot(np.nan_to_num(stated), steps / np.sqrt(12.0)), stated)
+    stated = np.hypot(stated, more)
     damping = known["damping_rate"]
     return Gathered(
         Problem(
@@ -171,7 +178,38 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         white,
         doubt,
         still,
+        tilts,
         partial(gather, record, calm=False),
+    )
+
+
+def _from_the_vertical(
+    record: DataTree, time: Floats, series: Floats, combination: Floats
+) -> tuple[Floats, Floats, bool]:
+    """Traces, (t, n), measured from the vertical where the tilt of the case is recorded; the noise that this adds to
+    each, (t,); and whether the tilt is not known.
+
+    The horizontal acceleration then tells what of the slow motion is the pendulums', in the earth's frame: an
+    accelerometer on the case shows the tilt as the traces do.
+
+    Raises
+    ------
+    RefusedError
+        Nothing tells the tilt of the case that the record says to measure from.
+    """
+    stored, stated, none = record["record"].dataset, record["instrument"].attrs, np.zeros(series.shape[0])
+    if "case_tilt" in stored:
+        tilt = np.asarray(stored["case_tilt"].values, dtype=np.float64)
+        level, known = combination.sum(axis=1), np.isfinite(tilt)
+        noise = _white(time[known], tilt[known]) / np.sqrt(np.median(np.diff(time[known])))
+        return series + np.where(level[:, None], level[:, None] * tilt, 0.0), np.abs(level) * noise, False
+    if stored.attrs.get("reference") != "case" or stated.get("restoring") == "linear":
+        return series, none, False
+    if "horizontal_acceleration" in stored and stated.get("acceleration_frame") != "case":
+        return series, none, True
+    raise RefusedError(
+        "record attribute reference: 'case', and nothing tells how the case tilts; give record/case_tilt, or "
+        "record/horizontal_acceleration in the earth's frame, or elongations from the vertical"
     )
 
 

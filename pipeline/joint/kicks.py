@@ -66,7 +66,7 @@ def noticed(fit: Fitted) -> float:
 def alone(fit: Fitted) -> Fitted | None:
     """A fit with kicks of all pendulums, or of one, as large as the likelihood asks for, on its ship or a level one."""
     model, pendulums, found = fit.model, fit.model.problem.pendulums, []
-    level = tuple(each for each in model.assumed.ship if each.axis == "horizontal")
+    level = tuple(each for each in model.assumed.ship if each.axis != "vertical")
     for which in (np.ones(pendulums), *np.eye(pendulums)):
         best, last, size = (-np.inf, model, fit.solution), -np.inf, noticed(fit)
         for _ in range(SIZES):

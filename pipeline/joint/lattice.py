@@ -45,12 +45,12 @@ class Lattice:
 
     @cached_property
     def of_trace(self) -> list[np.ndarray]:
-        """Readings of each trace, in order."""
-        return [np.flatnonzero(self.trace == j) for j in range(self.combination.shape[0])]
+        """Readings of each trace, in order, then those of the accelerations."""
+        return [np.flatnonzero(self.trace == j) for j in range(self.combination.shape[0] + 2)]
 
     @cached_property
     def spacing(self) -> list[float]:
-        """s between a trace's readings, as a rule; at least a millisecond."""
+        """s between such readings, as a rule; at least a millisecond."""
         return [float(max(np.median(np.diff(self.time[own])), 1e-3)) if own.size > 1 else 1.0 for own in self.of_trace]
 
     @cached_property

@@ -53,10 +53,11 @@ def first(rough: Fitted, noise: Floats) -> Assumed:
     Heave puts sidebands of the swing about its line: where it may be, and is not followed, they are left out.
     """
     problem, assumed = rough.model.problem, rough.model.assumed
-    heaves = problem.leaves_heave_open(assumed.sine) and all(each.axis == "horizontal" for each in assumed.ship)
+    heaves = problem.leaves_heave_open(assumed.sine) and all(each.axis != "vertical" for each in assumed.ship)
     shown = Shown.of(rough, beside=SIDEBANDS if heaves and not _sparse(problem) else LINE)
     still = replace(assumed, kick=np.zeros(problem.pendulums), breaks=())
-    return _rougher(shown, replace(still, ship=(Vibration(6.0, 1e-4),), noise=noise), "horizontal")
+    tilts = tuple(each for each in assumed.ship if each.axis == "tilt")
+    return _rougher(shown, replace(still, ship=(Vibration(6.0, 1e-4), *tilts), noise=noise), "horizontal")
 
 
 def heaving(rough: Fitted, level: Assumed) -> Assumed:

@@ -11,6 +11,7 @@ from pipeline.joint import apparatus, explanation
 from pipeline.joint.constants import Constant
 from pipeline.joint.explanation import grown, shifted
 from pipeline.joint.problem import Assumed, Problem
+from pipeline.joint.ship import Vibration
 
 COARSE_GATE = 100.0  # deviations, of a pass whose errors' scale is not known yet
 MOST_OVER = 0.3  # share of the readings over a gate above which the gate is at fault
@@ -21,6 +22,7 @@ MOST_CLUSTERS = 60
 BURST = 1.0  # s on either side, at most, in which all are doubted
 LONGEST = 20.0  # s of readings that are doubted together
 HARDLY = 1e-6  # s before the first reading that shows a step
+TURNS = Vibration(0.1, 1e-2)  # a turn or a change of speed, which a rough start does not allow for
 LASTING = 8.0  # s on either side that a doubt is decided by
 OUTLIER = float(np.log(0.01 / 0.1))  # of a reading in a hundred, over .1 rad
 GATE = 7.0  # deviations beyond which a reading is left out
@@ -56,6 +58,7 @@ def smoothed(
     """Gauss-Newton on the whole path; breaks and outliers that show on the way are allowed for."""
     gate = first_gate
     for _ in range(most):
+        about = grown(about, problem.pendulums, assumed.ship) if about.size else about
         solution, of, about = problem.fit(assumed, constants, about=about, gate=gate)
         before, constants, gate = constants, solution.constants, GATE * deviation(of.errors)
         model = explanation.Model((), assumed, constants, problem, assumed.ship)
@@ -91,18 +94,23 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
         if doubtful > MOST_CLUSTERS:  # many short ones are rejected; else the model is at fault
             rejected[cluster] |= last - first < BURST
             continue
-        about = min(last - first, BURST)
-        begin, end = np.searchsorted(time, (first - about, last + about))
+        beside = min(last - first, BURST)
+        begin, end = np.searchsorted(time, (first - beside, last + beside))
         doubted = np.arange(begin, end)[np.isin(lattice.trace[begin:end], lattice.trace[cluster])]
         span = stretch(problem, int(lattice.node[cluster[0]]), int(lattice.node[cluster[-1]]))
         left, far = rejected.copy(), rejected.copy()
         left[doubted] = far[cluster] = True
         node = int(lattice.node[cluster[0]])
         members = range(problem.pendulums)
-        broken = [tuple((node, i) for i in some) for some in (*([i] for i in members), members)]
+        broken = (*([i] for i in members), members)
         # of a long time only what lies far off: the model may be at fault
         options = [(rejected, assumed, stepped), (left if last - first < LONGEST else far, assumed, stepped)]
-        options += [(rejected, replace(assumed, breaks=(*assumed.breaks, *each)), stepped) for each in broken]
+        cut = rejected | ((lattice.node == node) & (np.arange(over.size) >= cluster[0]))
+        for some, at_node in ((rejected, node), (cut, node + 1)):  # between a node's readings
+            broke = (tuple((at_node, i) for i in each) for each in broken)
+            options += [(some, replace(assumed, breaks=(*assumed.breaks, *each)), stepped) for each in broke]
+        if last - first > LONGEST and TURNS not in assumed.ship:
+            options.append((rejected, replace(assumed, ship=(*assumed.ship, TURNS)), stepped))
         begun = float(lattice.time[cluster[0]]) - HARDLY
         steps = [apparatus.step_of_zero(int(j), begun) for j in np.unique(lattice.trace[cluster])]
         options += [(rejected, assumed, (*stepped, each)) for each in (*steps, apparatus.step_of_clock(begun))]
@@ -110,8 +118,9 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
         worth = []
         for some, each, more in options:
             trial = replace(model, problem=replace(problem, left_out=some), assumed=each, constants=(*here, *more))
-            cost = BROKEN * (len(each.breaks) - len(assumed.breaks)) + STEPPED * (len(more) - len(stepped))
-            worth.append(explanation.priced(trial, path, cost - OUTLIER * float(some[doubted].sum()), span)[0])
+            cost = BROKEN * (each is not assumed) + STEPPED * (len(more) - len(stepped))
+            about = grown(path, problem.pendulums, each.ship)
+            worth.append(explanation.priced(trial, about, cost - OUTLIER * float(some[doubted].sum()), span)[0])
         rejected, assumed, stepped = options[int(np.argmax(worth))]
     if np.mean(rejected) > MOST_REJECTED:
         rejected, assumed = lone, model.assumed

@@ -118,6 +118,10 @@ class Problem:
         found = np.abs(self.lattice.combination.sum(axis=1)) < LEVEL
         return [j for j in range(self.traces) if found[j] or not found.any()]
 
+    def weights(self, trace: int) -> Floats:
+        """Of each pendulum in a trace; none in the acceleration behind the last."""
+        return self.lattice.combination[trace] if trace < self.traces else np.zeros(self.pendulums)
+
     def flow(self, assumed: Assumed, constants: tuple[Constant, ...]) -> Flow:
         """One step under the constants' values."""
         count, gravity = self.pendulums, float(unknown.total(constants, kinds.GRAVITY, 1)[0])
@@ -144,6 +148,14 @@ class Problem:
     def gain(self, constants: tuple[Constant, ...]) -> Floats:
         """Error of the scale of each trace, and none of the accelerations."""
         return np.append(unknown.total(constants, kinds.GAIN, self.traces), np.zeros(2))
+
+    def in_its_scale(self, assumed: Assumed, constants: tuple[Constant, ...]) -> Assumed:
+        """With ship and kicks as the scale of all angles makes them: what they are assumed to be is seen on that."""
+        scale = 1.0 + sum(c.value for c in constants if c.kind == kinds.GAIN and c.index < 0)
+        if scale == 1.0:
+            return assumed
+        ship = tuple(c if c.axis == "vertical" else replace(c, rms=c.rms / scale) for c in assumed.ship)
+        return replace(assumed, ship=ship, kick=assumed.kick / scale)
 
     def readings(self, assumed: Assumed, constants: tuple[Constant, ...]) -> passes.Readings:
         """The readings less what the constants say of the traces."""
@@ -269,6 +281,7 @@ class Problem:
         return solution, of, path if smooth else about
 
     def _sweep(self, assumed: Assumed, constants: tuple[Constant, ...], about: Floats, gate: float) -> _Sweep:
+        assumed = self.in_its_scale(assumed, constants)
         ship = Ship.of(assumed.ship)
         two = 2 * self.pendulums
         size, width = two + ship.drift.shape[0], len(constants) + 1

@@ -21,7 +21,8 @@ import numpy as np
 
 from pipeline.arrays import Floats
 
-Axis = Literal["horizontal", "vertical"]
+Axis = Literal["horizontal", "vertical", "tilt"]
+"""Of an acceleration over reference gravity; or the angle, rad, of the case from which elongations are measured."""
 
 
 def _chain(frequency: float, damping: float, oscillators: int) -> Floats:
@@ -153,6 +154,8 @@ class Ship:
         Intensity of the white noise, diagonal.
     horizontal, vertical : (s,) arrays
         Rows that give the two accelerations over reference gravity.
+    tilt : (s,) array
+        The same of the case's angle, rad.
     stationary : (s, s) array
         Covariance in the steady state.
     """
@@ -161,6 +164,7 @@ class Ship:
     drive: Floats
     horizontal: Floats
     vertical: Floats
+    tilt: Floats
     stationary: Floats
 
     @staticmethod
@@ -172,7 +176,7 @@ class Ship:
         systems = [component.system() for component in components]
         size = sum(row.size for _, row, _ in systems)
         drift, drive, stationary = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
-        rows = {"horizontal": np.zeros(size), "vertical": np.zeros(size)}
+        rows = {axis: np.zeros(size) for axis in ("horizontal", "vertical", "tilt")}
         at = 0
         for component, (own, row, driven) in zip(components, systems, strict=True):
             here = slice(at, at + row.size)
@@ -183,7 +187,7 @@ class Ship:
             drift[here, here], rows[component.axis][here] = own, row
             drive[here, here], stationary[here, here] = scale * white, scale * 0.5 * (steady + steady.T)
             at += row.size
-        return Ship(drift, drive, rows["horizontal"], rows["vertical"], stationary)
+        return Ship(drift=drift, drive=drive, **rows, stationary=stationary)
 
 
 def density(components: tuple[Component, ...], frequency: Floats, axis: Axis) -> Floats:

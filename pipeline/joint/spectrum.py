@@ -25,7 +25,9 @@ def folded(frequency: float, step: float) -> float:
 
 
 def transfer(problem: Problem, trace: int, frequency: Floats) -> Floats:
-    """Square of a trace's answer to U, by frequency."""
+    """Square of a trace's answer to U, by frequency; of the horizontal acceleration's, where that is recorded."""
+    if trace >= problem.traces:
+        return np.ones(frequency.shape)
     answer = np.zeros(frequency.shape)
     for i in range(problem.pendulums):
         kappa = float(problem.kappa[i])

@@ -41,7 +41,7 @@ def unresolved(fit: Fitted, assumed: Assumed) -> tuple[float, float]:
     frequency = frequency[frequency > 0.0] * (1.0 + 1e-9)  # never twice the swing's own
     whole = density(assumed.ship, frequency, "vertical")
     shown = np.zeros(frequency.size)  # signal over noise, of all sidebands
-    for trace, spacing in enumerate(lattice.spacing):
+    for trace, spacing in enumerate(lattice.spacing[: problem.traces]):
         swings = fit.path[:, : 2 * problem.pendulums : 2] @ lattice.combination[trace]
         for by in (swing, -swing):
             beside = np.abs(frequency + by)

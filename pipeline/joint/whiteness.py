@@ -104,6 +104,8 @@ class Band:
         The same to the kicks of each pendulum.
     step : float
         s between samples.
+    level : float
+        The same to the tilt of the case.
     """
 
     trace: int
@@ -114,6 +116,7 @@ class Band:
     upright: Floats
     kicked: Floats
     step: float
+    level: float
 
     @staticmethod
     def of(fit: Fitted, trace: int, lines: tuple[Component, ...], beside: float) -> Band | None:
@@ -146,11 +149,22 @@ class Band:
         mean, weight = np.add.reduceat(frequency, begins) / count, count / TAPERED[taper]
         folds = int(2.0 * swing * step / np.pi)  # sparse samples show what is faster among the rest
         every = np.abs(mean + 2.0 * np.pi / step * np.arange(-folds, folds + 1)[:, None])
-        angles = fit.path[:, : 2 * problem.pendulums : 2] @ problem.lattice.combination[trace]
+        weights = problem.weights(trace)
+        angles = fit.path[:, : 2 * problem.pendulums : 2] @ weights
         upright = spectrum.beside_the_swing(swing, 0.5 * float(np.mean(angles**2)), every)
         across = spectrum.transfer(problem, trace, every)
-        kicked = problem.lattice.combination[trace] ** 2 * problem.kappa / (problem.kappa - every[..., None] ** 2) ** 2
-        return Band(trace, np.add.reduceat(power, begins) / count, weight, every, across, upright, kicked, step)
+        kicked = weights**2 * problem.kappa / (problem.kappa - every[..., None] ** 2) ** 2
+        return Band(
+            trace,
+            np.add.reduceat(power, begins) / count,
+            weight,
+            every,
+            across,
+            upright,
+            kicked,
+            step,
+            float(weights.sum()) ** 2,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +188,7 @@ class Shown:
     def of(fit: Fitted, lines: tuple[Component, ...] = (), beside: float = 0.0) -> Shown:
         """What a fit shows, also of some lines that it does not assume, but so near the swing, relative to it."""
         problem, assumed = fit.model.problem, fit.model.assumed
-        found = [Band.of(fit, trace, (*assumed.ship, *lines), beside) for trace in range(problem.traces)]
+        found = [Band.of(fit, trace, (*assumed.ship, *lines), beside) for trace in range(problem.traces + 1)]
         return Shown(tuple(each for each in found if each is not None), assumed, problem.swing)
 
     def _of_all(self, parts: Iterable[Floats]) -> Floats:
@@ -199,6 +213,9 @@ class Shown:
         frequency, across, upright = self._every
         if component.axis == "horizontal":
             every = across * density((component,), frequency, "horizontal")
+        elif component.axis == "tilt":
+            level = self._of_all(np.full(each.frequency.size, each.level) for each in self.bands)
+            every = level * density((component,), frequency, "tilt")
         else:
             above, below = (
                 density((component,), np.abs(frequency + by), "vertical") for by in (self.swing, -self.swing)

@@ -80,6 +80,8 @@ class Case:
     zero_step_difference: float = 0.0
     tilt: float = 0.0
     """Amplitude of the case's roll at 8 s, from which elongations are measured, degrees."""
+    tilt_noise: float = 2e-5
+    """Of a recorded tilt, rad."""
     gain_first: float = 0.0
     gain_all: float = 0.0
     """Relative errors of the scale."""
@@ -94,5 +96,7 @@ class Case:
     states_damping: bool = True
     states_noise: bool = True
     states_heave: bool = False
+    states_tilt: str = "tilt"
+    """What a record from a tilting case holds: "tilt", "acceleration" (horizontal), or "" for neither."""
     ratio_error: float = 0.0
     """Of n1/n2 as stated."""

@@ -130,7 +130,10 @@ KINDS: dict[str, Kind] = {
     "zero drift": _instrument("4 mrad: -.25 mGal", {"zero_drift": (0.001, 0.004, 0.02)}),
     "zero step of the first trace": _instrument("as its zero", {"zero_step_first": (0.001, 0.004, 0.015)}),
     "zero step of the difference": _instrument(_GUESS, {"zero_step_difference": (1e-4, 1e-3, 5e-3)}),
-    "case tilts": _instrument(".2 degrees: -2.9 mGal", {"tilt": (0.2, 1.0, 5.0)}),
+    "case tilts, recorded": _instrument(".2 degrees: -2.9 mGal", {"tilt": (0.2, 1.0, 5.0)}),
+    "case tilts, acceleration recorded": _instrument(
+        ".2 degrees: -2.9 mGal", {"tilt": (0.2, 1.0, 5.0)}, states_tilt="acceleration"
+    ),
     "gain of the first trace": _instrument("1 % of the arc and split terms", {"gain_first": (0.001, 0.003, 0.01)}),
     "scale of all angles": _instrument("1 %: -2 mGal", {"gain_all": (0.001, 0.005, 0.03)}),
     "delay between traces": _instrument("10 ms: 6 to 9 mGal at 1e-4", {"delay": (3e-4, 1e-3, 0.01)}),

@@ -23,8 +23,8 @@ def sample_times(case: Case, random: np.random.Generator) -> Floats:
     return times[kept]
 
 
-def read(traces: Floats, times: Floats, case: Case, random: np.random.Generator) -> Floats:
-    """Traces as they are read, NaN where nothing is.
+def read(traces: Floats, times: Floats, case: Case, random: np.random.Generator) -> tuple[Floats, Floats]:
+    """Traces as they are read, NaN where nothing is; and the tilt of the case, rad.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def read(traces: Floats, times: Floats, case: Case, random: np.random.Generator)
     times : (samples,) float64
         s.
     """
-    out = _scaled(traces, times, case, random)
+    out, tilt = _scaled(traces, times, case, random)
     out += case.noise * random.normal(size=out.shape)
     _spoil(out, times, case, random)
     largest = np.max(np.abs(out), axis=1, keepdims=True)
@@ -42,10 +42,10 @@ def read(traces: Floats, times: Floats, case: Case, random: np.random.Generator)
     if case.quantisation:
         out = np.round(out / case.quantisation) * case.quantisation
     _lose(out, times, case, random)
-    return out
+    return out, tilt
 
 
-def _scaled(traces: Floats, times: Floats, case: Case, random: np.random.Generator) -> Floats:
+def _scaled(traces: Floats, times: Floats, case: Case, random: np.random.Generator) -> tuple[Floats, Floats]:
     """Gains, zeros and the case's tilt, which drops out of differences."""
     out: Floats = traces * (1.0 + case.gain_all * random.choice([-1, 1]))
     later = times > case.duration * random.uniform(0.3, 0.7)
@@ -54,8 +54,9 @@ def _scaled(traces: Floats, times: Floats, case: Case, random: np.random.Generat
     out[0] += random.choice([-1, 1]) * case.zero_step_first * later
     out[1] += random.choice([-1, 1]) * case.zero_step_difference * later
     roll = 2.0 * np.pi * times / (_ROLL * random.uniform(0.9, 1.1)) + random.uniform(0.0, 2.0 * np.pi)
-    out[0] -= np.radians(case.tilt) * np.cos(roll)
-    return out
+    tilt = np.radians(case.tilt) * np.cos(roll)
+    out[0] -= tilt
+    return out, tilt
 
 
 def _spoil(out: Floats, times: Floats, case: Case, random: np.random.Generator) -> None:

@@ -87,14 +87,20 @@ def of_case(case: Case, random: np.random.Generator, label: str) -> Made:
     both = np.unique(np.concatenate([[0.0], prompt, late]))
     angles = _swing(both, own, support, case, frequency, random)
     first, shifted = angles[0, np.searchsorted(both, prompt)], angles[:, np.searchsorted(both, late)]
-    traces = read(np.vstack([first, shifted[:-1] - shifted[1:]]), times, case, random)
+    traces, tilt = read(np.vstack([first, shifted[:-1] - shifted[1:]]), times, case, random)
     heave = sea.at(prompt - case.heave_delay, motion.rate, motion.along) * case.heave_scale
     heave += case.heave_bias * _MGAL * random.choice([-1, 1]) + case.heave_noise * random.normal(size=times.size)
+    states = {"vertical_acceleration": heave} if case.states_heave else {}
+    if case.tilt and case.states_tilt == "tilt":
+        states["case_tilt"] = tilt + case.tilt_noise * random.normal(size=times.size)
+    elif case.tilt and case.states_tilt:
+        sway = sea.at(prompt, motion.rate, motion.across)
+        states["horizontal_acceleration"] = sway + case.heave_noise * random.normal(size=times.size)
     # the clock that is wrong is the record's; a step back never makes time run backwards at these rates
     stamped = times + case.clock_step * random.choice([-1, 1]) * (times > 0.5 * case.duration)
     dense = np.linspace(0.0, case.duration, 4001)
     gravity = float(np.mean([plain.gravity_at(time, law) for time in 0.5 * (dense[1:] + dense[:-1])]))
-    return Made(_tree(label, stamped, traces, heave, frequency, damping, case, random), gravity, case, law)
+    return Made(_tree(label, stamped, traces, states, frequency, damping, case, random), gravity, case, law)
 
 
 def _motion(case: Case, swing: float, random: np.random.Generator) -> sea.Motion:
@@ -154,7 +160,7 @@ def _tree(
     label: str,
     times: Floats,
     traces: Floats,
-    heave: Floats,
+    states: dict[str, Floats],
     frequency: Floats,
     damping: Floats,
     case: Case,
@@ -178,8 +184,7 @@ def _tree(
     }
     if case.noise and case.states_noise:
         read_values["elongation_uncertainty"] = (("trace",), np.full(count, case.noise))
-    if case.states_heave:
-        read_values["vertical_acceleration"] = (("time",), heave)
+    read_values |= {name: (("time",), values) for name, values in states.items()}
     instrument: dict[str, Any] = {
         "pendulum": (("pendulum",), labels),
         "period": (("pendulum",), period),
@@ -188,7 +193,7 @@ def _tree(
     if case.states_damping:
         instrument["damping_rate"] = (("pendulum",), damping)
     law = {"restoring": "linear" if case.linear else "sine"} if case.states_law else {}
-    reference = {"reference": "case"} if case.tilt else {}
+    reference = {"reference": "case"} if case.tilt and case.states_tilt else {}
     root = {"Conventions": CONVENTIONS, "schema": "isochrony-record", "schema_version": VERSION}
     root |= {"record_id": label, "title": f"benchmark record {label}", "history": "", "source": "model"}
     return xr.DataTree.from_dict(

@@ -12,6 +12,8 @@ from scipy.interpolate import CubicSpline
 from test_method import in_sigmas, record, row
 
 from data_schemas.errors import RecordError, RefusedError
+from pipeline.benchmarks.honesty.case import Case
+from pipeline.benchmarks.honesty.records import of_case
 from pipeline.joint.gather import _bias, _white, gather
 
 pytestmark = pytest.mark.compiled
@@ -87,6 +89,41 @@ def test_gravity_survives_a_fault_of_the_apparatus(fault: str) -> None:
 
 def test_no_fault_is_named_where_there_is_none() -> None:
     assert "apparatus-fault" not in row(record()[0])["flags"]
+
+
+@pytest.mark.parametrize("states", ["tilt", "acceleration"])
+@pytest.mark.parametrize("degrees", [1.0, 5.0])
+def test_a_case_that_tilts_is_allowed_for_where_something_tells_its_tilt(states: str, degrees: float) -> None:
+    case = Case(duration=600.0, tilt=degrees, states_tilt=states)
+    made = of_case(case, np.random.default_rng(17), "case")
+    found = row(made.tree)
+    assert abs(in_sigmas(found, made.gravity)) < 3.5
+    assert found["gravity_sigma_mgal"] < 0.2
+
+
+def test_a_case_whose_tilt_nothing_tells_is_refused() -> None:
+    made = of_case(Case(duration=600.0, tilt=1.0, states_tilt="acceleration"), np.random.default_rng(1), "case").tree
+    made["instrument"].attrs["acceleration_frame"] = "case"
+    with pytest.raises(RefusedError, match="nothing tells how the case tilts"):
+        row(made)
+    del made["record"].attrs["reference"]
+    with pytest.raises(RefusedError, match="as the tilt of a case does"):
+        row(made)
+
+
+def test_linear_pendulums_are_read_from_any_case() -> None:
+    made = of_case(
+        Case(duration=600.0, tilt=1.0, states_tilt="acceleration", linear=True), np.random.default_rng(17), ""
+    )
+    assert abs(in_sigmas(row(made.tree), made.gravity)) < 3.5
+
+
+def test_a_wrong_scale_of_all_angles_is_told_by_the_arcs() -> None:
+    case = Case(duration=900.0, noise=1e-6, gain_all=0.02, amplitudes=(0.03, 0.02))
+    made = of_case(case, np.random.default_rng(5), "scale")
+    found = row(made.tree)
+    assert "scale of all angles" in found["choice_reason"]
+    assert abs(in_sigmas(found, made.gravity)) < 3.5
 
 
 def test_what_two_traces_hold_alike_for_long_is_left_out_of_both() -> None:

@@ -252,6 +252,7 @@ def test_a_knock_is_found_and_named_not_taken_for_kicks() -> None:
         ("second marks", "strong", 2002, 10.0),  # 600 mGal: a swing of a second looks still
         ("mixture", "strong", 1001, 3.0),  # -7 mGal: heave in steep seas that the noise hides
         ("kicks of one pendulum", "strong", 8003, 3.0),  # 17 mGal: motion and a delay in place of large kicks
+        ("change of speed", "strong", 9002, 0.1),  # -4.5 +- 1 mGal: a minute of the first trace taken for wild
         ("gain of the first trace", "middle", 8003, 0.3),  # -.22 +- .03 mGal: kicks in place of a gain
     ],
 )

@@ -77,6 +77,7 @@ INSTRUMENT: dict[str, Variable] = {
     "damping_rate": Variable(
         _PENDULUM, "f8", "s-1", "rate at which the free amplitude decays", limit="not negative"
     ),
+    "scale_uncertainty": _sigma((), "1", "scale of all elongations, relative"),
     "chronometer_rate": Variable((), "f8", "s day-1", "rate of the chronometer, losing positive"),
     "chronometer_rate_uncertainty": _sigma((), "s day-1", "chronometer's rate"),
     "temperature": Variable((), "f8", "K", "temperature of the pendulums", also=(_TIME,), limit="positive"),

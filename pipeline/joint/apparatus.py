@@ -47,13 +47,18 @@ def faults(problem: Problem, own: tuple[Constant, ...], *, sine: bool) -> list[C
     found = [Constant(f"drift of trace {j + 1}", kinds.DRIFT, ZERO, j, centre=half, width=half) for j in traces]
     found += [Constant(f"delay of trace {j + 1}", kinds.DELAY, DELAY, j) for j in traces[1:]]
     if sine:
-        found.append(Constant("scale of all angles", kinds.GAIN, GAIN))
+        found.append(scale(GAIN))
     if sum(each.kind in (kinds.GAIN, kinds.RATIO) and each.index >= 0 for each in own) < problem.pendulums - 1:
         found += [Constant(f"gain of trace {j + 1}", kinds.GAIN, GAIN, j) for j in traces]
         members = range(0 if problem.pendulums > 2 else 1, problem.pendulums)
         found += [Constant(f"period of pendulum {i + 1}", kinds.RATIO, RATIO, i) for i in members]
     names = {each.name for each in own}
     return [each for each in found if each.name not in names]
+
+
+def scale(prior: float) -> Constant:
+    """Error of the scale of all angles, which nothing but their arcs tells."""
+    return Constant("scale of all angles", kinds.GAIN, prior)
 
 
 def steps(problem: Problem, times: Floats) -> list[Constant]:

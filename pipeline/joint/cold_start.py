@@ -43,6 +43,8 @@ def first_constants(gathered: Gathered) -> tuple[Constant, ...]:
     elif "damping_rate_uncertainty" in gathered.constants["constants"]:
         spread = np.broadcast_to(gathered.constants["constants"]["damping_rate_uncertainty"], problem.kappa.shape)
         found += [Constant(f"damping of {i}", kinds.DAMPING, float(s), i) for i, s in enumerate(spread) if s > 0.0]
+    if gathered.constants["constants"].get("scale_uncertainty"):
+        found.append(apparatus.scale(float(gathered.constants["constants"]["scale_uncertainty"])))
     return tuple(found)
 
 

@@ -107,7 +107,8 @@ def fitted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOS
         if left < STRAIGHT:
             break
         doubt, about = astray(model, path, about), path
-    of = of._replace(errors=np.zeros(0))  # whitened ones serve from here on, and long records have many
+    # whitened errors serve from here on, and long records have many
+    of = of._replace(errors=np.zeros(0, dtype=np.float32), whitened=of.whitened.astype(np.float32))
     return Fitted(replace(model, constants=constants), solution, path, of, before, doubt, left)
 
 

@@ -160,7 +160,7 @@ def of_the_law(fit: explanation.Fitted) -> float:
     """
     of, some = fit.of, np.isin(fit.model.problem.lattice.trace, fit.model.problem.differences)
     rejected = OUTLIER * float(fit.model.problem.left_out[some].sum())
-    return rejected - float(np.nansum(np.log(of.scale[some]) + 0.5 * of.whitened[some] ** 2))
+    return rejected - float(np.nansum(np.log(of.scale[some]) + 0.5 * of.whitened[some] ** 2, dtype=np.float64))
 
 
 def weighed(

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 LEAST_SWINGS = 20.0
 LARGEST = 1.0  # rad, of the usual reading
 DENSE = 5.0  # recorded heave with so many values a period of its fastest waves is interpolated, s-1
-FAR = 6.0  # of the median departure from the median
+FAR, MANY = 6.0, 10000  # of the median departure from the median; readings
 OFTEN, FEW = 10.0, 5.0  # times as often as other values; readings a value from which rounding shows
 SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 pass; turns in the record
 COPIED = 30  # values in a row that two traces cannot share by chance
@@ -280,13 +280,15 @@ def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:
 
 
 def _far(trace: np.ndarray, value: Floats, traces: int) -> np.ndarray:
-    """Readings that lie where no swing of the trace goes."""
+    """Readings that lie where no swing of the trace goes, neither all along nor at the time: it may die away."""
     out = np.zeros(value.size, dtype=bool)
     for j in range(traces):
         own = value[trace == j]
-        if own.size:
-            off = np.abs(own - np.median(own))
-            out[trace == j] = (off > FAR * np.median(off)) | _clipped(own)
+        if not own.size:
+            continue
+        off = np.abs(own - np.median(own))
+        usual = [np.full(part.size, np.median(part)) for part in np.array_split(off, 1 + off.size // MANY)]
+        out[trace == j] = (off > FAR * np.maximum(np.median(off), np.concatenate(usual))) | _clipped(own)
     return out
 
 

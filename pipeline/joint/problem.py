@@ -162,14 +162,15 @@ class Problem:
         own, lattice = self.lattice, self.lattice
         zero = unknown.total(constants, kinds.ZERO, self.traces + 2)
         gain = self.gain(constants)
-        late = np.append(unknown.total(constants, kinds.DELAY, self.traces), np.zeros(2))[own.trace]
+        delay = np.append(unknown.total(constants, kinds.DELAY, self.traces), np.zeros(2))
+        late = delay[own.trace] if delay.any() or any(c.kind == kinds.CLOCK for c in constants) else None
         value = lattice.value - zero[own.trace]
         for each in constants:
             if each.kind == kinds.STEP:
                 value -= np.where((own.trace == each.index) & (own.time >= each.centre), each.value, 0.0)
             elif each.kind == kinds.DRIFT:
                 value -= np.where(own.trace == each.index, each.value * (own.time - each.centre) / each.width, 0.0)
-            elif each.kind == kinds.CLOCK:
+            elif each.kind == kinds.CLOCK and late is not None:
                 late += np.where((own.trace < self.traces) & (own.time >= each.centre), each.value, 0.0)
         value /= 1.0 + gain[own.trace]
         variance = (assumed.noise**2 / (1.0 + gain) ** 2)[own.trace]
@@ -308,9 +309,7 @@ class Problem:
                 covariance,
                 np.zeros((width, width)),
                 np.zeros(3),
-                np.full(count, np.nan),
-                np.full(count, np.nan),
-                np.full(count, np.nan, dtype=np.float32),
+                *(np.full(count, np.nan, dtype=kind) for kind in (np.float32, np.float64, np.float32)),
             ),
         )
 

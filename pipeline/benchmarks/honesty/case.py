@@ -96,6 +96,8 @@ class Case:
     states_damping: bool = True
     states_noise: bool = True
     states_heave: bool = False
+    states_scale: float = 0.0
+    """Its uncertainty, relative; 0: not stated."""
     states_tilt: str = "tilt"
     """What a record from a tilting case holds: "tilt", "acceleration" (horizontal), or "" for neither."""
     ratio_error: float = 0.0

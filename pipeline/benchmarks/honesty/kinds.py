@@ -135,7 +135,9 @@ KINDS: dict[str, Kind] = {
         ".2 degrees: -2.9 mGal", {"tilt": (0.2, 1.0, 5.0)}, states_tilt="acceleration"
     ),
     "gain of the first trace": _instrument("1 % of the arc and split terms", {"gain_first": (0.001, 0.003, 0.01)}),
-    "scale of all angles": _instrument("1 %: -2 mGal", {"gain_all": (0.001, 0.005, 0.03)}),
+    "scale of all angles": _instrument(
+        "1 %: -2 mGal", {"gain_all": (0.001, 0.005, 0.03), "states_scale": (0.001, 0.005, 0.03)}
+    ),
     "delay between traces": _instrument("10 ms: 6 to 9 mGal at 1e-4", {"delay": (3e-4, 1e-3, 0.01)}),
     "clock step": _instrument(".5 ms: .8 mGal", {"clock_step": (1e-4, 5e-3, 0.02)}),
     "period ratio wrong": _instrument("1e-6: -2 mGal", {"ratio_error": (1e-7, 1e-6, 5e-6)}),

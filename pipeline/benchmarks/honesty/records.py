@@ -192,6 +192,8 @@ def _tree(
     }
     if case.states_damping:
         instrument["damping_rate"] = (("pendulum",), damping)
+    if case.states_scale:
+        instrument["scale_uncertainty"] = ((), case.states_scale)
     law = {"restoring": "linear" if case.linear else "sine"} if case.states_law else {}
     reference = {"reference": "case"} if case.tilt and case.states_tilt else {}
     root = {"Conventions": CONVENTIONS, "schema": "isochrony-record", "schema_version": VERSION}

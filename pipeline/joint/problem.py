@@ -309,7 +309,9 @@ class Problem:
                 covariance,
                 np.zeros((width, width)),
                 np.zeros(3),
-                *(np.full(count, np.nan, dtype=kind) for kind in (np.float32, np.float64, np.float32)),
+                np.full(count, np.nan, dtype=np.float32),
+                np.full(count, np.nan),
+                np.full(count, np.nan, dtype=np.float32),
             ),
         )
 

@@ -11,13 +11,11 @@ from .checking_record import record_faults, result_faults
 from .contents import Contents, Entry, from_tree, key, shown, type_name
 from .errors import FileError
 from .layouts import LAYOUTS, VERSION, Kind
-from .scratch import portions
 from .units import same_unit
 from .variables import VARIABLES, Variable
 
 if TYPE_CHECKING:
     import xarray as xr
-    from numpy.typing import NDArray
 
 
 def check(tree: xr.DataTree, schema: Kind) -> list[str]:
@@ -152,8 +150,8 @@ def _value_faults(where: str, entry: Entry, row: Variable) -> list[str]:
     if row.dtype != "f8" or not entry.values.size or where == "time":
         return []
     values, found = entry.values, []
-    lowest, highest, gaps = _extremes(values)
-    if gaps and not row.missing:
+    lowest, highest = np.fmin.reduce(values, axis=None), np.fmax.reduce(values, axis=None)
+    if not row.missing and np.isnan(values).any():
         found.append(f"{where}: holds NaN; give every value, or leave the variable out")
     if np.isinf(lowest) or np.isinf(highest):
         remedy = "mark missing values as NaN" if row.missing else "give finite values"
@@ -164,21 +162,6 @@ def _value_faults(where: str, entry: Entry, row: Variable) -> list[str]:
     return found
 
 
-def _extremes(values: NDArray[Any]) -> tuple[float, float, bool]:
-    """The least and the largest number, NaN where there is none, and whether there is a NaN among them."""
-    flat = values.reshape(-1)
-    lowest = highest = float("nan")
-    gaps = False
-    for part in portions(flat.size, flat):
-        # both extremes show a NaN: one pass each tells all
-        low, high = np.min(flat[part]), np.max(flat[part])
-        if np.isnan(low):
-            gaps = True
-            low, high = np.fmin.reduce(flat[part]), np.fmax.reduce(flat[part])
-        lowest, highest = float(np.fmin(lowest, low)), float(np.fmax(highest, high))
-    return lowest, highest, gaps
-
-
 def _time_faults(contents: Contents) -> list[str]:
     time = contents[""].variables.get("time")
     if time is None or time.dims != ("time",) or type_name(time.values) != "f8":
@@ -186,18 +169,13 @@ def _time_faults(contents: Contents) -> list[str]:
     values = time.values
     if values.size < 2:
         return [f"time: holds {values.size} sample{'s' * (values.size != 1)}; a record needs 2 or more"]
-    at, falls = 0, 0
-    for part in portions(values.size, values):
-        if not np.isfinite(values[part]).all():
-            return ["time: holds NaN or infinite values; give every sample its time in seconds"]
-        begin = max(part.start, 1)
-        here = np.flatnonzero(values[begin : part.stop] <= values[begin - 1 : part.stop - 1])
-        if here.size and not falls:
-            at = begin + int(here[0])
-        falls += here.size
-    if falls:
+    if not np.isfinite(values).all():
+        return ["time: holds NaN or infinite values; give every sample its time in seconds"]
+    falls = np.flatnonzero(values[1:] <= values[:-1]) + 1
+    if falls.size:
+        at = falls[0]
         return [
-            f"time: does not increase at sample {at} ({values[at - 1]:g} s, then {values[at]:g} s; {falls} such "
+            f"time: does not increase at sample {at} ({values[at - 1]:g} s, then {values[at]:g} s; {falls.size} such "
             f"places); sort the samples and drop repeated ones"
         ]
     return []

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .contents import Contents, Entry, shown, type_name
-from .scratch import portions
 
 WORDS = {
     ("instrument", "restoring"): ("sine", "linear"),
@@ -128,11 +127,7 @@ def _gives_difference(combination: NDArray[Any]) -> bool:
 def _empty_traces(elongation: NDArray[Any], trace: Entry | None) -> list[str]:
     if not elongation.shape[1]:
         return []
-    empty = [
-        row
-        for row, values in enumerate(elongation)
-        if all(np.isnan(values[part]).all() for part in portions(values.size, values))
-    ]
+    empty = np.flatnonzero(np.isnan(elongation).all(axis=1)).tolist()
     return [f"record/elongation: trace {_label(trace, row)} is all NaN; leave the trace out" for row in empty]
 
 

@@ -30,7 +30,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .contents import Contents, Entry, from_tree, key, type_name
-from .scratch import portions
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -56,8 +55,7 @@ class _Sum:
         if type_name(values) == "str":
             self.text(*values.ravel().tolist())
         else:
-            flat = values.reshape(-1)
-            self.numbers(values.nbytes, (flat[part] for part in portions(flat.size, flat)))
+            self.numbers(values.nbytes, [values])
 
     def numbers(self, size: int, blocks: Iterable[NDArray[Any]]) -> None:
         """One item of `size` bytes from blocks of numbers, in order."""

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import FileError
-from .scratch import mapping
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -181,28 +180,13 @@ def to_tree(contents: Contents) -> xr.DataTree:
     for path, group in contents.items():
         try:
             variables = {name: (one.dims, one.values, one.attrs) for name, one in group.variables.items()}
-            long = {name for name, one in group.variables.items() if one.dims == (name,) and mapping(one.values)}
-            coordinates = _uncopied({name: xr.Variable(*variables.pop(name)) for name in long})
-            datasets["/" + path] = xr.Dataset(variables, coordinates, group.attrs)
+            datasets["/" + path] = xr.Dataset(variables, attrs=group.attrs)
         except ValueError as error:
             raise FileError(f"{path or 'root'}: {_first_line(error)}; make dimensions of one name equal") from error
     try:
         return xr.DataTree.from_dict(datasets)
     except (ValueError, KeyError) as error:
         raise FileError(f"{_first_line(error)}; make dimensions equal in length to the root's") from error
-
-
-def _uncopied(variables: Mapping[str, xr.Variable]) -> xr.Coordinates | None:
-    """Coordinates whose labels stay in their scratch file, where pandas would copy them into memory."""
-    if not variables:
-        return None
-    import pandas as pd
-    import xarray as xr
-    from xarray.indexes import PandasIndex
-
-    indexes = {name: PandasIndex(pd.Index(one.values, copy=False), name) for name, one in variables.items()}
-    made = {name: index.create_variables({name: variables[name]})[name] for name, index in indexes.items()}
-    return xr.Coordinates(made, indexes)
 
 
 def _first_line(error: Exception) -> str:

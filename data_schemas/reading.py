@@ -20,7 +20,6 @@ from .guard import Found, Survey, ordinary, survey
 from .guard_types import Budget, is_text
 from .heaps import Heaps, sound_heaps, text_bytes
 from .packing import unpacked
-from .scratch import mapping, release, room
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,9 +48,9 @@ def read(path: str | os.PathLike[str], *, declared: Callable[[int], object] | No
     Returns
     -------
     xarray.DataTree
-        All read, the file closed; arrays above `scratch.LONG` elements lie in scratch files. ``time`` stays float64
-        seconds. Packed values (``scale_factor``, ``add_offset``, ``_FillValue``) of other programs are unpacked,
-        missing ones NaN. The checksum attribute is verified and left out.
+        All read, the file closed. ``time`` stays float64 seconds. Packed values (``scale_factor``, ``add_offset``,
+        ``_FillValue``) of other programs are unpacked, missing ones NaN. The checksum attribute is verified and left
+        out.
 
     Raises
     ------
@@ -157,15 +156,8 @@ def _contents(
 
 
 def _numbers(array: h5d.DatasetID, _where: str) -> NDArray[Any]:
-    numbers = room(array.shape, array.get_type().dtype.newbyteorder("="))
-    if mapping(numbers) is not None:
-        from .slabs import slabs
-
-        stored = h5py.Dataset(array)
-        for place in slabs(array.shape):
-            numbers[place] = stored[place]
-            release(numbers)
-    elif numbers.size:
+    numbers: NDArray[Any] = np.empty(array.shape, array.get_type().dtype.newbyteorder("="))
+    if numbers.size:
         array.read(h5s.ALL, h5s.ALL, numbers)
     return numbers
 

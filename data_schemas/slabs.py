@@ -16,12 +16,11 @@ from .contents import Contents, shown
 from .errors import FileError
 from .guard_types import Budget
 from .reading import opened
-from .scratch import PORTION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-SLAB = PORTION
+SLAB = 1 << 16
 """Elements read at once."""
 
 Place = tuple[int | slice, ...]

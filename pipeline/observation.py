@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from data_schemas.errors import RecordError, RefusedError, UsageError
-from data_schemas.scratch import by_portions, portions, room
 from pipeline.arrays import Floats, row_means_present
 from pipeline.conditions import Constants, Tie, by_air, by_temperature, refuse_impossible, tie
 
@@ -152,8 +151,7 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     if within.stop == 0:
         raise RecordError(f"record/elongation: pendulum '{first}' has no reading at all; give its trace")
     start = float(time[within.start])
-    since = by_portions(lambda part: part - start, time[within])
-    time, step, series = uniform_grid(since, [row[within] for row in rows])
+    time, step, series = uniform_grid(time[within] - start, [row[within] for row in rows])
     constants = instrument(record, (first, second))
     return Observation(
         start=start,
@@ -178,13 +176,8 @@ def span(series: Floats) -> slice:
     >>> span(np.array([np.nan, 1.0, np.nan, 2.0])), span(np.array([np.nan]))
     (slice(1, 4, None), slice(0, 0, None))
     """
-    first = last = -1
-    for part in portions(series.size, series):
-        known = np.flatnonzero(np.isfinite(series[part]))
-        if known.size:
-            first = part.start + int(known[0]) if first < 0 else first
-            last = part.start + int(known[-1])
-    return slice(max(first, 0), last + 1)
+    known = np.flatnonzero(np.isfinite(series))
+    return slice(int(known[0]), int(known[-1]) + 1) if known.size else slice(0, 0)
 
 
 def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
@@ -259,30 +252,21 @@ def uniform_grid(time: Floats, series: Sequence[Floats]) -> tuple[Floats, float,
         The times lie on no grid.
     """
     uneven = RefusedError("time: the samples lie at uneven times; use --method joint")
-    parts = portions(time.size - 1, time)
-    step = min((float(np.diff(time[part.start : part.stop + 1]).min()) for part in parts), default=0.0)
+    step = float(np.diff(time).min()) if time.size > 1 else 0.0
     if not step > 0.0 or time[-1] / step > MOST_GRID_ROWS * time.size:
         raise uneven
     # the first spacing fixes the row numbers, the whole length the step
     last = int(np.rint(time[-1] / step))
     step = float(time[-1] / last)
-    for part in portions(time.size, time):
-        here = time[part]
-        if np.abs(here - np.rint(here / step) * step).max() > GRID_TOLERANCE:
-            raise uneven
+    rows = np.rint(time / step).astype(np.int64)
+    if np.abs(time - rows * step).max() > GRID_TOLERANCE:
+        raise uneven
     if last + 1 == time.size:
         return time, step, series
-    grid = room(last + 1)
-    laid = [room(last + 1) for _ in series]
-    for part in portions(grid.size, grid, *laid):
-        grid[part] = np.arange(part.start, part.stop) * step
-        for out in laid:
-            out[part] = np.nan
-    for part in portions(time.size, time, *laid, *series):
-        rows = np.rint(time[part] / step).astype(np.int64)
-        for row, out in zip(series, laid, strict=True):
-            out[rows] = row[part]
-    return grid, step, laid
+    laid = [np.full(last + 1, np.nan) for _ in series]
+    for row, out in zip(series, laid, strict=True):
+        out[rows] = row
+    return np.arange(last + 1) * step, step, laid
 
 
 def choose_pair(labels: list[str], combination: Floats, pair: str | None) -> tuple[str, str]:
@@ -322,9 +306,7 @@ def _combine(weights: Floats, elongation: Floats) -> Floats:
     used = np.flatnonzero(weights)
     if used.size == 1 and weights[used[0]] == 1.0:
         return _plain(elongation[used[0]])
-    return by_portions(
-        lambda *rows: np.tensordot(weights[used], np.stack(rows), axes=1), *(elongation[row] for row in used)
-    )
+    return np.asarray(weights[used] @ elongation[used])
 
 
 def _plain(series: Floats) -> Floats:

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from data_schemas.scratch import portions
-from pipeline.arrays import Floats, readings
+from pipeline.arrays import Floats
 from pipeline.estimate import Budget, budget
 from pipeline.harmonics.envelope import Envelope, block_envelope, sliding_envelope
 from pipeline.harmonics.narrowband import NarrowbandFit, complex_form, fit_narrowband
@@ -98,7 +97,7 @@ class Prepared:
         """Refuse series of the observation that lack samples."""
         for name in names:
             series = getattr(self.observation, name)
-            if series is not None and (missing := series.size - readings(series)):
+            if series is not None and (missing := np.count_nonzero(~np.isfinite(series))):
                 raise RefusedError(f"{_STORED[name]}: {missing} readings are missing; use --method joint")
 
     def narrowband(self, envelope: Envelope, tolerance: float = 1e-13) -> NarrowbandFit:
@@ -170,7 +169,7 @@ def prepare(observation: Observation) -> Prepared:
         )
     noises = []
     for name, series in (("difference", observation.difference), ("first pendulum", observation.theta)):
-        count = readings(series)
+        count = np.count_nonzero(np.isfinite(series))
         if count < 2 * LEAST_SWINGS:
             raise RefusedError(f"record/elongation: the {name} has only {count} readings")
         outliers, noise = outliers_and_noise(series, observation.step, nominal)
@@ -212,23 +211,16 @@ def outliers_and_noise(series: Floats, step: float, frequency: float) -> tuple[b
     if series.size < 6 * reach or step * frequency > MOST_ANGLE:
         return False, float("nan")
     taps = leave_one_out(reach, step, frequency)
-    count = series.size - 2 * reach
-    every, errors = max(1, count // PLACES), []
-    worst = largest = 0.0
-    for part in portions(count, series):
-        here, error = series[part.start : part.stop + 2 * reach], np.empty(part.stop - part.start)
-        departures(here, taps, error)
-        errors.append(error[-part.start % every :: every].copy())
-        worst, largest = (
-            np.fmax(worst, np.fmax.reduce(error)),
-            max(largest, np.fmax.reduce(here), -np.fmin.reduce(here)),
-        )
-    places = np.concatenate(errors)
+    error = np.empty(series.size - 2 * reach)
+    departures(series, taps, error)
+    places = error[:: max(1, error.size // PLACES)]
     places = places[np.isfinite(places)]
     if places.size == 0:
         return False, float("nan")
     scale = float(np.median(places)) / 0.6745
-    return bool(worst > max(THRESHOLD * scale, FLOOR * largest)), scale / float(np.linalg.norm(taps))
+    largest = max(np.fmax.reduce(series), -np.fmin.reduce(series))
+    outliers = np.fmax.reduce(error) > max(THRESHOLD * scale, FLOOR * largest)
+    return bool(outliers), scale / float(np.linalg.norm(taps))
 
 
 @lru_cache(maxsize=64)

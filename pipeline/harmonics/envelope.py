@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data_schemas.scratch import portions, release
 from pipeline.arrays import Complexes, Floats
 
 IMAGE_BEATS = 2.0  # beats with the image at the negative frequency that a window must hold to tell them apart
@@ -212,14 +211,10 @@ def fit_windows(series: Floats, made: Window, every: int, least: float) -> tuple
     taps[:, :rows] = made.taps
     count = (series.size - rows) // every + 1
     out, coverage = np.zeros((terms, count)), np.ones(count)
-    for some in portions(count * every, series, unit=every):
-        begin, end = some.start // every, some.stop // every
-        here = series[begin * every : (end - 1 + hops) * every]
-        here = np.pad(here, (0, (end - 1 + hops - begin) * every - here.size))
-        stretches = here.reshape(-1, every)
-        for hop in range(hops):
-            part = stretches[hop : hop + end - begin]
-            out[:, begin:end] += taps[:, hop * every : (hop + 1) * every] @ part.T
+    here = series[: (count - 1 + hops) * every]
+    stretches = np.pad(here, (0, (count - 1 + hops) * every - here.size)).reshape(-1, every)
+    for hop in range(hops):
+        out += taps[:, hop * every : (hop + 1) * every] @ stretches[hop : hop + count].T
     for k in np.flatnonzero(np.isnan(out[0])):
         values = series[k * every : k * every + rows]
         present = np.isfinite(values)
@@ -228,5 +223,4 @@ def fit_windows(series: Floats, made: Window, every: int, least: float) -> tuple
         if coverage[k] >= least and present.sum() >= 2 * terms:
             weighted = made.weight[present] * made.basis[present].T
             out[:, k] = np.linalg.pinv(weighted @ made.basis[present]) @ (weighted @ values[present])
-    release(series)
     return out, coverage

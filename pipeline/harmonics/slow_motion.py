@@ -16,7 +16,6 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from data_schemas.scratch import portions, release, room
 from pipeline.arrays import Floats
 from pipeline.inversion.motion import reach_of, windowed
 
@@ -103,18 +102,11 @@ def slow_motion(theta: Floats, vertical: Floats | None, step: float, frequency: 
     coarse, second = every * step, low.size // 2
     begin = 0.0 if first is None else step * (first.size // 2)
 
-    def thinned(series: Floats) -> Floats:
-        if first is None:
-            return series
-        out = room((series.size - first.size) // every + 1)
-        for part in portions(out.size, out):
-            around = series[every * part.start : every * (part.stop - 1) + first.size]
-            out[part] = np.correlate(around, first, "valid")[::every]
-            release(series)
-        return out
-
     def filtered(series: Floats, taps: Floats) -> Floats:
         return np.correlate(series, taps, "valid")
+
+    def thinned(series: Floats) -> Floats:
+        return series if first is None else filtered(series, first)[::every]
 
     moved = thinned(theta)
     return SlowMotion(

@@ -9,17 +9,14 @@ With theta1 recorded, the unknown horizontal acceleration drops out and the diff
 frequency is the projection's, by parts, without derivatives. The rest is expanded about an angle d*: at first the
 MEASURED difference, later the model's; expanded about the measured one the start is good to 1e-3 even in heavy motion,
 where iterating about a linear model diverges.
-
-What is kept of a long record lies in scratch files and is gone through in portions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
-from data_schemas.scratch import by_portions, portions, release, room
 from pipeline.arrays import Floats
 from pipeline.inversion.kernels import adjoint, expand, past_taps, recursion
 from pipeline.inversion.motion import Motion
@@ -34,11 +31,10 @@ from pipeline.projection.identity import (
     response_constants,
     solve,
 )
-from pipeline.projection.taps import padded, stencil, taps
+from pipeline.projection.taps import AFTER, BEFORE, padded, stencil, taps
 
 ITERATIONS = 12
 _SETTLED = 1e-9  # of the frequency: what is left after such a step is a thousandth of it at most, 2e-6 mGal
-BESIDE = 3  # samples on both sides that the taps of a second difference reach
 
 
 class Iteration:
@@ -66,25 +62,17 @@ class Iteration:
     def __init__(self, seen: Observation, motion: Motion, held: LinearFit, gravity: Callable[[float], float]) -> None:
         self.motion, self.step, self._gravity = motion, seen.step, gravity
         self._held, self._apart = held.frequency, (seen.frequency_ratio, seen.damping_difference)
-        self._theta, self.difference = seen.theta, seen.difference[motion.inside]
+        inside = motion.inside
+        self._theta, self.difference = seen.theta[inside.start - BEFORE : inside.stop + AFTER], seen.difference[inside]
         self.frequency, self.damping_rate, self.offset = held.frequency, held.damping_rate, held.offset
         self.count = self.difference.size
-        self.columns: Floats = room(4 * self.count).reshape(4, self.count)
-        self.about, self.slope, self._constant = (room(self.count) for _ in range(3))
-        self.start = 1j * held.start * complex(np.exp(self.eigenvalue * self.step * motion.inside.start))
-        for part in self._portions():
-            self.about[part] = self.difference[part] - self.offset
+        self.columns: Floats = np.empty((4, self.count))
+        self.slope: Floats = np.empty(self.count)
+        self.start = 1j * held.start * complex(np.exp(self.eigenvalue * self.step * inside.start))
+        self.about: Floats = self.difference - self.offset
         # n2 with which the nonlinear pull does the work that the held frequency did
-        self._expand()
-        work = square = 0.0
-        for part in self._portions():
-            about = self.about[part]
-            work, square = work + float(self._constant[part] @ about), square + float(about @ about)
-        self.frequency = float(self._held / np.sqrt(1.0 - work / square / self._held**2))
-
-    def _portions(self) -> Iterator[slice]:
-        arrays = (self.columns, self.about, self.slope, self._constant, self.difference, self._theta)
-        return portions(self.count, *arrays, *self.motion.arrays)
+        work = float(self._expand() @ self.about) / float(self.about @ self.about)
+        self.frequency = float(self._held / np.sqrt(1.0 - work / self._held**2))
 
     def _linear(self) -> Constants:
         return response_constants(self._held, self.damping_rate, *self._apart)
@@ -94,62 +82,55 @@ class Iteration:
         """lam of the linear part, s-1."""
         return self._linear()[0]
 
-    def _expand(self) -> None:
-        """Expand the nonlinear terms about d*: constant part, slope, and derivative by n2 (where that of d will be)."""
-        motion, pull = self.motion, self._gravity(self.frequency)
-        for part in self._portions():
-            expand(
-                self.about[part],
-                motion.low[part],
-                motion.bend[part],
-                motion.pull(pull, part),
-                self._held,
-                self.frequency,
-                motion.shift,
-                self._constant[part],
-                self.slope[part],
-                self.columns[3, part],
-            )
+    def _expand(self) -> Floats:
+        """Expand the nonlinear terms about d*: constant part; slope, and derivative by n2 where that of d will be."""
+        motion, constant = self.motion, np.empty(self.count)
+        expand(
+            self.about,
+            motion.low,
+            motion.bend,
+            motion.pull(self._gravity(self.frequency)),
+            self._held,
+            self.frequency,
+            motion.shift,
+            constant,
+            self.slope,
+            self.columns[3],
+        )
+        return constant
 
     def sweep(self) -> Floats:
         """Expand, and run the recursion; the Gram matrix of `identity.solve`."""
-        self._expand()
         eigenvalue, direct, gain, *_ = self._linear()
         rate, held, step = eigenvalue.imag, self._held, self.step
         constants = (direct.real, rate * gain, complex(np.exp(eigenvalue * step)), rate)
         weights, past = taps(stencil(held, step), eigenvalue, step), past_taps(eigenvalue, step)
-        state, before = np.array([self.start, 1j, 1.0, 0.0], dtype=np.complex128) * rate, np.zeros(4)
-        gram, lost = np.zeros((6, 6)), self.motion.inside.start
-        for part in self._portions():
-            recursion(
-                padded(self._theta, slice(part.start + lost, part.stop + lost), held, step),
-                padded(self._constant, part, held, step),
-                self.slope[part],
-                self.about[part],
-                self.difference[part] - self.offset,
-                weights,
-                constants,
-                past,
-                part.start,
-                self.count,
-                state,
-                before,
-                self.columns[:, part],
-                gram,
-            )
+        gram = np.zeros((6, 6))
+        recursion(
+            self._theta,
+            padded(self._expand(), held, step),
+            self.slope,
+            self.about,
+            self.difference - self.offset,
+            weights,
+            constants,
+            past,
+            self.start,
+            self.columns,
+            gram,
+        )
         return gram
 
-    def scaled_time(self, part: slice) -> Floats:
+    def scaled_time(self) -> Floats:
         """-1 to 1 over the record: damping counts from its middle, per half its length."""
-        return np.asarray(np.arange(part.start, part.stop) * (2.0 / (self.count - 1)) - 1.0)
+        return np.linspace(-1.0, 1.0, self.count)
 
     def improve(self, change: Floats) -> None:
         """Follow the derivatives to the improved parameters."""
         angle, rate, frequency, damping, offset = change
-        for part in self._portions():
-            self.about[part] = self.columns[0, part] + change[:3] @ self.columns[1:, part]
-            if damping != 0.0:
-                self.about[part] -= damping * self.scaled_time(part) * self.columns[0, part]
+        self.about = self.columns[0] + change[:3] @ self.columns[1:]
+        if damping != 0.0:
+            self.about -= damping * self.scaled_time() * self.columns[0]
         self.frequency, self.offset = self.frequency + float(frequency), self.offset + float(offset)
         # the solution decays about the middle of the record, the start lies half a record earlier
         self.start = (self.start + complex(rate, angle)) * (1.0 + damping)
@@ -174,16 +155,14 @@ class Iteration:
 
     def influence(self, weights: Floats) -> Floats:
         """d n2 / d (sample of the difference), s-1, from the covariance's row of n2."""
-        out = room(self.count)
-        for part in self._portions():
-            out[part] = weights[:3] @ self.columns[1:, part] + weights[4]
-            if weights[3] != 0.0:
-                out[part] -= weights[3] * self.scaled_time(part) * self.about[part]
+        out: Floats = weights[:3] @ self.columns[1:] + weights[4]
+        if weights[3] != 0.0:
+            out -= weights[3] * self.scaled_time() * self.about
         return out
 
     def residual(self) -> Floats:
         """Samples less the model, rad."""
-        return by_portions(lambda read, model: read - model - self.offset, self.difference, self.about)
+        return np.asarray(self.difference - self.about - self.offset)
 
 
 def theta_influence(
@@ -203,30 +182,18 @@ def theta_influence(
         n1/n2; gamma1 - gamma2, s-1.
     """
     motion, step, frequency, eigenvalue = iteration.motion, iteration.step, iteration.frequency, iteration.eigenvalue
-    count = influence.size
-    back, out = room(count), room(count)
-    turn, state = complex(np.exp(eigenvalue * step)), 0.0j
-    for part in reversed(list(portions(count))):
-        state = adjoint(influence[part], iteration.slope[part], turn, eigenvalue.imag, step, state, back[part])
-        release(influence, iteration.slope, back)
+    back = np.empty(influence.size)
+    adjoint(influence, iteration.slope, complex(np.exp(eigenvalue * step)), eigenvalue.imag, step, back)
     r, angle = ratio**-2, frequency * step
     # back swings at n2: its second derivative is -n2^2 of it, and its first is a difference of its neighbours
     drag = 2.0 * (-eigenvalue.real * (1.0 - r) - r * damping_difference)
     straight, turned = step * (1.0 - r) * frequency**2, 0.5 * drag * angle / np.sin(angle)
     bent_taps = second_difference(angle, r / step, motion.third)
-    for part in portions(count, back, iteration.about, out, *motion.arrays):
-        near = slice(max(part.start - BESIDE, 0), min(part.stop + BESIDE, count))
-        left, right = BESIDE - (part.start - near.start), BESIDE - (near.stop - part.stop)
-        b, d, t = back[near], iteration.about[near], motion.low[near]
-        secant, sine = 1.0 / np.cos(t), np.sin(d)
-        tangent = np.sin(t) * secant
-        lever = (frequency**2 * motion.pull(pull, near) * tangent + motion.bend[near] * secant) * secant * sine
-        bent = np.pad((tangent * sine - 2.0 * np.sin(0.5 * d) ** 2) * b, (left, right))
-        wide = np.pad((straight + step * lever) * b, (left, right))
-        out[part] = wide[BESIDE:-BESIDE] + np.correlate(bent, bent_taps, "valid")
-        b = np.pad(b, (left, right))
-        out[part] += turned * (b[BESIDE + 1 : 1 - BESIDE] - b[BESIDE - 1 : -BESIDE - 1])
-    return out
+    sine, tangent, cosine = np.sin(iteration.about), np.tan(motion.low), np.cos(motion.low)
+    bent = (tangent * sine - 2.0 * np.sin(0.5 * iteration.about) ** 2) * back
+    out = np.correlate(bent, bent_taps, "same") + turned * np.correlate(back, [-1.0, 0.0, 1.0], "same")
+    lever = (frequency**2 * motion.pull(pull) * tangent + motion.bend / cosine) / cosine * sine
+    return np.asarray(out + (straight + step * lever) * back)
 
 
 def second_difference(turn: float, scale: float, notch: bool = False) -> Floats:

@@ -55,14 +55,11 @@ def recursion(
     weights: Complexes,
     constants: tuple[float, complex, complex, float],
     past: Complexes,
-    first: int,
-    samples: int,
-    state: Complexes,
-    before: Floats,
+    start: complex,
     columns: Floats,
     gram: Floats,
 ) -> None:
-    """Difference and its derivatives by start and n2, (4, n), at adjoining samples, and their products.
+    """Difference and its derivatives by start and n2, (4, n), and their products.
 
     A complex state c carries `z = Im(c)/w`, `c <- turn c + integral over the interval + taps of the part that is
     linear in the unknown`, d = direct theta1 + z.
@@ -70,7 +67,7 @@ def recursion(
     Parameters
     ----------
     theta, constant : (n + 7,) arrays
-        Padded as by `taps.padded`; the other arrays are (n,).
+        With the samples that `taps.padded` puts beside them; the other arrays are (n,).
     difference : (n,) array
         Less its zero line.
     weights : (8,) complex array
@@ -79,30 +76,28 @@ def recursion(
         1-r, w times the projection's gain, exp(lam h), w.
     past : (2,) complex array
         Taps now and one step before, see `past_taps`.
-    first, samples : int
-        Number of the first sample, of so many in the record: damping counts from the middle, per half the length.
-    state, before : (4,) arrays
-        c and the linear part one step before of model and derivatives; left as the next sample needs them.
+    start : complex
+        c over w at the first sample.
     columns : (4, n) array
         The last row comes with the forcing of the derivative by n2.
     gram : (6, 6) array
-        As `identity.solve` takes it.
+        As `identity.solve` takes it; damping counts from the middle, per half the length.
     """
     direct, gain, turn, rate = constants
     now, ago = past
-    c0, c1, c2, c3 = state
-    p0, p1, p2, p3 = before
-    unit = 1.0 / rate
+    c0, c1, c2, c3 = rate * start, rate * 1.0j, complex(rate), 0.0j
+    p0 = p1 = p2 = p3 = 0.0
+    unit, samples = 1.0 / rate, slope.size
     rows = np.ones((6, BLOCK))
-    for k in range(slope.size):
+    for k in range(samples):
         d = direct * theta[k + BEFORE] + c0.imag * unit
         z1, z2, z3 = c1.imag * unit, c2.imag * unit, c3.imag * unit
         q, forced = slope[k], columns[3, k]
         columns[0, k], columns[1, k], columns[2, k], columns[3, k] = d, z1, z2, z3
         m = k % BLOCK
         rows[0, m], rows[1, m], rows[2, m], rows[5, m] = z1, z2, z3, difference[k] - d
-        rows[3, m] = (1.0 - 2.0 * (first + k) / (samples - 1)) * d
-        if m == BLOCK - 1 or k == slope.size - 1:
+        rows[3, m] = (1.0 - 2.0 * k / (samples - 1)) * d
+        if m == BLOCK - 1 or k == samples - 1:
             add_gram(rows, m + 1, gram)
         own = response = 0.0j
         for j in range(NODES):
@@ -114,8 +109,6 @@ def recursion(
         c2 = turn * c2 + now * s2 + ago * p2
         c3 = turn * c3 + now * s3 + ago * p3
         p0, p1, p2, p3 = s0, s1, s2, s3
-    state[0], state[1], state[2], state[3] = c0, c1, c2, c3
-    before[0], before[1], before[2], before[3] = p0, p1, p2, p3
 
 
 def past_taps(eigenvalue: complex, step: float) -> Complexes:
@@ -129,17 +122,12 @@ def past_taps(eigenvalue: complex, step: float) -> Complexes:
 
 
 @kernel
-def adjoint(
-    influence: Floats, slope: Floats, turn: complex, rate: float, step: float, state: complex, out: Floats
-) -> complex:
+def adjoint(influence: Floats, slope: Floats, turn: complex, rate: float, step: float, out: Floats) -> None:
     """`out[k] = sum_{j > k} G(t_j - t_k) influence[j]`, G the response to a unit impulse; all (n,).
 
-    slope is the part of the stiffness that changes with time, as the recursion has it. The recursion runs backwards:
-    `state` is what the samples behind the last have left, zero at a record's end; returned is what is left for those
-    before the first.
+    slope is the part of the stiffness that changes with time, as the recursion has it. This one runs backwards.
     """
-    unit = 1.0 / rate
+    unit, state = 1.0 / rate, 0.0j
     for k in range(influence.size - 1, -1, -1):
         out[k] = state.imag * unit
         state = turn * (state + influence[k] + step * slope[k] * state.imag * unit)
-    return state

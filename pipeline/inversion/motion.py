@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from data_schemas.scratch import portions, room
 from pipeline.arrays import Floats
 from pipeline.harmonics.envelope import Envelope, fill
 
@@ -126,16 +125,9 @@ class Motion:
     shift: float
     third: bool
 
-    @property
-    def arrays(self) -> tuple[Floats, ...]:
-        """What is read portion by portion."""
-        return (self.low, self.bend) if self.vertical is None else (self.low, self.bend, self.vertical)
-
-    def pull(self, gravity: float, part: slice = slice(None)) -> Floats:
-        """1 + zeta, of some samples."""
-        if self.vertical is None:
-            return np.ones(self.low[part].size)
-        return np.asarray(1.0 + self.vertical[part] / gravity)
+    def pull(self, gravity: float) -> Floats:
+        """1 + zeta."""
+        return np.ones(self.low.size) if self.vertical is None else np.asarray(1.0 + self.vertical / gravity)
 
 
 def motion(
@@ -165,22 +157,15 @@ def motion(
         swing nine times as strong, and more of it than of any other.
     """
     filters = design(frequency * ratio, step, damping_rate, envelope is not None)
-    reach = filters.reach
-    count = theta.size - 2 * reach
-    low, bend = room(count), room(count)
-    for part in portions(count, low, bend, theta):
-        around = theta[part.start : part.stop + 2 * reach]
-        low[part] = np.correlate(around, filters.low, "valid")
-        curved = np.correlate(around, filters.curvature, "valid")
-        if envelope is not None:
-            time = step * np.arange(part.start + reach, part.stop + reach)
-            curved -= (3.0 * frequency * ratio) ** 2 * third_harmonic(envelope, time)
-        bend[part] = curved * ratio**-2
-    inside = slice(reach, reach + count)
+    inside = slice(filters.reach, theta.size - filters.reach)
+    curved = np.correlate(theta, filters.curvature, "valid")
+    if envelope is not None:
+        time = step * np.arange(inside.start, inside.stop)
+        curved -= (3.0 * frequency * ratio) ** 2 * third_harmonic(envelope, time)
     return Motion(
         inside=inside,
-        low=low,
-        bend=bend,
+        low=np.correlate(theta, filters.low, "valid"),
+        bend=curved * ratio**-2,
         vertical=None if vertical is None else vertical[inside],
         # mean of 1/cos theta1 and of theta1 w
         shift=noise**2 * (0.5 * frequency**2 * filters.noise_low + filters.noise_product * ratio**-2),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from data_schemas.scratch import portions
 from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
 from pipeline.prepared import LEAST_EXPLAINED, Prepared
@@ -73,9 +72,7 @@ def residual_colour(residual: Floats, frequency: float, noise: float, prepared: 
     rows = max(4, round(prepared.blocks.hop / step))
     count = residual.size // rows
     turn = np.exp(-1j * frequency * step * np.arange(rows))
-    power = np.empty(count)
-    for part in portions(count * rows, residual, unit=rows):
-        blocks, here = residual[part].reshape(-1, rows), slice(part.start // rows, part.stop // rows)
-        power[here] = (blocks @ turn.real) ** 2 + (blocks @ turn.imag) ** 2
+    blocks = residual[: count * rows].reshape(count, rows)
+    power = (blocks @ turn.real) ** 2 + (blocks @ turn.imag) ** 2
     # |sum r e^{-int}|^2 has mean sigma^2 N for white noise
     return float(np.mean(power) / rows / noise**2)

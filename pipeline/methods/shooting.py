@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import sum_of_squares
 from pipeline.estimate import Estimate
 from pipeline.inversion.iteration import Iteration, theta_influence
 from pipeline.inversion.motion import motion
@@ -60,7 +59,7 @@ def invert(prepared: Prepared) -> Estimate:
         seen.frequency_ratio,
         seen.damping_difference,
     )
-    from_theta = prepared.theta_error(float(np.sqrt(sum_of_squares(through))), fit.noise)
+    from_theta = prepared.theta_error(float(np.linalg.norm(through)), fit.noise)
     return Estimate(
         frequency=iteration.frequency,
         uncorrected=float(np.hypot(prepared.nominal + prepared.rough_slope, iteration.damping_rate)),
@@ -94,6 +93,5 @@ def begin(prepared: Prepared, held: LinearFit) -> Iteration:
 
 def numerical_error(iteration: Iteration) -> float:
     """What filters, quadrature and interpolation may do to n2, rad s-1."""
-    slope = iteration.slope
-    strength = float(np.sqrt(sum_of_squares(slope) / slope.size)) / (2.0 * iteration.frequency)
+    strength = float(np.linalg.norm(iteration.slope) / np.sqrt(iteration.count)) / (2.0 * iteration.frequency)
     return strength * (RIPPLE + COARSE * (iteration.frequency * iteration.step) ** ORDER)

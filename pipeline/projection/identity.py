@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from data_schemas.scratch import portions, room
 from pipeline.arrays import Complexes, Floats
 from pipeline.projection.taps import BEFORE, NODES, padded, stencil, taps
 from synth.kernels.compiled import kernel, summing_kernel
@@ -101,7 +100,7 @@ def refuse_outliers(residual: Floats, noise: float, amplitude: float) -> None:
         Its 1 sigma, and the swing's amplitude, rad.
     """
     limit = max(OUTLIER * noise, _FLOOR * amplitude)
-    if any(np.abs(residual[part]).max() > limit for part in portions(residual.size, residual)):
+    if np.abs(residual).max() > limit:
         raise RefusedError("record/elongation: the difference has outliers; use --method joint")
 
 
@@ -156,25 +155,22 @@ def add_products(
     difference: Floats,
     weights: Complexes,
     step: float,
-    first: int,
     start: complex,
     offset: float,
     constants: Constants,
-    state: Complexes,
     residual: Floats,
     gram: Floats,
 ) -> None:
-    """Residual of adjoining samples, and their share of the lower half of the Gram matrix of `solve`.
+    """Residual (n,), and the lower half of the Gram matrix of `solve`, added to what is there.
 
-    `theta` (n + 7,) is padded as by `taps.padded`, `weights` (8,) are those of an interval; `first` is the number of
-    the first sample; `state` (3,) holds c, dc/dlam and exp(lam t) there and is left as the next sample needs them.
+    `theta` (n + 7,) is padded as by `taps.padded`, `weights` (8,) are those of an interval.
     """
     eigenvalue, direct, gain, by_frequency, by_damping = constants
     turn = np.exp(eigenvalue * step)
-    c, age, free = state
+    c, age, free = 0.0j, 0.0j, complex(1.0)  # c, dc/dlam and exp(lam t)
     rows = np.ones((6, BLOCK))  # derivatives by Re s, Im s, n2, gamma2 and offset, which stays 1, and the residual
     for k in range(difference.size):
-        m, time, swing = k % BLOCK, (first + k) * step, start * free
+        m, time, swing = k % BLOCK, k * step, start * free
         rows[0, m], rows[1, m] = free.real, -free.imag
         rows[2, m] = (by_frequency * c).imag + (gain * age).real - time * swing.imag
         rows[3, m] = (by_damping * c - gain * age).imag - time * swing.real
@@ -191,7 +187,6 @@ def add_products(
         age = turn * (age + step * c) + 0.5 * step * integral
         c = turn * c + integral
         free *= turn
-    state[0], state[1], state[2] = c, age, free
 
 
 @dataclass(frozen=True)
@@ -221,21 +216,8 @@ class LinearIdentity:
         """Residual (n,) at some parameters, and the Gram matrix (6, 6) of `solve`."""
         constants = response_constants(frequency, gamma, self.ratio, self.damping_difference)
         weights = taps(stencil(self.nominal, self.step), constants[0], self.step)
-        state, gram = np.array([0.0, 0.0, 1.0], dtype=np.complex128), np.zeros((6, 6))
-        for part in portions(self.theta.size, self.theta, self.difference, residual):
-            add_products(
-                padded(self.theta, part, self.nominal, self.step),
-                self.difference[part],
-                weights,
-                self.step,
-                part.start,
-                complex(start),
-                offset,
-                constants,
-                state,
-                residual[part],
-                gram,
-            )
+        theta, gram = padded(self.theta, self.nominal, self.step), np.zeros((6, 6))
+        add_products(theta, self.difference, weights, self.step, complex(start), offset, constants, residual, gram)
         return gram
 
     def fit(
@@ -253,7 +235,7 @@ class LinearIdentity:
         RefusedError
             No swing at the nominal period, or an outlier.
         """
-        residual, offset = room(self.theta.size), 0.0
+        residual, offset = np.empty(self.theta.size), 0.0
         free, length = free_parameters(fit_damping), self.step * self.theta.size
         for _ in range(rounds):
             found = solve(self.sweep(frequency, gamma, start, offset, residual), free)

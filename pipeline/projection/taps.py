@@ -57,19 +57,10 @@ def continuation(frequency: float, step: float) -> Floats:
     return _cardinal(CENTRE + np.arange(1.0, 4.0), frequency * step).T
 
 
-def padded(series: Floats, part: slice, frequency: float, step: float) -> Floats:
-    """Some samples with `BEFORE` and `AFTER` of their neighbours; beyond a series' ends it is continued.
-
-    The last of those behind the end belongs to no interval and is zero.
-    """
-    low, high = part.start - BEFORE, part.stop + AFTER
-    pieces = [series[max(low, 0) : high]]
+def padded(series: Floats, frequency: float, step: float) -> Floats:
+    """A series continued by `BEFORE` and `AFTER` samples; the last of all belongs to no interval and is zero."""
     onward = continuation(frequency, step)
-    if low < 0:
-        pieces.insert(0, (series[NODES - 1 :: -1] @ onward)[::-1])
-    if high > series.size:
-        pieces.append(np.append(series[-NODES:] @ onward, 0.0)[: high - series.size])
-    return np.concatenate(pieces)
+    return np.concatenate([(series[NODES - 1 :: -1] @ onward)[::-1], series, series[-NODES:] @ onward, [0.0]])
 
 
 def taps(cardinal: Floats, eigenvalue: complex, step: float) -> NDArray[np.complex128]:

@@ -135,7 +135,7 @@ def test_adjoint_is_the_transpose_of_the_response() -> None:
     count, step, lam = 60, 0.05, complex(-1e-3, 6.2)
     influence = random.normal(size=count)
     out = np.empty(count)
-    adjoint(influence, np.zeros(count), complex(np.exp(lam * step)), lam.imag, step, 0.0j, out)
+    adjoint(influence, np.zeros(count), complex(np.exp(lam * step)), lam.imag, step, out)
     lag = (np.arange(count)[:, None] - np.arange(count)) * step
     response = np.where(lag > 0, np.exp(lam.real * lag) * np.sin(lam.imag * lag) / lam.imag, 0.0)
     assert out == pytest.approx(response.T @ influence, abs=1e-13)

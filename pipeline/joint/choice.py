@@ -67,7 +67,7 @@ def _added(
 ) -> list[Candidate]:
     """Each of several constants added alone, or a course of gravity: all priced by one pass.
 
-    A scale or period that is off by a tenth of what it may be off by is less rare.
+    A scale or period of one that is off by a tenth of what it may be off by is less rare.
     """
     model = fit.model
     problem, own = model.problem, model.constants
@@ -80,7 +80,7 @@ def _added(
     for at, each in enumerate(extra, len(own)):
         rows = [*first, at]
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
-        for least in (1.0, SMALL) if each.kind in SCALES else (1.0,):
+        for least in (1.0, SMALL) if each.kind in SCALES and each.index >= 0 else (1.0,):
             prior = root[np.ix_(rows, rows)]
             prior[-1, -1] *= least
             constants = (*own, replace(each, prior=least * each.prior))

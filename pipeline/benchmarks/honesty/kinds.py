@@ -161,9 +161,10 @@ KINDS: dict[str, Kind] = {
 MIXABLE = tuple(
     name
     for name, kind in KINDS.items()
-    if kind.group == "sea" and name not in ("mixture", "linear law not stated", "short record", "second marks")
+    if kind.group == "sea"
+    and name not in ("mixture", "linear law not stated", "short record", "second marks", "engine at 8 Hz")
 )
-"""What a mixture draws from; where two set the same quantity the later holds."""
+"""What a mixture draws from: not an engine that noise would hide altogether; where two set the same quantity the later holds."""
 
 
 def case_of(kind: str, strength: str, base: Case | None = None) -> Case:

@@ -164,7 +164,7 @@ MIXABLE = tuple(
     if kind.group == "sea"
     and name not in ("mixture", "linear law not stated", "short record", "second marks", "engine at 8 Hz")
 )
-"""What a mixture draws from, without an engine that noise hides altogether; of two that set one quantity the later holds."""
+"""What a mixture draws from, without an engine that noise hides; of two that set one quantity the later holds."""
 
 
 def case_of(kind: str, strength: str, base: Case | None = None) -> Case:

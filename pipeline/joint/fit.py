@@ -82,8 +82,8 @@ def reduce(gathered: Gathered) -> Outcome:
         return reduce(gathered.denser())
     except np.linalg.LinAlgError as error:
         raise RefusedError(
-            f"elongation: no swing at the stated period can be followed ({error}); check instrument/period and "
-            "record/combination"
+            f"elongation: no swing at the stated period can be followed ({error}); check instrument/period, "
+            "record/combination and the units (rad, s)"
         ) from None
     if not gathered.tilts:
         refuse_a_tilting_case(found[0], fit)

@@ -12,6 +12,7 @@ import numpy as np
 from data_schemas.errors import RecordError, RefusedError
 from pipeline.arrays import Floats
 from pipeline.conditions import TEMPERATURE
+from pipeline.joint import plausible
 from pipeline.joint.calm import WINDOW, is_calm
 from pipeline.joint.flow import NODES, POINTS
 from pipeline.joint.lattice import Lattice, lay
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from xarray import DataTree
 
 LEAST_SWINGS = 20.0
-LARGEST = 1.0  # rad, of the usual reading
 DENSE = 5.0  # recorded heave with so many values a period of its fastest waves is interpolated, s-1
 FAR, MANY = 6.0, 10000  # of the median departure from the median; readings
 OFTEN, FEW = 10.0, 5.0  # times as often as other values; readings a value from which rounding shows
@@ -103,29 +103,30 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     traces = tuple(str(trace) for trace in stored["trace"].values)
     if not np.isfinite(series).any():
         raise RecordError("record/elongation: no trace has a reading")
+    swing, gravity = float(frequency.mean()), float(known["reference_gravity"])
+    heave = None
+    if "vertical_acceleration" in stored:
+        heave = np.asarray(stored["vertical_acceleration"].values, dtype=np.float64)
+    plausible.refuse_wrong_units(time, series, heave, swing, gravity)
     series, more, tilts = _from_the_vertical(record, time, series, combination)
-    series, still = _moving(time, _told_apart(series), float(frequency.mean()), traces)
+    series, still = _moving(time, _told_apart(series), swing, traces)
+    plausible.refuse_exchanged_traces(time, series, combination, swing, traces)
     some = np.asarray(np.isfinite(series).any(axis=0))
     if not some.any():
         raise RefusedError(f"record/elongation: no trace swings: {'; '.join(still)}; check the traces and their times")
-    largest = float(np.nanmedian(np.abs(series)))
-    if largest > LARGEST:
-        raise RefusedError(f"record/elongation: half of the readings exceed {largest:.3g} rad; give elongations in rad")
     used = slice(int(np.argmax(some)), some.size - int(np.argmax(some[::-1])))
     all_times, time, series = time, time[used], series[:, used]
-    swing = float(frequency.mean())
     swings = float(time[-1] - time[0]) * swing / (2.0 * np.pi)
     if swings < LEAST_SWINGS:
         raise RefusedError(
             f"time: {swings:.1f} swings are too few to tell gravity from the ship's motion; give at least "
             f"{LEAST_SWINGS:.0f} swings ({LEAST_SWINGS * 2.0 * np.pi / swing:.0f} s)"
         )
-    gravity = float(known["reference_gravity"])
-    rows, heave, dense, white = [series], None, False, 0.0
+    rows, dense, white = [series], False, 0.0
     if tilts:
         rows.append(np.asarray(stored["horizontal_acceleration"].values, dtype=np.float64)[None, used] / gravity)
-    if "vertical_acceleration" in stored:
-        heave = np.asarray(stored["vertical_acceleration"].values, dtype=np.float64)[used] / gravity
+    if heave is not None:
+        heave = heave[used] / gravity
         there = np.flatnonzero(np.isfinite(heave))
         dense = bool(there.size > 8) and float(np.diff(time[there]).max()) < LONGEST_GAP
         dense = dense and float(np.median(np.diff(time[there]))) * DENSE < 2.5

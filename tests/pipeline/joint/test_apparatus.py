@@ -126,6 +126,42 @@ def test_a_wrong_scale_of_all_angles_is_told_by_the_arcs() -> None:
     assert abs(in_sigmas(found, made.gravity)) < 3.5
 
 
+def told(made: xr.DataTree, group: str, name: str, change: Callable[[np.ndarray], np.ndarray]) -> xr.DataTree:
+    """A record that says something else."""
+    stored = made[group].dataset
+    made[group] = xr.DataTree(stored.assign({name: stored[name].copy(data=change(stored[name].values))}))
+    return made
+
+
+WRONG: dict[str, tuple[str, str, Callable[[np.ndarray], np.ndarray], str]] = {
+    "millimetres": ("record", "elongation", lambda value: 1e3 * value, "give elongations in rad"),
+    "degrees": ("record", "elongation", np.degrees, r"units \(rad, s\)"),
+    "a period in ms": ("instrument", "period", lambda value: 1e-3 * value, "give times and periods in s"),
+    "heave in mGal": ("record", "vertical_acceleration", lambda value: 1e5 * value, "give m s-2"),
+    "gravity in mGal": ("instrument", "reference_gravity", lambda value: 1e5 * value, "no planet's"),
+    "a pendulum for a difference": (
+        "record",
+        "elongation",
+        lambda value: np.stack([value[0], value[0] - value[1]]),
+        "trace '1-2' has .1.00 of the slow motion of '1'",
+    ),
+    "a difference for a pendulum": ("record", "combination", lambda value: np.eye(2), "say which pendulums"),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_units_and_labels_that_cannot_be_meant_are_refused_with_the_remedy(wrong: str) -> None:
+    group, name, change, words = WRONG[wrong]
+    with pytest.raises(RefusedError, match=words):
+        row(told(record()[0], group, name, change))
+
+
+def test_gravity_in_a_recorded_heave_is_its_bias() -> None:
+    made, gravity = record()
+    found = row(told(made, "record", "vertical_acceleration", lambda value: value + 9.8))
+    assert abs(in_sigmas(found, gravity)) < 3.5
+
+
 def test_what_two_traces_hold_alike_for_long_is_left_out_of_both() -> None:
     def copied(time: np.ndarray, value: np.ndarray) -> np.ndarray:
         value[1] = np.where((time > 60.0) & (time < 90.0), value[0], value[1])

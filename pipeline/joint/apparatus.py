@@ -13,6 +13,7 @@ ZERO = 0.01  # rad: 1 sigma of a trace's zero, of its drift over the record, and
 GAIN = 0.01  # of a trace's scale
 DELAY = 0.01  # s, of one trace against the others, and of a step of the clock
 KNOCK = 1e-4  # rad s-1: of a step of a pendulum's speed
+DAMPING = 0.3  # of a stated rate
 RATIO = 1e-5  # of the square of a frequency against the others
 HEAVE_SCALE, HEAVE_DELAY = 0.3, 0.1  # of a recorded heave; s
 CERTAIN = 5.0  # deviations
@@ -48,6 +49,9 @@ def faults(problem: Problem, own: tuple[Constant, ...], *, sine: bool) -> list[C
     found += [Constant(f"delay of trace {j + 1}", kinds.DELAY, DELAY, j) for j in traces[1:]]
     if sine:
         found.append(scale(GAIN))
+    if not any(each.kind == kinds.DAMPING for each in own):
+        rates = enumerate(np.abs(problem.damping).tolist())
+        found += [Constant("other damping than stated", kinds.DAMPING, DAMPING * rate, i) for i, rate in rates if rate]
     if sum(each.kind in (kinds.GAIN, kinds.RATIO) and each.index >= 0 for each in own) < problem.pendulums - 1:
         found += [Constant(f"gain of trace {j + 1}", kinds.GAIN, GAIN, j) for j in traces]
         members = range(0 if problem.pendulums > 2 else 1, problem.pendulums)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
@@ -65,7 +66,7 @@ def _possible(fit: Fitted) -> list[Constant]:
 def _added(
     fit: Fitted, extra: list[Constant], course: tuple[Constant, ...] = (), cost: float = FAULT
 ) -> list[Candidate]:
-    """Each of several constants added alone, or a course of gravity: all priced by one pass.
+    """Each of several constants added alone, those of one name together, or a course: all priced by one pass.
 
     A scale or period of one that is off by a tenth of what it may be off by is less rare.
     """
@@ -77,15 +78,16 @@ def _added(
     _, of = problem.run(model.assumed, whole, about=fit.path, root=root)
     first = list(range(len(own)))
     found = []
-    for at, each in enumerate(extra, len(own)):
-        rows = [*first, at]
+    for name, some in groupby(enumerate(extra, len(own)), key=lambda each: each[1].name):
+        places, added = zip(*some, strict=True)
+        rows = [*first, *places]
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
-        for least in (1.0, SMALL) if each.kind in SCALES and each.index >= 0 else (1.0,):
+        for least in (1.0, SMALL) if added[0].kind in SCALES and added[0].index >= 0 else (1.0,):
             prior = root[np.ix_(rows, rows)]
-            prior[-1, -1] *= least
-            constants = (*own, replace(each, prior=least * each.prior))
+            prior[len(own) :, len(own) :] *= least
+            constants = (*own, *(replace(each, prior=least * each.prior) for each in added))
             solution = solve(constants, normal, float(of.totals[0]), float(of.totals[1]), prior)
-            trial = replace(model, words=(*model.words, each.name), constants=solution.constants)
+            trial = replace(model, words=(*model.words, name), constants=solution.constants)
             found.append((solution.log_likelihood - cost + (LIKELIER if least < 1.0 else 0.0), trial, solution))
     if course:
         rows = [*first, *range(len(whole) - len(course), len(whole))]

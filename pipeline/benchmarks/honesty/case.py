@@ -100,5 +100,7 @@ class Case:
     """Its uncertainty, relative; 0: not stated."""
     states_tilt: str = "tilt"
     """What a record from a tilting case holds: "tilt", "acceleration" (horizontal), or "" for neither."""
+    damping_error: float = 0.0
+    """Of the damping rates as stated, relative."""
     ratio_error: float = 0.0
     """Of n1/n2 as stated."""

@@ -103,6 +103,7 @@ KINDS: dict[str, Kind] = {
     "knock of the frame": _sea("phase by 1/a of it", {"knocks": ((1e-5, 1e-5), (1e-4, 1e-4), (3e-3, 3e-3))}),
     "restart": _sea("change of the free swing", {"restart": (1e-3, 0.1, 1.0)}),
     "damping not stated": _sea("1e-4 /s: 26 mGal", {"damping_difference": (1e-6, 1e-5, 1e-4)}, states_damping=False),
+    "damping stated wrong": _sea("20 %: -.6 mGal at 1e-4", {"damping_error": (0.02, 0.2, 1.0)}),
     "dampings that differ": _sea("1e-4 /s: 26 mGal", {"damping_difference": (1e-5, 5e-5, 2e-4)}),
     "quadratic damping": _sea("31 mGal at 4 q n a/(3 pi) = gamma", {"quadratic": (3e-5, 3e-4, 3e-3)}),
     "knife-edge damping": _sea("2 f/(pi n a) = gamma", {"friction": (1e-7, 3e-6, 3e-5)}),

@@ -191,7 +191,7 @@ def _tree(
         "reference_gravity": ((), REFERENCE),
     }
     if case.states_damping:
-        instrument["damping_rate"] = (("pendulum",), damping)
+        instrument["damping_rate"] = (("pendulum",), damping * (1.0 + case.damping_error))
     if case.states_scale:
         instrument["scale_uncertainty"] = ((), case.states_scale)
     law = {"restoring": "linear" if case.linear else "sine"} if case.states_law else {}

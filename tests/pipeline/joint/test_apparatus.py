@@ -126,6 +126,14 @@ def test_a_wrong_scale_of_all_angles_is_told_by_the_arcs() -> None:
     assert abs(in_sigmas(found, made.gravity)) < 3.5
 
 
+def test_a_damping_stated_wrong_is_found_and_named() -> None:
+    made = of_case(Case(duration=900.0, damping_error=0.5), np.random.default_rng(6), "damping")
+    found = row(made.tree)
+    assert "other damping than stated" in found["choice_reason"]
+    assert abs(in_sigmas(found, made.gravity)) < 3.5
+    assert found["gravity_sigma_mgal"] < 0.2
+
+
 def told(made: xr.DataTree, group: str, name: str, change: Callable[[np.ndarray], np.ndarray]) -> xr.DataTree:
     """A record that says something else."""
     stored = made[group].dataset

@@ -139,13 +139,13 @@ def refuse_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted) ->
     about, swings = plain.path.copy(), np.fft.rfft(plain.path[:, :two], axis=0)
     swings[2.0 * np.pi * np.fft.rfftfreq(lattice.nodes, lattice.step) < slow] = 0.0
     about[:, :two] = np.fft.irfft(swings, lattice.nodes, axis=0)
-    trial = replace(model, assumed=replace(model.assumed, ship=ship))
+    trial = replace(model, assumed=replace(model.assumed, ship=ship), begun=ship)
     try:
         tilted = explanation.fitted(trial, about, most=3 if fit.model.words else 1)
         tilted = motion.reshaped(tilted) if fit.model.words else tilted
     except np.linalg.LinAlgError:
         return
-    if of_the_law(tilted) > of_the_law(fit) + TILTS:
+    if of_the_law(tilted) > max(of_the_law(fit), of_the_law(plain)) + TILTS:
         raise RefusedError(
             "record/elongation: the slow motion acts on the differences as the tilt of a case does from which all is "
             "measured; give record/case_tilt, or attribute reference = 'case' and record/horizontal_acceleration in "

@@ -66,13 +66,15 @@ def noticed(fit: Fitted) -> float:
 def alone(fit: Fitted) -> Fitted | None:
     """A fit with kicks of all pendulums, or of one, as large as the likelihood asks for, on its ship or a level one."""
     model, pendulums, found = fit.model, fit.model.problem.pendulums, []
-    level = tuple(each for each in model.assumed.ship if each.axis != "vertical")
+    level, begun = (
+        tuple(each for each in ship if each.axis != "vertical") for ship in (model.assumed.ship, model.begun)
+    )
     for which in (np.ones(pendulums), *np.eye(pendulums)):
         best, last, size = (-np.inf, model, fit.solution), -np.inf, noticed(fit)
         for _ in range(SIZES):
-            for ship in dict.fromkeys((level, model.assumed.ship)):
+            for ship, first in {level: begun, model.assumed.ship: model.begun}.items():
                 assumed = replace(model.assumed, ship=ship, kick=size * which)
-                trial = replace(model, words=(*model.words, "kicks"), assumed=assumed)
+                trial = replace(model, words=(*model.words, "kicks"), assumed=assumed, begun=first)
                 best = max(best, priced(trial, path_on(fit, ship)), key=lambda one: one[0])
             if best[0] == last:
                 break

@@ -196,7 +196,7 @@ CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law expla
 MOTION = "motion"  # in the words of a component of the ship
 DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
 MOST_SPREAD = 30.0
-SLOWER, TILTS = 0.8, 10.0  # of the swing's frequency, up to which a case tilts; in log-likelihood
+SLOWER, TILTS = 0.4, 15.0  # of the swing's frequency, up to which a case tilts; in log-likelihood
 ROUNDED = 0.3  # of the change by rounding, to which it is known
 MOST_SIGMA = 1e-3  # over gravity: a sigma of a gal says that no swing at the stated period was followed
 

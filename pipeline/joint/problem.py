@@ -150,10 +150,12 @@ class Problem:
         return np.append(unknown.total(constants, kinds.GAIN, self.traces), np.zeros(2))
 
     def in_its_scale(self, assumed: Assumed, constants: tuple[Constant, ...]) -> Assumed:
-        """With ship and kicks as the scale of all angles makes them: what they are assumed to be is seen on that."""
-        scale = 1.0 + sum(c.value for c in constants if c.kind == kinds.GAIN and c.index < 0)
-        if scale == 1.0:
+        """With ship and kicks as the scale of the traces that see them makes them: assumed as they are read."""
+        level = self.lattice.combination.sum(axis=1) ** 2
+        gain = self.gain(constants)[: self.traces]
+        if not gain.any() or not level.any():
             return assumed
+        scale = 1.0 + float(level @ gain) / float(level.sum())
         ship = tuple(c if c.axis == "vertical" else replace(c, rms=c.rms / scale) for c in assumed.ship)
         return replace(assumed, ship=ship, kick=assumed.kick / scale)
 

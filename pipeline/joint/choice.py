@@ -68,9 +68,11 @@ def _added(
 ) -> list[Candidate]:
     """Each of several constants added alone, those of one name together, or a course: all priced by one pass.
 
-    A scale or period of one that is off by a tenth of what it may be off by is less rare.
+    A scale or period of one that is off by a tenth of what it may be off by is less rare; where one scale is off, so is
+    their mean.
     """
     model = fit.model
+    scaled = any(each.kind == kinds.GAIN and each.index >= 0 for each in model.constants)
     problem, own = model.problem, model.constants
     whole = (*own, *extra, *course)
     root = np.diag([each.prior for each in whole])
@@ -88,7 +90,12 @@ def _added(
             constants = (*own, *(replace(each, prior=least * each.prior) for each in added))
             solution = solve(constants, normal, float(of.totals[0]), float(of.totals[1]), prior)
             trial = replace(model, words=(*model.words, name), constants=solution.constants)
-            found.append((solution.log_likelihood - cost + (LIKELIER if least < 1.0 else 0.0), trial, solution))
+            price = (
+                0.0
+                if added[0].kind == kinds.GAIN and added[0].index < 0 and scaled
+                else cost - LIKELIER * (least < 1.0)
+            )
+            found.append((solution.log_likelihood - price, trial, solution))
     if course:
         rows = [*first, *range(len(whole) - len(course), len(whole))]
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]

@@ -58,7 +58,7 @@ def refuse_exchanged_traces(
     for j, level in enumerate(levels):
         both = np.isfinite(slow[j]) & np.isfinite(slow[first])
         one, other = np.diff(slow[first, both]), np.diff(slow[j, both])  # a step of a zero is in one of them
-        if one.size < FEWEST or np.std(one) < SWAYS * np.median(doubt[first, both]):
+        if one.size < FEWEST or not np.std(one) > SWAYS * np.median(doubt[first, both]):
             continue
         share = float(one @ other / (one @ one))
         if abs(share - level / levels[first]) > HALF:

@@ -145,7 +145,9 @@ def refuse_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted) ->
         tilted = motion.reshaped(tilted) if fit.model.words else tilted
     except np.linalg.LinAlgError:
         return
-    if of_the_law(tilted) > max(of_the_law(fit), of_the_law(plain)) + TILTS:
+    # a spectrum that meets the other traces better helps the differences a little too
+    better = max(tilted.solution.log_likelihood - fit.solution.log_likelihood, 0.0)
+    if of_the_law(tilted) > max(of_the_law(fit), of_the_law(plain)) + TILTS + HELPS * better:
         raise RefusedError(
             "record/elongation: the slow motion acts on the differences as the tilt of a case does from which all is "
             "measured; give record/case_tilt, or attribute reference = 'case' and record/horizontal_acceleration in "
@@ -196,7 +198,7 @@ CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law expla
 MOTION = "motion"  # in the words of a component of the ship
 DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
 MOST_SPREAD = 30.0
-SLOWER, TILTS = 0.4, 15.0  # of the swing's frequency, up to which a case tilts; in log-likelihood
+SLOWER, TILTS, HELPS = 0.4, 10.0, 0.02  # of the swing's frequency, up to which a case tilts; in log-likelihood; of it
 ROUNDED = 0.3  # of the change by rounding, to which it is known
 MOST_SIGMA = 1e-3  # over gravity: a sigma of a gal says that no swing at the stated period was followed
 

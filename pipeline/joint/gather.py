@@ -252,7 +252,7 @@ def _moving(time: Floats, series: Floats, swing: float, names: tuple[str, ...]) 
             part = slice(before[-1] + 1 if before.size else 0, part.stop + after[0] if after.size else own.size)
             out[j, part] = np.nan
             words.append(f"trace '{names[j]}' stands still from {time[part][0]:.0f} to {time[part][-1]:.0f} s")
-    return out, tuple(words)
+    return out, tuple(dict.fromkeys(words))
 
 
 def _stands(time: Floats, value: Floats, swing: float, least: float) -> bool:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 LEAST_SWINGS = 20.0
 DENSE = 5.0  # recorded heave with so many values a period of its fastest waves is interpolated, s-1
 FAR, MANY = 6.0, 10000  # of the median departure from the median; readings
+MOSTLY = 0.9  # of the samples: so many tell how the case tilts
 OFTEN, FEW = 10.0, 5.0  # times as often as other values; readings a value from which rounding shows
 SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 pass; turns in the record
 COPIED = 30  # values in a row that two traces cannot share by chance
@@ -199,14 +200,20 @@ def _from_the_vertical(
         Nothing tells the tilt of the case that the record says to measure from.
     """
     stored, stated, none = record["record"].dataset, record["instrument"].attrs, np.zeros(series.shape[0])
-    if "case_tilt" in stored:
-        tilt = np.asarray(stored["case_tilt"].values, dtype=np.float64)
-        level, known = combination.sum(axis=1), np.isfinite(tilt)
+    if stored.attrs.get("reference") == "vertical":
+        return series, none, False
+    tilt, sway = (
+        np.asarray(stored[name].values, dtype=np.float64) if name in stored else np.full(time.size, np.nan)
+        for name in ("case_tilt", "horizontal_acceleration")
+    )
+    known = np.isfinite(tilt)
+    if known.mean() > MOSTLY:
+        level = combination.sum(axis=1)
         noise = _white(time[known], tilt[known]) / np.sqrt(np.median(np.diff(time[known])))
         return series + np.where(level[:, None], level[:, None] * tilt, 0.0), np.abs(level) * noise, False
     if stored.attrs.get("reference") != "case" or stated.get("restoring") == "linear":
         return series, none, False
-    if "horizontal_acceleration" in stored and stated.get("acceleration_frame") != "case":
+    if np.isfinite(sway).mean() > MOSTLY and stated.get("acceleration_frame") != "case":
         return series, none, True
     raise RefusedError(
         "record attribute reference: 'case', and nothing tells how the case tilts; give record/case_tilt, or "

@@ -103,12 +103,25 @@ def test_a_case_that_tilts_is_allowed_for_where_something_tells_its_tilt(states:
 
 def test_a_case_whose_tilt_nothing_tells_is_refused() -> None:
     made = of_case(Case(duration=600.0, tilt=1.0, states_tilt="acceleration"), np.random.default_rng(1), "case").tree
+    sway = made["record"]["horizontal_acceleration"].values.copy()
+    made["record"]["horizontal_acceleration"].values[::2] = np.nan
+    with pytest.raises(RefusedError, match="nothing tells how the case tilts"):
+        row(made)
+    made["record"]["horizontal_acceleration"].values[:] = sway
     made["instrument"].attrs["acceleration_frame"] = "case"
     with pytest.raises(RefusedError, match="nothing tells how the case tilts"):
         row(made)
     del made["record"].attrs["reference"]
     with pytest.raises(RefusedError, match="as the tilt of a case does"):
         row(made)
+
+
+def test_a_tilt_recorded_beside_elongations_from_the_vertical_is_not_added() -> None:
+    made = of_case(Case(duration=600.0, tilt=1.0), np.random.default_rng(17), "case").tree
+    made["record"].attrs["reference"] = "vertical"
+    plain = made["record"]["elongation"].values
+    traces = gather(made).problem.lattice
+    assert np.array_equal(traces.value[traces.trace == 0], plain[0])
 
 
 def test_linear_pendulums_are_read_from_any_case() -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import difflib
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .contents import Contents, Entry, shown, type_name
+from .variables import VARIABLES
 
 WORDS = {
     ("instrument", "restoring"): ("sine", "linear"),
@@ -37,6 +39,7 @@ def record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> list
         found += _empty_traces(elongation, record.get("trace"))
     if sizes.get(("record", "trace"), 1) > 1:
         found += _needed_for_gravity(contents)
+    found += _unknown_constants(contents)
     for (path, name), words in WORDS.items():
         word = contents[path].attrs.get(name, words[0]) if path in contents else words[0]
         if not isinstance(word, str) or word not in words:
@@ -135,6 +138,17 @@ def _label(trace: Entry | None, row: int) -> str:
     if trace is not None and trace.values.ndim == 1 and row < trace.values.size:
         return shown(repr(str(trace.values[row])))
     return f"number {row + 1}"
+
+
+def _unknown_constants(contents: Contents) -> list[str]:
+    known = [name.partition("/")[2] for name in VARIABLES if name.startswith("instrument/")]
+    names = contents["instrument"].variables if "instrument" in contents else {}
+    return [
+        f"instrument/{shown(name)}: is not known, the nearest is {near}; use that name, or leave it out"
+        for name in names
+        if name not in known
+        for near in difflib.get_close_matches(name, known, n=1, cutoff=0.0)
+    ]
 
 
 def _needed_for_gravity(contents: Contents) -> list[str]:

@@ -12,6 +12,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from data_schemas.errors import SceneError
+from data_schemas.scene_apparatus import Case, Handling
 from data_schemas.scene_checks import check_physics
 from data_schemas.scene_conditions import Conditions
 from data_schemas.scene_faults import one_line
@@ -74,6 +75,10 @@ class Scene(Section):
         FixedSupport(), "", "what the pendulums hang on: kind = 'fixed', 'beam', 'frame' or 'board'"
     )
     conditions: Conditions = quantity(Conditions(), "", "heat, air, tilt, turn, the ship's way, base stations")
+    case: Case | None = quantity(None, "", "the case of the apparatus, where it tilts: pitch, roll, what is measured")
+    events: tuple[Handling, ...] = quantity(
+        (), "", "what is done to single pendulums: kind = 'knock', 'restart', 'release' or 'clamp'"
+    )
     recording: Recording = quantity(Recording(), "", "what is written down of the motion")
     film: Film | None = quantity(None, "", "the film to which `expose` writes the traces; `simulate` makes none")
     simulation: Simulation = quantity(Simulation(), "", "how exactly the motion is computed, and by what")
@@ -103,6 +108,15 @@ class Scene(Section):
                     )
         if self.count > _MOST_SAMPLES:
             raise ValueError(f"duration and sampling rate ask for {self.count} readings; at most {_MOST_SAMPLES}")
+        for what in self.events:
+            if what.pendulum not in labels:
+                raise ValueError(f"events name the pendulum {what.pendulum!r}; there are {', '.join(labels)}")
+            if what.time >= self.duration:
+                raise ValueError(f"events: the {what.kind} at {what.time:g} s is after the record's end")
+        for errors in self.recording.errors:
+            if errors.trace is not None and errors.trace not in [trace.name for trace in self.traces]:
+                names = ", ".join(trace.name for trace in self.traces)
+                raise ValueError(f"recording.errors name the trace {errors.trace!r}; there are {names}")
         for stretch in self.recording.missing:
             if stretch.start >= self.duration:
                 raise ValueError(f"recording.missing begins at {stretch.start:g} s, after the record's end")

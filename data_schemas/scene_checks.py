@@ -130,6 +130,10 @@ def _check_changes(scene: Scene) -> None:
     course, fixed = scene.gravity_course, scene.support.kind == "fixed"
     if not fixed and course is not None:
         raise ValueError("gravity_course acts on pendulums on a fixed support only; remove it, or the support")
+    if not fixed and (scene.events or scene.case is not None or any(each.plane for each in scene.pendulums)):
+        raise ValueError("events, case and plane are for pendulums on a fixed support; remove them, or the support")
+    if scene.restoring == "linear" and scene.case is not None and scene.case.roll is not None:
+        raise ValueError("case.roll acts on real pendulums only; set restoring = 'sine'")
     if not fixed and any(each.kick_intensity for each in scene.pendulums):
         raise ValueError("kick_intensity acts on pendulums on a fixed support only; set it to 0, or remove the support")
     largest = 0.0

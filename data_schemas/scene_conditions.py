@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from data_schemas.scene_fields import Number, Section, quantity
+from data_schemas.scene_fields import Number, Section, Switch, quantity
 
 
 class BaseStation(Section):
@@ -49,6 +49,9 @@ class Conditions(Section):
     yaw_rate: Number | None = quantity(None, "rad s-1", "rate of turn of the plane of swing", ge=-1, le=1)
     yaw_rate_uncertainty: Number = _error("rad s-1", "rate of turn")
     latitude: Number | None = quantity(None, "degrees", "latitude, north positive", ge=-90, le=90)
+    longitude: Number | None = quantity(None, "degrees", "longitude, east positive", ge=-360, le=360)
+    height: Number | None = quantity(None, "m", "height above the sea's surface", ge=-1.2e4, le=1e4)
+    tide: Switch = quantity(False, "", "whether the tide of a yielding Earth acts; it needs latitude and longitude")
     speed: Number | None = quantity(None, "m s-1", "speed of the ship over ground", ge=0, le=100)
     course: Number | None = quantity(None, "degrees", "course over ground, from north by east", ge=-360, le=360)
     speed_uncertainty: Number = _error("m s-1", "speed")
@@ -63,6 +66,8 @@ class Conditions(Section):
     def _consistent(self) -> Self:
         if (self.speed is None) != (self.course is None) or (self.speed is not None and self.latitude is None):
             raise ValueError("the ship's way needs latitude, speed and course together")
+        if self.tide and (self.latitude is None or self.longitude is None):
+            raise ValueError("tide needs latitude and longitude")
         if self.temperature_amplitude and self.temperature is None:
             raise ValueError("temperature_amplitude needs the mean temperature")
         for name in ("temperature", "air_density", "tilt", "yaw_rate", "speed", "course"):

@@ -10,12 +10,12 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from data_schemas.scene_fields import Count, Label, Number, Section, quantity
 
 Numbers = tuple[Number, ...]
-Axis = Literal["horizontal", "vertical"]
+Axis = Literal["horizontal", "transverse", "vertical"]
 
 
 def axis() -> Any:
     """Field for the direction of an acceleration."""
-    return quantity("horizontal", "", "'horizontal', in the swing plane, or 'vertical', positive up")
+    return quantity("horizontal", "", "'horizontal' in the swing plane, 'transverse' to it, or 'vertical', positive up")
 
 
 Column = Annotated[int, Field(strict=True, ge=1)] | Annotated[str, Field(strict=True, min_length=1)]
@@ -32,17 +32,15 @@ class Still(Section):
         return "horizontal"
 
 
-class HarmonicMotion(Section):
-    """Acceleration x'' = sum of amplitude * cos(angular_frequency * t + phase)."""
+class Harmonics(Section):
+    """Lists of harmonics, amplitude * cos(angular_frequency * t + phase) each."""
 
-    kind: Literal["harmonics"] = quantity("harmonics", "", "a sum of harmonics of the acceleration")
-    amplitude: Numbers = quantity(..., "m s-2", "amplitude of each harmonic of x''", min_length=1)
+    amplitude: Numbers
     angular_frequency: Numbers | None = quantity(
         None, "rad s-1", "angular frequency of each harmonic, 0 to 1e5; this or period"
     )
     period: Numbers | None = quantity(None, "s", "period of each harmonic, above 1e-4; this or angular_frequency")
     phase: Numbers | None = quantity(None, "rad", "phase of each harmonic at t = 0; left out: all zero")
-    axis: Axis = axis()
 
     @model_validator(mode="after")
     def _lists_agree(self) -> Self:
@@ -59,6 +57,14 @@ class HarmonicMotion(Section):
         if given[0] == "angular_frequency" and not (min(rates) >= 0 and max(rates) <= 1e5):
             raise ValueError("angular_frequency must be between 0 and 1e5 rad/s")
         return self
+
+
+class HarmonicMotion(Harmonics):
+    """Acceleration x'' = sum of amplitude * cos(angular_frequency * t + phase)."""
+
+    kind: Literal["harmonics"] = quantity("harmonics", "", "a sum of harmonics of the acceleration")
+    amplitude: Numbers = quantity(..., "m s-2", "amplitude of each harmonic of x''", min_length=1)
+    axis: Axis = axis()
 
 
 class NearResonantMotion(Section):

@@ -101,4 +101,7 @@ class Pendulum(Section):
     escapement: Escapement | None = quantity(
         None, "", "what keeps the pendulum going, kind = 'van-der-pol' or 'impulse'; left out: nothing"
     )
+    plane: Number = quantity(
+        0.0, "rad", "angle of its plane of swing about the vertical from that of the record", ge=-1.6, le=1.6
+    )
     start: Start = quantity(..., "", "how the pendulum starts: kind = 'free' or 'state'")

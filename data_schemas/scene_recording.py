@@ -7,6 +7,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
+from data_schemas.scene_apparatus import Accelerometer, Step, TraceErrors, Wow
 from data_schemas.scene_fields import Count, Number, Rational, Section, Switch, TraceName, quantity
 
 _DEFAULT_RATE = Fraction(25)  # Hz
@@ -77,14 +78,19 @@ class Recording(Section):
         0.0, "s day-1", "rate r of the chronometer, losing positive: true time = its time * (1 + r/86400)",
         ge=-1000, le=1000,
     )  # fmt: skip
+    errors: tuple[TraceErrors, ...] = quantity((), "", "errors of single traces, or of all; they follow each other")
+    clock_steps: tuple[Step, ...] = quantity(
+        (), "", "steps of the record's time against the true one, as {time, size} in s"
+    )
+    wow: Wow | None = quantity(None, "", "a periodic error of the record's time")
     record_uncertainty: Switch | None = quantity(
         None, "", "whether the record states its reading noise; left out: when there is any"
     )
-    horizontal_acceleration: Switch = quantity(
-        False, "", "whether the record carries the horizontal acceleration of the support"
+    horizontal_acceleration: Switch | Accelerometer = quantity(
+        False, "", "whether the record carries the horizontal acceleration of the support; or its errors"
     )
-    vertical_acceleration: Switch = quantity(
-        False, "", "whether the record carries the vertical acceleration of the support"
+    vertical_acceleration: Switch | Accelerometer = quantity(
+        False, "", "whether the record carries the vertical acceleration of the support; or its errors"
     )
     write_damping: Switch = quantity(True, "", "whether the record states the damping rates")
     write_restoring: Switch = quantity(True, "", "whether the record states the restoring law")
@@ -97,6 +103,8 @@ class Recording(Section):
             raise ValueError("outliers need an outlier_amplitude above 0")
         if self.outlier_amplitude and not self.outliers:
             raise ValueError("outlier_amplitude needs a number of outliers")
+        if self.clock_steps and not float(self.step) + min(0.0, *(each.size for each in self.clock_steps)) > 0:
+            raise ValueError("clock_steps back by more than a sampling step make time run backwards")
         if self.marks and self.sampling_rate != _DEFAULT_RATE:
             raise ValueError("give either sampling_rate or marks = true; marks are mark_interval apart")
         if not self.marks and self.mark_interval != _DEFAULT_MARKS:

@@ -36,10 +36,6 @@ _TRACE, _PENDULUM, _TIME, _TRACE_TIME = ("trace",), ("pendulum",), ("time",), ("
 _BASE = ("base",)
 
 
-def _sigma(dims: tuple[str, ...], units: str, of: str) -> Variable:
-    return Variable(dims, "f8", units, f"standard deviation of the {of}", limit="not negative")
-
-
 RECORD: dict[str, Variable] = {
     "trace": Variable(_TRACE, "str", "1", "label of the recorded trace", required=True),
     "pendulum": Variable(_PENDULUM, "str", "1", "label of the pendulum", required=True),
@@ -65,75 +61,82 @@ RECORD: dict[str, Variable] = {
     ),
 }  # fmt: skip
 
-INSTRUMENT: dict[str, Variable] = {
+_CONSTANTS: dict[str, Variable] = {
+    "trace": Variable(_TRACE, "str", "1", "label of the recorded trace, for constants of single traces"),
     "pendulum": Variable(_PENDULUM, "str", "1", "label of the pendulum", required=True),
     "period": Variable(
         _PENDULUM, "f8", "s", "full period at infinitesimal arc and reference gravity", limit="positive"
     ),
     "reference_gravity": Variable((), "f8", "m s-2", "gravity at which the periods hold", limit="positive"),
-    "period_uncertainty": Variable(
-        _PENDULUM, "f8", "s", "standard deviation of the full period", limit="not negative"
-    ),
     "damping_rate": Variable(
         _PENDULUM, "f8", "s-1", "rate at which the free amplitude decays", limit="not negative"
     ),
-    "scale_uncertainty": _sigma((), "1", "scale of all elongations, relative"),
+    "scale": Variable((), "f8", "1", "relative error of the scale of all elongations", also=(_TRACE,)),
+    "zero": Variable((), "f8", "rad", "what the traces show at rest", also=(_TRACE,)),
+    "delay": Variable((), "f8", "s", "time by which the traces come late", also=(_TRACE,)),
+    "horizontal_acceleration_bias": Variable((), "f8", "m s-2", "what the horizontal accelerometer reads at rest"),
+    "vertical_acceleration_bias": Variable((), "f8", "m s-2", "what the vertical accelerometer reads at rest"),
+    "vertical_acceleration_scale": Variable((), "f8", "1", "relative error of the vertical accelerometer's scale"),
+    "vertical_acceleration_delay": Variable((), "f8", "s", "time by which the vertical acceleration comes late"),
     "chronometer_rate": Variable((), "f8", "s day-1", "rate of the chronometer, losing positive"),
-    "chronometer_rate_uncertainty": _sigma((), "s day-1", "chronometer's rate"),
     "temperature": Variable((), "f8", "K", "temperature of the pendulums", also=(_TIME,), limit="positive"),
-    "temperature_uncertainty": _sigma((), "K", "temperature of the pendulums, common to all readings"),
     "temperature_reference": Variable((), "f8", "K", "temperature at which the periods hold", limit="positive"),
     "temperature_coefficient": Variable(_PENDULUM, "f8", "s K-1", "change of the period with temperature"),
-    "temperature_coefficient_uncertainty": _sigma(_PENDULUM, "s K-1", "change of the period with temperature"),
     "air_density": Variable(
         (), "f8", "kg m-3", "density of the air in the case", standard_name="air_density", limit="not negative"
     ),
-    "air_density_uncertainty": _sigma((), "kg m-3", "density of the air"),
     "air_density_reference": Variable(
         (), "f8", "kg m-3", "density of the air that lengthens the periods by density_coefficient", limit="positive"
     ),
     "density_coefficient": Variable(
         _PENDULUM, "f8", "s", "what air of the reference density adds to the period in vacuum"
     ),
-    "density_coefficient_uncertainty": _sigma(_PENDULUM, "s", "density coefficient"),
     "tilt_mean_square": Variable((), "f8", "rad2", "mean square tilt of the plane of swing", limit="not negative"),
-    "tilt_mean_square_uncertainty": _sigma((), "rad2", "mean square tilt"),
     "yaw_rate": Variable((), "f8", "rad s-1", "rate of turn about the vertical"),
-    "yaw_rate_uncertainty": _sigma((), "rad s-1", "rate of turn"),
     "transverse_acceleration_mean_square": Variable(
         (), "f8", "m2 s-4", "mean square acceleration across the plane of swing, where a gimbal makes the plane follow",
         limit="not negative",
     ),
-    "transverse_acceleration_mean_square_uncertainty": _sigma((), "m2 s-4", "mean square transverse acceleration"),
+    "rocking_rate_mean_square": Variable(
+        (), "f8", "rad2 s-2", "mean square rate at which the plane of swing turns about a horizontal axis",
+        limit="not negative",
+    ),
+    "plane_angle": Variable(_PENDULUM, "f8", "rad", "angle of the plane of swing about the vertical"),
     "support_stiffness": Variable((), "f8", "N m-1", "horizontal stiffness of the support", limit="positive"),
     "mass": Variable(_PENDULUM, "f8", "kg", "mass of the pendulum", limit="positive"),
     "length": Variable(_PENDULUM, "f8", "m", "reduced length of the pendulum", limit="positive"),
     "latitude": Variable((), "f8", "degrees_north", "latitude of the ship", also=(_TIME,), standard_name="latitude"),
-    "latitude_uncertainty": _sigma((), "degrees", "latitude"),
     "longitude": Variable((), "f8", "degrees_east", "longitude of the ship", standard_name="longitude"),
     "speed": Variable(
         (), "f8", "m s-1", "speed of the ship over ground", also=(_TIME,),
         standard_name="platform_speed_wrt_ground", limit="not negative",
     ),
-    "speed_uncertainty": _sigma((), "m s-1", "speed over ground"),
     "course": Variable(
         (), "f8", "degrees", "course of the ship over ground, from north by east", also=(_TIME,),
         standard_name="platform_course",
     ),
-    "course_uncertainty": _sigma((), "degrees", "course over ground"),
     "height": Variable((), "f8", "m", "height of the pendulums above the sea's surface, negative below it"),
     "water_depth": Variable((), "f8", "m", "depth of the sea below the ship", limit="not negative"),
     "base": Variable(_BASE, "str", "1", "label of an occupation of a base station"),
     "base_time": Variable(_BASE, "f8", "s", "time of the occupation, from the epoch of the record's time"),
     "base_gravity": Variable(_BASE, "f8", "m s-2", "gravity of the base station", limit="positive"),
-    "base_gravity_uncertainty": _sigma(_BASE, "m s-2", "gravity of the base station"),
     "base_period": Variable(
         ("base", "pendulum"), "f8", "s",
         "full period at the base, true time, infinitesimal arc, reduced to temperature_reference and vacuum",
         limit="positive",
     ),
-    "base_period_uncertainty": _sigma(("base", "pendulum"), "s", "full period at the base"),
 }  # fmt: skip
+
+_OF_ITS_OWN = {"latitude": "degrees", "longitude": "degrees"}
+INSTRUMENT: dict[str, Variable] = _CONSTANTS | {
+    f"{name}_uncertainty": Variable(
+        row.dims, "f8", _OF_ITS_OWN.get(name, row.units), f"standard deviation of the {row.long_name}",
+        also=tuple(dims for dims in row.also if dims != _TIME), limit="not negative",
+    )
+    for name, row in _CONSTANTS.items()
+    if row.dtype == "f8"
+}  # fmt: skip
+"""The constants, and the standard deviation of each."""
 
 FILM: dict[str, Variable] = {
     "trace": Variable(_TRACE, "str", "1", "label of the recorded trace"),

@@ -66,6 +66,12 @@ GRAVITY: dict[str, Variable] = {
         _METHOD, "f8", "mGal", "standard deviation of gravity from the readings alone", limit="not negative",
         missing=True,
     ),
+    "source": Variable(("source",), "str", "1", "what makes gravity uncertain"),
+    "share": Variable(
+        ("method", "source"), "f8", "1", "share of the variance of gravity that a source brings",
+        limit="not negative", missing=True,
+    ),
+    "advice": Variable(_METHOD, "str", "1", "what to improve to halve the standard deviation"),
     "uncorrected": Variable(_METHOD, "f8", "m s-2", "gravity before any correction", missing=True),
     "normal_gravity": Variable(
         (), "f8", "m s-2", "normal gravity of GRS80 at the latitude, at the height or, below the sea, at its surface"

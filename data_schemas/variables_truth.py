@@ -30,5 +30,7 @@ TRUTH: dict[str, Variable] = {
     "support_displacement": Variable(
         _TIME, "f8", "m", "displacement of the support that the pendulums move: a beam downwards, others sideways"
     ),
+    "case_pitch": Variable(_TIME, "f8", "rad", "tilt of the case in the plane of swing"),
+    "event_time": Variable(("event",), "f8", "s", "true time of each of the scene's events, from the record's start"),
     "mark_time": Variable(("mark",), "f8", "s", "true time of the time mark, from the start of the record"),
 }

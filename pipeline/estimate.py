@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -66,7 +67,12 @@ class Estimate:
     acceleration_reduced : bool
         Whether the support's acceleration was reduced as it acts on real pendulums.
     of_mean : bool
-        Whether it is that of the mean of gravity over the record; else that of a phase's slope.
+        Whether it is that of the mean of gravity over the record; else that of a phase's slope. The uncertainty of the
+        periods then is in `sigma`.
+    parts : mapping
+        Entries of the ledger within the correction, by name: value and 1 sigma, mGal, and words.
+    shares : mapping
+        Of the square of `sigma`, by source; they add up to 1.
     """
 
     frequency: float
@@ -81,6 +87,8 @@ class Estimate:
     finite_arc: float = 0.0
     acceleration_reduced: bool = False
     of_mean: bool = False
+    parts: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
+    shares: Mapping[str, float] = field(default_factory=lambda: {"reading": 1.0})
 
 
 def budget(envelope: Envelope, fit: NarrowbandFit, ratio: float, damping_difference: float) -> Budget:

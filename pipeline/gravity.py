@@ -12,6 +12,10 @@ from pipeline.ledger import book, non_isochronism
 from pipeline.ledger.entry import DAY, MGAL, Case, Entry
 from pipeline.prepared import Prepared
 
+SOURCES = {"chronometer": "clock", "base_tie": "ratio"}
+"""Of the ledger's entries that bear another name in the budget."""
+HALVED = 0.75  # of the variance, which must go
+
 __all__ = ["DAY", "MGAL", "Entry", "Gravity", "gravity"]
 
 
@@ -53,6 +57,30 @@ class Gravity:
         The parts of the method's own correction are told here, when somebody wants them: gravity does not need them.
         """
         return book.own(self._case) | self.given
+
+    @cached_property
+    def budget(self) -> dict[str, float]:
+        """Shares of the variance by source, the largest first: of the method's own, and of the ledger's entries."""
+        found = {name: share * self.noise**2 for name, share in self._case.estimate.shares.items()}
+        for name, sigma in (("scale", self._case.by_gain_uncertainty), *((n, e.sigma) for n, e in self.given.items())):
+            if sigma > 0.0:
+                source = SOURCES.get(name, name)
+                found[source] = found.get(source, 0.0) + sigma**2
+        total = sum(found.values())
+        shares = sorted(found.items(), key=lambda each: -each[1])
+        return {name: value / total for name, value in shares} if total > 0.0 else {}
+
+    @property
+    def advice(self) -> str:
+        """What to improve, and how far, to halve sigma."""
+        needed, together = [], 0.0
+        for name, share in self.budget.items():
+            needed.append(name)
+            together += share
+            if together > HALVED:
+                factor = np.sqrt(together / (together - HALVED))
+                return f"to halve sigma, make the uncertainty of {' and '.join(needed)} {factor:.2g} times smaller"
+        return ""
 
     @property
     def uncorrected(self) -> float:

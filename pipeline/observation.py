@@ -194,6 +194,7 @@ def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
         if label not in known:
             raise RecordError(f"instrument/pendulum: no constants for pendulum '{label}'; it knows {', '.join(known)}")
     constants = _constants(stored, [known.index(label) for label in pendulums])
+    constants |= _epoch(record)
     period = np.asarray(constants["period"])
     gravity = float(constants["reference_gravity"])
     time = np.asarray(record.dataset["time"].values, dtype=np.float64)
@@ -214,6 +215,18 @@ def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
         "tie": tied,
         "period_change": longer / period if longer.any() else None,
     }
+
+
+def _epoch(record: DataTree) -> dict[str, float]:
+    """Unix time of the record's time 0, s, where its units name a date."""
+    from datetime import UTC, datetime
+
+    _, found, date = str(record.dataset["time"].attrs.get("units", "")).partition("since ")
+    try:
+        epoch = datetime.fromisoformat(date.strip()) if found else None
+    except ValueError:
+        return {}
+    return {} if epoch is None else {"epoch": (epoch if epoch.tzinfo else epoch.replace(tzinfo=UTC)).timestamp()}
 
 
 def _constants(stored: Any, rows: list[int]) -> dict[str, Any]:

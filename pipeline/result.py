@@ -164,7 +164,13 @@ def _gravity(reductions: Sequence[Reduction], components: list[str], methods: li
         "sensitivity_gain": ("method", column(lambda r: r.gravity.per_gain)),
         "elapsed": ("method", np.array([r.elapsed for r in reductions])),
     }
-    coordinates: dict[str, Any] = {"method": methods, "pendulum": pendulums, "entry": entries}
+    sources = sorted({name for r in reductions if r.gravity for name in r.gravity.budget})
+    variables["share"] = (
+        ("method", "source"),
+        np.array([[r.gravity.budget.get(s, 0.0) if r.gravity else nan for s in sources] for r in reductions]),
+    )
+    variables["advice"] = ("method", _text(r.gravity.advice if r.gravity else "" for r in reductions))
+    coordinates: dict[str, Any] = {"method": methods, "pendulum": pendulums, "entry": entries, "source": sources}
     if raised:
         variables["flag"] = ("flag", _text(raised))
     return _dataset("gravity", variables, coordinates)

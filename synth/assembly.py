@@ -171,7 +171,8 @@ def _terms(pendulums: Sequence[Pendulum]) -> Any:
 def _impulses(kicks: Kicks | None, own: Floats, end: float) -> Impulses | None:
     if kicks is None:
         return None
-    return Impulses(float(kicks.step), np.ascontiguousarray(kicks.some(0, int(end / kicks.step)).T * own))
+    kept, angles, rates = (np.ascontiguousarray(each.T) for each in kicks.changes(0, int(end / kicks.step)))
+    return Impulses(float(kicks.step), kept, angles, rates * own)
 
 
 def _columns(rows: list[tuple[float, float]]) -> Floats:

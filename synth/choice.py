@@ -13,11 +13,13 @@ from synth.needs import (
     CHANGING,
     FIXED,
     FRAME,
+    HANDLING,
     IMPULSE,
     KICKS,
     KNIFE_EDGE,
     LINEAR,
     OVERDAMPED,
+    PLANES,
     QUADRATIC,
     REDUCED_BEAM,
     SINE,
@@ -38,10 +40,10 @@ NAMES: dict[Propagator, str] = {
 _SMOOTH = {LINEAR, SINE, OVERDAMPED, VERTICAL, QUADRATIC, KNIFE_EDGE, VAN_DER_POL, UNEVEN, CHANGING}
 _YIELDING = {BEAM, REDUCED_BEAM, FRAME, BOARD}
 _KNOWN: dict[Propagator, frozenset[str]] = {
-    "closed-form": frozenset({FIXED, LINEAR, UNEVEN}),
-    "picard": frozenset({FIXED, LINEAR, SINE, VERTICAL, UNEVEN, KICKS, CHANGING}),
+    "closed-form": frozenset({FIXED, LINEAR, UNEVEN, PLANES}),
+    "picard": frozenset({FIXED, LINEAR, SINE, VERTICAL, UNEVEN, KICKS, HANDLING, CHANGING, PLANES}),
     "beam-collocation": frozenset({LINEAR, SINE, VERTICAL, VAN_DER_POL, UNEVEN} | _YIELDING),
-    "explicit": frozenset(_SMOOTH | _YIELDING | {FIXED, IMPULSE, KICKS}),
+    "explicit": frozenset(_SMOOTH | _YIELDING | {FIXED, IMPULSE, KICKS, HANDLING}),
     "radau": frozenset(_SMOOTH | _YIELDING | {FIXED}),
 }
 _REACHED: dict[Propagator, float] = {
@@ -96,15 +98,21 @@ def chosen_at_sight(named: Propagator, asked: Sequence[str]) -> Choice | None:
         return _insisted(named, asked)
     if _can("closed-form", asked):
         return Choice("closed-form", "linear pendulums on a fixed support have a solution in closed form")
+    at_set_times = [name for name in (KICKS, HANDLING) if name in asked]
     if _can("picard", asked):
-        what = "real pendulums" if SINE in asked else f"linear pendulums with {_and([*({KICKS, CHANGING} & {*asked})])}"
+        more = [*at_set_times, *({CHANGING} & {*asked})]
+        what = "real pendulums" if SINE in asked else f"linear pendulums with {_and(more)}"
+        instead: tuple[Propagator, ...] = ("explicit",) if at_set_times else ("explicit", "radau")
         return Choice(
             "picard",
             f"{what} on a fixed support: the exact linear motion, and a small remainder",
-            ("explicit",) if KICKS in asked else ("explicit", "radau"),
+            () if PLANES in asked else instead,
         )
-    if KICKS in asked:
-        return Choice("explicit", "random kicks come at set times, to which this propagator steps", aim=_aim(asked))
+    if PLANES in asked:
+        raise SceneError(f"pendulums.plane: no propagator knows {PLANES} beside resistance other than viscous")
+    if at_set_times:
+        why = f"{_and(at_set_times)} come at set times, to which this propagator steps"
+        return Choice("explicit", why, aim=_aim(asked))
     if IMPULSE in asked:
         why = "an impulse escapement kicks at instants that this propagator locates"
         return Choice("explicit", why, aim=_aim(asked))

@@ -81,8 +81,9 @@ def stated(scene: Scene, true_seconds: Floats) -> dict[str, tuple[tuple[str, ...
     for name in ("yaw_rate", "speed", "course"):
         if getattr(given, name) is not None:
             state(name, getattr(given, name), getattr(given, f"{name}_uncertainty"))
-    if given.latitude is not None:
-        state("latitude", given.latitude, 0.0)
+    for name in ("latitude", "longitude", "height"):
+        if getattr(given, name) is not None:
+            state(name, getattr(given, name), 0.0)
     if scene.recording.chronometer_rate or given.chronometer_rate_uncertainty:
         state("chronometer_rate", scene.recording.chronometer_rate, given.chronometer_rate_uncertainty)
     return found | _bases(scene)

@@ -16,6 +16,7 @@ from synth.recording.clock import Clock, set_clock
 _TERMS = (
     "restoring", "viscous damping", "quadratic damping", "knife edge", "escapement", "yielding support",
     "horizontal motion", "vertical motion", "random kicks", "changing gravity",
+    "tide", "tilting case", "planes of swing", "handling",
 )  # fmt: skip
 _MOST_PERIODS = 4
 
@@ -117,6 +118,16 @@ def _terms(scene: Scene, made: Plan) -> Iterator[tuple[str, str]]:
         yield "random kicks", found
     if scene.gravity_course is not None:
         yield "changing gravity", f"{scene.gravity_course.kind}, mean change {made.mean_change:.3g} m/s2"
+    if scene.conditions.tide:
+        yield "tide", "of a yielding Earth"
+    if scene.case is not None:
+        tilts = [name for name in ("pitch", "roll") if getattr(scene.case, name) is not None]
+        yield "tilting case", f"{_and(tilts) or 'at rest'}, elongations from the {scene.case.reference}"
+    found = _each(pendulums, lambda each: each.plane and f"{each.plane:g} rad off")
+    if found:
+        yield "planes of swing", found
+    if scene.events:
+        yield "handling", _and(f"{each.kind} of {each.pendulum} at {each.time:g} s" for each in scene.events)
     if made.caution is not None:
         yield "caution", made.caution
 

@@ -17,10 +17,12 @@ import numpy as np
 from data_schemas.errors import SceneError
 from data_schemas.scene import Scene
 from data_schemas.scene_gravity import LARGEST_CHANGE, LinearCourse, SineCourse
+from synth.kernels.tide import tide
 from synth.motion.harmonic_sum import HarmonicSum
-from synth.motion.tabulated import tabulated
+from synth.motion.tabulated import continued, tabulated
 
 _TURN = 1e-2  # rad that the slowest sine of an even change turns over the record
+_TIDAL_STEP, _BEYOND = 60.0, 64  # s; steps beyond the record on either side
 _EVEN = ((1.0, 1.5), (2.0, -0.3), (3.0, 1.0 / 30.0))
 """Sines c_k sin(k x) that add up to x (1 + x^6/140 ...): 7e-15 of the change at the record's end, rounding 4e-14."""
 
@@ -58,6 +60,19 @@ def gravity_change(scene: Scene, end: float) -> HarmonicSum | None:
             " change alone, and gravity_course.factor if its unit is not m s-2"
         )
     return change
+
+
+def tidal_change(scene: Scene, end: float) -> HarmonicSum | None:
+    """What the tide adds to gravity, m/s^2; None where none acts."""
+    given = scene.conditions
+    if not given.tide or given.latitude is None or given.longitude is None:  # the scene sees to the place
+        return None
+    from datetime import datetime
+
+    start = datetime.fromisoformat(scene.start_time).timestamp()
+    times = _TIDAL_STEP * np.arange(-_BEYOND, math.ceil(end / _TIDAL_STEP) + _BEYOND + 1)
+    lost = tide(np.asarray(start + times), given.latitude, given.longitude, given.height or 0.0)
+    return continued(-lost, _TIDAL_STEP, _BEYOND * _TIDAL_STEP)
 
 
 def mean_change(change: HarmonicSum, end: float) -> float:

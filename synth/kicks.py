@@ -1,5 +1,7 @@
 r"""Random kicks of each pendulum: white noise of the angular velocity, as impulses at an even step.
 
+What is done to a pendulum by hand comes at the nearest of these impulses too: a knock, a restart, a release.
+
     d theta' = n k dW    becomes    theta' += n k sqrt(h) xi_j  at t = h, 2 h ...,    xi_j normal
 
 At 16 and more impulses a period the walk of amplitude and phase is that of white noise that begins half a step late:
@@ -18,6 +20,8 @@ from fractions import Fraction
 import numpy as np
 
 from data_schemas.scene import Scene
+from data_schemas.scene_apparatus import Clamp, Knock, Release, Restart
+from data_schemas.scene_checks import frequency
 from synth.phase import Floats
 from synth.propagators.even import EvenTimes
 from synth.propagators.uneven import UnevenTimes
@@ -25,6 +29,26 @@ from synth.seeds import generator
 
 _A_PERIOD = 16  # impulses of the fastest pendulum
 _BLOCK = 4096  # impulses of one generator
+
+
+@dataclass(frozen=True)
+class Jump:
+    """What is done to a pendulum at an impulse.
+
+    Attributes
+    ----------
+    number, pendulum : int
+    angle, rate : float
+        rad, of theta and theta'/n: what they become; of a knock, what is added to them.
+    adds : bool
+        Whether it is a knock.
+    """
+
+    number: int
+    pendulum: int
+    angle: float
+    rate: float
+    adds: bool
 
 
 @dataclass(frozen=True)
@@ -40,12 +64,14 @@ class Kicks:
     seed : int
     labels : tuple of str
         Of the pendulums.
+    jumps : tuple of Jump
     """
 
     step: Fraction
     sizes: Floats
     seed: int
     labels: tuple[str, ...]
+    jumps: tuple[Jump, ...] = ()
 
     def some(self, first: int, count: int) -> Floats:
         """Changes of theta'/n by `count` impulses from the `first`, (pendulums, count) rad."""
@@ -58,6 +84,28 @@ class Kicks:
             for size, label in zip(self.sizes.tolist(), self.labels, strict=True)
         ]
         return np.array(rows)
+
+    def changes(self, first: int, count: int) -> Floats:
+        """By `count` impulses from the `first`: what stays of the state, what is added to theta and to theta'/n.
+
+        Returns
+        -------
+        (3, pendulums, count) float64
+            1, rad, rad
+        """
+        rates = self.some(first, count)
+        found = np.array([np.ones_like(rates), np.zeros_like(rates), rates])
+        for each in self.jumps:
+            at = each.number - first
+            if 0 <= at < count:
+                kept = 1.0 if each.adds else 0.0
+                found[:, each.pendulum, at] = kept, each.angle, kept * found[2, each.pendulum, at] + each.rate
+        return found
+
+
+def number_of(time: float, step: Fraction) -> int:
+    """Of the impulse nearest to a time, s."""
+    return max(round(Fraction(time) / step) - 1, 0)
 
 
 @functools.lru_cache(maxsize=64)
@@ -77,10 +125,34 @@ def kicks(scene: Scene, fastest: float, times: EvenTimes | UnevenTimes) -> Kicks
         Of the samples; none before t = 0.
     """
     intensity = np.array([each.kick_intensity for each in scene.pendulums])
-    if not intensity.any():
+    if not intensity.any() and not scene.events:
         return None
     step = _step(times, 2.0 * math.pi / (_A_PERIOD * fastest))
-    return Kicks(step, intensity * math.sqrt(step), scene.seed, tuple(each.label for each in scene.pendulums))
+    labels = tuple(each.label for each in scene.pendulums)
+    jumps = []
+    for each in scene.events:
+        place, number = labels.index(each.pendulum), number_of(each.time, step)
+        match each:
+            case Knock():
+                jumps.append(Jump(number, place, 0.0, each.change, True))
+            case Restart():
+                own = frequency(scene, scene.pendulums[place])
+                jumps.append(Jump(number, place, each.angle, each.angular_velocity / own, False))
+            case Release() | Clamp():
+                jumps.append(Jump(number, place, each.angle, 0.0, False))
+    return Kicks(step, intensity * math.sqrt(step), scene.seed, labels, tuple(jumps))
+
+
+def held(scene: Scene, step: Fraction) -> list[tuple[int, float, float, float]]:
+    """Pendulums that are held: which, from when to when, s, and at which angle, rad."""
+    labels = [each.label for each in scene.pendulums]
+    found = []
+    for each in scene.events:
+        if isinstance(each, Release | Clamp):
+            at = float((number_of(each.time, step) + 1) * step)
+            begin, end = (-math.inf, at) if isinstance(each, Release) else (at, math.inf)
+            found.append((labels.index(each.pendulum), begin, end, each.angle))
+    return found
 
 
 def _step(times: EvenTimes | UnevenTimes, longest: float) -> Fraction:

@@ -82,7 +82,11 @@ def march(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, Course]]:
     """
     rows = len(plan.frequencies)
     way = {"closed-form": _closed_form, "picard": _picard}.get(plan.choice.propagator, _integrated)
-    for part, angles in zip(clock.portions(rows), way(plan, clock), strict=True):
+    streams = [way(each, clock, rows) for each in plan.planes or (plan,)]
+    for part, *found in zip(clock.portions(rows), *streams, strict=True):
+        angles = _Angles(
+            np.vstack([each.rows for each in found]), max(each.estimated_error for each in found), found[0].propagator
+        )
         if not angles.estimated_error <= _worst(plan):
             raise SceneError(
                 "pendulums: the motion is chaotic or nearly so, its estimated error is"
@@ -107,23 +111,32 @@ def _course(plan: Plan, part: Clock, angles: _Angles) -> Course:
     count = len(plan.frequencies)
     theta = angles.rows[:count, kept]
     yielded = angles.rows[count, kept] if len(angles.rows) > count else None
+    for place, begin, end, angle in plan.held:
+        theta[place, (part.true_seconds >= begin) & (part.true_seconds < end)] = angle
     change = plan.gravity_change
     changed = None if change is None else times.acceleration(change)[kept]
     free = slow = None
+    each_plan = plan.planes or (plan,)
     if plan.choice.propagator == "closed-form":
-        free = np.array([times.free_harmonic(response, w)[kept] for response in plan.responses])
+        free = np.array(
+            [
+                times.free_harmonic(response, each.motion.angular_frequency)[kept]
+                for each in each_plan
+                for response in each.responses
+            ]
+        )
     elif plan.responses and (w.size or not plan.choice.integrates):
-        slow = times.slow(plan.responses, w)[:, kept]
+        slow = np.vstack([times.slow(each.responses, each.motion.angular_frequency) for each in each_plan])[:, kept]
     return Course(theta, free, slow, *moved, angles.estimated_error, angles.propagator, yielded, changed)
 
 
-def _closed_form(plan: Plan, clock: Clock) -> Iterator[_Angles]:
-    for part in clock.portions(len(plan.frequencies)):
+def _closed_form(plan: Plan, clock: Clock, rows: int) -> Iterator[_Angles]:
+    for part in clock.portions(rows):
         theta = part.times.elongation(plan.responses, plan.motion.angular_frequency)
         yield _Angles(theta, CLOSED_FORM_ERROR, plan.propagator)
 
 
-def _picard(plan: Plan, clock: Clock) -> Iterator[_Angles]:
+def _picard(plan: Plan, clock: Clock, rows: int) -> Iterator[_Angles]:
     """By collocation; from where it refuses or errs too much, by those who may stand in for it."""
     from synth.propagators.picard import PicardPlan  # only here: it brings numba
 
@@ -147,7 +160,7 @@ def _picard(plan: Plan, clock: Clock) -> Iterator[_Angles]:
         plan.kicks,
     )
     done = 0
-    sizes = (part.times.count for part in clock.portions(len(plan.frequencies)))
+    sizes = (part.times.count for part in clock.portions(rows))
     try:
         for portion in recut(pieces(), sizes):
             if not worst <= _worst(plan) and plan.choice.instead:
@@ -159,17 +172,17 @@ def _picard(plan: Plan, clock: Clock) -> Iterator[_Angles]:
     except RefusedError:
         if not plan.choice.instead:
             raise
-    yield from itertools.islice(_integrated(plan, clock), done, None)
+    yield from itertools.islice(_integrated(plan, clock, rows), done, None)
 
 
-def _integrated(plan: Plan, clock: Clock) -> Iterator[_Angles]:
+def _integrated(plan: Plan, clock: Clock, rows: int) -> Iterator[_Angles]:
     """By a general integrator."""
     from synth.integration import integrated  # only here: it brings numba
 
     choice = plan.choice
     able = [choice.propagator, *choice.instead] if choice.integrates else choice.instead
     moments = Clock(clock.times, slice(None), clock.scale)
-    parts = list(moments.portions(len(plan.frequencies)))
+    parts = list(moments.portions(rows))
     asked = choice.aim if plan.tolerance is None else plan.tolerance
     pieces, error, name = integrated(plan.assembly(), able, parts, asked)
     for portion in recut(pieces, (part.count for part in parts)):

@@ -13,6 +13,8 @@ KNIFE_EDGE = "a knife edge"
 VAN_DER_POL = "a van der Pol escapement"
 IMPULSE = "an impulse escapement"
 KICKS = "random kicks"
+HANDLING = "knocks and restarts"
+PLANES = "planes of swing that are not parallel"
 CHANGING = "changing gravity"
 FIXED, BEAM, REDUCED_BEAM = "a fixed support", "an elastic beam", "the reduced beam"
 FRAME, BOARD = "a flexible frame", "a rolling board"
@@ -35,6 +37,7 @@ def needs(scene: Scene) -> tuple[str, ...]:
     pendulums = scene.pendulums
     drives = {each.escapement.kind for each in pendulums if each.escapement is not None}
     vertical = any(term.axis == "vertical" and term.kind != "still" for term in scene.motion)
+    vertical |= scene.case is not None and scene.case.roll is not None
     vertical |= scene.conditions.temperature_amplitude > 0  # acts as a vertical motion that no instrument feels
     asked = {
         LINEAR if scene.restoring == "linear" else SINE: True,
@@ -45,7 +48,9 @@ def needs(scene: Scene) -> tuple[str, ...]:
         VAN_DER_POL: "van-der-pol" in drives,
         IMPULSE: "impulse" in drives,
         KICKS: any(each.kick_intensity for each in pendulums),
-        CHANGING: scene.gravity_course is not None,
+        HANDLING: bool(scene.events),
+        PLANES: any(each.plane for each in pendulums),
+        CHANGING: scene.gravity_course is not None or scene.conditions.tide,
         _support(scene): True,
         UNEVEN: scene.recording.jitter > 0,
     }

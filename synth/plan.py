@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -12,10 +12,11 @@ from data_schemas.errors import RefusedError, SceneError
 from data_schemas.scene import Scene
 from data_schemas.scene_checks import felt_gravity, frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
+from synth.case import lift_of_roll, tilt
 from synth.choice import NAMES, Choice, chosen_at_sight, chosen_by_rates
 from synth.conditions import stiffening
-from synth.gravity_course import gravity_change, mean_change
-from synth.kicks import Kicks, kicks
+from synth.gravity_course import gravity_change, mean_change, tidal_change
+from synth.kicks import Kicks, held, kicks
 from synth.motion.harmonic_sum import HarmonicSum, add
 from synth.motion.harmonics import harmonics, near_resonant
 from synth.motion.sea import sea
@@ -65,6 +66,12 @@ class Plan:
         What is added to the scene's gravity over time, m/s^2.
     mean_change : float
         Its mean over the record, m/s^2.
+    pitch : HarmonicSum or None
+        Tilt of the case in the plane of swing, rad.
+    planes : tuple of Plan
+        Of each pendulum alone, where their planes of swing are not parallel.
+    held : list of (pendulum, begin, end, angle)
+        See `kicks.held`.
     """
 
     gravity: float
@@ -83,6 +90,9 @@ class Plan:
     kicks: Kicks | None
     gravity_change: HarmonicSum | None
     mean_change: float
+    pitch: HarmonicSum | None = None
+    planes: tuple[Plan, ...] = ()
+    held: Sequence[tuple[int, float, float, float]] = ()
 
     @property
     def propagator(self) -> str:
@@ -109,10 +119,17 @@ def plan(scene: Scene, clock: Clock) -> Plan:
         If a tabulated motion cannot be read or does not cover the record, or no propagator can do what is asked.
     """
     frequencies = [frequency(scene, pendulum) for pendulum in scene.pendulums]
-    motion, vertical = (_motion(scene, frequencies, clock, axis) for axis in ("horizontal", "vertical"))
-
-    change = gravity_change(scene, clock.true_end)
-    like_heave = [each for each in (stiffening(scene), _in_swing_plane(scene, change)) if each is not None]
+    axes = ("horizontal", "transverse", "vertical")
+    motion, transverse, vertical = (_motion(scene, frequencies, clock, axis) for axis in axes)
+    change, end, gravity = gravity_change(scene, clock.true_end), clock.true_end, felt_gravity(scene)
+    case, pitch, rolled = scene.case, None, None
+    if case is not None and case.pitch is not None:
+        pitch = tilt(case.pitch, motion, gravity, end)
+    if case is not None and case.roll is not None:
+        rolled = lift_of_roll(scene, tilt(case.roll, transverse, gravity, end), transverse, vertical, end)
+    tidal = tidal_change(scene, end)
+    acting = (stiffening(scene), _in_swing_plane(scene, change), _in_swing_plane(scene, tidal), rolled)
+    like_heave = [each for each in acting if each is not None]
     lift = add([vertical, *like_heave]) if like_heave else vertical
     impulses = kicks(scene, max(frequencies), clock.times)
 
@@ -125,8 +142,8 @@ def plan(scene: Scene, clock: Clock) -> Plan:
         except RefusedError as refusal:
             raise SceneError(str(refusal)) from None
 
-    return Plan(
-        felt_gravity(scene),
+    made = Plan(
+        gravity,
         motion,
         vertical,
         lift,
@@ -141,7 +158,34 @@ def plan(scene: Scene, clock: Clock) -> Plan:
         scene.restoring == "linear",
         impulses,
         change,
-        0.0 if change is None else mean_change(change, clock.true_end),
+        0.0 if change is None else mean_change(change, end),
+        pitch,
+        held=[] if impulses is None else held(scene, impulses.step),
+    )
+    if not any(each.plane for each in scene.pendulums):
+        return made
+    return replace(made, planes=tuple(_alone(scene, made, transverse, place) for place in range(len(scene.pendulums))))
+
+
+def _alone(scene: Scene, whole: Plan, transverse: HarmonicSum, place: int) -> Plan:
+    """The plan of one pendulum in its own plane of swing."""
+    pendulum, kicked = scene.pendulums[place], whole.kicks
+    turned = [
+        replace(each, acceleration=share * each.acceleration)
+        for share, each in ((math.cos(pendulum.plane), whole.motion), (math.sin(pendulum.plane), transverse))
+    ]
+    motion, own = add(turned), whole.frequencies[place]
+    if kicked is not None:
+        jumps = tuple(replace(each, pendulum=0) for each in kicked.jumps if each.pendulum == place)
+        kicked = replace(kicked, sizes=kicked.sizes[[place]], labels=(pendulum.label,), jumps=jumps)
+    alone = scene.model_copy(update={"pendulums": (pendulum,)})
+    return replace(
+        whole,
+        motion=motion,
+        frequencies=(own,),
+        damping_rates=(pendulum.damping_rate,),
+        responses=_responses(alone, [own], motion),
+        kicks=kicked,
     )
 
 

@@ -13,6 +13,7 @@ from data_schemas.scene import Scene
 from data_schemas.shield import shielded
 from synth.march import march
 from synth.plan import plan
+from synth.recording.apparatus import Apparatus
 from synth.recording.clock import Clock, set_clock
 from synth.recording.defects import Defects
 from synth.recording.observe import observe
@@ -45,9 +46,9 @@ def stream(scene: Scene, clock: Clock) -> Iterator[tuple[Contents, Contents]]:
         As `simulate`; an error too large may show late.
     """
     the_plan = plan(scene, clock)
-    defects, unwrapped = Defects(scene, clock), Unwrapping()
+    apparatus, defects, unwrapped = Apparatus(scene, the_plan, clock), Defects(scene, clock), Unwrapping()
     for part, course in march(the_plan, clock):
-        yield observe(scene, part, course, defects), reveal(scene, part, the_plan, course, unwrapped)
+        yield observe(scene, part, course, apparatus, defects), reveal(scene, part, the_plan, course, unwrapped)
 
 
 def simulated(scene: Scene) -> tuple[Contents, Contents]:

@@ -33,6 +33,8 @@ def reveal(scene: Scene, clock: Clock, plan: Plan, course: Course, unwrapped: Un
     at_mean = scene.model_copy(update={"gravity": scene.gravity + plan.mean_change})
     kicked = np.array([each.kick_intensity for each in scene.pendulums])
     marks = np.arange(0.0, scene.duration, interval) * float(clock.scale)
+    pitch = None if plan.pitch is None else clock.times.acceleration(plan.pitch)[clock.kept]
+    events = [] if plan.kicks is None else [float((each.number + 1) * plan.kicks.step) for each in plan.kicks.jumps]
     variables = {
         "gravity": ((), at_mean.gravity),
         **({"gravity_course": (("time",), scene.gravity + changed)} if changed is not None else {}),
@@ -44,6 +46,8 @@ def reveal(scene: Scene, clock: Clock, plan: Plan, course: Course, unwrapped: Un
         "horizontal_acceleration": (("time",), course.horizontal_acceleration),
         **({"vertical_acceleration": (("time",), course.vertical_acceleration)} if moves_up else {}),
         **({"support_displacement": (("time",), yielded)} if yielded is not None else {}),
+        **({"case_pitch": (("time",), pitch)} if pitch is not None else {}),
+        **({"event_time": (("event",), np.array(events))} if events else {}),
         "mark_time": (("mark",), marks),
     }
     whole = root(

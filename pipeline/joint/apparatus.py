@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from pipeline.arrays import Floats
@@ -16,6 +18,7 @@ KNOCK = 1e-4  # rad s-1: of a step of a pendulum's speed
 DAMPING = 0.3  # of a stated rate
 RATIO = 1e-5  # of the square of a frequency against the others
 HEAVE_SCALE, HEAVE_DELAY = 0.3, 0.1  # of a recorded heave; s
+EXACT = 1e-12  # an uncertainty of zero, in any unit
 CERTAIN = 5.0  # deviations
 HARMLESS = {kinds.ZERO: 1e-4, kinds.STEP: 1e-5, kinds.DRIFT: 1e-5}  # rad
 UNITS = {
@@ -24,16 +27,41 @@ UNITS = {
 }
 
 
-def constants(problem: Problem) -> tuple[Constant, ...]:
-    """What is never taken as exactly known: the zero of each trace; scale and delay, or bias, of a recorded heave."""
-    found = [Constant(f"zero of trace {j + 1}", kinds.ZERO, ZERO, j) for j in range(problem.traces)]
+def constants(problem: Problem, known: dict[str, Any]) -> tuple[Constant, ...]:
+    """What is not exactly known: zeros; scale and delay, or bias, of a recorded heave; what has a stated uncertainty.
+
+    Parameters
+    ----------
+    known : mapping
+        What /instrument states; see `pipeline.observation.instrument`.
+    """
+    stated, gravity, traces = known["constants"], float(known["reference_gravity"]), range(problem.traces)
+    across, up = "horizontal_acceleration", "vertical_acceleration"
+
+    def constant(words: str, kind: int, name: str, prior: float, index: int = -1, unit: float = 1.0) -> Constant:
+        values = (np.asarray(stated.get(each, 0.0)) / unit for each in (name, f"{name}_uncertainty"))
+        mean, sigma = (float(value[index] if value.ndim else value) for value in values)
+        given = f"{name}_uncertainty" in stated
+        return Constant(words, kind, max(sigma, EXACT) if given else prior, index, mean, mean, stated=given)
+
+    found = [constant(f"zero of trace {j + 1}", kinds.ZERO, "zero", ZERO, j) for j in traces]
     if np.any(problem.lattice.trace == problem.traces):
-        found.append(Constant("bias of the horizontal acceleration", kinds.ZERO, ZERO, problem.traces))
+        words = "bias of the horizontal acceleration"
+        found.append(constant(words, kinds.ZERO, f"{across}_bias", ZERO, problem.traces, gravity))
     if problem.recorded.size:
-        found.append(Constant("scale of the heave", kinds.HEAVE_SCALE, HEAVE_SCALE))
-        found.append(Constant("delay of the heave", kinds.HEAVE_DELAY, HEAVE_DELAY))
+        found.append(constant("scale of the heave", kinds.HEAVE_SCALE, f"{up}_scale", HEAVE_SCALE))
+        found.append(constant("delay of the heave", kinds.HEAVE_DELAY, f"{up}_delay", HEAVE_DELAY))
     if np.any(problem.lattice.trace == problem.traces + 1):
-        found.append(Constant("bias of the heave", kinds.ZERO, ZERO, problem.traces + 1))
+        found.append(constant("bias of the heave", kinds.ZERO, f"{up}_bias", ZERO, problem.traces + 1, gravity))
+    for name, kind, prior in (("scale", kinds.GAIN, GAIN), ("delay", kinds.DELAY, DELAY)):
+        if name in stated or f"{name}_uncertainty" in stated:
+            of = [(f"stated {name} of trace {j + 1}", j) for j in traces]
+            if name == "scale" and not any(np.ndim(stated.get(each, 0.0)) for each in (name, f"{name}_uncertainty")):
+                of = [("stated scale of all angles", -1)]
+            found += [constant(called, kind, name, prior, j) for called, j in of]
+    for i, part in enumerate(np.asarray(known["period_relative_uncertainty"]).tolist()):
+        if part > 0.0:  # of n^2
+            found.append(Constant(f"stated period of pendulum {i + 1}", kinds.RATIO, 2.0 * part, i, stated=True))
     return tuple(found)
 
 
@@ -47,22 +75,18 @@ def faults(problem: Problem, own: tuple[Constant, ...], *, sine: bool) -> list[C
     traces = range(problem.traces)
     found = [Constant(f"drift of trace {j + 1}", kinds.DRIFT, ZERO, j, centre=half, width=half) for j in traces]
     found += [Constant(f"delay of trace {j + 1}", kinds.DELAY, DELAY, j) for j in traces[1:]]
-    if sine:
-        found.append(scale(GAIN))
+    if sine and not any(each.kind == kinds.GAIN and each.index < 0 for each in own):
+        found.append(Constant("scale of all angles", kinds.GAIN, GAIN))
     if not any(each.kind == kinds.DAMPING for each in own):
         rates = enumerate(np.abs(problem.damping).tolist())
         found += [Constant("other damping than stated", kinds.DAMPING, DAMPING * rate, i) for i, rate in rates if rate]
-    if sum(each.kind in (kinds.GAIN, kinds.RATIO) and each.index >= 0 for each in own) < problem.pendulums - 1:
+    taken = [each for each in own if each.kind in (kinds.GAIN, kinds.RATIO) and each.index >= 0 and not each.stated]
+    if len(taken) < problem.pendulums - 1:
         found += [Constant(f"gain of trace {j + 1}", kinds.GAIN, GAIN, j) for j in traces]
         members = range(0 if problem.pendulums > 2 else 1, problem.pendulums)
         found += [Constant(f"period of pendulum {i + 1}", kinds.RATIO, RATIO, i) for i in members]
     names = {each.name for each in own}
     return [each for each in found if each.name not in names]
-
-
-def scale(prior: float) -> Constant:
-    """Error of the scale of all angles, which nothing but their arcs tells."""
-    return Constant("scale of all angles", kinds.GAIN, prior)
 
 
 def steps(problem: Problem, times: Floats) -> list[Constant]:
@@ -93,5 +117,5 @@ def found(solution: Solution) -> list[str]:
     return [
         f"{each.name}: {each.value:.3g} +- {sigma:.1g} {UNITS.get(each.kind, '')}".rstrip()
         for each, sigma in zip(solution.constants, deviations, strict=True)
-        if each.kind in shown and abs(each.value) > max(CERTAIN * sigma, HARMLESS.get(each.kind, 0.0))
+        if each.kind in shown and abs(each.value - each.mean) > max(CERTAIN * sigma, HARMLESS.get(each.kind, 0.0))
     ]

@@ -72,7 +72,7 @@ def _added(
     their mean.
     """
     model = fit.model
-    scaled = any(each.kind == kinds.GAIN and each.index >= 0 for each in model.constants)
+    scaled = any(each.kind == kinds.GAIN and each.index >= 0 and not each.stated for each in model.constants)
     problem, own = model.problem, model.constants
     whole = (*own, *extra, *course)
     root = np.diag([each.prior for each in whole])
@@ -147,7 +147,7 @@ def simplified(fit: Fitted) -> Fitted:
     """Without zeros, and without scale and delay of a recorded heave, where these do not pay."""
     lean = fit
     for each in fit.model.constants:
-        if each.kind in (kinds.HEAVE_DELAY, kinds.HEAVE_SCALE, kinds.ZERO):
+        if each.kind in (kinds.HEAVE_DELAY, kinds.HEAVE_SCALE, kinds.ZERO) and not each.stated:
             lean = max(lean, lean.without(each), key=lambda one: one.solution.log_likelihood)
     return lean
 
@@ -205,7 +205,7 @@ def _rivals(fit: Fitted) -> list[Candidate]:
     found, least, model = [], fit.solution.log_likelihood - PAYS, fit.model
     leans: list[tuple[Fitted, list[Candidate]]] = []
     for taken in model.constants:
-        if taken.kind in REPLACED:
+        if taken.kind in REPLACED and not taken.stated:
             lean = fit.without(taken)
             others = [each for each in _possible(lean) if each.name != taken.name]
             tried = [
@@ -302,7 +302,8 @@ def _fitted(fit: Fitted, candidate: Candidate) -> Fitted | None:
         found = fitted(model, grown(fit.path, model.problem.pendulums, model.assumed.ship))
     except np.linalg.LinAlgError:
         return None
-    far = any(abs(each.value - each.mean) > FAR * each.prior for each in found.model.constants if not is_knot(each))
+    own = [each for each in found.model.constants if not is_knot(each) and not each.stated]
+    far = any(abs(each.value - each.mean) > FAR * each.prior for each in own)
     return None if far else found
 
 

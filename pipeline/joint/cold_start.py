@@ -36,15 +36,17 @@ def first_constants(gathered: Gathered) -> tuple[Constant, ...]:
     arc = WIDE * float(np.quantile(np.abs(problem.lattice.value[~problem.left_out]), 0.99))
     found = list(starts(problem.pendulums, frequency, arc=arc))
     found.append(Constant("gravity", kinds.GRAVITY, 0.02, mean=1.0, value=1.0))
-    found += apparatus.constants(problem)
+    found += apparatus.constants(problem, gathered.constants)
     if gathered.constants["damping_rate"] is None:
         found.append(Constant("damping", kinds.DAMPING, DAMPING))
         found += [Constant(f"damping of {i}", kinds.DAMPING, DIFFERENCE, i) for i in range(1, problem.pendulums)]
     elif "damping_rate_uncertainty" in gathered.constants["constants"]:
         spread = np.broadcast_to(gathered.constants["constants"]["damping_rate_uncertainty"], problem.kappa.shape)
-        found += [Constant(f"damping of {i}", kinds.DAMPING, float(s), i) for i, s in enumerate(spread) if s > 0.0]
-    if gathered.constants["constants"].get("scale_uncertainty"):
-        found.append(apparatus.scale(float(gathered.constants["constants"]["scale_uncertainty"])))
+        found += [
+            Constant(f"damping of {i}", kinds.DAMPING, float(s), i, stated=True)
+            for i, s in enumerate(spread)
+            if s > 0.0
+        ]
     return tuple(found)
 
 

@@ -31,6 +31,8 @@ class Constant:
         The latest.
     centre, width : float
         s; see `passes.Columns`.
+    stated : bool
+        Whether the record states its uncertainty: the prior is then not to be doubted.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Constant:
     value: float = 0.0
     centre: float = 0.0
     width: float = 0.0
+    stated: bool = False
 
 
 def columns(constants: tuple[Constant, ...]) -> Columns:

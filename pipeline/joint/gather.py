@@ -18,7 +18,7 @@ from pipeline.joint.flow import NODES, POINTS
 from pipeline.joint.lattice import Lattice, lay
 from pipeline.joint.problem import Problem
 from pipeline.joint.spectrum import folded
-from pipeline.ledger import eotvos
+from pipeline.ledger import eotvos, tide
 from pipeline.observation import instrument
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 p
 COPIED = 30  # values in a row that two traces cannot share by chance
 COARSEST = 0.3  # of the swing's root mean square, a step to which readings are rounded
 STILL, SWINGLESS, FEWEST = 0.01, 12.0, 10  # of the largest trace's variance; of white noise's power; readings
+LEAST_TIDE = 3e-8  # of gravity, of its change over the record: weights differ from a mean's by a tenth
 LONGEST_GAP = 1.0  # s, of a heave that is interpolated
 ABOVE = 2.0  # of the noise: what may stand beside zero frequency by chance
 NEIGHBOURS, ENOUGH = 7, 20000  # values whose sixth difference shows their noise; so many such
@@ -102,6 +103,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         frequency = frequency / (1.0 + known["period_change"])
     frequency = frequency * (1.0 + known["chronometer_rate"] / 86400.0)  # in the record's own time
     traces = tuple(str(trace) for trace in stored["trace"].values)
+    _of_single_traces(record, traces, known["constants"])
     if not np.isfinite(series).any():
         raise RecordError("record/elongation: no trace has a reading")
     swing, gravity = float(frequency.mean()), float(known["reference_gravity"])
@@ -183,6 +185,24 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         tilts,
         partial(gather, record, calm=False),
     )
+
+
+def _of_single_traces(record: DataTree, traces: tuple[str, ...], constants: dict[str, Any]) -> None:
+    """Put constants of single traces into the order of the record's traces.
+
+    Raises
+    ------
+    RecordError
+        The instrument does not name them all.
+    """
+    stored = record["instrument"].dataset
+    labels = [str(label) for label in stored["trace"].values] if "trace" in stored else []
+    for name, variable in stored.data_vars.items():
+        if variable.dims == ("trace",):
+            missing = [trace for trace in traces if trace not in labels]
+            if missing:
+                raise RecordError(f"instrument/trace: lacks '{missing[0]}'; instrument/{name} needs all traces")
+            constants[str(name)] = np.asarray(variable.values)[[labels.index(trace) for trace in traces]]
 
 
 def _from_the_vertical(
@@ -280,6 +300,9 @@ def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:
     if "temperature_course" in constants and all(name in constants for name in TEMPERATURE):
         longer = float(np.mean(constants["temperature_coefficient"] / constants["period"]))
         change += (1.0 + longer * (constants["temperature_course"] - constants["temperature"])) ** -2.0
+    if "epoch" in constants and all(name in constants for name in tide.NEEDS):
+        lost = tide.tidal_loss(constants, time) / known["reference_gravity"]
+        change -= lost if np.ptp(lost) > LEAST_TIDE else 0.0
     if not np.ptp(change):
         return np.zeros((0, POINTS))
     nodes = lattice.start + lattice.step * np.arange(lattice.nodes)

@@ -12,11 +12,12 @@ from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
 from pipeline.flags import flags
 from pipeline.gravity import MGAL, gravity
-from pipeline.joint import apparatus
+from pipeline.joint import apparatus, budget
 from pipeline.joint.course import mean_gravity, weights
 from pipeline.joint.explanation import angles
 from pipeline.joint.fit import Outcome, reduce
 from pipeline.joint.gather import Gathered, gather
+from pipeline.joint.ship import Ship
 from pipeline.ledger import eotvos
 from pipeline.observation import Observation, choose_pair, instrument
 from pipeline.prepared import Prepared
@@ -113,6 +114,7 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
     second = gathered.pendulums.index(seen.second)
     frequency = float(np.sqrt(outcome.fit.model.problem.kappa[second] * outcome.mean))
     damping = model.problem.flow(model.assumed, outcome.fit.solution.constants).damping
+    one = gathered.pendulums.index(seen.first)
     trace = int(np.argmax(~np.isclose(gathered.problem.lattice.combination.sum(axis=1), 1.0)))
     estimate = Estimate(
         frequency=frequency,
@@ -123,6 +125,8 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
         samples=int(model.problem.lattice.node.size - outcome.left_out),
         acceleration_reduced=model.assumed.sine,
         of_mean=True,
+        parts=budget.parts(outcome.fit, seen.reference_gravity) | _tilt(record, gathered, outcome, one),
+        shares=budget.shares(outcome.fit, outcome.sigma**2),
     )
     value = gravity(estimate, prepared, gain_uncertainty)
     raised = [*flags(prepared, estimate, value), *(name for words, name in KINDS.items() if words in model.words)]
@@ -135,6 +139,20 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
     elapsed = clock.perf_counter() - started
     reduction = Reduction("joint", "joint", outcome.words, estimate, value, tuple(dict.fromkeys(raised)), "", elapsed)
     return Joint(reduction, prepared, outcome)
+
+
+def _tilt(record: DataTree, gathered: Gathered, outcome: Outcome, first: int) -> dict[str, tuple[float, float, str]]:
+    """The ledger's entry of a case from which the record measures."""
+    stored, lattice, path = record["record"].dataset, gathered.problem.lattice, outcome.fit.path
+    if gathered.tilts:
+        tilt = path[:, 2 * gathered.problem.pendulums :] @ Ship.of(outcome.fit.model.assumed.ship).tilt
+    elif "case_tilt" in stored and stored.attrs.get("reference") != "vertical":
+        values, time = np.asarray(stored["case_tilt"].values), np.asarray(record.dataset["time"].values)
+        known, nodes = np.isfinite(values), lattice.start + lattice.step * np.arange(lattice.nodes)
+        tilt = np.interp(nodes, time[known], values[known])
+    else:
+        return {}
+    return budget.of_tilt(path[:, 2 * first], tilt, float(gathered.constants["reference_gravity"]))
 
 
 def _prepared(record: DataTree, gathered: Gathered, outcome: Outcome, pair: tuple[str, str]) -> Prepared:

@@ -18,6 +18,8 @@ def change(case: Case, gravity: float) -> Change:
     """Replace the stated period of the second pendulum by that of the tie."""
     seen = case.prepared.observation
     drift = abs(case.by_ratio + case.by_period) * float(seen.period_relative_uncertainty[1])
+    if case.estimate.of_mean:  # the joint fit holds it
+        drift = 0.0
     if seen.tie is None:
         missing = absent(seen.constants, BASE)
         return Change(gravity, drift, f"{missing}: instrument/period counts as it is", applied=False)

@@ -13,19 +13,36 @@ from pipeline.ledger import (
     flexure,
     horizontal_acceleration,
     non_isochronism,
+    planes,
+    rocking,
     temperature,
+    tide,
     tilt,
     transverse_acceleration,
     vertical_acceleration,
     yaw,
 )
+from pipeline.ledger.apparatus import CASE_TILT, CLOCK_STEPS, SCALE, ZERO, Part
 from pipeline.ledger.entry import MGAL, Case, Change, Entry, absent
 
-OWN: tuple[ModuleType, ...] = (non_isochronism, finite_arc, horizontal_acceleration, vertical_acceleration)
+Correction = ModuleType | Part
+
+OWN: tuple[Correction, ...] = (
+    non_isochronism,
+    ZERO,
+    SCALE,
+    CLOCK_STEPS,
+    finite_arc,
+    CASE_TILT,
+    horizontal_acceleration,
+    vertical_acceleration,
+)
 """What a method corrects itself: parts of the one frequency that it gives."""
 
-GIVEN: tuple[ModuleType, ...] = (
+GIVEN: tuple[Correction, ...] = (
     transverse_acceleration,
+    rocking,
+    planes,
     chronometer,
     temperature,
     air_density,
@@ -34,10 +51,11 @@ GIVEN: tuple[ModuleType, ...] = (
     yaw,
     tilt,
     eotvos,
+    tide,
 )
 """What the record states of clock, instrument, stand and way, in the order in which it is applied."""
 
-CORRECTIONS: tuple[ModuleType, ...] = (*OWN, *GIVEN)
+CORRECTIONS: tuple[Correction, ...] = (*OWN, *GIVEN)
 
 
 def own(case: Case) -> dict[str, Entry]:
@@ -50,7 +68,7 @@ def given(case: Case) -> tuple[float, dict[str, Entry]]:
     return _balance(case, GIVEN, case.gravity_of(case.estimate.frequency))
 
 
-def _balance(case: Case, modules: tuple[ModuleType, ...], gravity: float) -> tuple[float, dict[str, Entry]]:
+def _balance(case: Case, modules: tuple[Correction, ...], gravity: float) -> tuple[float, dict[str, Entry]]:
     constants = case.prepared.observation.constants
     ledger = {}
     for module in modules:
@@ -67,7 +85,7 @@ def _balance(case: Case, modules: tuple[ModuleType, ...], gravity: float) -> tup
     return gravity, ledger
 
 
-def inputs(case: Case, module: ModuleType) -> tuple[str, ...]:
+def inputs(case: Case, module: Correction) -> tuple[str, ...]:
     """Names of the record's variables that a correction was made from."""
     constants = case.prepared.observation.constants
     wanted = [*module.NEEDS, *(f"{name}_uncertainty" for name in module.NEEDS), *module.USES]

@@ -56,8 +56,8 @@ def march(
         Steady linear answer at the nodes, rad.
     vertical, horizontal, drive : (intervals, NODES)
         zeta, u, and the part of u that `steady` does not answer.
-    impulses : (pendulums, intervals)
-        Jump of y'/n at the end of each interval.
+    impulses : (3, pendulums, intervals)
+        At the end of each interval: what stays of the state, what is added to y and to y'/n.
     linear : bool
         Whether the law is linear.
     reach, floor : (pendulums,)
@@ -123,7 +123,9 @@ def march(
             for j in range(NODES):
                 points[p, i, j + 1] = theta[p, j] - steady[p, i, j]
             points[p, i, POINTS - 1] = state[p, 0]
-            state[p, 2] += impulses[p, i]
+            for k in range(2):
+                state[p, 2 * k] = impulses[0, p, i] * state[p, 2 * k] + impulses[1 + k, p, i]
+                state[p, 2 * k + 1] *= impulses[0, p, i]
     remainder[:] = known[now]
     return int(intervals)
 

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion
+from data_schemas.scene_motion import Harmonics, NearResonantMotion
 from synth.motion.harmonic_sum import HarmonicSum
 
 
-def harmonics(term: HarmonicMotion) -> HarmonicSum:
+def harmonics(term: Harmonics) -> HarmonicSum:
     """Turn the lists of a scene into phasors; a period T becomes 2 pi/T."""
     amplitude = np.array(term.amplitude)
     phase = np.zeros_like(amplitude) if term.phase is None else np.array(term.phase)

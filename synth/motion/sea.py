@@ -86,5 +86,6 @@ def sea(term: SeaMotion, gravity: float, chance: np.random.Generator) -> Harmoni
     phase = 2 * math.pi * chance.random(term.components)
     at_depth = elevation * rate**2 * np.exp(-(rate**2) / gravity * term.depth)
     # on the orbits of deep water the vertical acceleration leads the horizontal by a quarter, whatever the direction
-    share = 1j if term.axis == "vertical" else math.cos(math.radians(term.direction))
+    slant = math.radians(term.direction)
+    share = {"vertical": 1j, "horizontal": math.cos(slant), "transverse": math.sin(slant)}[term.axis]
     return HarmonicSum(rate, share * at_depth * np.exp(1j * phase))

@@ -93,6 +93,8 @@ class _Level:
         self.points = np.empty((self._pendulums, self.most, POINTS))
         self._still = np.zeros((self.most, NODES))
         self.linear, self._kicks = equations.linear, equations.kicks
+        self._answers = horizontal.some(slice(self._pendulums))
+        self._frequencies = equations.frequencies
         self.steady = readings.steady(horizontal.some(slice(shown)), self.most)
         each_pendulum = zip(equations.frequencies.tolist(), equations.damping_rates.tolist(), strict=True)
         sets = [weights(n, gamma, readings.interval) for n, gamma in each_pendulum]
@@ -106,15 +108,25 @@ class _Level:
         )
 
     def impulses(self, first: int, count: int) -> Floats:
-        """Jumps of theta'/n at the ends of intervals, (pendulums, count) rad."""
-        jumps = np.zeros((self._pendulums, count))
+        """At the ends of intervals: what stays of y and y'/n, and what is added, (3, pendulums, count)."""
+        jumps = np.zeros((3, self._pendulums, count))
+        jumps[0] = 1.0
         if self._kicks is not None:
             every = round(self._kicks.step / self.readings.interval)  # intervals to an impulse, exactly
             begin, end = first // every, (first + count) // every
-            drawn = self._kicks.some(begin, end - begin)
+            drawn = self._kicks.changes(begin, end - begin)
+            copies = self._pendulums // drawn.shape[1]  # a shadow gets its pendulum's
             last = (np.arange(begin, end) + 1) * every - 1 - first
-            jumps[:, last] = np.tile(drawn, (self._pendulums // len(drawn), 1))  # a shadow gets its pendulum's
+            jumps[:, :, last] = np.tile(drawn, (1, copies, 1))
+            for p, at in np.argwhere(jumps[0] == 0.0):  # theta is set: y is what the steady answer leaves of it
+                jumps[1:, p, at] -= self._steady(int(p), float((first + at + 1) * self.readings.interval))
         return jumps
+
+    def _steady(self, p: int, time: float) -> Floats:
+        """Steady answer of a pendulum and its slope over n, rad."""
+        rate = self._answers.angular_frequency
+        turning = self._answers.coefficients[p] * np.exp(1j * rate * time)
+        return np.array([turning.sum().real, (1j * rate * turning).sum().real / self._frequencies[p]])
 
     def forcing(self, first: int, count: int) -> tuple[Floats, Floats, Floats, Floats]:
         """Steady answers (pendulums, count, NODES), and zeta, u and drive (count, NODES)."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from data_schemas.scene import Scene
 from data_schemas.variables_record import ELONGATION_FLAGS
 from synth.phase import Floats, Integers
+from synth.recording.apparatus import limits
 from synth.recording.clock import Clock
 from synth.seeds import generator
 
@@ -42,12 +43,15 @@ class Defects:
     def __init__(self, scene: Scene, clock: Clock) -> None:
         self._scene = scene
         self._done = 0
+        self._limits = limits(scene).tolist()
         self._traces = [_chance(scene, trace.name, clock.count) for trace in scene.traces]
         self.lose_any = self._lose_any(clock)
         """Whether any reading is lost; what has no loss has no flags."""
 
     def _lose_any(self, clock: Clock) -> bool:
         recording = self._scene.recording
+        if any(each.delay > 0.0 for each in recording.errors):
+            return True
         if not (recording.mark_gap or recording.missing):
             return recording.missing_samples > 0
         return recording.missing_samples > 0 or any(
@@ -75,13 +79,15 @@ class Defects:
         begin, self._done = self._done, self._done + seconds.size
         flags = np.empty(perfect.shape, dtype=np.uint16)
         flags[:] = _lost_by_time(seconds, self._scene)
-        for chance, row, lost in zip(self._traces, perfect, flags, strict=True):
+        flags[np.isnan(perfect)] |= ELONGATION_FLAGS["gap"]
+        for chance, row, lost, limit in zip(self._traces, perfect, flags, self._limits, strict=True):
             if chance.noise is not None:
                 row += chance.noise.normal(scale=recording.noise, size=row.size)
             here = slice(*np.searchsorted(chance.false, [begin, self._done]).tolist())
             row[chance.false[here] - begin] += chance.errors[here]
             here = slice(*np.searchsorted(chance.missing, [begin, self._done]).tolist())
             lost[chance.missing[here] - begin] |= ELONGATION_FLAGS["gap"]
+            np.clip(row, -limit, limit, out=row)
         if recording.quantisation:
             np.rint(perfect / recording.quantisation, out=perfect)
             perfect *= recording.quantisation

@@ -12,14 +12,16 @@ from numpy.typing import NDArray
 from data_schemas.contents import Contents, Entry, Group
 from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION, Kind
 from data_schemas.scene import Scene
+from data_schemas.scene_apparatus import Accelerometer
 from data_schemas.variables import attributes
 from synth.conditions import stated
 from synth.march import Course
+from synth.recording.apparatus import Apparatus, stamps
 from synth.recording.clock import Clock
 from synth.recording.defects import Defects
 
 
-def observe(scene: Scene, clock: Clock, course: Course, defects: Defects) -> Contents:
+def observe(scene: Scene, clock: Clock, course: Course, apparatus: Apparatus, defects: Defects) -> Contents:
     """Record a motion, or a portion of it.
 
     Parameters
@@ -30,7 +32,7 @@ def observe(scene: Scene, clock: Clock, course: Course, defects: Defects) -> Con
         Moments of the readings.
     course
         Angles and accelerations at those moments.
-    defects
+    apparatus, defects
         Of the whole recording; portions must come in order of time.
 
     Returns
@@ -41,7 +43,7 @@ def observe(scene: Scene, clock: Clock, course: Course, defects: Defects) -> Con
     combination = np.array(
         [[trace.combination.get(each.label, 0.0) for each in scene.pendulums] for trace in scene.traces]
     )
-    readings, flags = defects.readings(combination @ course.theta, clock.seconds)
+    readings, flags = defects.readings(apparatus.elongations(course, clock), clock.seconds)
     record: dict[str, Any] = {
         "combination": (("trace", "pendulum"), combination),
         "elongation": (("trace", "time"), readings),
@@ -51,18 +53,15 @@ def observe(scene: Scene, clock: Clock, course: Course, defects: Defects) -> Con
         record["elongation_uncertainty"] = (("trace",), np.full(len(scene.traces), scene.recording.noise))
     if defects.lose_any:
         record["elongation_qc"] = (("trace", "time"), flags)
-    if scene.recording.horizontal_acceleration:
-        record["horizontal_acceleration"] = (("time",), course.horizontal_acceleration)
-    if scene.recording.vertical_acceleration:
-        record["vertical_acceleration"] = (("time",), course.vertical_acceleration)
+    record |= apparatus.beside(course, clock)
     labels = {"pendulum": label_array(each.label for each in scene.pendulums)}
     traces = {"trace": label_array(each.name for each in scene.traces)}
     restoring = {"restoring": scene.restoring} if scene.recording.write_restoring else {}
     return {
         "": root(scene, clock, "record", {}),
-        "record": described("record", record, traces | labels),
+        "record": described("record", record, traces | labels, reference(scene)),
         "instrument": described(
-            "instrument", _instrument(scene) | stated(scene, clock.true_seconds), labels, restoring
+            "instrument", _instrument(scene) | stated(scene, clock.true_seconds), labels, restoring | _frame(scene)
         ),
     }
 
@@ -80,6 +79,16 @@ def _instrument(scene: Scene) -> dict[str, Any]:
     return instrument
 
 
+def reference(scene: Scene) -> dict[str, str]:
+    """What elongations are measured from, where a case tilts."""
+    return {} if scene.case is None else {"reference": scene.case.reference}
+
+
+def _frame(scene: Scene) -> dict[str, str]:
+    how = scene.recording.horizontal_acceleration
+    return {"acceleration_frame": how.frame} if isinstance(how, Accelerometer) else {}
+
+
 def root(scene: Scene, clock: Clock, kind: Kind, attrs: dict[str, Any]) -> Group:
     """Time and the attributes of the whole, for a record or a truth; `attrs` are further ones."""
     time = attributes("time") | {"units": f"seconds since {scene.start_time}"}
@@ -94,7 +103,7 @@ def root(scene: Scene, clock: Clock, kind: Kind, attrs: dict[str, Any]) -> Group
             "source": "model",
             **attrs,
         },
-        {"time": Entry(("time",), clock.seconds, time)},
+        {"time": Entry(("time",), stamps(scene, clock.seconds) if kind == "record" else clock.seconds, time)},
     )
 
 

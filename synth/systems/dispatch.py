@@ -28,7 +28,7 @@ def by_type(argument: str) -> Callable[[Function], Function]:
 
     def stand(function: Function) -> Function:
         role, place = function.__name__, list(inspect.signature(function).parameters).index(argument)
-        _TABLE[role] = {}
+        _TABLE.setdefault(role, {})  # modules may come in any order
 
         @functools.wraps(function)
         def call(*arguments: Any) -> Any:
@@ -44,7 +44,7 @@ def registered(role: str, system: type) -> Callable[[Function], Function]:
     """Decorator: the kernel below plays `role` (a name made `by_type`) for a type."""
 
     def note(function: Function) -> Function:
-        _TABLE[role][system] = function
+        _TABLE.setdefault(role, {})[system] = function
         return function
 
     return note

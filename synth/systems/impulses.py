@@ -1,4 +1,4 @@
-"""Impulses at set times: the march halts a step there, the angular velocities jump, and it goes on.
+"""Impulses at set times: the march halts a step there, the state jumps, and it goes on.
 
 A system that carries `kicks` (`Impulses`) has them; for all others, and for `kicks = None`, nothing is compiled.
 """
@@ -14,12 +14,15 @@ from synth.systems.choice import taken_in
 
 
 class Impulses(NamedTuple):
-    """Changes of the angular velocities at even times; impulse j, from 0, comes at (j + 1) * step."""
+    """Changes of angles and angular velocities at even times; impulse j, from 0, comes at (j + 1) * step."""
 
     step: float
     """s."""
+    kept: Floats
+    """(impulses, pendulums) what stays of angle and rate."""
+    angles: Floats
     rates: Floats
-    """(impulses, pendulums) rad/s."""
+    """(impulses, pendulums) what is added to them, rad and rad/s."""
 
 
 def kicks_of(system: Any) -> Any:
@@ -45,4 +48,5 @@ def jolt(kicks: Impulses | None, number: int, state: Floats) -> None:
     """Add impulse `number` to the state of a system whose first angle leads it."""
     if kicks is not None:
         for i in range(kicks.rates.shape[1]):
-            state[2 * i + 1] += kicks.rates[number, i]
+            state[2 * i] = kicks.kept[number, i] * state[2 * i] + kicks.angles[number, i]
+            state[2 * i + 1] = kicks.kept[number, i] * state[2 * i + 1] + kicks.rates[number, i]

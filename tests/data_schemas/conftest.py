@@ -22,7 +22,7 @@ _LABELS = {
     "clock": ["1", "2"],
     "flag": ["beats through zero"],
 }
-_LENGTHS = {"time": 40, "mark": 3, "row": 2, "cycle": 4, "slip": 3, "averaging": 5} | {
+_LENGTHS = {"time": 40, "mark": 3, "event": 2, "source": 2, "row": 2, "cycle": 4, "slip": 3, "averaging": 5} | {
     name: len(labels) for name, labels in _LABELS.items()
 }
 

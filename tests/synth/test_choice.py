@@ -123,7 +123,7 @@ def test_shipped_scenes_explain_themselves(name: str) -> None:
     told = explain(load_scene(synth.scene_path(name)))
     assert told.terms["restoring"]
     assert set(told.terms).isdisjoint(told.left_out)
-    assert len(told.terms) + len(told.left_out) == 10
+    assert len(told.terms) + len(told.left_out) == 14
 
 
 def test_words_of_an_explanation() -> None:

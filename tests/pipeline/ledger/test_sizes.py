@@ -31,6 +31,13 @@ CASES: dict[str, tuple[str, dict[str, Any], float, float]] = {
         -25.49,
         0.02,
     ),
+    "a plane that follows 0.1 m/s2 in ten seconds": (
+        "rocking",
+        {"rocking_rate_mean_square": 0.5 * (0.1 * 2 * np.pi / 10.0 / 9.81) ** 2},
+        -0.52,
+        0.01,
+    ),
+    "tide of the scene's first day": ("tide", {"latitude": 45.0, "longitude": 10.0}, 0.00832, 5e-5),
     "an after-base a micro-second up": (
         "base_tie",
         # the record lies a third of the way from before to after: 1e-6 s / 3

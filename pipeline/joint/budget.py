@@ -1,0 +1,138 @@
+"""What gravity's variance is made of, and what gravity would lack if the apparatus were taken as perfect.
+
+Gravity is a generalised least-squares estimate, w'y: its variance is the sum of what each independent source brings,
+and to first order the weights do not change with the sources. A constant with a prior of variance P, whose posterior
+covariance with gravity is C, brings C^2/P; noise of a kind brings the derivative of the variance by the logarithm of
+its own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint import kinds
+from pipeline.joint.course import is_knot, mean_row, prior_root
+from pipeline.joint.explanation import Fitted
+from pipeline.joint.problem import LEVEL, Assumed
+from pipeline.ledger.apparatus import CASE_TILT, CLOCK_STEPS, SCALE, ZERO
+from pipeline.ledger.entry import MGAL
+
+LARGER = 1.1  # a noise, for its share
+SOURCES = {
+    kinds.RATIO: "ratio",
+    kinds.DAMPING: "damping",
+    kinds.QUADRATIC: "damping",
+    kinds.DRY: "damping",
+    kinds.FADE: "damping",
+    kinds.ZERO: "zero",
+    kinds.STEP: "zero",
+    kinds.DRIFT: "zero",
+    kinds.GAIN: "scale",
+    kinds.DELAY: "clock",
+    kinds.CLOCK: "clock",
+    kinds.HEAVE_SCALE: "heave",
+    kinds.HEAVE_DELAY: "heave",
+    kinds.KNOCK: "kicks",
+}
+"""Of a constant's uncertainty."""
+ENTRIES = {SCALE.NAME: kinds.GAIN, CLOCK_STEPS.NAME: kinds.CLOCK}
+"""Of the ledger, and the constants that make them up."""
+PLACES = 256  # moments at which a zero that drifts or steps is squared
+
+
+def shares(fit: Fitted, whole: float) -> dict[str, float]:
+    """Of the variance of mean gravity, by source.
+
+    Parameters
+    ----------
+    fit : Fitted
+    whole : float
+        That variance over gravity's square: of all explanations, with all doubts.
+
+    Returns
+    -------
+    dict
+        Source to share; they add up to 1.
+    """
+    constants, covariance = fit.solution.constants, fit.solution.covariance
+    row = mean_row(fit.solution, fit.model.problem.lattice.duration)
+    along = row @ covariance
+    found: dict[str, float] = {}
+    for each, of in zip(constants, along.tolist(), strict=True):
+        if each.kind in SOURCES:
+            found[SOURCES[each.kind]] = found.get(SOURCES[each.kind], 0.0) + (of / each.prior) ** 2
+    own = float(along @ row)
+    if any(is_knot(each) for each in constants):
+        found["course"] = _of_course(fit, along)
+    left, assumed = max(own - sum(found.values()), 0.0), fit.model.assumed
+    kicked = _of_noise(fit, row, own, replace(assumed, kick=LARGER * assumed.kick)) if assumed.kick.any() else 0.0
+    read = _of_noise(fit, row, own, replace(assumed, noise=LARGER * assumed.noise))
+    scale = min(1.0, left / max(kicked + read, 1e-300))
+    found["kicks"] = found.get("kicks", 0.0) + scale * kicked
+    found["reading"] = scale * read
+    found["heave"] = found.get("heave", 0.0) + left - scale * (kicked + read)
+    found["model"] = max(whole - own, 0.0)
+    total = sum(found.values())
+    return {name: value / total for name, value in found.items() if value > 0.0}
+
+
+def _of_noise(fit: Fitted, row: Floats, variance: float, larger: Assumed) -> float:
+    """What a noise brings, from the variance where it is a little larger."""
+    try:
+        root = prior_root(fit.model.constants, fit.model.course)
+        solution, _ = fit.model.problem.run(larger, fit.model.constants, about=fit.path, root=root)
+    except np.linalg.LinAlgError:
+        return 0.0
+    growth = math.log(float(row @ solution.covariance @ row) / variance)
+    return variance * min(max(growth / (2.0 * math.log(LARGER)), 0.0), 1.0)
+
+
+def _of_course(fit: Fitted, along: Floats) -> float:
+    rows = [k for k, each in enumerate(fit.solution.constants) if is_knot(each)]
+    root = prior_root(fit.solution.constants, fit.model.course)[np.ix_(rows, rows)]
+    return float(np.sum(np.linalg.solve(root, along[rows]) ** 2))
+
+
+def parts(fit: Fitted, reference: float) -> dict[str, tuple[float, float, str]]:
+    """Entries of the ledger that zeros, scales and clock steps make up: value and 1 sigma, mGal, and words."""
+    constants, covariance = fit.solution.constants, fit.solution.covariance
+    along = mean_row(fit.solution, fit.model.problem.lattice.duration) @ covariance
+    found = _zero(fit, reference)
+    for name, of in ENTRIES.items():
+        some = [k for k, each in enumerate(constants) if each.kind == of]
+        if some:
+            own = covariance[np.ix_(some, some)]
+            lever = np.linalg.lstsq(own, along[some], rcond=None)[0]
+            value = float(lever @ [constants[k].value for k in some])
+            sigma = float(np.sqrt(max(lever @ own @ lever, 0.0)))
+            words = "; ".join(f"{constants[k].name} {constants[k].value:.3g}" for k in some)
+            found[name] = (reference * value / MGAL, reference * sigma / MGAL, words)
+    return found
+
+
+def _zero(fit: Fitted, reference: float) -> dict[str, tuple[float, float, str]]:
+    """Of the traces that see the ship: what lies beside the vertical strengthens gravity as a slow motion does."""
+    problem, solution = fit.model.problem, fit.solution
+    times = np.linspace(0.0, problem.lattice.duration, PLACES)
+    level = np.flatnonzero(np.abs(problem.lattice.combination.sum(axis=1)) > LEVEL)
+    zero, sigma, words = np.zeros((problem.traces, PLACES)), 0.0, []
+    for k, each in enumerate(solution.constants):
+        if each.kind in (kinds.ZERO, kinds.DRIFT, kinds.STEP) and each.index in level:
+            shape = {kinds.DRIFT: (times - each.centre) / (each.width or 1.0), kinds.STEP: 1.0 * (times >= each.centre)}
+            zero[each.index] += each.value * shape.get(each.kind, np.ones(PLACES))
+            sigma += abs(each.value) * float(np.sqrt(solution.covariance[k, k]))
+            words.append(f"{each.name} {each.value:.3g}")
+    if not words:
+        return {}
+    value = 0.5 * reference * float(np.mean(zero[level] ** 2))
+    return {ZERO.NAME: (value / MGAL, reference * sigma / MGAL, "; ".join(words))}
+
+
+def of_tilt(angle: Floats, tilt: Floats, gravity: float) -> dict[str, tuple[float, float, str]]:
+    """The entry of a case's tilt, from the slow motion of the first pendulum, (n,), and the tilt, (n,), rad."""
+    value = 0.5 * gravity * float(np.mean(2.0 * angle * tilt - tilt**2)) / MGAL
+    return {CASE_TILT.NAME: (-value, 0.0, f"rms {1e3 * float(np.std(tilt)):.2f} mrad")}

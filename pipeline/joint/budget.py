@@ -108,7 +108,7 @@ def parts(fit: Fitted, reference: float) -> dict[str, tuple[float, float, str]]:
             own = covariance[np.ix_(some, some)]
             lever = np.linalg.lstsq(own, along[some], rcond=None)[0]
             value = float(lever @ [constants[k].value for k in some])
-            sigma = float(np.sqrt(max(lever @ own @ lever, 0.0)))
+            sigma = float(np.sqrt(max(float(lever @ own @ lever), 0.0)))
             words = "; ".join(f"{constants[k].name} {constants[k].value:.3g}" for k in some)
             found[name] = (reference * value / MGAL, reference * sigma / MGAL, words)
     return found

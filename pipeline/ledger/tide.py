@@ -32,4 +32,4 @@ def change(case: Case, gravity: float) -> Change:
 def tidal_loss(constants: Constants, time: Floats) -> Floats:
     """What the tide takes off gravity at times of the record, m s-2."""
     latitude, longitude, height = (float(constants.get(name, 0.0)) for name in (*NEEDS, *USES))
-    return tide(float(constants["epoch"]) + time, latitude, longitude, height)
+    return tide(np.asarray(float(constants["epoch"]) + time), latitude, longitude, height)

@@ -1,25 +1,33 @@
-"""The infinitesimal period from the times of all crossings: `t_k = t_0 + T0 sum_{j<k} T(A_j)/T(0)`."""
+"""The infinitesimal period from the times at which a pendulum passes its rest.
+
+    t_k = t_0 + T0 sum_{j<k} T(A_j)/T(0) -+ (rest + drift)/v_k + delta/v_k,    v = 2 n sin(A/2)
+
+The rest, its drift and the scale of the angles are not known: they have priors. Dry friction lays the middle of each
+half swing delta behind the rest: the smaller the arc, the later it is passed. What the law misses, it misses for long:
+sigma is that of leaving out long stretches in turn.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
 from pipeline.period.cycles import Cycles, arc_factor
+from pipeline.period.decay import Decay, decay
 
 Factor = Callable[[Floats], Floats]
 
 REJECTION = 4.0  # robust sigmas of a cycle's period
-SIGNIFICANT = 5.0  # sigmas of the amplitude scale before it is taken out
+SIGNIFICANT = 5.0  # sigmas of the amplitude scale before it is flagged
 LEAST_SCALE = 5e-4  # relative; smaller ones are below what any angle scale is known to
+SCALE, REST = 5e-3, 5e-3  # 1 sigma of a scale that is not stated; of the rest and of its drift, rad
 DECAY_REACH = 8  # turning points on each side that smooth an amplitude
-BLOCKS = 12  # of crossings, left out in turn for the uncertainty
-LEAST_SPREAD = 0.15  # rad between largest and smallest amplitude before an amplitude scale is fitted
+BLOCKS = 6  # of crossings, left out in turn for the uncertainty
 SMOOTHING = 9  # cycles
+ROUNDS = 8
 
 
 @dataclass(frozen=True)
@@ -33,7 +41,7 @@ class PeriodFit:
     amplitude_scale, amplitude_scale_sigma : float
         Relative departure of the true amplitude from the recorded one that the period's trend with amplitude asks for.
     scaled : bool
-        Whether `period` was taken with that scale (it is significant and the arcs differ enough).
+        Whether that scale is significant.
     time, amplitude, cycle_period, smoothed, reduced : (k,) arrays
         Middle of each cycle (s), amplitude (rad), full period, the same smoothed (the running mean of the
         reduced period times the arc factor), and period over elliptic factor (s).
@@ -41,6 +49,9 @@ class PeriodFit:
         Rest position, rad.
     trend : float
         Spread of the reduced period's running mean over the record, relative.
+    drift, drift_sigma : float
+        Change of the rest position over the record, rad.
+    friction : Decay
     """
 
     period: float
@@ -55,9 +66,12 @@ class PeriodFit:
     reduced: Floats
     rest: float
     trend: float
+    drift: float
+    drift_sigma: float
+    friction: Decay
 
 
-def fit_period(cycles: Cycles, *, linear: bool = False) -> PeriodFit:
+def fit_period(cycles: Cycles, *, linear: bool = False, scale_uncertainty: float = SCALE) -> PeriodFit:
     """Fit the finite-arc law to the crossings.
 
     Parameters
@@ -65,45 +79,55 @@ def fit_period(cycles: Cycles, *, linear: bool = False) -> PeriodFit:
     cycles : Cycles
     linear : bool
         The restoring force is linear: no arc factor.
+    scale_uncertainty : float
+        Relative, 1 sigma, of the scale of the angles.
     """
-    crossings = [cycles.rising, cycles.falling]
     extremes = smooth_extremes(cycles)
-    size_of = extremes.size
-    amplitude = [np.interp(times, cycles.turning_time, size_of) for times in crossings]
 
     def factor(values: Floats) -> Floats:
         return np.ones_like(values) if linear else arc_factor(np.clip(values, 0.0, 3.14))
 
-    middle = np.concatenate([0.5 * (times[1:] + times[:-1]) for times in crossings])
+    sides = (cycles.rising, cycles.falling)
+    amplitude = [np.interp(times, cycles.turning_time, extremes.size) for times in sides]
+    middle = np.concatenate([0.5 * (times[1:] + times[:-1]) for times in sides])
     order = np.argsort(middle)
-    length = np.concatenate([np.diff(times) for times in crossings])[order]
+    length = np.concatenate([np.diff(times) for times in sides])[order]
     size = np.concatenate([0.5 * (a[1:] + a[:-1]) for a in amplitude])[order]
     mean_factor = np.concatenate([_mean_factor(a, 0.0, factor) for a in amplitude])[order]
     reduced = length / mean_factor
     whole = np.abs(length / cycles.rough_period - 1.0) < 0.5  # a missing crossing makes a double cycle
-
-    spread = float(size.max() - size.min())
-    try_scale = not linear and spread > LEAST_SPREAD
-    period, sigma, scale, scale_sigma = _regress(crossings, amplitude, extremes, factor, cycles.rough_period, try_scale)
-    scaled = try_scale and abs(scale) > max(SIGNIFICANT * scale_sigma, LEAST_SCALE)
-    if try_scale and not scaled:
-        period, sigma, _, _ = _regress(crossings, amplitude, extremes, factor, cycles.rough_period, False)
+    friction = decay(extremes.time, np.abs(cycles.turning), extremes.size, cycles.rough_period)
+    found = _regress(cycles, extremes, factor, friction.dry, max(scale_uncertainty, 1e-9))
     window = np.ones(min(SMOOTHING, length.size))
     smooth_reduced = _running_mean(np.where(whole, reduced, np.nan), window)
     return PeriodFit(
-        period=period,
-        sigma=sigma,
-        amplitude_scale=scale,
-        amplitude_scale_sigma=scale_sigma,
-        scaled=scaled,
+        period=found.period,
+        sigma=found.sigma[PERIOD],
+        amplitude_scale=found.scale,
+        amplitude_scale_sigma=found.sigma[SCALED],
+        scaled=not linear and abs(found.scale) > max(SIGNIFICANT * found.sigma[SCALED], LEAST_SCALE),
         time=middle[order],
         amplitude=size,
         cycle_period=np.where(whole, length, np.nan),
         smoothed=smooth_reduced * mean_factor,
         reduced=np.where(whole, reduced, np.nan),
         rest=cycles.rest,
-        trend=float((np.nanmax(smooth_reduced) - np.nanmin(smooth_reduced)) / period),
+        trend=float((np.nanmax(smooth_reduced) - np.nanmin(smooth_reduced)) / found.period),
+        drift=found.drift,
+        drift_sigma=found.sigma[DRIFT],
+        friction=friction,
     )
+
+
+PERIOD, SCALED, DRIFT = 2, 3, 5  # columns of the regression, behind those of the two sides' first crossings
+
+
+@dataclass(frozen=True)
+class _Regression:
+    period: float
+    scale: float
+    drift: float
+    sigma: list[float]
 
 
 def _mean_factor(amplitude: Floats, scale: float, factor: Factor) -> Floats:
@@ -111,49 +135,70 @@ def _mean_factor(amplitude: Floats, scale: float, factor: Factor) -> Floats:
     return np.asarray(0.5 * (factor(scaled[1:]) + factor(scaled[:-1])))
 
 
-def _regress(
-    crossings: Sequence[Floats],
-    amplitude: Sequence[Floats],
-    extremes: Extremes,
-    factor: Factor,
-    rough: float,
-    fit_scale: bool,
-) -> tuple[float, float, float, float]:
-    """Weighted least squares on the crossing times; each crossing's error goes as 1 / (amplitude x frequency).
+def _regress(cycles: Cycles, extremes: Extremes, factor: Factor, dry: float, scale_prior: float) -> _Regression:
+    """Weighted least squares on the crossing times; each crossing's error goes as 1/v.
 
     A missed crossing shifts a whole number of cycles and is counted from the rough period.
     """
-    period, scale = rough, 0.0
-    for _ in range(6):
+    period, scale = cycles.rough_period, 0.0
+    prior = np.array([scale_prior, REST, REST])
+    for _ in range(ROUNDS):
         columns, values, weights = [], [], []
-        for side, (times, sizes) in enumerate(zip(crossings, amplitude, strict=True)):
+        for side, times in enumerate((cycles.rising, cycles.falling)):
+            sizes = np.interp(times, cycles.turning_time, extremes.size)
+            speed = 4.0 * np.pi / period * np.sin(0.5 * np.clip(sizes, 1e-6, np.pi))
             mean = _mean_factor(sizes, scale, factor)
             count = np.maximum(1.0, np.rint(np.diff(times) / (period * mean)))
             total = np.concatenate([[0.0], np.cumsum(count * mean)])
             nudged = np.concatenate([[0.0], np.cumsum(count * _mean_factor(sizes, scale + 1e-4, factor))])
-            column = np.zeros((times.size, 4))
+            column = np.zeros((times.size, 6))
             column[:, side] = 1.0
-            column[:, 2] = total
-            column[:, 3] = period * (nudged - total) / 1e-4
+            column[:, PERIOD] = total
+            column[:, SCALED] = period * (nudged - total) / 1e-4
+            column[:, 4] = (2.0 * side - 1.0) / speed
+            column[:, DRIFT] = column[:, 4] * (times - cycles.turning_time.mean()) / np.ptp(cycles.turning_time)
             columns.append(column)
-            values.append(times)
-            weights.append(sizes)
-        matrix = np.concatenate(columns)[:, : 4 if fit_scale else 3]
-        weight = np.concatenate(weights)
-        value = np.concatenate(values)
-        keep = np.ones(value.size, dtype=bool)
-        for _ in range(3):
-            scaled = matrix[keep] * weight[keep, None]
-            solution = np.linalg.lstsq(scaled, value[keep] * weight[keep], rcond=None)[0]
+            values.append(times - dry / speed)
+            weights.append(speed)
+        matrix, value, weight = (np.concatenate(each) for each in (columns, values, weights))
+        keep, noise = np.ones(value.size, dtype=bool), 1e-3
+        known = np.concatenate([np.zeros((3, 3)), np.diag(1.0 / prior)], axis=1), np.array([-scale, 0.0, 0.0]) / prior
+        for _ in range(4):
+            solution = _solved(matrix[keep], value[keep], weight[keep] / noise, known)
             residual = (value - matrix @ solution) * weight
-            limit = REJECTION * float(np.median(np.abs(residual[keep]))) / 0.6745
-            keep = np.abs(residual) <= max(limit, 1e-12)
-        period = float(solution[2])
-        if not fit_scale or abs(solution[3]) < 1e-9:
+            keep = np.abs(residual) <= max(REJECTION * float(np.median(np.abs(residual[keep]))) / 0.6745, 1e-12)
+            noise = max(float(np.sqrt(np.mean(residual[keep] ** 2))), 1e-13)
+        period, change = float(solution[PERIOD]), float(np.clip(solution[SCALED], -0.05, 0.05))
+        scale += change
+        if abs(change) < 1e-9:
             break
-        scale += float(np.clip(solution[3], -0.05, 0.05))
-    sigma = _uncertainty(matrix, weight, value, keep, residual, extremes, factor, period)
-    return period, float(sigma[0]), scale, float(sigma[1]) if fit_scale else 0.0
+    order = np.flatnonzero(keep)[np.argsort(value[keep], kind="stable")]
+    own = weight[keep] / noise / np.sqrt(_colour(residual[order]))
+    scaled = np.concatenate([matrix[keep] * own[:, None], known[0]])
+    spread = np.linalg.norm(scaled, axis=0)
+    inverse = np.linalg.pinv(scaled / spread) / spread[:, None]
+    without = []
+    for block in np.array_split(order, BLOCKS):
+        some = keep.copy()
+        some[block] = False
+        without.append(_solved(matrix[some], value[some], weight[some] / noise, known))
+    jackknife = np.sqrt((BLOCKS - 1) * np.var(np.array(without), axis=0))
+    # an error of one extreme shifts all later crossings by T0/2 dK/dA of it: beside the others
+    influence = inverse[:, : own.size] * own
+    later = np.array([influence[:, value[keep] > moment].sum(axis=1) for moment in extremes.time])
+    slope = (factor(extremes.size * (1.0 + 1e-4)) - factor(extremes.size)) / (1e-4 * extremes.size)
+    shifts = 0.5 * period * slope[:, None] * later * extremes.noise
+    formal = np.linalg.norm(inverse, axis=1)
+    sigma = np.hypot(np.maximum(jackknife, formal), np.sqrt(np.sum(shifts**2, axis=0)))
+    return _Regression(period, scale, float(solution[DRIFT]), sigma.tolist())
+
+
+def _solved(matrix: Floats, value: Floats, weight: Floats, known: tuple[Floats, Floats]) -> Floats:
+    """Least squares with what is known of the last columns beforehand."""
+    rows = np.concatenate([matrix * weight[:, None], known[0]])
+    size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    right = np.concatenate([value * weight, known[1]])
+    return np.asarray(np.linalg.lstsq(rows / size, right, rcond=None)[0] / size)
 
 
 @dataclass(frozen=True)
@@ -178,40 +223,6 @@ def smooth_extremes(cycles: Cycles) -> Extremes:
         smooth[k] = np.polynomial.polynomial.polyfit(tau / scale, logarithm[part], degree, w=size[part])[0]
     smooth = np.exp(smooth)
     return Extremes(time, smooth, 1.4826 * float(np.median(np.abs(size - smooth))))
-
-
-def _uncertainty(
-    matrix: Floats,
-    weight: Floats,
-    value: Floats,
-    keep: NDArray[np.bool_],
-    residual: Floats,
-    extremes: Extremes,
-    factor: Factor,
-    period: float,
-) -> Floats:
-    """1-sigma of the period, and of the scale where it was fitted.
-
-    The larger of the formal error with the residual's memory and of leaving out blocks in turn, and beside it the
-    noise of the amplitudes, which adds up along the record: an error of one extreme shifts all later crossings by
-    T0/2 dK/dA of it.
-    """
-    scaled = matrix[keep] * weight[keep, None]
-    kept = residual[keep]
-    estimates = []
-    for block in np.array_split(np.flatnonzero(keep)[np.argsort(value[keep], kind="stable")], BLOCKS):
-        without = keep.copy()
-        without[block] = False
-        part = matrix[without] * weight[without, None]
-        estimates.append(np.linalg.lstsq(part, value[without] * weight[without], rcond=None)[0][2:])
-    jackknife = np.sqrt((BLOCKS - 1) * np.var(np.array(estimates), axis=0))
-    covariance = np.linalg.inv(scaled.T @ scaled) * float(kept @ kept) / max(kept.size - matrix.shape[1], 1)
-    formal = np.sqrt(np.diag(covariance)[2:] * _colour(kept))
-    influence = np.linalg.pinv(scaled)[2:] * weight[keep]
-    later = np.array([influence[:, value[keep] > moment].sum(axis=1) for moment in extremes.time])
-    slope = (factor(extremes.size * (1.0 + 1e-4)) - factor(extremes.size)) / (1e-4 * extremes.size)
-    shifts = 0.5 * period * slope[:, None] * later * extremes.noise
-    return np.asarray(np.hypot(np.maximum(jackknife, formal), np.sqrt(np.sum(shifts**2, axis=0))))
 
 
 def _colour(residual: Floats) -> float:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from data_schemas.variables import attributes
-from pipeline.gravity import DAY
+from pipeline.gravity import DAY, MGAL
 from pipeline.period.cycles import find_cycles
-from pipeline.period.fit import PeriodFit, fit_period
+from pipeline.period.fit import SCALE, PeriodFit, fit_period
 from pipeline.result import result_attributes
 
 if TYPE_CHECKING:
@@ -23,6 +23,14 @@ _EXTRA = {
     "amplitude_scale": ("1", "relative correction of the recorded amplitude that the period's trend asks for"),
     "amplitude_scale_sigma": ("1", "standard deviation of the amplitude scale"),
     "trend": ("1", "relative spread of the smoothed reduced period over the record"),
+    "rest_drift": ("rad", "change of the rest position over the record"),
+    "rest_drift_sigma": ("rad", "standard deviation of that change"),
+    "damping_rate": ("s-1", "rate at which viscous friction lets the amplitude decay"),
+    "quadratic_damping": ("rad-1", "factor of the square of the angular velocity in the resistance"),
+    "knife_edge": ("rad", "dry friction over the square of the frequency"),
+    "friction": ("1", "laws of friction that the turning points ask for"),
+    "gravity": ("m s-2", "gravity by the stated length"),
+    "gravity_sigma": ("mGal", "standard deviation of gravity"),
     "angle_step": ("rad", "smallest step of the recorded angle"),
     "time_step_least": ("s", "smallest step of time"),
     "time_step_most": ("s", "largest step of time, gaps apart"),
@@ -44,14 +52,15 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
     elongation = np.asarray(record["record"].dataset["elongation"].values[0], dtype=np.float64)
     instrument = record["instrument"] if "instrument" in record.children else None
     linear = instrument is not None and instrument.attrs.get("restoring") == "linear"
-    rate = 0.0
-    if instrument is not None and "chronometer_rate" in instrument.dataset:
-        rate = float(instrument.dataset["chronometer_rate"].values)
-    fit = fit_period(find_cycles(time - time[0], elongation), linear=linear)
-    true = 1.0 + rate / DAY
+    stated = {} if instrument is None else {name: each.values for name, each in instrument.dataset.data_vars.items()}
+    scale = float(np.max(stated.get("scale_uncertainty", SCALE)))
+    fit = fit_period(find_cycles(time - time[0], elongation), linear=linear, scale_uncertainty=scale)
+    true = 1.0 + float(stated.get("chronometer_rate", 0.0)) / DAY
     flags = ["single-trace"]
     if fit.scaled:
         flags.append("amplitude-scale")
+    if "length" in stated and "length_uncertainty" not in stated:
+        flags.append("correction-without-uncertainty")
     if fit.trend > TREND:
         flags.append("period-trend")
     scalars: dict[str, Any] = {
@@ -61,6 +70,13 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
         "amplitude_scale": fit.amplitude_scale,
         "amplitude_scale_sigma": fit.amplitude_scale_sigma,
         "trend": fit.trend,
+        "rest_drift": fit.drift,
+        "rest_drift_sigma": fit.drift_sigma,
+        "damping_rate": fit.friction.damping_rate,
+        "quadratic_damping": fit.friction.quadratic,
+        "knife_edge": fit.friction.dry,
+        "friction": np.array(fit.friction.words, dtype=object),
+        **_gravity(fit.period * true, fit.sigma * true, stated),
         **_steps(time, elongation),
         "elapsed": clock.perf_counter() - started,
     }
@@ -90,6 +106,16 @@ def _cycle_series(fit: PeriodFit, start: float) -> dict[str, Any]:
         "cycle_period_smoothed": fit.smoothed,
         "cycle_period_infinitesimal": fit.reduced,
     }
+
+
+def _gravity(period: float, sigma: float, stated: Mapping[Any, Any]) -> dict[str, float]:
+    """g = l (2 pi/T)^2, where the instrument states the length of its only pendulum."""
+    if "length" not in stated or np.size(stated["length"]) != 1:
+        return {}
+    length = float(np.ravel(stated["length"])[0])
+    own = float(np.ravel(stated.get("length_uncertainty", 0.0))[0])
+    value = length * (2.0 * np.pi / period) ** 2
+    return {"gravity": value, "gravity_sigma": value / MGAL * float(np.hypot(own / length, 2.0 * sigma / period))}
 
 
 def _steps(time: np.ndarray, elongation: np.ndarray) -> dict[str, float]:
@@ -122,8 +148,8 @@ def period_summaries(result: DataTree) -> list[dict[str, Any]]:
             "error": None,
             "requested_method": str(result.attrs.get("requested_method", "auto")),
             "method": "period",
-            "gravity_m_s2": None,
-            "gravity_sigma_mgal": None,
+            "gravity_m_s2": float(table["gravity"]) if "gravity" in table else None,
+            "gravity_sigma_mgal": float(table["gravity_sigma"]) if "gravity" in table else None,
             "frequency_rad_s": {},
             "difference_frequency_rad_s": None,
             "corrections_mgal": {},
@@ -133,6 +159,7 @@ def period_summaries(result: DataTree) -> list[dict[str, Any]]:
             "amplitude_scale": float(table["amplitude_scale"]),
             "amplitude_scale_sigma": float(table["amplitude_scale_sigma"]),
             "rest_position_rad": float(table["rest_position"]),
+            "friction": str(table["friction"].values),
             "flags": [str(flag) for flag in table["flag"].values] if "flag" in table else [],
             "samples_used": int(table.sizes["cycle"]),
             "elapsed_s": float(table["elapsed"]),

@@ -123,4 +123,5 @@ def test_uncertainty_of_a_scale_is_what_a_change_of_it_does() -> None:
     plain, changed = process(record.tree), process(larger)
     unsure = process(stating(record.tree, scale_uncertainty=0.01))
     change = float(changed["gravity/gravity"][0] - plain["gravity/gravity"][0]) * 1e5
-    assert np.sqrt(sigma(unsure) ** 2 - sigma(plain) ** 2) == pytest.approx(abs(change), rel=0.3)  # arcs tell it a little
+    # the arcs tell it a little
+    assert np.sqrt(sigma(unsure) ** 2 - sigma(plain) ** 2) == pytest.approx(abs(change), rel=0.3)

@@ -170,3 +170,63 @@ def test_trend_and_scale_are_flagged(swing: tuple[np.ndarray, np.ndarray]) -> No
         tree["instrument"].attrs.pop("restoring", None)
         flags = summaries(process(tree))[0]["flags"]
         assert (flags == ["single-trace"]) if flag is None else (flag in flags)
+
+
+FRICTIONS = {
+    "viscous": (0.01, 0.0, 0.0),
+    "quadratic": (0.0, 0.02, 0.0),
+    "knife-edge": (0.0, 0.0, 6e-4),
+    "viscous, knife-edge": (0.005, 0.0, 4e-4),
+}
+
+
+def braked(gamma: float, quadratic: float, dry: float, duration: float = 120.0) -> tuple[np.ndarray, np.ndarray]:
+    """A pendulum under three laws of friction, from scipy; dry friction turned over within 10 mrad/s."""
+    n, time = 2 * np.pi / T0, np.arange(0.0, duration, 0.01)
+
+    def slope(_: float, y: np.ndarray) -> list[float]:
+        brake = 2 * gamma * y[1] + quadratic * abs(y[1]) * y[1] + dry * n * n * np.tanh(y[1] / 0.01)
+        return [y[1], -brake - n * n * np.sin(y[0])]
+
+    found = solve_ivp(slope, (0.0, duration), [0.6, 0.0], "RK45", time, rtol=1e-8, atol=1e-10, max_step=0.02)
+    return time, found.y[0]
+
+
+@pytest.mark.parametrize("laws", FRICTIONS)
+def test_law_of_friction_is_told_by_the_turning_points(laws: str) -> None:
+    time, theta = braked(*FRICTIONS[laws])
+    random = np.random.default_rng(1)
+    fit = fit_period(find_cycles(time, theta + random.normal(0.0, 1e-3, theta.size)))
+    assert fit.friction.words == laws
+    found = fit.friction.damping_rate, fit.friction.quadratic, fit.friction.dry
+    assert np.allclose(found, FRICTIONS[laws], rtol=0.1, atol=0.0)
+    assert abs(fit.period - T0) < 3.5 * fit.sigma
+
+
+def test_dry_friction_and_a_drifting_rest_do_not_bias_thirds() -> None:
+    """Each half swing of a knife edge lies about a middle of its own: the rest is passed late, the more the less."""
+    time, theta = braked(0.0, 0.01, 4e-4, 150.0)
+    shown = theta + 0.003 + 0.004 * time / time[-1] + np.random.default_rng(3).normal(0.0, 5e-4, theta.size)
+    parts = [fit_period(find_cycles(time[part], shown[part])) for part in np.array_split(np.arange(time.size), 3)]
+    period, sigma = np.array([each.period for each in parts]), np.array([each.sigma for each in parts])
+    assert np.sum(((period - T0) / sigma) ** 2) < 11.3  # of three degrees of freedom, 99 %
+    assert sigma.max() < 2e-4
+    whole = fit_period(find_cycles(time, shown))
+    assert abs(whole.drift - 0.004) < 3.5 * whole.drift_sigma
+
+
+def test_length_gives_gravity_of_a_single_pendulum() -> None:
+    base = single()
+    exact = summaries(process(base))[0]
+    stored = base["instrument"].to_dataset(inherit=False)
+    length = 9.8 * (exact["period_s"] / (2 * np.pi)) ** 2
+    for name, value in (("length", length), ("length_uncertainty", 1e-6)):
+        stored[name] = ("pendulum", np.full(stored.sizes["pendulum"], value), {"units": "m"})
+    stored = stored.isel(pendulum=[0])
+    tree = base.copy(deep=True)
+    tree["record"] = tree["record"].to_dataset(inherit=False).isel(pendulum=[0])
+    tree["instrument"] = stored
+    found = summaries(process(tree))[0]
+    assert found["gravity_m_s2"] == pytest.approx(9.8, rel=1e-9)
+    own = 2.0 * 9.8e5 * exact["period_sigma_s"] / exact["period_s"]
+    assert found["gravity_sigma_mgal"] == pytest.approx(np.hypot(9.8e5 * 1e-6 / length, own), rel=1e-6)

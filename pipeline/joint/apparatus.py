@@ -16,6 +16,7 @@ GAIN = 0.01  # of a trace's scale
 DELAY = 0.01  # s, of one trace against the others, and of a step of the clock
 KNOCK = 1e-4  # rad s-1: of a step of a pendulum's speed
 DAMPING = 0.3  # of a stated rate
+CUBIC = 3.0  # rad-2, of the optics: a mirror on a flat film has 4/3
 RATIO = 1e-5  # of the square of a frequency against the others
 HEAVE_SCALE, HEAVE_DELAY = 0.3, 0.1  # of a recorded heave; s
 EXACT = 1e-12  # an uncertainty of zero, in any unit
@@ -75,6 +76,7 @@ def faults(problem: Problem, own: tuple[Constant, ...], *, sine: bool) -> list[C
     traces = range(problem.traces)
     found = [Constant(f"drift of trace {j + 1}", kinds.DRIFT, ZERO, j, centre=half, width=half) for j in traces]
     found += [Constant(f"delay of trace {j + 1}", kinds.DELAY, DELAY, j) for j in traces[1:]]
+    found.append(Constant("cubic error of the angles", kinds.CUBIC, CUBIC))
     if sine and not any(each.kind == kinds.GAIN and each.index < 0 for each in own):
         found.append(Constant("scale of all angles", kinds.GAIN, GAIN))
     if not any(each.kind == kinds.DAMPING for each in own):
@@ -112,7 +114,7 @@ def step_of_zero(trace: int, at: float) -> Constant:
 
 def found(solution: Solution) -> list[str]:
     """What is wrong with the apparatus beyond doubt, in words."""
-    shown = (kinds.RATIO, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, *range(kinds.ZERO, kinds.CLOCK + 1))
+    shown = (kinds.RATIO, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, *range(kinds.ZERO, kinds.CUBIC + 1))
     deviations = np.sqrt(np.diag(solution.covariance))
     return [
         f"{each.name}: {each.value:.3g} +- {sigma:.1g} {UNITS.get(each.kind, '')}".rstrip()

@@ -32,6 +32,7 @@ SOURCES = {
     kinds.STEP: "zero",
     kinds.DRIFT: "zero",
     kinds.GAIN: "scale",
+    kinds.CUBIC: "scale",
     kinds.DELAY: "clock",
     kinds.CLOCK: "clock",
     kinds.HEAVE_SCALE: "heave",

@@ -157,13 +157,14 @@ def angles(fit: Fitted, times: Floats) -> Floats:
     flow, ship = problem.flow(model.assumed, fit.solution.constants), Ship.of(model.assumed.ship)
     lattice, path = problem.lattice, fit.path.astype(np.float64)
     angle, speed = path[:, :two:2], path[:, 1:two:2]
-    across, along = (path[:, two:] @ row for row in (ship.horizontal, ship.vertical))
+    across, aside, along = (path[:, two:] @ row for row in (ship.horizontal, ship.transverse, ship.vertical))
+    across = across[:, None] + aside[:, None] * (np.arange(two // 2) > 0)
     if problem.heave is not None:
         along = along + problem.heave(lattice.step * np.arange(lattice.nodes))
     if model.assumed.sine:
-        pull = (flow.gravity + along[:, None]) * np.sin(angle) + across[:, None] * np.cos(angle)
+        pull = (flow.gravity + along[:, None]) * np.sin(angle) + across * np.cos(angle)
     else:
-        pull = flow.gravity * angle + across[:, None]
+        pull = flow.gravity * angle + across
     turn = lattice.step**2 * (-flow.kappa * pull - 2.0 * flow.damping * speed)
     speed = lattice.step * speed
     k = np.clip((times / lattice.step).astype(np.int64), 0, lattice.nodes - 2)

@@ -289,11 +289,12 @@ def risen(model: explanation.Model, rough: explanation.Fitted) -> tuple[explanat
         fit = motion.reshaped(fit)
         return fit, fit
     heaving = _beside(model, motion.heaving(rough, level), rough) if sought else None
-    found = [each for each in (fit, heaving) if each is not None]
+    crossing = _beside(model, motion.crossing(rough, level), rough) if problem.pendulums > 1 else None
+    found = [each for each in (fit, heaving, crossing) if each is not None]
     if not found:
         raise np.linalg.LinAlgError("neither level nor heaving motion of the ship can be followed")
     best = max(found, key=standing)
-    if fit is not None and not (best is heaving and motion.is_white(best, problem.differences)):
+    if fit is not None and not (best is not fit and motion.is_white(best, problem.differences)):
         kicked = better(replace(model, assumed=motion.kicked(fit)), best)
         if kicked is not best and (sought or np.nanmax(np.abs(kicked.of.whitened)) < GATE):
             return fit, kicked

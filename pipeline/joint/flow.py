@@ -129,11 +129,13 @@ def flow(
     two, size = 2 * count, 2 * count + ship.drift.shape[0]
     drift, drive = np.zeros((size, size)), np.zeros((size, size))
     drift[two:, two:], drive[two:, two:] = ship.drift, ship.drive
-    u_row, z_row, p_row = (np.append(np.zeros(two), row) for row in (ship.horizontal, ship.vertical, ship.tilt))
+    u_row, t_row, z_row, p_row = (
+        np.append(np.zeros(two), row) for row in (ship.horizontal, ship.transverse, ship.vertical, ship.tilt)
+    )
     for i in range(count):
         drift[2 * i, 2 * i + 1] = 1.0
         drift[2 * i + 1, 2 * i], drift[2 * i + 1, 2 * i + 1] = -kappa[i] * gravity, -2.0 * damping[i]
-        drift[2 * i + 1] -= kappa[i] * u_row
+        drift[2 * i + 1] -= kappa[i] * (u_row + t_row * (i > 0))
         drive[2 * i + 1, 2 * i + 1] = kappa[i] * kick[i] ** 2
     van_loan = np.zeros((2 * size, 2 * size))
     van_loan[:size, :size], van_loan[:size, size:], van_loan[size:, size:] = -drift, drive, drift.T

@@ -8,6 +8,7 @@ from pipeline.arrays import Floats
 from pipeline.joint.flow import NODES, POINTS, Flow
 from pipeline.joint.kinds import (
     CLOCK,
+    CUBIC,
     DAMPING,
     DELAY,
     DRIFT,
@@ -227,6 +228,8 @@ def derive_errors(
             seen[j, c] += (time - columns.centre[c]) / columns.width[c]
         elif kind == GAIN:
             seen[j, c] += readings.value[which]
+        elif kind == CUBIC:
+            seen[j, c] += readings.value[which] ** 3
         elif kind == STEP and time >= columns.centre[c]:
             seen[j, c] += 1.0
         elif kind == DELAY or (kind == CLOCK and time >= columns.centre[c]):

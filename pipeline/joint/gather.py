@@ -32,6 +32,7 @@ OFTEN, FEW = 10.0, 5.0  # times as often as other values; readings a value from 
 SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 pass; turns in the record
 COPIED = 30  # values in a row that two traces cannot share by chance
 COARSEST = 0.3  # of the swing's root mean square, a step to which readings are rounded
+HELD = 6.0  # s: a window in which all traces stand still
 STILL, SWINGLESS, FEWEST = 0.01, 12.0, 10  # of the largest trace's variance; of white noise's power; readings
 LEAST_TIDE = 3e-8  # of gravity, of its change over the record: weights differ from a mean's by a tenth
 LONGEST_GAP = 1.0  # s, of a heave that is interpolated
@@ -262,23 +263,28 @@ def _told_apart(series: Floats) -> Floats:
 
 
 def _moving(time: Floats, series: Floats, swing: float, names: tuple[str, ...]) -> tuple[Floats, tuple[str, ...]]:
-    """Traces, (t, n), without what shows neither swing nor sway for two windows and more; and that in words."""
+    """Traces, (t, n), without what shows neither swing nor sway for two windows and more; and that in words.
+
+    Where all traces stand, as pendulums do that are held, the windows are shorter.
+    """
     out, words = series.copy(), []
-    if folded(swing, float(np.median(np.diff(time)))) * WINDOW < 2.0 * np.pi:
-        return out, ()  # samples so sparse show a swing that is nearly still
     least = STILL * float(np.nanmax(np.nanvar(series[np.isfinite(series).any(axis=1)], axis=1)))
-    bounds = np.searchsorted(time, np.arange(time[0], time[-1], WINDOW))
-    stretches = [slice(a, b) for a, b in zip(bounds, [*bounds[1:], time.size], strict=True)]
-    for j, own in enumerate(series):
-        stands = [_stands(time[part], own[part], swing, least) for part in stretches]
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], stands, [0]]))).reshape(-1, 2)
-        for first, last in edges[edges[:, 1] - edges[:, 0] > 1]:
-            part = slice(stretches[first].start, stretches[last - 1].stop)
-            moves = np.abs(own - np.nanmean(own[part])) > FAR * np.nanstd(own[part])
-            before, after = np.flatnonzero(moves[: part.start]), np.flatnonzero(moves[part.stop :])
-            part = slice(before[-1] + 1 if before.size else 0, part.stop + after[0] if after.size else own.size)
-            out[j, part] = np.nan
-            words.append(f"trace '{names[j]}' stands still from {time[part][0]:.0f} to {time[part][-1]:.0f} s")
+    for window, together in ((WINDOW, False), (HELD, True)):
+        if folded(swing, float(np.median(np.diff(time)))) * window < 2.0 * np.pi:
+            break  # samples so sparse show a swing that is nearly still
+        bounds = np.searchsorted(time, np.arange(time[0], time[-1], window))
+        stretches = [slice(a, b) for a, b in zip(bounds, [*bounds[1:], time.size], strict=True)]
+        stands = np.array([[_stands(time[part], own[part], swing, least) for part in stretches] for own in out])
+        for j, own in enumerate(series):
+            still = stands.all(axis=0) if together else stands[j]
+            edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8))).reshape(-1, 2)
+            for first, last in edges[edges[:, 1] - edges[:, 0] > 1]:
+                part = slice(stretches[first].start, stretches[last - 1].stop)
+                moves = np.abs(own - np.nanmean(own[part])) > FAR * np.nanstd(own[part])
+                before, after = np.flatnonzero(moves[: part.start]), np.flatnonzero(moves[part.stop :])
+                part = slice(before[-1] + 1 if before.size else 0, part.stop + after[0] if after.size else own.size)
+                out[j, part] = np.nan
+                words.append(f"trace '{names[j]}' stands still from {time[part][0]:.0f} to {time[part][-1]:.0f} s")
     return out, tuple(dict.fromkeys(words))
 
 

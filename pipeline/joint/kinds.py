@@ -1,4 +1,4 @@
 """What a constant of the joint model acts on."""
 
 START, GRAVITY, DAMPING, QUADRATIC, DRY, FADE, RATIO, HEAVE_SCALE, HEAVE_DELAY, KNOCK = range(10)  # move the pendulums
-ZERO, DRIFT, GAIN, DELAY, STEP, CLOCK = range(10, 16)  # are in the reading
+ZERO, DRIFT, GAIN, DELAY, STEP, CLOCK, CUBIC = range(10, 17)  # are in the reading

@@ -26,6 +26,7 @@ QUIET = 0.3  # of the power that white errors of unit variance have
 LEAST_BAND, BANDS = 8, 12  # bins of the lowest band; bands of a spectrum
 MOST_COMPONENTS = 6
 TWICE = (1e-5, 1e-4, 1e-3)  # over reference gravity: vertical motion at twice the swing's frequency, which hides in it
+ASIDE = 1e-5  # over reference gravity, from which a sea across is sought
 RARE = 500.0  # in log-likelihood, of that: kicks and friction that is not met do nearly the same
 TURN = 1.5  # rad of a motion in a step of the lattice
 STEADY = 2.5  # of the swing's frequency, above which errors are readings less a smooth motion
@@ -65,6 +66,11 @@ def heaving(rough: Fitted, level: Assumed) -> Assumed:
     return _rougher(Shown.of(rough, beside=LINE), level, "vertical")
 
 
+def crossing(rough: Fitted, level: Assumed) -> Assumed:
+    """With the seas across that planes of swing feel which are not parallel to the first's."""
+    return _rougher(Shown.of(rough, beside=LINE), level, "transverse")
+
+
 def kicked(fit: Fitted) -> Assumed:
     """With the kicks of one pendulum, or of all, that the errors ask for."""
     some = [*np.eye(fit.model.problem.pendulums), np.ones(fit.model.problem.pendulums)]
@@ -78,7 +84,7 @@ def _rougher(shown: Shown, start: Assumed, axis: Axis) -> Assumed:
     top = -np.inf if level else shown.gain(start)
     for _ in range(MOST_SEAS + level):
         fast = shown.excess(best) if level else 0.0
-        peaks = [fast] * (fast > 0.0) + list(PEAKS if level else HEAVES * shown.swing) * (slow < MOST_SEAS)
+        peaks = [fast] * (fast > 0.0) + list(HEAVES * shown.swing if axis == "vertical" else PEAKS) * (slow < MOST_SEAS)
         shapes = [(Sea, peak, 0.2) for peak in peaks] + [(Engine, fast, NARROW)] * (fast > 0.0)
         if not shapes:
             break
@@ -124,7 +130,10 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
         return priced(trial, grown(fit.path, model.problem.pendulums, assumed.ship), cost=cost)
 
     near, lines = list(ship[len(model.begun) :]), []
-    for line in (*_lines(fit), *(SLOW if slow else ())):
+    # what sways planes of swing that are not parallel to the first's is much like what sways that
+    level = [each for each in ship if isinstance(each, Sea) and each.axis == "horizontal"]
+    seas = [replace(each, rms=ASIDE, axis="transverse") for each in level]
+    for line in (*_lines(fit), *seas, *(SLOW if slow else ())):
         if not any(line.axis == each.axis and abs(np.log(line.peak / each.peak)) < SAME_LINE for each in near):
             near.append(line)
             lines.append(line)
@@ -242,10 +251,15 @@ def _lines(fit: Fitted) -> Iterator[Component]:
             vertical and abs(float(lattice.combination[j].sum())) < 0.5
         )  # a difference hardly sees horizontal motion
         for at, width in _peaks(power):
+            more = float(power[max(at - width // 2, 0) : at + width // 2 + 1].sum()) - width
+            aside = spectrum.transfer(problem, j, frequency[at : at + 1], 1)[0]
+            if aside > 0.0 and abs(float(lattice.combination[j].sum())) < 0.5:  # in planes that are not parallel
+                yield _shape(
+                    frequency[at], width * frequency[1], float(np.sqrt(noise * max(more, 1.0) / aside)), "transverse"
+                )
             if blind:
                 yield from (upright(k, width) for k in beside[:, at] if frequency[k] > LEAST_VERTICAL)
                 continue
-            more = float(power[max(at - width // 2, 0) : at + width // 2 + 1].sum()) - width
             size = np.sqrt(noise * max(more, 1.0) / spectrum.transfer(problem, j, frequency[at : at + 1])[0])
             yield _shape(frequency[at], width * frequency[1], float(size), "horizontal")
     if vertical:

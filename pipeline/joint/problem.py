@@ -149,6 +149,10 @@ class Problem:
         """Error of the scale of each trace, and none of the accelerations."""
         return np.append(unknown.total(constants, kinds.GAIN, self.traces), np.zeros(2))
 
+    def cubic(self, constants: tuple[Constant, ...]) -> float:
+        """What the optics make of an angle x beside x, over its cube, rad-2."""
+        return float(unknown.total(constants, kinds.CUBIC, 1)[0])
+
     def in_its_scale(self, assumed: Assumed, constants: tuple[Constant, ...]) -> Assumed:
         """With ship and kicks as the scale of the traces that see them makes them: assumed as they are read."""
         level = self.lattice.combination.sum(axis=1) ** 2
@@ -175,6 +179,9 @@ class Problem:
             elif each.kind == kinds.CLOCK and late is not None:
                 late += np.where((own.trace < self.traces) & (own.time >= each.centre), each.value, 0.0)
         value /= 1.0 + gain[own.trace]
+        cubic = self.cubic(constants)
+        if cubic:
+            value -= np.where(own.trace < self.traces, cubic * value**3 * (1.0 - 3.0 * cubic * value**2), 0.0)
         variance = (assumed.noise**2 / (1.0 + gain) ** 2)[own.trace]
         if self.left_out.size:
             variance[self.left_out] = np.inf
@@ -306,6 +313,7 @@ class Problem:
             breaks=np.array(sorted(assumed.breaks), dtype=np.int64).reshape(-1, 2),
             gate=gate,
             gain=self.gain(constants),
+            cubic=self.cubic(constants),
             of=passes.Pass(
                 state,
                 covariance,
@@ -352,6 +360,7 @@ class _Sweep:
     breaks: np.ndarray
     gate: float
     gain: Floats
+    cubic: float
     of: passes.Pass
 
     @property
@@ -376,6 +385,10 @@ class _Sweep:
         if np.any(self.gain):  # readings were divided by it: their density is that of what was read
             of, span = self.readings, slice(self.readings.first[begin], self.readings.first[end])
             self.of.totals[0] += np.sum(np.log1p(self.gain)[of.trace[span]][np.isfinite(of.variance[span])])
+        if self.cubic:
+            of, span = self.readings, slice(self.readings.first[begin], self.readings.first[end])
+            used = np.isfinite(of.variance[span]) & (of.trace[span] < self.gain.size - 2)
+            self.of.totals[0] += np.sum(np.log1p(3.0 * self.cubic * of.value[span][used] ** 2))
 
     def room(self, nodes: int, *, smooth: bool) -> passes.Kept:
         """For the errors of stretches of so many nodes, and what the smoother needs of them."""

@@ -21,7 +21,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 
-Axis = Literal["horizontal", "vertical", "tilt"]
+Axis = Literal["horizontal", "transverse", "vertical", "tilt"]
 """Of an acceleration over reference gravity; or the angle, rad, of the case from which elongations are measured."""
 
 
@@ -46,7 +46,8 @@ class Oscillators:
         Of each oscillator, rad s-1 and s-1.
     rms : float
         Of the acceleration over reference gravity.
-    axis : "horizontal" or "vertical"
+    axis : {"horizontal", "transverse", "vertical", "tilt"}
+        Transverse: what all pendulums but the first feel, whose planes of swing are not parallel to its own.
     """
 
     frequency: float
@@ -111,7 +112,8 @@ class Vibration:
         Inverse of the correlation time, s-1.
     rms : float
         Of the acceleration over reference gravity.
-    axis : "horizontal" or "vertical"
+    axis : {"horizontal", "transverse", "vertical", "tilt"}
+        Transverse: what all pendulums but the first feel, whose planes of swing are not parallel to its own.
     """
 
     rate: float
@@ -163,6 +165,7 @@ class Ship:
     drift: Floats
     drive: Floats
     horizontal: Floats
+    transverse: Floats
     vertical: Floats
     tilt: Floats
     stationary: Floats
@@ -176,7 +179,7 @@ class Ship:
         systems = [component.system() for component in components]
         size = sum(row.size for _, row, _ in systems)
         drift, drive, stationary = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
-        rows = {axis: np.zeros(size) for axis in ("horizontal", "vertical", "tilt")}
+        rows = {axis: np.zeros(size) for axis in ("horizontal", "transverse", "vertical", "tilt")}
         at = 0
         for component, (own, row, driven) in zip(components, systems, strict=True):
             here = slice(at, at + row.size)

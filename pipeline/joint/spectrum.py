@@ -24,12 +24,12 @@ def folded(frequency: float, step: float) -> float:
     return float(abs(turns - np.rint(turns)) * 2.0 * np.pi / step)
 
 
-def transfer(problem: Problem, trace: int, frequency: Floats) -> Floats:
-    """Square of a trace's answer to U, by frequency; of the horizontal acceleration's, where that is recorded."""
+def transfer(problem: Problem, trace: int, frequency: Floats, first: int = 0) -> Floats:
+    """Square of a trace's answer to U by frequency, of pendulums from the first on; of a recorded acceleration's."""
     if trace >= problem.traces:
-        return np.ones(frequency.shape)
+        return np.full(frequency.shape, float(first == 0))
     answer = np.zeros(frequency.shape)
-    for i in range(problem.pendulums):
+    for i in range(first, problem.pendulums):
         kappa = float(problem.kappa[i])
         answer = answer - problem.lattice.combination[trace, i] * kappa / (kappa - frequency**2)
     return np.asarray(answer**2)

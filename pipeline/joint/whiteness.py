@@ -19,6 +19,8 @@ from pipeline.joint.explanation import Fitted
 from pipeline.joint.problem import Assumed
 from pipeline.joint.ship import Component, Engine, density
 
+LEVEL = {"horizontal": "across", "transverse": "aside"}
+"""Axes of motion that push pendulums whatever their angle, and the answer to it."""
 LEAST_READINGS = 100
 LEAST = 3  # bins from zero frequency, and on either side of the swing, that constants fill
 BINS, FINE, BESIDE = 200, 3.0, 10.0  # in all; a line's width over that of a bin about it; widths on either side of it
@@ -98,8 +100,8 @@ class Band:
         Mean power of the errors, and number of ordinates.
     frequency : (m, f) array
         rad s-1, the bin's own in the middle row.
-    across, upright : (m, f) arrays
-        Square of the trace's answer to U, and to Z on either side of the swing.
+    across, aside, upright : (m, f) arrays
+        Square of the trace's answer to U, to U of all but the first pendulum, and to Z on either side of the swing.
     kicked : (m, f, p) array
         The same to the kicks of each pendulum.
     step : float
@@ -113,6 +115,7 @@ class Band:
     weight: Floats
     frequency: Floats
     across: Floats
+    aside: Floats
     upright: Floats
     kicked: Floats
     step: float
@@ -143,7 +146,7 @@ class Band:
         narrow += [(each.peak, each.damping, each.axis) for each in lines if isinstance(each, Engine)]
         for peak, width, axis in narrow:
             about = np.arange(-BESIDE, BESIDE, 1.0 / FINE) * max(width, bin_width)
-            centres = [peak] if axis == "horizontal" else [abs(peak + by) for by in (swing, -swing)]
+            centres = [peak] if axis in LEVEL else [abs(peak + by) for by in (swing, -swing)]
             edges += [each + about for each in centres]
         begins, count = _binned(frequency, np.concatenate(edges))
         mean, weight = np.add.reduceat(frequency, begins) / count, count / TAPERED[taper]
@@ -152,7 +155,7 @@ class Band:
         weights = problem.weights(trace)
         angles = fit.path[:, : 2 * problem.pendulums : 2] @ weights
         upright = spectrum.beside_the_swing(swing, 0.5 * float(np.mean(angles**2)), every)
-        across = spectrum.transfer(problem, trace, every)
+        across, aside = (spectrum.transfer(problem, trace, every, first) for first in (0, 1))
         kicked = weights**2 * problem.kappa / (problem.kappa - every[..., None] ** 2) ** 2
         return Band(
             trace,
@@ -160,6 +163,7 @@ class Band:
             weight,
             every,
             across,
+            aside,
             upright,
             kicked,
             step,
@@ -195,11 +199,10 @@ class Shown:
         return np.concatenate([np.zeros(0), *parts])
 
     @cached_property
-    def _every(self) -> tuple[Floats, Floats, Floats]:
+    def _every(self) -> dict[str, Floats]:
         """Frequencies of all bands, and the answers to U and Z, (m n,) arrays."""
-        parts = ([getattr(each, name).ravel() for each in self.bands] for name in ("frequency", "across", "upright"))
-        frequency, across, upright = (self._of_all(each) for each in parts)
-        return frequency, across, upright
+        names = ("frequency", "across", "aside", "upright")
+        return {name: self._of_all(getattr(each, name).ravel() for each in self.bands) for name in names}
 
     @cached_property
     def _bins(self) -> np.ndarray:
@@ -210,9 +213,9 @@ class Shown:
 
     def _of(self, component: Component) -> Floats:
         """Density that a component of the ship makes expect in all bands, (n,)."""
-        frequency, across, upright = self._every
-        if component.axis == "horizontal":
-            every = across * density((component,), frequency, "horizontal")
+        frequency = self._every["frequency"]
+        if component.axis in LEVEL:
+            every = self._every[LEVEL[component.axis]] * density((component,), frequency, component.axis)
         elif component.axis == "tilt":
             level = self._of_all(np.full(each.frequency.size, each.level) for each in self.bands)
             every = level * density((component,), frequency, "tilt")
@@ -220,7 +223,7 @@ class Shown:
             above, below = (
                 density((component,), np.abs(frequency + by), "vertical") for by in (self.swing, -self.swing)
             )
-            every = upright * (above + below)
+            every = self._every["upright"] * (above + below)
         folded = frequency.size > self.power.size
         return np.asarray(np.bincount(self._bins, every, self.power.size) if folded else every)
 

@@ -78,6 +78,22 @@ class Case:
     zero_drift: float = 0.0
     zero_step_first: float = 0.0
     zero_step_difference: float = 0.0
+    zero_steps: float = 0.0
+    """1 sigma of six steps of the first trace's zero."""
+    cubic: float = 0.0
+    """Of the optics: an angle x is read as x + cubic x^3."""
+    wow: float = 0.0
+    """Error of the record's time, with a period of a minute, s."""
+    plane: float = 0.0
+    """Angle of the second pendulum's plane of swing from the first's, rad; y'' then is another sea like x''."""
+    rocking: float = 0.0
+    """Amplitude of y'' at ten seconds, m/s^2, which the planes of swing follow; its mean squares are stated."""
+    released: float = 0.0
+    """Until when the pendulums are held, s."""
+    heave_lost: float = 0.0
+    """Share of ten gaps in a recorded z''."""
+    follows: float = 0.0
+    """Of the apparent vertical, by which a case tilts beside its roll."""
     tilt: float = 0.0
     """Amplitude of the case's roll at 8 s, from which elongations are measured, degrees."""
     tilt_noise: float = 2e-5

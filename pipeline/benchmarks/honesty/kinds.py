@@ -153,6 +153,16 @@ KINDS: dict[str, Kind] = {
         heave_scale=-1.0,
         states_heave=True,
     ),
+    "six zero steps": _instrument("1 sigma of each, rad", {"zero_steps": (1e-4, 1e-3, 5e-3)}),
+    "cubic optics": _instrument("3/4 of c a^2 is a gain; 4/3: tan(2 x)/2", {"cubic": (0.1, 4.0 / 3.0, 10.0)}),
+    "wow": _instrument("s", {"wow": (1e-5, 1e-4, 1e-3)}),
+    "planes not parallel": _instrument(
+        "10 mrad: .2 mGal", {"plane": (1e-3, 0.01, 0.05)}, resonant=1e-4, swell=(0.015, 0.0)
+    ),
+    "planes that rock": _instrument("-<y''^2>/(2 g)", {"rocking": (0.03, 0.1, 0.3)}),
+    "released within the record": _instrument("s", {"released": (20.0, 60.0, 300.0)}),
+    "case follows the apparent vertical": _instrument("g <p^2>/2", {"follows": (0.3, 0.9, 1.1)}),
+    "heave with gaps": _instrument("share", {"heave_lost": (0.01, 0.1, 0.3)}, **_ROUGH),
     "quantisation": _instrument("step, rad", {"quantisation": (1e-4, 1e-3, 5e-3)}),
     "clipping": _instrument("of the largest elongation", {"clip": (0.99, 0.9, 0.7)}),
     "one of three dead": _instrument("share of the record", {"dead": (0.03, 0.3, 1.0)}, pendulums=3),

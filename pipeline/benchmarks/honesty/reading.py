@@ -23,17 +23,21 @@ def sample_times(case: Case, random: np.random.Generator) -> Floats:
     return times[kept]
 
 
-def read(traces: Floats, times: Floats, case: Case, random: np.random.Generator) -> tuple[Floats, Floats]:
+def read(traces: Floats, tilt: Floats, times: Floats, case: Case, random: np.random.Generator) -> tuple[Floats, Floats]:
     """Traces as they are read, NaN where nothing is; and the tilt of the case, rad.
 
     Parameters
     ----------
     traces : (traces, samples) float64
         The first pendulum's elongation and the differences, rad.
+    tilt : (samples,) float64
+        Of the case, beside its roll, rad.
     times : (samples,) float64
         s.
     """
-    out, tilt = _scaled(traces, times, case, random)
+    out, roll = _scaled(traces + case.cubic * traces**3, times, case, random)
+    tilt = tilt + roll
+    out[0] -= tilt
     out += case.noise * random.normal(size=out.shape)
     _spoil(out, times, case, random)
     largest = np.max(np.abs(out), axis=1, keepdims=True)
@@ -46,17 +50,18 @@ def read(traces: Floats, times: Floats, case: Case, random: np.random.Generator)
 
 
 def _scaled(traces: Floats, times: Floats, case: Case, random: np.random.Generator) -> tuple[Floats, Floats]:
-    """Gains, zeros and the case's tilt, which drops out of differences."""
+    """Gains and zeros; and the case's roll, which drops out of differences."""
     out: Floats = traces * (1.0 + case.gain_all * random.choice([-1, 1]))
     later = times > case.duration * random.uniform(0.3, 0.7)
     out[0] *= 1.0 + case.gain_first * random.choice([-1, 1])
     out[0] += random.choice([-1, 1]) * (case.zero_first + case.zero_drift * (times / case.duration - 0.5))
     out[0] += random.choice([-1, 1]) * case.zero_step_first * later
     out[1] += random.choice([-1, 1]) * case.zero_step_difference * later
+    if case.zero_steps:
+        steps = [size * (times > case.duration * random.random()) for size in random.normal(size=6)]
+        out[0] += case.zero_steps * np.sum(steps, axis=0)
     roll = 2.0 * np.pi * times / (_ROLL * random.uniform(0.9, 1.1)) + random.uniform(0.0, 2.0 * np.pi)
-    tilt = np.radians(case.tilt) * np.cos(roll)
-    out[0] -= tilt
-    return out, tilt
+    return out, np.radians(case.tilt) * np.cos(roll)
 
 
 def _spoil(out: Floats, times: Floats, case: Case, random: np.random.Generator) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import math
 from dataclasses import replace
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 REFERENCE = 9.81
 """m/s^2, at which the periods are stated."""
 _MGAL = 1e-5  # m/s^2
+_SLOW = 10.0  # s, of an acceleration that planes of swing follow
 _WAY = 5.0  # m/s, of a ship that turns
 
 
@@ -85,19 +87,32 @@ def of_case(case: Case, random: np.random.Generator, label: str) -> Made:
     prompt = times + case.delay  # the world begins before the record, by what a trace may come late
     late = prompt - random.choice([-1, 1]) * case.delay
     both = np.unique(np.concatenate([[0.0], prompt, late]))
-    angles = _swing(both, own, support, case, frequency, random)
+    if case.rocking:
+        support = _rocking(support, case, float(own.length.mean()))
+    if case.plane:
+        chance, planes = random.spawn(1)[0], [support, _turned(support, case, random)]
+        rows = [_swing(both, own, each, case, frequency, copy.deepcopy(chance))[k] for k, each in enumerate(planes)]
+        angles = np.array(rows)
+    else:
+        angles = _swing(both, own, support, case, frequency, random)
     first, shifted = angles[0, np.searchsorted(both, prompt)], angles[:, np.searchsorted(both, late)]
-    traces, tilt = read(np.vstack([first, shifted[:-1] - shifted[1:]]), times, case, random)
+    sway = sea.at(prompt, motion.rate, motion.across)
+    leans = -case.follows * sway / REFERENCE
+    traces, tilt = read(np.vstack([first, shifted[:-1] - shifted[1:]]), leans, times, case, random)
     heave = sea.at(prompt - case.heave_delay, motion.rate, motion.along) * case.heave_scale
     heave += case.heave_bias * _MGAL * random.choice([-1, 1]) + case.heave_noise * random.normal(size=times.size)
+    if case.heave_lost:
+        heave[(times / case.duration * 10.0) % 1.0 < case.heave_lost] = np.nan
     states = {"vertical_acceleration": heave} if case.states_heave else {}
-    if case.tilt and case.states_tilt == "tilt":
+    tilts = case.tilt or case.follows
+    if tilts and case.states_tilt == "tilt":
         states["case_tilt"] = tilt + case.tilt_noise * random.normal(size=times.size)
-    elif case.tilt and case.states_tilt:
-        sway = sea.at(prompt, motion.rate, motion.across)
+    elif tilts and case.states_tilt:
         states["horizontal_acceleration"] = sway + case.heave_noise * random.normal(size=times.size)
     # the clock that is wrong is the record's; a step back never makes time run backwards at these rates
     stamped = times + case.clock_step * random.choice([-1, 1]) * (times > 0.5 * case.duration)
+    if case.wow:
+        stamped = stamped + case.wow * np.sin(2.0 * np.pi * times / 60.0 + random.uniform(0.0, 2.0 * np.pi))
     dense = np.linspace(0.0, case.duration, 4001)
     gravity = float(np.mean([plain.gravity_at(time, law) for time in 0.5 * (dense[1:] + dense[:-1])]))
     return Made(_tree(label, stamped, traces, states, frequency, damping, case, random), gravity, case, law)
@@ -113,6 +128,27 @@ def _motion(case: Case, swing: float, random: np.random.Generator) -> sea.Motion
     motion = sea.total(parts)
     felt = (motion.across != 0.0) | (motion.along != 0.0)
     return sea.Motion(*(column[felt] for column in motion))
+
+
+def _rocking(support: plain.Support, case: Case, length: float) -> plain.Support:
+    """With planes of swing that follow y'': apparent gravity is larger by y''^2/2g, and by l b'^2 of b = y''/g."""
+    rate = 2.0 * np.pi / _SLOW
+    gravity = float(support.gravity[0])
+    apparent, turning = 0.25 * case.rocking**2 / gravity, 0.5 * length * (case.rocking * rate / gravity) ** 2
+    return support._replace(
+        rate=np.append(support.rate, 2.0 * rate),
+        across=np.append(support.across, [[0.0], [0.0]], axis=1),
+        along=np.append(support.along, [[apparent - turning], [0.0]], axis=1),
+        gravity=np.append(support.gravity[0] + apparent + turning, support.gravity[1:]),
+    )
+
+
+def _turned(support: plain.Support, case: Case, random: np.random.Generator) -> plain.Support:
+    """What a plane of swing at an angle to the first feels: some of a sea across, whose phases are its own."""
+    phasor = support.across[0] + 1j * support.across[1]
+    other = phasor * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, phasor.size))
+    across = np.cos(case.plane) * phasor + np.sin(case.plane) * other
+    return support._replace(across=np.array([across.real, across.imag]))
 
 
 def _pulses(case: Case, random: np.random.Generator) -> Floats:
@@ -145,15 +181,19 @@ def _swing(
     def free(size: Floats, angle: Floats) -> Floats:
         return np.stack([size * np.cos(angle), -frequency * size * np.sin(angle)], axis=1)
 
+    first = int(np.searchsorted(times, case.released))
     state = plain.forced(own, support) + free(sizes, phase[:count])
+    if first:
+        state = np.stack([sizes * np.cos(phase[:count]), np.zeros(count)], axis=1)
     strength = np.array([*case.kicks, case.kicks[0]])[:count] * frequency
     kicks = strength[:, None] * random.normal(size=(count, times.size))
     change = free(sizes * case.restart, random.uniform(0.0, 2.0 * np.pi, count))
     change[:, 1] += frequency * np.array([*case.knocks, 0.0])[:count] * random.choice([-1, 1])
     cut = int(np.searchsorted(times, case.duration * random.uniform(0.3, 0.7)))
-    before, state = plain.integrate(times[: cut + 1], state, own, support, kicks[:, : cut + 1])
+    held = np.repeat(state[:, :1], first, axis=1)
+    before, state = plain.integrate(times[first : cut + 1], state, own, support, kicks[:, first : cut + 1])
     after, _ = plain.integrate(times[cut:], state + change, own, support, kicks[:, cut:])
-    return np.concatenate([before[:, :-1], after], axis=1)
+    return np.concatenate([held, before[:, :-1], after], axis=1)
 
 
 def _tree(
@@ -192,10 +232,14 @@ def _tree(
     }
     if case.states_damping:
         instrument["damping_rate"] = (("pendulum",), damping * (1.0 + case.damping_error))
+    if case.rocking:
+        mean_square = 0.5 * case.rocking**2
+        instrument["transverse_acceleration_mean_square"] = ((), mean_square)
+        instrument["rocking_rate_mean_square"] = ((), mean_square * (2.0 * np.pi / _SLOW / REFERENCE) ** 2)
     if case.states_scale:
         instrument["scale_uncertainty"] = ((), case.states_scale)
     law = {"restoring": "linear" if case.linear else "sine"} if case.states_law else {}
-    reference = {"reference": "case"} if case.tilt and case.states_tilt else {}
+    reference = {"reference": "case"} if (case.tilt or case.follows) and case.states_tilt else {}
     root = {"Conventions": CONVENTIONS, "schema": "isochrony-record", "schema_version": VERSION}
     root |= {"record_id": label, "title": f"benchmark record {label}", "history": "", "source": "model"}
     return xr.DataTree.from_dict(

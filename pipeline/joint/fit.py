@@ -293,7 +293,7 @@ def risen(model: explanation.Model, rough: explanation.Fitted) -> tuple[explanat
     found = [each for each in (fit, heaving, crossing) if each is not None]
     if not found:
         raise np.linalg.LinAlgError("neither level nor heaving motion of the ship can be followed")
-    best = max(found, key=standing)
+    best = max(found, key=lambda each: standing(each) - motion.ASKEW * (each is crossing))
     if fit is not None and not (best is not fit and motion.is_white(best, problem.differences)):
         kicked = better(replace(model, assumed=motion.kicked(fit)), best)
         if kicked is not best and (sought or np.nanmax(np.abs(kicked.of.whitened)) < GATE):

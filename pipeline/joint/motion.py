@@ -26,6 +26,8 @@ QUIET = 0.3  # of the power that white errors of unit variance have
 LEAST_BAND, BANDS = 8, 12  # bins of the lowest band; bands of a spectrum
 MOST_COMPONENTS = 6
 TWICE = (1e-5, 1e-4, 1e-3)  # over reference gravity: vertical motion at twice the swing's frequency, which hides in it
+ASKEW = 100.0  # in log-likelihood, of planes of swing that are not parallel, beside motion that is always there
+CHOP = Sea(5.0, 2.0, 5e-4, "vertical")  # waves of a second, of any kind
 ASIDE = 1e-5  # over reference gravity, from which a sea across is sought
 RARE = 500.0  # in log-likelihood, of that: kicks and friction that is not met do nearly the same
 TURN = 1.5  # rad of a motion in a step of the lattice
@@ -127,18 +129,21 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
             raise UnresolvedError
         words = f"{found.axis} motion at {found.peak / (2.0 * np.pi):.2f} Hz"
         trial = replace(model, words=(*model.words, words), assumed=assumed)
-        return priced(trial, grown(fit.path, model.problem.pendulums, assumed.ship), cost=cost)
+        path = grown(fit.path, model.problem.pendulums, assumed.ship)
+        return priced(trial, path, cost=cost + ASKEW * (found.axis == "transverse"))
 
     near, lines = list(ship[len(model.begun) :]), []
-    # what sways planes of swing that are not parallel to the first's is much like what sways that
-    level = [each for each in ship if isinstance(each, Sea) and each.axis == "horizontal"]
-    seas = [replace(each, rms=ASIDE, axis="transverse") for each in level]
+    # waves that sway the ship lift it too, and sway planes of swing that are not parallel to the first's
+    upright = model.problem.leaves_heave_open(model.assumed.sine)
+    level = [each for each in ship if not isinstance(each, Vibration) and each.axis == "horizontal"]
+    seas: list[Component] = [replace(each, rms=ASIDE, axis="transverse") for each in level]
+    if upright:
+        seas += [*(replace(each, rms=ASIDE, axis="vertical") for each in level), CHOP]
     for line in (*_lines(fit), *seas, *(SLOW if slow else ())):
         if not any(line.axis == each.axis and abs(np.log(line.peak / each.peak)) < SAME_LINE for each in near):
             near.append(line)
             lines.append(line)
-    upright = model.problem.leaves_heave_open(model.assumed.sine) and not model.problem.steps.any()
-    steady = _steady(fit) if upright else None
+    steady = _steady(fit) if upright and not model.problem.steps.any() else None
     known = [each for each in near if isinstance(each, Engine)]
     if steady and not any(abs(steady.peak - each.peak) < 2.0 * each.damping for each in known):
         yield of(replace(model.assumed, ship=(*ship, steady)))

@@ -7,18 +7,17 @@ itself left out: what neighbours do not predict is an outlier, or white noise.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import Floats
+from pipeline.arrays import Floats, median_present
 from pipeline.estimate import Budget, budget
 from pipeline.harmonics.envelope import Envelope, block_envelope, sliding_envelope
 from pipeline.harmonics.narrowband import NarrowbandFit, complex_form, fit_narrowband
 from pipeline.observation import Observation
-from synth.kernels.compiled import summing_kernel
 
 if TYPE_CHECKING:
     from pipeline.harmonics.slow_motion import SlowMotion
@@ -130,11 +129,6 @@ class Prepared:
         """Start of the exact fits, good to about 1e-3 mGal."""
         return self.narrowband(self.blocks, tolerance=1e-7)
 
-    @property
-    def rough_slope(self) -> float:
-        """Slope of the difference's phase less the nominal frequency, uncorrected, rad s-1."""
-        return self.rough.slope
-
     def theta_error(self, sensitivity: float, fallback: float) -> float:
         """1-sigma of n2 from reading noise of the first pendulum, rad s-1.
 
@@ -211,19 +205,12 @@ def outliers_and_noise(series: Floats, step: float, frequency: float) -> tuple[b
     if series.size < 6 * reach or step * frequency > MOST_ANGLE:
         return False, float("nan")
     taps = leave_one_out(reach, step, frequency)
-    error = np.empty(series.size - 2 * reach)
-    departures(series, taps, error)
-    places = error[:: max(1, error.size // PLACES)]
-    places = places[np.isfinite(places)]
-    if places.size == 0:
-        return False, float("nan")
-    scale = float(np.median(places)) / 0.6745
-    largest = max(np.fmax.reduce(series), -np.fmin.reduce(series))
-    outliers = np.fmax.reduce(error) > max(THRESHOLD * scale, FLOOR * largest)
+    error = np.abs(np.correlate(series, taps, "valid"))
+    scale = median_present(error[:: max(1, error.size // PLACES)]) / 0.6745
+    outliers = np.fmax.reduce(error) > max(THRESHOLD * scale, FLOOR * np.fmax.reduce(np.abs(series)))
     return bool(outliers), scale / float(np.linalg.norm(taps))
 
 
-@lru_cache(maxsize=64)
 def leave_one_out(reach: int, step: float, frequency: float) -> Floats:
     """Taps that give sample minus the fit through its neighbours (symmetric, the middle tap is 1)."""
     tau = np.arange(-reach, reach + 1) * step
@@ -235,13 +222,3 @@ def leave_one_out(reach: int, step: float, frequency: float) -> Floats:
     filter_taps = np.ones(tau.size)
     filter_taps[others] = -prediction
     return filter_taps
-
-
-@summing_kernel
-def departures(series: Floats, taps: Floats, out: Floats) -> None:
-    """`out[k] = |sum_j taps[j] series[k + j]|`; out is shorter than the series by the taps less one."""
-    for k in range(out.size):
-        total = 0.0
-        for j in range(taps.size):
-            total += taps[j] * series[k + j]
-        out[k] = abs(total)

@@ -223,8 +223,8 @@ def gained_phase(slow: SlowMotion, frequency: float, time: Floats) -> Floats:
     Heave acts in first order too, but to and fro: over a record nothing is left but what its ends happen to cut off. Of
     the second order the wiggle within single waves is taken off, which the blocks are too long to follow.
     """
-    own = slow.begin + slow.step * np.arange(slow.angle.size)
-    phase = slow.phase(slow.gamma(frequency), frequency, own)
+    own = slow.time
+    phase = slow.phase(frequency, own)
     if slow.zeta is not None:
         half = 0.25 * frequency * slow.step * (slow.zeta[1:] + slow.zeta[:-1])
         phase = phase - np.concatenate([[0.0], np.cumsum(half)])

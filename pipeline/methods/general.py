@@ -34,7 +34,7 @@ def estimate(prepared: Prepared) -> Estimate:
     if seen.restoring == "linear":
         return corrected(prepared, found, model_speed(envelope, frequency, prepared, arc=False))
     slow = prepared.slow_motion
-    told = (envelope.time >= slow.begin) & (envelope.time <= slow.end)
+    told = (envelope.time >= slow.time[0]) & (envelope.time <= slow.time[-1])
     found = replace(found, weight=np.where(told, found.weight, 0.0))
 
     def turned(frequency: float, gained: Floats | None) -> Estimate:
@@ -43,7 +43,7 @@ def estimate(prepared: Prepared) -> Estimate:
         return corrected(prepared, found, speed, speed - plain, gained)
 
     for _ in range(ROUNDS):
-        made = turned(frequency, slow.phase(slow.gamma(frequency), frequency, envelope.time))
+        made = turned(frequency, slow.phase(frequency, envelope.time))
         frequency = made.frequency
     if seen.restoring is None:
         still = turned(prepared.fine.frequency, None)

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
 from pipeline.methods.phases import corrected, phases
-from pipeline.phase_speed import vening_meinesz
+from pipeline.phase_speed import phase_speed
 from pipeline.prepared import Prepared
 
 MARK_SECONDS = 60.0
@@ -30,11 +30,8 @@ def estimate(prepared: Prepared) -> Estimate:
     value, slope = value_and_slope(seen.time, seen.theta, envelope.time[marks])
     raw = value - 1j * slope / first_frequency  # (4)
     difference = envelope.difference[marks] * np.exp(1j * envelope.carrier * envelope.time[marks])
-    reading = (
-        vening_meinesz(first_frequency, frequency, np.abs(raw), np.abs(difference), np.angle(raw / difference))
-        - frequency
-    )
-    return corrected(prepared, found, np.interp(envelope.time, envelope.time[marks], reading))
+    reading = phase_speed(first_frequency, frequency, np.abs(raw), np.abs(difference), np.angle(raw / difference))
+    return corrected(prepared, found, np.interp(envelope.time, envelope.time[marks], reading - frequency))
 
 
 def value_and_slope(time: Floats, series: Floats, instants: Floats) -> tuple[Floats, Floats]:

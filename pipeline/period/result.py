@@ -13,6 +13,7 @@ from pipeline.gravity import DAY
 from pipeline.period.cycles import find_cycles
 from pipeline.period.fit import PeriodFit, fit_period
 from pipeline.result import result_attributes
+from pipeline.summary import without_gravity
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -117,17 +118,7 @@ def period_summaries(result: DataTree) -> list[dict[str, Any]]:
     table = result["period"].dataset
     return [
         {
-            "record_id": str(result.attrs["record_id"]),
-            "status": "ok",
-            "error": None,
-            "requested_method": str(result.attrs.get("requested_method", "auto")),
-            "method": "period",
-            "gravity_m_s2": None,
-            "gravity_sigma_mgal": None,
-            "frequency_rad_s": {},
-            "difference_frequency_rad_s": None,
-            "corrections_mgal": {},
-            "sensitivity_mgal": {},
+            **without_gravity(result, str(result.attrs.get("requested_method", "auto")), "period"),
             "period_s": float(table["period"]),
             "period_sigma_s": float(table["period_sigma"]),
             "amplitude_scale": float(table["amplitude_scale"]),

@@ -15,7 +15,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats, median_present
 from pipeline.estimate import Budget, budget
-from pipeline.harmonics.envelope import Envelope, block_envelope, sliding_envelope
+from pipeline.harmonics.envelope import Envelope, sliding_envelope
 from pipeline.harmonics.narrowband import NarrowbandFit, complex_form, fit_narrowband
 from pipeline.observation import Observation
 
@@ -72,12 +72,6 @@ class Prepared:
         return None if rates is None else float(rates[1])
 
     @cached_property
-    def blocks(self) -> Envelope:
-        """Cheap envelope, from which the exact fits start."""
-        seen = self.observation
-        return block_envelope(seen.time, seen.step, seen.theta, seen.difference, self.nominal)
-
-    @cached_property
     def sliding(self) -> Envelope:
         """Separated harmonics by sliding least squares."""
         seen = self.observation
@@ -99,17 +93,13 @@ class Prepared:
             if series is not None and (missing := np.count_nonzero(~np.isfinite(series))):
                 raise RefusedError(f"{_STORED[name]}: {missing} readings are missing; use --method joint")
 
-    def narrowband(self, envelope: Envelope, tolerance: float = 1e-13) -> NarrowbandFit:
-        """Complex form of (27) on an envelope."""
-        require_swing(envelope)
-        seen = self.observation
-        form = complex_form(envelope, seen.frequency_ratio, seen.damping_difference)
-        return fit_narrowband(form, self.known_damping, tolerance)
-
     @cached_property
     def fine(self) -> NarrowbandFit:
-        """Complex form of (27) on the separated harmonics."""
-        return self.narrowband(self.sliding)
+        """Complex form of (27) on the separated harmonics, from which the exact fits start."""
+        require_swing(self.sliding)
+        seen = self.observation
+        form = complex_form(self.sliding, seen.frequency_ratio, seen.damping_difference)
+        return fit_narrowband(form, self.known_damping)
 
     @property
     def fine_explained(self) -> float:
@@ -125,9 +115,12 @@ class Prepared:
         return budget(self.sliding, self.fine, self.observation.frequency_ratio, self.observation.damping_difference)
 
     @cached_property
-    def rough(self) -> NarrowbandFit:
-        """Start of the exact fits, good to about 1e-3 mGal."""
-        return self.narrowband(self.blocks, tolerance=1e-7)
+    def slow_square(self) -> float:
+        """Mean square of the first pendulum's motion beside its swing, reading noise taken off, rad2."""
+        envelope, seen = self.sliding, self.observation
+        swing = (envelope.first * np.exp(1j * envelope.carrier * envelope.time)).real
+        rest = seen.theta[np.rint(envelope.time / seen.step).astype(np.int64)] - swing
+        return max(float(np.nanvar(rest)) - self.theta_error(1.0, 0.0) ** 2, 0.0)
 
     def theta_error(self, sensitivity: float, fallback: float) -> float:
         """1-sigma of n2 from reading noise of the first pendulum, rad s-1.
@@ -138,12 +131,6 @@ class Prepared:
         stated = self.observation.sigma_theta
         noise = self.noise_theta if np.isfinite(self.noise_theta) else fallback if stated is None else stated
         return sensitivity * noise
-
-    @cached_property
-    def rough_budget(self) -> Budget:
-        """Sensitivities, from the cheap envelope."""
-        seen, fit = self.observation, self.rough
-        return budget(self.blocks, fit, seen.frequency_ratio, seen.damping_difference)
 
 
 def prepare(observation: Observation) -> Prepared:

@@ -38,7 +38,7 @@ def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float) -> Reducti
     try:
         estimate = method(name)(prepared)
         if prepared.known_damping is None:
-            doubt = DAMPING_DOUBT * estimate.damping_rate * prepared.rough_budget.by_damping
+            doubt = DAMPING_DOUBT * estimate.damping_rate * prepared.fine_budget.by_damping
             estimate = replace(estimate, sigma=float(np.hypot(estimate.sigma, doubt)))
         _require_capture(estimate, prepared)
     except RefusedError as refusal:

@@ -14,7 +14,6 @@ from pipeline.anomaly import anomalies
 from pipeline.conditions import Constants
 from pipeline.ledger.book import CORRECTIONS
 from pipeline.ledger.entry import MGAL
-from pipeline.methods import PHASE_METHODS
 from pipeline.prepared import Prepared
 from pipeline.provenance import provenance
 from pipeline.reduction import Reduction
@@ -40,16 +39,10 @@ _EXTRA = {
 
 
 def build_result(record: DataTree, prepared: Prepared, reductions: Sequence[Reduction], started: float) -> DataTree:
-    """Lay out phases, corrections, gravity and provenance.
-
-    The phases are those of the sliding fit where a method used it, else those of the blocks that the exact methods
-    start from: nothing is computed for the file's sake.
-    """
+    """Lay out phases, corrections, gravity and provenance."""
     from xarray import Dataset, DataTree
 
-    sliding = any(reduction.method in PHASE_METHODS for reduction in reductions)
-    envelope = prepared.sliding if sliding else prepared.blocks
-    seen = prepared.observation
+    envelope, seen = prepared.sliding, prepared.observation
     components = [seen.first, seen.second, f"{seen.first}-{seen.second}"]
     harmonics = np.stack([envelope.first, envelope.first - envelope.difference, envelope.difference])
     speeds = np.stack(

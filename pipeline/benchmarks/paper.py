@@ -68,7 +68,7 @@ def neglected_terms(prepared: Prepared) -> dict[str, float]:
     """
     found = phases(prepared)
     envelope, seen = found.envelope, prepared.observation
-    frequency = prepared.rough.frequency
+    frequency = prepared.fine.frequency
     first_frequency = seen.frequency_ratio * frequency
     own = 1j * (envelope.carrier - first_frequency)
     relative = (envelope.first_speed / envelope.first + own) / first_frequency  # Theta1'/Theta1 + i (Phi1'-n1), over n1

@@ -99,7 +99,7 @@ class Case:
     @property
     def by_gain(self) -> float:
         """Change of gravity for a relative change of the first trace's gain, mGal, arcs and all."""
-        return self.scale * (self.prepared.rough_budget.by_gain + self.shares.by_gain)
+        return self.scale * (self.prepared.fine_budget.by_gain + self.shares.by_gain)
 
     @property
     def by_gain_uncertainty(self) -> float:
@@ -186,7 +186,7 @@ def shares(estimate: Estimate, prepared: Prepared) -> Shares:
     """Split what a method corrected; nothing for methods that take the pendulums as linear."""
     if not estimate.acceleration_reduced and estimate.finite_arc == 0.0:
         return Shares()
-    envelope, frequency = prepared.blocks, estimate.frequency
+    envelope, frequency = prepared.sliding, estimate.frequency
     first, difference = fill(envelope.first), fill(envelope.difference)
     own = -arc_answer(prepared, first, difference, frequency)
     gained = -arc_answer(prepared, 1.01 * first, difference, frequency)
@@ -213,8 +213,8 @@ def arc_answer(prepared: Prepared, first: Complexes, difference: Complexes, freq
     second = first - difference
     # Z_i' gains -(i n/16) |Z_i|^2 Z_i
     forcing = -1j * frequency / 16.0 * (np.abs(first) ** 2 * first - np.abs(second) ** 2 * second)
-    growth = prepared.rough.jacobian[0]
-    return _answer(prepared, growth * running_integral(forcing / growth, prepared.blocks.hop))
+    growth = prepared.fine.jacobian[0]
+    return _answer(prepared, growth * running_integral(forcing / growth, prepared.sliding.hop))
 
 
 def gained_phase(slow: SlowMotion, frequency: float, time: Floats) -> Floats:
@@ -247,8 +247,8 @@ def turned(prepared: Prepared, phase: Floats) -> float:
 
     D' gains i phase' D, whose response is `growth int i phase' D/growth dt`; the first pendulum is an input as it is.
     """
-    growth = prepared.rough.jacobian[0]
-    swing = fill(prepared.blocks.difference) / growth
+    growth = prepared.fine.jacobian[0]
+    swing = fill(prepared.sliding.difference) / growth
     steps = 0.5j * np.diff(phase) * (swing[1:] + swing[:-1])
     return _answer(prepared, growth * np.concatenate([[0.0], np.cumsum(steps)]))
 
@@ -264,12 +264,12 @@ def mean_over_record(prepared: Prepared, time: Floats, series: Floats) -> float:
     seen = prepared.observation
     centre = float(series.mean())
     grown = np.concatenate([[0.0], np.cumsum(0.5 * (series[1:] + series[:-1] - 2.0 * centre) * np.diff(time))])
-    at = np.interp(prepared.blocks.time + seen.start, time, grown)
+    at = np.interp(prepared.sliding.time + seen.start, time, grown)
     return centre + turned(prepared, at)
 
 
 def _answer(prepared: Prepared, moved: Complexes) -> float:
-    return float((np.conj(prepared.rough_budget.influence) @ moved).real)
+    return float((np.conj(prepared.fine_budget.influence) @ moved).real)
 
 
 def _square(harmonic: Complexes) -> float:

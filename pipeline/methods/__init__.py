@@ -31,8 +31,6 @@ PAIR_METHODS: tuple[str, ...] = tuple(_WHERE)
 """Methods that look at one difference of two pendulums."""
 METHODS: tuple[str, ...] = (*PAIR_METHODS, "joint", "auto")
 """What `process` takes."""
-PHASE_METHODS = PAIR_METHODS[:5]
-"""Methods that work on the separated harmonics; the others never compute them."""
 
 
 def method(name: str) -> Method:

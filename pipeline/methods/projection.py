@@ -6,7 +6,7 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
-from pipeline.estimate import Estimate
+from pipeline.estimate import COLOUR_SECONDS, Estimate
 from pipeline.identity.fit import Fit, Identity, linear
 from pipeline.prepared import LEAST_EXPLAINED, Prepared
 
@@ -26,7 +26,7 @@ def require_clean(prepared: Prepared) -> None:
 
 def linear_fit(prepared: Prepared) -> Fit:
     """The linear identity fitted to a record, the damping held where it is stated."""
-    seen, rough = prepared.observation, prepared.rough
+    seen, rough = prepared.observation, prepared.fine
     identity = Identity(
         theta=seen.theta,
         difference=seen.difference,
@@ -42,7 +42,7 @@ def linear_fit(prepared: Prepared) -> Fit:
 def estimate(prepared: Prepared) -> Estimate:
     """Fit n2 with n1/n2 held, the damping held where the record states it."""
     require_clean(prepared)
-    rough = prepared.rough
+    rough = prepared.fine
     fit = linear_fit(prepared)
     colour = residual_colour(fit, prepared)
     swing = 0.5 * float(np.vdot(rough.model, rough.model).real) / rough.model.size
@@ -52,7 +52,7 @@ def estimate(prepared: Prepared) -> Estimate:
             f"difference: a swing at the nominal period explains only {100 * max(explained, 0.0):.0f} % of it; "
             "check instrument/period and that the trace is a difference of two pendulums"
         )
-    from_theta = prepared.theta_error(prepared.rough_budget.noise_theta, fit.noise)
+    from_theta = prepared.theta_error(prepared.fine_budget.noise_theta, fit.noise)
     return as_estimate(prepared, fit, colour, from_theta)
 
 
@@ -61,7 +61,7 @@ def as_estimate(prepared: Prepared, fit: Fit, colour: float, *others: float, red
     own = fit.noise_gain * fit.noise * np.sqrt(max(colour, 1.0))
     return Estimate(
         frequency=fit.frequency,
-        uncorrected=float(np.hypot(prepared.nominal + prepared.rough.slope, fit.damping_rate)),
+        uncorrected=float(np.hypot(prepared.nominal + prepared.fine.slope, fit.damping_rate)),
         sigma=float(np.linalg.norm([own, *others])),
         noise=fit.noise,
         damping_rate=fit.damping_rate,
@@ -76,7 +76,7 @@ def residual_colour(fit: Fit, prepared: Prepared) -> float:
     if fit.noise == 0.0:
         return 1.0
     step = prepared.observation.step
-    rows = max(4, round(prepared.blocks.hop / step))
+    rows = max(4, round(COLOUR_SECONDS / step))
     blocks: Floats = fit.residual[: fit.residual.size // rows * rows].reshape(-1, rows)
     power = np.abs(blocks @ np.exp(-1j * fit.frequency * step * np.arange(rows))) ** 2
     # |sum r e^{-int}|^2 has mean sigma^2 N for white noise

@@ -10,7 +10,7 @@ from heavy_pair import observe
 from scipy.integrate import solve_ivp
 from scipy.linalg.lapack import dtbtrs
 
-from pipeline.harmonics.envelope import block_envelope
+from pipeline.harmonics.envelope import sliding_envelope
 from pipeline.identity.fit import Fit, system
 from pipeline.identity.motion import SWELL, Motion, design, motion, third_harmonic
 from pipeline.methods.shooting import invert, nonlinear_fit
@@ -134,7 +134,7 @@ def test_the_third_harmonic_is_that_of_a_real_pendulum() -> None:
     own = 6.22 * (1.0 - size**2 / 16.0)
     basis = np.stack([np.cos(k * own * time) for k in (1, 3, 5)], axis=-1)
     expected = np.linalg.lstsq(basis, swing, rcond=None)[0][1] * basis[:, 1]
-    envelope = block_envelope(time, step, swing, swing, own)
+    envelope = sliding_envelope(time, step, swing, swing, own)
     assert third_harmonic(envelope, time) == pytest.approx(expected, abs=0.03 * size**3 / 192.0)
 
 
@@ -159,7 +159,7 @@ def test_a_reckoned_third_harmonic_serves_as_the_read_one() -> None:
     seen = observe(300.0, 0.04, heave=True)
     noise = 2e-6 * np.random.default_rng(9).normal(size=(2, seen.time.size))
     prepared = prepare(replace(seen, theta=seen.theta + noise[0], difference=seen.difference + noise[1]))
-    assert prepared.noise_theta < module.NOISY * np.abs(prepared.blocks.first).min()
+    assert prepared.noise_theta < module.NOISY * np.abs(prepared.sliding.first).min()
     read = invert(prepared)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "NOISY", 0.0)

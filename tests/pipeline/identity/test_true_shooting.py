@@ -65,7 +65,7 @@ def test_inversion_is_what_true_shooting_finds() -> None:
     seen = observe(LENGTH, STEP, heave=True)
     noisy = seen.difference + np.random.default_rng(8).normal(0.0, NOISE, seen.difference.size)
     prepared = prepare(replace(seen, difference=noisy))
-    start, found = prepared.rough, invert(prepared)
+    start, found = prepared.fine, invert(prepared)
     nominal = 2.0 * np.pi / PERIODS[1] * np.sqrt(G / REFERENCE)
     reach = design(start.frequency * RATIO, STEP, start.damping_rate).reach
     rows = slice(reach, seen.time.size - reach)

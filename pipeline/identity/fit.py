@@ -8,7 +8,7 @@ a linear model diverges.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
@@ -16,6 +16,7 @@ from scipy.linalg.lapack import dtbtrs
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.identity.quadrature import Weights, padded, weights
+from pipeline.observation import Observation
 
 ITERATIONS = 12
 SETTLED = 1e-6  # rad at the record's end: what is left after such a step is a thousandth of it at most
@@ -72,34 +73,34 @@ class Identity:
 
     Attributes
     ----------
-    theta, difference : (n,) arrays
-        First pendulum and difference, rad.
-    step : float
-        s.
+    seen : Observation
     held : float
         h, rad s-1: near n2, or in wide arcs near the frequency that the difference shows.
-    ratio, damping_difference : float
-        n1/n2; gamma1 - gamma2, s-1.
     expand : callable
         See `Expansion`.
+    inside : slice
+        The samples that are fitted.
     """
 
-    theta: Floats
-    difference: Floats
-    step: float
+    seen: Observation
     held: float
-    ratio: float
-    damping_difference: float
     expand: Expansion
+    inside: slice = field(default_factory=lambda: slice(None))
 
     def source(self, by: Weights, series: Floats) -> Floats:
         """What a right-hand side adds at each sample but the first two, (n - 2,)."""
-        return np.correlate(padded(series, self.held, self.step), by.source, "valid")
+        return np.correlate(padded(series, self.held, self.seen.step), by.source, "valid")
 
     def defect(self, by: Weights, angle: Floats, right: Floats) -> Floats:
         """What is missing to the identity at an angle of the difference with its N, (n - 2,)."""
-        driven = np.correlate(padded(self.theta, self.held, self.step), by.driven, "valid")
-        return self.source(by, right) + driven - np.correlate(angle - by.direct * self.theta, by.swing, "valid")
+        theta = self.seen.theta[self.inside]
+        driven = np.correlate(padded(theta, self.held, self.seen.step), by.driven, "valid")
+        return self.source(by, right) + driven - np.correlate(angle - by.direct * theta, by.swing, "valid")
+
+    def weights(self, gamma: float) -> Weights:
+        """Weights of the identity at a trial gamma2, s-1."""
+        seen = self.seen
+        return weights(self.held, gamma, seen.frequency_ratio, seen.damping_difference, seen.step)
 
     def fit(self, gamma: float, *, fit_damping: bool) -> Fit:
         """Iterate until n2 and gamma2 stand still.
@@ -114,14 +115,14 @@ class Identity:
         RefusedError
             No swing at the nominal period, or an outlier.
         """
-        about, count = self.difference, self.difference.size
-        time = self.step * (np.arange(count) - 0.5 * (count - 1))
+        about = difference = self.seen.difference[self.inside]
+        count, step = about.size, self.seen.step
         # n2 with which the nonlinear pull does the work that the held frequency does
         work = float(self.expand(about, self.held)[0] @ about) / float(about @ about)
         frequency = float(self.held / np.sqrt(1.0 - work / self.held**2))
         columns = np.ones((count, 6 if fit_damping else 5), order="F")
         for _ in range(ITERATIONS):
-            by = weights(self.held, gamma, self.ratio, self.damping_difference, self.step)
+            by = self.weights(gamma)
             right, stiffness, by_frequency = self.expand(about, frequency)
             columns[:, 1:3] = 0.0
             # the defect; a cosine and a sine; by n2
@@ -130,15 +131,15 @@ class Identity:
             columns[2:, 3] = self.source(by, by_frequency)
             columns[:, :4] = dtbtrs(system(by, stiffness), columns[:, :4], uplo="L", overwrite_b=True)[0]
             if fit_damping:
-                columns[:, 5] = -time * about
+                columns[:, 5] = step * (0.5 * (count - 1) - np.arange(count)) * about
             about = about + columns[:, 0]
-            change, inverse = least_squares(columns[:, 1:], self.difference - about)
+            change, inverse = least_squares(columns[:, 1:], difference - about)
             about += columns[:, 1:] @ np.where(np.arange(change.size) == ZERO_LINE, 0.0, change)
             frequency, gamma = frequency + float(change[2]), gamma + float(change[4:].sum())
             _require_swing_near(frequency, gamma)
-            if np.abs(np.delete(change, [0, 1, ZERO_LINE])).max() * self.step * count < SETTLED:
+            if np.abs(np.delete(change, [0, 1, ZERO_LINE])).max() * step * count < SETTLED:
                 break
-        residual = self.difference - about - change[ZERO_LINE]
+        residual = difference - about - change[ZERO_LINE]
         noise = float(np.linalg.norm(residual) / np.sqrt(max(count - change.size, 1)))
         if np.abs(residual).max() > max(OUTLIER * noise, FLOOR * float(np.sqrt(2.0) * about.std())):
             raise RefusedError("record/elongation: the difference has outliers; use --method joint")

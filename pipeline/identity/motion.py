@@ -8,7 +8,6 @@ curvature, at zero and at the pendulum's frequency, and at that of swell, where 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,6 +17,7 @@ from pipeline.arrays import Floats
 from pipeline.harmonics.envelope import Envelope, fill
 from pipeline.harmonics.slow_motion import kaiser, reach_of, windowed
 from pipeline.identity.fit import Fit
+from pipeline.observation import Observation
 
 PASS, STOP = 3.0, 6.0  # times the swing's frequency: the nonlinear terms make lines up to the third
 SWELL = 0.3  # of the swing's frequency: the upper end of swell
@@ -78,104 +78,87 @@ class Motion:
 
     Attributes
     ----------
+    seen : Observation
     inside : slice
         These samples, in the record.
     filters : Filters
     low, bend : (m,) arrays
         theta1 free of the noise above three times the swing, rad; `n2^2 w = (theta1'' + 2 gamma1 theta1') / ratio^2`,
         s-2.
-    vertical : (m,) array or None
-        z'', m s-2, up positive.
     shift : float
         What the noise of theta1 that the filters let pass adds to the factor of sin d on average, s-2.
-    held, ratio : float
-        h, rad s-1; n1/n2.
-    gravity : callable
-        m s-2 of a trial n2.
+    held : float
+        h, rad s-1.
     """
 
+    seen: Observation
     inside: slice
     filters: Filters
     low: Floats
     bend: Floats
-    vertical: Floats | None
     shift: float
     held: float
-    ratio: float
-    gravity: Callable[[float], float]
 
-    def stiffness(self, frequency: float) -> Floats:
-        """`n2^2 (1 + zeta) / cos theta1`, s-2."""
-        pull = 1.0 if self.vertical is None else 1.0 + self.vertical / self.gravity(frequency)
-        return np.asarray(frequency**2 * pull / np.cos(self.low))
+    def stiffness(self, frequency: float) -> Floats | float:
+        """`n2^2 (1 + zeta)`, s-2; heave's part does not depend on n2."""
+        square = frequency**2
+        if self.seen.vertical is None:
+            return square
+        return np.asarray(square + square / self.seen.felt_gravity(frequency) * self.seen.vertical[self.inside])
 
     def expand(self, angle: Floats, frequency: float) -> tuple[Floats, Floats, Floats]:
         """`N(d) = h^2 d - n2^2 F(d)` of real pendulums and its derivatives by d and n2, see `Identity`."""
-        stiff, sine = self.stiffness(frequency), np.sin(angle)
+        cosine, sine = np.cos(self.low), np.sin(angle)
         less = -2.0 * np.sin(0.5 * angle) ** 2  # cos d - 1
-        lever = stiff + self.bend * np.tan(self.low) - self.shift
+        lever = (self.stiffness(frequency) + self.bend * np.sin(self.low)) / cosine - self.shift
         by_angle = self.held**2 - lever * (1.0 + less) + self.bend * sine
-        return self.held**2 * angle - lever * sine - self.bend * less, by_angle, -2.0 / frequency * stiff * sine
+        return self.held**2 * angle - lever * sine - self.bend * less, by_angle, -2.0 * frequency * sine / cosine
 
-    def influence(self, fit: Fit, count: int) -> Floats:
-        """d n2 / d (sample of the first pendulum) of a record of `count` samples, s-1, from a fit of the difference."""
-        by, adjoint, out = fit.weights, fit.adjoint[2:], np.zeros(count)
+    def influence(self, fit: Fit) -> Floats:
+        """d n2 / d (sample of the first pendulum), s-1, of the whole record, from a fit of the difference."""
+        by, adjoint, out = fit.weights, fit.adjoint[2:], np.zeros(self.seen.theta.size)
         driven, source = (np.convolve(adjoint, taps)[3:-3] for taps in (by.driven, by.source))
         out[self.inside] = driven + by.direct * np.convolve(adjoint, by.swing)
         # what of the nonlinear terms comes from the first pendulum as it is, and from its acceleration
         tangent, sine = np.tan(self.low), np.sin(fit.model)
-        plain = -(self.stiffness(fit.frequency) * tangent + self.bend / np.cos(self.low) ** 2) * sine
-        bent = (2.0 * np.sin(0.5 * fit.model) ** 2 - tangent * sine) / self.ratio**2
+        plain = -(self.stiffness(fit.frequency) * np.sin(self.low) + self.bend) / np.cos(self.low) ** 2 * sine
+        bent = (2.0 * np.sin(0.5 * fit.model) ** 2 - tangent * sine) / self.seen.frequency_ratio**2
         out += np.convolve(source * plain, self.filters.low) + np.convolve(source * bent, self.filters.curvature)
         return -out
 
 
 def motion(
-    theta: Floats,
-    vertical: Floats | None,
-    step: float,
-    frequency: float,
-    ratio: float,
-    damping_rate: float,
-    noise: float,
-    gravity: Callable[[float], float],
-    envelope: Envelope | None = None,
+    seen: Observation, frequency: float, damping_rate: float, noise: float, envelope: Envelope | None = None
 ) -> Motion:
     """Filter the first pendulum.
 
     Parameters
     ----------
-    theta : (n,) array
-        First pendulum, rad, all samples, `step` seconds apart.
-    vertical : (n,) array or None
-        z'', m s-2.
-    frequency, ratio, damping_rate : float
-        h, about which the filters are exact, rad s-1; n1/n2; gamma1, s-1.
+    seen : Observation
+        Whole.
+    frequency, damping_rate : float
+        h, about which the filters are exact, rad s-1; gamma2, s-1.
     noise : float
-        White reading noise of theta, rad (0 where not known).
-    gravity : callable
-        m s-2 of a trial n2.
+        White reading noise of the first pendulum, rad (0 where not known).
     envelope : Envelope, optional
         Where it is given the swing's third harmonic is computed from it and not read: noise there comes back to the
         swing nine times as strong, and more of it than of any other.
     """
-    filters = design(frequency * ratio, step, damping_rate, envelope is not None)
-    inside = slice(filters.reach, theta.size - filters.reach)
-    curved = np.correlate(theta, filters.curvature, "valid")
+    own, ratio = frequency * seen.frequency_ratio, seen.frequency_ratio
+    filters = design(own, seen.step, damping_rate + seen.damping_difference, envelope is not None)
+    inside = slice(filters.reach, seen.theta.size - filters.reach)
+    curved = np.correlate(seen.theta, filters.curvature, "valid")
     if envelope is not None:
-        time = step * np.arange(inside.start, inside.stop)
-        curved -= (3.0 * frequency * ratio) ** 2 * third_harmonic(envelope, time)
+        curved -= (3.0 * own) ** 2 * third_harmonic(envelope, seen.time[inside])
     passed = 0.5 * frequency**2 * filters.low @ filters.low + filters.low @ filters.curvature * ratio**-2
     return Motion(
+        seen=seen,
         inside=inside,
         filters=filters,
-        low=np.correlate(theta, filters.low, "valid"),
+        low=np.correlate(seen.theta, filters.low, "valid"),
         bend=curved * ratio**-2,
-        vertical=None if vertical is None else vertical[inside],
         shift=noise**2 * float(passed),  # mean of 1/cos theta1 and of theta1 w
         held=frequency,
-        ratio=ratio,
-        gravity=gravity,
     )
 
 

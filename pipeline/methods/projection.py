@@ -26,16 +26,8 @@ def require_clean(prepared: Prepared) -> None:
 
 def linear_fit(prepared: Prepared) -> Fit:
     """The linear identity fitted to a record, the damping held where it is stated."""
-    seen, rough = prepared.observation, prepared.fine
-    identity = Identity(
-        theta=seen.theta,
-        difference=seen.difference,
-        step=seen.step,
-        held=rough.frequency,
-        ratio=seen.frequency_ratio,
-        damping_difference=seen.damping_difference,
-        expand=linear(rough.frequency),
-    )
+    rough = prepared.fine
+    identity = Identity(prepared.observation, rough.frequency, linear(rough.frequency))
     return identity.fit(rough.damping_rate, fit_damping=prepared.known_damping is None)
 
 

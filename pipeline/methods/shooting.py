@@ -43,13 +43,12 @@ def invert(prepared: Prepared) -> Estimate:
     colour = projection.residual_colour(fit, prepared)
     # short heave lies beside what the colour looks at, but above what neighbours call noise
     coloured = colour > COLOURED or (colour > 1.0 and fit.noise > EXCESS * prepared.noise_difference)
-    if moved.vertical is None and coloured and fit.noise > FLOOR * float(np.abs(fit.model).max()):
+    if prepared.observation.vertical is None and coloured and fit.noise > FLOOR * float(np.abs(fit.model).max()):
         raise RefusedError(
             "record/vertical_acceleration: not recorded, and the residual is not that of real pendulums on a support "
             "that does not heave; use --method joint"
         )
-    through = moved.influence(fit, prepared.observation.theta.size)
-    from_theta = prepared.theta_error(float(np.linalg.norm(through)), fit.noise)
+    from_theta = prepared.theta_error(float(np.linalg.norm(moved.influence(fit))), fit.noise)
     numerical = numerical_error(fit, prepared.observation.step)
     return projection.as_estimate(prepared, fit, colour, from_theta, numerical, reduced=True)
 
@@ -60,26 +59,8 @@ def nonlinear_fit(prepared: Prepared) -> tuple[Motion, Fit]:
     noise = prepared.noise_theta if np.isfinite(prepared.noise_theta) else seen.sigma_theta or 0.0
     # the third harmonic is read where the samples give it better than the swing's amplitude does
     read = noise < NOISY * float(np.nanmedian(np.abs(envelope.first)))
-    moved = motion(
-        seen.theta,
-        seen.vertical,
-        seen.step,
-        rough.frequency,
-        seen.frequency_ratio,
-        rough.damping_rate + seen.damping_difference,
-        noise,
-        prepared.gravity_of,
-        None if read else envelope,
-    )
-    identity = Identity(
-        theta=seen.theta[moved.inside],
-        difference=seen.difference[moved.inside],
-        step=seen.step,
-        held=rough.frequency,
-        ratio=seen.frequency_ratio,
-        damping_difference=seen.damping_difference,
-        expand=moved.expand,
-    )
+    moved = motion(seen, rough.frequency, rough.damping_rate, noise, None if read else envelope)
+    identity = Identity(seen, rough.frequency, moved.expand, moved.inside)
     return moved, identity.fit(rough.damping_rate, fit_damping=prepared.known_damping is None)
 
 

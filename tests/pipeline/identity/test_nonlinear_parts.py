@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from exact_pair import Pair
 from heavy_pair import observe
 from scipy.integrate import solve_ivp
 from scipy.linalg.lapack import dtbtrs
@@ -49,18 +50,19 @@ def test_filters_pass_the_swing_and_its_surroundings_exactly(step: float) -> Non
 
 
 def test_shift_is_what_noise_adds_on_average() -> None:
-    noise, size, ratio = np.random.default_rng(2).normal(size=400_000), 1e-4, 1.1
-    found = motion(size * noise, None, 0.04, 6.22, ratio, 0.0, size, lambda frequency: 9.8)
+    noise, size = 1e-4 * np.random.default_rng(2).normal(size=400_000), 1e-4
+    seen = Pair((1.1 * 6.22, 6.22)).observe(np.arange(noise.size) * 0.04, step=0.04, theta=noise)
+    found = motion(seen, 6.22, 0.0, size)
     expected = np.mean(0.5 * 6.22**2 * found.low**2 + found.low * found.bend)
     assert found.shift == pytest.approx(expected, rel=0.02)
 
 
 def moving(**changes: object) -> Motion:
-    """Random motion of fifty samples whose pull does not depend on a trial n2."""
+    """Random motion of fifty samples."""
     random = np.random.default_rng(4)
     low, bend = random.uniform(-0.1, 0.1, (2, 50))
-    heave = random.uniform(-1.0, 1.0, 50)
-    plain = Motion(slice(0, 50), design(6.2, 0.04, 0.0), low, bend, heave, 0.0, 6.2, 1.0, lambda frequency: 10.0)
+    seen = Pair((6.2, 6.2)).observe(np.arange(50) * 0.04, step=0.04, vertical=random.uniform(-1.0, 1.0, 50))
+    plain = Motion(seen, slice(0, 50), design(6.2, 0.04, 0.0), low, bend, 0.0, 6.2)
     return replace(plain, **changes)  # type: ignore[arg-type]  # changes are fields of Motion
 
 
@@ -70,7 +72,7 @@ def test_expansion_is_the_derivative() -> None:
     assert (moved.expand(about + move, 6.1)[0] - here) / move == pytest.approx(by_angle, abs=1e-4)
     assert (moved.expand(about, 6.1 + move)[0] - here) / move == pytest.approx(by_frequency, abs=1e-5)
     w, theta = moved.bend / 6.1**2, moved.low
-    pull = 1.0 + moved.vertical / 10.0
+    pull = 1.0 + moved.seen.vertical / moved.seen.felt_gravity(6.1)
     bend = pull * np.sin(about) / np.cos(theta) + w * ((np.cos(about) - 1) + np.tan(theta) * np.sin(about))
     assert here == pytest.approx(6.2**2 * about - 6.1**2 * bend, abs=1e-13)
     noisy = moving(shift=1e-3).expand(about, 6.1)[0]
@@ -104,7 +106,7 @@ def test_influence_of_both_traces_is_the_change_they_make() -> None:
     """A swing-like change of either trace moves n2 by the sum of influence times change."""
     prepared, moved, fit = fitted()
     seen, inside, frequency = prepared.observation, moved.inside, fit.frequency
-    of_theta = moved.influence(fit, seen.theta.size)
+    of_theta = moved.influence(fit)
     # a change that dies out at the ends, where the filters reach beyond the inversion
     change = 1e-6 * np.cos(1.02 * frequency * seen.time + 0.3) * np.sin(np.pi * seen.time / seen.time[-1]) ** 2
     turned = invert(prepare(replace(seen, difference=seen.difference + change))).frequency

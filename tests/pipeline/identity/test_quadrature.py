@@ -5,9 +5,10 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
+from exact_pair import Pair
 
 from pipeline.identity.fit import Identity, linear
-from pipeline.identity.quadrature import NODES, basis, cardinal, padded, taps, weights
+from pipeline.identity.quadrature import NODES, basis, cardinal, padded, taps
 
 N = 2.0 * np.pi / 1.01
 CENTRE = 0.5 * (NODES - 1)
@@ -96,13 +97,13 @@ def _swing(count: int, step: float, seed: int = 3) -> np.ndarray:
 
 
 def identity(theta: np.ndarray, step: float, held: float, ratio: float, apart: float) -> Identity:
-    return Identity(theta, np.zeros(theta.size), step, held, ratio, apart, linear(held))
+    seen = Pair((held * ratio, held), (apart, 0.0)).observe(np.arange(theta.size) * step, step=step, theta=theta)
+    return Identity(seen, held, linear(held))
 
 
 def missing(of: Identity, gamma: float, difference: np.ndarray, right: np.ndarray | float = 0.0) -> np.ndarray:
     """What is missing to the identity at a difference, rad a sample."""
-    by = weights(of.held, gamma, of.ratio, of.damping_difference, of.step)
-    return of.defect(by, difference, np.zeros(difference.size) + right)
+    return of.defect(of.weights(gamma), difference, np.zeros(difference.size) + right)
 
 
 def one_sided(row: int, lam: complex, step: float) -> np.ndarray:

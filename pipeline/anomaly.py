@@ -13,11 +13,10 @@ import math
 from typing import Any
 
 from pipeline.arrays import Floats
-from pipeline.conditions import Constants
+from pipeline.conditions import MGAL, Constants
 
 GRAVITATION = 6.67430e-11  # m3 kg-1 s-2, CODATA 2018
 ROCK, WATER = 2670.0, 1027.0  # kg m-3
-MGAL = 1e-5  # m s-2
 
 
 def normal_gravity(latitude: float, height: float = 0.0) -> float:

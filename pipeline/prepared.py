@@ -61,10 +61,6 @@ class Prepared:
         """n2 at reference gravity, rad s-1."""
         return float(self.observation.frequency_reference[1])
 
-    def gravity_of(self, frequency: float) -> float:
-        """Gravity of a trial n2 (rad s-1, in the record's own time) as the pendulums feel it, m s-2."""
-        return self.observation.felt_gravity(frequency)
-
     @property
     def known_damping(self) -> float | None:
         """gamma2 where the record states it."""
@@ -200,12 +196,8 @@ def outliers_and_noise(series: Floats, step: float, frequency: float) -> tuple[b
 
 def leave_one_out(reach: int, step: float, frequency: float) -> Floats:
     """Taps that give sample minus the fit through its neighbours (symmetric, the middle tap is 1)."""
-    tau = np.arange(-reach, reach + 1) * step
-    x = tau / tau[-1]
-    cos, sin = np.cos(frequency * tau), np.sin(frequency * tau)
+    x = np.linspace(-1.0, 1.0, 2 * reach + 1)
+    cos, sin = np.cos(frequency * reach * step * x), np.sin(frequency * reach * step * x)
     basis = np.stack([np.ones_like(x), x, x * x, x**3, cos, sin, x * cos, x * sin], axis=-1)
-    others = np.arange(tau.size) != reach
-    prediction = basis[reach] @ np.linalg.pinv(basis[others])
-    filter_taps = np.ones(tau.size)
-    filter_taps[others] = -prediction
-    return filter_taps
+    prediction = basis[reach] @ np.linalg.pinv(np.delete(basis, reach, axis=0))
+    return np.insert(-prediction, reach, 1.0)

@@ -67,29 +67,30 @@ def fit_period(cycles: Cycles, *, linear: bool = False) -> PeriodFit:
         The restoring force is linear: no arc factor.
     """
     crossings = [cycles.rising, cycles.falling]
-    extremes = smooth_extremes(cycles)
-    size_of = extremes.size
-    amplitude = [np.interp(times, cycles.turning_time, size_of) for times in crossings]
+    swing = smooth_amplitude(cycles)
+    amplitude = [np.interp(times, cycles.turning_time, swing) for times in crossings]
 
     def factor(values: Floats) -> Floats:
         return np.ones_like(values) if linear else arc_factor(np.clip(values, 0.0, 3.14))
 
-    middle = np.concatenate([0.5 * (times[1:] + times[:-1]) for times in crossings])
+    def regress(fit_scale: bool) -> tuple[float, float, float, float]:
+        return _regress(crossings, amplitude, cycles, swing, factor, fit_scale)
+
+    middle = np.concatenate([_means(times) for times in crossings])
     order = np.argsort(middle)
     length = np.concatenate([np.diff(times) for times in crossings])[order]
-    size = np.concatenate([0.5 * (a[1:] + a[:-1]) for a in amplitude])[order]
-    mean_factor = np.concatenate([_mean_factor(a, 0.0, factor) for a in amplitude])[order]
-    reduced = length / mean_factor
+    size = np.concatenate([_means(a) for a in amplitude])[order]
+    mean_factor = np.concatenate([_means(factor(a)) for a in amplitude])[order]
     whole = np.abs(length / cycles.rough_period - 1.0) < 0.5  # a missing crossing makes a double cycle
+    length = np.where(whole, length, np.nan)
+    reduced = length / mean_factor
 
-    spread = float(size.max() - size.min())
-    try_scale = not linear and spread > LEAST_SPREAD
-    period, sigma, scale, scale_sigma = _regress(crossings, amplitude, extremes, factor, cycles.rough_period, try_scale)
+    try_scale = not linear and float(np.ptp(size)) > LEAST_SPREAD
+    period, sigma, scale, scale_sigma = regress(try_scale)
     scaled = try_scale and abs(scale) > max(SIGNIFICANT * scale_sigma, LEAST_SCALE)
     if try_scale and not scaled:
-        period, sigma, _, _ = _regress(crossings, amplitude, extremes, factor, cycles.rough_period, False)
-    window = np.ones(min(SMOOTHING, length.size))
-    smooth_reduced = _running_mean(np.where(whole, reduced, np.nan), window)
+        period, sigma, _, _ = regress(False)
+    smooth_reduced = _running_mean(reduced, np.ones(min(SMOOTHING, length.size)))
     return PeriodFit(
         period=period,
         sigma=sigma,
@@ -98,53 +99,48 @@ def fit_period(cycles: Cycles, *, linear: bool = False) -> PeriodFit:
         scaled=scaled,
         time=middle[order],
         amplitude=size,
-        cycle_period=np.where(whole, length, np.nan),
+        cycle_period=length,
         smoothed=smooth_reduced * mean_factor,
-        reduced=np.where(whole, reduced, np.nan),
+        reduced=reduced,
         rest=cycles.rest,
-        trend=float((np.nanmax(smooth_reduced) - np.nanmin(smooth_reduced)) / period),
+        trend=float(np.ptp(smooth_reduced[np.isfinite(smooth_reduced)]) / period),
     )
 
 
-def _mean_factor(amplitude: Floats, scale: float, factor: Factor) -> Floats:
-    scaled = amplitude * (1.0 + scale)
-    return np.asarray(0.5 * (factor(scaled[1:]) + factor(scaled[:-1])))
+def _means(values: Floats) -> Floats:
+    """Means of neighbours."""
+    return np.asarray(0.5 * (values[1:] + values[:-1]))
 
 
 def _regress(
     crossings: Sequence[Floats],
     amplitude: Sequence[Floats],
-    extremes: Extremes,
+    cycles: Cycles,
+    swing: Floats,
     factor: Factor,
-    rough: float,
     fit_scale: bool,
 ) -> tuple[float, float, float, float]:
     """Weighted least squares on the crossing times; each crossing's error goes as 1 / (amplitude x frequency).
 
-    A missed crossing shifts a whole number of cycles and is counted from the rough period.
+    A missed crossing shifts a whole number of cycles and is counted from the rough period. Period with its sigma, and
+    scale of the amplitudes with its own.
     """
-    period, scale = rough, 0.0
+    period, scale = cycles.rough_period, 0.0
+    weight, value = np.concatenate(amplitude), np.concatenate(crossings)
     for _ in range(6):
-        columns, values, weights = [], [], []
+        columns = []
         for side, (times, sizes) in enumerate(zip(crossings, amplitude, strict=True)):
-            mean = _mean_factor(sizes, scale, factor)
+            mean, nudged = (_means(factor(sizes * (1.0 + each))) for each in (scale, scale + 1e-4))
             count = np.maximum(1.0, np.rint(np.diff(times) / (period * mean)))
-            total = np.concatenate([[0.0], np.cumsum(count * mean)])
-            nudged = np.concatenate([[0.0], np.cumsum(count * _mean_factor(sizes, scale + 1e-4, factor))])
             column = np.zeros((times.size, 4))
             column[:, side] = 1.0
-            column[:, 2] = total
-            column[:, 3] = period * (nudged - total) / 1e-4
+            column[1:, 2] = np.cumsum(count * mean)
+            column[1:, 3] = period * np.cumsum(count * (nudged - mean)) / 1e-4
             columns.append(column)
-            values.append(times)
-            weights.append(sizes)
         matrix = np.concatenate(columns)[:, : 4 if fit_scale else 3]
-        weight = np.concatenate(weights)
-        value = np.concatenate(values)
         keep = np.ones(value.size, dtype=bool)
         for _ in range(3):
-            scaled = matrix[keep] * weight[keep, None]
-            solution = np.linalg.lstsq(scaled, value[keep] * weight[keep], rcond=None)[0]
+            solution = _solve(matrix, weight, value, keep)
             residual = (value - matrix @ solution) * weight
             limit = REJECTION * float(np.median(np.abs(residual[keep]))) / 0.6745
             keep = np.abs(residual) <= max(limit, 1e-12)
@@ -152,20 +148,21 @@ def _regress(
         if not fit_scale or abs(solution[3]) < 1e-9:
             break
         scale += float(np.clip(solution[3], -0.05, 0.05))
-    sigma = _uncertainty(matrix, weight, value, keep, residual, extremes, factor, period)
+    spread = _scatter(matrix, weight, value, keep, residual[keep])
+    # noise of the amplitudes adds up along the record: an error of one extreme shifts all later crossings by T0/2 dK/dA
+    influence = np.linalg.pinv(matrix[keep] * weight[keep, None])[2:] * weight[keep]
+    later = np.array([influence[:, value[keep] > moment].sum(axis=1) for moment in cycles.turning_time])
+    slope = (factor(swing * (1.0 + 1e-4)) - factor(swing)) / (1e-4 * swing)
+    noise = 1.4826 * float(np.median(np.abs(np.abs(cycles.turning) - swing)))
+    sigma = np.hypot(spread, 0.5 * period * noise * np.linalg.norm(slope[:, None] * later, axis=0))
     return period, float(sigma[0]), scale, float(sigma[1]) if fit_scale else 0.0
 
 
-@dataclass(frozen=True)
-class Extremes:
-    """Turning points: time (s), smoothed amplitude and noise of a single one (rad)."""
-
-    time: Floats
-    size: Floats
-    noise: float
+def _solve(matrix: Floats, weight: Floats, value: Floats, keep: NDArray[np.bool_]) -> Floats:
+    return np.linalg.lstsq(matrix[keep] * weight[keep, None], value[keep] * weight[keep], rcond=None)[0]
 
 
-def smooth_extremes(cycles: Cycles) -> Extremes:
+def smooth_amplitude(cycles: Cycles) -> Floats:
     """Amplitude at the turning points by a running parabola in its logarithm: noise of single extremes averages out."""
     time, size = cycles.turning_time, np.abs(cycles.turning)
     logarithm = np.log(np.maximum(size, 1e-12))
@@ -176,42 +173,24 @@ def smooth_extremes(cycles: Cycles) -> Extremes:
         scale = max(float(np.abs(tau).max()), 1e-12)
         degree = min(2, tau.size - 1)
         smooth[k] = np.polynomial.polynomial.polyfit(tau / scale, logarithm[part], degree, w=size[part])[0]
-    smooth = np.exp(smooth)
-    return Extremes(time, smooth, 1.4826 * float(np.median(np.abs(size - smooth))))
+    return np.asarray(np.exp(smooth))
 
 
-def _uncertainty(
-    matrix: Floats,
-    weight: Floats,
-    value: Floats,
-    keep: NDArray[np.bool_],
-    residual: Floats,
-    extremes: Extremes,
-    factor: Factor,
-    period: float,
-) -> Floats:
-    """1-sigma of the period, and of the scale where it was fitted.
+def _scatter(matrix: Floats, weight: Floats, value: Floats, keep: NDArray[np.bool_], kept: Floats) -> Floats:
+    """1-sigma of the period, and of the scale where it was fitted, by what the fit leaves.
 
-    The larger of the formal error with the residual's memory and of leaving out blocks in turn, and beside it the
-    noise of the amplitudes, which adds up along the record: an error of one extreme shifts all later crossings by
-    T0/2 dK/dA of it.
+    The larger of the formal error with the residual's memory and of leaving out blocks in turn.
     """
-    scaled = matrix[keep] * weight[keep, None]
-    kept = residual[keep]
     estimates = []
     for block in np.array_split(np.flatnonzero(keep)[np.argsort(value[keep], kind="stable")], BLOCKS):
         without = keep.copy()
         without[block] = False
-        part = matrix[without] * weight[without, None]
-        estimates.append(np.linalg.lstsq(part, value[without] * weight[without], rcond=None)[0][2:])
+        estimates.append(_solve(matrix, weight, value, without)[2:])
     jackknife = np.sqrt((BLOCKS - 1) * np.var(np.array(estimates), axis=0))
+    scaled = matrix[keep] * weight[keep, None]
     covariance = np.linalg.inv(scaled.T @ scaled) * float(kept @ kept) / max(kept.size - matrix.shape[1], 1)
     formal = np.sqrt(np.diag(covariance)[2:] * _colour(kept))
-    influence = np.linalg.pinv(scaled)[2:] * weight[keep]
-    later = np.array([influence[:, value[keep] > moment].sum(axis=1) for moment in extremes.time])
-    slope = (factor(extremes.size * (1.0 + 1e-4)) - factor(extremes.size)) / (1e-4 * extremes.size)
-    shifts = 0.5 * period * slope[:, None] * later * extremes.noise
-    return np.asarray(np.hypot(np.maximum(jackknife, formal), np.sqrt(np.sum(shifts**2, axis=0))))
+    return np.asarray(np.maximum(jackknife, formal))
 
 
 def _colour(residual: Floats) -> float:

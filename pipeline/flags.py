@@ -65,8 +65,7 @@ def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
 def _unresolved(prepared: Prepared, value: Gravity) -> bool:
     uncertainty = float(np.hypot(*prepared.observation.period_relative_uncertainty))
     cost = abs(value.per_ratio) * uncertainty / 1e-7
-    noise = 2.0 * value.gravity / 1e-5 * value.frequency_sigma / value.frequency[1]
-    return cost > noise
+    return bool(cost > value.noise)
 
 
 def _accelerated(prepared: Prepared, estimate: Estimate, value: Gravity) -> bool:

@@ -44,11 +44,14 @@ def build_result(record: DataTree, prepared: Prepared, reductions: Sequence[Redu
 
     envelope, seen = prepared.sliding, prepared.observation
     components = [seen.first, seen.second, f"{seen.first}-{seen.second}"]
-    harmonics = np.stack([envelope.first, envelope.first - envelope.difference, envelope.difference])
-    speeds = np.stack(
-        [envelope.first_speed, envelope.first_speed - envelope.difference_speed, envelope.difference_speed]
+    harmonics, speeds, slow = (
+        np.stack([first, first - difference, difference])
+        for first, difference in (
+            (envelope.first, envelope.difference),
+            (envelope.first_speed, envelope.difference_speed),
+            envelope.slow,
+        )
     )
-    slow = np.stack([envelope.slow[0], envelope.slow[0] - envelope.slow[1], envelope.slow[1]])
     with np.errstate(invalid="ignore", divide="ignore"):
         phase_speed = envelope.carrier + (speeds / harmonics).imag
     phase = unwrapped(harmonics) + envelope.carrier * envelope.time

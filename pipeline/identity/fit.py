@@ -15,6 +15,7 @@ from scipy.linalg.lapack import dtbtrs
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
+from pipeline.harmonics.narrowband import scaled_inverse
 from pipeline.identity.quadrature import Weights, padded, weights
 from pipeline.observation import Observation
 
@@ -162,8 +163,7 @@ def least_squares(columns: Floats, values: Floats) -> tuple[Floats, Floats]:
     gram = columns.T @ columns
     if not np.all(np.isfinite(gram)) or len(columns) < 2 * len(gram):
         raise RefusedError("difference: too few readings follow a swing near the nominal period; check the period")
-    size = np.sqrt(np.outer(gram.diagonal(), gram.diagonal()))
-    inverse = np.linalg.pinv(gram / size, rcond=1e-14, hermitian=True) / size
+    inverse = scaled_inverse(gram)
     return inverse @ (columns.T @ values), inverse
 
 

@@ -88,10 +88,10 @@ class Case:
 
     def mean_over_record(self, series: Floats | float) -> float:
         """Mean of what changes n^2 within the record as it acts on the estimate; of a number, itself."""
-        if np.ndim(series) == 0:
-            return float(series)
-        seen = self.prepared.observation
-        time, values = np.asarray(seen.course_time), np.asarray(series)
+        seen, values = self.prepared.observation, np.asarray(series)
+        if values.ndim == 0:
+            return float(values)
+        time = np.asarray(seen.course_time)
         if self.estimate.of_mean:
             return float(np.interp(seen.start + seen.time, time, values).mean())
         return mean_over_record(self.prepared, time, values)

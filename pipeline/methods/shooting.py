@@ -56,7 +56,7 @@ def invert(prepared: Prepared) -> Estimate:
 def nonlinear_fit(prepared: Prepared) -> tuple[Motion, Fit]:
     """The identity of real pendulums fitted to a record, the damping held where it is stated."""
     seen, rough, envelope = prepared.observation, prepared.fine, prepared.sliding
-    noise = prepared.noise_theta if np.isfinite(prepared.noise_theta) else seen.sigma_theta or 0.0
+    noise = prepared.theta_error(1.0, 0.0)
     # the third harmonic is read where the samples give it better than the swing's amplitude does
     read = noise < NOISY * float(np.nanmedian(np.abs(envelope.first)))
     moved = motion(seen, rough.frequency, rough.damping_rate, noise, None if read else envelope)

@@ -11,7 +11,7 @@ import numpy as np
 from data_schemas.variables import attributes
 from pipeline.gravity import DAY
 from pipeline.period.cycles import find_cycles
-from pipeline.period.fit import PeriodFit, fit_period
+from pipeline.period.fit import fit_period
 from pipeline.result import result_attributes
 from pipeline.summary import without_gravity
 
@@ -65,10 +65,15 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
         **_steps(time, elongation),
         "elapsed": clock.perf_counter() - started,
     }
+    series: dict[str, Any] = {
+        "cycle_time": fit.time + time[0],
+        "amplitude": fit.amplitude,
+        "cycle_period": fit.cycle_period,
+        "cycle_period_smoothed": fit.smoothed,
+        "cycle_period_infinitesimal": fit.reduced,
+    }
     variables: dict[str, Any] = {name: ((), value, _attributes(name)) for name, value in scalars.items()}
-    variables.update(
-        {name: ("cycle", values, _attributes(name)) for name, values in _cycle_series(fit, time[0]).items()}
-    )
+    variables |= {name: ("cycle", values, _attributes(name)) for name, values in series.items()}
     variables["flag"] = ("flag", np.array(flags, dtype=object), _attributes("flag"))
     tree = DataTree.from_dict(
         {
@@ -81,16 +86,6 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
     tree.attrs["requested_method"] = ",".join(requested)
     tree.attrs["title"] = f"period of record {tree.attrs['record_id']}"
     return tree
-
-
-def _cycle_series(fit: PeriodFit, start: float) -> dict[str, Any]:
-    return {
-        "cycle_time": fit.time + start,
-        "amplitude": fit.amplitude,
-        "cycle_period": fit.cycle_period,
-        "cycle_period_smoothed": fit.smoothed,
-        "cycle_period_infinitesimal": fit.reduced,
-    }
 
 
 def _steps(time: np.ndarray, elongation: np.ndarray) -> dict[str, float]:

@@ -15,7 +15,6 @@ from pipeline.prepared import Prepared
 
 MARK_SECONDS = 60.0
 _NEIGHBOURS = 9
-_DEGREE = 8
 
 
 def estimate(prepared: Prepared) -> Estimate:
@@ -42,8 +41,6 @@ def value_and_slope(time: Floats, series: Floats, instants: Floats) -> tuple[Flo
     value, slope = np.empty(instants.size), np.empty(instants.size)
     for k, instant in enumerate(instants):
         part = slice(start[k], start[k] + _NEIGHBOURS)
-        tau = time[part] - instant
-        scale = np.abs(tau).max()
-        coefficient = np.linalg.lstsq(np.vander(tau / scale, _DEGREE + 1, increasing=True), series[part], rcond=None)[0]
-        value[k], slope[k] = coefficient[0], coefficient[1] / scale
+        fit = np.polynomial.Polynomial.fit(time[part] - instant, series[part], _NEIGHBOURS - 1)
+        value[k], slope[k] = fit(0.0), fit.deriv()(0.0)
     return value, slope

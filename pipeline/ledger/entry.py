@@ -21,7 +21,6 @@ from pipeline.harmonics.narrowband import running_integral
 from pipeline.harmonics.slow_motion import SlowMotion
 from pipeline.prepared import Prepared
 
-REACH, PASSES = 20.0, 3  # s to either side: longer than a wave
 MGAL = 1e-5  # m s-2
 DAY = 86400.0  # s
 UNKNOWN = float("nan")  # uncertainty of a correction whose input states none
@@ -220,26 +219,14 @@ def arc_answer(prepared: Prepared, first: Complexes, difference: Complexes, freq
 def gained_phase(slow: SlowMotion, frequency: float, time: Floats) -> Floats:
     """Phase that a swing gains by the support's acceleration, rad, from its second order on.
 
-    Heave acts in first order too, but to and fro: over a record nothing is left but what its ends happen to cut off. Of
-    the second order the wiggle within single waves is taken off, which the blocks are too long to follow.
+    Heave acts in first order too, but to and fro: over a record nothing is left but what its ends happen to cut off.
     """
-    own = slow.time
-    phase = slow.phase(frequency, own)
+    phase = slow.phase(frequency, slow.time)
     if slow.zeta is not None:
         half = 0.25 * frequency * slow.step * (slow.zeta[1:] + slow.zeta[:-1])
         phase = phase - np.concatenate([[0.0], np.cumsum(half)])
-    for _ in range(PASSES):
-        phase = running_mean(phase, round(REACH / slow.step))
-    steady = float((phase[-1] - phase[0]) / (own[-1] - own[0]))
-    return np.asarray(np.interp(time, own, phase - steady * own) + steady * time)
-
-
-def running_mean(values: Floats, reach: int) -> Floats:
-    """Mean over as many neighbours on either side, fewer near the ends: a straight line stays itself."""
-    index = np.arange(values.size)
-    half = np.minimum(reach, np.minimum(index, values.size - 1 - index))
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    return np.asarray((total[index + half + 1] - total[index - half]) / (2 * half + 1))
+    steady = float((phase[-1] - phase[0]) / (slow.time[-1] - slow.time[0]))
+    return np.asarray(np.interp(time, slow.time, phase - steady * slow.time) + steady * time)
 
 
 def turned(prepared: Prepared, phase: Floats) -> float:

@@ -56,13 +56,9 @@ def leaking(
     `phi' = n2 + (n1-n2) [(Theta1/a) cos(Phi1-phi) + (psi1/a) cos phi - psi1'/(n1 a) sin phi]`; the paper prints
     omega' for psi1'.
     """
-    a = np.asarray(amplitude)
-    inner = (
-        np.asarray(free_amplitude_1) * np.cos(free_lead)
-        + np.asarray(slow) * np.cos(phase)
-        - np.asarray(slow_speed) / frequency_1 * np.sin(phase)
-    )
-    return np.asarray(frequency_2 + (frequency_1 - frequency_2) * inner / a)
+    leak = np.asarray(slow) * np.cos(phase) - np.asarray(slow_speed) / frequency_1 * np.sin(phase)
+    inner = np.asarray(free_amplitude_1) * np.cos(free_lead) + leak
+    return np.asarray(frequency_2 + (frequency_1 - frequency_2) * inner / np.asarray(amplitude))
 
 
 def near_resonant_amplitude(frequency: float, half_detuning: float, acceleration_ratio: float) -> float:

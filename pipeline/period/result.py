@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from data_schemas.variables import attributes
 from pipeline.gravity import DAY
 from pipeline.period.cycles import find_cycles
 from pipeline.period.fit import fit_period
-from pipeline.result import result_attributes
+from pipeline.result import dataset, result_attributes
 from pipeline.summary import without_gravity
 
 if TYPE_CHECKING:
@@ -72,13 +71,11 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
         "cycle_period_smoothed": fit.smoothed,
         "cycle_period_infinitesimal": fit.reduced,
     }
-    variables: dict[str, Any] = {name: ((), value, _attributes(name)) for name, value in scalars.items()}
-    variables |= {name: ("cycle", values, _attributes(name)) for name, values in series.items()}
-    variables["flag"] = ("flag", np.array(flags, dtype=object), _attributes("flag"))
+    values = scalars | series | {"flag": np.array(flags, dtype=object)}
     tree = DataTree.from_dict(
         {
             "/": Dataset(coords={"time": ("time", time[[0, -1]], dict(record.dataset["time"].attrs))}),
-            "/period": Dataset(variables),
+            "/period": dataset("period", values, {}, _EXTRA),
         }
     )
     trace = str(record["record"].dataset["trace"].values[0])
@@ -99,13 +96,6 @@ def _steps(time: np.ndarray, elongation: np.ndarray) -> dict[str, float]:
         "time_step_least": float(usual.min()),
         "time_step_most": float(usual.max()),
     }
-
-
-def _attributes(name: str) -> dict[str, Any]:
-    if name in _EXTRA:
-        units, long_name = _EXTRA[name]
-        return {"units": units, "long_name": long_name}
-    return attributes(f"period/{name}")
 
 
 def period_summaries(result: DataTree) -> list[dict[str, Any]]:

@@ -47,8 +47,7 @@ def synchrony(record: DataTree) -> DataTree:
     from xarray import Dataset, DataTree
 
     from data_schemas import check
-    from data_schemas.variables import VARIABLES, attributes
-    from pipeline.result import result_attributes
+    from pipeline.result import dataset, result_attributes
     from pipeline.synchronism.allan import REMEDY, available
     from pipeline.synchronism.phases import phases
 
@@ -71,12 +70,7 @@ def synchrony(record: DataTree) -> DataTree:
         **beam,
         **_stability(seen),
     }
-    group = Dataset(
-        {
-            name: (VARIABLES[f"synchrony/{name}"].dims, value, attributes(f"synchrony/{name}"))
-            for name, value in values.items()
-        }
-    )
+    group = dataset("synchrony", values, {}, {})
     group.attrs["allan_deviation_absent"] = "" if available() else REMEDY
     group.attrs["beam_direction"] = direction
     instants = ("time", seen.time + recorded[0], dict(record.dataset["time"].attrs))

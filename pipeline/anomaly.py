@@ -13,11 +13,10 @@ import math
 from typing import Any
 
 from pipeline.arrays import Floats
-from pipeline.conditions import Constants
+from pipeline.conditions import MGAL, Constants
 
 GRAVITATION = 6.67430e-11  # m3 kg-1 s-2, CODATA 2018
 ROCK, WATER = 2670.0, 1027.0  # kg m-3
-MGAL = 1e-5  # m s-2
 
 
 def normal_gravity(latitude: float, height: float = 0.0) -> float:
@@ -70,8 +69,8 @@ def anomalies(constants: Constants, gravity: Floats) -> dict[str, Any]:
     normal = normal_gravity(latitude, max(height, 0.0))
     at = to_the_surface(gravity, latitude, -height) if height < 0.0 else gravity
     free_air = (at - normal) / MGAL
-    found: dict[str, Any] = {"normal_gravity": ((), normal), "free_air_anomaly": ("method", free_air)}
+    found: dict[str, Any] = {"normal_gravity": normal, "free_air_anomaly": free_air}
     if "water_depth" in constants:
         plate = 2.0 * math.pi * GRAVITATION * (ROCK - WATER) * float(constants["water_depth"]) / MGAL
-        found["bouguer_anomaly"] = ("method", free_air + plate)
+        found["bouguer_anomaly"] = free_air + plate
     return found

@@ -11,6 +11,8 @@ from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics.envelope import Envelope, fill
 from pipeline.harmonics.narrowband import NarrowbandFit, running_integral
 
+COLOUR_SECONDS = 4.0  # length of the blocks in which a residual is compared with a swing
+
 
 @dataclass(frozen=True)
 class Budget:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.estimate import Estimate
+from pipeline.estimate import COLOUR_SECONDS, Estimate
 from pipeline.gravity import MGAL, Gravity
 from pipeline.methods.phases import passes_zero
 from pipeline.prepared import Prepared
@@ -43,7 +43,10 @@ _DECAY = 3e-6  # s-1: one per cent of it as a difference costs about 0.01 mGal a
 def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
     """Flags of one method on one record, in the order of `MEANINGS`."""
     seen = prepared.observation
-    amplitude = np.abs(prepared.blocks.difference)
+    envelope = prepared.sliding
+    beyond = np.array([0.0, seen.time[-1]]) - envelope.time[[0, -1]]  # half a window at either end
+    ends = envelope.difference[[0, -1]] + beyond * envelope.difference_speed[[0, -1]]
+    amplitude = np.abs(np.append(envelope.difference, ends))
     raised = {
         "beats-through-zero": passes_zero(amplitude),
         "short-record": float(seen.time[-1]) < SHORT_SECONDS,
@@ -62,8 +65,7 @@ def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
 def _unresolved(prepared: Prepared, value: Gravity) -> bool:
     uncertainty = float(np.hypot(*prepared.observation.period_relative_uncertainty))
     cost = abs(value.per_ratio) * uncertainty / 1e-7
-    noise = 2.0 * value.gravity / 1e-5 * value.frequency_sigma / value.frequency[1]
-    return cost > noise
+    return bool(cost > value.noise)
 
 
 def _accelerated(prepared: Prepared, estimate: Estimate, value: Gravity) -> bool:
@@ -72,8 +74,7 @@ def _accelerated(prepared: Prepared, estimate: Estimate, value: Gravity) -> bool
         return False
     if prepared.observation.restoring != "sine" and estimate.finite_arc == 0.0:
         return False
-    slow = prepared.blocks.slow[0]
-    size = 0.5 * value.gravity * float(np.nanvar(slow)) / MGAL
+    size = 0.5 * value.gravity * prepared.slow_square / MGAL
     return size > max(value.sigma, LEAST_BROWNE)
 
 
@@ -87,8 +88,7 @@ def _noise(prepared: Prepared, estimate: Estimate, amplitude: float) -> dict[str
     allowance = 5.0 / np.sqrt(2.0 * estimate.samples)  # of the estimate itself
     found = estimate.noise if stated is None else estimate.noise / stated
     colour = estimate.residual_colour
-    blocks = float(prepared.blocks.time.size)
-    rises = colour > COLOUR + 5.0 / np.sqrt(blocks)
+    rises = colour > COLOUR + 5.0 / np.sqrt(prepared.observation.time[-1] / COLOUR_SECONDS)
     visible = estimate.noise * np.sqrt(max(colour, 1.0)) > COLOUR_FLOOR * amplitude
     return {
         "noise-above-stated": stated is not None and found > NOISE_ABOVE + allowance,

@@ -33,8 +33,6 @@ class Gravity:
         1-sigma from the readings alone, mGal.
     frequency : (2,) tuple
         n1, n2 after all corrections, rad s-1: `gravity = g_ref (n2/n2_ref)^2`.
-    frequency_sigma : float
-        Of n2 from reading noise alone, rad s-1.
     per_ratio : float
         Change of gravity, mGal, for n1/n2 larger by 1e-7.
     given : dict
@@ -45,7 +43,6 @@ class Gravity:
     sigma: float
     noise: float
     frequency: tuple[float, float]
-    frequency_sigma: float
     per_ratio: float
     given: dict[str, Entry] = field(repr=False)
     _case: Case = field(repr=False)
@@ -104,7 +101,7 @@ def gravity(estimate: Estimate, prepared: Prepared, gain_uncertainty: float = 0.
     seen = prepared.observation
     plain = seen.reference_gravity * (estimate.frequency / prepared.nominal) ** 2
     scale = 2.0 * plain / estimate.frequency / MGAL  # mGal per rad s-1
-    by_ratio = scale * prepared.rough_budget.by_ratio
+    by_ratio = scale * prepared.fine_budget.by_ratio
     case = Case(estimate, prepared, gain_uncertainty, scale, by_ratio * seen.frequency_ratio, 2.0 * plain / MGAL)
     value, given = book.given(case)
     noise = scale * estimate.sigma
@@ -115,7 +112,6 @@ def gravity(estimate: Estimate, prepared: Prepared, gain_uncertainty: float = 0.
         sigma=float(np.sqrt(np.nansum(np.square(parts)))),
         noise=noise,
         frequency=(n2 * float(seen.frequency_reference[0] / seen.frequency_reference[1]), n2),
-        frequency_sigma=estimate.sigma,
         per_ratio=by_ratio * 1e-7,
         given=given,
         _case=case,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -134,25 +135,21 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     labels = [str(label) for label in traces["pendulum"].values]
     combination = np.asarray(traces["combination"].values, dtype=np.float64)
     first, second = choose_pair(labels, combination, pair)
-    unit = np.eye(len(labels))
-    one, two = labels.index(first), labels.index(second)
-    weights = {
-        "theta": _solve(combination, unit[one], first),
-        "difference": _solve(combination, unit[one] - unit[two], f"{first}-{second}"),
-    }
+    one, two = (np.eye(len(labels))[labels.index(label)] for label in (first, second))
     elongation = np.asarray(traces["elongation"].values, dtype=np.float64)
     sigma = _uncertainty(traces, elongation.shape[0])
     time: Floats = np.asarray(record.dataset["time"].values, dtype=np.float64)
-    rows = [_combine(weights[name], elongation) for name in ("theta", "difference")]
+    theta, sigma_theta = _combine(combination, elongation, sigma, one, first)
+    difference, sigma_difference = _combine(combination, elongation, sigma, one - two, f"{first}-{second}")
+    rows = [theta, difference]
     if "vertical_acceleration" in traces:
-        rows.append(_plain(np.asarray(traces["vertical_acceleration"].values, dtype=np.float64)))
+        rows.append(np.asarray(traces["vertical_acceleration"].values, dtype=np.float64))
     # before its first reading and after its last the first pendulum could only be extrapolated
     within = span(rows[0])
     if within.stop == 0:
         raise RecordError(f"record/elongation: pendulum '{first}' has no reading at all; give its trace")
     start = float(time[within.start])
     time, step, series = uniform_grid(time[within] - start, [row[within] for row in rows])
-    constants = instrument(record, (first, second))
     return Observation(
         start=start,
         first=first,
@@ -162,9 +159,9 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
         theta=series[0],
         difference=series[1],
         vertical=series[2] if len(rows) == 3 else None,
-        sigma_theta=_combined_sigma(weights["theta"], sigma),
-        sigma_difference=_combined_sigma(weights["difference"], sigma),
-        **constants,
+        sigma_theta=sigma_theta,
+        sigma_difference=sigma_difference,
+        **instrument(record, (first, second)),
     )
 
 
@@ -276,55 +273,46 @@ def uniform_grid(time: Floats, series: Sequence[Floats]) -> tuple[Floats, float,
         raise uneven
     if last + 1 == time.size:
         return time, step, series
-    laid = [np.full(last + 1, np.nan) for _ in series]
-    for row, out in zip(series, laid, strict=True):
-        out[rows] = row
-    return np.arange(last + 1) * step, step, laid
+    laid = np.full((len(series), last + 1), np.nan)
+    laid[:, rows] = series
+    return np.arange(last + 1) * step, step, list(laid)
 
 
 def choose_pair(labels: list[str], combination: Floats, pair: str | None) -> tuple[str, str]:
     """Labels of the two pendulums: those named, else of the first recorded difference, else the first two."""
     if pair is not None:
-        for first in labels:
-            for second in labels:
-                if first != second and pair == f"{first}-{second}":
-                    return first, second
+        for first, second in itertools.permutations(labels, 2):
+            if pair == f"{first}-{second}":
+                return first, second
         raise UsageError(f"pair '{pair}': give two of the record's pendulums as A-B; it has {', '.join(labels)}")
     for row in combination:
         used = np.flatnonzero(row)
         if used.size == 2 and np.isclose(row[used].sum(), 0.0):
-            scaled = row[used[0]] > 0
-            return (labels[used[0]], labels[used[1]]) if scaled else (labels[used[1]], labels[used[0]])
+            first, second = used[np.argsort(-row[used])]
+            return labels[first], labels[second]
     if len(labels) < 2:
         raise RecordError("record/combination: one pendulum gives no difference; gravity at sea needs two in one frame")
     return labels[0], labels[1]
 
 
-def _solve(combination: Floats, wanted: Floats, name: str) -> Floats:
-    """Weights of the traces whose sum is the wanted combination of pendulums; sparse where a trace is it already."""
-    for row, trace in enumerate(combination):
-        if np.array_equal(trace, wanted):
-            return np.asarray(np.eye(len(combination))[row])
-    weights: Floats = np.linalg.lstsq(combination.T, wanted, rcond=None)[0]
-    if np.abs(combination.T @ weights - wanted).max() > 1e-9:
-        raise RecordError(
-            f"record/combination: the traces cannot give '{name}'; record one pendulum and a difference, "
-            "or two pendulums"
-        )
-    weights[np.abs(weights) < 1e-12] = 0.0
-    return weights
-
-
-def _combine(weights: Floats, elongation: Floats) -> Floats:
-    used = np.flatnonzero(weights)
-    if used.size == 1 and weights[used[0]] == 1.0:
-        return _plain(elongation[used[0]])
-    return np.asarray(weights[used] @ elongation[used])
-
-
-def _plain(series: Floats) -> Floats:
-    """As kernels are compiled for: in one piece, writable; a view where it is so already, and nobody writes to it."""
-    return np.require(series, requirements=["C", "W"])
+def _combine(
+    combination: Floats, elongation: Floats, sigma: Floats | None, wanted: Floats, name: str
+) -> tuple[Floats, float | None]:
+    """Series of the wanted combination of pendulums and its stated noise; from one trace where that is it already."""
+    recorded = np.flatnonzero((combination == wanted).all(axis=1))
+    if recorded.size:
+        weights = np.eye(len(combination))[recorded[0]]
+    else:
+        weights = np.linalg.lstsq(combination.T, wanted, rcond=None)[0]
+        if np.abs(combination.T @ weights - wanted).max() > 1e-9:
+            raise RecordError(
+                f"record/combination: the traces cannot give '{name}'; record one pendulum and a difference, "
+                "or two pendulums"
+            )
+    used = np.flatnonzero(np.abs(weights) > 1e-12)  # a trace that is not used may be missing
+    series = elongation[recorded[0]] if recorded.size else weights[used] @ elongation[used]
+    stated = float("nan") if sigma is None else float(np.linalg.norm(weights[used] * sigma[used]))
+    return series, stated if 0.0 < stated < np.inf else None
 
 
 def _uncertainty(traces: Any, count: int) -> Floats | None:
@@ -334,10 +322,3 @@ def _uncertainty(traces: Any, count: int) -> Floats | None:
     if sigma.ndim == 2:
         sigma = np.sqrt(row_means_present(np.square(sigma)))
     return sigma.reshape(count)
-
-
-def _combined_sigma(weights: Floats, sigma: Floats | None) -> float | None:
-    if sigma is None:
-        return None
-    value = float(np.sqrt(np.sum(np.square(weights[weights != 0] * sigma[weights != 0]))))
-    return value if np.isfinite(value) and value > 0.0 else None

@@ -12,13 +12,19 @@ from numpy.typing import ArrayLike
 from pipeline.arrays import Floats
 
 
-def vening_meinesz(
-    frequency_1: float, frequency_2: float, amplitude_1: ArrayLike, amplitude: ArrayLike, lead: ArrayLike
+def phase_speed(
+    frequency_1: float,
+    frequency_2: float,
+    amplitude_1: ArrayLike,
+    amplitude: ArrayLike,
+    lead: ArrayLike,
+    damping_difference: float = 0.0,
 ) -> Floats:
-    """Phase speed of the fictitious pendulum, (9); (25) and (27) have the same form.
+    """Phase speed of the fictitious pendulum, (9), and of the difference pendulum, (25) and (27).
 
-    `phi' = n2 + (n1 - n2) (a1/a) cos(phi1 - phi)`. With a1, phi1 of the raw `theta1 - i theta1'/n1` this is (9), and
-    the slow motion leaks in as (14) shows; with the separated harmonic it is (27).
+    `phi' = n2 + (n1-n2) (a1/a) cos(phi1-phi) - (gamma1-gamma2) (a1/a) sin(phi1-phi)`, the damping added. With a1, phi1
+    of the raw `theta1 - i theta1'/n1` this is (9), and the slow motion leaks in as (14) shows; with the separated
+    harmonic Theta1, Phi1 it is (27).
 
     Parameters
     ----------
@@ -28,10 +34,11 @@ def vening_meinesz(
         a1 (or Theta1) and a.
     lead : array_like
         phi1 - phi (or Phi1 - phi).
+    damping_difference : float
+        gamma1 - gamma2, s-1.
     """
-    return np.asarray(
-        frequency_2 + (frequency_1 - frequency_2) * np.asarray(amplitude_1) / np.asarray(amplitude) * np.cos(lead)
-    )
+    turn = (frequency_1 - frequency_2) * np.cos(lead) - damping_difference * np.sin(lead)
+    return np.asarray(frequency_2 + turn * np.asarray(amplitude_1) / np.asarray(amplitude))
 
 
 def leaking(
@@ -49,33 +56,9 @@ def leaking(
     `phi' = n2 + (n1-n2) [(Theta1/a) cos(Phi1-phi) + (psi1/a) cos phi - psi1'/(n1 a) sin phi]`; the paper prints
     omega' for psi1'.
     """
-    a = np.asarray(amplitude)
-    inner = (
-        np.asarray(free_amplitude_1) * np.cos(free_lead)
-        + np.asarray(slow) * np.cos(phase)
-        - np.asarray(slow_speed) / frequency_1 * np.sin(phase)
-    )
-    return np.asarray(frequency_2 + (frequency_1 - frequency_2) * inner / a)
-
-
-def panteleev(
-    frequency_1: float,
-    frequency_2: float,
-    free_amplitude_1: ArrayLike,
-    amplitude: ArrayLike,
-    free_lead: ArrayLike,
-    damping_difference: float = 0.0,
-) -> Floats:
-    """Phase speed (27) of the difference pendulum, with the damping difference added.
-
-    `phi' = n2 + (n1-n2) (Theta1/a) cos(Phi1-phi) - (gamma1-gamma2) (Theta1/a) sin(Phi1-phi)`.
-    """
-    share = np.asarray(free_amplitude_1) / np.asarray(amplitude)
-    return np.asarray(
-        frequency_2
-        + (frequency_1 - frequency_2) * share * np.cos(free_lead)
-        - damping_difference * share * np.sin(free_lead)
-    )
+    leak = np.asarray(slow) * np.cos(phase) - np.asarray(slow_speed) / frequency_1 * np.sin(phase)
+    inner = np.asarray(free_amplitude_1) * np.cos(free_lead) + leak
+    return np.asarray(frequency_2 + (frequency_1 - frequency_2) * inner / np.asarray(amplitude))
 
 
 def near_resonant_amplitude(frequency: float, half_detuning: float, acceleration_ratio: float) -> float:

@@ -7,18 +7,17 @@ itself left out: what neighbours do not predict is an outlier, or white noise.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import Floats
+from pipeline.arrays import Floats, median_present
 from pipeline.estimate import Budget, budget
-from pipeline.harmonics.envelope import Envelope, block_envelope, sliding_envelope
+from pipeline.harmonics.envelope import Envelope, sliding_envelope
 from pipeline.harmonics.narrowband import NarrowbandFit, complex_form, fit_narrowband
 from pipeline.observation import Observation
-from synth.kernels.compiled import summing_kernel
 
 if TYPE_CHECKING:
     from pipeline.harmonics.slow_motion import SlowMotion
@@ -62,21 +61,11 @@ class Prepared:
         """n2 at reference gravity, rad s-1."""
         return float(self.observation.frequency_reference[1])
 
-    def gravity_of(self, frequency: float) -> float:
-        """Gravity of a trial n2 (rad s-1, in the record's own time) as the pendulums feel it, m s-2."""
-        return self.observation.felt_gravity(frequency)
-
     @property
     def known_damping(self) -> float | None:
         """gamma2 where the record states it."""
         rates = self.observation.damping_rate
         return None if rates is None else float(rates[1])
-
-    @cached_property
-    def blocks(self) -> Envelope:
-        """Cheap envelope, from which the exact fits start."""
-        seen = self.observation
-        return block_envelope(seen.time, seen.step, seen.theta, seen.difference, self.nominal)
 
     @cached_property
     def sliding(self) -> Envelope:
@@ -100,17 +89,13 @@ class Prepared:
             if series is not None and (missing := np.count_nonzero(~np.isfinite(series))):
                 raise RefusedError(f"{_STORED[name]}: {missing} readings are missing; use --method joint")
 
-    def narrowband(self, envelope: Envelope, tolerance: float = 1e-13) -> NarrowbandFit:
-        """Complex form of (27) on an envelope."""
-        require_swing(envelope)
-        seen = self.observation
-        form = complex_form(envelope, seen.frequency_ratio, seen.damping_difference)
-        return fit_narrowband(form, self.known_damping, tolerance)
-
     @cached_property
     def fine(self) -> NarrowbandFit:
-        """Complex form of (27) on the separated harmonics."""
-        return self.narrowband(self.sliding)
+        """Complex form of (27) on the separated harmonics, from which the exact fits start."""
+        require_swing(self.sliding)
+        seen = self.observation
+        form = complex_form(self.sliding, seen.frequency_ratio, seen.damping_difference)
+        return fit_narrowband(form, self.known_damping)
 
     @property
     def fine_explained(self) -> float:
@@ -126,14 +111,12 @@ class Prepared:
         return budget(self.sliding, self.fine, self.observation.frequency_ratio, self.observation.damping_difference)
 
     @cached_property
-    def rough(self) -> NarrowbandFit:
-        """Start of the exact fits, good to about 1e-3 mGal."""
-        return self.narrowband(self.blocks, tolerance=1e-7)
-
-    @property
-    def rough_slope(self) -> float:
-        """Slope of the difference's phase less the nominal frequency, uncorrected, rad s-1."""
-        return self.rough.slope
+    def slow_square(self) -> float:
+        """Mean square of the first pendulum's motion beside its swing, reading noise taken off, rad2."""
+        envelope, seen = self.sliding, self.observation
+        swing = (envelope.first * np.exp(1j * envelope.carrier * envelope.time)).real
+        rest = seen.theta[np.rint(envelope.time / seen.step).astype(np.int64)] - swing
+        return max(float(np.nanvar(rest)) - self.theta_error(1.0, 0.0) ** 2, 0.0)
 
     def theta_error(self, sensitivity: float, fallback: float) -> float:
         """1-sigma of n2 from reading noise of the first pendulum, rad s-1.
@@ -144,12 +127,6 @@ class Prepared:
         stated = self.observation.sigma_theta
         noise = self.noise_theta if np.isfinite(self.noise_theta) else fallback if stated is None else stated
         return sensitivity * noise
-
-    @cached_property
-    def rough_budget(self) -> Budget:
-        """Sensitivities, from the cheap envelope."""
-        seen, fit = self.observation, self.rough
-        return budget(self.blocks, fit, seen.frequency_ratio, seen.damping_difference)
 
 
 def prepare(observation: Observation) -> Prepared:
@@ -211,37 +188,16 @@ def outliers_and_noise(series: Floats, step: float, frequency: float) -> tuple[b
     if series.size < 6 * reach or step * frequency > MOST_ANGLE:
         return False, float("nan")
     taps = leave_one_out(reach, step, frequency)
-    error = np.empty(series.size - 2 * reach)
-    departures(series, taps, error)
-    places = error[:: max(1, error.size // PLACES)]
-    places = places[np.isfinite(places)]
-    if places.size == 0:
-        return False, float("nan")
-    scale = float(np.median(places)) / 0.6745
-    largest = max(np.fmax.reduce(series), -np.fmin.reduce(series))
-    outliers = np.fmax.reduce(error) > max(THRESHOLD * scale, FLOOR * largest)
+    error = np.abs(np.correlate(series, taps, "valid"))
+    scale = median_present(error[:: max(1, error.size // PLACES)]) / 0.6745
+    outliers = np.fmax.reduce(error) > max(THRESHOLD * scale, FLOOR * np.fmax.reduce(np.abs(series)))
     return bool(outliers), scale / float(np.linalg.norm(taps))
 
 
-@lru_cache(maxsize=64)
 def leave_one_out(reach: int, step: float, frequency: float) -> Floats:
     """Taps that give sample minus the fit through its neighbours (symmetric, the middle tap is 1)."""
-    tau = np.arange(-reach, reach + 1) * step
-    x = tau / tau[-1]
-    cos, sin = np.cos(frequency * tau), np.sin(frequency * tau)
+    x = np.linspace(-1.0, 1.0, 2 * reach + 1)
+    cos, sin = np.cos(frequency * reach * step * x), np.sin(frequency * reach * step * x)
     basis = np.stack([np.ones_like(x), x, x * x, x**3, cos, sin, x * cos, x * sin], axis=-1)
-    others = np.arange(tau.size) != reach
-    prediction = basis[reach] @ np.linalg.pinv(basis[others])
-    filter_taps = np.ones(tau.size)
-    filter_taps[others] = -prediction
-    return filter_taps
-
-
-@summing_kernel
-def departures(series: Floats, taps: Floats, out: Floats) -> None:
-    """`out[k] = |sum_j taps[j] series[k + j]|`; out is shorter than the series by the taps less one."""
-    for k in range(out.size):
-        total = 0.0
-        for j in range(taps.size):
-            total += taps[j] * series[k + j]
-        out[k] = abs(total)
+    prediction = basis[reach] @ np.linalg.pinv(np.delete(basis, reach, axis=0))
+    return np.insert(-prediction, reach, 1.0)

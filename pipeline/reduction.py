@@ -38,20 +38,16 @@ def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float) -> Reducti
     try:
         estimate = method(name)(prepared)
         if prepared.known_damping is None:
-            doubt = DAMPING_DOUBT * estimate.damping_rate * prepared.rough_budget.by_damping
+            doubt = DAMPING_DOUBT * estimate.damping_rate * prepared.fine_budget.by_damping
             estimate = replace(estimate, sigma=float(np.hypot(estimate.sigma, doubt)))
-        _require_capture(estimate, prepared)
+        departure = estimate.frequency / prepared.nominal - 1.0
+        if not np.isfinite(departure) or abs(departure) > CAPTURE:
+            raise RefusedError(
+                f"instrument/period: the swing found departs by {100 * departure:.1f} % from the stated period; "
+                "check the period and the time axis"
+            )
     except RefusedError as refusal:
         return Reduction(name, name, "", None, None, (), str(refusal), time.perf_counter() - started)
     value = gravity(estimate, prepared, gain_uncertainty)
     raised = tuple(flags(prepared, estimate, value))
     return Reduction(name, name, "", estimate, value, raised, "", time.perf_counter() - started)
-
-
-def _require_capture(estimate: Estimate, prepared: Prepared) -> None:
-    departure = estimate.frequency / prepared.nominal - 1.0
-    if not np.isfinite(departure) or abs(departure) > CAPTURE:
-        raise RefusedError(
-            f"instrument/period: the swing found departs by {100 * departure:.1f} % from the stated period; "
-            "check the period and the time axis"
-        )

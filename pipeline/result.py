@@ -9,18 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from data_schemas.variables import attributes
+from data_schemas.variables import VARIABLES, attributes
 from pipeline.anomaly import anomalies
 from pipeline.conditions import Constants
 from pipeline.ledger.book import CORRECTIONS
 from pipeline.ledger.entry import MGAL
-from pipeline.methods import PHASE_METHODS
 from pipeline.prepared import Prepared
 from pipeline.provenance import provenance
 from pipeline.reduction import Reduction
 
 if TYPE_CHECKING:
-    from xarray import DataTree
+    from xarray import Dataset, DataTree
 
 _EXTRA = {
     "requested": ("1", "method that was asked for"),
@@ -40,55 +39,41 @@ _EXTRA = {
 
 
 def build_result(record: DataTree, prepared: Prepared, reductions: Sequence[Reduction], started: float) -> DataTree:
-    """Lay out phases, corrections, gravity and provenance.
-
-    The phases are those of the sliding fit where a method used it, else those of the blocks that the exact methods
-    start from: nothing is computed for the file's sake.
-    """
+    """Lay out phases, corrections, gravity and provenance."""
     from xarray import Dataset, DataTree
 
-    sliding = any(reduction.method in PHASE_METHODS for reduction in reductions)
-    envelope = prepared.sliding if sliding else prepared.blocks
-    seen = prepared.observation
+    envelope, seen = prepared.sliding, prepared.observation
     components = [seen.first, seen.second, f"{seen.first}-{seen.second}"]
-    harmonics = np.stack([envelope.first, envelope.first - envelope.difference, envelope.difference])
-    speeds = np.stack(
-        [envelope.first_speed, envelope.first_speed - envelope.difference_speed, envelope.difference_speed]
+    harmonics, speeds, slow = (
+        np.stack([first, first - difference, difference])
+        for first, difference in (
+            (envelope.first, envelope.difference),
+            (envelope.first_speed, envelope.difference_speed),
+            envelope.slow,
+        )
     )
-    slow = np.stack([envelope.slow[0], envelope.slow[0] - envelope.slow[1], envelope.slow[1]])
     with np.errstate(invalid="ignore", divide="ignore"):
         phase_speed = envelope.carrier + (speeds / harmonics).imag
     phase = unwrapped(harmonics) + envelope.carrier * envelope.time
     time_attributes = dict(record.dataset["time"].attrs)
     methods = _labels(reductions)
-    phases = _dataset(
-        "phases",
-        {
-            "amplitude": (("component", "time"), np.abs(harmonics)),
-            "phase": (("component", "time"), phase),
-            "phase_speed": (("component", "time"), phase_speed),
-            "slow": (("component", "time"), slow),
-            "phase_qc": (("component", "time"), np.isnan(phase).astype(np.uint16)),
-        },
-        {"component": components},
-    )
-    correction = _dataset(
-        "correction",
-        {
-            name: (("method", "time"), np.stack([_series(r, field, envelope.time.size) for r in reductions]))
-            for name, field in (
-                ("phase_speed_correction", "speed_correction"),
-                ("phase_correction", "phase_correction"),
-            )
-        },
-        {"method": methods},
-    )
+    measured = {
+        "amplitude": np.abs(harmonics),
+        "phase": phase,
+        "phase_speed": phase_speed,
+        "slow": slow,
+        "phase_qc": np.isnan(phase).astype(np.uint16),
+    }
+    correction = {
+        name: np.stack([_series(reduction, field, envelope.time.size) for reduction in reductions])
+        for name, field in (("phase_speed_correction", "speed_correction"), ("phase_correction", "phase_correction"))
+    }
     gravity = _gravity(reductions, components, methods, seen.constants)
     tree = DataTree.from_dict(
         {
             "/": Dataset(coords={"time": ("time", envelope.time + seen.start, time_attributes)}),
-            "/phases": phases,
-            "/correction": correction,
+            "/phases": dataset("phases", measured, {"component": components}, {}),
+            "/correction": dataset("correction", correction, {"method": methods}, {}),
             "/gravity": gravity,
         }
     )
@@ -136,33 +121,33 @@ def _gravity(reductions: Sequence[Reduction], components: list[str], methods: li
     pendulums = components[:2]
     raised = sorted({flag for r in reductions for flag in r.flags})
     variables: dict[str, Any] = {
-        "gravity": ("method", column(lambda r: r.gravity.gravity)),
-        "gravity_sigma": ("method", column(lambda r: r.gravity.sigma)),
-        "frequency": (("method", "pendulum"), column(lambda r: r.gravity.frequency, (nan, nan))),
-        "value": (("method", "entry"), ledger("value", nan)),
-        "sigma": (("method", "entry"), ledger("sigma", nan)),
-        "value_period": (("method", "entry"), ledger("value", nan) * column(_period_for_milligal)[:, None]),
-        "applied": (("method", "entry"), ledger("applied", False).astype(np.uint8)),
-        "reason": (("method", "entry"), ledger("reason", "the method refused").astype(object)),
-        "input": (("method", "entry"), ledger("input_names", "").astype(object)),
-        "formula": ("entry", _text(module.FORMULA for module in CORRECTIONS)),
-        "formula_source": ("entry", _text(module.SOURCE for module in CORRECTIONS)),
-        "noise_sigma": ("method", column(lambda r: r.gravity.noise)),
-        "uncorrected": ("method", column(lambda r: r.gravity.uncorrected)),
+        "gravity": column(lambda r: r.gravity.gravity),
+        "gravity_sigma": column(lambda r: r.gravity.sigma),
+        "frequency": column(lambda r: r.gravity.frequency, (nan, nan)),
+        "value": ledger("value", nan),
+        "sigma": ledger("sigma", nan),
+        "value_period": ledger("value", nan) * column(_period_for_milligal)[:, None],
+        "applied": ledger("applied", False).astype(np.uint8),
+        "reason": ledger("reason", "the method refused").astype(object),
+        "input": ledger("input_names", "").astype(object),
+        "formula": _text(module.FORMULA for module in CORRECTIONS),
+        "formula_source": _text(module.SOURCE for module in CORRECTIONS),
+        "noise_sigma": column(lambda r: r.gravity.noise),
+        "uncorrected": column(lambda r: r.gravity.uncorrected),
         **anomalies(constants, column(lambda r: r.gravity.gravity)),
-        "requested": ("method", _text(r.requested for r in reductions)),
-        "resolved": ("method", _text(r.method for r in reductions)),
-        "status": ("method", _text("ok" if r.gravity else "refused" for r in reductions)),
-        "error": ("method", _text(r.error for r in reductions)),
-        "choice_reason": ("method", _text(r.reason for r in reductions)),
-        "method_flags": ("method", _text(" ".join(r.flags) for r in reductions)),
-        "samples_used": ("method", column(lambda r: r.estimate.samples, 0).astype(np.int64)),
-        "reading_noise": ("method", column(lambda r: r.estimate.noise)),
-        "damping_rate": ("method", column(lambda r: r.estimate.damping_rate)),
-        "difference_frequency": ("method", column(lambda r: r.estimate.uncorrected)),
-        "sensitivity_frequency_difference": ("method", column(lambda r: r.gravity.per_ratio)),
-        "sensitivity_gain": ("method", column(lambda r: r.gravity.per_gain)),
-        "elapsed": ("method", np.array([r.elapsed for r in reductions])),
+        "requested": _text(r.requested for r in reductions),
+        "resolved": _text(r.method for r in reductions),
+        "status": _text("ok" if r.gravity else "refused" for r in reductions),
+        "error": _text(r.error for r in reductions),
+        "choice_reason": _text(r.reason for r in reductions),
+        "method_flags": _text(" ".join(r.flags) for r in reductions),
+        "samples_used": column(lambda r: r.estimate.samples, 0).astype(np.int64),
+        "reading_noise": column(lambda r: r.estimate.noise),
+        "damping_rate": column(lambda r: r.estimate.damping_rate),
+        "difference_frequency": column(lambda r: r.estimate.uncorrected),
+        "sensitivity_frequency_difference": column(lambda r: r.gravity.per_ratio),
+        "sensitivity_gain": column(lambda r: r.gravity.per_gain),
+        "elapsed": np.array([r.elapsed for r in reductions]),
     }
     sources = sorted({name for r in reductions if r.gravity for name in r.gravity.budget})
     variables["share"] = (
@@ -172,8 +157,8 @@ def _gravity(reductions: Sequence[Reduction], components: list[str], methods: li
     variables["advice"] = ("method", _text(r.gravity.advice if r.gravity else "" for r in reductions))
     coordinates: dict[str, Any] = {"method": methods, "pendulum": pendulums, "entry": entries, "source": sources}
     if raised:
-        variables["flag"] = ("flag", _text(raised))
-    return _dataset("gravity", variables, coordinates)
+        variables["flag"] = _text(raised)
+    return dataset("gravity", variables, coordinates, _EXTRA, ("method",))
 
 
 def _period_for_milligal(reduction: Reduction) -> float:
@@ -199,16 +184,26 @@ def _series(reduction: Reduction, field: str, length: int) -> np.ndarray:
     return np.full(length, np.nan) if values is None else -np.asarray(values)
 
 
-def _dataset(group: str, variables: dict[str, Any], coordinates: dict[str, Any]) -> Any:
+def dataset(
+    group: str,
+    values: Mapping[str, Any],
+    coordinates: Mapping[str, Sequence[str]],
+    extra: Mapping[str, tuple[str, str]],
+    dims: tuple[str, ...] = (),
+) -> Dataset:
+    """A group of a result: dimensions, units and meaning of its values from the table of variables.
+
+    `extra` has units and meanings of values that the table does not know, all with the dimensions `dims`.
+    """
     from xarray import Dataset
 
-    def labelled(name: str, dims: Any, values: Any) -> tuple[Any, Any, dict[str, Any]]:
-        if name in _EXTRA:
-            units, long_name = _EXTRA[name]
-            return dims, values, {"units": units, "long_name": long_name}
-        return dims, values, attributes(f"{group}/{name}")
+    def entry(name: str, value: Any) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
+        if name in extra:
+            units, long_name = extra[name]
+            return dims, value, {"units": units, "long_name": long_name}
+        return VARIABLES[f"{group}/{name}"].dims, value, attributes(f"{group}/{name}")
 
     return Dataset(
-        {name: labelled(name, dims, values) for name, (dims, values) in variables.items()},
-        coords={name: labelled(name, name, _text(values)) for name, values in coordinates.items()},
+        {name: entry(name, value) for name, value in values.items()},
+        coords={name: entry(name, _text(value)) for name, value in coordinates.items()},
     )

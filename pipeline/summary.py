@@ -14,7 +14,7 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
     Keys are those of the contract but for `input` and `output`, which only the caller knows.
     """
     if "synchrony" in result.children:
-        from pipeline.synchronism.result import synchrony_summaries
+        from pipeline.synchronism.recipe import synchrony_summaries
 
         return synchrony_summaries(result)
     if "gravity" not in result.children:
@@ -55,6 +55,23 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def without_gravity(result: DataTree, requested: str, method: str) -> dict[str, Any]:
+    """What every summary begins with, of an analysis that gives no gravity."""
+    return {
+        "record_id": str(result.attrs["record_id"]),
+        "status": "ok",
+        "error": None,
+        "requested_method": requested,
+        "method": method,
+        "gravity_m_s2": None,
+        "gravity_sigma_mgal": None,
+        "frequency_rad_s": {},
+        "difference_frequency_rad_s": None,
+        "corrections_mgal": {},
+        "sensitivity_mgal": {},
+    }
 
 
 def ledger(row: Dataset) -> list[dict[str, Any]]:

@@ -33,7 +33,7 @@ from pipeline.methods.general import model_speed
 from pipeline.methods.phases import Phases, integrate, phases
 from pipeline.methods.vening_meinesz import MARK_SECONDS, value_and_slope
 from pipeline.observation import observe
-from pipeline.phase_speed import disturbed_speed, leaking, near_resonant_amplitude, vening_meinesz
+from pipeline.phase_speed import disturbed_speed, leaking, near_resonant_amplitude, phase_speed
 from pipeline.prepared import Prepared, prepare
 from pipeline.reduction import reduce_by
 from synth import simulate
@@ -68,7 +68,7 @@ def neglected_terms(prepared: Prepared) -> dict[str, float]:
     """
     found = phases(prepared)
     envelope, seen = found.envelope, prepared.observation
-    frequency = prepared.rough.frequency
+    frequency = prepared.fine.frequency
     first_frequency = seen.frequency_ratio * frequency
     own = 1j * (envelope.carrier - first_frequency)
     relative = (envelope.first_speed / envelope.first + own) / first_frequency  # Theta1'/Theta1 + i (Phi1'-n1), over n1
@@ -203,7 +203,7 @@ def leaks(scene: Scene) -> tuple[Floats, Floats, Floats]:
     seen = observe(record)
     value, slope = value_and_slope(seen.time, seen.theta, time[rows])
     raw = value - 1j * slope / n1
-    nine = vening_meinesz(n1, n2, np.abs(raw), np.abs(difference[rows]), np.angle(raw / difference[rows])) - n2
+    nine = phase_speed(n1, n2, np.abs(raw), np.abs(difference[rows]), np.angle(raw / difference[rows])) - n2
     fourteen, clean = _by_truth(known, first[0], difference, n1, n2, float(time[1]), rows)
     scale = 2.0 * scene.gravity / n2 / MGAL
     return scale * nine, scale * fourteen, scale * (fourteen - clean)
@@ -246,7 +246,7 @@ def _by_truth(
     lead = np.angle(one / whole)
     speed = np.gradient(slow, step, edge_order=2)[rows]
     with_slow = leaking(n1, n2, np.abs(one), np.abs(whole), lead, np.angle(whole), slow[rows], speed) - n2
-    clean = vening_meinesz(n1, n2, np.abs(one), np.abs(whole), lead) - n2
+    clean = phase_speed(n1, n2, np.abs(one), np.abs(whole), lead) - n2
     return with_slow, clean
 
 

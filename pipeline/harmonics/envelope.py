@@ -1,14 +1,13 @@
 """The envelope of a near-resonant harmonic and the slow part beside it, by weighted least squares in windows.
 
-In a window the series is fitted by {cos, sin, 1, t}, or with {t cos, t sin, t^2 cos, t^2 sin} beside them: a harmonic
-with an amplitude and phase that may change quadratically, on a slow part. Where all samples are there the fit is one
-set of filter taps, for all windows a few small matrix products; where samples are missing the same fit is solved on
-those present, so a gap is never filled.
+In a window, weighted by Kaiser, the series is fitted by {1, t} and {1, t, t^2} x {cos, sin}: a harmonic with an
+amplitude and phase that may change quadratically, on a slow part. Where all samples are there the fit is one set of
+filter taps, for all windows a few small matrix products; where samples are missing the same fit is solved on those
+present, so a gap is never filled.
 """
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,12 +15,10 @@ import numpy as np
 from pipeline.arrays import Complexes, Floats
 
 IMAGE_BEATS = 2.0  # beats with the image at the negative frequency that a window must hold to tell them apart
-BLOCK_SECONDS = 4.0
 WINDOW_SECONDS = 16.0
 HOP_SECONDS = 1.0
 KAISER_SHAPE = 14.0
-BLOCK_COVERAGE, LEAST_COVERAGE = 0.5, 0.7  # of a window's weight; an instant with less has no value
-PLAIN, WHOLE = 4, 8  # functions of the basis
+LEAST_COVERAGE = 0.7  # of a window's weight; an instant with less has no value
 
 
 @dataclass(frozen=True)
@@ -99,10 +96,10 @@ def image_distance(frequency: float, mean_step: float) -> float:
     return float(folded)
 
 
-def window_length(frequency: float, mean_step: float, wanted: float, duration: float) -> float:
-    """Length of the window, s: `wanted`, longer where the image is near, at most a third of the record."""
+def window_length(frequency: float, mean_step: float, duration: float) -> float:
+    """Length of the window, s, longer where the image is near, at most a third of the record."""
     needed = IMAGE_BEATS * 2.0 * np.pi / max(image_distance(frequency, mean_step), 1e-9)
-    return float(min(max(wanted, needed), duration / 3.0))
+    return float(min(max(WINDOW_SECONDS, needed), duration / 3.0))
 
 
 def fill(values: Complexes) -> Complexes:
@@ -117,37 +114,10 @@ def fill(values: Complexes) -> Complexes:
     )
 
 
-@dataclass(frozen=True)
-class Window:
-    """Basis (rows, terms) and weight (rows,) of a window, and the taps (terms, rows) of one without gaps."""
+def sliding_envelope(time: Floats, step: float, first: Floats, difference: Floats, frequency: float) -> Envelope:
+    """Envelope of both series at instants `HOP_SECONDS` apart (further where the window must be long).
 
-    basis: Floats
-    weight: Floats
-    taps: Floats
-
-
-@functools.lru_cache(maxsize=64)
-def window(rows: int, step: float, frequency: float, terms: int) -> Window:
-    """A window of so many samples: all of one weight, or by Kaiser where the basis is whole."""
-    tau = (np.arange(rows) - 0.5 * (rows - 1)) * step
-    x = tau / half_length(rows, step, terms)
-    cos, sin = np.cos(frequency * tau), np.sin(frequency * tau)
-    functions = [cos, sin, np.ones_like(x), x, x * cos, x * sin, x * x * cos, x * x * sin]
-    basis = np.stack(functions[:terms], axis=-1)
-    weight = np.ones(rows)
-    if terms == WHOLE:
-        weight = np.i0(KAISER_SHAPE * np.sqrt(np.clip(1.0 - x * x, 0.0, None))) / np.i0(KAISER_SHAPE)
-    weighted = weight * basis.T
-    return Window(basis, weight, np.linalg.pinv(weighted @ basis) @ weighted)
-
-
-def half_length(rows: int, step: float, terms: int) -> float:
-    """Half the length of a window, s: up to its last sample, or to where the next block begins."""
-    return 0.5 * step * (rows - 1 if terms == WHOLE else rows)
-
-
-def block_envelope(time: Floats, step: float, first: Floats, difference: Floats, frequency: float) -> Envelope:
-    """Cheap envelope of both series at the centres of adjoining blocks: starts the exact fits, weighs their budget.
+    Flat at the pendulum's frequency, and some 95 dB down where swell is.
 
     Parameters
     ----------
@@ -158,36 +128,17 @@ def block_envelope(time: Floats, step: float, first: Floats, difference: Floats,
     frequency : float
         Carrier, rad s-1.
     """
-    length = window_length(frequency, step, BLOCK_SECONDS, float(time[-1]) + step)
-    rows = max(4, round(length / step))
-    return _envelope(first, difference, step, frequency, rows, rows, PLAIN)
-
-
-def sliding_envelope(time: Floats, step: float, first: Floats, difference: Floats, frequency: float) -> Envelope:
-    """Envelope of both series at instants `HOP_SECONDS` apart (further where the window must be long).
-
-    Flat at the pendulum's frequency, and some 95 dB down where swell is; parameters as of `block_envelope`.
-    """
-    length = window_length(frequency, step, WINDOW_SECONDS, float(time[-1]) + step)
+    length = window_length(frequency, step, float(time[-1]) + step)
     half = max(8, round(0.5 * length / step))
     every = max(1, round(HOP_SECONDS * max(1.0, length / WINDOW_SECONDS) / step))
-    return _envelope(first, difference, step, frequency, 2 * half + 1, every, WHOLE)
-
-
-def _envelope(
-    first: Floats, difference: Floats, step: float, frequency: float, rows: int, every: int, terms: int
-) -> Envelope:
-    made, half = window(rows, step, frequency, terms), half_length(rows, step, terms)
-    least = LEAST_COVERAGE if terms == WHOLE else BLOCK_COVERAGE
-    fits = [fit_windows(series, made, every, least) for series in (first, difference)]
+    basis, weight = window(half, step, frequency)
+    fits = [fit_windows(series, basis, weight, every) for series in (first, difference)]
     fit, coverage = (np.stack(each) for each in zip(*fits, strict=True))
-    centres = (np.arange(fit.shape[2]) * every + 0.5 * (rows - 1)) * step
+    centres = (np.arange(fit.shape[2]) * every + half) * step
     carrier = np.exp(-1j * frequency * centres)
     amplitude: Complexes = (fit[:, 0] - 1j * fit[:, 1]) * carrier
-    if terms == WHOLE:
-        speed: Complexes = (fit[:, 4] - 1j * fit[:, 5]) * carrier / half
-    else:
-        speed = np.asarray(np.gradient(amplitude, every * step, axis=1))
+    speed: Complexes = (fit[:, 4] - 1j * fit[:, 5]) * carrier / (half * step)
+    taps = weighted_inverse(basis, weight)[:2]
     return Envelope(
         time=centres,
         carrier=frequency,
@@ -198,17 +149,30 @@ def _envelope(
         slow=fit[:, 2],
         coverage=coverage[1],
         samples=coverage.mean(axis=1) * every,
-        noise_gain=float(0.5 * np.sum(made.taps[:2] ** 2)),
-        taps=made.taps[0] - 1j * made.taps[1],
+        noise_gain=float(0.5 * np.sum(taps**2)),
+        taps=taps[0] - 1j * taps[1],
     )
 
 
-def fit_windows(series: Floats, made: Window, every: int, least: float) -> tuple[Floats, Floats]:
-    """Coefficients (terms, k) of windows `every` samples apart, NaN where too little is there; coverage (k,)."""
-    rows, terms = made.basis.shape
+def window(half: int, step: float, frequency: float) -> tuple[Floats, Floats]:
+    """Basis (rows, 8) and Kaiser weight (rows,) of a window of `2 half + 1` samples."""
+    x = np.arange(-half, half + 1) / half
+    cos, sin = np.cos(frequency * half * step * x), np.sin(frequency * half * step * x)
+    basis = np.stack([cos, sin, np.ones_like(x), x, x * cos, x * sin, x * x * cos, x * x * sin], axis=-1)
+    return basis, np.kaiser(x.size, KAISER_SHAPE)
+
+
+def weighted_inverse(basis: Floats, weight: Floats) -> Floats:
+    """Taps (8, rows) that give the coefficients of a basis (rows, 8) by weighted least squares."""
+    weighted = weight * basis.T
+    return np.asarray(np.linalg.pinv(weighted @ basis) @ weighted)
+
+
+def fit_windows(series: Floats, basis: Floats, weight: Floats, every: int) -> tuple[Floats, Floats]:
+    """Coefficients (8, k) of windows `every` samples apart, NaN where too little is there; coverage (k,)."""
+    rows, terms = basis.shape
     hops = -(-rows // every)  # a window as so many stretches from one window's start to the next
-    taps = np.zeros((terms, hops * every))
-    taps[:, :rows] = made.taps
+    taps = np.pad(weighted_inverse(basis, weight), ((0, 0), (0, hops * every - rows)))
     count = (series.size - rows) // every + 1
     out, coverage = np.zeros((terms, count)), np.ones(count)
     here = series[: (count - 1 + hops) * every]
@@ -218,9 +182,8 @@ def fit_windows(series: Floats, made: Window, every: int, least: float) -> tuple
     for k in np.flatnonzero(np.isnan(out[0])):
         values = series[k * every : k * every + rows]
         present = np.isfinite(values)
-        coverage[k] = made.weight[present].sum() / made.weight.sum()
+        coverage[k] = weight[present].sum() / weight.sum()
         out[:, k] = np.nan
-        if coverage[k] >= least and present.sum() >= 2 * terms:
-            weighted = made.weight[present] * made.basis[present].T
-            out[:, k] = np.linalg.pinv(weighted @ made.basis[present]) @ (weighted @ values[present])
+        if coverage[k] >= LEAST_COVERAGE and present.sum() >= 2 * terms:
+            out[:, k] = weighted_inverse(basis[present], weight[present]) @ values[present]
     return out, coverage

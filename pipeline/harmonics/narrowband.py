@@ -21,8 +21,8 @@ from pipeline.arrays import Complexes, Floats
 from pipeline.harmonics.envelope import Envelope, fill
 
 ITERATIONS = 12
+SETTLED = 1e-13  # relative step of the frequency
 _SCAN_STEP = 1.0  # rad over the record between starts that are tried
-_RIDGE = 1e-14  # of the unit diagonal, for swings that leave a column without information
 _SCAN_FROM = 4.0  # rad over the record that the correction may reach before more than one start is tried
 
 
@@ -37,7 +37,6 @@ class NarrowbandFit:
     frequency: float
     slope: float
     damping_rate: float
-    start: complex
     model: Complexes
     jacobian: Complexes
     influence: Floats
@@ -57,6 +56,12 @@ def running_integral(values: Complexes, hop: float) -> Complexes:
     steps[-1] = 9.0 * v[-1] + 19.0 * v[-2] - 5.0 * v[-3] + v[-4]
     np.cumsum(hop / 24.0 * steps, out=steps)
     return out
+
+
+def scaled_inverse(gram: Floats) -> Floats:
+    """Inverse of a Gram matrix in columns of unit length; a column without information is left out."""
+    size = np.sqrt(np.outer(gram.diagonal(), gram.diagonal()))
+    return np.asarray(np.linalg.pinv(gram / size, rcond=1e-14, hermitian=True) / size)
 
 
 def regression(time: Floats, values: Floats, weight: Floats) -> float:
@@ -98,8 +103,8 @@ class ComplexForm:
     ratio: float
     damping_difference: float
 
-    def model(self, frequency: float, gamma: float) -> tuple[complex, Complexes, Complexes]:
-        """Best start D0 for a trial of (n2, gamma2), the model (k,), and growth `e^{mu t}` (k,)."""
+    def model(self, frequency: float, gamma: float) -> tuple[Complexes, Complexes]:
+        """The model (k,) of a trial (n2, gamma2) from the best start D0, and growth `e^{mu t}` (k,)."""
         time, hop = self.time - self.time[0], float(self.time[1] - self.time[0])
         decay = gamma + self.damping_difference
         # damped frequency of the first pendulum
@@ -113,7 +118,7 @@ class ComplexForm:
         response = growth * running_integral(drive / growth, hop)
         conjugate = self.weight * np.conj(growth)
         start = complex((conjugate @ (self.difference - response)) / (conjugate @ growth).real)
-        return start, start * growth + response, growth
+        return start * growth + response, growth
 
     def squares(self, model: Complexes) -> float:
         """Weighted sum of squares of what a model leaves."""
@@ -141,15 +146,13 @@ def complex_form(envelope: Envelope, ratio: float, damping_difference: float) ->
     return ComplexForm(envelope.time, difference, *inputs, weight, envelope.carrier, ratio, damping_difference)
 
 
-def fit_narrowband(form: ComplexForm, damping_rate: float | None, tolerance: float = 1e-13) -> NarrowbandFit:
+def fit_narrowband(form: ComplexForm, damping_rate: float | None) -> NarrowbandFit:
     """Fit the complex form of (27).
 
     Parameters
     ----------
     damping_rate : float or None
         gamma2, s-1; None = fitted.
-    tolerance : float
-        Relative step of the frequency at which the iteration stops.
     """
     time, weight = form.time, form.weight
     gamma = 0.0 if damping_rate is None else damping_rate
@@ -159,27 +162,23 @@ def fit_narrowband(form: ComplexForm, damping_rate: float | None, tolerance: flo
     if span > _SCAN_FROM:  # the correction may hide whole turns of phase: try every start
         steps = int(np.ceil(span / _SCAN_STEP))
         trials = frequency + np.arange(-steps, steps + 1) * (_SCAN_STEP / length)
-        frequency = float(min(trials, key=lambda trial: form.squares(form.model(trial, gamma)[1])))
+        frequency = float(min(trials, key=lambda trial: form.squares(form.model(trial, gamma)[0])))
     free = 4 if damping_rate is None else 3
     inverse = np.zeros((4, 4))
     for _ in range(ITERATIONS):
-        start, model, growth = form.model(frequency, gamma)
+        model, growth = form.model(frequency, gamma)
         jacobian = form.jacobian(model, growth)
         weighted = np.conj(jacobian[:free]) * weight
         normal = (weighted @ jacobian[:free].T).real
-        scale = 1.0 / np.sqrt(np.diag(normal))
-        inverse[:free, :free] = (
-            np.linalg.inv(normal * scale[:, None] * scale + _RIDGE * np.eye(free)) * scale[:, None] * scale
-        )
+        inverse[:free, :free] = scaled_inverse(normal)
         change = inverse[:, :free] @ (weighted @ (form.difference - model)).real
-        if abs(change[2]) < tolerance * form.carrier:
+        if abs(change[2]) < SETTLED * form.carrier:
             break
         frequency, gamma = frequency + float(change[2]), gamma + float(change[3])
     return NarrowbandFit(
         frequency=frequency,
         slope=slope,
         damping_rate=gamma,
-        start=start,
         model=model,
         jacobian=jacobian,
         influence=inverse[2],

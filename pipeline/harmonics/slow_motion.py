@@ -12,12 +12,10 @@ limit the swing about psi has the stiffness `n^2 Gamma`,
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
 
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.inversion.motion import reach_of, windowed
 
 PASS, STOP = 0.5, 0.85  # of the swing's frequency
 REJECTION = 80.0  # dB, of the swing: what is left of it is 1e-6 rad
@@ -44,46 +42,46 @@ class SlowMotion:
     curvature: Floats
     zeta: Floats | None
 
+    @property
+    def time(self) -> Floats:
+        """The instants, s."""
+        return self.begin + self.step * np.arange(self.angle.size)
+
     def gamma(self, frequency: float) -> Floats:
         """Gamma at the instants."""
-        upright, turned = self._parts
-        return np.asarray(upright + turned / frequency**2)
-
-    @cached_property
-    def _parts(self) -> tuple[Floats, Floats]:
-        """(1 + zeta)/cos psi and tan psi psi''."""
         up = 1.0 if self.zeta is None else 1.0 + self.zeta
-        return np.asarray(up / np.cos(self.angle)), np.asarray(np.tan(self.angle) * self.curvature)
+        return np.asarray(up / np.cos(self.angle) + np.tan(self.angle) * self.curvature / frequency**2)
 
-    @property
-    def end(self) -> float:
-        """Last instant, s."""
-        return self.begin + self.step * (self.angle.size - 1)
-
-    def phase(self, gamma: Floats, frequency: float, time: Floats) -> Floats:
-        """Phase that a swing gains over n t by a given Gamma, rad, at other times; steady beyond the ends."""
-        bend = np.gradient(gamma, self.step)
-        speed = frequency * (np.sqrt(gamma) - 1.0) - bend**2 / (32.0 * frequency)
+    def phase(self, frequency: float, time: Floats) -> Floats:
+        """Phase that a swing of n = `frequency` gains over n t, rad, at other times; steady beyond the ends."""
+        gamma = self.gamma(frequency)
+        speed = frequency * (np.sqrt(gamma) - 1.0) - np.gradient(gamma, self.step) ** 2 / (32.0 * frequency)
         mean = float(speed.mean())
         gained = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) - mean) * self.step))
-        own = self.begin + self.step * np.arange(speed.size)
-        return np.asarray(np.interp(time, own, gained) + mean * time)
+        return np.asarray(np.interp(time, self.time, gained) + mean * time)
 
 
-@lru_cache(maxsize=64)
-def _taps(step: float, frequency: float) -> tuple[int, Floats | None, Floats, Floats]:
-    """How many samples make one coarse one, by what taps (None: by none), and the coarse low-pass and curvature."""
-    every = max(1, int(2.0 * np.pi / (frequency * step) / COARSE))
-    coarse = every * step
-    edge, stop = PASS * frequency, STOP * frequency
-    first = None
-    if every > 1:
-        # what folds onto the pass band must be gone
-        reach = reach_of(2.0 * np.pi / coarse - 2.0 * edge, step, REJECTION)
-        first = windowed(np.pi / coarse, reach, step, REJECTION)[0]
-        first = first / first.sum()
-    low, _, bend = windowed(0.5 * (edge + stop), reach_of(stop - edge, coarse, REJECTION), coarse, REJECTION)
-    return every, first, low / low.sum(), bend - bend.sum() / low.sum() * low
+def kaiser(count: int, rejection: float) -> Floats:
+    """Kaiser's window with that rejection, dB > 50 (Kaiser 1974)."""
+    return np.kaiser(count, 0.1102 * (rejection - 8.7))
+
+
+def reach_of(width: float, step: float, rejection: float) -> int:
+    """Half the length, in samples, of a Kaiser window with a transition of `width` rad s-1 (Kaiser 1974)."""
+    return int(np.ceil((rejection - 8.0) / (2.285 * width * step) / 2.0))
+
+
+def windowed(cut: float, reach: int, step: float, rejection: float) -> tuple[Floats, Floats, Floats]:
+    """Taps of the low-pass at `cut` rad s-1, of its first derivative (s-1) and of its second (s-2), Kaiser-windowed."""
+    time = step * np.arange(-reach, reach + 1, dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sine, cosine = np.sin(cut * time), np.cos(cut * time)
+        low = sine / time
+        slope = (cut * cosine - sine / time) / time
+        bend = -(cut**2 * sine + 2.0 * cut * cosine / time - 2.0 * sine / time**2) / time
+    low[reach], slope[reach], bend[reach] = cut, 0.0, -(cut**3) / 3.0
+    window = kaiser(time.size, rejection) * step / np.pi
+    return low * window, slope * window, bend * window
 
 
 def slow_motion(theta: Floats, vertical: Floats | None, step: float, frequency: float, gravity: float) -> SlowMotion:
@@ -98,21 +96,21 @@ def slow_motion(theta: Floats, vertical: Floats | None, step: float, frequency: 
     step, frequency, gravity : float
         s, rad s-1, m s-2.
     """
-    every, first, low, bend = _taps(step, frequency)
-    coarse, second = every * step, low.size // 2
-    begin = 0.0 if first is None else step * (first.size // 2)
+    every = max(1, int(2.0 * np.pi / (frequency * step) / COARSE))
+    edge, stop, coarse = PASS * frequency, STOP * frequency, every * step
+    # what folds onto the pass band where samples are left out must be gone
+    before = reach_of(2.0 * np.pi / coarse - 2.0 * edge, step, REJECTION)
+    first = windowed(np.pi / coarse, before, step, REJECTION)[0]
+    after = reach_of(stop - edge, coarse, REJECTION)
+    low, _, bend = windowed(0.5 * (edge + stop), after, coarse, REJECTION)
 
     def filtered(series: Floats, taps: Floats) -> Floats:
-        return np.correlate(series, taps, "valid")
+        return np.correlate(np.correlate(series, first / first.sum(), "valid")[::every], taps, "valid")
 
-    def thinned(series: Floats) -> Floats:
-        return series if first is None else filtered(series, first)[::every]
-
-    moved = thinned(theta)
     return SlowMotion(
-        begin=begin + coarse * second,
+        begin=before * step + after * coarse,
         step=coarse,
-        angle=filtered(moved, low),
-        curvature=filtered(moved, bend),
-        zeta=None if vertical is None else filtered(thinned(vertical), low) / gravity,
+        angle=filtered(theta, low / low.sum()),
+        curvature=filtered(theta, bend - bend.sum() / low.sum() * low),
+        zeta=None if vertical is None else filtered(vertical, low / low.sum()) / gravity,
     )

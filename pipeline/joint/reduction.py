@@ -118,7 +118,7 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
     trace = int(np.argmax(~np.isclose(gathered.problem.lattice.combination.sum(axis=1), 1.0)))
     estimate = Estimate(
         frequency=frequency,
-        uncorrected=float(np.hypot(prepared.nominal + prepared.rough_slope, damping[second])),
+        uncorrected=float(np.hypot(prepared.nominal + prepared.fine.slope, damping[second])),
         sigma=0.5 * frequency * outcome.sigma * outcome.spread / outcome.mean,
         noise=float(model.assumed.noise[trace]),
         damping_rate=float(damping[second]),

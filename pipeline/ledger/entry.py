@@ -21,7 +21,6 @@ from pipeline.harmonics.narrowband import running_integral
 from pipeline.harmonics.slow_motion import SlowMotion
 from pipeline.prepared import Prepared
 
-REACH, PASSES = 20.0, 3  # s to either side: longer than a wave
 MGAL = 1e-5  # m s-2
 DAY = 86400.0  # s
 UNKNOWN = float("nan")  # uncertainty of a correction whose input states none
@@ -88,10 +87,10 @@ class Case:
 
     def mean_over_record(self, series: Floats | float) -> float:
         """Mean of what changes n^2 within the record as it acts on the estimate; of a number, itself."""
-        if np.ndim(series) == 0:
-            return float(series)
-        seen = self.prepared.observation
-        time, values = np.asarray(seen.course_time), np.asarray(series)
+        seen, values = self.prepared.observation, np.asarray(series)
+        if values.ndim == 0:
+            return float(values)
+        time = np.asarray(seen.course_time)
         if self.estimate.of_mean:
             return float(np.interp(seen.start + seen.time, time, values).mean())
         return mean_over_record(self.prepared, time, values)
@@ -99,7 +98,7 @@ class Case:
     @property
     def by_gain(self) -> float:
         """Change of gravity for a relative change of the first trace's gain, mGal, arcs and all."""
-        return self.scale * (self.prepared.rough_budget.by_gain + self.shares.by_gain)
+        return self.scale * (self.prepared.fine_budget.by_gain + self.shares.by_gain)
 
     @property
     def by_gain_uncertainty(self) -> float:
@@ -186,7 +185,7 @@ def shares(estimate: Estimate, prepared: Prepared) -> Shares:
     """Split what a method corrected; nothing for methods that take the pendulums as linear."""
     if not estimate.acceleration_reduced and estimate.finite_arc == 0.0:
         return Shares()
-    envelope, frequency = prepared.blocks, estimate.frequency
+    envelope, frequency = prepared.sliding, estimate.frequency
     first, difference = fill(envelope.first), fill(envelope.difference)
     own = -arc_answer(prepared, first, difference, frequency)
     gained = -arc_answer(prepared, 1.01 * first, difference, frequency)
@@ -213,33 +212,21 @@ def arc_answer(prepared: Prepared, first: Complexes, difference: Complexes, freq
     second = first - difference
     # Z_i' gains -(i n/16) |Z_i|^2 Z_i
     forcing = -1j * frequency / 16.0 * (np.abs(first) ** 2 * first - np.abs(second) ** 2 * second)
-    growth = prepared.rough.jacobian[0]
-    return _answer(prepared, growth * running_integral(forcing / growth, prepared.blocks.hop))
+    growth = prepared.fine.jacobian[0]
+    return _answer(prepared, growth * running_integral(forcing / growth, prepared.sliding.hop))
 
 
 def gained_phase(slow: SlowMotion, frequency: float, time: Floats) -> Floats:
     """Phase that a swing gains by the support's acceleration, rad, from its second order on.
 
-    Heave acts in first order too, but to and fro: over a record nothing is left but what its ends happen to cut off. Of
-    the second order the wiggle within single waves is taken off, which the blocks are too long to follow.
+    Heave acts in first order too, but to and fro: over a record nothing is left but what its ends happen to cut off.
     """
-    own = slow.begin + slow.step * np.arange(slow.angle.size)
-    phase = slow.phase(slow.gamma(frequency), frequency, own)
+    phase = slow.phase(frequency, slow.time)
     if slow.zeta is not None:
         half = 0.25 * frequency * slow.step * (slow.zeta[1:] + slow.zeta[:-1])
         phase = phase - np.concatenate([[0.0], np.cumsum(half)])
-    for _ in range(PASSES):
-        phase = running_mean(phase, round(REACH / slow.step))
-    steady = float((phase[-1] - phase[0]) / (own[-1] - own[0]))
-    return np.asarray(np.interp(time, own, phase - steady * own) + steady * time)
-
-
-def running_mean(values: Floats, reach: int) -> Floats:
-    """Mean over as many neighbours on either side, fewer near the ends: a straight line stays itself."""
-    index = np.arange(values.size)
-    half = np.minimum(reach, np.minimum(index, values.size - 1 - index))
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    return np.asarray((total[index + half + 1] - total[index - half]) / (2 * half + 1))
+    steady = float((phase[-1] - phase[0]) / (slow.time[-1] - slow.time[0]))
+    return np.asarray(np.interp(time, slow.time, phase - steady * slow.time) + steady * time)
 
 
 def turned(prepared: Prepared, phase: Floats) -> float:
@@ -247,8 +234,8 @@ def turned(prepared: Prepared, phase: Floats) -> float:
 
     D' gains i phase' D, whose response is `growth int i phase' D/growth dt`; the first pendulum is an input as it is.
     """
-    growth = prepared.rough.jacobian[0]
-    swing = fill(prepared.blocks.difference) / growth
+    growth = prepared.fine.jacobian[0]
+    swing = fill(prepared.sliding.difference) / growth
     steps = 0.5j * np.diff(phase) * (swing[1:] + swing[:-1])
     return _answer(prepared, growth * np.concatenate([[0.0], np.cumsum(steps)]))
 
@@ -264,12 +251,12 @@ def mean_over_record(prepared: Prepared, time: Floats, series: Floats) -> float:
     seen = prepared.observation
     centre = float(series.mean())
     grown = np.concatenate([[0.0], np.cumsum(0.5 * (series[1:] + series[:-1] - 2.0 * centre) * np.diff(time))])
-    at = np.interp(prepared.blocks.time + seen.start, time, grown)
+    at = np.interp(prepared.sliding.time + seen.start, time, grown)
     return centre + turned(prepared, at)
 
 
 def _answer(prepared: Prepared, moved: Complexes) -> float:
-    return float((np.conj(prepared.rough_budget.influence) @ moved).real)
+    return float((np.conj(prepared.fine_budget.influence) @ moved).real)
 
 
 def _square(harmonic: Complexes) -> float:

@@ -31,7 +31,7 @@ def change(case: Case, gravity: float) -> Change:
 def single(case: Case, gravity: float) -> tuple[float, float]:
     """Relative lengthening e of either pendulum's period alone, mean over the record."""
     mass, length, stiffness = case.pair("mass"), case.pair("length"), case.scalar("support_stiffness")
-    envelope = case.prepared.blocks
+    envelope = case.prepared.sliding
     first, second = envelope.first, envelope.first - envelope.difference
     present = np.isfinite(first) & np.isfinite(second)
     # both pull at once: m_i theta_i + m_j theta_j, its part in phase with theta_i

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from pipeline.ledger.entry import MGAL, Case, Change
 
 NAME = "horizontal_acceleration"
@@ -18,8 +16,7 @@ def change(case: Case, gravity: float) -> Change:
     after = case.gravity_of(case.estimate.frequency - case.shares.vertical)
     if case.shares.reduced:
         return Change(after, 0.0, "slow motion of the first pendulum")
-    slow = float(np.nanvar(case.prepared.blocks.slow[0]))
-    size = -0.5 * gravity * slow / MGAL  # x'' = -g psi
+    size = -0.5 * gravity * case.prepared.slow_square / MGAL  # x'' = -g psi
     real = "" if case.prepared.observation.restoring == "linear" else f"; real ones would need about {size:+.2f} mGal"
     return Change(after, 0.0, why_not(case) + real, applied=False)
 

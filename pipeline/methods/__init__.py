@@ -19,20 +19,18 @@ if TYPE_CHECKING:
     Method = Callable[[Prepared], Estimate]
 
 _WHERE = {
-    "uncorrected": "pipeline.methods.uncorrected",
-    "vening-meinesz": "pipeline.methods.vening_meinesz",
-    "panteleev": "pipeline.methods.panteleev",
-    "general": "pipeline.methods.general",
-    "complex": "pipeline.methods.complex_form",
-    "projection": "pipeline.methods.projection",
-    "shooting": "pipeline.methods.shooting",
+    "uncorrected": ("phases", "uncorrected"),
+    "vening-meinesz": ("vening_meinesz", "estimate"),
+    "panteleev": ("phases", "panteleev"),
+    "general": ("general", "estimate"),
+    "complex": ("phases", "complex_form"),
+    "projection": ("projection", "estimate"),
+    "shooting": ("shooting", "estimate"),
 }
 PAIR_METHODS: tuple[str, ...] = tuple(_WHERE)
 """Methods that look at one difference of two pendulums."""
 METHODS: tuple[str, ...] = (*PAIR_METHODS, "joint", "auto")
 """What `process` takes."""
-PHASE_METHODS = ("uncorrected", "vening-meinesz", "panteleev", "general", "complex")
-"""Methods that work on the separated harmonics; the others never compute them."""
 
 
 def method(name: str) -> Method:
@@ -49,5 +47,6 @@ def method(name: str) -> Method:
         near = difflib.get_close_matches(name, METHODS, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise UsageError(f"method '{name}': {hint}choose from {', '.join(METHODS)}")
-    function: Method = importlib.import_module(_WHERE[name]).estimate
-    return function
+    module, function = _WHERE[name]
+    found: Method = getattr(importlib.import_module(f"pipeline.methods.{module}"), function)
+    return found

@@ -10,15 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.arrays import Complexes, Floats
+from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
 from pipeline.harmonics.envelope import Envelope
 from pipeline.methods.phases import corrected, phases
 from pipeline.prepared import Prepared
 
 ROUNDS = 2  # the acceleration's phase turns with n2, which it shifts by 1e-3 at most
-
-
 DENIED = 0.5  # residual power without the acceleration over that with it, below which the record denies it
 
 
@@ -34,7 +32,7 @@ def estimate(prepared: Prepared) -> Estimate:
     if seen.restoring == "linear":
         return corrected(prepared, found, model_speed(envelope, frequency, prepared, arc=False))
     slow = prepared.slow_motion
-    told = (envelope.time >= slow.begin) & (envelope.time <= slow.end)
+    told = (envelope.time >= slow.time[0]) & (envelope.time <= slow.time[-1])
     found = replace(found, weight=np.where(told, found.weight, 0.0))
 
     def turned(frequency: float, gained: Floats | None) -> Estimate:
@@ -43,7 +41,7 @@ def estimate(prepared: Prepared) -> Estimate:
         return corrected(prepared, found, speed, speed - plain, gained)
 
     for _ in range(ROUNDS):
-        made = turned(frequency, slow.phase(slow.gamma(frequency), frequency, envelope.time))
+        made = turned(frequency, slow.phase(frequency, envelope.time))
         frequency = made.frequency
     if seen.restoring is None:
         still = turned(prepared.fine.frequency, None)
@@ -59,11 +57,7 @@ def model_speed(envelope: Envelope, frequency: float, prepared: Prepared, *, arc
     second = first - envelope.difference
     rates = np.zeros(2) if seen.damping_rate is None else seen.damping_rate
     bend = frequency / 16.0 if arc else 0.0
-    speed_2 = frequency - bend * _square(second)
-    apart = seen.frequency_ratio * (frequency - bend * _square(first)) - speed_2
+    speed_2 = frequency - bend * np.abs(second) ** 2
+    apart = seen.frequency_ratio * (frequency - bend * np.abs(first) ** 2) - speed_2
     # (38) with (a1/a) e^{i (phi1 - phi)} = Z1/D
     return np.asarray(speed_2 - frequency + apart * share.real - (rates[0] - rates[1]) * share.imag)
-
-
-def _square(harmonic: Complexes) -> Floats:
-    return np.asarray(harmonic.real**2 + harmonic.imag**2)

@@ -6,9 +6,9 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
-from pipeline.estimate import Estimate
+from pipeline.estimate import COLOUR_SECONDS, Estimate
+from pipeline.identity.fit import Fit, Identity, linear
 from pipeline.prepared import LEAST_EXPLAINED, Prepared
-from pipeline.projection.identity import ITERATIONS, LinearFit, LinearIdentity
 
 FINE_ANGLE = 0.8  # swing between readings, at most: eight readings a swing
 
@@ -24,23 +24,19 @@ def require_clean(prepared: Prepared) -> None:
     prepared.require_whole("theta", "difference", "vertical")
 
 
-def linear_fit(prepared: Prepared, rounds: int = ITERATIONS) -> LinearFit:
-    """The linear identity fitted to a record, the damping held where it is stated; see `LinearIdentity.fit`."""
-    seen, rough, begin = prepared.observation, prepared.rough, float(prepared.blocks.time[0])
-    identity = LinearIdentity(
-        seen.theta, seen.difference, seen.step, prepared.nominal, seen.frequency_ratio, seen.damping_difference
-    )
-    turned = complex(rough.damping_rate, prepared.nominal - rough.frequency) * begin  # back to the first sample
-    start = rough.start * complex(np.exp(turned))
-    return identity.fit(rough.frequency, rough.damping_rate, start, prepared.known_damping is None, rounds)
+def linear_fit(prepared: Prepared) -> Fit:
+    """The linear identity fitted to a record, the damping held where it is stated."""
+    rough = prepared.fine
+    identity = Identity(prepared.observation, rough.frequency, linear(rough.frequency))
+    return identity.fit(rough.damping_rate, fit_damping=prepared.known_damping is None)
 
 
 def estimate(prepared: Prepared) -> Estimate:
     """Fit n2 with n1/n2 held, the damping held where the record states it."""
     require_clean(prepared)
-    rough = prepared.rough
+    rough = prepared.fine
     fit = linear_fit(prepared)
-    colour = residual_colour(fit.residual, fit.frequency, fit.noise, prepared)
+    colour = residual_colour(fit, prepared)
     swing = 0.5 * float(np.vdot(rough.model, rough.model).real) / rough.model.size
     explained = swing / (swing + fit.noise**2)
     if explained < LEAST_EXPLAINED:
@@ -48,31 +44,32 @@ def estimate(prepared: Prepared) -> Estimate:
             f"difference: a swing at the nominal period explains only {100 * max(explained, 0.0):.0f} % of it; "
             "check instrument/period and that the trace is a difference of two pendulums"
         )
+    from_theta = prepared.theta_error(prepared.fine_budget.noise_theta, fit.noise)
+    return as_estimate(prepared, fit, colour, from_theta)
+
+
+def as_estimate(prepared: Prepared, fit: Fit, colour: float, *others: float, reduced: bool = False) -> Estimate:
+    """A fit with the noise of its own residual, coloured as it is, and other parts of its 1 sigma of n2, rad s-1."""
+    own = fit.noise_gain * fit.noise * np.sqrt(max(colour, 1.0))
     return Estimate(
         frequency=fit.frequency,
-        uncorrected=float(np.hypot(prepared.nominal + prepared.rough_slope, fit.damping_rate)),
-        sigma=float(
-            np.hypot(
-                fit.noise_gain * fit.noise * np.sqrt(max(colour, 1.0)),
-                prepared.theta_error(prepared.rough_budget.noise_theta, fit.noise),
-            )
-        ),
+        uncorrected=float(np.hypot(prepared.nominal + prepared.fine.slope, fit.damping_rate)),
+        sigma=float(np.linalg.norm([own, *others])),
         noise=fit.noise,
         damping_rate=fit.damping_rate,
         samples=fit.residual.size,
         residual_colour=colour,
+        acceleration_reduced=reduced,
     )
 
 
-def residual_colour(residual: Floats, frequency: float, noise: float, prepared: Prepared) -> float:
+def residual_colour(fit: Fit, prepared: Prepared) -> float:
     """Power of the residual in blocks near the pendulum's frequency over that of white noise of the same total."""
-    if noise == 0.0:
+    if fit.noise == 0.0:
         return 1.0
     step = prepared.observation.step
-    rows = max(4, round(prepared.blocks.hop / step))
-    count = residual.size // rows
-    turn = np.exp(-1j * frequency * step * np.arange(rows))
-    blocks = residual[: count * rows].reshape(count, rows)
-    power = (blocks @ turn.real) ** 2 + (blocks @ turn.imag) ** 2
+    rows = max(4, round(COLOUR_SECONDS / step))
+    blocks: Floats = fit.residual[: fit.residual.size // rows * rows].reshape(-1, rows)
+    power = np.abs(blocks @ np.exp(-1j * fit.frequency * step * np.arange(rows))) ** 2
     # |sum r e^{-int}|^2 has mean sigma^2 N for white noise
-    return float(np.mean(power) / rows / noise**2)
+    return float(np.mean(power) / rows / fit.noise**2)

@@ -6,11 +6,10 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.estimate import Estimate
-from pipeline.inversion.iteration import Iteration, theta_influence
-from pipeline.inversion.motion import motion
+from pipeline.identity.fit import Fit, Identity
+from pipeline.identity.motion import Motion, motion
 from pipeline.methods import projection
 from pipeline.prepared import Prepared
-from pipeline.projection.identity import LinearFit
 
 NOISY = 3e-4  # reading noise of the first pendulum over its swing, from which its third harmonic is better computed
 COLOURED = 3.0  # power of the residual near the swing over white, from which the identity does not fit
@@ -40,58 +39,32 @@ def invert(prepared: Prepared) -> Estimate:
     RefusedError
         No swing at the nominal period, outliers, or a heave that is not recorded.
     """
-    seen = prepared.observation
-    iteration = begin(prepared, projection.linear_fit(prepared, rounds=1))
-    fit = iteration.fit(fit_damping=prepared.known_damping is None)
-    colour = projection.residual_colour(iteration.residual(), iteration.frequency, fit.noise, prepared)
+    moved, fit = nonlinear_fit(prepared)
+    colour = projection.residual_colour(fit, prepared)
     # short heave lies beside what the colour looks at, but above what neighbours call noise
     coloured = colour > COLOURED or (colour > 1.0 and fit.noise > EXCESS * prepared.noise_difference)
-    if iteration.motion.vertical is None and coloured and fit.noise > FLOOR * float(np.abs(iteration.start)):
+    if prepared.observation.vertical is None and coloured and fit.noise > FLOOR * float(np.abs(fit.model).max()):
         raise RefusedError(
             "record/vertical_acceleration: not recorded, and the residual is not that of real pendulums on a support "
             "that does not heave; use --method joint"
         )
-    own = float(np.sqrt(fit.covariance[2, 2])) * fit.noise * np.sqrt(max(colour, 1.0))
-    through = theta_influence(
-        iteration,
-        iteration.influence(fit.covariance[2]),
-        prepared.gravity_of(iteration.frequency),
-        seen.frequency_ratio,
-        seen.damping_difference,
-    )
-    from_theta = prepared.theta_error(float(np.linalg.norm(through)), fit.noise)
-    return Estimate(
-        frequency=iteration.frequency,
-        uncorrected=float(np.hypot(prepared.nominal + prepared.rough_slope, iteration.damping_rate)),
-        sigma=float(np.linalg.norm([own, from_theta, numerical_error(iteration)])),
-        noise=fit.noise,
-        damping_rate=iteration.damping_rate,
-        samples=iteration.count,
-        residual_colour=colour,
-        acceleration_reduced=True,
-    )
+    from_theta = prepared.theta_error(float(np.linalg.norm(moved.influence(fit))), fit.noise)
+    numerical = numerical_error(fit, prepared.observation.step)
+    return projection.as_estimate(prepared, fit, colour, from_theta, numerical, reduced=True)
 
 
-def begin(prepared: Prepared, held: LinearFit) -> Iteration:
-    """The iteration before its first sweep."""
-    seen, envelope = prepared.observation, prepared.blocks
-    noise = prepared.noise_theta if np.isfinite(prepared.noise_theta) else seen.sigma_theta or 0.0
+def nonlinear_fit(prepared: Prepared) -> tuple[Motion, Fit]:
+    """The identity of real pendulums fitted to a record, the damping held where it is stated."""
+    seen, rough, envelope = prepared.observation, prepared.fine, prepared.sliding
+    noise = prepared.theta_error(1.0, 0.0)
     # the third harmonic is read where the samples give it better than the swing's amplitude does
     read = noise < NOISY * float(np.nanmedian(np.abs(envelope.first)))
-    moved = motion(
-        seen.theta,
-        seen.vertical,
-        seen.step,
-        held.frequency,
-        seen.frequency_ratio,
-        held.damping_rate + seen.damping_difference,
-        noise,
-        None if read else envelope,
-    )
-    return Iteration(seen, moved, held, prepared.gravity_of)
+    moved = motion(seen, rough.frequency, rough.damping_rate, noise, None if read else envelope)
+    identity = Identity(seen, rough.frequency, moved.expand, moved.inside)
+    return moved, identity.fit(rough.damping_rate, fit_damping=prepared.known_damping is None)
 
 
-def numerical_error(iteration: Iteration) -> float:
+def numerical_error(fit: Fit, step: float) -> float:
     """What filters, quadrature and interpolation may do to n2, rad s-1."""
-    strength = float(np.linalg.norm(iteration.slope) / np.sqrt(iteration.count)) / (2.0 * iteration.frequency)
-    return strength * (RIPPLE + COARSE * (iteration.frequency * iteration.step) ** ORDER)
+    strength = float(np.sqrt(np.mean(fit.stiffness**2))) / (2.0 * fit.frequency)
+    return strength * (RIPPLE + COARSE * (fit.frequency * step) ** ORDER)

@@ -10,12 +10,11 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
 from pipeline.methods.phases import corrected, phases
-from pipeline.phase_speed import vening_meinesz
+from pipeline.phase_speed import phase_speed
 from pipeline.prepared import Prepared
 
 MARK_SECONDS = 60.0
 _NEIGHBOURS = 9
-_DEGREE = 8
 
 
 def estimate(prepared: Prepared) -> Estimate:
@@ -30,11 +29,8 @@ def estimate(prepared: Prepared) -> Estimate:
     value, slope = value_and_slope(seen.time, seen.theta, envelope.time[marks])
     raw = value - 1j * slope / first_frequency  # (4)
     difference = envelope.difference[marks] * np.exp(1j * envelope.carrier * envelope.time[marks])
-    reading = (
-        vening_meinesz(first_frequency, frequency, np.abs(raw), np.abs(difference), np.angle(raw / difference))
-        - frequency
-    )
-    return corrected(prepared, found, np.interp(envelope.time, envelope.time[marks], reading))
+    reading = phase_speed(first_frequency, frequency, np.abs(raw), np.abs(difference), np.angle(raw / difference))
+    return corrected(prepared, found, np.interp(envelope.time, envelope.time[marks], reading - frequency))
 
 
 def value_and_slope(time: Floats, series: Floats, instants: Floats) -> tuple[Floats, Floats]:
@@ -45,8 +41,6 @@ def value_and_slope(time: Floats, series: Floats, instants: Floats) -> tuple[Flo
     value, slope = np.empty(instants.size), np.empty(instants.size)
     for k, instant in enumerate(instants):
         part = slice(start[k], start[k] + _NEIGHBOURS)
-        tau = time[part] - instant
-        scale = np.abs(tau).max()
-        coefficient = np.linalg.lstsq(np.vander(tau / scale, _DEGREE + 1, increasing=True), series[part], rcond=None)[0]
-        value[k], slope[k] = coefficient[0], coefficient[1] / scale
+        fit = np.polynomial.Polynomial.fit(time[part] - instant, series[part], _NEIGHBOURS - 1)
+        value[k], slope[k] = fit(0.0), fit.deriv()(0.0)
     return value, slope

@@ -6,6 +6,7 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from data_schemas.errors import RefusedError
@@ -118,6 +119,12 @@ def _rest_position(time: Floats, theta: Floats, rest: float, period: float) -> f
     return float(np.median(0.25 * (turning[:-2] + 2.0 * turning[1:-1] + turning[2:])))
 
 
+def _about(time: Floats, values: Floats, centre: float, period: float) -> tuple[Floats, Floats]:
+    """Samples within `CROSSING_SHARE` of a time: distances in periods, values."""
+    part = slice(*np.searchsorted(time, centre + period * CROSSING_SHARE * np.array([-1.0, 1.0])))
+    return (time[part] - centre) / period, values[part]
+
+
 def _crossings(time: Floats, values: Floats, near: np.ndarray, period: float) -> Floats:
     """Zero of the cubic fitted about each change of sign."""
     found = []
@@ -127,12 +134,10 @@ def _crossings(time: Floats, values: Floats, near: np.ndarray, period: float) ->
         before, after = values[index : index + 2]
         centre = float(time[index] - before * (time[index + 1] - time[index]) / ((after - before) or 1.0))
         for _ in range(2):
-            part = slice(*np.searchsorted(time, [centre - CROSSING_SHARE * period, centre + CROSSING_SHARE * period]))
-            tau = time[part] - centre
-            degree = 3 if tau.size >= 8 else 1
+            tau, near_by = _about(time, values, centre, period)
             if tau.size < 3 or tau[0] >= 0.0 or tau[-1] <= 0.0:
                 break
-            fit = np.polynomial.polynomial.polyfit(tau / period, values[part], degree)
+            fit = polynomial.polyfit(tau, near_by, 3 if tau.size >= 8 else 1)
             centre -= period * float(fit[0] / fit[1])
         found.append(centre)
     return np.asarray(found)
@@ -145,13 +150,12 @@ def _turning_points(time: Floats, theta: Floats, crossings: Floats, period: floa
         if right - left > 0.8 * period:
             continue  # a gap
         centre = 0.5 * (left + right)
-        part = slice(*np.searchsorted(time, [centre - CROSSING_SHARE * period, centre + CROSSING_SHARE * period]))
-        tau = (time[part] - centre) / period
+        tau, near_by = _about(time, theta, centre, period)
         if tau.size < 4:
             continue
-        fit = np.polynomial.polynomial.polyfit(tau, theta[part], 4 if tau.size >= 10 else 2)
+        fit = polynomial.polyfit(tau, near_by, 4 if tau.size >= 10 else 2)
         top = -0.5 * fit[1] / fit[2] if fit[2] != 0.0 else 0.0
         top = float(np.clip(top, -CROSSING_SHARE, CROSSING_SHARE))
         times.append(centre + top * period)
-        values.append(float(np.polynomial.polynomial.polyval(top, fit)))
+        values.append(float(polynomial.polyval(top, fit)))
     return np.asarray(times), np.asarray(values)

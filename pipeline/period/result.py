@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from data_schemas.variables import attributes
 from pipeline.gravity import DAY, MGAL
 from pipeline.period.cycles import find_cycles
-from pipeline.period.fit import SCALE, PeriodFit, fit_period
-from pipeline.result import result_attributes
+from pipeline.period.fit import SCALE, fit_period
+from pipeline.result import dataset, result_attributes
+from pipeline.summary import without_gravity
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -80,15 +80,18 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
         **_steps(time, elongation),
         "elapsed": clock.perf_counter() - started,
     }
-    variables: dict[str, Any] = {name: ((), value, _attributes(name)) for name, value in scalars.items()}
-    variables.update(
-        {name: ("cycle", values, _attributes(name)) for name, values in _cycle_series(fit, time[0]).items()}
-    )
-    variables["flag"] = ("flag", np.array(flags, dtype=object), _attributes("flag"))
+    series: dict[str, Any] = {
+        "cycle_time": fit.time + time[0],
+        "amplitude": fit.amplitude,
+        "cycle_period": fit.cycle_period,
+        "cycle_period_smoothed": fit.smoothed,
+        "cycle_period_infinitesimal": fit.reduced,
+    }
+    values = scalars | series | {"flag": np.array(flags, dtype=object)}
     tree = DataTree.from_dict(
         {
             "/": Dataset(coords={"time": ("time", time[[0, -1]], dict(record.dataset["time"].attrs))}),
-            "/period": Dataset(variables),
+            "/period": dataset("period", values, {}, _EXTRA),
         }
     )
     trace = str(record["record"].dataset["trace"].values[0])
@@ -96,16 +99,6 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
     tree.attrs["requested_method"] = ",".join(requested)
     tree.attrs["title"] = f"period of record {tree.attrs['record_id']}"
     return tree
-
-
-def _cycle_series(fit: PeriodFit, start: float) -> dict[str, Any]:
-    return {
-        "cycle_time": fit.time + start,
-        "amplitude": fit.amplitude,
-        "cycle_period": fit.cycle_period,
-        "cycle_period_smoothed": fit.smoothed,
-        "cycle_period_infinitesimal": fit.reduced,
-    }
 
 
 def _gravity(period: float, sigma: float, stated: Mapping[Any, Any]) -> dict[str, float]:
@@ -131,29 +124,14 @@ def _steps(time: np.ndarray, elongation: np.ndarray) -> dict[str, float]:
     }
 
 
-def _attributes(name: str) -> dict[str, Any]:
-    if name in _EXTRA:
-        units, long_name = _EXTRA[name]
-        return {"units": units, "long_name": long_name}
-    return attributes(f"period/{name}")
-
-
 def period_summaries(result: DataTree) -> list[dict[str, Any]]:
     """The one dictionary of a single trace; keys of the contract, gravity null."""
     table = result["period"].dataset
     return [
         {
-            "record_id": str(result.attrs["record_id"]),
-            "status": "ok",
-            "error": None,
-            "requested_method": str(result.attrs.get("requested_method", "auto")),
-            "method": "period",
-            "gravity_m_s2": float(table["gravity"]) if "gravity" in table else None,
-            "gravity_sigma_mgal": float(table["gravity_sigma"]) if "gravity" in table else None,
-            "frequency_rad_s": {},
-            "difference_frequency_rad_s": None,
-            "corrections_mgal": {},
-            "sensitivity_mgal": {},
+            **without_gravity(result, str(result.attrs.get("requested_method", "auto")), "period"),
+            **({"gravity_m_s2": float(table["gravity"])} if "gravity" in table else {}),
+            **({"gravity_sigma_mgal": float(table["gravity_sigma"])} if "gravity" in table else {}),
             "period_s": float(table["period"]),
             "period_sigma_s": float(table["period_sigma"]),
             "amplitude_scale": float(table["amplitude_scale"]),

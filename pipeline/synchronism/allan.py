@@ -84,15 +84,20 @@ def instantaneous(time: Floats, psi: Floats) -> Floats:
 def mean(time: Floats, psi: Floats) -> tuple[float, float]:
     """Mean rate difference over the record and one sigma, swings a day.
 
-    Least squares through means of blocks, whose scatter gives the sigma: so it holds for noise of any colour shorter
-    than a block, and for the steps of slips.
+    It holds for the steps of slips too.
     """
-    present = np.isfinite(psi)
-    parts = np.array_split(np.flatnonzero(present), _BLOCKS)
-    middles = np.array([time[each].mean() for each in parts])
-    means = np.array([psi[each].mean() for each in parts])
-    x = middles - middles.mean()
-    slope = float(x @ means / (x @ x))
-    left = means - means.mean() - slope * x
-    sigma = float(np.sqrt(left @ left / (_BLOCKS - 2) / (x @ x)))
+    slope, sigma = block_slope(time, psi, _BLOCKS)
     return slope * DAY / _TURN, sigma * DAY / _TURN
+
+
+def block_slope(time: Floats, values: Floats, blocks: int) -> tuple[float, float]:
+    """Slope and one sigma of it: least squares through means of blocks, whose scatter gives the sigma.
+
+    So it holds for noise of any colour shorter than a block.
+    """
+    parts = np.array_split(np.flatnonzero(np.isfinite(values)), blocks)
+    x, means = (np.array([series[each].mean() for each in parts]) for series in (time, values))
+    x -= x.mean()
+    slope = float(x @ means / (x @ x))
+    rest = means - means.mean() - slope * x
+    return slope, float(np.sqrt(rest @ rest / (blocks - 2) / (x @ x)))

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import Complexes, Floats
+from pipeline.arrays import Floats
+from pipeline.result import unwrapped
 
 SWINGS = 6.0
 """Length of a window, in swings: what the phases of both do within it is averaged."""
@@ -118,7 +119,8 @@ def _followed(
     with np.errstate(invalid="ignore", divide="ignore"):
         sigma = sigma / size
     carrier = frequency * centres
-    return _unwrapped(harmonic * np.exp(-1j * carrier)) + carrier, size, sigma
+    # across a gap the nearest turn is taken
+    return unwrapped((harmonic * np.exp(-1j * carrier))[None])[0] + carrier, size, sigma
 
 
 def _fit(tau: Floats, seen: Floats, weight: Floats, frequency: float) -> tuple[complex, float]:
@@ -133,14 +135,6 @@ def _fit(tau: Floats, seen: Floats, weight: Floats, frequency: float) -> tuple[c
     variance = float(weight @ (left * left)) / float(weight.sum()) * seen.size / (seen.size - _TERMS)
     spread = inverse @ (weighted @ weighted.T) @ inverse
     return complex(parts[0], -parts[1]), float(np.sqrt(0.5 * variance * (spread[0, 0] + spread[1, 1])))
-
-
-def _unwrapped(harmonic: Complexes) -> Floats:
-    """Phase against the carrier, NaN where missing; across a gap the nearest turn is taken."""
-    phase = np.full(harmonic.size, np.nan)
-    present = np.isfinite(harmonic)
-    phase[present] = np.unwrap(np.angle(harmonic[present]))
-    return phase
 
 
 def _slope(time: Floats, values: Floats) -> float:

@@ -1,10 +1,11 @@
-"""The recipe: a record of clocks in, what they do to each other out."""
+"""The recipe: a record of clocks in, what they do to each other out, as a DataTree of the layout "isochrony-result"."""
 
 from __future__ import annotations
 
+import math
 import time as stopwatch
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +15,10 @@ from pipeline.arrays import Floats, row_means_present
 if TYPE_CHECKING:
     from xarray import DataTree
 
+    from pipeline.synchronism.phases import Phases
+
 _LEAST_INSTANTS = 16
+UNSURE = 0.95
 
 
 def synchrony(record: DataTree) -> DataTree:
@@ -40,11 +44,12 @@ def synchrony(record: DataTree) -> DataTree:
     RefusedError
         Too short, too rarely read, or a pendulum that does not swing.
     """
+    from xarray import Dataset, DataTree
+
     from data_schemas import check
-    from pipeline.synchronism.allan import allan_deviation, available
-    from pipeline.synchronism.phases import beam, phases
-    from pipeline.synchronism.result import Found, Pair, laid_out
-    from pipeline.synchronism.verdict import judge
+    from pipeline.result import dataset, result_attributes
+    from pipeline.synchronism.allan import REMEDY, available
+    from pipeline.synchronism.phases import phases
 
     started = stopwatch.perf_counter()
     faults = check(record, "record")
@@ -55,27 +60,90 @@ def synchrony(record: DataTree) -> DataTree:
     time = recorded - recorded[0]
     _refuse_rare(record, float(np.median(np.diff(time))))
     seen = phases(time, elongation)
-    pairs = []
+    beam, direction = _beam(record, time, seen)
+    values = {
+        "clock": _texts(labels),
+        "phase": seen.phase,
+        "amplitude": seen.amplitude,
+        "frequency": seen.frequency,
+        **_pairs(labels, seen, float(recorded[0])),
+        **beam,
+        **_stability(seen),
+    }
+    group = dataset("synchrony", values, {}, {})
+    group.attrs["allan_deviation_absent"] = "" if available() else REMEDY
+    group.attrs["beam_direction"] = direction
+    instants = ("time", seen.time + recorded[0], dict(record.dataset["time"].attrs))
+    tree = DataTree.from_dict({"/": Dataset(coords={"time": instants}), "/synchrony": group})
+    tree.attrs.update(result_attributes(record, {"analysis": "synchrony", "window_s": seen.window}, started))
+    tree.attrs["title"] = f"synchrony of record {tree.attrs['record_id']}"
+    tree.attrs["elapsed_s"] = stopwatch.perf_counter() - started
+    return tree
+
+
+def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
+    """Verdict, rates and slips of every two clocks; `start` is the time of the first reading, s."""
+    from pipeline.synchronism import allan
+    from pipeline.synchronism.verdict import judge
+
+    rows: list[dict[str, Any]] = []
+    slips: list[tuple[float, str]] = []
     for one, two in combinations(range(len(labels)), 2):
+        name = f"{labels[one]}-{labels[two]}"
         psi = seen.phase[one] - seen.phase[two]
         sigma = np.hypot(seen.sigma[one], seen.sigma[two])
         known = int(np.isfinite(psi).sum())
         if known < _LEAST_INSTANTS:
             said = f"{labels[one]} and {labels[two]} were read together in {known} swings"
             raise RefusedError(f"synchrony: {said}; a verdict needs {_LEAST_INSTANTS}")
-        ratio = float(np.nanmedian(seen.amplitude[one] / seen.amplitude[two]))
-        pairs.append(Pair(f"{labels[one]}-{labels[two]}", psi, sigma, judge(seen.time, psi, sigma), ratio))
-    size = row_means_present(seen.amplitude[:, seen.time >= 0.5 * seen.time[-1]])
-    dataset = record["record"].dataset
+        verdict = judge(seen.time, psi, sigma)
+        mean, mean_sigma = allan.mean(seen.time, psi)
+        slips += [(when + start, name) for when in verdict.slips]
+        rows.append(
+            {
+                "pair": name,
+                "phase_difference": psi,
+                "phase_difference_sigma": sigma,
+                "rate_difference": allan.instantaneous(seen.time, psi),
+                "mean_rate_difference": mean,
+                "mean_rate_difference_sigma": mean_sigma,
+                "verdict": verdict.state,
+                "confidence": verdict.confidence,
+                "locked_angle": verdict.angle,
+                "locked_angle_sigma": verdict.angle_sigma,
+                "lock_time": verdict.lock_time + start + float(seen.time[0]),  # counted from the first instant
+                "slips": float(len(verdict.slips)),
+                "amplitude_ratio": float(np.nanmedian(seen.amplitude[one] / seen.amplitude[two])),
+            }
+        )
+    values: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
+    values = {name: _texts(each) if isinstance(each[0], str) else np.stack(each) for name, each in values.items()}
+    if slips:
+        values["slip_time"] = np.array([when for when, _ in slips])
+        values["slip_pair"] = _texts([name for _, name in slips])
+    return values
+
+
+def _beam(record: DataTree, time: Floats, seen: Phases) -> tuple[dict[str, Any], str]:
+    """Motion of the support in the second half, and its direction, where an acceleration was recorded."""
+    from pipeline.synchronism.phases import beam
+
+    traces = record["record"].dataset
     accelerations = {
-        name: np.asarray(dataset[name].values, dtype=np.float64)
+        name: np.asarray(traces[name].values, dtype=np.float64)
         for name in ("vertical_acceleration", "horizontal_acceleration")
-        if name in dataset
+        if name in traces
     }
+    size = row_means_present(seen.amplitude[:, seen.time >= 0.5 * seen.time[-1]])
     moved = beam(time, accelerations, float(seen.frequency.mean()), size, 0.5 * float(time[-1]))
-    stability = allan_deviation(seen.time, seen.phase) if available() else None
-    found = Found(labels, seen, pairs, moved, stability, float(recorded[0]))
-    return laid_out(record, found, started)
+    return ({"beam_amplitude": moved.amplitude, "beam_ratio": moved.ratio}, moved.direction) if moved else ({}, "")
+
+
+def _stability(seen: Phases) -> dict[str, Any]:
+    from pipeline.synchronism.allan import allan_deviation, available
+
+    averaging, deviation = allan_deviation(seen.time, seen.phase) if available() else (np.empty(0), None)
+    return {"averaging_time": averaging, "allan_deviation": deviation} if averaging.size else {}
 
 
 def _refuse_rare(record: DataTree, spacing: float) -> None:
@@ -107,3 +175,46 @@ def pendulums_of(record: DataTree) -> tuple[list[str], Floats]:
         used = np.flatnonzero(np.abs(weights) > 1e-12)
         rows.append(np.tensordot(weights[used], elongation[used], axes=1))  # a trace that is not used may be missing
     return [label for label, known in zip(labels, apart, strict=True) if known], np.stack(rows)
+
+
+def _texts(values: list[str]) -> Any:
+    return np.array(values, dtype=object)
+
+
+def synchrony_summaries(result: DataTree) -> list[dict[str, Any]]:
+    """One dictionary a pair; keys of the contract, gravity null, and `synchrony` with what was found."""
+    from pipeline.summary import without_gravity
+
+    table = result["synchrony"].dataset
+    clocks = [str(label) for label in table["clock"].values]
+    rows = []
+    for k, name in enumerate(str(pair) for pair in table["pair"].values):
+        one = table.isel(pair=k)
+        found = {
+            "pair": name,
+            "verdict": str(one["verdict"].values),
+            "confidence": float(one["confidence"]),
+            "angle_rad": _known(float(one["locked_angle"])),
+            "angle_sigma_rad": _known(float(one["locked_angle_sigma"])),
+            "lock_time_s": _known(float(one["lock_time"])),
+            "slips": int(one["slips"]),
+            "rate_difference_per_day": float(one["mean_rate_difference"]),
+            "rate_difference_sigma_per_day": float(one["mean_rate_difference_sigma"]),
+            "amplitude_ratio": float(one["amplitude_ratio"]),
+            "beam_amplitude_m": float(table["beam_amplitude"]) if "beam_amplitude" in table else None,
+        }
+        rows.append(
+            without_gravity(result, "synchrony", "synchrony")
+            | {
+                "frequency_rad_s": dict(zip(clocks, map(float, table["frequency"].values), strict=True)),
+                "synchrony": found,
+                "flags": ["unsure-verdict"] if float(one["confidence"]) < UNSURE else [],
+                "samples_used": int(np.isfinite(one["phase_difference"].values).sum()),
+                "elapsed_s": float(result.attrs["elapsed_s"]),
+            }
+        )
+    return rows
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import Floats
+from pipeline.synchronism.allan import block_slope
 
 VERDICTS = ("in phase", "antiphase", "quadrature", "other angle", "drifting", "intermittent")
 ANGLE = math.radians(15.0)
@@ -63,7 +64,9 @@ def judge(time: Floats, psi: Floats, sigma: Floats) -> Verdict:
     time, psi, sigma = time[present], psi[present], sigma[present]
     slips = slip_times(time, psi)
     later = time >= 0.5 * (time[0] + time[-1])
-    moved, moved_sigma = _drift(time[later], psi[later])
+    # how far psi moves from one end to the other; noise may be slow
+    span = float(np.ptp(time[later]))
+    moved, moved_sigma = (span * each for each in block_slope(time[later], psi[later], _BLOCKS))
     noise = float(np.median(sigma))
     if abs(moved) <= STEADY and float(np.ptp(psi[later])) <= 2.0 * (STEADY + 4.0 * noise):
         return _locked(time, psi, noise, moved, moved_sigma, slips)
@@ -81,19 +84,6 @@ def slip_times(time: Floats, psi: Floats) -> tuple[float, ...]:
             base += math.copysign(_TWO_PI, angle - base)
             found.append(instant)
     return tuple(found)
-
-
-def _drift(time: Floats, psi: Floats) -> tuple[float, float]:
-    """How far psi moves from one end to the other, and one sigma of it, from means of blocks (noise may be slow)."""
-    blocks = np.array_split(np.arange(time.size), _BLOCKS)
-    middles = np.array([float(time[each].mean()) for each in blocks])
-    means = np.array([float(psi[each].mean()) for each in blocks])
-    x = middles - middles.mean()
-    slope = float(x @ means / (x @ x))
-    left = means - means.mean() - slope * x
-    sigma = math.sqrt(float(left @ left) / (_BLOCKS - 2) / float(x @ x))
-    span = float(time[-1] - time[0])
-    return slope * span, sigma * span
 
 
 def _settling(time: Floats, psi: Floats) -> float | None:

@@ -56,7 +56,7 @@ def test_process_leaves_out_what_it_does_not_use(methods: tuple[str, ...], tmp_p
     loaded = bars_speed.modules(bars_speed._PROCESS, str(path), ",".join(methods))
     assert bars_speed.in_vain(loaded, bars_speed.FORBIDDEN) == []
     if methods == ("projection",):
-        others = ("panteleev", "general", "vening_meinesz", "complex_form")
+        others = ("general", "vening_meinesz")
         assert loaded.isdisjoint(f"pipeline.methods.{name}" for name in others)
 
 

@@ -13,7 +13,8 @@ import pytest
 from paper_formulas import difference_speed, near_resonant_motion, raw_components
 from scipy.integrate import solve_ivp
 
-from pipeline.phase_speed import disturbed_speed, leaking, near_resonant_amplitude, vening_meinesz
+from pipeline import phase_speed as formulas
+from pipeline.phase_speed import disturbed_speed, leaking, near_resonant_amplitude
 
 N1, N2 = 2.0 * np.pi / 1.009, 2.0 * np.pi / 1.010  # apart by 1e-3, so that an index in the wrong place shows
 NU, ALPHA, DELTA = np.pi / 120.0, 4e-5, 0.7
@@ -146,7 +147,7 @@ def test_14_the_second_line_divides_by_n1_not_by_its_derivative() -> None:
 
 def test_after_14_the_leaking_terms_have_n1() -> None:
     a, phi, _, phase_speed = without_resonance()
-    clean = vening_meinesz(N1, N2, 0.012, a, N1 * TIME + 0.4 - phi)
+    clean = formulas.phase_speed(N1, N2, 0.012, a, N1 * TIME + 0.4 - phi)
     leak = phase_speed - clean
     for n, holds in ((N1, True), (N2, False)):
         said = (N1 - N2) * (PSI[0].value / a * np.cos(phi) - PSI[0].speed / (a * n) * np.sin(phi))
@@ -183,7 +184,7 @@ def test_25_has_the_form_of_9_not_of_16() -> None:
     one, one_speed = phasor(FREE[0], N1)
     two, two_speed = phasor(FREE[1], N2)
     for z, speed in ((one - two, one_speed - two_speed), (one - N1 / N2 * two, one_speed - N1 / N2 * two_speed)):
-        said = vening_meinesz(N1, N2, np.abs(one), np.abs(z), np.angle(one / z))  # the same function serves both
+        said = formulas.phase_speed(N1, N2, np.abs(one), np.abs(z), np.angle(one / z))  # the same function serves both
         assert worst(said - (speed / z).imag) < 1e-11
     assert worst(FREE[0].value + PSI[0].value - (speed / z).imag) > VISIBLE  # (16) is no phase speed
 

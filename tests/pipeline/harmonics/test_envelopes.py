@@ -1,8 +1,6 @@
-"""Block and sliding envelopes: exact on what they are made for, deaf to swell, honest about gaps and noise."""
+"""Sliding envelopes: exact on what they are made for, deaf to swell, honest about gaps and noise."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,8 +9,6 @@ from pipeline.harmonics.envelope import (
     KAISER_SHAPE,
     LEAST_COVERAGE,
     WINDOW_SECONDS,
-    Envelope,
-    block_envelope,
     fill,
     image_distance,
     sliding_envelope,
@@ -22,18 +18,16 @@ from pipeline.harmonics.envelope import (
 N0 = 2.0 * np.pi / 1.01
 STEP = 0.1
 TIME = np.arange(1200) * STEP
-ENVELOPES = {"blocks": block_envelope, "sliding": sliding_envelope}
 
 
 def harmonic(z: complex, frequency: float = N0, time: np.ndarray = TIME) -> np.ndarray:
     return (z * np.exp(1j * frequency * time)).real
 
 
-@pytest.mark.parametrize("make", ENVELOPES.values(), ids=ENVELOPES)
-def test_a_pure_harmonic_on_a_line_is_returned_exactly(make: Callable[..., Envelope]) -> None:
+def test_a_pure_harmonic_on_a_line_is_returned_exactly() -> None:
     one, two = 0.012 * np.exp(0.4j), 0.006 * np.exp(2.0j)
     theta = harmonic(one) + 0.03 - 1e-4 * TIME
-    found = make(TIME, STEP, theta, harmonic(two), N0)
+    found = sliding_envelope(TIME, STEP, theta, harmonic(two), N0)
     assert np.abs(found.first - one).max() < 1e-13
     assert np.abs(found.difference - two).max() < 1e-13
     assert np.abs(found.slow[0] - (0.03 - 1e-4 * found.time)).max() < 1e-13
@@ -62,12 +56,6 @@ def test_sliding_is_deaf_to_swell(period: float) -> None:
         for p in (0.0, 1.0, 2.0)
     ]
     assert max(left) < 1.75e-5
-
-
-def test_blocks_are_not_deaf_to_swell() -> None:
-    """Hence they start the exact fits only."""
-    found = block_envelope(TIME, STEP, np.cos(2 * np.pi * TIME / 5.0), harmonic(0.1), N0)
-    assert 1e-4 < np.abs(found.first).max() < 0.3
 
 
 def _weighted_fit(time: np.ndarray, values: np.ndarray, centre: float, half: float) -> np.ndarray:
@@ -102,11 +90,10 @@ def test_sliding_with_gaps_is_the_weighted_fit_of_what_is_left() -> None:
     assert found.coverage.min() < LEAST_COVERAGE < found.coverage[np.isfinite(found.difference)].min()
 
 
-@pytest.mark.parametrize("make", ENVELOPES.values(), ids=ENVELOPES)
-def test_noise_gain_is_the_variance_of_an_envelope(make: Callable[..., Envelope]) -> None:
+def test_noise_gain_is_the_variance_of_an_envelope() -> None:
     random = np.random.default_rng(8)
     time = np.arange(40_000) * STEP
-    found = make(time, STEP, random.normal(0, 1.0, time.size), random.normal(0, 1.0, time.size), N0)
+    found = sliding_envelope(time, STEP, random.normal(0, 1.0, time.size), random.normal(0, 1.0, time.size), N0)
     every = max(1, round(8.0 / found.hop))  # instants whose windows hardly overlap under the Kaiser weight
     seen = [z.real[::every].var() for z in (found.first, found.difference)]
     seen += [z.imag[::every].var() for z in (found.first, found.difference)]
@@ -116,19 +103,18 @@ def test_noise_gain_is_the_variance_of_an_envelope(make: Callable[..., Envelope]
 
 def test_a_dead_trace_gives_no_envelope() -> None:
     dead = np.full(TIME.size, np.nan)
-    for make in ENVELOPES.values():
-        found = make(TIME, STEP, harmonic(0.01 + 0j), dead, N0)
-        assert np.isnan(found.difference).all()
-        assert np.isfinite(found.first).all()
+    found = sliding_envelope(TIME, STEP, harmonic(0.01 + 0j), dead, N0)
+    assert np.isnan(found.difference).all()
+    assert np.isfinite(found.first).all()
 
 
 def test_the_image_at_half_second_marks_lengthens_the_window() -> None:
     n = 2.0 * np.pi / 1.01
     assert image_distance(n, 0.5) == pytest.approx(4.0 * np.pi - 2.0 * n)
     assert image_distance(n, 0.1) == pytest.approx(2.0 * n)
-    assert window_length(n, 0.1, 16.0, 1800.0) == 16.0
-    assert window_length(n, 0.5, 16.0, 1800.0) == pytest.approx(4.0 * np.pi / (4.0 * np.pi - 2.0 * n))
-    assert window_length(n, 0.1, 16.0, 30.0) == 10.0
+    assert window_length(n, 0.1, 1800.0) == 16.0
+    assert window_length(n, 0.5, 1800.0) == pytest.approx(4.0 * np.pi / (4.0 * np.pi - 2.0 * n))
+    assert window_length(n, 0.1, 30.0) == 10.0
 
 
 def test_fill_is_linear_and_leaves_a_whole_series_alone() -> None:

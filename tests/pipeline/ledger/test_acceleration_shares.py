@@ -12,7 +12,7 @@ from ledger_records import entry, row, scene
 
 import synth
 from pipeline.gravity import gravity
-from pipeline.ledger.entry import Entry, Shares, mean_over_record, running_mean, shares
+from pipeline.ledger.entry import Entry, Shares, mean_over_record, shares
 from pipeline.methods import method
 from pipeline.observation import Observation, observe
 from pipeline.prepared import prepare
@@ -130,15 +130,6 @@ def test_the_ledger_says_where_heave_comes_from() -> None:
     assert (listed(heaving).applied, listed(heaving).reason) == (True, "record/vertical_acceleration")
     missing = listed(silent)
     assert (missing.applied, missing.reason) == (False, "no record/vertical_acceleration in the record")
-
-
-def test_a_running_mean_keeps_a_line_and_takes_a_wave_off() -> None:
-    time = np.arange(400) * 0.5
-    line = 3.0 - 0.02 * time
-    np.testing.assert_allclose(running_mean(line, 40), line, atol=1e-12)
-    wave = np.cos(2 * np.pi / 10.0 * time)
-    middle = running_mean(wave, 40)[60:-60]  # 81 samples are four waves and one sample
-    assert np.abs(middle).max() < 0.02
 
 
 def test_a_steady_course_is_its_own_mean() -> None:

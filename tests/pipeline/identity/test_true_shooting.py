@@ -9,8 +9,7 @@ from heavy_pair import DAMPING, HEAVE, PERIODS, REFERENCE, G, acceleration, angl
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
-from pipeline.inversion.motion import design
-from pipeline.methods.projection import linear_fit
+from pipeline.identity.motion import design
 from pipeline.methods.shooting import invert
 from pipeline.prepared import prepare
 
@@ -66,7 +65,7 @@ def test_inversion_is_what_true_shooting_finds() -> None:
     seen = observe(LENGTH, STEP, heave=True)
     noisy = seen.difference + np.random.default_rng(8).normal(0.0, NOISE, seen.difference.size)
     prepared = prepare(replace(seen, difference=noisy))
-    start, found = linear_fit(prepared, rounds=1), invert(prepared)
+    start, found = prepared.fine, invert(prepared)
     nominal = 2.0 * np.pi / PERIODS[1] * np.sqrt(G / REFERENCE)
     reach = design(start.frequency * RATIO, STEP, start.damping_rate).reach
     rows = slice(reach, seen.time.size - reach)

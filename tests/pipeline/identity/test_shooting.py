@@ -23,7 +23,7 @@ def error(seen: Observation) -> tuple[float, float, Estimate]:
     prepared = prepare(seen)
     found = invert(prepared)
     scale = 2e5 * G / found.frequency
-    return (prepared.gravity_of(found.frequency) - G) * 1e5, found.sigma * scale, found
+    return (prepared.observation.felt_gravity(found.frequency) - G) * 1e5, found.sigma * scale, found
 
 
 def thinned(seen: Observation, rows: Any, step: float) -> Observation:
@@ -47,7 +47,7 @@ def test_exact_in_a_seaway(heave: bool) -> None:
     assert found.noise < 1e-9
     prepared = prepare(seen)
     linear = method("projection")(prepared).frequency
-    assert abs(prepared.gravity_of(linear) - G) > 10e-5
+    assert abs(prepared.observation.felt_gravity(linear) - G) > 10e-5
 
 
 def test_fewer_readings_a_swing() -> None:

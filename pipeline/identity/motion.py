@@ -1,4 +1,4 @@
-"""What of the first pendulum and of heave enters the nonlinear identity; it does not change while that is fitted.
+"""Real pendulums in the identity: their nonlinear terms, and what of the first pendulum enters those.
 
 Filters give the first pendulum and its acceleration free of the noise above three times the swing, which would enter
 the nonlinear terms squared: differentiated over the whole band of a 25 Hz record it shifts gravity by half a milligal.
@@ -8,7 +8,6 @@ curvature, at zero and at the pendulum's frequency, and at that of swell, where 
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,6 +15,9 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.harmonics.envelope import Envelope, fill
+from pipeline.harmonics.slow_motion import kaiser, reach_of, windowed
+from pipeline.identity.fit import Fit
+from pipeline.observation import Observation
 
 PASS, STOP = 3.0, 6.0  # times the swing's frequency: the nonlinear terms make lines up to the third
 SWELL = 0.3  # of the swing's frequency: the upper end of swell
@@ -31,13 +33,8 @@ class Filters(NamedTuple):
     """theta'' + 2 gamma theta', s-2."""
     reach: int
     """Samples lost at each end."""
-    noise_low: float
-    """Variance of the low-passed theta per variance of white noise."""
-    noise_product: float
-    """Covariance of both outputs per variance of white noise, s-2."""
 
 
-@functools.lru_cache(maxsize=16)
 def design(frequency: float, step: float, damping_rate: float, notch: bool = False) -> Filters:
     """Design both filters; with a notch the curvature's gain is zero at three times the swing, where noise is largest.
 
@@ -52,8 +49,8 @@ def design(frequency: float, step: float, damping_rate: float, notch: bool = Fal
     """
     edge = PASS * frequency
     stop = min(STOP * frequency, 2.0 * np.pi / step - edge)  # what folds onto the pass band must be gone
-    reach = reach_of(stop - edge, step)
-    low, slope, bend = windowed(0.5 * (edge + stop), reach, step)
+    reach = reach_of(stop - edge, step, REJECTION)
+    low, slope, bend = windowed(0.5 * (edge + stop), reach, step, REJECTION)
     bend -= bend.sum() / low.sum() * low  # the window's own curvature shifts the whole pass band alike
     age = np.linspace(-1.0, 1.0, 2 * reach + 1)
     length = reach * step
@@ -66,110 +63,102 @@ def design(frequency: float, step: float, damping_rate: float, notch: bool = Fal
     if notch:
         conditions, bent = np.vstack([conditions, third]), [*bent, 0.0]
     bend = _exact(bend, conditions, np.array(bent))
-    curvature = bend - 2.0 * damping_rate * slope  # odd, and the taps are correlated with theta, not convolved
-    return Filters(low, curvature, reach, float(low @ low), float(low @ curvature))
-
-
-def shape_of(rejection: float) -> float:
-    """Shape of the Kaiser window with that rejection, dB > 50 (Kaiser 1974)."""
-    return 0.1102 * (rejection - 8.7)
-
-
-def reach_of(width: float, step: float, rejection: float = REJECTION) -> int:
-    """Half the length, in samples, of a Kaiser window with a transition of `width` rad s-1 (Kaiser 1974)."""
-    return int(np.ceil((rejection - 8.0) / (2.285 * width * step) / 2.0))
-
-
-def windowed(cut: float, reach: int, step: float, rejection: float = REJECTION) -> tuple[Floats, Floats, Floats]:
-    """Taps of the low-pass at `cut` rad s-1, of its first derivative (s-1) and of its second (s-2), Kaiser-windowed."""
-    time = step * np.arange(-reach, reach + 1, dtype=np.float64)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sine, cosine = np.sin(cut * time), np.cos(cut * time)
-        low = sine / time
-        slope = (cut * cosine - sine / time) / time
-        bend = -(cut**2 * sine + 2.0 * cut * cosine / time - 2.0 * sine / time**2) / time
-    low[reach], slope[reach], bend[reach] = cut, 0.0, -(cut**3) / 3.0
-    window = np.kaiser(time.size, shape_of(rejection)) * step / np.pi
-    return low * window, slope * window, bend * window
+    return Filters(low, bend - 2.0 * damping_rate * slope, reach)  # slope is odd, and the taps are correlated
 
 
 def _exact(taps: Floats, conditions: Floats, wanted: Floats) -> Floats:
     """Smallest change of taps, in the weight of the Kaiser window, with which `conditions @ taps` are as wanted."""
-    weighted = conditions * np.kaiser(taps.size, shape_of(REJECTION))
+    weighted = conditions * kaiser(taps.size, REJECTION)
     return np.asarray(taps + weighted.T @ np.linalg.solve(conditions @ weighted.T, wanted - conditions @ taps))
 
 
 @dataclass(frozen=True)
 class Motion:
-    """The first pendulum and heave, of the samples less the ends that the filters lose.
+    """First pendulum and heave, of the samples less the ends that the filters lose.
 
     Attributes
     ----------
+    seen : Observation
     inside : slice
         These samples, in the record.
+    filters : Filters
     low, bend : (m,) arrays
         theta1 free of the noise above three times the swing, rad; `n2^2 w = (theta1'' + 2 gamma1 theta1') / ratio^2`,
         s-2.
-    vertical : (m,) array or None
-        z'', m s-2, up positive.
     shift : float
         What the noise of theta1 that the filters let pass adds to the factor of sin d on average, s-2.
-    third : bool
-        Whether the third harmonic was computed from the swing instead of read.
+    held : float
+        h, rad s-1.
     """
 
+    seen: Observation
     inside: slice
+    filters: Filters
     low: Floats
     bend: Floats
-    vertical: Floats | None
     shift: float
-    third: bool
+    held: float
 
-    def pull(self, gravity: float) -> Floats:
-        """1 + zeta."""
-        return np.ones(self.low.size) if self.vertical is None else np.asarray(1.0 + self.vertical / gravity)
+    def stiffness(self, frequency: float) -> Floats | float:
+        """`n2^2 (1 + zeta)`, s-2; heave's part does not depend on n2."""
+        square = frequency**2
+        if self.seen.vertical is None:
+            return square
+        return np.asarray(square + square / self.seen.felt_gravity(frequency) * self.seen.vertical[self.inside])
+
+    def expand(self, angle: Floats, frequency: float) -> tuple[Floats, Floats, Floats]:
+        """`N(d) = h^2 d - n2^2 F(d)` of real pendulums and its derivatives by d and n2, see `Identity`."""
+        cosine, sine = np.cos(self.low), np.sin(angle)
+        less = -2.0 * np.sin(0.5 * angle) ** 2  # cos d - 1
+        lever = (self.stiffness(frequency) + self.bend * np.sin(self.low)) / cosine - self.shift
+        by_angle = self.held**2 - lever * (1.0 + less) + self.bend * sine
+        return self.held**2 * angle - lever * sine - self.bend * less, by_angle, -2.0 * frequency * sine / cosine
+
+    def influence(self, fit: Fit) -> Floats:
+        """d n2 / d (sample of the first pendulum), s-1, of the whole record, from a fit of the difference."""
+        by, adjoint, out = fit.weights, fit.adjoint[2:], np.zeros(self.seen.theta.size)
+        driven, source = (np.convolve(adjoint, taps)[3:-3] for taps in (by.driven, by.source))
+        out[self.inside] = driven + by.direct * np.convolve(adjoint, by.swing)
+        # what of the nonlinear terms comes from the first pendulum as it is, and from its acceleration
+        tangent, sine = np.tan(self.low), np.sin(fit.model)
+        plain = -(self.stiffness(fit.frequency) * np.sin(self.low) + self.bend) / np.cos(self.low) ** 2 * sine
+        bent = (2.0 * np.sin(0.5 * fit.model) ** 2 - tangent * sine) / self.seen.frequency_ratio**2
+        out += np.convolve(source * plain, self.filters.low) + np.convolve(source * bent, self.filters.curvature)
+        return -out
 
 
 def motion(
-    theta: Floats,
-    vertical: Floats | None,
-    step: float,
-    frequency: float,
-    ratio: float,
-    damping_rate: float,
-    noise: float,
-    envelope: Envelope | None = None,
+    seen: Observation, frequency: float, damping_rate: float, noise: float, envelope: Envelope | None = None
 ) -> Motion:
     """Filter the first pendulum.
 
     Parameters
     ----------
-    theta : (n,) array
-        First pendulum, rad, all samples, `step` seconds apart.
-    vertical : (n,) array or None
-        z'', m s-2.
-    frequency, ratio, damping_rate : float
-        n2 about which the filters are exact, rad s-1; n1/n2; gamma1, s-1.
+    seen : Observation
+        Whole.
+    frequency, damping_rate : float
+        h, about which the filters are exact, rad s-1; gamma2, s-1.
     noise : float
-        White reading noise of theta, rad (0 where not known).
+        White reading noise of the first pendulum, rad (0 where not known).
     envelope : Envelope, optional
         Where it is given the swing's third harmonic is computed from it and not read: noise there comes back to the
         swing nine times as strong, and more of it than of any other.
     """
-    filters = design(frequency * ratio, step, damping_rate, envelope is not None)
-    inside = slice(filters.reach, theta.size - filters.reach)
-    curved = np.correlate(theta, filters.curvature, "valid")
+    own, ratio = frequency * seen.frequency_ratio, seen.frequency_ratio
+    filters = design(own, seen.step, damping_rate + seen.damping_difference, envelope is not None)
+    inside = slice(filters.reach, seen.theta.size - filters.reach)
+    curved = np.correlate(seen.theta, filters.curvature, "valid")
     if envelope is not None:
-        time = step * np.arange(inside.start, inside.stop)
-        curved -= (3.0 * frequency * ratio) ** 2 * third_harmonic(envelope, time)
+        curved -= (3.0 * own) ** 2 * third_harmonic(envelope, seen.time[inside])
+    passed = 0.5 * frequency**2 * filters.low @ filters.low + filters.low @ filters.curvature * ratio**-2
     return Motion(
+        seen=seen,
         inside=inside,
-        low=np.correlate(theta, filters.low, "valid"),
+        filters=filters,
+        low=np.correlate(seen.theta, filters.low, "valid"),
         bend=curved * ratio**-2,
-        vertical=None if vertical is None else vertical[inside],
-        # mean of 1/cos theta1 and of theta1 w
-        shift=noise**2 * (0.5 * frequency**2 * filters.noise_low + filters.noise_product * ratio**-2),
-        third=envelope is not None,
+        shift=noise**2 * float(passed),  # mean of 1/cos theta1 and of theta1 w
+        held=frequency,
     )
 
 

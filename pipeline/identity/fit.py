@@ -1,0 +1,182 @@
+"""Least squares on an identity: Newton's method, one banded triangular system a round.
+
+The right-hand side `N(d) = h^2 d - n2^2 F(d)` is expanded about an angle of the difference: at first the MEASURED one,
+later the model's. Expanded about the measured one the start is good to 1e-3 even in heavy motion, where iterating about
+a linear model diverges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg.lapack import dtbtrs
+
+from data_schemas.errors import RefusedError
+from pipeline.arrays import Floats
+from pipeline.harmonics.narrowband import scaled_inverse
+from pipeline.identity.quadrature import Weights, padded, weights
+from pipeline.observation import Observation
+
+ITERATIONS = 12
+SETTLED = 1e-6  # rad at the record's end: what is left after such a step is a thousandth of it at most
+ZERO_LINE = 3  # its number among the parameters: start, start, n2, zero line, gamma2
+OUTLIER = 7.0  # sigmas
+FLOOR = 1e-4  # of the amplitude: what departs less may be the quadrature at the ends
+
+Expansion = Callable[[Floats, float], tuple[Floats, Floats, Floats]]
+"""(d, n2) -> N(d), s-2 rad, and its derivatives by d and by n2."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Least squares for the start, n2, gamma2 and the zero line.
+
+    Attributes
+    ----------
+    frequency, damping_rate : float
+        n2 at infinitesimal arc, rad s-1, and gamma2, s-1.
+    noise : float
+        1-sigma residual, rad.
+    model, residual : (n,) arrays
+        Of the difference, rad.
+    influence : (n,) array
+        d n2 / d (sample of the difference), s-1.
+    stiffness : (n,) array
+        dN/dd, s-2.
+    weights : Weights
+    """
+
+    frequency: float
+    damping_rate: float
+    noise: float
+    model: Floats
+    residual: Floats
+    influence: Floats
+    stiffness: Floats
+    weights: Weights
+
+    @property
+    def adjoint(self) -> Floats:
+        """d n2 by what is added to the model's right-hand side at a sample, (n,)."""
+        return np.asarray(dtbtrs(system(self.weights, self.stiffness), self.influence, uplo="L", trans="T")[0])
+
+    @property
+    def noise_gain(self) -> float:
+        """1 sigma of n2 per radian of white noise in the difference, s-1."""
+        return float(np.linalg.norm(self.influence))
+
+
+@dataclass(frozen=True)
+class Identity:
+    """A record as an identity sees it; all samples are there.
+
+    Attributes
+    ----------
+    seen : Observation
+    held : float
+        h, rad s-1: near n2, or in wide arcs near the frequency that the difference shows.
+    expand : callable
+        See `Expansion`.
+    inside : slice
+        The samples that are fitted.
+    """
+
+    seen: Observation
+    held: float
+    expand: Expansion
+    inside: slice = field(default_factory=lambda: slice(None))
+
+    def source(self, by: Weights, series: Floats) -> Floats:
+        """What a right-hand side adds at each sample but the first two, (n - 2,)."""
+        return np.correlate(padded(series, self.held, self.seen.step), by.source, "valid")
+
+    def defect(self, by: Weights, angle: Floats, right: Floats) -> Floats:
+        """What is missing to the identity at an angle of the difference with its N, (n - 2,)."""
+        theta = self.seen.theta[self.inside]
+        driven = np.correlate(padded(theta, self.held, self.seen.step), by.driven, "valid")
+        return self.source(by, right) + driven - np.correlate(angle - by.direct * theta, by.swing, "valid")
+
+    def weights(self, gamma: float) -> Weights:
+        """Weights of the identity at a trial gamma2, s-1."""
+        seen = self.seen
+        return weights(self.held, gamma, seen.frequency_ratio, seen.damping_difference, seen.step)
+
+    def fit(self, gamma: float, *, fit_damping: bool) -> Fit:
+        """Iterate until n2 and gamma2 stand still.
+
+        Parameters
+        ----------
+        gamma : float
+            gamma2, s-1; where it is fitted, its start.
+
+        Raises
+        ------
+        RefusedError
+            No swing at the nominal period, or an outlier.
+        """
+        about = difference = self.seen.difference[self.inside]
+        count, step = about.size, self.seen.step
+        # n2 with which the nonlinear pull does the work that the held frequency does
+        work = float(self.expand(about, self.held)[0] @ about) / float(about @ about)
+        frequency = float(self.held / np.sqrt(1.0 - work / self.held**2))
+        columns = np.ones((count, 6 if fit_damping else 5), order="F")
+        for _ in range(ITERATIONS):
+            by = self.weights(gamma)
+            right, stiffness, by_frequency = self.expand(about, frequency)
+            columns[:, 1:3] = 0.0
+            # the defect; a cosine and a sine; by n2
+            columns[:2, :4] = (0.0, 1.0, 0.0, 0.0), (0.0, 0.5 * by.swing[1], 1.0, 0.0)
+            columns[2:, 0] = self.defect(by, about, right)
+            columns[2:, 3] = self.source(by, by_frequency)
+            columns[:, :4] = dtbtrs(system(by, stiffness), columns[:, :4], uplo="L", overwrite_b=True)[0]
+            if fit_damping:
+                columns[:, 5] = step * (0.5 * (count - 1) - np.arange(count)) * about
+            about = about + columns[:, 0]
+            change, inverse = least_squares(columns[:, 1:], difference - about)
+            about += columns[:, 1:] @ np.where(np.arange(change.size) == ZERO_LINE, 0.0, change)
+            frequency, gamma = frequency + float(change[2]), gamma + float(change[4:].sum())
+            _require_swing_near(frequency, gamma)
+            if np.abs(np.delete(change, [0, 1, ZERO_LINE])).max() * step * count < SETTLED:
+                break
+        residual = difference - about - change[ZERO_LINE]
+        noise = float(np.linalg.norm(residual) / np.sqrt(max(count - change.size, 1)))
+        if np.abs(residual).max() > max(OUTLIER * noise, FLOOR * float(np.sqrt(2.0) * about.std())):
+            raise RefusedError("record/elongation: the difference has outliers; use --method joint")
+        return Fit(frequency, gamma, noise, about, residual, columns[:, 1:] @ inverse[2], stiffness, by)
+
+
+def system(by: Weights, stiffness: Floats) -> Floats:
+    """Lower band matrix (3, n) of an identity whose right-hand side changes with the angle by `stiffness`."""
+    return (by.swing[::-1] - by.near[::-1] * stiffness[:, None]).T
+
+
+def least_squares(columns: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Coefficients of the columns (n, k) for values (n,), and their covariance (k, k) per variance of white noise.
+
+    Raises
+    ------
+    RefusedError
+        Too few samples, or samples that are no numbers.
+    """
+    gram = columns.T @ columns
+    if not np.all(np.isfinite(gram)) or len(columns) < 2 * len(gram):
+        raise RefusedError("difference: too few readings follow a swing near the nominal period; check the period")
+    inverse = scaled_inverse(gram)
+    return inverse @ (columns.T @ values), inverse
+
+
+def _require_swing_near(frequency: float, damping_rate: float) -> None:
+    if not np.isfinite(frequency) or abs(damping_rate) > 0.1 * frequency:
+        raise RefusedError("difference: no swing near the nominal period; check instrument/period and the traces")
+
+
+def linear(held: float) -> Expansion:
+    """N of linear pendulums."""
+
+    def expand(angle: Floats, frequency: float) -> tuple[Floats, Floats, Floats]:
+        softer = held**2 - frequency**2
+        return softer * angle, np.full(angle.size, softer), -2.0 * frequency * angle
+
+    return expand

@@ -1,1 +1,0 @@
-"""Exact nonlinear inversion of the difference pendulum: no ODE solver, one recursion over the samples."""

@@ -11,7 +11,8 @@ from typing import Any
 from data_schemas.errors import UsageError
 from pipeline.cli.parser import number, positive, processors
 
-_DESCRIPTION = """\
+HELP = "gravity from thousands of records"
+DESCRIPTION = """\
 Gravity from many inputs: records (.record.nc), folders and patterns of them, and scenes (.toml), which are
 simulated first, alone or over a grid of values (--sweep, --repeat).
 
@@ -26,7 +27,7 @@ input declares, for --timeout seconds: what crashes, hangs or deceives costs tha
 the limit of memory; --executor serial, in this process, wants trusted inputs. --scheduler gives the work to a
 dask cluster whose workers see the same files."""
 
-_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   isochrony batch cruises/ -o results              every *.record.nc below the folder
   isochrony batch 'cruises/*/day-*.record.nc' -o results --method projection --jobs 8
@@ -38,11 +39,8 @@ examples:
 exit status: 0 every input gave a value; 1 some did; 3 none did; 2 usage; 130 interrupted"""
 
 
-def add_parser(verbs: Any) -> argparse.ArgumentParser:
-    """List the verb and its options."""
-    parser: argparse.ArgumentParser = verbs.add_parser(
-        "batch", help="gravity from thousands of records", description=_DESCRIPTION, epilog=_EXAMPLES
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """List the options."""
     add = parser.add_argument
     add("inputs", metavar="INPUT", nargs="+", help="record, scene, folder, or pattern in quotes")
     add("-o", dest="out", metavar="FOLDER", required=True, help="folder of results, summary and ledger")
@@ -78,7 +76,6 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
     work.add_argument("--trusted", action="store_true", help="do not limit memory")
     work.add_argument("--executor", choices=("pool", "serial"), default="pool", help="pool (default) or serial")
     work.add_argument("--scheduler", metavar="ADDRESS", help="of a dask cluster, such as tcp://10.0.0.1:8786")
-    return parser
 
 
 def run(options: argparse.Namespace) -> int:

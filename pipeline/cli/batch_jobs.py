@@ -20,6 +20,7 @@ from pipeline.batch.log import Log
 from pipeline.batch.resume import holds
 from pipeline.batch.sweep import MOST, Variant, grid, parse_sweep
 from pipeline.cli.batch_kinds import KINDS, member_of
+from pipeline.cli.faults import exit_status
 
 _MIB = 1 << 20
 _MOST_TOLD = 10  # faults on stderr; the summary has all
@@ -128,9 +129,7 @@ def tell_end(jobs: Sequence[Job], ledger: Index, folder: Path, tally: Tally, log
     if not as_json:
         waiting = f"; {left} left for --resume" if left else ""
         print(f"{folder / 'summary.csv'}: {text or 'nothing'} of {tally.total} inputs, {tally.kept} kept{waiting}")
-    if counts["ok"] == tally.total - left:
-        return 0
-    return 1 if counts["ok"] else 3
+    return exit_status(counts["ok"], tally.total - left)
 
 
 def _print_json(path: Path, config: Config, ledger: Index) -> None:

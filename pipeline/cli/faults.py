@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from data_schemas.errors import RecordError
+from data_schemas.errors import IsochronyError, RecordError, RefusedError
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -24,6 +24,16 @@ def naming(path: str | os.PathLike[str], message: str) -> str:
     """
     path = os.fspath(path)
     return message if os.path.basename(path) in message else f"{path}: {message}"
+
+
+def outcome_of(fault: IsochronyError) -> str:
+    """Status of an input that gave nothing, as summaries have it."""
+    return "refused" if isinstance(fault, RefusedError) else "failed"
+
+
+def exit_status(good: int, total: int) -> int:
+    """Exit status of a verb of which some inputs were good."""
+    return 0 if good == total else 1 if good else 3
 
 
 def read_checked(path: Path, kind: Kind) -> DataTree:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from data_schemas.errors import UsageError
-from pipeline.cli.parser import number, one_of, pairs, periods
+from pipeline.cli.parser import number, one_of, pairs, periods, whole_number
+from pipeline.cli.progress import progress
 
 if TYPE_CHECKING:
     from data_schemas.film_description import FilmDescription
-    from pipeline.film.knowledge import FilmOptions
+    from pipeline.film.knowledge import FilmOptions, Known
+    from pipeline.film.reading import Reading
 
 _FOR_READING = [
     ("--dpi", "N", "pixels per inch, where the image does not say or is wrong"),
@@ -71,7 +73,13 @@ def add_reading_options(parser: Any) -> None:
     add(
         "--rate", type=number("--rate", above=0.0), metavar="HZ", help="samples a second, continuous (default up to 25)"
     )
-    add("--jobs", type=_jobs, default=1, metavar="N", help="processor cores to use, 1 (default) to 64")
+    add(
+        "--jobs",
+        type=whole_number("--jobs", 1, 64),
+        default=1,
+        metavar="N",
+        help="processor cores to use, 1 (default) to 64",
+    )
 
 
 def film_options(options: argparse.Namespace) -> FilmOptions:
@@ -105,7 +113,19 @@ def description(options: argparse.Namespace) -> FilmDescription | None:
     return load_description(Path(options.description))
 
 
-def _jobs(word: str) -> int:
-    if not (word.isascii() and word.isdigit() and 1 <= int(word) <= 64):
-        raise UsageError(f"--jobs wants a whole number from 1 to 64, not '{word}'")
-    return int(word)
+def read_film(film: Sequence[Path], options: argparse.Namespace, said: FilmOptions) -> tuple[Reading, Known]:
+    """Read a film as the options say, with a progress bar."""
+    from pipeline.film.digitise import read
+
+    with progress(film[0].name, " rows") as draw:
+        return read(
+            film,
+            description(options),
+            options=said,
+            orientation=options.orientation,
+            lines=options.lines,
+            reading=options.reading,
+            rate=options.rate,
+            jobs=options.jobs,
+            progress=draw,
+        )

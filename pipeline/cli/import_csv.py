@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
 from pipeline.cli.parser import number, one_of, pairs, periods
 
-_DESCRIPTION = """\
+HELP = "turn columns of time and angle into a record"
+DESCRIPTION = """\
 Turn a text table into a record (netCDF).
 
 With no options the first column is time in s and every other a trace of angles in rad. Comma, semicolon,
@@ -18,7 +18,7 @@ a decimal comma is understood unless the comma separates. Times are numbers of s
 increase but need not be uniform. A trace labelled 1 is pendulum 1, a trace labelled 1-2 the difference of
 pendulums 1 and 2. Period (full, at infinitesimal arc) and gravity may be left out only for a single trace."""
 
-_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   isochrony import swing.csv                                  one pendulum, nothing known of it
   isochrony import ship.csv --column left:1 --column film:1-2 --unit mm --lever 2000
@@ -40,14 +40,8 @@ _NUMBERS = [
 ]
 
 
-def add_parser(verbs: Any) -> argparse.ArgumentParser:
-    """List the verb and its options."""
-    parser: argparse.ArgumentParser = verbs.add_parser(
-        "import",
-        help="turn columns of time and angle into a record",
-        description=_DESCRIPTION,
-        epilog=_EXAMPLES,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """List the options."""
     add = parser.add_argument
     add("table", metavar="CSV", help="text table")
     add("--time", default="", metavar="NAME", help="time column, by name or number from 1 (default the first)")
@@ -64,7 +58,6 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
         help="record file, or folder (ends with /); default beside the table",
     )
     add("--force", action="store_true", help="overwrite an existing record")
-    return parser
 
 
 def run(options: argparse.Namespace) -> int:

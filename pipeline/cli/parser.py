@@ -73,28 +73,29 @@ def one_of(what: str, known: Iterable[str]) -> Callable[[str], str]:
     return convert
 
 
-def number(option: str, *, above: float | None = None) -> Callable[[str], float]:
+def number(option: str, *, above: float | None = None, what: str = "a number") -> Callable[[str], float]:
     """Converter for `type=` that takes a finite number greater than `above`, or of at least 0 without it."""
-    limit = "of at least 0" if above is None else f"greater than {above:g}"
+    limit = " of at least 0" if above is None else "" if above == -math.inf else f" greater than {above:g}"
 
     def convert(word: str) -> float:
         try:
             value = float(word)
         except ValueError:
-            raise UsageError(f"{option} wants a number, not '{word}'") from None
+            raise UsageError(f"{option} wants {what}, not '{word}'") from None
         if not (math.isfinite(value) and (value >= 0.0 if above is None else value > above)):
-            raise UsageError(f"{option} wants a finite number {limit}, not '{word}'")
+            raise UsageError(f"{option} wants a finite number{limit}, not '{word}'")
         return value
 
     return convert
 
 
-def whole_number(option: str) -> Callable[[str], int]:
-    """Converter for `type=` that takes a whole number from 0 to 2^63 - 1 (a seed)."""
+def whole_number(option: str, least: int = 0, most: int = 2**63 - 1) -> Callable[[str], int]:
+    """Converter for `type=` that takes a whole number within limits; those of a seed by default."""
+    limits = f"from {least} to {most if most < 2**63 - 1 else '2^63 - 1'}"
 
     def convert(word: str) -> int:
-        if not (word.isascii() and word.isdigit() and len(word) < 20 and int(word) < 2**63):
-            raise UsageError(f"{option} wants a whole number from 0 to 2^63 - 1, not '{word}'")
+        if not (word.isascii() and word.isdigit() and len(word) < 20 and least <= int(word) <= most):
+            raise UsageError(f"{option} wants a whole number {limits}, not '{word}'")
         return int(word)
 
     return convert
@@ -102,13 +103,7 @@ def whole_number(option: str) -> Callable[[str], int]:
 
 def positive(option: str) -> Callable[[str], int]:
     """Converter for `type=` that takes a whole number from 1 to 1000000 (how many of something)."""
-
-    def convert(word: str) -> int:
-        if not (word.isascii() and word.isdigit() and 0 < int(word[:10]) <= 1_000_000):
-            raise UsageError(f"{option} wants a whole number from 1 to 1000000, not '{word}'")
-        return int(word)
-
-    return convert
+    return whole_number(option, 1, 1_000_000)
 
 
 def periods(verb: str, texts: Iterable[str]) -> dict[str, float]:

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from data_schemas.errors import IsochronyError, RefusedError, UsageError
-from pipeline.cli.faults import naming, read_checked
+from data_schemas.errors import IsochronyError, UsageError
+from pipeline.cli.faults import exit_status, naming, outcome_of, read_checked
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
 from pipeline.cli.parser import did_you_mean, number
 from pipeline.cli.summary_rows import SummaryPrinter, failure
@@ -30,7 +30,8 @@ _METHOD_TEXTS = {
 }
 _METHOD_LIST = "\n".join(f"  {name:<14}  {text}" for name, text in _METHOD_TEXTS.items())
 
-_DESCRIPTION = f"""\
+HELP = "gravity from records"
+DESCRIPTION = f"""\
 Gravity from records: all pendulums and the ship fitted at once, or the difference of two pendulums by the paper's
 formulas; the corrections, the uncertainty.
 
@@ -53,7 +54,7 @@ methods:
 {_METHOD_LIST}
   all             every one of the above but auto"""
 
-_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   isochrony process ship.record.nc
   isochrony process ship.record.nc --method panteleev,projection --json
@@ -64,11 +65,8 @@ examples:
 exit status: 0 every record gave a value; 1 some did; 3 none did; 2 usage"""
 
 
-def add_parser(verbs: Any) -> argparse.ArgumentParser:
-    """List the verb and its options."""
-    parser: argparse.ArgumentParser = verbs.add_parser(
-        "process", help="gravity from records", description=_DESCRIPTION, epilog=_EXAMPLES
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """List the options."""
     parser.add_argument("records", metavar="RECORD", nargs="+", help="record file (NAME.record.nc)")
     parser.add_argument("--method", default="auto", metavar="NAME[,NAME]", help="method or methods (default auto)")
     parser.add_argument("--pair", metavar="A-B", help="labels of the two pendulums to difference, such as 2-3")
@@ -85,7 +83,6 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
     parser.add_argument("--no-output", action="store_true", help="write no result file, only print")
     parser.add_argument("--ledger", action="store_true", help="print the ledger of several records too")
     parser.add_argument("--json", action="store_true", help="JSON Lines instead of a table")
-    return parser
 
 
 def run(options: argparse.Namespace) -> int:
@@ -111,13 +108,10 @@ def run(options: argparse.Namespace) -> int:
             told = naming(path, str(fault))
             if isinstance(fault, UsageError) and len(inputs) == 1:
                 raise UsageError(told) from fault  # such as a pair that the only record does not have
-            status = "refused" if isinstance(fault, RefusedError) else "failed"
-            rows = [failure(path, "synchrony" if options.synchrony else options.method, status, told)]
+            rows = [failure(path, "synchrony" if options.synchrony else options.method, outcome_of(fault), told)]
         printer.show(rows)
         good += any(row["status"] == "ok" for row in rows)
-    if good == len(inputs):
-        return 0
-    return 1 if good else 3
+    return exit_status(good, len(inputs))
 
 
 def _one(

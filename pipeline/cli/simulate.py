@@ -6,7 +6,7 @@ import argparse
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from data_schemas.errors import UsageError
 from pipeline.cli import simulate_ensemble
@@ -18,7 +18,8 @@ from pipeline.cli.tables import print_json
 if TYPE_CHECKING:
     from data_schemas.scene import Scene
 
-_DESCRIPTION = """\
+HELP = "make a record and its truth from a scene"
+DESCRIPTION = """\
 Simulate a scene (TOML): pendulums, their support, the ship's motion and the recording, from the scene's seed.
 The propagator is chosen by what the scene names; --explain tells which, and why, and simulates nothing.
 
@@ -31,7 +32,7 @@ With --ensemble N there are N members: NAME-0001.record.nc and NAME-0001.truth.n
 the table NAME.ensemble.csv of their seeds and of what varies. Member 7 is the same whatever N is. Started
 again after an interrupt, it keeps the members that are there and whole."""
 
-_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   isochrony simulate ship.toml                    ship.record.nc and ship.truth.nc beside the scene
   isochrony simulate ship.toml --seed 7 -o out/   another noise, in the folder out
@@ -41,14 +42,8 @@ examples:
   isochrony simulate demo --ensemble 100 --vary pendulums.0.start.phase=0:6.28 --vary gravity=9.78:9.83"""
 
 
-def add_parser(verbs: Any) -> argparse.ArgumentParser:
-    """List the verb and its options."""
-    parser: argparse.ArgumentParser = verbs.add_parser(
-        "simulate",
-        help="make a record and its truth from a scene",
-        description=_DESCRIPTION,
-        epilog=_EXAMPLES,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """List the options."""
     parser.add_argument("scene", metavar="SCENE", help="scene file (TOML), or the name of a shipped scene")
     parser.add_argument("-o", dest="out", metavar="PATH", help="record file, or folder for both files (ends with /)")
     parser.add_argument("--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own")
@@ -62,7 +57,6 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
     simulate_ensemble.add_options(parser)
     parser.add_argument("--explain", action="store_true", help="tell what would be computed, how and why, and leave")
     parser.add_argument("--json", action="store_true", help="with --explain: one JSON object")
-    return parser
 
 
 def run(options: argparse.Namespace) -> int:

@@ -73,7 +73,7 @@ def sheet(title: str, subtitle: str, width: float, height: float) -> Figure:
     return figure
 
 
-def panel(figure: Figure, place: Any, title: str, across: str, up: str, **settings: Any) -> Axes:
+def panel(figure: Figure, place: Any, title: str, across: str = "", up: str = "", **settings: Any) -> Axes:
     """Add one panel with its title and both labels.
 
     Parameters

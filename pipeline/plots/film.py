@@ -145,7 +145,7 @@ def _sheet(title: str, subtitle: str, strips: Sequence[Strip]) -> tuple[Figure, 
     height = float(np.clip(true, 1.5, np.clip(_HEIGHT / len(strips), 1.8, 9.0)))
     figure = sheet(title, subtitle, _WIDTH, 1.15 + len(strips) * (height + 0.45))
     grid = figure.add_gridspec(len(strips), 1)
-    axes = [panel(figure, grid[row, 0], "", "", "column") for row in range(len(strips))]
+    axes = [panel(figure, grid[row, 0], "", up="column") for row in range(len(strips))]
     for place in axes:
         place.grid(False)
     return figure, axes

@@ -13,9 +13,10 @@ import numpy as np
 
 from data_schemas.scene import Scene
 from pipeline.benchmarks import bars_joint, bars_speed
-from pipeline.benchmarks.bar import Row, at_most, holds, reported
+from pipeline.benchmarks.bar import at_most, holds, reported
 from pipeline.benchmarks.paper import marks_error, neglected_terms, plain_error
 from pipeline.benchmarks.scenes import beats_through_zero, linear, real, real_heave, resonant, swell
+from pipeline.benchmarks.tables import Row
 from pipeline.benchmarks.trials import outcome, prepared, reduce_all
 from pipeline.reduction import reduce_by
 

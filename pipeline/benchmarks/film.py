@@ -20,10 +20,9 @@ from data_schemas.errors import IsochronyError
 from data_schemas.scene import Scene, load_scene
 from data_schemas.scene_film import Dimming, Film
 from data_schemas.scene_recording import Stretch
-from pipeline.benchmarks.bar import Row, at_least, at_most, holds, not_measured
-from pipeline.benchmarks.csv_table import write
+from pipeline.benchmarks.bar import at_least, at_most, holds, not_measured
 from pipeline.benchmarks.film_scores import Truth, order, own_reading, places, readings
-from pipeline.benchmarks.progress import progress
+from pipeline.benchmarks.tables import Row, progress
 from pipeline.gravity import MGAL
 
 GRAIN = 0.05
@@ -41,27 +40,17 @@ NOTHING: dict[str, Any] = {
 """Scores of a film that was refused."""
 
 
-def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
+def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """Yield one row a film and reader, then one row a promise.
 
-    Quick: films of two minutes, the ends of each axis, and no promise that needs half an hour of film. With a folder:
-    both tables as CSV.
+    Quick: films of two minutes, the ends of each axis, and no promise that needs half an hour of film.
     """
-    table: list[dict[str, Any]] = []
     seconds = _QUICK_SECONDS if quick else _SECONDS
     with tempfile.TemporaryDirectory() as temporary:
         _warm_up(Path(temporary) / "case.film.tif")
         for case in progress(list(cases(seconds, quick=quick)), "film"):
-            for row in rows_of(case, Path(temporary) / "case.film.tif"):
-                table.append(row)
-                yield row
-        promises = []
-        for row in rows(Path(temporary), quick=quick):
-            promises.append(row)
-            yield row
-    if folder is not None:
-        write(folder / "film.csv", table)
-        write(folder / "film-bars.csv", promises)
+            yield from rows_of(case, Path(temporary) / "case.film.tif")
+        yield from rows(Path(temporary), quick=quick)
 
 
 def _warm_up(path: Path) -> None:
@@ -74,7 +63,7 @@ def _warm_up(path: Path) -> None:
     digitise(path)
 
 
-def rows_of(case: Case, path: Path) -> Iterator[dict[str, Any]]:
+def rows_of(case: Case, path: Path) -> Iterator[Row]:
     """Rows of one film: the project's reading, then its peers."""
     import synth
     from pipeline.film.digitise import open_film

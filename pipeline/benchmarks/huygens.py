@@ -1,7 +1,7 @@
 """Suite `huygens`: the paper's regime by every way there is, what locks, and what holds of the paper.
 
-With a folder: tables (CSV), everything (JSON), pictures (PNG) of Fig. 2 redrawn and of the lock map, and the finished
-rows of the map, so that a run that was interrupted goes on where it stopped.
+With a folder: pictures (PNG) of Fig. 2 redrawn and of the lock map, and the finished rows of the map, so that a run
+that was interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -16,10 +16,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.benchmarks import json_table
-from pipeline.benchmarks.csv_table import write
 from pipeline.benchmarks.kept import Kept
-from pipeline.benchmarks.progress import progress
+from pipeline.benchmarks.tables import Row, progress
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks
 from synth.huygens.locking import edge, edge_of_balance
@@ -46,7 +44,6 @@ MOST_CHI = 1.3 * COUPLING / 0.02
 _TOLERANCE = 1e-7
 _SECTIONS = 201
 _STILL = 0.3  # rad: psi of locked clocks in the last part moves less
-Row = dict[str, Any]
 ALPHAS = (-0.175, -0.25, -0.35, -0.5, -0.65, -0.25 * math.pi, -0.9, -1.0, -1.1, -1.25, -1.396)
 
 
@@ -60,21 +57,15 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     size = QUICK if quick else FULL
     chis, taus, locked = lock_map(size, Kept(folder))
     borders = edges(chis, taus, locked)
-    yield from borders[:: max(1, size // 12)]
-    held = claims(curves, borders, float(chis[1] - chis[0]))
-    yield from held
-    if folder is not None:
-        tables = {"curves": curves, "edges": borders, "claims": held}
-        for name, table in tables.items():
-            write(folder / f"huygens-{name}.csv", table)
-        json_table.write(folder / "huygens.json", {"quick": quick, **tables})
-        if importlib.util.find_spec("matplotlib") is not None:
-            from pipeline.benchmarks.pictures import draw_locking, draw_regime
+    yield from borders
+    yield from claims(curves, borders, float(chis[1] - chis[0]))
+    if folder is not None and importlib.util.find_spec("matplotlib") is not None:
+        from pipeline.benchmarks.pictures import draw_locking, draw_regime
 
-            smooth = [row for alpha in np.linspace(min(ALPHAS), max(ALPHAS), 200) for row in closed(alpha)]
-            marks = [row for row in curves if row["way"] not in {line["way"] for line in smooth}]
-            draw_regime([*smooth, *marks], folder / "huygens-figure-2.png")
-            draw_locking(chis, taus, locked, borders, folder / "huygens-map.png")
+        smooth = [row for alpha in np.linspace(min(ALPHAS), max(ALPHAS), 200) for row in closed(alpha)]
+        marks = [row for row in curves if row["way"] not in {line["way"] for line in smooth}]
+        draw_regime([*smooth, *marks], folder / "huygens-figure-2.png")
+        draw_locking(chis, taus, locked, borders, folder / "huygens-map.png")
 
 
 def rows(alphas: Sequence[float]) -> list[Row]:

@@ -1,7 +1,6 @@
 """Suite `integrators`: error against run time of every propagator and of the peers, honesty of estimates, bars.
 
-Bars: times faster than peers at equal or smaller error, on points of one run. With a folder: a picture, and every
-table as CSV.
+Bars: times faster than peers at equal or smaller error, on points of one run. With a folder: a picture.
 """
 
 from __future__ import annotations
@@ -13,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.benchmarks.bar import Row, at_least, not_measured, reported
-from pipeline.benchmarks.csv_table import write
+from pipeline.benchmarks.bar import at_least, not_measured, reported
 from pipeline.benchmarks.problems import raced
 from pipeline.benchmarks.references import reference
+from pipeline.benchmarks.tables import Row
 from pipeline.benchmarks.work_precision import Point, sweep
 
 ABSENT = "not installed, or did not reach it: extra 'peers'"
@@ -49,25 +48,20 @@ EXACT = 1e-15
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """Yield three kinds of rows: work-precision, honesty, bars. Quick: a tenth as long, fewer tolerances."""
     races: dict[str, tuple[str, list[Point]]] = {}
-    tables: dict[str, list[Row]] = {"work-precision": []}
     for name, problem in raced(quick=quick).items():
         truth = reference(problem)
         races[name] = truth.source, sweep(problem, truth, quick=quick)
-        rows = [point.row(truth.source) for point in races[name][1]]
-        tables["work-precision"] += rows
-        yield from rows
+        yield from (point.row(truth.source) for point in races[name][1])
     points = {name: found for name, (_, found) in races.items()}
-    tables["honesty"] = [row for found in points.values() for row in estimates(found)]
-    bars = judged(points)
-    tables["bars"] = list(not_judged(bars) if quick else bars)
-    yield from (*tables["honesty"], *tables["bars"])
-    if folder is not None:
-        for name, table in tables.items():
-            write(folder / f"{name}.csv", table)
-        if importlib.util.find_spec("matplotlib") is not None:
-            from pipeline.benchmarks.pictures import draw_integrators
+    for found in points.values():
+        yield from estimates(found)
+    for bar in judged(points):
+        # of short problems, on which starting up is what takes the time: reported, not judged
+        yield bar | {"limit": f"of the full run: {bar['limit']}", "pass": None} if quick else bar
+    if folder is not None and importlib.util.find_spec("matplotlib") is not None:
+        from pipeline.benchmarks.pictures import draw_integrators
 
-            draw_integrators(races, folder / "integrators.png")
+        draw_integrators(races, folder / "integrators.png")
 
 
 def honest(error: float, estimate: float) -> bool:
@@ -88,12 +82,6 @@ def estimates(points: Sequence[Point]) -> Iterator[Row]:
                 "error_over_estimate": point.whole_error / point.estimate,
                 "pass": honest(point.whole_error, point.estimate),
             }
-
-
-def not_judged(rows: Iterator[Row]) -> Iterator[Row]:
-    """Rows of short problems, on which starting up is what takes the time: reported, not judged."""
-    for row in rows:
-        yield row | {"limit": f"of the full run: {row['limit']}", "pass": None}
 
 
 def judged(found: Mapping[str, Sequence[Point]]) -> Iterator[Row]:

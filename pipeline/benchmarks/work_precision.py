@@ -10,16 +10,14 @@ import math
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from data_schemas.errors import RefusedError
 from pipeline.benchmarks.clock import rounds, timed
 from pipeline.benchmarks.peers import PEERS
 from pipeline.benchmarks.problems import AS_EXACT_AS_CAN_BE, OWN, Answer, Problem
-from pipeline.benchmarks.progress import progress
 from pipeline.benchmarks.references import Reference
+from pipeline.benchmarks.tables import Row, progress
 
-Row = dict[str, Any]
 TOLERANCES = (1e-6, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14)
 STIFF_TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15)
 PEER_TOLERANCES = (1e-6, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)

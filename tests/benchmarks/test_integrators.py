@@ -114,10 +114,8 @@ def test_the_suite_yields_its_tables(tmp_path: Path, monkeypatch: pytest.MonkeyP
     honest = [row for row in rows if "honesty" in row]
     assert honest
     assert all(row["pass"] for row in honest), honest
-    tables = ("work-precision", "honesty", "bars")
-    assert {path.name for path in tmp_path.iterdir()} == {"integrators.png", *(f"{name}.csv" for name in tables)}
-    written = [(tmp_path / f"{name}.csv").read_text(encoding="utf-8").splitlines() for name in tables]
-    assert sum(len(lines) - 1 for lines in written) == len(rows)
+    assert rows[-1] == bars[0] | {"limit": "of the full run: >= 5", "pass": None}
+    assert [path.name for path in tmp_path.iterdir()] == ["integrators.png"]
     assert rows[-1]["pass"] is None  # short problems are reported, not judged
     assert list(integrators.run(quick=False, folder=None))[-1]["pass"] is False
 

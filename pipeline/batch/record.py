@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import data_schemas
 from data_schemas.errors import FileError, IsochronyError, RefusedError
 from pipeline.batch.config import Allow, Config
 from pipeline.batch.hashing import file_sha256, input_sha256
@@ -29,16 +30,7 @@ _KEPT = ("requested_method", "method", "status", "error", "gravity_m_s2", "gravi
 def process_record(path: Path, config: Config) -> Outcome:
     """Make the result of one input and write it; the function that every executor runs.
 
-    Parameters
-    ----------
-    path : Path
-        Of the input.
-    config : Config
-
-    Returns
-    -------
-    Outcome
-        Also of an input that is missing, hostile, damaged or too large, and of a fault of our own.
+    There is an outcome also of an input that is missing, hostile, damaged or too large, and of a fault of our own.
     """
     started = time.perf_counter()
     digest = None
@@ -77,8 +69,6 @@ def _made(config: Config, digest: str, record: DataTree) -> Outcome:
 
 
 def _write(result: DataTree, output: Path) -> None:
-    import data_schemas
-
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -116,15 +106,7 @@ def bounded(fixed: int | None) -> Iterator[Allow]:
     that would pass the bound fails, with a `MemoryError` or the end of the process. What an input declares may be a
     bomb, a megabyte that unpacks to gigabytes: it never gives more than half of the machine's memory.
 
-    Parameters
-    ----------
-    fixed : int or None
-        None, or a system without such a limit: unbounded.
-
-    Yields
-    ------
-    callable
-        Told the bytes that the input declares.
+    None, or a system without such a limit, is unbounded. What is yielded is told the bytes that the input declares.
     """
     if fixed is None or not _STATM.exists():
         yield lambda _declared: None

@@ -31,22 +31,7 @@ def write_summary(jobs: Sequence[tuple[Path, Config]], ledger: Index, folder: Pa
     """Write both tables, a row an input and method, in the order of the inputs.
 
     Nothing enters that differs from run to run: no time, no host. Inputs that the ledger does not know are left out.
-
-    Parameters
-    ----------
-    jobs : sequence of (Path, Config)
-    ledger : Index
-    folder : Path
-        Of the tables, which are replaced.
-
-    Returns
-    -------
-    list of Path
-
-    Raises
-    ------
-    FileError
-        A table cannot be written, or the ledger not read.
+    Tables that are there are replaced. `FileError` where one cannot be written, or the ledger not read.
     """
     swept = list(dict.fromkeys(key for _, config in jobs for key, _ in config.variant))
     columns = Columns(swept)
@@ -75,12 +60,7 @@ def _rows(path: Path, config: Config, ledger: Index) -> list[dict[str, Any]]:
 
 
 class Columns:
-    """A table that grows by rows.
-
-    Parameters
-    ----------
-    swept : sequence of str
-        Keys of scenes that a sweep set; their columns are called ``sweep KEY``.
+    """A table that grows by rows; keys of scenes that a sweep set have columns called ``sweep KEY``.
 
     Attributes
     ----------

@@ -23,6 +23,10 @@ from pipeline.benchmarks.honesty.records import Made, of_case
 from pipeline.benchmarks.scenes import linear, real
 from pipeline.benchmarks.tables import Row, progress
 from pipeline.benchmarks.trials import made
+from pipeline.joint.fit import reduce
+from pipeline.joint.gather import gather
+from pipeline.processing import process
+from pipeline.summary import summaries
 
 COUNT, QUICK = 400, 8
 MGAL = 1e-5  # m s-2
@@ -95,9 +99,6 @@ def campaign(name: str, case: Case | Callable[[np.random.Generator], Case | Made
 
 def fitted(record: Made) -> Fit:
     """Fit one record as a user would."""
-    from pipeline.processing import process
-    from pipeline.summary import summaries
-
     row: Row = {"status": "refused"}
     began = time.process_time()
     try:
@@ -183,9 +184,6 @@ def _interval(count: int) -> Row:
 
 def _cost(repeats: int) -> Iterator[Row]:
     """CPU time of a pass and of a whole fit, beside hilbert + unwrap + polyfit on as many samples; compiled before."""
-    from pipeline.joint.fit import reduce
-    from pipeline.joint.gather import gather
-
     for name, (case, one, whole) in SPEEDS.items():
         gathered = gather(of_case(case, np.random.default_rng(1958), name).tree)
         best = reduce(gathered).fit

@@ -25,6 +25,7 @@ import numpy as np
 from pipeline.benchmarks.honesty.records import Made, record
 from pipeline.benchmarks.honesty.score import reduced
 from pipeline.benchmarks.kept import Kept
+from pipeline.benchmarks.pictures import draw_corrections
 from pipeline.benchmarks.scenes import real_heave, resonant, swell, two_pendulums
 from pipeline.benchmarks.tables import Row, progress, write
 from pipeline.benchmarks.trials import made
@@ -65,8 +66,6 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     if folder is not None:
         write(folder / "corrections-points.csv", points)
         if importlib.util.find_spec("matplotlib") is not None:
-            from pipeline.benchmarks.pictures import draw_corrections
-
             draw_corrections(points, folder / "corrections.png")
 
 
@@ -100,12 +99,8 @@ def _compile(name: str) -> None:
 def judged(kind: Kind, rows: Sequence[Row], others: Sequence[Sequence[Row]]) -> Row:
     """One record: the error of each method, those that are wrong and say nothing, whether the kind's pattern holds.
 
-    Parameters
-    ----------
-    rows : sequence of dict
-        Of the record that is shown, one a method.
-    others : sequence of sequence of dict
-        Of records in other swells, by the methods that must be wrong.
+    `rows` are of the record that is shown, one a method; `others` of records in other swells, by the methods that must
+    be wrong.
     """
     errors = {row["method"]: row["error_mgal"] for row in rows}
     silent = [row["method"] for row in rows if kind.real and row["method"] in HONEST and silently_wrong(row)]
@@ -154,36 +149,24 @@ def summary(points: Sequence[Row]) -> list[Row]:
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of record.
-
-    Attributes
-    ----------
-    record : callable
-        The seed of the swell gives the record.
-    right : dict
-        Largest error, mGal, of the methods that are right here.
-    wrong : dict
-        Least root mean square error over the swells, mGal, of the methods that are wrong: a fifth of what is found.
-    refused : tuple of str
-        Methods that may decline: a phase means nothing where the amplitude vanishes.
-    real : bool
-        Real pendulums, where a value of the methods made for them must hold within its sigma.
-    """
+    """One kind of record."""
 
     name: str
     record: Callable[[int], Made]
+    """Of the seed of the swell."""
     right: Mapping[str, float] = field(default_factory=dict)
+    """Largest error, mGal, of the methods that are right here."""
     wrong: Mapping[str, float] = field(default_factory=dict)
+    """Least root mean square error over the swells, mGal, of the methods that are wrong: a fifth of what is found."""
     refused: tuple[str, ...] = ()
+    """Methods that may decline: a phase means nothing where the amplitude vanishes."""
     real: bool = False
+    """Real pendulums, where a value of the methods made for them must hold within its sigma."""
 
 
 def kinds(*, quick: bool) -> list[Kind]:
     """All kinds: linear pendulums, then real ones, whose records are shorter when quick."""
-    return [
-        *LINEAR,
-        *(Kind(name, partial(_real, name, 600.0 if quick else None), real=True) for name in REAL),
-    ]
+    return [*LINEAR, *(Kind(name, partial(_real, name, 600.0 if quick else None), real=True) for name in REAL)]
 
 
 def _real(kind: str, duration: float | None, seed: int) -> Made:

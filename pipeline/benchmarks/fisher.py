@@ -33,27 +33,18 @@ FINEST = 25.0  # Hz; the trapezoidal sum wants twenty samples a swing
 
 @dataclass(frozen=True)
 class Pair:
-    """Two linear pendulums as the difference sees them.
-
-    Attributes
-    ----------
-    frequency : float
-        n2, rad s-1.
-    ratio : float
-        n1/n2.
-    damping_rate : float
-        gamma2, s-1.
-    damping_difference : float
-        gamma1 - gamma2, s-1.
-    swing : complex
-        A - iB of the free swing `Re[(A - iB) exp(lam t)]` of the difference, rad.
-    """
+    """Two linear pendulums as the difference sees them."""
 
     frequency: float
+    """n2, rad s-1."""
     ratio: float
+    """n1/n2."""
     damping_rate: float
+    """gamma2, s-1."""
     damping_difference: float
+    """gamma1 - gamma2, s-1."""
     swing: complex
+    """A - iB of the free swing `Re[(A - iB) exp(lam t)]` of the difference, rad."""
 
     @property
     def eigenvalue(self) -> complex:
@@ -139,10 +130,7 @@ def bound(
 def gravity_bound(scene: Scene) -> float:
     """Least standard deviation of gravity from a scene's record without gaps, mGal.
 
-    Parameters
-    ----------
-    scene : Scene
-        Two pendulums whose first and whose difference are read with the same white noise at even times.
+    The scene has two pendulums whose first and whose difference are read with the same white noise at even times.
     """
     noise = scene.recording.noise
     step = float(scene.recording.step)

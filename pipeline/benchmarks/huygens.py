@@ -17,6 +17,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.benchmarks.kept import Kept
+from pipeline.benchmarks.pictures import draw_locking, draw_regime
 from pipeline.benchmarks.tables import Row, progress
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks
@@ -60,8 +61,6 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     yield from borders
     yield from claims(curves, borders, float(chis[1] - chis[0]))
     if folder is not None and importlib.util.find_spec("matplotlib") is not None:
-        from pipeline.benchmarks.pictures import draw_locking, draw_regime
-
         smooth = [row for alpha in np.linspace(min(ALPHAS), max(ALPHAS), 200) for row in closed(alpha)]
         marks = [row for row in curves if row["way"] not in {line["way"] for line in smooth}]
         draw_regime([*smooth, *marks], folder / "huygens-figure-2.png")
@@ -121,31 +120,23 @@ def moved(regime: Regime, clocks: Clocks, swings: int = 400) -> Regime:
 
 
 def _of(regime: Regime, way: str, clocks: Clocks, k: float) -> Row:
-    return _row(way, 0.5 * (regime.alpha[0] + regime.alpha[1]), regime.beta, regime.q, clocks.mean_detuning, k)
+    return _row(way, 0.5 * sum(regime.alpha), regime.beta, regime.q, clocks.mean_detuning, k)
 
 
 def _row(way: str, alpha: float, beta: Any, q: Any, tau: Any, k: Any) -> Row:
-    values = {"beta": float(beta), "q": float(q), "tau": float(tau), "k": float(k)}
-    return {"way": way, "alpha": float(alpha), **values, "stable": None}
+    values = {"alpha": alpha, "beta": beta, "q": q, "tau": tau, "k": k}
+    return {"way": way, **{name: float(value) for name, value in values.items()}, "stable": None}
 
 
 def claims(curves: Sequence[Row], edges: Sequence[Row], step: float) -> list[Row]:
-    """One row a claim.
-
-    Parameters
-    ----------
-    curves, edges : sequences of rows
-        Of the suite.
-    step : float
-        Of chi on the lock map.
-    """
+    """One row a claim, from the suite's rows and the step of chi on the lock map."""
     by_way = {way: [row for row in curves if row["way"] == way] for way in {row["way"] for row in curves}}
     orbit, chain, paper, motion = (by_way[way] for way in ("orbit", "corrected chain", "paper", "motion"))
     beta = _apart(orbit, chain, "beta")
     slope = _apart(orbit, by_way["balance"], "k", relative=True)
     plain = _apart(paper, orbit, "k", relative=True)
     moved = _apart(motion, orbit, "beta")
-    unstable = [row["stable"] is False for row in orbit]
+    share = float(np.mean([row["stable"] is False for row in orbit]))
     near = [row for row in edges if abs(row["tau"]) < 0.03]
     edge = max(
         max(0.0, abs(row["edge_by_motion"] / row["edge_by_theory"] - 1.0) - step / row["edge_by_theory"])
@@ -158,12 +149,7 @@ def claims(curves: Sequence[Row], edges: Sequence[Row], step: float) -> list[Row
         _claim("so is beta of the motion itself, begun alike", moved, 2e-4, moved < 2e-4),
         _claim("k of the orbit is that of the six equations", slope, 1e-3, slope < 1e-3),
         _claim("k as printed, without 1/(2 delta), is not: it errs by", plain, None, None),
-        _claim(
-            "the paper's regime is unstable in its system (2): share of alphas",
-            float(np.mean(unstable)),
-            1.0,
-            all(unstable),
-        ),
+        _claim("the paper's regime is unstable in its system (2): share of alphas", share, 1.0, share == 1.0),
         _claim("the edge of locking is that of theory, for |tau| < 0.03", edge, EDGE, edge <= EDGE),
         _claim("three regimes in phase coexist at delta0 = .002, delta = .2", float(in_phase), 3.0, in_phase == 3),
         _claim("quadrature attracts in system (2)", *_quadrature()),
@@ -219,15 +205,9 @@ def edges(chis: Floats, taus: Floats, rows: list[Row]) -> list[Row]:
     table = []
     for tau, row in zip(taus.tolist(), rows, strict=True):
         pair = Clocks(0.02, 0.02, COUPLING, (tau, tau))
-        table.append(
-            {
-                "tau": tau,
-                "edge_by_motion": measured_edge(chis, row),
-                "edge_by_theory": edge(pair),
-                "edge_by_balance": edge_of_balance(pair),
-                "ms_a_member": 1e3 * float(row["cpu_s"]) / chis.size,
-            }
-        )
+        found = {"edge_by_motion": measured_edge(chis, row), "edge_by_theory": edge(pair)}
+        cost = 1e3 * float(row["cpu_s"]) / chis.size
+        table.append({"tau": tau, **found, "edge_by_balance": edge_of_balance(pair), "ms_a_member": cost})
     return table
 
 

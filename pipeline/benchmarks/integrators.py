@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.benchmarks.bar import at_least, not_measured, reported
+from pipeline.benchmarks.pictures import draw_integrators
 from pipeline.benchmarks.problems import raced
 from pipeline.benchmarks.references import reference
 from pipeline.benchmarks.tables import Row
@@ -59,8 +60,6 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
         # of short problems, on which starting up is what takes the time: reported, not judged
         yield bar | {"limit": f"of the full run: {bar['limit']}", "pass": None} if quick else bar
     if folder is not None and importlib.util.find_spec("matplotlib") is not None:
-        from pipeline.benchmarks.pictures import draw_integrators
-
         draw_integrators(races, folder / "integrators.png")
 
 

@@ -60,15 +60,7 @@ _QUANTITIES = (("beta", "beta"), ("q", "q = 2X/l"), ("tau", "tau"), ("k", "k = d
 
 
 def draw_corrections(points: Sequence[Row], path: str | os.PathLike[str]) -> None:
-    """Draw |error| against warm run time: every record as a small mark, each method's medians as a large one.
-
-    Parameters
-    ----------
-    points : sequence of mapping
-        Rows of the suite, one a record and method.
-    path : path
-        PNG.
-    """
+    """Draw |error| against warm run time: every record as a small mark, each method's medians as a large one."""
     words = (
         "small: a record, large: the median of all; run time from record to result, kernels compiled; dashed: 1 mGal"
     )
@@ -95,15 +87,7 @@ def _draw_points(axes: Axes, rows: Sequence[Row]) -> None:
 
 
 def draw_integrators(races: Mapping[str, tuple[str, Sequence[Point]]], path: str | os.PathLike[str]) -> None:
-    """Draw every problem.
-
-    Parameters
-    ----------
-    races : mapping
-        Problem to the source of its truth and its points.
-    path : path
-        PNG.
-    """
+    """Draw every problem, given with the source of its truth and its points."""
     words = (
         "largest error over the largest size, against the truth named above each panel; warm processor time, medians"
     )

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 from pydantic import ValidationError
@@ -37,8 +36,7 @@ MOST = 400
 _TIGHTER = 1e-2
 
 
-@dataclass(frozen=True)
-class Found:
+class Found(NamedTuple):
     """What a propagator made of a motion, angles (count, pendulums) and estimated error, or why it made nothing."""
 
     angles: Floats | None = None

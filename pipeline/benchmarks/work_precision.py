@@ -29,36 +29,22 @@ LONG = 20.0  # s: whoever takes longer is not called again to be timed: what it 
 
 @dataclass(frozen=True)
 class Point:
-    """One method at one tolerance on one problem.
-
-    Attributes
-    ----------
-    problem, method : str
-    own : bool
-        The project's propagator, or a peer.
-    tolerance : float
-        Asked for; NaN where none can be.
-    error : float
-        Of the angles, relative to the largest; NaN where refused.
-    whole_error : float
-        Of all components of the state.
-    estimate : float
-        The propagator's own; NaN for peers.
-    seconds : tuple of float
-        Processor time of each run.
-    note : str
-        Why there is no value.
-    """
+    """One method, the project's own or a peer, at one tolerance (NaN where none can be asked for) on one problem."""
 
     problem: str
     method: str
     own: bool
     tolerance: float
     error: float = math.nan
+    """Of the angles, relative to the largest; NaN where refused."""
     whole_error: float = math.nan
+    """Of all components of the state."""
     estimate: float = math.nan
+    """The propagator's own; NaN for peers."""
     seconds: tuple[float, ...] = ()
+    """Processor time of each run."""
     note: str = ""
+    """Why there is no value."""
 
     @property
     def ms(self) -> float:
@@ -89,12 +75,7 @@ def contenders(problem: Problem) -> tuple[str, ...]:
 def set_up(problem: Problem, method: str, tolerance: float) -> Callable[[], Answer]:
     """A call of a propagator or a peer, by name.
 
-    Raises
-    ------
-    RefusedError
-        It does not know this kind of problem.
-    ImportError
-        It is not installed.
+    `RefusedError` where it does not know this kind of problem, `ImportError` where it is not installed.
     """
     if method in OWN:
         return OWN[method](problem, tolerance)
@@ -126,11 +107,9 @@ def sweep(problem: Problem, truth: Reference, *, quick: bool, names: Sequence[st
                 answer, took = timed(call)
                 if took <= LONG:
                     took = timed(call)[1]
-            except ImportError:
-                points.append(replace(point, note="not installed: extra 'peers'"))
-                break
-            except RefusedError as refusal:
-                points.append(replace(point, note=f"refused: {refusal}"))
+            except (ImportError, RefusedError) as why:
+                absent = isinstance(why, ImportError)
+                points.append(replace(point, note="not installed: extra 'peers'" if absent else f"refused: {why}"))
                 break
             point = replace(
                 point,

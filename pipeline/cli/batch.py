@@ -10,6 +10,7 @@ from typing import Any
 
 from data_schemas.errors import UsageError
 from pipeline.cli.parser import number, positive, processors
+from pipeline.cli.process import add_reduction_options
 
 HELP = "gravity from thousands of records"
 DESCRIPTION = """\
@@ -44,15 +45,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("inputs", metavar="INPUT", nargs="+", help="record, scene, folder, or pattern in quotes")
     add("-o", dest="out", metavar="FOLDER", required=True, help="folder of results, summary and ledger")
-    add("--method", default="auto", metavar="NAME[,NAME]", help="method or methods (default auto), see process")
-    add("--pair", metavar="A-B", help="labels of the two pendulums to difference, such as 2-3")
-    add(
-        "--gain-uncertainty",
-        type=number("--gain-uncertainty"),
-        default=0.0,
-        metavar="X",
-        help="relative 1-sigma uncertainty of the elongation scale (default 0)",
-    )
+    add_reduction_options(parser)
     add("--force", action="store_true", help="do everything anew, whatever is there")
     add("--json", action="store_true", help="JSON Lines of all results, in order, at the end")
     grid = parser.add_argument_group("scenes")

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import data_schemas
+import synth
 from data_schemas.contents import shown
 from data_schemas.errors import UsageError
 from pipeline.batch.campaign import Job, Tally
@@ -30,12 +32,8 @@ _LONGEST = 4096  # letters of a path
 def jobs_of(options: argparse.Namespace, folder: Path) -> list[Job]:
     """Every input with its settings, in order.
 
-    Raises
-    ------
-    UsageError
-        Words that mean no file, options that contradict each other, an unknown method.
-    SceneError
-        A key of a sweep that its scene does not have.
+    `UsageError` for words that mean no file, options that contradict each other, an unknown method; `SceneError` for a
+    key of a sweep that its scene does not have.
     """
     from pipeline.cli.process import requested_methods
     from pipeline.provenance import command_line
@@ -75,16 +73,9 @@ def _points(options: argparse.Namespace, inputs: list[Input]) -> list[tuple[int,
     repeat = options.repeat or 1
     if len(variants) * repeat > MOST:
         raise UsageError(f"--sweep with --repeat makes more than {MOST} members; make the grid smaller")
-    for one in scenes:
-        _check(one.path, variants[0])
+    for one in scenes:  # a sweep that no member could be made by is told now, as `SceneError`
+        member_of(data_schemas.load_scene(one.path), 1, variants[0])
     return list(enumerate((variant for variant in variants for _ in range(repeat)), start=1))
-
-
-def _check(path: Path, variant: Variant) -> None:
-    """Raise `SceneError` now for a sweep that no member of the scene could be made by."""
-    import data_schemas
-
-    member_of(data_schemas.load_scene(path), 1, variant)
 
 
 def _shipped(word: str) -> str:
@@ -92,7 +83,6 @@ def _shipped(word: str) -> str:
     path = Path(word)
     if os.path.exists(path) or path.suffix or path.parent != Path(".") or any(mark in word for mark in "*?["):
         return word
-    import synth
 
     return str(synth.scene_path(word))
 
@@ -117,8 +107,8 @@ def tell_end(jobs: Sequence[Job], ledger: Index, folder: Path, tally: Tally, log
         for path, config in jobs:
             if config.key in ledger.places:
                 _print_json(path, config, ledger)
-    counts = Counter(ledger.places[config.key].status for _, config in jobs if config.key in ledger.places)
-    bad = [config.key for _, config in jobs if config.key in ledger.places and ledger.places[config.key].status != "ok"]
+    done = {config.key: ledger.places[config.key].status for _, config in jobs if config.key in ledger.places}
+    counts, bad = Counter(done.values()), [key for key, status in done.items() if status != "ok"]
     for key in bad[:_MOST_TOLD]:
         print(f"isochrony: {ledger.line(key)['error']}", file=sys.stderr)
     if len(bad) > _MOST_TOLD:
@@ -134,7 +124,6 @@ def tell_end(jobs: Sequence[Job], ledger: Index, folder: Path, tally: Tally, log
 
 def _print_json(path: Path, config: Config, ledger: Index) -> None:
     """The objects that `process` prints, read back from the result."""
-    import data_schemas
     from pipeline.cli.summary_rows import failure, in_order
     from pipeline.cli.tables import print_json
     from pipeline.summary import summaries

@@ -7,6 +7,8 @@ import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import data_schemas
+import synth
 from data_schemas.errors import FileError, UsageError
 from pipeline.cli.parser import whole_number
 from pipeline.cli.tables import columns, print_header, print_row
@@ -40,8 +42,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Simulate, process, print and draw."""
-    import data_schemas
-    import synth
     from pipeline.methods import METHODS
     from pipeline.processing import process
     from pipeline.summary import summaries
@@ -58,7 +58,8 @@ def run(options: argparse.Namespace) -> int:
     for kind, tree in (("record", record), ("truth", truth), ("result", result)):
         data_schemas.write(tree, folder / f"demo.{kind}.nc", overwrite=True)
     gravity = float(truth["truth"]["gravity"])
-    print(f"true gravity {gravity:.8f} m/s2; {_describe(record)}\n")
+    time = record.dataset["time"].values
+    print(f"true gravity {gravity:.8f} m/s2; {(time[-1] - time[0]) / 60.0:.0f} minutes, {time.size} samples\n")
     rows = summaries(result)
     _print_table(rows, gravity)
     _print_flags(rows)
@@ -94,11 +95,6 @@ def _folder(name: str) -> Path:
     except OSError as fault:
         raise FileError(f"{folder}: cannot be created ({fault.strerror}); name another with -o") from fault
     return folder
-
-
-def _describe(record: DataTree) -> str:
-    time = record.dataset["time"].values
-    return f"{(time[-1] - time[0]) / 60.0:.0f} minutes, {time.size} samples"
 
 
 _COLUMNS = columns("method <14", "what it is <26", "gravity m/s2 >12", "error mGal >12", "sigma mGal >10", "time ms >8")

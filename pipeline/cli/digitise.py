@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import data_schemas
 from data_schemas.errors import IsochronyError, UsageError
 from pipeline.cli.faults import exit_status, naming, outcome_of
 from pipeline.cli.film_options import add_film_options, film_options, read_film
@@ -93,7 +94,6 @@ def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[st
     """Read one film, write its record, and say what was read."""
     import time
 
-    import data_schemas
     from pipeline.film.record import make_record
     from pipeline.film.summary import summary
 

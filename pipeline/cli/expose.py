@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import data_schemas
+import synth
 from pipeline.cli.faults import naming, read_checked
 from pipeline.cli.outputs import folder_for_output, orderly, place, refuse_clashes
 from pipeline.cli.parser import whole_number
@@ -48,7 +50,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Expose the film and write the three files."""
-    import synth
     from data_schemas.errors import IsochronyError
     from data_schemas.film_description import description_path
     from pipeline.cli.simulate import find_scene
@@ -77,6 +78,5 @@ def run(options: argparse.Namespace) -> int:
 def _source(path: Path) -> DataTree | Scene:
     if path.suffix == ".nc":
         return read_checked(path, "record")
-    import data_schemas
 
     return data_schemas.load_scene(path)

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import data_schemas
 from data_schemas.errors import IsochronyError, RecordError, RefusedError
 
 if TYPE_CHECKING:
@@ -39,15 +40,9 @@ def exit_status(good: int, total: int) -> int:
 def read_checked(path: Path, kind: Kind) -> DataTree:
     """Read a file and check it against the layout of its kind.
 
-    Raises
-    ------
-    FileError
-        The file cannot be read.
-    RecordError
-        It is of another kind, or breaks its layout; further faults are counted.
+    `FileError` where it cannot be read; `RecordError` where it is of another kind, or breaks its layout: further faults
+    are counted.
     """
-    import data_schemas
-
     tree = data_schemas.read(path)
     refuse_faults(path, data_schemas.check(tree, kind))
     return tree

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.cli.parser import number, one_of, pairs, periods, whole_number
+from pipeline.cli.parser import add_meaning_options, number, one_of, pairs, periods, whole_number
 from pipeline.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -21,24 +21,12 @@ _FOR_READING = [
     ("--speed", "MM_S", "nominal speed of the film"),
 ]
 _TRACE = "trace and its pendulums, from the left to the right at rest; repeatable"
-_NUMBERS = [
-    ("--lever", "MM_PER_RAD", "optical lever (assumed 2000)"),
-    ("--gravity", "M_S2", "gravity at which the periods hold"),
-]
-_REPEATABLE = [
-    ("--combination", "TRACE=A[-B]", "pendulums of a trace whose name does not say them"),
-    ("--period", "[LABEL=]SECONDS", "full period of a pendulum"),
-]
 
 
 def add_film_options(parser: argparse.ArgumentParser) -> None:
     """List the options of reading a film and of making a record of it."""
     add_reading_options(parser)
-    add = parser.add_argument
-    for option, name, text in _NUMBERS:
-        add(option, type=number(option, above=0.0), metavar=name, help=text)
-    for option, name, text in _REPEATABLE:
-        add(option, action="append", default=[], metavar=name, help=f"{text}; repeatable")
+    add_meaning_options(parser, "optical lever (assumed 2000)")
 
 
 def add_reading_options(parser: Any) -> None:

@@ -106,6 +106,19 @@ def positive(option: str) -> Callable[[str], int]:
     return whole_number(option, 1, 1_000_000)
 
 
+def add_meaning_options(parser: argparse.ArgumentParser, lever: str) -> None:
+    """List what turns readings into a record: the lever, with what is said of it, gravity, and the pendulums."""
+    add = parser.add_argument
+    add("--lever", type=number("--lever", above=0.0), metavar="MM_PER_RAD", help=lever)
+    gravity = "gravity at which the periods hold, in m/s2"
+    add("--gravity", type=number("--gravity", above=0.0), metavar="M_S2", help=gravity)
+    for option, name, text in (
+        ("--combination", "TRACE=A[-B]", "pendulums of a trace whose name does not say them"),
+        ("--period", "[LABEL=]SECONDS", "full period of a pendulum in s; no label is needed if there is one only"),
+    ):
+        add(option, action="append", default=[], metavar=name, help=f"{text}; repeatable")
+
+
 def periods(verb: str, texts: Iterable[str]) -> dict[str, float]:
     """Label -> seconds; the label "" where none was written."""
     labelled = pairs(verb, "--period", (text if "=" in text else f"={text}" for text in texts))
@@ -113,15 +126,8 @@ def periods(verb: str, texts: Iterable[str]) -> dict[str, float]:
 
 
 def pairs(verb: str, option: str, texts: Iterable[str]) -> dict[str, str]:
-    """Name -> value.
+    """Name -> value; `UsageError` for no equals sign, no value, or a name twice.
 
-    Raises
-    ------
-    UsageError
-        No equals sign, no value, or a name twice.
-
-    Examples
-    --------
     >>> pairs("import", "--combination", ["upper=1-2"])
     {'upper': '1-2'}
     """

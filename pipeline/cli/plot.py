@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import data_schemas
 from data_schemas.errors import RecordError, RefusedError, UsageError
 from pipeline.cli.faults import naming, read_checked, refuse_faults
 from pipeline.cli.film_options import add_reading_options, description, read_film, reading_options
@@ -54,7 +55,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Draw the file and write the picture."""
-    import data_schemas
     from pipeline.plots.canvas import require_matplotlib, save
     from pipeline.plots.period import period_figure
     from pipeline.plots.record import record_figure

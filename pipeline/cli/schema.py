@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 
+import data_schemas
 from pipeline.cli.parser import one_of
 
 _NAMES = ("scene", "record", "truth", "result", "film-truth", "summary")
@@ -29,7 +30,5 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print the schema."""
-    import data_schemas
-
     print(json.dumps(data_schemas.json_schema(options.name), indent=2, ensure_ascii=False))
     return 0

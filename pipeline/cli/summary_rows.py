@@ -135,13 +135,10 @@ def _corrections(entries: Mapping[str, float | None]) -> str:
 
 
 def print_ledger(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print the ledger of one record.
+    """Print the ledger of one record from its summaries, one a method; those without gravity are passed over.
 
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Its summaries, one a method; those without gravity are passed over. One method is shown with sigma, the change
-        of the full period, and what the correction was made from; several stand side by side.
+    One method is shown with sigma, the change of the full period, and what the correction was made from; several stand
+    side by side.
     """
     good = [row for row in rows if row["status"] == "ok" and row.get("ledger")]
     if not good:
@@ -164,9 +161,8 @@ def _one(row: Mapping[str, Any]) -> None:
     total = sum(entry["value_mgal"] for entry in row["ledger"])
     period = sum(entry["period_1e-7_s"] for entry in row["ledger"])
     print_row(_ONE, ["  sum", f"{total:+.4f}", "", f"{period:+.3f}"])
-    print_row(
-        _ONE, ["  reading noise", "", _sigma(row["noise_sigma_mgal"]), "", "1 sigma of gravity from the readings"]
-    )
+    noise = _sigma(row["noise_sigma_mgal"])
+    print_row(_ONE, ["  reading noise", "", noise, "", "1 sigma of gravity from the readings"])
     print(f"  uncorrected {row['uncorrected_m_s2']:.8f} m/s2, gravity {row['gravity_m_s2']:.8f} m/s2", end="")
     print(f", sigma {_sigma(row['gravity_sigma_mgal'])} mGal")
     for name in ("free_air_anomaly", "bouguer_anomaly"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+import data_schemas
 from pipeline.cli.faults import exit_status, naming
 
 HELP = "name every fault of a file"
@@ -28,8 +29,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Check each file; the exit status says whether all, some or none are good."""
-    import data_schemas
-
     good = 0
     for name in options.files:
         faults = data_schemas.validate(name)

@@ -19,13 +19,7 @@ _MOST_TRACES = 8
 
 
 def record_figure(record: DataTree) -> Figure:
-    """Draw each trace of a record in a row: the whole at the left, twenty seconds at the right.
-
-    Parameters
-    ----------
-    record : DataTree
-        A valid record.
-    """
+    """Draw each trace of a valid record in a row: the whole at the left, twenty seconds at the right."""
     time = np.asarray(record.dataset["time"].values, dtype=np.float64)
     time = time - time[0]
     traces = record["record"].dataset["elongation"]

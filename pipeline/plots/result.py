@@ -22,15 +22,7 @@ _BORNE_OUT = 1.0  # mGal
 
 
 def result_figure(result: DataTree, *, true_gravity: float | None = None) -> Figure:
-    """Draw a result of two pendulums.
-
-    Parameters
-    ----------
-    result : DataTree
-        A valid result with the group `gravity`.
-    true_gravity : float, optional
-        m s-2; the methods' errors are then counted from it.
-    """
+    """Draw a result with the group `gravity`; the methods' errors are counted from the true one, m s-2, if given."""
     figure = sheet("Gravity from the difference pendulum", subtitle(result), 11.0, 8.2)
     grid = figure.add_gridspec(2, 2)
     draw_amplitudes(panel(figure, grid[0, 0], "Amplitude of each harmonic"), result)
@@ -222,15 +214,7 @@ def _seconds(result: DataTree) -> Floats:
 
 
 def demo_figure(record: DataTree, result: DataTree, true_gravity: float) -> Figure:
-    """Draw a record and its result on one sheet.
-
-    Parameters
-    ----------
-    record, result : DataTree
-        As `pipeline.process` took and gave them.
-    true_gravity : float
-        m s-2; the methods' errors are counted from it.
-    """
+    """Draw a record and its result on one sheet; the methods' errors are counted from the true gravity, m s-2."""
     time = np.asarray(record.dataset["time"].values, dtype=np.float64)
     time = time - time[0]
     labels = [str(label) for label in record["record"].dataset["trace"].values][:2]

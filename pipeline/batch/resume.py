@@ -7,8 +7,8 @@ from pathlib import Path
 
 from data_schemas.errors import FileError
 from pipeline.batch.config import Config
-from pipeline.batch.hashing import file_sha256, input_sha256
 from pipeline.batch.ledger import Index
+from pipeline.batch.record import file_sha256, input_sha256
 
 LEFTOVER = ".isochrony-*.part"
 """What a killed process leaves of a file that it was writing."""

@@ -5,11 +5,9 @@ The first table: one row a way of doing the same records. The second: every prom
 
 from __future__ import annotations
 
-import contextlib
 import filecmp
 import importlib.util
 import json
-import re
 import statistics
 import subprocess
 import sys
@@ -89,39 +87,17 @@ def _batch(records: Path, out: Path, words: Sequence[str]) -> list[float]:
 
 
 def _by_dask(records: Path, out: Path) -> list[float]:
-    with cluster(out.with_name("dask")) as address:
-        return _batch(records, out, ("--scheduler", address))
+    """A scheduler here, and two workers of one thread as separate processes on the loopback."""
+    from distributed import LocalCluster
 
-
-@contextlib.contextmanager
-def cluster(folder: Path) -> Iterator[str]:
-    """Start a scheduler and two workers of one thread, as separate processes on the loopback; yield the address."""
-    start = partial(subprocess.Popen, env=_environment(), stderr=subprocess.PIPE, text=True)
-    here = ("--no-dashboard", "--host", "127.0.0.1")
-    with contextlib.ExitStack() as ends:
-
-        def started(program: str, *words: str) -> subprocess.Popen[str]:
-            process = start([sys.executable, "-m", f"distributed.cli.{program}", *words, *here])
-            ends.enter_context(process)
-            ends.callback(process.terminate)
-            return process
-
-        scheduler = started("dask_scheduler", "--port", "0")
-        address = _said(scheduler, r"tcp://127\.0\.0\.1:\d+")
-        each = ("--nworkers", "2", "--nthreads", "1", "--local-directory", str(folder))
-        workers = started("dask_worker", address, *each)
-        for _ in range(2):
-            _said(workers, "Starting established connection")
-        yield address
-
-
-def _said(process: subprocess.Popen[str], pattern: str) -> str:
-    """What a program says of itself, once it does."""
-    assert process.stderr is not None
-    for line in process.stderr:
-        if found := re.search(pattern, line):
-            return found[0]
-    raise ChildProcessError(f"{process.args!r}: ended before it said '{pattern}'")
+    work = {
+        "n_workers": 2,
+        "threads_per_worker": 1,
+        "env": _environment(),
+        "local_directory": str(out.with_name("dask")),
+    }
+    with LocalCluster(**work, dashboard_address=None) as cluster:
+        return _batch(records, out, ("--scheduler", cluster.scheduler_address))
 
 
 def killed_and_resumed(records: Path, out: Path, after: int) -> None:

@@ -11,11 +11,12 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.benchmarks.problems import CLOSED, COLLOCATION, EXPLICIT, PICARD, RADAU
-from pipeline.benchmarks.work_precision import Point
 from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend, panel, save, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from pipeline.benchmarks.integrators import Point
 
 Row = Mapping[str, Any]
 FLOOR, TOP = 1e-9, 1e5  # mGal; below the floor lies rounding

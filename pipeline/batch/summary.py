@@ -105,8 +105,7 @@ class Columns:
         for name, numbers in self._numbers.items():
             variables[name] = ("row", np.array(numbers), attributes(f"summary/{name}"))
         for name, values in self._swept.items():
-            said = f"{name.partition(' ')[2]} of the scene, in the scene's own unit"
-            attrs = {"units": "1", "long_name": said}
+            attrs = {"units": "1", "long_name": f"{name.partition(' ')[2]} of the scene, in the scene's own unit"}
             if not any(isinstance(value, str) for value in values):
                 stored = np.array([np.nan if value is None else value for value in values], dtype=np.float64)
                 variables[name.replace(" ", "_")] = ("row", stored, attrs)

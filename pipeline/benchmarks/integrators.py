@@ -214,22 +214,17 @@ def judged(found: Mapping[str, Sequence[Point]]) -> Iterator[Row]:
 
 def _of(points: Sequence[Point], method: str, tolerance: float = ANY) -> list[Point]:
     """Points of a method that have a value, at one tolerance or all."""
-    return [
-        point
-        for point in points
-        if point.method == method
-        and point.seconds
-        and math.isfinite(point.error)
-        and (math.isnan(tolerance) or point.tolerance == tolerance)
-    ]
+    good = (point for point in points if point.method == method and point.seconds and math.isfinite(point.error))
+    return [point for point in good if math.isnan(tolerance) or point.tolerance == tolerance]
 
 
 def own_time(points: Sequence[Point], error: float) -> tuple[str, float]:
     """The fastest propagator at an error and its time, ms; NaN where none reaches it."""
     methods = dict.fromkeys(point.method for point in points if point.own)
-    times = {method: time_at(_of(points, method), error) for method in methods}
-    reached = {method: time for method, time in times.items() if not math.isnan(time)}
-    return min(reached.items(), key=lambda item: item[1], default=("none", math.nan))
+    times = ((method, time_at(_of(points, method), error)) for method in methods)
+    return min(
+        (each for each in times if not math.isnan(each[1])), key=lambda each: each[1], default=("none", math.nan)
+    )
 
 
 def time_at(points: Sequence[Point], error: float) -> float:

@@ -99,10 +99,8 @@ def error_of(motion: Motion, name: Propagator, angles: Floats) -> tuple[float, f
     An angle that stays zero counts in rad.
     """
     rows = compared(motion)
-    if motion.true is not None:
-        true, doubt = motion.true([motion.step * row for row in rows]), motion.apart
-    else:
-        true, doubt = _another(motion, name)
+    instants = [motion.step * row for row in rows]
+    true, doubt = (motion.true(instants), motion.apart) if motion.true is not None else _another(motion, name)
     size = np.max(np.abs(true), axis=0, initial=0.0)
     worst = float(np.max(np.abs(angles[rows] - true) / np.where(size > 0.0, size, 1.0), initial=0.0))
     fastest = 2.0 * math.pi / min(each["period"] for each in motion.scene["pendulums"])

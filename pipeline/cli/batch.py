@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -128,13 +129,11 @@ def _do(options: argparse.Namespace, jobs: Any, ledger: Any, log: Any, tally: An
 
 def _executor(options: argparse.Namespace, jobs: Any) -> Any:
     """The executor asked for, as a function of jobs alone."""
-    import functools
-
     methods = jobs[0][1].method
     if options.scheduler is not None:
         from pipeline.batch.executors.cluster import clustered
 
-        return functools.partial(clustered, address=options.scheduler, methods=methods, timeout=options.timeout)
+        return partial(clustered, address=options.scheduler, methods=methods, timeout=options.timeout)
     if options.executor == "serial":
         from pipeline.batch.executors.serial import serial
 
@@ -142,7 +141,7 @@ def _executor(options: argparse.Namespace, jobs: Any) -> Any:
     from pipeline.batch.executors.pool import pooled
 
     workers = min(options.jobs or processors(), len(jobs))
-    return functools.partial(pooled, workers=workers, methods=methods, timeout=options.timeout)
+    return partial(pooled, workers=workers, methods=methods, timeout=options.timeout)
 
 
 def _check(options: argparse.Namespace) -> None:

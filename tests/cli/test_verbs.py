@@ -196,4 +196,4 @@ def test_benchmark_wants_a_folder(run, record_path):
 def test_every_listed_suite_exists(name):
     import importlib
 
-    assert callable(importlib.import_module(benchmark.SUITES[name][0]).run)
+    assert callable(importlib.import_module(benchmark.module_of(name)).run)

@@ -222,9 +222,8 @@ def own_time(points: Sequence[Point], error: float) -> tuple[str, float]:
     """The fastest propagator at an error and its time, ms; NaN where none reaches it."""
     methods = dict.fromkeys(point.method for point in points if point.own)
     times = ((method, time_at(_of(points, method), error)) for method in methods)
-    return min(
-        (each for each in times if not math.isnan(each[1])), key=lambda each: each[1], default=("none", math.nan)
-    )
+    reached = [each for each in times if not math.isnan(each[1])]
+    return min(reached, key=lambda each: each[1], default=("none", math.nan))
 
 
 def time_at(points: Sequence[Point], error: float) -> float:

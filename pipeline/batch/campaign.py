@@ -40,31 +40,20 @@ def run(
     limit: int | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> None:
-    """Do all jobs that are not done.
+    """Do all jobs that are not done; `FileError` where the ledger or the log cannot be written.
 
     Parameters
     ----------
-    jobs : sequence of (Path, Config)
-    ledger : Ledger
-        Of the batch's folder.
     executor : callable
         Closed when this ends, however it ends.
-    log : Log
     tally : Tally
         Counted as things happen, so that it is right after an interrupt too.
-    anew : bool
-        Do everything, whatever the ledger knows.
-    retry_failed : bool
-        Do what failed again.
+    anew, retry_failed : bool
+        Do everything, whatever the ledger knows; do what failed again.
     limit : int, optional
         Most jobs to do.
     progress : callable, optional
         Told how many are done, and of how many.
-
-    Raises
-    ------
-    FileError
-        The ledger or the log cannot be written.
     """
     configurations: dict[str, str] = {}
     for _, config in jobs:

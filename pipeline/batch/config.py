@@ -19,67 +19,39 @@ Allow = Callable[[int], None]
 
 @dataclass(frozen=True)
 class Kind:
-    """How an input of one kind becomes a record: all that a further kind (a film, a table) has to bring.
-
-    Attributes
-    ----------
-    name : str
-        As told to the user.
-    endings : tuple of str
-        Of its files' names.
-    record : callable
-        From the path, the config and `Allow` to a record in memory; of a module, so that another process finds it.
-    searched : bool
-        Whether folders are searched for it.
-    beside : callable or None
-        Path of a file that is read with an input, where there is one: its change changes the input.
-    """
+    """How an input of one kind becomes a record: all that a further kind (a film, a table) has to bring."""
 
     name: str
+    """As told to the user."""
     endings: tuple[str, ...]
+    """Of its files' names."""
     record: Callable[[Path, Config, Allow], DataTree]
+    """A function of a module, so that another process finds it."""
     searched: bool = True
+    """Whether folders are searched for it."""
     beside: Callable[[Path], Path] | None = None
+    """Path of a file that is read with an input, where there is one: its change changes the input."""
 
 
 @dataclass(frozen=True)
 class Config:
-    """One job's settings.
-
-    Attributes
-    ----------
-    key : str
-        Name of the job within its batch: that of its output, relative to the batch's folder.
-    output : Path
-        Of the result.
-    kind : Kind
-        Of the input.
-    method : tuple of str
-        As `pipeline.process`.
-    pair : str or None
-        As `pipeline.process`.
-    gain_uncertainty : float
-        As `pipeline.process`.
-    member : int
-        Number of the member of a scene, from 1; 0 for the input as it is.
-    variant : tuple of (str, value)
-        What a sweep sets in a scene.
-    memory : int or None
-        Bytes the process may hold beside twelve times what the input declares; None = no limit.
-    command : str
-        As the user gave it, for the result.
-    """
+    """One job's settings; `method`, `pair` and `gain_uncertainty` as `pipeline.process` takes them."""
 
     key: str
+    """Name of the job within its batch: that of its output, relative to the batch's folder."""
     output: Path
     kind: Kind
     method: tuple[str, ...] = ("auto",)
     pair: str | None = None
     gain_uncertainty: float = 0.0
     member: int = 0
+    """Number of the member of a scene, from 1; 0 for the input as it is."""
     variant: tuple[tuple[str, Any], ...] = ()
+    """What a sweep sets in a scene."""
     memory: int | None = None
+    """Bytes the process may hold beside twelve times what the input declares; None = no limit."""
     command: str = ""
+    """As the user gave it, for the result."""
 
     @cached_property
     def meaning(self) -> str:

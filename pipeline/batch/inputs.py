@@ -29,15 +29,8 @@ class Input(NamedTuple):
 def find_inputs(words: Sequence[str], kinds: Sequence[Kind]) -> list[Input]:
     """Files, glob patterns and folders, which are searched with all below them; each file once, in order of name.
 
-    Parameters
-    ----------
-    words : sequence of str
-    kinds : sequence of Kind
-
-    Raises
-    ------
-    UsageError
-        An empty word, a pattern or folder without any file, a folder that cannot be searched, a file of no known kind.
+    `UsageError` for an empty word, a pattern or folder without any file or that cannot be searched, a file of no known
+    kind.
     """
     found: dict[Path, Kind] = {}
     for word in words:
@@ -54,13 +47,7 @@ def find_inputs(words: Sequence[str], kinds: Sequence[Kind]) -> list[Input]:
 
 
 def kind_of(path: Path, kinds: Sequence[Kind]) -> Kind:
-    """Kind of a file by its ending; the longest that fits.
-
-    Raises
-    ------
-    UsageError
-        None fits.
-    """
+    """Kind of a file by its ending, the longest that fits; `UsageError` where none does."""
     fits = [(len(ending), kind) for kind in kinds for ending in kind.endings if path.name.endswith(ending)]
     if not fits:
         known = "; ".join(f"{kind.name} ({', '.join(kind.endings)})" for kind in kinds)

@@ -42,28 +42,19 @@ class Place(NamedTuple):
 
 
 class Index:
-    """What a ledger knows, as it is on the disk now.
+    """What a ledger knows, as it is on the disk now; `FileError` where it cannot be read.
 
     Parameters
     ----------
     folder : Path
         Of the batch.
     versions : str
-        JSON of what makes the numbers now.
+        JSON of what makes the numbers now; kept is their short name, as lines give it.
 
     Attributes
     ----------
-    path : Path
-        Of the ledger.
-    versions : str
-        Short name of the versions, as lines give it.
     places : dict of str to Place
         By key.
-
-    Raises
-    ------
-    FileError
-        It cannot be read.
     """
 
     def __init__(self, folder: Path, versions: str) -> None:
@@ -80,13 +71,7 @@ class Index:
             raise FileError(f"{shown(self.path, 400)}: {error.strerror}; make it readable") from None
 
     def line(self, key: str) -> dict[str, Any]:
-        """What the ledger says of a key.
-
-        Raises
-        ------
-        FileError
-            It cannot be read any more.
-        """
+        """What the ledger says of a key; `FileError` where it cannot be read any more."""
         with self.path.open("rb") as file:
             file.seek(self.places[key].offset)
             content = content_of(file.readline())
@@ -129,18 +114,9 @@ def content_of(line: bytes) -> dict[str, Any] | None:
 
 def outcome_content(one: Outcome, configuration: str, versions: str) -> dict[str, Any]:
     """What the line of an outcome says."""
-    return {
-        "key": one.key,
-        "status": one.status,
-        "error_class": one.error_class,
-        "error": one.error,
-        "input_sha256": one.input_sha256,
-        "output_sha256": one.output_sha256,
-        "configuration_sha256": configuration,
-        "versions": versions,
-        "seconds": one.seconds,
-        "rows": list(one.rows),
-    }
+    names = ("key", "status", "error_class", "error", "input_sha256", "output_sha256")
+    made = {"configuration_sha256": configuration, "versions": versions}
+    return {name: getattr(one, name) for name in names} | made | {"seconds": one.seconds, "rows": list(one.rows)}
 
 
 def place(offset: int, content: Mapping[str, Any]) -> Place:
@@ -151,19 +127,7 @@ def place(offset: int, content: Mapping[str, Any]) -> Place:
 class Ledger(Index):
     """The ledger of one folder, held by this process alone; a context manager.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the batch; it must exist.
-    versions : str
-        JSON of what makes the numbers now.
-
-    Raises
-    ------
-    UsageError
-        Another process writes to it.
-    FileError
-        It cannot be read or written.
+    `UsageError` where another process writes to it, `FileError` where it cannot be read or written.
 
     Examples
     --------
@@ -201,18 +165,9 @@ class Ledger(Index):
         os.close(self._file)
 
     def append(self, outcomes: Iterable[Outcome], configurations: Mapping[str, str]) -> None:
-        """Write outcomes, each a line, and wait until all are on the disk.
+        """Write outcomes, each a line with the SHA-256 of its configuration, and wait until all are on the disk.
 
-        Parameters
-        ----------
-        outcomes : iterable of Outcome
-        configurations : mapping of str to str
-            SHA-256 of each one's configuration by its key.
-
-        Raises
-        ------
-        FileError
-            The disk is full, or fails. What was written before stays good.
+        `FileError` where the disk is full, or fails; what was written before stays good.
         """
         lines, places, offset = [], {}, self._size
         for one in outcomes:

@@ -18,15 +18,7 @@ NAME = "batch.log.jsonl"
 class Log:
     """Events appended to a file; a context manager. The ledger counts, the log only tells: nothing waits for the disk.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the batch.
-
-    Raises
-    ------
-    FileError
-        It cannot be written; also from `event`.
+    `FileError` where it cannot be written, also from `event`.
     """
 
     def __init__(self, folder: Path) -> None:

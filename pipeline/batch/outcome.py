@@ -10,31 +10,19 @@ Status = Literal["ok", "refused", "failed"]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one input; a line of the ledger.
-
-    Attributes
-    ----------
-    key : str
-        Of the job, see `Config`.
-    status : {"ok", "refused", "failed"}
-        "ok": at least one method gave a value.
-    error_class, error : str or None
-        Why there is no value, in one line. Beside the names of exceptions: "Crashed", "TimedOut", "WorkerLost".
-    input_sha256, output_sha256 : str or None
-        Of the files' bytes, where they were read and written.
-    rows : tuple of dict
-        What the summary says of each method.
-    seconds : float
-        Time taken.
-    """
+    """What became of one input; a line of the ledger. "ok": at least one method gave a value."""
 
     key: str
+    """Of the job, see `Config`."""
     status: Status
     error_class: str | None = None
     error: str | None = None
+    """Why there is no value, in one line. Beside the names of exceptions: "Crashed", "TimedOut", "WorkerLost"."""
     input_sha256: str | None = None
     output_sha256: str | None = None
+    """Of the files' bytes, where they were read and written."""
     rows: tuple[dict[str, Any], ...] = ()
+    """What the summary says of each method."""
     seconds: float = 0.0
 
     def took(self, seconds: float) -> Outcome:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import os
+import stat
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import data_schemas
+from data_schemas.contents import shown
 from data_schemas.errors import FileError, IsochronyError, RefusedError
-from pipeline.batch.config import Allow, Config
-from pipeline.batch.hashing import file_sha256, input_sha256
+from pipeline.batch.config import Allow, Config, Kind
 from pipeline.batch.outcome import Outcome, failure
 
 if TYPE_CHECKING:
@@ -29,16 +32,7 @@ _KEPT = ("requested_method", "method", "status", "error", "gravity_m_s2", "gravi
 def process_record(path: Path, config: Config) -> Outcome:
     """Make the result of one input and write it; the function that every executor runs.
 
-    Parameters
-    ----------
-    path : Path
-        Of the input.
-    config : Config
-
-    Returns
-    -------
-    Outcome
-        Also of an input that is missing, hostile, damaged or too large, and of a fault of our own.
+    There is an outcome also of an input that is missing, hostile, damaged or too large, and of a fault of our own.
     """
     started = time.perf_counter()
     digest = None
@@ -59,6 +53,31 @@ def process_record(path: Path, config: Config) -> Outcome:
     return outcome.took(time.perf_counter() - started)
 
 
+def input_sha256(path: Path, kind: Kind) -> str:
+    """Hexadecimal SHA-256 of an input; where a file beside it is read with it, of both their checksums."""
+    digest = file_sha256(path)
+    beside = kind.beside(path) if kind.beside is not None else None
+    if beside is None or not os.path.isfile(beside):
+        return digest
+    return hashlib.sha256(f"{digest} {file_sha256(beside)}".encode()).hexdigest()
+
+
+def file_sha256(path: str | os.PathLike[str]) -> str:
+    """Hexadecimal SHA-256 of an ordinary file.
+
+    `FileError` where there is none, it may not be read, or is a folder, a FIFO, a device: nothing that could hang.
+    """
+    try:
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        with os.fdopen(descriptor, "rb", buffering=0) as file:
+            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+                raise FileError(f"{shown(path, 400)}: is not an ordinary file; give one")
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FileError(f"{shown(path, 400)}: {reason}; give the path of a file that can be read") from None
+
+
 def _made(config: Config, digest: str, record: DataTree) -> Outcome:
     from pipeline.processing import process
     from pipeline.summary import summaries
@@ -77,8 +96,6 @@ def _made(config: Config, digest: str, record: DataTree) -> Outcome:
 
 
 def _write(result: DataTree, output: Path) -> None:
-    import data_schemas
-
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -116,15 +133,7 @@ def bounded(fixed: int | None) -> Iterator[Allow]:
     that would pass the bound fails, with a `MemoryError` or the end of the process. What an input declares may be a
     bomb, a megabyte that unpacks to gigabytes: it never gives more than half of the machine's memory.
 
-    Parameters
-    ----------
-    fixed : int or None
-        None, or a system without such a limit: unbounded.
-
-    Yields
-    ------
-    callable
-        Told the bytes that the input declares.
+    None, or a system without such a limit, is unbounded. What is yielded is told the bytes that the input declares.
     """
     if fixed is None or not _STATM.exists():
         yield lambda _declared: None

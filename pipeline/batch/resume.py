@@ -7,8 +7,8 @@ from pathlib import Path
 
 from data_schemas.errors import FileError
 from pipeline.batch.config import Config
-from pipeline.batch.hashing import file_sha256, input_sha256
 from pipeline.batch.ledger import Index
+from pipeline.batch.record import file_sha256, input_sha256
 
 LEFTOVER = ".isochrony-*.part"
 """What a killed process leaves of a file that it was writing."""
@@ -17,14 +17,7 @@ LEFTOVER = ".isochrony-*.part"
 def holds(path: Path, config: Config, ledger: Index, *, retry_failed: bool = False) -> bool:
     """Whether the ledger's outcome of a job still holds: same input, settings and versions, and the output verifies.
 
-    Parameters
-    ----------
-    path : Path
-        Of the input.
-    config : Config
-    ledger : Index
-    retry_failed : bool
-        Whether what failed is to be done again; what a method refused it would refuse again.
+    `retry_failed`: what failed is to be done again; what a method refused it would refuse again.
     """
     place = ledger.places.get(config.key)
     if place is None or not place.fits(config, ledger.versions):
@@ -37,17 +30,9 @@ def holds(path: Path, config: Config, ledger: Index, *, retry_failed: bool = Fal
 
 
 def remove_leftovers(folder: Path) -> int:
-    """Remove what killed processes left half-written in a folder and below; nobody else may be writing there.
+    """Remove what killed processes left half-written in a folder and below, and say how many; nobody else may write.
 
-    Returns
-    -------
-    int
-        How many there were.
-
-    Raises
-    ------
-    FileError
-        One cannot be removed.
+    `FileError` where one cannot be removed.
     """
     count = 0
     for path in folder.rglob(LEFTOVER):

@@ -31,22 +31,7 @@ def write_summary(jobs: Sequence[tuple[Path, Config]], ledger: Index, folder: Pa
     """Write both tables, a row an input and method, in the order of the inputs.
 
     Nothing enters that differs from run to run: no time, no host. Inputs that the ledger does not know are left out.
-
-    Parameters
-    ----------
-    jobs : sequence of (Path, Config)
-    ledger : Index
-    folder : Path
-        Of the tables, which are replaced.
-
-    Returns
-    -------
-    list of Path
-
-    Raises
-    ------
-    FileError
-        A table cannot be written, or the ledger not read.
+    Tables that are there are replaced. `FileError` where one cannot be written, or the ledger not read.
     """
     swept = list(dict.fromkeys(key for _, config in jobs for key, _ in config.variant))
     columns = Columns(swept)
@@ -75,12 +60,7 @@ def _rows(path: Path, config: Config, ledger: Index) -> list[dict[str, Any]]:
 
 
 class Columns:
-    """A table that grows by rows.
-
-    Parameters
-    ----------
-    swept : sequence of str
-        Keys of scenes that a sweep set; their columns are called ``sweep KEY``.
+    """A table that grows by rows; keys of scenes that a sweep set have columns called ``sweep KEY``.
 
     Attributes
     ----------
@@ -125,8 +105,7 @@ class Columns:
         for name, numbers in self._numbers.items():
             variables[name] = ("row", np.array(numbers), attributes(f"summary/{name}"))
         for name, values in self._swept.items():
-            said = f"{name.partition(' ')[2]} of the scene, in the scene's own unit"
-            attrs = {"units": "1", "long_name": said}
+            attrs = {"units": "1", "long_name": f"{name.partition(' ')[2]} of the scene, in the scene's own unit"}
             if not any(isinstance(value, str) for value in values):
                 stored = np.array([np.nan if value is None else value for value in values], dtype=np.float64)
                 variables[name.replace(" ", "_")] = ("row", stored, attrs)

@@ -19,10 +19,7 @@ Variant = tuple[tuple[str, Any], ...]
 def parse_sweep(word: str) -> tuple[str, list[Any]]:
     """A key and its values from ``KEY=A,B,C`` or ``KEY=LOW:HIGH:COUNT`` (evenly spaced, both ends included).
 
-    Raises
-    ------
-    UsageError
-        Neither form, or no number where one must be.
+    `UsageError` for neither form, or no number where one must be.
 
     Examples
     --------
@@ -41,10 +38,7 @@ def parse_sweep(word: str) -> tuple[str, list[Any]]:
 def grid(sweeps: Sequence[tuple[str, list[Any]]]) -> list[Variant]:
     """All points, the last key changing fastest; one empty point without any sweep.
 
-    Raises
-    ------
-    UsageError
-        A key twice, or too many points.
+    `UsageError` for a key twice, or too many points.
 
     Examples
     --------

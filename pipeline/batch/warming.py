@@ -51,13 +51,7 @@ def warm(methods: Sequence[str], parent: int | None = None) -> None:
 
 
 def small_record(count: int = 2250) -> DataTree:
-    """Two free pendulums at 25 Hz; a minute and a half is the least that every method takes.
-
-    Parameters
-    ----------
-    count : int
-        Readings of each of the two traces.
-    """
+    """Two free pendulums, `count` readings at 25 Hz; a minute and a half is the least that every method takes."""
     from xarray import Dataset, DataTree
 
     from data_schemas.variables import VARIABLES, attributes

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
-Row = dict[str, Any]
+from pipeline.benchmarks.tables import Row
 
 
 def at_most(bar: str, value: float, limit: float, unit: str = "") -> Row:

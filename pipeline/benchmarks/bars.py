@@ -11,33 +11,23 @@ from pathlib import Path
 
 import numpy as np
 
-from data_schemas.scene import Scene
 from pipeline.benchmarks import bars_joint, bars_speed
-from pipeline.benchmarks.bar import Row, at_most, holds, reported
+from pipeline.benchmarks.bar import at_most, holds, reported
 from pipeline.benchmarks.paper import marks_error, neglected_terms, plain_error
 from pipeline.benchmarks.scenes import beats_through_zero, linear, real, real_heave, resonant, swell
+from pipeline.benchmarks.tables import Row
 from pipeline.benchmarks.trials import outcome, prepared, reduce_all
 from pipeline.reduction import reduce_by
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """Yield every bar. Quick: fewer seeds, with limits as much wider as chance asks."""
-    yield from rows()
-    yield from bars_joint.rows(quick=quick)
-    yield from bars_speed.rows(quick=quick)
-
-
-def rows() -> Iterator[Row]:
-    """Yield the bars of accuracy."""
     yield from _wrong_by_nature()
     yield from _through_zero()
     yield from _nonlinear()
     yield from _browne()
-
-
-def undamped() -> Scene:
-    """Linear pendulums without damping, whose record says nothing."""
-    return linear(damping_rates=(0.0, 0.0), write_restoring=False, write_damping=False)
+    yield from bars_joint.rows(quick=quick)
+    yield from bars_speed.rows(quick=quick)
 
 
 def _wrong_by_nature() -> Iterator[Row]:
@@ -50,7 +40,7 @@ def _wrong_by_nature() -> Iterator[Row]:
     ):
         off = abs(found[name].error / expected - 1.0)
         yield at_most(f"linear: {name} {found[name].error:.4g} mGal, off {source} {expected:.4g} by", off, 0.01)
-    ready = prepared(undamped())
+    ready = prepared(linear(damping_rates=(0.0, 0.0), write_restoring=False, write_damping=False))
     error = outcome(reduce_by("general", ready, 0.0), scene.gravity).error
     expected = -neglected_terms(ready)["finite_arc"]
     off = abs(error / expected - 1.0)

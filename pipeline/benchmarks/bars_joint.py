@@ -14,15 +14,19 @@ import numpy as np
 
 from data_schemas.errors import IsochronyError
 from data_schemas.scene import Scene
-from pipeline.arrays import Floats
-from pipeline.benchmarks.bar import Row, at_most, between, of_few, reported
+from pipeline.benchmarks.bar import at_most, between, of_few, reported
+from pipeline.benchmarks.clock import hilbert, rounds, times
 from pipeline.benchmarks.fisher import gravity_bound
 from pipeline.benchmarks.honesty.case import Case
 from pipeline.benchmarks.honesty.plain import gravity_at
 from pipeline.benchmarks.honesty.records import Made, of_case
-from pipeline.benchmarks.progress import progress
 from pipeline.benchmarks.scenes import linear, real
+from pipeline.benchmarks.tables import Row, progress
 from pipeline.benchmarks.trials import made
+from pipeline.joint.fit import reduce
+from pipeline.joint.gather import gather
+from pipeline.processing import process
+from pipeline.summary import summaries
 
 COUNT, QUICK = 400, 8
 MGAL = 1e-5  # m s-2
@@ -75,9 +79,8 @@ def rows(*, quick: bool) -> Iterator[Row]:
         yield honest(f"joint, {name}", campaign(name, Case(kicks=kick), count))
     for name, case in COURSES.items():
         fits = campaign(name, case, count)
-        yield at_most(
-            f"joint, {name}: mean, farthest of {count} in sigma", max(abs(f.error / f.sigma) for f in fits), 4.0
-        )
+        farthest = max(abs(fit.error / fit.sigma) for fit in fits)
+        yield at_most(f"joint, {name}: mean, farthest of {count} in sigma", farthest, 4.0)
         yield between(f"joint, {name}: band, rms z", rms(fit.band for fit in fits), 0.7, 1.2)
     yield from _efficiency(count)
     yield _interval(2000 if not quick else 5 * QUICK)
@@ -96,16 +99,14 @@ def campaign(name: str, case: Case | Callable[[np.random.Generator], Case | Made
 
 def fitted(record: Made) -> Fit:
     """Fit one record as a user would."""
-    from pipeline.processing import process
-    from pipeline.summary import summaries
-
+    row: Row = {"status": "refused"}
     began = time.process_time()
     try:
         result = process(record.tree)
+        (row,) = summaries(result)
     except IsochronyError:
-        return Fit(math.inf, math.nan, time.process_time() - began, math.nan)
+        pass
     took = time.process_time() - began
-    (row,) = summaries(result)
     if row["status"] != "ok":
         return Fit(math.inf, math.nan, took, math.nan)
     band = math.nan
@@ -129,7 +130,7 @@ def median(fits: list[Fit], name: str) -> float:
 
 def honest(name: str, fits: list[Fit]) -> Row:
     """Root mean square of error over sigma, between .85 and 1.2, wider by three times the scatter that few have."""
-    more = 3.0 * max(math.sqrt(0.5 / len(fits)) - math.sqrt(0.5 / COUNT), 0.0)
+    more = of_few(1.0, len(fits), COUNT) - 1.0
     value = rms(fit.error / fit.sigma for fit in fits)
     return between(f"{name}: rms z of {len(fits)}", value, 0.85 * (1.0 - more), 1.2 * (1.0 + more))
 
@@ -183,42 +184,16 @@ def _interval(count: int) -> Row:
 
 def _cost(repeats: int) -> Iterator[Row]:
     """CPU time of a pass and of a whole fit, beside hilbert + unwrap + polyfit on as many samples; compiled before."""
-    from pipeline.joint.fit import reduce
-    from pipeline.joint.gather import gather
-
     for name, (case, one, whole) in SPEEDS.items():
         gathered = gather(of_case(case, np.random.default_rng(1958), name).tree)
         best = reduce(gathered).fit
         model = best.model
-        signal = model.problem.lattice.value[:45000]
-
-        one_pass = partial(model.problem.run, model.assumed, model.constants, about=best.path)
         calls: dict[str, Callable[[], object]] = {
-            "chain": partial(_chain, signal),
-            "pass": one_pass,
+            "chain": partial(hilbert, model.problem.lattice.value[:45000]),
+            "pass": partial(model.problem.run, model.assumed, model.constants, about=best.path),
             "fit": partial(reduce, gathered),
         }
-        taken: dict[str, list[float]] = {key: [] for key in calls}
-        for _ in range(repeats):
-            for key, call in calls.items():
-                taken[key].append(_cpu(call, 1 if key == "fit" else 5))
+        taken = rounds(calls, repeats)
         for key, limit in (("pass", one), ("fit", whole)):
-            ratios = [own / chain for own, chain in zip(taken[key], taken["chain"], strict=True)]
-            words = f"joint, {name}, 45000 samples: {key}, chains"
-            yield at_most(words, statistics.median(ratios), limit, f"{min(ratios):.3g} to {max(ratios):.3g}")
+            yield times(f"joint, {name}, 45000 samples: {key}, chains", taken[key], taken["chain"], limit)
         yield reported(f"joint, {name}: a whole fit", statistics.median(taken["fit"]), "s")
-
-
-def _chain(signal: Floats) -> float:
-    """Slope of the phase, as a user of scipy would have it."""
-    from scipy.signal import hilbert
-
-    phase = np.unwrap(np.angle(hilbert(signal)))
-    return float(np.polyfit(np.arange(signal.size), phase, 1)[0])
-
-
-def _cpu(call: Callable[[], object], times: int) -> float:
-    began = time.process_time()
-    for _ in range(times):
-        call()
-    return (time.process_time() - began) / times

@@ -13,13 +13,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import data_schemas
 from data_schemas.scene import Scene
-from pipeline.benchmarks.bar import Row, at_most
-from pipeline.benchmarks.clock import command, median_ratio, rounds
+from pipeline.benchmarks.bar import at_most
+from pipeline.benchmarks.clock import command, hilbert, rounds, times
 from pipeline.benchmarks.scenes import linear, real
+from pipeline.benchmarks.tables import Row
 from pipeline.benchmarks.trials import outcome
 from pipeline.methods import PAIR_METHODS, method
 from pipeline.observation import Observation, observe
@@ -62,30 +61,18 @@ def rows(*, quick: bool) -> Iterator[Row]:
 def _estimation(scene: Scene, limits: dict[str, float], exact: float, repeats: int) -> Iterator[Row]:
     """Methods against hilbert + unwrap + polyfit on the same samples; the first must be exact besides."""
     seen = observe(simulate(scene)[0])
-    calls: dict[str, Callable[[], Any]] = {"hilbert": hilbert(seen)}
-    calls |= {name: partial(_estimate, seen, name) for name in limits}
-    taken = rounds(calls, repeats, batch=5)
+    calls: dict[str, Callable[[], Any]] = {name: partial(_estimate, seen, name) for name in limits}
+    taken = rounds({"hilbert": partial(hilbert, seen.difference)} | calls, repeats, batch=5)
+    words = f"{seen.time.size} samples"
     for name, limit in limits.items():
-        bar = f"{name}, {seen.time.size} samples: times hilbert + unwrap + polyfit"
-        yield _share(bar, taken[name], taken["hilbert"], limit)
+        yield times(f"{name}, {words}: times hilbert + unwrap + polyfit", taken[name], taken["hilbert"], limit)
     first = next(iter(limits))
     error = outcome(reduce_by(first, prepare(seen), 0.0), scene.gravity).error
-    yield at_most(f"{first}, {seen.time.size} samples: error, noise-free", abs(error), exact, "mGal")
+    yield at_most(f"{first}, {words}: error, noise-free", abs(error), exact, "mGal")
 
 
 def _estimate(seen: Observation, name: str) -> Any:
     return method(name)(prepare(seen))
-
-
-def hilbert(seen: Observation) -> Callable[[], float]:
-    """What a user of scipy would write: slope of the difference's phase, uncorrected, rad s-1."""
-    from scipy.signal import hilbert as analytic
-
-    def call() -> float:
-        phase = np.unwrap(np.angle(analytic(seen.difference)))
-        return float(np.polyfit(seen.time, phase, 1)[0])
-
-    return call
 
 
 def _start_up(path: Path, repeats: int) -> Iterator[Row]:
@@ -95,17 +82,9 @@ def _start_up(path: Path, repeats: int) -> Iterator[Row]:
         ("isochrony --help", ("--help",), "import numpy", 3.0),
         ("isochrony process", process, "import numba, xarray, h5netcdf", 2.5),
     ):
-        calls = {
-            "own": command(sys.executable, "-m", "pipeline.cli", *words),
-            "rival": command(sys.executable, "-c", imports),
-        }
-        taken = rounds(calls, repeats)
-        yield _share(f'{label}, start to exit: times python -c "{imports}"', taken["own"], taken["rival"], limit)
-
-
-def _share(bar: str, own: Sequence[float], rival: Sequence[float], limit: float) -> Row:
-    every = [one / other for one, other in zip(own, rival, strict=True)]
-    return at_most(bar, median_ratio(own, rival), limit, f"{min(every):.2g} to {max(every):.2g}")
+        rivals = (command(sys.executable, *each) for each in (("-m", "pipeline.cli", *words), ("-c", imports)))
+        taken = rounds(dict(zip(("own", "rival"), rivals, strict=True)), repeats)
+        yield times(f'{label}, start to exit: times python -c "{imports}"', taken["own"], taken["rival"], limit)
 
 
 def modules(program: str, *words: str) -> set[str]:

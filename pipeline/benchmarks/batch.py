@@ -5,11 +5,9 @@ The first table: one row a way of doing the same records. The second: every prom
 
 from __future__ import annotations
 
-import contextlib
 import filecmp
 import importlib.util
 import json
-import re
 import statistics
 import subprocess
 import sys
@@ -19,7 +17,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import data_schemas
 import synth
@@ -27,9 +24,8 @@ from pipeline.batch import ledger, log
 from pipeline.batch.summary import NAMES
 from pipeline.benchmarks.bar import at_least, at_most, holds, not_measured
 from pipeline.benchmarks.clock import median_ratio, tree_environment
-from pipeline.benchmarks.csv_table import write
-from pipeline.benchmarks.progress import progress
 from pipeline.benchmarks.scenes import linear
+from pipeline.benchmarks.tables import Row, progress
 
 Way = Callable[[Path, Path], list[float]]
 """From a folder of records and one for results to the instants, s, at which records were done."""
@@ -91,39 +87,17 @@ def _batch(records: Path, out: Path, words: Sequence[str]) -> list[float]:
 
 
 def _by_dask(records: Path, out: Path) -> list[float]:
-    with cluster(out.with_name("dask")) as address:
-        return _batch(records, out, ("--scheduler", address))
+    """A scheduler here, and two workers of one thread as separate processes on the loopback."""
+    from distributed import LocalCluster
 
-
-@contextlib.contextmanager
-def cluster(folder: Path) -> Iterator[str]:
-    """Start a scheduler and two workers of one thread, as separate processes on the loopback; yield the address."""
-    start = partial(subprocess.Popen, env=_environment(), stderr=subprocess.PIPE, text=True)
-    here = ("--no-dashboard", "--host", "127.0.0.1")
-    with contextlib.ExitStack() as ends:
-
-        def started(program: str, *words: str) -> subprocess.Popen[str]:
-            process = start([sys.executable, "-m", f"distributed.cli.{program}", *words, *here])
-            ends.enter_context(process)
-            ends.callback(process.terminate)
-            return process
-
-        scheduler = started("dask_scheduler", "--port", "0")
-        address = _said(scheduler, r"tcp://127\.0\.0\.1:\d+")
-        each = ("--nworkers", "2", "--nthreads", "1", "--local-directory", str(folder))
-        workers = started("dask_worker", address, *each)
-        for _ in range(2):
-            _said(workers, "Starting established connection")
-        yield address
-
-
-def _said(process: subprocess.Popen[str], pattern: str) -> str:
-    """What a program says of itself, once it does."""
-    assert process.stderr is not None
-    for line in process.stderr:
-        if found := re.search(pattern, line):
-            return found[0]
-    raise ChildProcessError(f"{process.args!r}: ended before it said '{pattern}'")
+    work = {
+        "n_workers": 2,
+        "threads_per_worker": 1,
+        "env": _environment(),
+        "local_directory": str(out.with_name("dask")),
+    }
+    with LocalCluster(**work, dashboard_address=None) as cluster:
+        return _batch(records, out, ("--scheduler", cluster.scheduler_address))
 
 
 def killed_and_resumed(records: Path, out: Path, after: int) -> None:
@@ -148,10 +122,10 @@ WAYS: Mapping[str, Way] = {
 }
 
 
-def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
+def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """Yield one row a way, then one row a promise; ways take turns, so that a busy machine slows all of them.
 
-    Quick: fewer records, one round. With a folder: both tables as CSV.
+    Quick: fewer records, one round.
     """
     count, rounds = QUICK if quick else FULL
     ways = dict(WAYS)
@@ -169,14 +143,12 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
             same = same and (name == BARE or _same(out, home / f"{ONE} 0"))
         killed_and_resumed(records, home / KILLED, count // 2)
         resumed = _same(home / KILLED, home / f"{ONE} 0")
-    table = [_row(name, count, taken) for name in taken]
-    promises = [*_speed(taken), holds("summary.csv and summary.nc, whoever does the work", same, "same bytes"),
-                holds("killed with -9 in the middle and resumed: summary", resumed, "same bytes")]  # fmt: skip
-    yield from table
-    yield from promises
-    if folder is not None:
-        write(folder / "batch.csv", table)
-        write(folder / "batch-bars.csv", promises)
+    for name, paces in taken.items():
+        pace, ratio = 1e3 * statistics.median(paces), median_ratio(paces, taken[BARE])
+        yield {"way": name, "records": count, "ms_a_record": pace, "of_bare_loop": ratio}
+    yield from _speed(taken)
+    yield holds("summary.csv and summary.nc, whoever does the work", same, "same bytes")
+    yield holds("killed with -9 in the middle and resumed: summary", resumed, "same bytes")
 
 
 def _pace(way: Way, records: Path, out: Path) -> float:
@@ -189,16 +161,7 @@ def _same(one: Path, other: Path) -> bool:
     return not any(filecmp.cmpfiles(one, other, NAMES, shallow=False)[1:])
 
 
-def _row(name: str, count: int, taken: Mapping[str, list[float]]) -> dict[str, Any]:
-    return {
-        "way": name,
-        "records": count,
-        "ms_a_record": 1e3 * statistics.median(taken[name]),
-        "of_bare_loop": median_ratio(taken[name], taken[BARE]),
-    }
-
-
-def _speed(taken: Mapping[str, list[float]]) -> Iterator[dict[str, Any]]:
+def _speed(taken: Mapping[str, list[float]]) -> Iterator[Row]:
     overhead = statistics.median(one - bare for one, bare in zip(taken[ONE], taken[BARE], strict=True))
     yield at_most(f"{ONE}, over a {BARE}, a record", 1e3 * overhead, _OVERHEAD, "ms")
     yield at_least(f"{TWO}: times faster than a {BARE}", median_ratio(taken[BARE], taken[TWO]), _SCALING)

@@ -10,6 +10,12 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.benchmarks.bar import at_most
+from pipeline.benchmarks.tables import Row
+
 Call = Callable[[], Any]
 Given = TypeVar("Given")
 
@@ -50,6 +56,19 @@ def rounds(calls: Mapping[str, Call], repeats: int = 5, batch: int = 1) -> dict[
 def median_ratio(slow: Sequence[float], fast: Sequence[float]) -> float:
     """Median of the ratios of times that were taken in the same rounds."""
     return statistics.median(one / other for one, other in zip(slow, fast, strict=True))
+
+
+def times(bar: str, own: Sequence[float], rival: Sequence[float], limit: float) -> Row:
+    """A bar on the median of these ratios, with their range."""
+    every = [one / other for one, other in zip(own, rival, strict=True)]
+    return at_most(bar, median_ratio(own, rival), limit, f"{min(every):.3g} to {max(every):.3g}")
+
+
+def hilbert(values: Floats) -> float:
+    """Slope of the phase, rad a sample, as a user of scipy would have it: the yardstick of methods' times."""
+    from scipy.signal import hilbert as analytic
+
+    return float(np.polyfit(np.arange(values.size), np.unwrap(np.angle(analytic(values))), 1)[0])
 
 
 def command(*words: str) -> Call:

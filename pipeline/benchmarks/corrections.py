@@ -1,7 +1,7 @@
 """Suite `corrections`: what every method leaves (mGal) on every kind of record, and what it costs.
 
-With a folder: tables (CSV), everything (JSON), a picture (PNG), and the finished records, so that a run that was
-interrupted goes on where it stopped.
+With a folder: every point (CSV), a picture (PNG), and the finished records, so that a run that was interrupted goes on
+where it stopped.
 
 On noise-free linear pendulums it is known which method is right and by how much, to the order of magnitude, the others
 are wrong. The sizes of wrong methods depend on phases and swell, so they are judged by their root mean square over
@@ -22,13 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.benchmarks import json_table
-from pipeline.benchmarks.csv_table import write
 from pipeline.benchmarks.honesty.records import Made, record
 from pipeline.benchmarks.honesty.score import reduced
 from pipeline.benchmarks.kept import Kept
-from pipeline.benchmarks.progress import progress
+from pipeline.benchmarks.pictures import draw_corrections
 from pipeline.benchmarks.scenes import real_heave, resonant, swell, two_pendulums
+from pipeline.benchmarks.tables import Row, progress, write
 from pipeline.benchmarks.trials import made
 from pipeline.methods import PAIR_METHODS
 from pipeline.processing import process
@@ -39,7 +38,6 @@ SWELLS = (24, 25, 26, 27, 28, 29)
 _EXACT = {"projection": 1e-3, "complex": 1e-2}
 _INTEGRATED = _EXACT | {"panteleev": 1e-2, "general": 1e-2}
 _PHASE_METHODS = ("uncorrected", "vening-meinesz", "panteleev", "general")
-Row = dict[str, Any]
 METHODS = (*PAIR_METHODS, "joint")
 HONEST = ("general", "shooting", "joint")
 """Methods that reduce what acts on real pendulums: their sigma must hold, or a flag must say why not."""
@@ -66,12 +64,8 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     yield from refusals(points)
     yield from summary(points)
     if folder is not None:
-        write(folder / "corrections.csv", points)
-        write(folder / "corrections-methods.csv", summary(points))
-        json_table.write(folder / "corrections.json", {"quick": quick, "points": points, "methods": summary(points)})
+        write(folder / "corrections-points.csv", points)
         if importlib.util.find_spec("matplotlib") is not None:
-            from pipeline.benchmarks.pictures import draw_corrections
-
             draw_corrections(points, folder / "corrections.png")
 
 
@@ -105,12 +99,8 @@ def _compile(name: str) -> None:
 def judged(kind: Kind, rows: Sequence[Row], others: Sequence[Sequence[Row]]) -> Row:
     """One record: the error of each method, those that are wrong and say nothing, whether the kind's pattern holds.
 
-    Parameters
-    ----------
-    rows : sequence of dict
-        Of the record that is shown, one a method.
-    others : sequence of sequence of dict
-        Of records in other swells, by the methods that must be wrong.
+    `rows` are of the record that is shown, one a method; `others` of records in other swells, by the methods that must
+    be wrong.
     """
     errors = {row["method"]: row["error_mgal"] for row in rows}
     silent = [row["method"] for row in rows if kind.real and row["method"] in HONEST and silently_wrong(row)]
@@ -122,12 +112,7 @@ def judged(kind: Kind, rows: Sequence[Row], others: Sequence[Sequence[Row]]) -> 
         and all(float(np.sqrt(np.mean(np.square(spread[name])))) >= limit for name, limit in kind.wrong.items())
         and (kind.real or all(math.isfinite(error) or name in kind.refused for name, error in errors.items()))
     )
-    return {
-        "case": kind.name,
-        **errors,
-        "silently_wrong": " ".join(silent),
-        "pass": pattern and not silent,
-    }
+    return {"case": kind.name, **errors, "silently_wrong": " ".join(silent), "pass": pattern and not silent}
 
 
 def silently_wrong(row: Row) -> bool:
@@ -151,8 +136,8 @@ def summary(points: Sequence[Row]) -> list[Row]:
         table.append(
             {
                 "method": name,
-                "median_ms": _median([row["ms"] for row in rows if not row["refused"]]),
-                "median_error_mgal": _median(errors),
+                "median_ms": statistics.median([row["ms"] for row in rows if not row["refused"]] or [math.nan]),
+                "median_error_mgal": statistics.median(errors or [math.nan]),
                 "worst_error_mgal": max(errors, default=math.nan),
                 "flagged": sum(bool(row["flags"]) for row in rows),
                 "declined": sum(bool(row["refused"]) for row in rows),
@@ -162,77 +147,47 @@ def summary(points: Sequence[Row]) -> list[Row]:
     return table
 
 
-def _median(values: Sequence[float]) -> float:
-    return statistics.median(values) if values else math.nan
-
-
 @dataclass(frozen=True)
 class Kind:
-    """One kind of record.
-
-    Attributes
-    ----------
-    record : callable
-        The seed of the swell gives the record.
-    right : dict
-        Largest error, mGal, of the methods that are right here.
-    wrong : dict
-        Least root mean square error over the swells, mGal, of the methods that are wrong: a fifth of what is found.
-    refused : tuple of str
-        Methods that may decline: a phase means nothing where the amplitude vanishes.
-    real : bool
-        Real pendulums, where a value of the methods made for them must hold within its sigma.
-    """
+    """One kind of record."""
 
     name: str
     record: Callable[[int], Made]
+    """Of the seed of the swell."""
     right: Mapping[str, float] = field(default_factory=dict)
+    """Largest error, mGal, of the methods that are right here."""
     wrong: Mapping[str, float] = field(default_factory=dict)
+    """Least root mean square error over the swells, mGal, of the methods that are wrong: a fifth of what is found."""
     refused: tuple[str, ...] = ()
+    """Methods that may decline: a phase means nothing where the amplitude vanishes."""
     real: bool = False
+    """Real pendulums, where a value of the methods made for them must hold within its sigma."""
 
 
 def kinds(*, quick: bool) -> list[Kind]:
     """All kinds: linear pendulums, then real ones, whose records are shorter when quick."""
-    return [
-        *LINEAR,
-        *(Kind(name, partial(_real, name, 600.0 if quick else None), real=True) for name in REAL),
-    ]
+    return [*LINEAR, *(Kind(name, partial(_real, name, 600.0 if quick else None), real=True) for name in REAL)]
 
 
 def _real(kind: str, duration: float | None, seed: int) -> Made:
     return record(kind, "middle", seed, duration=duration)
 
 
-def _linear(name: str, difference: float, *more: dict[str, Any], **changes: Any) -> Callable[[int], Made]:
-    return lambda seed: made(two_pendulums(name, difference, motion=[swell(seed=seed), *more], **changes))
+def _linear(difference: float, *more: dict[str, Any], **changes: Any) -> Callable[[int], Made]:
+    return lambda seed: made(two_pendulums("linear", difference, motion=[swell(seed=seed), *more], **changes))
+
+
+def _wrong(uncorrected: float, vening_meinesz: float) -> Mapping[str, float]:
+    return {"uncorrected": uncorrected, "vening-meinesz": vening_meinesz}
 
 
 LINEAR = (
+    Kind("linear, eps 1e-5, near-resonant", _linear(1e-5, resonant()), _INTEGRATED, _wrong(0.9, 0.6)),
+    Kind("linear, eps 1e-4", _linear(1e-4), _INTEGRATED, _wrong(2.8, 8.0)),
+    Kind("linear, eps 1e-3", _linear(1e-3), _EXACT | {"panteleev": 0.1}, _wrong(13.0, 260.0)),
+    Kind("linear, eps 1e-4, 50/40 mrad", _linear(1e-4, amplitudes=(0.05, 0.04)), _INTEGRATED, _wrong(26.0, 10.0)),
     Kind(
-        "linear, eps 1e-5, near-resonant",
-        _linear("eps-1e-5-resonant", 1e-5, resonant()),
-        _INTEGRATED,
-        {"uncorrected": 0.9, "vening-meinesz": 0.6},
-    ),
-    Kind("linear, eps 1e-4", _linear("eps-1e-4", 1e-4), _INTEGRATED, {"uncorrected": 2.8, "vening-meinesz": 8.0}),
-    Kind(
-        "linear, eps 1e-3",
-        _linear("eps-1e-3", 1e-3),
-        _EXACT | {"panteleev": 0.1},
-        {"uncorrected": 13.0, "vening-meinesz": 260.0},
-    ),
-    Kind(
-        "linear, eps 1e-4, 50/40 mrad",
-        _linear("eps-1e-4-heavy", 1e-4, amplitudes=(0.05, 0.04)),
-        _INTEGRATED,
-        {"uncorrected": 26.0, "vening-meinesz": 10.0},
-    ),
-    Kind(
-        "linear, eps 1e-3, beats through zero",
-        _linear("eps-1e-3-zero", 1e-3, amplitudes=(0.01, 0.01)),
-        _EXACT,
-        refused=_PHASE_METHODS,
+        "linear, eps 1e-3, beats through zero", _linear(1e-3, amplitudes=(0.01, 0.01)), _EXACT, refused=_PHASE_METHODS
     ),
 )
 """Noise-free linear pendulums in swell; eps is the relative difference of the periods."""

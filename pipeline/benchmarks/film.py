@@ -16,15 +16,18 @@ from typing import Any
 
 import numpy as np
 
+import synth
 from data_schemas.errors import IsochronyError
 from data_schemas.scene import Scene, load_scene
 from data_schemas.scene_film import Dimming, Film
 from data_schemas.scene_recording import Stretch
-from pipeline.benchmarks.bar import Row, at_least, at_most, holds, not_measured
-from pipeline.benchmarks.csv_table import write
+from pipeline.benchmarks.bar import at_least, at_most, holds, not_measured
 from pipeline.benchmarks.film_scores import Truth, order, own_reading, places, readings
-from pipeline.benchmarks.progress import progress
+from pipeline.benchmarks.tables import Row, progress
+from pipeline.film.digitise import digitise, open_film
+from pipeline.film.knowledge import FilmOptions
 from pipeline.gravity import MGAL
+from pipeline.processing import process
 
 GRAIN = 0.05
 MIDDLE = 63.5  # mm, of the paper
@@ -41,47 +44,29 @@ NOTHING: dict[str, Any] = {
 """Scores of a film that was refused."""
 
 
-def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
+def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """Yield one row a film and reader, then one row a promise.
 
-    Quick: films of two minutes, the ends of each axis, and no promise that needs half an hour of film. With a folder:
-    both tables as CSV.
+    Quick: films of two minutes, the ends of each axis, and no promise that needs half an hour of film.
     """
-    table: list[dict[str, Any]] = []
     seconds = _QUICK_SECONDS if quick else _SECONDS
     with tempfile.TemporaryDirectory() as temporary:
         _warm_up(Path(temporary) / "case.film.tif")
         for case in progress(list(cases(seconds, quick=quick)), "film"):
-            for row in rows_of(case, Path(temporary) / "case.film.tif"):
-                table.append(row)
-                yield row
-        promises = []
-        for row in rows(Path(temporary), quick=quick):
-            promises.append(row)
-            yield row
-    if folder is not None:
-        write(folder / "film.csv", table)
-        write(folder / "film-bars.csv", promises)
+            yield from rows_of(case, Path(temporary) / "case.film.tif")
+        yield from rows(Path(temporary), quick=quick)
 
 
 def _warm_up(path: Path) -> None:
     """Read a short film once, so that no film is charged with what is compiled at first use."""
-    import synth
-    from pipeline.film.digitise import digitise
-
     case = next(cases(_WARM_SECONDS, quick=True))
     synth.expose(case.scene, case.film, path, overwrite=True)
     digitise(path)
 
 
-def rows_of(case: Case, path: Path) -> Iterator[dict[str, Any]]:
+def rows_of(case: Case, path: Path) -> Iterator[Row]:
     """Rows of one film: the project's reading, then its peers."""
-    import synth
-    from pipeline.film.digitise import open_film
-    from pipeline.film.knowledge import FilmOptions
-
-    tree = synth.expose(case.scene, case.film, path, overwrite=True)
-    truth = Truth.of(tree)
+    truth = Truth.of(synth.expose(case.scene, case.film, path, overwrite=True))
     named = {"axis": case.axis, "value": case.value}
     pixels = truth.column.shape[1] * round(case.film.paper_width * case.film.dpi / 25.4)
     started = time.process_time()
@@ -102,15 +87,7 @@ def rows_of(case: Case, path: Path) -> Iterator[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class Case:
-    """One film.
-
-    Attributes
-    ----------
-    axis, value
-        Which property is varied, and what it is here.
-    scene : Scene
-    film : Film
-    """
+    """One film: which property is varied, what it is here, and what that makes."""
 
     axis: str
     value: float
@@ -127,10 +104,7 @@ def scene(seconds: float) -> Scene:
 
 def crossing(apart: float, **parts: Any) -> Film:
     """A film whose two traces rest so many mm apart."""
-    places = [
-        {"name": "1", "position": MIDDLE - 0.5 * apart},
-        {"name": "1-2", "position": MIDDLE + 0.5 * apart},
-    ]
+    places = [{"name": name, "position": MIDDLE + side * apart} for name, side in (("1", -0.5), ("1-2", 0.5))]
     return Film.model_validate({"grain": GRAIN, "traces": places, **parts})
 
 
@@ -168,8 +142,6 @@ def hard_films(seconds: float) -> dict[str, Film]:
 
 def touching(seconds: float) -> float:
     """How far apart traces must rest so that they just touch, mm."""
-    import synth
-
     elongation: Any = synth.simulate(scene(seconds))[0]["record"].dataset["elongation"].values
     return float(np.max(elongation[0] - elongation[1]) * Film().lever)
 
@@ -203,8 +175,6 @@ def hard(folder: Path) -> Iterator[Row]:
 
 
 def _exposed(film: Film, folder: Path, seconds: float = HALF_HOUR) -> tuple[Path, Truth]:
-    import synth
-
     path = folder / "bar.film.tif"
     return path, Truth.of(synth.expose(scene(seconds), film, path, overwrite=True))
 
@@ -242,10 +212,6 @@ def _accuracy(folder: Path) -> Iterator[Row]:
 
 def _gravity(name: str, limit: float, folder: Path) -> Iterator[Row]:
     """From a scene to film to gravity."""
-    import synth
-    from pipeline.film.digitise import digitise
-    from pipeline.processing import process
-
     path, course = folder / "bar.film.tif", scene(HALF_HOUR)
     synth.expose_to(course, name, path, overwrite=True)
     try:

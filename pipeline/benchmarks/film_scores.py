@@ -9,16 +9,16 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from itertools import permutations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats
+from pipeline.benchmarks.tables import Row
 from pipeline.film.digitise import read
 from pipeline.film.reading import Reading
 
@@ -37,8 +37,7 @@ _BESIDE = 10  # px beyond the outermost places of a trace
 _NOISES = 4.0  # sigmas of the ground above which a pixel counts
 
 
-@dataclass(frozen=True)
-class Truth:
+class Truth(NamedTuple):
     """What a reader of the film does not see, (traces, rows) px and s, and the marks, s."""
 
     column: Floats
@@ -69,16 +68,10 @@ def order(position: Floats, truth: Truth) -> list[int]:
     return min((list(names) for names in permutations(range(len(column)))), key=distance)
 
 
-def places(position: Floats, flagged: Flags | None, truth: Truth) -> dict[str, Any]:
+def places(position: Floats, flagged: Flags | None, truth: Truth) -> Row:
     """Errors of the rows' readings, normal to the line, px; readings in the order of the traces they follow.
 
-    Parameters
-    ----------
-    position : (traces, rows) array
-        NaN where nothing was read.
-    flagged : (traces, rows) array or None
-        Where the reader says that it may be wrong.
-    truth : Truth
+    Both arrays are (traces, rows): NaN where nothing was read, and flagged where the reader says that it may be wrong.
     """
     column, slope = truth.column, truth.slope
     lit = np.isfinite(column)
@@ -156,12 +149,11 @@ def marks(index: NDArray[np.int64], row_of_trace: Floats, shift: float, interval
     return rms(error[np.isfinite(error)])
 
 
-@dataclass(frozen=True)
-class OwnReading:
+class OwnReading(NamedTuple):
     """A reading, its scores, CPU s."""
 
     reading: Reading
-    scores: dict[str, Any]
+    scores: Row
     seconds: float
 
 
@@ -171,10 +163,7 @@ def own_reading(path: str | os.PathLike[str], truth: Truth, interval: float) -> 
     A time axis that found no minute's code counts from an arbitrary mark, and says so: it is right up to a shift by
     whole marks. One that shifts on the way has slipped.
 
-    Raises
-    ------
-    IsochronyError
-        It declines.
+    `IsochronyError` where it declines.
     """
     started = time.process_time()
     found, _ = read(path)
@@ -200,23 +189,14 @@ def readings(scan: Any, truth: Truth) -> Iterator[tuple[str, Floats]]:
         for line in truth.column
     ]
     for name, reader in (("column argmax", _darkest), ("centroid", _centroid)):
-        yield name, _by_rows(scan, windows, reader)
-
-
-def _by_rows(scan: Any, windows: list[slice], reader: Callable[[Floats], Floats]) -> Floats:
-    position = np.full((len(windows), scan.rows), np.nan)
-    for first in range(0, scan.rows, _STRIP):
-        stop = min(first + _STRIP, scan.rows)
-        light = _darkness(scan.read(first, stop))
-        for k, window in enumerate(windows):
-            position[k, first:stop] = window.start + reader(light[:, window])
-    return position
-
-
-def _darkness(pixels: Any) -> Any:
-    """How much darker than the usual of its row every pixel is, float32."""
-    values = pixels.astype(np.float32)
-    return np.median(values, axis=1, keepdims=True) - values
+        position = np.full((len(windows), scan.rows), np.nan)
+        for first in range(0, scan.rows, _STRIP):
+            part = slice(first, min(first + _STRIP, scan.rows))
+            pixels = scan.read(part.start, part.stop).astype(np.float32)
+            light = np.median(pixels, axis=1, keepdims=True) - pixels  # darker than the usual of its row
+            for k, window in enumerate(windows):
+                position[k, part] = window.start + reader(light[:, window])
+        yield name, position
 
 
 def _darkest(light: Floats) -> Floats:

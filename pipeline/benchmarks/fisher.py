@@ -7,16 +7,17 @@ read with white noise sigma1, and the difference `d = L theta1 + free swing + of
     F = J^T C^-1 J,    C = sigma2^2 I + sigma1^2 L L^T,    J = d(L theta1 + free swing + offset)/d(parameters)
 
 at the true theta1. L is the exact linear identity's response (n1/n2 and gamma1 - gamma2 held),
-`L f = (1-r) f + Im[chi int exp(lam (t-s)) f ds]`; here a trapezoidal sum done by Fourier transforms, J by central
-differences, C^-1 J by conjugate gradients. In the limit n1 = n2 the bound is `sqrt(24/(N (N^2-1))) sigma fs/a`.
+`L f = (1-r) f + Im[chi int exp(lam (t-s)) f ds]`; here a trapezoidal sum, J by central differences, C^-1 J by conjugate
+gradients. In the limit n1 = n2 the bound is `sqrt(24/(N (N^2-1))) sigma fs/a`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import fftconvolve
+from scipy.sparse.linalg import LinearOperator, cg
 
 from data_schemas.scene import Scene
 from data_schemas.scene_recording import Recording
@@ -32,27 +33,18 @@ FINEST = 25.0  # Hz; the trapezoidal sum wants twenty samples a swing
 
 @dataclass(frozen=True)
 class Pair:
-    """Two linear pendulums as the difference sees them.
-
-    Attributes
-    ----------
-    frequency : float
-        n2, rad s-1.
-    ratio : float
-        n1/n2.
-    damping_rate : float
-        gamma2, s-1.
-    damping_difference : float
-        gamma1 - gamma2, s-1.
-    swing : complex
-        A - iB of the free swing `Re[(A - iB) exp(lam t)]` of the difference, rad.
-    """
+    """Two linear pendulums as the difference sees them."""
 
     frequency: float
+    """n2, rad s-1."""
     ratio: float
+    """n1/n2."""
     damping_rate: float
+    """gamma2, s-1."""
     damping_difference: float
+    """gamma1 - gamma2, s-1."""
     swing: complex
+    """A - iB of the free swing `Re[(A - iB) exp(lam t)]` of the difference, rad."""
 
     @property
     def eigenvalue(self) -> complex:
@@ -60,27 +52,20 @@ class Pair:
         return complex(-self.damping_rate, np.sqrt(self.frequency**2 - self.damping_rate**2))
 
 
-def respond(pair: Pair, theta: Floats, step: float) -> Floats:
-    """`L theta`, causal, starting at rest; (n,) array, rad."""
-    return _apply(pair, theta, step, adjoint=False)
-
-
-def _apply(pair: Pair, values: Floats, step: float, *, adjoint: bool) -> Floats:
+def respond(pair: Pair, theta: Floats, step: float, *, adjoint: bool = False) -> Floats:
+    """`L theta`, causal, starting at rest, or what its transpose makes of `theta`; (n,) array, rad."""
     r = pair.ratio**-2
     lam = pair.eigenvalue
     drag = 2.0 * (pair.damping_rate - r * (pair.damping_rate + pair.damping_difference))
     chi = ((1.0 - r) * lam**2 + drag * lam) / lam.imag
-    count = values.size
-    size = 2 * count
-    answer = (chi * np.exp(lam * step * np.arange(count))).imag * step
+    answer = (chi * np.exp(lam * step * np.arange(theta.size))).imag * step
     answer[0] *= 0.5  # trapezoid: the present moment counts half, and so does the first, below
-    spectrum = np.fft.rfft(answer, size)
     if adjoint:
-        whole = np.fft.irfft(np.fft.rfft(values, size) * np.conj(spectrum), size)[:count]
-        whole[0] -= 0.5 * float(answer @ values)
+        whole = fftconvolve(theta[::-1], answer)[theta.size - 1 :: -1]
+        whole[0] -= 0.5 * float(answer @ theta)
     else:
-        whole = np.fft.irfft(np.fft.rfft(values, size) * spectrum, size)[:count] - 0.5 * values[0] * answer
-    return np.asarray((1.0 - r) * values + whole)
+        whole = fftconvolve(theta, answer)[: theta.size] - 0.5 * theta[0] * answer
+    return np.asarray((1.0 - r) * theta + whole)
 
 
 def _model(pair: Pair, theta: Floats, step: float, every: int) -> Floats:
@@ -131,41 +116,21 @@ def bound(
     reading = step * every
 
     def covariance(values: Floats) -> Floats:
-        back = _apply(pair, values, reading, adjoint=True)
+        back = respond(pair, values, reading, adjoint=True)
         return sigma_difference**2 * values + sigma_theta**2 * respond(pair, back, reading)
 
     size = np.linalg.norm(columns, axis=0)
     scaled = columns / size
-    solved = np.stack([_conjugate_gradients(covariance, column) for column in scaled.T], axis=-1)
+    matrix = LinearOperator((len(columns), len(columns)), matvec=covariance, dtype=np.float64)
+    solved = np.stack([cg(matrix, column, rtol=_TOLERANCE, maxiter=_MOST_ROUNDS)[0] for column in scaled.T], axis=-1)
     information = scaled.T @ solved
     return float(np.sqrt(np.linalg.inv(0.5 * (information + information.T))[0, 0]) / size[0])
-
-
-def _conjugate_gradients(matrix: Callable[[Floats], Floats], right: Floats) -> Floats:
-    solution: Floats = np.zeros_like(right)
-    residual = right.copy()
-    direction = residual.copy()
-    square = float(residual @ residual)
-    least = _TOLERANCE**2 * square
-    for _ in range(_MOST_ROUNDS):
-        image = matrix(direction)
-        length = square / float(direction @ image)
-        solution += length * direction
-        residual -= length * image
-        before, square = square, float(residual @ residual)
-        if square < least:
-            break
-        direction = residual + square / before * direction
-    return solution
 
 
 def gravity_bound(scene: Scene) -> float:
     """Least standard deviation of gravity from a scene's record without gaps, mGal.
 
-    Parameters
-    ----------
-    scene : Scene
-        Two pendulums whose first and whose difference are read with the same white noise at even times.
+    The scene has two pendulums whose first and whose difference are read with the same white noise at even times.
     """
     noise = scene.recording.noise
     step = float(scene.recording.step)
@@ -176,15 +141,8 @@ def gravity_bound(scene: Scene) -> float:
     n1, n2 = (float(each) for each in known["frequency"].values)
     gamma1, gamma2 = (float(each) for each in known["damping_rate"].values)
     pair = Pair(n2, n1 / n2, gamma2, gamma1 - gamma2, _swing(theta[0] - theta[1], n2, step / every))
-    sigma = bound(
-        pair,
-        theta[0],
-        step / every,
-        noise,
-        noise,
-        every=every,
-        damping_known=scene.recording.write_damping,
-    )
+    known_damping = scene.recording.write_damping
+    sigma = bound(pair, theta[0], step / every, noise, noise, every=every, damping_known=known_damping)
     return 2.0 * scene.gravity * sigma / n2 / MGAL
 
 

@@ -1,7 +1,7 @@
 """Suite `huygens`: the paper's regime by every way there is, what locks, and what holds of the paper.
 
-With a folder: tables (CSV), everything (JSON), pictures (PNG) of Fig. 2 redrawn and of the lock map, and the finished
-rows of the map, so that a run that was interrupted goes on where it stopped.
+With a folder: pictures (PNG) of Fig. 2 redrawn and of the lock map, and the finished rows of the map, so that a run
+that was interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.benchmarks import json_table
-from pipeline.benchmarks.csv_table import write
 from pipeline.benchmarks.kept import Kept
-from pipeline.benchmarks.progress import progress
+from pipeline.benchmarks.pictures import draw_locking, draw_regime
+from pipeline.benchmarks.tables import Row, progress
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks
 from synth.huygens.locking import edge, edge_of_balance
@@ -46,7 +45,6 @@ MOST_CHI = 1.3 * COUPLING / 0.02
 _TOLERANCE = 1e-7
 _SECTIONS = 201
 _STILL = 0.3  # rad: psi of locked clocks in the last part moves less
-Row = dict[str, Any]
 ALPHAS = (-0.175, -0.25, -0.35, -0.5, -0.65, -0.25 * math.pi, -0.9, -1.0, -1.1, -1.25, -1.396)
 
 
@@ -60,21 +58,13 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     size = QUICK if quick else FULL
     chis, taus, locked = lock_map(size, Kept(folder))
     borders = edges(chis, taus, locked)
-    yield from borders[:: max(1, size // 12)]
-    held = claims(curves, borders, float(chis[1] - chis[0]))
-    yield from held
-    if folder is not None:
-        tables = {"curves": curves, "edges": borders, "claims": held}
-        for name, table in tables.items():
-            write(folder / f"huygens-{name}.csv", table)
-        json_table.write(folder / "huygens.json", {"quick": quick, **tables})
-        if importlib.util.find_spec("matplotlib") is not None:
-            from pipeline.benchmarks.pictures import draw_locking, draw_regime
-
-            smooth = [row for alpha in np.linspace(min(ALPHAS), max(ALPHAS), 200) for row in closed(alpha)]
-            marks = [row for row in curves if row["way"] not in {line["way"] for line in smooth}]
-            draw_regime([*smooth, *marks], folder / "huygens-figure-2.png")
-            draw_locking(chis, taus, locked, borders, folder / "huygens-map.png")
+    yield from borders
+    yield from claims(curves, borders, float(chis[1] - chis[0]))
+    if folder is not None and importlib.util.find_spec("matplotlib") is not None:
+        smooth = [row for alpha in np.linspace(min(ALPHAS), max(ALPHAS), 200) for row in closed(alpha)]
+        marks = [row for row in curves if row["way"] not in {line["way"] for line in smooth}]
+        draw_regime([*smooth, *marks], folder / "huygens-figure-2.png")
+        draw_locking(chis, taus, locked, borders, folder / "huygens-map.png")
 
 
 def rows(alphas: Sequence[float]) -> list[Row]:
@@ -130,31 +120,23 @@ def moved(regime: Regime, clocks: Clocks, swings: int = 400) -> Regime:
 
 
 def _of(regime: Regime, way: str, clocks: Clocks, k: float) -> Row:
-    return _row(way, 0.5 * (regime.alpha[0] + regime.alpha[1]), regime.beta, regime.q, clocks.mean_detuning, k)
+    return _row(way, 0.5 * sum(regime.alpha), regime.beta, regime.q, clocks.mean_detuning, k)
 
 
 def _row(way: str, alpha: float, beta: Any, q: Any, tau: Any, k: Any) -> Row:
-    values = {"beta": float(beta), "q": float(q), "tau": float(tau), "k": float(k)}
-    return {"way": way, "alpha": float(alpha), **values, "stable": None}
+    values = {"alpha": alpha, "beta": beta, "q": q, "tau": tau, "k": k}
+    return {"way": way, **{name: float(value) for name, value in values.items()}, "stable": None}
 
 
 def claims(curves: Sequence[Row], edges: Sequence[Row], step: float) -> list[Row]:
-    """One row a claim.
-
-    Parameters
-    ----------
-    curves, edges : sequences of rows
-        Of the suite.
-    step : float
-        Of chi on the lock map.
-    """
+    """One row a claim, from the suite's rows and the step of chi on the lock map."""
     by_way = {way: [row for row in curves if row["way"] == way] for way in {row["way"] for row in curves}}
     orbit, chain, paper, motion = (by_way[way] for way in ("orbit", "corrected chain", "paper", "motion"))
     beta = _apart(orbit, chain, "beta")
     slope = _apart(orbit, by_way["balance"], "k", relative=True)
     plain = _apart(paper, orbit, "k", relative=True)
     moved = _apart(motion, orbit, "beta")
-    unstable = [row["stable"] is False for row in orbit]
+    share = float(np.mean([row["stable"] is False for row in orbit]))
     near = [row for row in edges if abs(row["tau"]) < 0.03]
     edge = max(
         max(0.0, abs(row["edge_by_motion"] / row["edge_by_theory"] - 1.0) - step / row["edge_by_theory"])
@@ -167,12 +149,7 @@ def claims(curves: Sequence[Row], edges: Sequence[Row], step: float) -> list[Row
         _claim("so is beta of the motion itself, begun alike", moved, 2e-4, moved < 2e-4),
         _claim("k of the orbit is that of the six equations", slope, 1e-3, slope < 1e-3),
         _claim("k as printed, without 1/(2 delta), is not: it errs by", plain, None, None),
-        _claim(
-            "the paper's regime is unstable in its system (2): share of alphas",
-            float(np.mean(unstable)),
-            1.0,
-            all(unstable),
-        ),
+        _claim("the paper's regime is unstable in its system (2): share of alphas", share, 1.0, share == 1.0),
         _claim("the edge of locking is that of theory, for |tau| < 0.03", edge, EDGE, edge <= EDGE),
         _claim("three regimes in phase coexist at delta0 = .002, delta = .2", float(in_phase), 3.0, in_phase == 3),
         _claim("quadrature attracts in system (2)", *_quadrature()),
@@ -228,15 +205,9 @@ def edges(chis: Floats, taus: Floats, rows: list[Row]) -> list[Row]:
     table = []
     for tau, row in zip(taus.tolist(), rows, strict=True):
         pair = Clocks(0.02, 0.02, COUPLING, (tau, tau))
-        table.append(
-            {
-                "tau": tau,
-                "edge_by_motion": measured_edge(chis, row),
-                "edge_by_theory": edge(pair),
-                "edge_by_balance": edge_of_balance(pair),
-                "ms_a_member": 1e3 * float(row["cpu_s"]) / chis.size,
-            }
-        )
+        found = {"edge_by_motion": measured_edge(chis, row), "edge_by_theory": edge(pair)}
+        cost = 1e3 * float(row["cpu_s"]) / chis.size
+        table.append({"tau": tau, **found, "edge_by_balance": edge_of_balance(pair), "ms_a_member": cost})
     return table
 
 

@@ -1,23 +1,29 @@
 """Suite `integrators`: error against run time of every propagator and of the peers, honesty of estimates, bars.
 
-Bars: times faster than peers at equal or smaller error, on points of one run. With a folder: a picture, and every
-table as CSV.
+Times are processor times of all threads, warm, medians of five rounds in which the rivals take turns; whoever takes
+longer than a few seconds is timed once, and whoever takes longer than twenty in the run that gives the answer. Bars:
+times faster than peers at equal or smaller error, on points of one run. With a folder: a picture.
 """
 
 from __future__ import annotations
 
 import importlib.util
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import statistics
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.benchmarks.bar import Row, at_least, not_measured, reported
-from pipeline.benchmarks.csv_table import write
-from pipeline.benchmarks.problems import raced
-from pipeline.benchmarks.references import reference
-from pipeline.benchmarks.work_precision import Point, sweep
+from data_schemas.errors import RefusedError
+from pipeline.benchmarks.bar import at_least, not_measured, reported
+from pipeline.benchmarks.clock import rounds, timed
+from pipeline.benchmarks.peers import PEERS
+from pipeline.benchmarks.pictures import draw_integrators
+from pipeline.benchmarks.problems import AS_EXACT_AS_CAN_BE, OWN, Answer, Problem, raced
+from pipeline.benchmarks.references import Reference, reference
+from pipeline.benchmarks.tables import Row, progress
 
 ABSENT = "not installed, or did not reach it: extra 'peers'"
 ANY = math.nan
@@ -44,30 +50,130 @@ OVER = 1000.0
 """The estimate may be so many times the true error."""
 EXACT = 1e-15
 """An estimate of a few roundings is not asked to be met from below: an error may vanish by chance."""
+TOLERANCES = (1e-6, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14)
+STIFF_TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15)
+PEER_TOLERANCES = (1e-6, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
+QUICK_TOLERANCES = (1e-6, 1e-9, 1e-12)
+REPEATS = 5
+ONCE, QUICK_ONCE = 5.0, 0.25  # s: whoever takes longer is timed once
+LONG = 20.0  # s: whoever takes longer is not called again to be timed: what it compiled is within 5 % of that
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """Yield three kinds of rows: work-precision, honesty, bars. Quick: a tenth as long, fewer tolerances."""
     races: dict[str, tuple[str, list[Point]]] = {}
-    tables: dict[str, list[Row]] = {"work-precision": []}
     for name, problem in raced(quick=quick).items():
         truth = reference(problem)
         races[name] = truth.source, sweep(problem, truth, quick=quick)
-        rows = [point.row(truth.source) for point in races[name][1]]
-        tables["work-precision"] += rows
-        yield from rows
+        yield from (point.row(truth.source) for point in races[name][1])
     points = {name: found for name, (_, found) in races.items()}
-    tables["honesty"] = [row for found in points.values() for row in estimates(found)]
-    bars = judged(points)
-    tables["bars"] = list(not_judged(bars) if quick else bars)
-    yield from (*tables["honesty"], *tables["bars"])
-    if folder is not None:
-        for name, table in tables.items():
-            write(folder / f"{name}.csv", table)
-        if importlib.util.find_spec("matplotlib") is not None:
-            from pipeline.benchmarks.pictures import draw_integrators
+    for found in points.values():
+        yield from estimates(found)
+    for bar in judged(points):
+        # of short problems, on which starting up is what takes the time: reported, not judged
+        yield bar | {"limit": f"of the full run: {bar['limit']}", "pass": None} if quick else bar
+    if folder is not None and importlib.util.find_spec("matplotlib") is not None:
+        draw_integrators(races, folder / "integrators.png")
 
-            draw_integrators(races, folder / "integrators.png")
+
+@dataclass(frozen=True)
+class Point:
+    """One method, the project's own or a peer, at one tolerance (NaN where none can be asked for) on one problem."""
+
+    problem: str
+    method: str
+    own: bool
+    tolerance: float
+    error: float = math.nan
+    """Of the angles, relative to the largest; NaN where refused."""
+    whole_error: float = math.nan
+    """Of all components of the state."""
+    estimate: float = math.nan
+    """The propagator's own; NaN for peers."""
+    seconds: tuple[float, ...] = ()
+    """Processor time of each run."""
+    note: str = ""
+    """Why there is no value."""
+
+    @property
+    def ms(self) -> float:
+        """Median time, ms; NaN where there was none."""
+        return 1e3 * statistics.median(self.seconds) if self.seconds else math.nan
+
+    def row(self, reference: str) -> Row:
+        """As the suite yields it."""
+        return {
+            "problem": self.problem,
+            "method": self.method,
+            "tolerance": self.tolerance,
+            "error": self.error,
+            "estimate": self.estimate,
+            "ms": self.ms,
+            "ms_least": 1e3 * min(self.seconds, default=math.nan),
+            "ms_most": 1e3 * max(self.seconds, default=math.nan),
+            "reference": reference,
+            "note": self.note,
+        }
+
+
+def contenders(problem: Problem) -> tuple[str, ...]:
+    """Names of all propagators, and of the peers that are sensible for the problem."""
+    return (*OWN, *(name for name, peer in PEERS.items() if peer.stiff in (None, problem.stiff)))
+
+
+def set_up(problem: Problem, method: str, tolerance: float) -> Callable[[], Answer]:
+    """A call of a propagator or a peer, by name.
+
+    `RefusedError` where it does not know this kind of problem, `ImportError` where it is not installed.
+    """
+    if method in OWN:
+        return OWN[method](problem, tolerance)
+    call = PEERS[method].make(problem, tolerance)
+    return lambda: Answer(call(), math.nan)
+
+
+def tolerances(problem: Problem, method: str, *, quick: bool) -> Sequence[float]:
+    """What to ask a method for, loosest first."""
+    if method in AS_EXACT_AS_CAN_BE:
+        return (math.nan,)
+    if method in OWN and problem.stiff:
+        return STIFF_TOLERANCES  # a few ms each
+    if quick:
+        return QUICK_TOLERANCES
+    return PEER_TOLERANCES if method in PEERS else TOLERANCES
+
+
+def sweep(problem: Problem, truth: Reference, *, quick: bool, names: Sequence[str] | None = None) -> list[Point]:
+    """Measure contenders, all by default; one that declines is noted with its reason and not asked for more."""
+    points: list[Point] = []
+    runners: dict[str, tuple[Point, Callable[[], Answer]]] = {}
+    names = contenders(problem) if names is None else names
+    for method in progress(names, problem.name, len(names)):
+        for tolerance in tolerances(problem, method, quick=quick):
+            point = Point(problem.name, method, method in OWN, tolerance)
+            try:
+                call = set_up(problem, method, tolerance)
+                answer, took = timed(call)
+                if took <= LONG:
+                    took = timed(call)[1]
+            except (ImportError, RefusedError) as why:
+                absent = isinstance(why, ImportError)
+                points.append(replace(point, note="not installed: extra 'peers'" if absent else f"refused: {why}"))
+                break
+            point = replace(
+                point,
+                error=truth.error(problem, answer, problem.judged),
+                whole_error=truth.error(problem, answer, range(problem.start.size)),
+                estimate=answer.estimated_error,
+                seconds=(took,),
+            )
+            if took > (QUICK_ONCE if quick else ONCE):
+                points.append(point)
+            else:
+                runners[f"{method} {tolerance}"] = point, call
+    taken = rounds({name: call for name, (_, call) in runners.items()}, REPEATS)
+    points += [replace(point, seconds=tuple(taken[name])) for name, (point, _) in runners.items()]
+    return sorted(points, key=lambda point: (names.index(point.method), -point.tolerance))
 
 
 def honest(error: float, estimate: float) -> bool:
@@ -90,12 +196,6 @@ def estimates(points: Sequence[Point]) -> Iterator[Row]:
             }
 
 
-def not_judged(rows: Iterator[Row]) -> Iterator[Row]:
-    """Rows of short problems, on which starting up is what takes the time: reported, not judged."""
-    for row in rows:
-        yield row | {"limit": f"of the full run: {row['limit']}", "pass": None}
-
-
 def judged(found: Mapping[str, Sequence[Point]]) -> Iterator[Row]:
     """Bars from the points of the suite."""
     for name, peer, tolerance, error, limit in BARS:
@@ -114,22 +214,16 @@ def judged(found: Mapping[str, Sequence[Point]]) -> Iterator[Row]:
 
 def _of(points: Sequence[Point], method: str, tolerance: float = ANY) -> list[Point]:
     """Points of a method that have a value, at one tolerance or all."""
-    return [
-        point
-        for point in points
-        if point.method == method
-        and point.seconds
-        and math.isfinite(point.error)
-        and (math.isnan(tolerance) or point.tolerance == tolerance)
-    ]
+    good = (point for point in points if point.method == method and point.seconds and math.isfinite(point.error))
+    return [point for point in good if math.isnan(tolerance) or point.tolerance == tolerance]
 
 
 def own_time(points: Sequence[Point], error: float) -> tuple[str, float]:
     """The fastest propagator at an error and its time, ms; NaN where none reaches it."""
     methods = dict.fromkeys(point.method for point in points if point.own)
-    times = {method: time_at(_of(points, method), error) for method in methods}
-    reached = {method: time for method, time in times.items() if not math.isnan(time)}
-    return min(reached.items(), key=lambda item: item[1], default=("none", math.nan))
+    times = ((method, time_at(_of(points, method), error)) for method in methods)
+    reached = [each for each in times if not math.isnan(each[1])]
+    return min(reached, key=lambda each: each[1], default=("none", math.nan))
 
 
 def time_at(points: Sequence[Point], error: float) -> float:

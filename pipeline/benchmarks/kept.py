@@ -9,24 +9,18 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from data_schemas.writing import write_text
 
 _PACKAGES = ("data_schemas", "synth", "pipeline")
 _NO_NUMBERS = ("cli", "plots")  # parts of `pipeline` that present what others compute
 
 
 class Kept:
-    """Results by configuration: in memory while the suite runs, and in a folder if one is named.
-
-    Parameters
-    ----------
-    folder : Path or None
-        Where `points/` is or will be.
-    """
+    """Results by configuration: in memory while the suite runs, and in `points/` of a folder if one is named."""
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = None if folder is None else folder / "points"
@@ -49,14 +43,8 @@ class Kept:
         if self._folder is None:
             return
         self._folder.mkdir(exist_ok=True)
-        handle, part = tempfile.mkstemp(prefix=".", suffix=".part", dir=self._folder)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                json.dump({"configuration": configuration, "rows": rows}, stream, indent=1)
-            os.replace(part, self._folder / name)
-        finally:
-            if os.path.exists(part):
-                os.unlink(part)
+        text = json.dumps({"configuration": configuration, "rows": rows}, indent=1)
+        write_text(text, self._folder / name, overwrite=True)
 
 
 def _name(configuration: Mapping[str, Any]) -> str:

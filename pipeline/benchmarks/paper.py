@@ -25,7 +25,8 @@ import numpy as np
 from data_schemas.scene import Scene
 from pipeline.arrays import Complexes, Floats
 from pipeline.benchmarks.scenes import PERIOD, REFERENCE, SWELL, swell, two_pendulums
-from pipeline.benchmarks.trials import outcome, reduce_all
+from pipeline.benchmarks.tables import Row
+from pipeline.benchmarks.trials import outcome, prepared, reduce_all
 from pipeline.gravity import MGAL
 from pipeline.harmonics.envelope import Envelope, fill
 from pipeline.harmonics.narrowband import regression
@@ -46,45 +47,32 @@ _FILM = 100.0  # mm, largest slow elongation on the photograph
 _DIFFERENCE = 1e-5  # s, T1 - T2
 
 
-def neglected_terms(prepared: Prepared) -> dict[str, float]:
-    """Size of every term that the paper neglects, mGal.
+def neglected_terms(ready: Prepared) -> dict[str, float]:
+    """Size of every term that the paper neglects, mGal; `RefusedError` where the difference has no usable phase.
 
-    Parameters
-    ----------
-    prepared : Prepared
-        A record made ready; its harmonics are separated here if they are not yet.
-
-    Returns
-    -------
-    dict of str to float
-        `first_speed` (n1-n2)(Phi1'-n1); `first_growth` (n1-n2) Theta1'/Theta1; `forcing` (n1-n2) xi/g;
-        `slow_difference` psi1-psi2; `damping_difference` gamma1-gamma2 (0 where the record states none);
-        `finite_arc` -n Theta^2/16 of both pendulums.
-
-    Raises
-    ------
-    RefusedError
-        The difference has no usable phase.
+    `first_speed` (n1-n2)(Phi1'-n1); `first_growth` (n1-n2) Theta1'/Theta1; `forcing` (n1-n2) xi/g; `slow_difference`
+    psi1-psi2; `damping_difference` gamma1-gamma2 (0 where the record states none); `finite_arc` -n Theta^2/16 of both
+    pendulums.
     """
-    found = phases(prepared)
-    envelope, seen = found.envelope, prepared.observation
-    frequency = prepared.fine.frequency
+    found = phases(ready)
+    envelope, seen = found.envelope, ready.observation
+    frequency = ready.fine.frequency
     first_frequency = seen.frequency_ratio * frequency
     own = 1j * (envelope.carrier - first_frequency)
     relative = (envelope.first_speed / envelope.first + own) / first_frequency  # Theta1'/Theta1 + i (Phi1'-n1), over n1
     share = envelope.share
     half = 0.5 * (first_frequency - frequency)
-    arc = model_speed(envelope, frequency, prepared, arc=True) - model_speed(envelope, frequency, prepared, arc=False)
+    with_arc, without = (model_speed(envelope, frequency, ready, arc=arc) for arc in (True, False))
     speeds = {
         "first_speed": half * relative.imag * share.real,
         "first_growth": half * relative.real * share.imag,
         "forcing": 2.0 * half * (relative.imag * share.real + relative.real * share.imag),
         "damping_difference": -seen.damping_difference * share.imag,
-        "finite_arc": arc,
+        "finite_arc": with_arc - without,
     }
-    scale = 2.0 * seen.reference_gravity * frequency / prepared.nominal**2 / MGAL  # mGal per rad s-1
+    scale = 2.0 * seen.reference_gravity * frequency / ready.nominal**2 / MGAL  # mGal per rad s-1
     worth = {name: scale * _slope(found, speed) for name, speed in speeds.items()}
-    worth["slow_difference"] = scale * _slow_slope(prepared, envelope, first_frequency, frequency)
+    worth["slow_difference"] = scale * _slow_slope(ready, envelope, first_frequency, frequency)
     return worth
 
 
@@ -96,9 +84,9 @@ def _slope(found: Phases, speed: Floats) -> float:
     )
 
 
-def _slow_slope(prepared: Prepared, envelope: Envelope, first_frequency: float, frequency: float) -> float:
+def _slow_slope(ready: Prepared, envelope: Envelope, first_frequency: float, frequency: float) -> float:
     """Slope that psi1-psi2, read as part of the harmonic, would add to the phase of `theta - i theta'/n`, rad s-1."""
-    seen = prepared.observation
+    seen = ready.observation
     count = seen.time.size
     time = np.linspace(0.0, float(seen.time[-1]), count)
     swing = _at(envelope, fill(envelope.first), time).real
@@ -125,7 +113,7 @@ def _at(envelope: Envelope, values: Complexes, time: Floats) -> Complexes:
     return np.asarray(smooth * np.exp(1j * envelope.carrier * time))
 
 
-def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
+def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """Yield one row a claim: the paper's value, the computed one, whether they agree. Quick and full are the same."""
     yield from _one_pendulum()
     yield from _leak()
@@ -133,7 +121,7 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
     yield from _neglected()
 
 
-def _row(claim: str, paper: str, computed: float, unit: str, agree: bool) -> dict[str, Any]:
+def _row(claim: str, paper: str, computed: float, unit: str, agree: bool) -> Row:
     return {"claim": claim, "paper": paper, "computed": float(computed), "unit": unit, "pass": bool(agree)}
 
 
@@ -144,7 +132,7 @@ def _resonant_scene() -> Scene:
     return two_pendulums("two-minute-beat", 1e-5, motion=[near], gravity=REFERENCE, amplitudes=(0.012, 0.006))
 
 
-def _one_pendulum() -> Iterator[dict[str, Any]]:
+def _one_pendulum() -> Iterator[Row]:
     yield _row("nu for a beat of two minutes", "about 0.03", _DETUNING, "rad/s", 0.025 < _DETUNING < 0.035)
     shift = 0.5 * PERIOD * _DETUNING / _FREQUENCY / 1e-7
     yield _row("half-period disturbance nu T^2/(4 pi)", "more than 20 000", shift, "1e-7 s", 21_200 < shift < 21_300)
@@ -172,7 +160,7 @@ def _single_error(time: Floats, phase: Floats, minutes: float) -> float:
     return REFERENCE * ((slope / (_FREQUENCY * (1.0 + 1e-5))) ** 2 - 1.0) / MGAL
 
 
-def _leak() -> Iterator[dict[str, Any]]:
+def _leak() -> Iterator[Row]:
     """What psi does to formula (9), as (14) says, both at the minute marks; and what it does to gravity."""
     scene = two_pendulums("leak", 1e-4, gravity=REFERENCE)
     from_formula, from_truth, leaked = leaks(scene)
@@ -250,13 +238,12 @@ def _by_truth(
     return with_slow, clean
 
 
-def _film() -> Iterator[dict[str, Any]]:
+def _film() -> Iterator[Row]:
     """psi1 - psi2 on the photograph, from a simulated record of one harmonic of swell."""
     for period, expected, told in ((10.0, 2e-5, "2e-5"), (2.0, 7e-4, "7e-4")):
         motion = {"kind": "harmonics", "amplitude": [0.1], "period": [period]}
-        scene = two_pendulums(
-            "film", _DIFFERENCE / PERIOD, motion=[motion], amplitudes=(0.0, 0.0), gravity=REFERENCE, duration=120.0
-        )
+        still: Any = {"amplitudes": (0.0, 0.0), "gravity": REFERENCE, "duration": 120.0}
+        scene = two_pendulums("film", _DIFFERENCE / PERIOD, motion=[motion], **still)
         slow = np.asarray(simulate(scene)[1]["truth/forced"].values)
         size = _FILM * np.abs(slow[0] - slow[1]).max() / np.abs(slow[0]).max()
         claim = f"largest psi1-psi2 on film, psi 10 cm, T1-T2 = 1e-5 s, {period:g} s swell"
@@ -272,19 +259,13 @@ _TERMS = {
 _LATER = {"damping_difference": "gamma1-gamma2", "finite_arc": "finite arc"}
 
 
-def _neglected() -> Iterator[dict[str, Any]]:
+def _neglected() -> Iterator[Row]:
     """Validity figures from a record's separated harmonics: 12/6 mrad, swell of 75 mrad, a two-minute beat."""
     near = _resonant_scene().motion[0].model_dump(exclude_none=True)
     for eps, limit in ((1e-5, 0.01), (1e-4, 0.1)):
-        scene = two_pendulums(
-            "neglected",
-            eps,
-            motion=[swell(SWELL, gravity=REFERENCE), near],
-            amplitudes=(0.012, 0.006),
-            damping_rates=(1e-4, 1.2e-4),
-            gravity=REFERENCE,
-        )
-        ready = prepare(observe(simulate(scene)[0]))
+        own: Any = {"amplitudes": (0.012, 0.006), "damping_rates": (1e-4, 1.2e-4), "gravity": REFERENCE}
+        scene = two_pendulums("neglected", eps, motion=[swell(SWELL, gravity=REFERENCE), near], **own)
+        ready = prepared(scene)
         worth = neglected_terms(ready)
         for name, term in _TERMS.items():
             yield _row(f"neglected {term}, eps {eps:g}", "negligible", worth[name], "mGal", abs(worth[name]) < limit)

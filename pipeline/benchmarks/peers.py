@@ -7,7 +7,8 @@ these libraries is needed to use the package; they are the extra `peers`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, cast
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -52,110 +53,95 @@ def heyoka(problem: Problem, tolerance: float) -> Call:
     return call
 
 
-def cyrk(method: str) -> Callable[[Problem, float], Call]:
+def cyrk(problem: Problem, tolerance: float, method: str) -> Call:
     """CyRK called from compiled code with a C callback: its fastest face."""
+    from CyRK import cyjit, nbsolve2_ivp
+    from numba import carray  # type: ignore[attr-defined]  # its stubs forget it
 
-    def make(problem: Problem, tolerance: float) -> Call:
-        from CyRK import cyjit, nbsolve2_ivp
-        from numba import carray  # type: ignore[attr-defined]  # its stubs forget it
+    system, size = problem.system, problem.start.size
 
-        system, size = problem.system, problem.start.size
+    def slopes(out: Any, time: float, state: Any, parameters: Any) -> None:
+        derivative(time, carray(state, size), system, carray(out, size))
 
-        def slopes(out: Any, time: float, state: Any, parameters: Any) -> None:
-            derivative(time, carray(state, size), system, carray(out, size))
+    compiled = cyjit(slopes)
+    start, times = problem.start, problem.times
+    span, tolerances = (float(times[0]), float(times[-1])), {"rtol": tolerance, "atol": ABSOLUTE * tolerance}
 
-        compiled = cyjit(slopes)
-        start, times = problem.start, problem.times
-        span = (float(times[0]), float(times[-1]))
+    def call() -> Floats:
+        assert compiled.address  # keeps the callback alive
+        found = nbsolve2_ivp(compiled.address, span, start, method, times, **tolerances)
+        good, states = bool(found.success), np.array(found.y).T.copy()
+        found.free()
+        if not good or states.shape[0] != times.size:
+            raise RefusedError(f"CyRK {method}: it says that it did not succeed")
+        return states
 
-        def call() -> Floats:
-            assert compiled.address  # keeps the callback alive
-            found = nbsolve2_ivp(
-                compiled.address, span, start, method, times, rtol=tolerance, atol=ABSOLUTE * tolerance
-            )
-            good, states = bool(found.success), np.array(found.y).T.copy()
-            found.free()
-            if not good or states.shape[0] != times.size:
-                raise RefusedError(f"CyRK {method}: it says that it did not succeed")
-            return states
-
-        return call
-
-    return make
+    return call
 
 
-def scipy(method: str) -> Callable[[Problem, float], Call]:
+def scipy(problem: Problem, tolerance: float, method: str) -> Call:
     """scipy's `solve_ivp`."""
+    from scipy.integrate import solve_ivp
 
-    def make(problem: Problem, tolerance: float) -> Call:
-        from scipy.integrate import solve_ivp
+    integrate: Any = solve_ivp  # whose stubs want to know the method beforehand
+    right, size = compiled_right_side(problem.system), problem.start.size
 
-        integrate: Any = solve_ivp  # whose stubs want to know the method beforehand
-        right, size = compiled_right_side(problem.system), problem.start.size
+    def slopes(time: float, state: Floats) -> Floats:
+        out = np.empty(size)
+        right(time, state, out)
+        return out
 
-        def slopes(time: float, state: Floats) -> Floats:
-            out = np.empty(size)
-            right(time, state, out)
-            return out
+    options = {"rtol": max(tolerance, 1e-13), "atol": ABSOLUTE * tolerance}
+    options |= {"jac": compiled_jacobian(problem.system, size)} if problem.stiff else {}
+    span = (float(problem.times[0]), float(problem.times[-1]))
 
-        options = {"jac": compiled_jacobian(problem.system, size)} if problem.stiff else {}
-        span = (float(problem.times[0]), float(problem.times[-1]))
+    def call() -> Floats:
+        found: Any = integrate(slopes, span, problem.start, method, problem.times, **options)
+        if not found.success:
+            raise RefusedError(f"scipy {method}: {found.message}")
+        return np.asarray(found.y).T
 
-        def call() -> Floats:
-            tolerances = {"rtol": max(tolerance, 1e-13), "atol": ABSOLUTE * tolerance}
-            found: Any = integrate(slopes, span, problem.start, method, problem.times, **tolerances, **options)
-            if not found.success:
-                raise RefusedError(f"scipy {method}: {found.message}")
-            return np.asarray(found.y).T
-
-        return call
-
-    return make
+    return call
 
 
-def cvode(method: str) -> Callable[[Problem, float], Call]:
+def cvode(problem: Problem, tolerance: float, method: str) -> Call:
     """SUNDIALS CVODE by scikit-sundae."""
+    from sksundae.cvode import CVODE
 
-    def make(problem: Problem, tolerance: float) -> Call:
-        from sksundae.cvode import CVODE
+    options: dict[str, Any] = {"rtol": tolerance, "atol": ABSOLUTE * tolerance, "max_num_steps": 10_000_000}
+    if problem.stiff:
+        matrix = compiled_jacobian(problem.system, problem.start.size)
 
-        options: dict[str, Any] = {"rtol": tolerance, "atol": ABSOLUTE * tolerance, "max_num_steps": 10_000_000}
-        if problem.stiff:
-            matrix = compiled_jacobian(problem.system, problem.start.size)
+        def slope_matrix(time: float, state: Floats, rates: Floats, out: Floats) -> None:
+            out[:] = matrix(time, state)
 
-            def slope_matrix(time: float, state: Floats, rates: Floats, out: Floats) -> None:
-                out[:] = matrix(time, state)
+        options["jacfn"] = slope_matrix
+    right = compiled_right_side(problem.system)
+    solver = CVODE(lambda time, state, out: right(time, state, out), method=method, **options)
 
-            options["jacfn"] = slope_matrix
-        right = compiled_right_side(problem.system)
-        solver = CVODE(lambda time, state, out: right(time, state, out), method=method, **options)
+    def call() -> Floats:
+        found = solver.solve(problem.times, problem.start)
+        states = np.asarray(found.y)
+        if found.success and problem.times.size == 2:
+            return states[[0, -1]]  # two instants mean every step to it
+        if not found.success or len(found.t) != problem.times.size:
+            raise RefusedError(f"CVODE {method}: {found.message}")
+        return states
 
-        def call() -> Floats:
-            found = solver.solve(problem.times, problem.start)
-            states = np.asarray(found.y)
-            if found.success and problem.times.size == 2:
-                return states[[0, -1]]  # two instants mean every step to it
-            if not found.success or len(found.t) != problem.times.size:
-                raise RefusedError(f"CVODE {method}: {found.message}")
-            return states
-
-        return call
-
-    return make
+    return call
 
 
-def compiled_right_side(system: Any) -> Callable[[float, Floats, Floats], None]:
+def compiled_right_side(system: Any) -> Any:
     """`(time, state, out)` with the parameters compiled in."""
     import numba
 
     def slopes(time: float, state: Floats, out: Floats) -> None:
         derivative(time, state, system, out)
 
-    compiled: Any = numba.njit(slopes)
-    return cast(Callable[[float, Floats, Floats], None], compiled)
+    return numba.njit(slopes)
 
 
-def compiled_jacobian(system: Any, size: int) -> Callable[[float, Floats], Floats]:
+def compiled_jacobian(system: Any, size: int) -> Any:
     """`(time, state) -> matrix`."""
     import numba
 
@@ -164,17 +150,16 @@ def compiled_jacobian(system: Any, size: int) -> Callable[[float, Floats], Float
         jacobian(time, state, system, out)
         return out
 
-    compiled: Any = numba.njit(slopes)
-    return cast(Callable[[float, Floats], Floats], compiled)
+    return numba.njit(slopes)
 
 
 PEERS: Mapping[str, Peer] = {
     "heyoka": Peer("heyoka", heyoka, None),
-    "CyRK DOP853": Peer("CyRK", cyrk("DOP853"), False),
-    "CyRK RADAU": Peer("CyRK", cyrk("RADAU"), True),
-    "scipy DOP853": Peer("scipy", scipy("DOP853"), False),
-    "scipy Radau": Peer("scipy", scipy("Radau"), True),
-    "CVODE Adams": Peer("sksundae", cvode("Adams"), False),
-    "CVODE BDF": Peer("sksundae", cvode("BDF"), True),
+    "CyRK DOP853": Peer("CyRK", partial(cyrk, method="DOP853"), False),
+    "CyRK RADAU": Peer("CyRK", partial(cyrk, method="RADAU"), True),
+    "scipy DOP853": Peer("scipy", partial(scipy, method="DOP853"), False),
+    "scipy Radau": Peer("scipy", partial(scipy, method="Radau"), True),
+    "CVODE Adams": Peer("sksundae", partial(cvode, method="Adams"), False),
+    "CVODE BDF": Peer("sksundae", partial(cvode, method="BDF"), True),
 }
 """All of them, by the names under which rows and pictures show them."""

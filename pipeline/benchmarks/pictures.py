@@ -11,11 +11,12 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.benchmarks.problems import CLOSED, COLLOCATION, EXPLICIT, PICARD, RADAU
-from pipeline.benchmarks.work_precision import Point
 from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend, panel, save, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from pipeline.benchmarks.integrators import Point
 
 Row = Mapping[str, Any]
 FLOOR, TOP = 1e-9, 1e5  # mGal; below the floor lies rounding
@@ -30,7 +31,6 @@ MARKS: Mapping[str, tuple[str, str]] = {
     "joint": ("#8c510a", "H"),
 }
 """Method -> colour, mark."""
-_LABEL_APART = 0.55  # decades from one label to the next
 LOOKS: Mapping[str, tuple[str, str]] = {
     CLOSED: (BLUE, "o"),
     PICARD: (GREEN, "o"),
@@ -48,6 +48,7 @@ LOOKS: Mapping[str, tuple[str, str]] = {
 """Method -> colour and mark; the project's are coloured, peers grey."""
 _COLUMNS = 3
 _LEAST_ERROR = 1e-17
+_LOGARITHMIC: Any = {"xscale": "log", "yscale": "log"}
 
 _WAYS: dict[str, dict[str, Any]] = {
     "paper": {"color": GREY, "linestyle": "--", "linewidth": 2.4},
@@ -60,133 +61,75 @@ _QUANTITIES = (("beta", "beta"), ("q", "q = 2X/l"), ("tau", "tau"), ("k", "k = d
 
 
 def draw_corrections(points: Sequence[Row], path: str | os.PathLike[str]) -> None:
-    """Draw |error| against warm run time: every record as a small mark, each method's medians as a large one.
-
-    Parameters
-    ----------
-    points : sequence of mapping
-        Rows of the suite, one a record and method.
-    path : path
-        PNG.
-    """
-    figure = sheet(
-        "What each method leaves, and what it costs",
-        "small: a record, large: the median of all; run time from record to result, kernels compiled; dashed: 1 mGal",
-        13.0,
-        6.2,
+    """Draw |error| against warm run time: every record as a small mark, each method's medians as a large one."""
+    words = (
+        "small: a record, large: the median of all; run time from record to result, kernels compiled; dashed: 1 mGal"
     )
+    figure = sheet("What each method leaves, and what it costs", words, 14.5, 6.2)
     grid = figure.add_gridspec(1, 2)
     for place, (title, linear) in enumerate((("linear pendulums", True), ("real pendulums", False))):
         rows = [row for row in points if not row["refused"] and row["case"].startswith("linear") == linear]
-        axes = panel(figure, grid[place], title, "run time, ms", "|error|, mGal", xscale="log", yscale="log")
-        _draw_points(axes, rows)
+        _draw_points(panel(figure, grid[place], title, "run time, ms", "|error|, mGal", **_LOGARITHMIC), rows)
     save(figure, path)
 
 
 def _draw_points(axes: Axes, rows: Sequence[Row]) -> None:
-    middles: dict[str, tuple[float, float]] = {}
     for method, (colour, mark) in MARKS.items():
         some = [row for row in rows if row["method"] == method]
-        if not some:
-            continue
         times, errors = [row["ms"] for row in some], [max(abs(row["error_mgal"]), FLOOR) for row in some]
         axes.plot(times, errors, mark, color=colour, markersize=4.0, alpha=0.4, markeredgewidth=0)
-        middles[method] = statistics.median(times), statistics.median(errors)
-        axes.plot(*middles[method], mark, color=colour, markersize=11, markeredgecolor="white", zorder=4)
-    _label_medians(axes, middles)
+        if some:
+            middle = statistics.median(times), statistics.median(errors)
+            words = f"{method}  {middle[0]:.0f} ms, {middle[1]:.2g} mGal"
+            axes.plot(*middle, mark, color=colour, label=words, markersize=11, markeredgecolor="white", zorder=4)
     axes.axhline(1.0, color=GREY, linewidth=0.8, linestyle="--", zorder=1)
     axes.set_ylim(FLOOR / 3, TOP)
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}" if value < TOP else "")  # beyond, labels stand
-
-
-def _label_medians(axes: Axes, middles: Mapping[str, tuple[float, float]]) -> None:
-    """Name each method right of all marks, with a line to its medians; labels are moved up until none hides another."""
-    left, right = axes.get_xlim()
-    axes.set_xlim(left, right * (right / left) ** 0.85)
-    last = -np.inf
-    for method, middle in sorted(middles.items(), key=lambda item: item[1][1]):
-        last = max(float(np.log10(middle[1])), last + _LABEL_APART)
-        colour = MARKS[method][0]
-        axes.annotate(
-            f"{method}  {middle[0]:.0f} ms, {middle[1]:.2g} mGal",
-            middle,
-            xytext=(1.25 * right, 10.0**last),
-            textcoords="data",
-            fontsize=8.5,
-            color=colour,
-            va="center",
-            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.6, "shrinkB": 5, "relpos": (0.0, 0.5)},
-        )
+    legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5), title="medians", labelspacing=1.0)
 
 
 def draw_integrators(races: Mapping[str, tuple[str, Sequence[Point]]], path: str | os.PathLike[str]) -> None:
-    """Draw every problem.
-
-    Parameters
-    ----------
-    races : mapping
-        Problem to the source of its truth and its points.
-    path : path
-        PNG.
-    """
-    figure = sheet(
-        "Error against time",
-        "largest error over the largest size, against the truth named above each panel; warm processor time, medians",
-        13.5,
-        8.4,
+    """Draw every problem, given with the source of its truth and its points."""
+    words = (
+        "largest error over the largest size, against the truth named above each panel; warm processor time, medians"
     )
+    figure = sheet("Error against time", words, 13.5, 8.4)
     grid = figure.add_gridspec(2, _COLUMNS)
     for number, (name, (source, points)) in enumerate(races.items()):
         place = grid[number // _COLUMNS, number % _COLUMNS]
-        axes = panel(figure, place, f"{name}\n", "processor time, ms", "error", xscale="log", yscale="log")
+        axes = panel(figure, place, f"{name}\n", "processor time, ms", "error", **_LOGARITHMIC)
         axes.text(0.0, 1.015, f"against {source}", transform=axes.transAxes, fontsize=8, color=GREY)
-        _draw_lines(axes, points)
-    _draw_key(figure.add_subplot(grid[1, _COLUMNS - 1]), [point for _, points in races.values() for point in points])
+        for method in LOOKS:
+            some = (point for point in points if point.method == method and point.seconds)
+            line = [(point.ms, max(point.error, _LEAST_ERROR)) for point in some if np.isfinite(point.error)]
+            if line:
+                axes.plot(*np.array(line).T, **_look(method))
+    key = figure.add_subplot(grid[1, _COLUMNS - 1])
+    key.set_axis_off()
+    every = [point for _, points in races.values() for point in points]
+    absent = {point.method for point in every if "not installed" in point.note}
+    for method in LOOKS:
+        if method in absent or any(point.method == method and point.seconds for point in every):
+            words = f"{method}, not installed" if method in absent else method
+            key.plot([], [], label=words, **_look(method))
+    legend(key, loc="center left", title="method")
     save(figure, path)
 
 
-def _draw_lines(axes: Axes, points: Sequence[Point]) -> None:
-    drawn = [point for point in points if point.seconds and np.isfinite(point.error)]
-    for method, (colour, mark) in LOOKS.items():
-        line = [(point.ms, max(point.error, _LEAST_ERROR)) for point in drawn if point.method == method]
-        if line:
-            own = mark == "o"
-            axes.plot(
-                *np.array(line).T,
-                color=colour,
-                marker=mark,
-                markersize=5.5 if own else 4.0,
-                linewidth=2.0 if own else 1.0,
-                zorder=3 if own else 2,
-            )
-
-
-def _draw_key(axes: Axes, points: Sequence[Point]) -> None:
-    """Names of those who gave a value somewhere, and who is not installed."""
-    axes.set_axis_off()
-    for method, (colour, mark) in LOOKS.items():
-        if any(point.method == method and point.seconds for point in points):
-            axes.plot([], [], color=colour, marker=mark, label=method)
-    if axes.lines:
-        legend(axes, loc="center left", title="method")
-    absent = dict.fromkeys(point.method for point in points if "not installed" in point.note)
-    if absent:
-        words = "not installed:\n" + "\n".join(absent)
-        axes.text(1.0, 0.5, words, transform=axes.transAxes, fontsize=8.5, color=GREY, ha="right", va="center")
+def _look(method: str) -> dict[str, Any]:
+    """Of a line; the project's own are larger and in front."""
+    colour, mark = LOOKS[method]
+    own = mark == "o"
+    size = {"markersize": 5.5, "linewidth": 2.0, "zorder": 3} if own else {"markersize": 4.0, "linewidth": 1.0}
+    return {"color": colour, "marker": mark, **size}
 
 
 def draw_regime(rows: Sequence[Row], path: str | os.PathLike[str]) -> None:
     """Draw beta (the paper's Fig. 2), q, tau and k over alpha; a line or a mark for each way."""
-    figure = sheet(
-        "The synchronous regime of Kanunnikov and Lamper, by every way there is",
-        "delta0 = 0.02, nu = 5.714e-5 as in their Fig. 2 (top left); delta = 0.02; system (2), where it is a saddle",
-        11.5,
-        8.4,
-    )
+    words = "delta0 = 0.02, nu = 5.714e-5 as in their Fig. 2 (top left); delta = 0.02; system (2), where it is a saddle"
+    figure = sheet("The synchronous regime of Kanunnikov and Lamper, by every way there is", words, 11.5, 8.4)
     grid = figure.add_gridspec(2, 2)
     for number, (key, label) in enumerate(_QUANTITIES):
-        title = f"{key}(alpha)"
-        axes = panel(figure, grid[number // 2, number % 2], title, "alpha, rad", label)
+        axes = panel(figure, grid[number // 2, number % 2], f"{key}(alpha)", "alpha, rad", label)
         for way, look in _WAYS.items():
             chosen = sorted((row for row in rows if row["way"] == way), key=lambda row: float(row["alpha"]))
             values = np.array([float(row[key]) for row in chosen])
@@ -202,12 +145,8 @@ def draw_locking(
     """Draw where clocks lock over tau and chi, with theory's edge and the slow flow's."""
     from matplotlib.colors import ListedColormap
 
-    figure = sheet(
-        "What locks (blue) and what slips",
-        "system (2), 2,000 swings a cell from near quadrature; slower slips count as locked",
-        7.4,
-        6.2,
-    )
+    words = "system (2), 2,000 swings a cell from near quadrature; slower slips count as locked"
+    figure = sheet("What locks (blue) and what slips", words, 7.4, 6.2)
     axes = panel(figure, figure.add_gridspec(1, 1)[0], "", "tau", "chi")
     axes.grid(visible=False)
     locked = np.array([row["locked"] for row in rows], dtype=float).T

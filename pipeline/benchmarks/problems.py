@@ -6,7 +6,7 @@ import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,38 +50,23 @@ STILL = Swell(np.zeros(1), np.ones(1), np.zeros(1))
 
 @dataclass(frozen=True)
 class Problem:
-    """One initial value problem.
-
-    Attributes
-    ----------
-    name : str
-    kind : str
-        "linear" or "sine" (pendulums on a support that moves as prescribed), or the kind of system.
-    system : NamedTuple
-        Of the project's own; general integrators are given its compiled right-hand side.
-    start : (n,) array
-    step : Fraction
-        s, between readings.
-    count : int
-        Readings, the start among them.
-    judged : tuple of int
-        Components whose errors are compared: angles.
-    horizontal, vertical : Swell
-        Motion of the support of pendulums.
-    stiff : bool
-        Which general integrators are sensible, and which tolerances.
-    """
+    """One initial value problem, read `count` times, every `step` s, the start among them."""
 
     name: str
     kind: str
+    """"linear" or "sine" (pendulums on a support that moves as prescribed), or the kind of system."""
     system: Any
+    """Of the project's own; general integrators are given its compiled right-hand side."""
     start: Floats
     step: Fraction
     count: int
     judged: tuple[int, ...] = (0,)
+    """Components whose errors are compared: angles."""
     horizontal: Swell = STILL
     vertical: Swell = STILL
+    """Motion of the support of pendulums."""
     stiff: bool = False
+    """Which general integrators are sensible, and which tolerances."""
 
     @cached_property
     def times(self) -> Floats:
@@ -101,33 +86,21 @@ def hour(seconds: int = HOUR, *, linear: bool = True) -> Problem:
 
     Swell of 4 to 20 s and one harmonic near the pendulums' own frequency.
     """
-    chance = np.random.default_rng(33)
     frequency = 2.0 * np.pi / np.array([1.0099, 1.01])
-    rate = 2.0 * np.pi / chance.uniform(4.0, 20.0, HARMONICS)
-    rate[-1] = frequency[0] - 2.0 * 0.026
-    amplitude = np.full(HARMONICS, 0.03)
-    amplitude[-1] = 4e-4
-    swell = Swell(amplitude, rate, chance.uniform(0.0, 2.0 * np.pi, HARMONICS))
-    other = np.random.default_rng(66)
-    heave = Swell(
-        np.full(HARMONICS, HEAVE),
-        2.0 * np.pi / other.uniform(4.0, 20.0, HARMONICS),
-        other.uniform(0.0, 2.0 * np.pi, HARMONICS),
-    )
-    n, gamma = frequency, np.array([1e-4, 1.2e-4])
+    swell = _sea(33, 0.03)
+    swell.rate[-1], swell.amplitude[-1] = frequency[0] - 2.0 * 0.026, 4e-4
+    heave = STILL if linear else _sea(66, HEAVE)
     law, lifted = (Linear(), None) if linear else (Sine(), harmonics(*heave))
-    system = DrivenPendulums(n, GRAVITY, law, harmonics(*swell), lifted, Viscous(gamma))
-    return Problem(
-        "linear" if linear else "nonlinear",
-        "linear" if linear else "sine",
-        system,
-        np.array([0.015, 0.03, -0.01, 0.05]),
-        Fraction(1, RATE),
-        seconds * RATE,
-        (0, 2),
-        swell,
-        STILL if linear else heave,
-    )
+    system = DrivenPendulums(frequency, GRAVITY, law, harmonics(*swell), lifted, Viscous(np.array([1e-4, 1.2e-4])))
+    name, kind = ("linear", "linear") if linear else ("nonlinear", "sine")
+    start, step = np.array([0.015, 0.03, -0.01, 0.05]), Fraction(1, RATE)
+    return Problem(name, kind, system, start, step, seconds * RATE, (0, 2), swell, heave)
+
+
+def _sea(seed: int, amplitude: float) -> Swell:
+    chance = np.random.default_rng(seed)
+    rate = 2.0 * np.pi / chance.uniform(4.0, 20.0, HARMONICS)
+    return Swell(np.full(HARMONICS, amplitude), rate, chance.uniform(0.0, 2.0 * np.pi, HARMONICS))
 
 
 def beam(oscillations: int = 1000) -> Problem:
@@ -154,23 +127,15 @@ def stiff_beam() -> Problem:
     return Problem("stiff beam", "beam", system, start, Fraction(1, RATE), 401, (2, 4), stiff=True)
 
 
-@dataclass(frozen=True)
-class Answer:
-    """What one propagation gave.
-
-    Attributes
-    ----------
-    states : (k, n) or (k, judged) array
-        States, or the angles alone.
-    estimated_error : float
-        The propagator's own.
-    even : bool
-        It counts readings in whole numbers: its instants are exact, not rounded to doubles.
-    """
+class Answer(NamedTuple):
+    """What one propagation gave."""
 
     states: Floats
+    """(k, n); or (k, judged), the angles alone."""
     estimated_error: float
+    """The propagator's own."""
     even: bool = False
+    """It counts readings in whole numbers: its instants are exact, not rounded to doubles."""
 
 
 Call = Callable[[], Answer]
@@ -182,16 +147,10 @@ def _closed_form(problem: Problem, tolerance: float) -> Call:
     system, moved, start = problem.system, _sum(problem.horizontal), problem.start.tolist()
 
     def call() -> Answer:
-        responses = [
-            respond(
-                float(n),
-                float(gamma),
-                StateStart(angle=start[2 * k], angular_velocity=start[2 * k + 1]),
-                moved,
-                system.gravity,
-            )
-            for k, (n, gamma) in enumerate(zip(system.natural_frequency, system.terms.damping_rate, strict=True))
-        ]
+        responses = []
+        for k, (n, gamma) in enumerate(zip(system.natural_frequency, system.terms.damping_rate, strict=True)):
+            begun = StateStart(angle=start[2 * k], angular_velocity=start[2 * k + 1])
+            responses.append(respond(float(n), float(gamma), begun, moved, system.gravity))
         angles = EvenTimes(problem.step, problem.count).elongation(responses, moved.angular_frequency)
         return Answer(np.asarray(angles.T, np.float64), CLOSED_FORM_ERROR, even=True)
 
@@ -203,16 +162,9 @@ def _picard(problem: Problem, tolerance: float) -> Call:
 
     if problem.kind != "sine":
         raise RefusedError("Picard collocation: made for pendulums with the full sine on a support moved as prescribed")
-    system = problem.system
-    plan = PicardPlan(
-        system.natural_frequency,
-        system.terms.damping_rate,
-        problem.start.reshape(-1, 2),
-        _sum(problem.horizontal),
-        _sum(problem.vertical),
-        system.gravity,
-        EvenTimes(problem.step, problem.count),
-    )
+    system, start, even = problem.system, problem.start.reshape(-1, 2), EvenTimes(problem.step, problem.count)
+    motion, damping = (_sum(problem.horizontal), _sum(problem.vertical)), system.terms.damping_rate
+    plan = PicardPlan(system.natural_frequency, damping, start, *motion, system.gravity, even)
 
     def call() -> Answer:
         angles, error = plan.elongation()
@@ -225,25 +177,22 @@ def _sum(swell: Swell) -> HarmonicSum:
     return HarmonicSum(swell.rate, swell.amplitude * np.exp(1j * swell.phase))
 
 
-def _integrator(name: str) -> Callable[[Problem, float], Call]:
-    def make(problem: Problem, tolerance: float) -> Call:
-        integrate: Any = importlib.import_module(f"synth.integrators.{name}").integrate
+def _integrator(problem: Problem, tolerance: float, name: str) -> Call:
+    integrate: Any = importlib.import_module(f"synth.integrators.{name}").integrate
 
-        def call() -> Answer:
-            found = integrate(problem.system, problem.start, problem.times, tolerance=tolerance)
-            return Answer(found.states, found.estimated_error)
+    def call() -> Answer:
+        found = integrate(problem.system, problem.start, problem.times, tolerance=tolerance)
+        return Answer(found.states, found.estimated_error)
 
-        return call
-
-    return make
+    return call
 
 
 OWN: Mapping[str, Callable[[Problem, float], Call]] = {
     CLOSED: _closed_form,
     PICARD: _picard,
-    COLLOCATION: _integrator("collocation"),
-    RADAU: _integrator("radau"),
-    EXPLICIT: _integrator("explicit"),
+    COLLOCATION: partial(_integrator, name="collocation"),
+    RADAU: partial(_integrator, name="radau"),
+    EXPLICIT: partial(_integrator, name="explicit"),
 }
 """All propagators, by the names under which rows and pictures show them: (problem, tolerance) -> call."""
 AS_EXACT_AS_CAN_BE = (CLOSED, PICARD)

@@ -28,7 +28,6 @@ from synth.phase import Floats
 from synth.systems.dispatch import derivative
 from synth.systems.driven_pendulums import DrivenPendulums
 from synth.systems.restoring import Sine
-from synth.systems.van_der_pol import VanDerPol
 from synth.systems.yielding import ElasticBeam
 
 Number = Callable[[Any], Any]
@@ -90,25 +89,19 @@ def separatrix(frequency: float, instants: Sequence[Fraction]) -> Floats:
 
 
 def equations(problem: Problem, number: Number) -> Equations:
-    """Pairs (variable, derivative) in the order of the state.
+    """Pairs (variable, derivative) in the order of the state; `ImportError` where heyoka is not installed.
 
-    Parameters
-    ----------
-    number : callable
-        Makes a number of the arithmetic wanted, `float` or `numpy.longdouble`.
-
-    Raises
-    ------
-    ImportError
-        heyoka is not installed.
+    `number` makes a number of the arithmetic wanted, `float` or `numpy.longdouble`.
     """
+    import heyoka as hy
+
     system = problem.system
     if isinstance(system, DrivenPendulums):
         return _pendulums(problem, number)
     if isinstance(system, ElasticBeam):
         return _beam(system, number)
-    assert isinstance(system, VanDerPol)
-    return _van_der_pol(system, number)
+    y, v = hy.make_vars("y", "v")  # van der Pol's
+    return [(y, v), (v, number(system.stiffness) * (number(1.0) - y * y) * v - y)]
 
 
 def _level(motion: Swell, number: Number) -> Any:
@@ -164,13 +157,6 @@ def _beam(system: ElasticBeam, number: Number) -> Equations:
     return found
 
 
-def _van_der_pol(system: VanDerPol, number: Number) -> Equations:
-    import heyoka as hy
-
-    y, v = hy.make_vars("y", "v")
-    return [(y, v), (v, number(system.stiffness) * (number(1.0) - y * y) * v - y)]
-
-
 @dataclass(frozen=True)
 class Reference:
     """True states at some of a problem's instants."""
@@ -217,7 +203,10 @@ def reference(problem: Problem) -> Reference:
     if importlib.util.find_spec("heyoka") is not None:
         states, source = in_eighty_bits(problem, more), f"heyoka, 80 bits, {TIGHT:g}"
     else:
-        states, source = _own(problem, more)
+        name = "radau" if problem.stiff else "explicit"
+        integrate = import_module(f"synth.integrators.{name}").integrate
+        states = integrate(problem.system, problem.start, more, tolerance=OWN_TIGHT).states
+        source = f"own {name}, {OWN_TIGHT:g}: no reference for itself"
     values = states[np.searchsorted(more, times)]
     rows, components = np.arange(times.size), tuple(range(problem.start.size))
     return Reference(rows, components, values, _at_exact_instants(problem, values), np.abs(states).max(axis=0), source)
@@ -228,25 +217,13 @@ def in_eighty_bits(problem: Problem, times: Floats) -> Floats:
     import heyoka as hy
 
     wide = np.longdouble
-    integrator = hy.taylor_adaptive(
-        equations(problem, wide),
-        problem.start.astype(wide),
-        time=wide(times[0]),
-        tol=wide(TIGHT),
-        fp_type=wide,
-        compact_mode=True,  # a minute of compiling less
-    )
+    begin = {"time": wide(times[0]), "tol": wide(TIGHT), "fp_type": wide}
+    compact = {"compact_mode": True}  # a minute of compiling less
+    integrator = hy.taylor_adaptive(equations(problem, wide), problem.start.astype(wide), **begin, **compact)
     outcome, *_, states = integrator.propagate_grid(times.astype(wide))
     if outcome != hy.taylor_outcome.time_limit:
         raise RefusedError(f"heyoka, 80 bits: {outcome}")
     return np.asarray(states, dtype=np.float64)
-
-
-def _own(problem: Problem, times: Floats) -> tuple[Floats, str]:
-    name = "radau" if problem.stiff else "explicit"
-    integrate = import_module(f"synth.integrators.{name}").integrate
-    states = integrate(problem.system, problem.start, times, tolerance=OWN_TIGHT).states
-    return states, f"own {name}, {OWN_TIGHT:g}: no reference for itself"
 
 
 def _at_exact_instants(problem: Problem, values: Floats) -> Floats:

@@ -38,22 +38,14 @@ def swell(
     elongation = peak / np.abs(unit).max()  # of each harmonic, rad
     # psi = -u / (1 - m^2/n^2): what acceleration makes this elongation
     acceleration = gravity * elongation * (1.0 - (rate / own_frequency(gravity)) ** 2)
-    return {
-        "kind": "harmonics",
-        "amplitude": acceleration.tolist(),
-        "period": period.tolist(),
-        "phase": phase.tolist(),
-    }
+    values = {"amplitude": acceleration, "period": period, "phase": phase}
+    return {"kind": "harmonics", **{name: value.tolist() for name, value in values.items()}}
 
 
 def resonant(share_of_gravity: float = 4e-5, detuning: float = 0.026, phase: float = 1.0) -> dict[str, Any]:
     """Vibration close to the first pendulum's own frequency."""
-    return {
-        "kind": "near-resonant",
-        "amplitude": share_of_gravity * GRAVITY,
-        "detuning": detuning,
-        "phase": phase,
-    }
+    amplitude = share_of_gravity * GRAVITY
+    return {"kind": "near-resonant", "amplitude": amplitude, "detuning": detuning, "phase": phase}
 
 
 def two_pendulums(
@@ -89,7 +81,10 @@ def two_pendulums(
         Fields of the scene's recording.
     """
     periods = (PERIOD / (1.0 + relative_difference), PERIOD)
-    rows = zip(("1", "2"), periods, amplitudes, phases, damping_rates, strict=True)
+    starts = [
+        {"kind": "free", "amplitude": size, "phase": phase} for size, phase in zip(amplitudes, phases, strict=True)
+    ]
+    rows = zip(("1", "2"), periods, damping_rates, starts, strict=True)
     return Scene.model_validate(
         {
             "record_id": record_id,
@@ -98,15 +93,7 @@ def two_pendulums(
             "duration": DURATION if duration is None else duration,
             "gravity": gravity,
             "reference_gravity": REFERENCE,
-            "pendulums": [
-                {
-                    "label": label,
-                    "period": period,
-                    "damping_rate": rate,
-                    "start": {"kind": "free", "amplitude": amplitude, "phase": phase},
-                }
-                for label, period, amplitude, phase, rate in rows
-            ],
+            "pendulums": [dict(zip(("label", "period", "damping_rate", "start"), row, strict=True)) for row in rows],
             "motion": [swell()] if motion is None else motion,
             "recording": recording,
         }
@@ -127,13 +114,8 @@ def beats_through_zero(**changes: Any) -> Scene:
 
 def heave() -> dict[str, Any]:
     """Vertical acceleration of three harmonics, 0.2 m/s2 rms."""
-    return {
-        "kind": "harmonics",
-        "axis": "vertical",
-        "amplitude": [0.22, 0.15, 0.08],
-        "period": [8.7, 6.1, 11.9],
-        "phase": [0.3, 1.9, 4.4],
-    }
+    values = {"amplitude": [0.22, 0.15, 0.08], "period": [8.7, 6.1, 11.9], "phase": [0.3, 1.9, 4.4]}
+    return {"kind": "harmonics", "axis": "vertical", **values}
 
 
 def real(relative_difference: float = 1e-4, **changes: Any) -> Scene:

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 from pydantic import ValidationError
@@ -18,9 +17,8 @@ from pydantic import ValidationError
 from data_schemas.errors import IsochronyError
 from data_schemas.scene import Scene
 from data_schemas.scene_simulation import Propagator
-from pipeline.benchmarks.csv_table import write
-from pipeline.benchmarks.progress import progress
 from pipeline.benchmarks.stability_motions import BOUND, Motion, motions
+from pipeline.benchmarks.tables import Row, progress
 from synth import simulate
 from synth.phase import Floats
 
@@ -38,8 +36,7 @@ MOST = 400
 _TIGHTER = 1e-2
 
 
-@dataclass(frozen=True)
-class Found:
+class Found(NamedTuple):
     """What a propagator made of a motion, angles (count, pendulums) and estimated error, or why it made nothing."""
 
     angles: Floats | None = None
@@ -48,18 +45,10 @@ class Found:
     crash: str = ""
 
 
-def run(*, quick: bool, folder: Path | None) -> Iterator[dict[str, Any]]:
-    """Yield one row a motion, one cell a propagator.
-
-    Quick and full are the same. With a folder: the table as CSV.
-    """
-    table = []
-    every = motions()
-    for motion in progress(every, "extreme motions", len(every)):
-        table.append(judge(motion, {name: attempt(motion, name) for name in PROPAGATORS}))
-        yield table[-1]
-    if folder is not None:
-        write(folder / "stability-motions.csv", table)
+def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
+    """Yield one row a motion, one cell a propagator. Quick and full are the same."""
+    for motion in progress(motions(), "extreme motions"):
+        yield judge(motion, {name: attempt(motion, name) for name in PROPAGATORS})
 
 
 def attempt(motion: Motion, name: Propagator, tolerance: float = TOLERANCE) -> Found:
@@ -77,7 +66,7 @@ def attempt(motion: Motion, name: Propagator, tolerance: float = TOLERANCE) -> F
     return Found(np.asarray(truth["truth/theta"].values).T[: motion.count], float(estimate))
 
 
-def judge(motion: Motion, found: Mapping[Propagator, Found]) -> dict[str, Any]:
+def judge(motion: Motion, found: Mapping[Propagator, Found]) -> Row:
     """One row: cells, those that are wrong without a word, and those that declined though they must not."""
     silent, unlisted, missed = [], [], []
     cells: dict[str, str] = {}
@@ -110,10 +99,8 @@ def error_of(motion: Motion, name: Propagator, angles: Floats) -> tuple[float, f
     An angle that stays zero counts in rad.
     """
     rows = compared(motion)
-    if motion.true is not None:
-        true, doubt = motion.true([motion.step * row for row in rows]), motion.apart
-    else:
-        true, doubt = _another(motion, name)
+    instants = [motion.step * row for row in rows]
+    true, doubt = (motion.true(instants), motion.apart) if motion.true is not None else _another(motion, name)
     size = np.max(np.abs(true), axis=0, initial=0.0)
     worst = float(np.max(np.abs(angles[rows] - true) / np.where(size > 0.0, size, 1.0), initial=0.0))
     fastest = 2.0 * math.pi / min(each["period"] for each in motion.scene["pendulums"])

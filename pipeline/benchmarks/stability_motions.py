@@ -36,41 +36,23 @@ DIGITS, ANOTHER = "elliptic function, 40 digits", "another propagator, tighter"
 
 @dataclass(frozen=True)
 class Motion:
-    """One motion.
-
-    Attributes
-    ----------
-    name : str
-    scene : dict
-        As `Scene` takes it.
-    step : Fraction
-        s, between readings.
-    count : int
-        Readings, the start among them.
-    true : callable or None
-        Exact instants give the angles, (instants, pendulums), rad; None: another propagator does.
-    source : str
-        Of the truth.
-    solvers : tuple of str
-        Propagators that must solve it.
-    not_asked : tuple of str
-        Propagators that would take minutes or hours.
-    bounds : mapping
-        Bounds of single propagators, tighter than `BOUND`.
-    apart : float
-        How far the truth itself may be from this motion, relative: a limit that is only approached.
-    """
+    """One motion, as a scene read `count` times, every `step` s, and the source of its truth."""
 
     name: str
     scene: Mapping[str, Any]
     step: Fraction
     count: int
     true: Callable[[Sequence[Fraction]], Floats] | None
+    """Exact instants give the angles, (instants, pendulums), rad; None: another propagator does."""
     source: str
     solvers: tuple[Propagator, ...]
+    """Propagators that must solve it."""
     not_asked: tuple[Propagator, ...] = ()
+    """Propagators that would take minutes or hours."""
     bounds: Mapping[str, float] = field(default_factory=dict)
+    """Of single propagators, tighter than `BOUND`."""
     apart: float = 0.0
+    """How far the truth itself may be from this motion, relative: a limit that is only approached."""
 
 
 def motions() -> tuple[Motion, ...]:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from data_schemas.errors import UsageError
 from pipeline.cli.parser import number, positive, processors
+from pipeline.cli.process import add_reduction_options
 
-_DESCRIPTION = """\
+HELP = "gravity from thousands of records"
+DESCRIPTION = """\
 Gravity from many inputs: records (.record.nc), folders and patterns of them, and scenes (.toml), which are
 simulated first, alone or over a grid of values (--sweep, --repeat).
 
@@ -26,7 +29,7 @@ input declares, for --timeout seconds: what crashes, hangs or deceives costs tha
 the limit of memory; --executor serial, in this process, wants trusted inputs. --scheduler gives the work to a
 dask cluster whose workers see the same files."""
 
-_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   isochrony batch cruises/ -o results              every *.record.nc below the folder
   isochrony batch 'cruises/*/day-*.record.nc' -o results --method projection --jobs 8
@@ -38,23 +41,12 @@ examples:
 exit status: 0 every input gave a value; 1 some did; 3 none did; 2 usage; 130 interrupted"""
 
 
-def add_parser(verbs: Any) -> argparse.ArgumentParser:
-    """List the verb and its options."""
-    parser: argparse.ArgumentParser = verbs.add_parser(
-        "batch", help="gravity from thousands of records", description=_DESCRIPTION, epilog=_EXAMPLES
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """List the options."""
     add = parser.add_argument
     add("inputs", metavar="INPUT", nargs="+", help="record, scene, folder, or pattern in quotes")
     add("-o", dest="out", metavar="FOLDER", required=True, help="folder of results, summary and ledger")
-    add("--method", default="auto", metavar="NAME[,NAME]", help="method or methods (default auto), see process")
-    add("--pair", metavar="A-B", help="labels of the two pendulums to difference, such as 2-3")
-    add(
-        "--gain-uncertainty",
-        type=number("--gain-uncertainty"),
-        default=0.0,
-        metavar="X",
-        help="relative 1-sigma uncertainty of the elongation scale (default 0)",
-    )
+    add_reduction_options(parser)
     add("--force", action="store_true", help="do everything anew, whatever is there")
     add("--json", action="store_true", help="JSON Lines of all results, in order, at the end")
     grid = parser.add_argument_group("scenes")
@@ -78,7 +70,6 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
     work.add_argument("--trusted", action="store_true", help="do not limit memory")
     work.add_argument("--executor", choices=("pool", "serial"), default="pool", help="pool (default) or serial")
     work.add_argument("--scheduler", metavar="ADDRESS", help="of a dask cluster, such as tcp://10.0.0.1:8786")
-    return parser
 
 
 def run(options: argparse.Namespace) -> int:
@@ -138,13 +129,11 @@ def _do(options: argparse.Namespace, jobs: Any, ledger: Any, log: Any, tally: An
 
 def _executor(options: argparse.Namespace, jobs: Any) -> Any:
     """The executor asked for, as a function of jobs alone."""
-    import functools
-
     methods = jobs[0][1].method
     if options.scheduler is not None:
         from pipeline.batch.executors.cluster import clustered
 
-        return functools.partial(clustered, address=options.scheduler, methods=methods, timeout=options.timeout)
+        return partial(clustered, address=options.scheduler, methods=methods, timeout=options.timeout)
     if options.executor == "serial":
         from pipeline.batch.executors.serial import serial
 
@@ -152,7 +141,7 @@ def _executor(options: argparse.Namespace, jobs: Any) -> Any:
     from pipeline.batch.executors.pool import pooled
 
     workers = min(options.jobs or processors(), len(jobs))
-    return functools.partial(pooled, workers=workers, methods=methods, timeout=options.timeout)
+    return partial(pooled, workers=workers, methods=methods, timeout=options.timeout)
 
 
 def _check(options: argparse.Namespace) -> None:

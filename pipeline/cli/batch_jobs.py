@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import data_schemas
+import synth
 from data_schemas.contents import shown
 from data_schemas.errors import UsageError
 from pipeline.batch.campaign import Job, Tally
@@ -20,6 +22,7 @@ from pipeline.batch.log import Log
 from pipeline.batch.resume import holds
 from pipeline.batch.sweep import MOST, Variant, grid, parse_sweep
 from pipeline.cli.batch_kinds import KINDS, member_of
+from pipeline.cli.faults import exit_status
 
 _MIB = 1 << 20
 _MOST_TOLD = 10  # faults on stderr; the summary has all
@@ -29,12 +32,8 @@ _LONGEST = 4096  # letters of a path
 def jobs_of(options: argparse.Namespace, folder: Path) -> list[Job]:
     """Every input with its settings, in order.
 
-    Raises
-    ------
-    UsageError
-        Words that mean no file, options that contradict each other, an unknown method.
-    SceneError
-        A key of a sweep that its scene does not have.
+    `UsageError` for words that mean no file, options that contradict each other, an unknown method; `SceneError` for a
+    key of a sweep that its scene does not have.
     """
     from pipeline.cli.process import requested_methods
     from pipeline.provenance import command_line
@@ -74,16 +73,9 @@ def _points(options: argparse.Namespace, inputs: list[Input]) -> list[tuple[int,
     repeat = options.repeat or 1
     if len(variants) * repeat > MOST:
         raise UsageError(f"--sweep with --repeat makes more than {MOST} members; make the grid smaller")
-    for one in scenes:
-        _check(one.path, variants[0])
+    for one in scenes:  # a sweep that no member could be made by is told now, as `SceneError`
+        member_of(data_schemas.load_scene(one.path), 1, variants[0])
     return list(enumerate((variant for variant in variants for _ in range(repeat)), start=1))
-
-
-def _check(path: Path, variant: Variant) -> None:
-    """Raise `SceneError` now for a sweep that no member of the scene could be made by."""
-    import data_schemas
-
-    member_of(data_schemas.load_scene(path), 1, variant)
 
 
 def _shipped(word: str) -> str:
@@ -91,7 +83,6 @@ def _shipped(word: str) -> str:
     path = Path(word)
     if os.path.exists(path) or path.suffix or path.parent != Path(".") or any(mark in word for mark in "*?["):
         return word
-    import synth
 
     return str(synth.scene_path(word))
 
@@ -116,8 +107,8 @@ def tell_end(jobs: Sequence[Job], ledger: Index, folder: Path, tally: Tally, log
         for path, config in jobs:
             if config.key in ledger.places:
                 _print_json(path, config, ledger)
-    counts = Counter(ledger.places[config.key].status for _, config in jobs if config.key in ledger.places)
-    bad = [config.key for _, config in jobs if config.key in ledger.places and ledger.places[config.key].status != "ok"]
+    done = {config.key: ledger.places[config.key].status for _, config in jobs if config.key in ledger.places}
+    counts, bad = Counter(done.values()), [key for key, status in done.items() if status != "ok"]
     for key in bad[:_MOST_TOLD]:
         print(f"isochrony: {ledger.line(key)['error']}", file=sys.stderr)
     if len(bad) > _MOST_TOLD:
@@ -128,14 +119,11 @@ def tell_end(jobs: Sequence[Job], ledger: Index, folder: Path, tally: Tally, log
     if not as_json:
         waiting = f"; {left} left for --resume" if left else ""
         print(f"{folder / 'summary.csv'}: {text or 'nothing'} of {tally.total} inputs, {tally.kept} kept{waiting}")
-    if counts["ok"] == tally.total - left:
-        return 0
-    return 1 if counts["ok"] else 3
+    return exit_status(counts["ok"], tally.total - left)
 
 
 def _print_json(path: Path, config: Config, ledger: Index) -> None:
     """The objects that `process` prints, read back from the result."""
-    import data_schemas
     from pipeline.cli.summary_rows import failure, in_order
     from pipeline.cli.tables import print_json
     from pipeline.summary import summaries

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import data_schemas
+import synth
 from pipeline.batch.config import Allow, Config, Kind
 
 if TYPE_CHECKING:
@@ -16,29 +17,12 @@ if TYPE_CHECKING:
 
 
 def read_record(path: Path, _config: Config, allow: Allow) -> DataTree:
-    """A record file: looked over, then read.
-
-    Raises
-    ------
-    FileError
-        See `data_schemas.read`.
-    """
-    import data_schemas
-
+    """A record file: looked over, then read."""
     return data_schemas.read(path, declared=allow)
 
 
 def simulate_scene(path: Path, config: Config, allow: Allow) -> DataTree:
-    """A scene, or a member of it: simulated, its truth forgotten.
-
-    Raises
-    ------
-    SceneError
-        See `synth.simulate`.
-    """
-    import data_schemas
-    import synth
-
+    """A scene, or a member of it: simulated, its truth forgotten."""
     scene = data_schemas.load_scene(path)
     if config.member:
         scene = member_of(scene, config.member, config.variant)
@@ -50,32 +34,17 @@ def simulate_scene(path: Path, config: Config, allow: Allow) -> DataTree:
 def member_of(scene: Scene, number: int, variant: Variant) -> Scene:
     """The scene of one point of a grid, with a seed of its own.
 
-    Raises
-    ------
-    SceneError
-        A key that the scene does not have, or a value that is not allowed.
+    `SceneError` for a key that the scene does not have, or a value that is not allowed.
     """
-    from synth.ensemble_scenes import members
+    from synth.ensemble_scenes import member, members
 
-    vary = {key: _constant(value) for key, value in variant}
+    vary: dict[str, Any] = {key: lambda _chance, value=value: value for key, value in variant}
     next(members(scene, 1, vary=vary))  # an unknown key is told with the nearest known one
-    from synth.ensemble_scenes import member
-
     return member(scene, number, vary=vary)
 
 
-def _constant(value: Any) -> Callable[[object], Any]:
-    return lambda _chance: value
-
-
 def digitise_film(path: Path, _config: Config, allow: Allow) -> DataTree:
-    """The scan of a film: read by what stands in NAME.film.toml beside it.
-
-    Raises
-    ------
-    FileError, RefusedError, UsageError
-        See `pipeline.digitise`.
-    """
+    """The scan of a film: read by what stands in NAME.film.toml beside it."""
     from pipeline.film.digitise import digitise
 
     # read piece by piece, the rows' arrays apart; other formats than TIFF are decoded whole, from a fifth of their size

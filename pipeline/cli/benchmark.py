@@ -12,45 +12,27 @@ from data_schemas.errors import UsageError
 from pipeline.cli.parser import one_of, positive
 from pipeline.cli.tables import print_json, print_table
 
-# Suite -> module with `run(*, quick: bool, folder: Path | None) -> rows` and what it shows.
 SUITES = {
-    "corrections": (
-        "pipeline.benchmarks.corrections",
-        "what every method leaves (mGal) and costs, on every kind of record; -o resumes",
-    ),
-    "paper": ("pipeline.benchmarks.paper", "the source paper's own figures, reproduced"),
-    "stability": (
-        "pipeline.benchmarks.stability",
-        "propagators on extreme motions: solved within a bound, or refused by name",
-    ),
-    "honesty": (
-        "pipeline.benchmarks.honesty.suite",
-        "64 kinds of disturbance, weak to strong: whether the stated uncertainty holds; -o resumes",
-    ),
-    "integrators": ("pipeline.benchmarks.integrators", "propagators against general integrators: time and error"),
-    "film": (
-        "pipeline.benchmarks.film",
-        "films read: error, flags, speed against grain, drive, dpi, crossings, missing marks; simple readers too",
-    ),
-    "huygens": (
-        "pipeline.benchmarks.huygens",
-        "clocks on a beam: the paper's regime by every way, lock map, what holds; -o resumes",
-    ),
-    "batch": (
-        "pipeline.benchmarks.batch",
-        "a record's cost in a batch beside a bare loop, one process and two, dask, killed and resumed",
-    ),
-    "bars": ("pipeline.benchmarks.bars", "promised accuracy, statistics and cost: bar, value, limit, pass"),
+    "corrections": "what every method leaves (mGal) and costs, on every kind of record; -o resumes",
+    "paper": "the source paper's own figures, reproduced",
+    "stability": "propagators on extreme motions: solved within a bound, or refused by name",
+    "honesty": "64 kinds of disturbance, weak to strong: whether the stated uncertainty holds; -o resumes",
+    "integrators": "propagators against general integrators: time and error",
+    "film": "films read: error, flags, speed against grain, drive, dpi, crossings, missing marks; simple readers too",
+    "huygens": "clocks on a beam: the paper's regime by every way, lock map, what holds; -o resumes",
+    "batch": "a record's cost in a batch beside a bare loop, one process and two, dask, killed and resumed",
+    "bars": "promised accuracy, statistics and cost: bar, value, limit, pass",
 }
-_LISTED = "\n".join(f"  {name:<12} {text}" for name, (_, text) in SUITES.items())
+_LISTED = "\n".join(f"  {name:<12} {text}" for name, text in SUITES.items())
 
-_DESCRIPTION = f"""\
+HELP = "measured claims, suite by suite"
+DESCRIPTION = f"""\
 Run a suite of benchmarks on scenes of the project's own and print its rows.
 
 suites:
 {_LISTED}"""
 
-_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   isochrony benchmark corrections --quick
   isochrony benchmark corrections -o out/      tables, pictures; run again, it goes on where it was interrupted
@@ -60,41 +42,49 @@ examples:
 exit status: 0; 1 if some rows do not pass and some do; 3 if none passes"""
 
 
-def add_parser(verbs: Any) -> argparse.ArgumentParser:
-    """List the verb and its options."""
-    parser: argparse.ArgumentParser = verbs.add_parser(
-        "benchmark", help="measured claims, suite by suite", description=_DESCRIPTION, epilog=_EXAMPLES
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """List the options."""
     parser.add_argument("suite", metavar="SUITE", type=one_of("suite", SUITES), help=", ".join(SUITES))
     parser.add_argument("--quick", action="store_true", help="fewer and shorter records")
     parser.add_argument("--json", action="store_true", help="JSON Lines instead of a table")
-    parser.add_argument("-o", dest="out", metavar="FOLDER", help="keep what the suite writes (created if absent)")
+    parser.add_argument("-o", dest="out", metavar="FOLDER", help="keep its tables and pictures (created if absent)")
     own = parser.add_argument_group("suite honesty")
     own.add_argument("--method", metavar="NAME[,NAME]", help="methods to reduce by (default auto)")
     own.add_argument("--kind", metavar="TEXT", help="only kinds with TEXT in their name, or of group sea or instrument")
     own.add_argument("--seeds", metavar="N", type=positive("--seeds"), help="records of each kind (default 5)")
-    return parser
+
+
+def module_of(suite: str) -> str:
+    """Module with the suite's ``run(*, quick, folder) -> rows``."""
+    return f"pipeline.benchmarks.{'honesty.suite' if suite == 'honesty' else suite}"
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the suite; rows with a key `pass` decide the exit status."""
+    from pipeline.benchmarks.tables import write
+
     folder = None if options.out is None else Path(options.out)
     if folder is not None and folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder}: is a file, but -o must be a folder here; name another")
     own = _own(options)
-    suite = importlib.import_module(SUITES[options.suite][0])
+    suite = importlib.import_module(module_of(options.suite))
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
-    rows = []
+    rows: list[dict[str, Any]] = []
     for row in suite.run(quick=options.quick, folder=folder, **own):
         rows.append(row)
         if options.json:
             print_json(row)
+    tables = [list(table) for _, table in groupby(rows, key=tuple)]
     if not options.json:
-        for number, (_, table) in enumerate(groupby(rows, key=tuple)):
+        for number, table in enumerate(tables):
             if number:
                 print()
-            print_table(list(table))
+            print_table(table)
+    if folder is not None and options.suite != "honesty":  # which writes more than it shows
+        for number, table in enumerate(tables):
+            name = f"{options.suite}-{next(iter(table[0]))}" if number else options.suite
+            write(folder / f"{name}.csv", table)
     judged = [bool(row["pass"]) for row in rows if row.get("pass") is not None]
     if all(judged):
         return 0

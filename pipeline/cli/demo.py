@@ -7,16 +7,19 @@ import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import data_schemas
+import synth
 from data_schemas.errors import FileError, UsageError
 from pipeline.cli.parser import whole_number
-from pipeline.cli.tables import Column, print_header, print_row
+from pipeline.cli.tables import columns, print_header, print_row
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
 _MILLIGAL = 1e-5  # m s-2
 
-_DESCRIPTION = """\
+HELP = "see it work: simulate, process, compare, draw"
+DESCRIPTION = """\
 Simulate a scene that ships with the package (real pendulums in a heaving submarine, noisy readings), process the
 record by every method, and compare with the truth: the paper's formulas beside the corrected formula, the exact
 inversion and the joint fit.
@@ -25,29 +28,20 @@ Prints one row a method: gravity in m/s2, its error and its sigma in mGal (1e-5 
 Writes demo.record.nc, demo.truth.nc, demo.result.nc and the picture isochrony-demo.png into a folder; run
 again, it overwrites these files."""
 
-_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   isochrony demo
   isochrony demo -o /tmp/look --seed 3"""
 
 
-def add_parser(verbs: Any) -> argparse.ArgumentParser:
-    """List the verb and its options."""
-    parser: argparse.ArgumentParser = verbs.add_parser(
-        "demo",
-        help="see it work: simulate, process, compare, draw",
-        description=_DESCRIPTION,
-        epilog=_EXAMPLES,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """List the options."""
     parser.add_argument("-o", dest="out", default="isochrony-demo", metavar="FOLDER", help="default isochrony-demo")
     parser.add_argument("--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own")
-    return parser
 
 
 def run(options: argparse.Namespace) -> int:
     """Simulate, process, print and draw."""
-    import data_schemas
-    import synth
     from pipeline.methods import METHODS
     from pipeline.processing import process
     from pipeline.summary import summaries
@@ -64,7 +58,8 @@ def run(options: argparse.Namespace) -> int:
     for kind, tree in (("record", record), ("truth", truth), ("result", result)):
         data_schemas.write(tree, folder / f"demo.{kind}.nc", overwrite=True)
     gravity = float(truth["truth"]["gravity"])
-    print(f"true gravity {gravity:.8f} m/s2; {_describe(record)}\n")
+    time = record.dataset["time"].values
+    print(f"true gravity {gravity:.8f} m/s2; {(time[-1] - time[0]) / 60.0:.0f} minutes, {time.size} samples\n")
     rows = summaries(result)
     _print_table(rows, gravity)
     _print_flags(rows)
@@ -102,19 +97,7 @@ def _folder(name: str) -> Path:
     return folder
 
 
-def _describe(record: DataTree) -> str:
-    time = record.dataset["time"].values
-    return f"{(time[-1] - time[0]) / 60.0:.0f} minutes, {time.size} samples"
-
-
-_COLUMNS = (
-    Column("method", 14, right=False),
-    Column("what it is", 26, right=False),
-    Column("gravity m/s2", 12),
-    Column("error mGal", 12),
-    Column("sigma mGal", 10),
-    Column("time ms", 8),
-)
+_COLUMNS = columns("method <14", "what it is <26", "gravity m/s2 >12", "error mGal >12", "sigma mGal >10", "time ms >8")
 
 
 def _print_table(rows: list[dict[str, Any]], gravity: float) -> None:
@@ -169,7 +152,8 @@ def _draw(record: DataTree, result: DataTree, gravity: float, folder: Path) -> N
     if importlib.util.find_spec("matplotlib") is None:
         print(f"no picture: matplotlib is not installed (pip install 'isochrony[plot]'); files in {folder}")
         return
-    from pipeline.plots import demo_figure, save
+    from pipeline.plots.canvas import save
+    from pipeline.plots.result import demo_figure
 
     save(demo_figure(record, result, gravity), folder / "isochrony-demo.png")
     print(f"picture: {folder / 'isochrony-demo.png'}")

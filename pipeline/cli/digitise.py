@@ -8,14 +8,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from data_schemas.errors import IsochronyError, RefusedError, UsageError
-from pipeline.cli.faults import naming
-from pipeline.cli.film_options import add_film_options, description, film_options
+import data_schemas
+from data_schemas.errors import IsochronyError, UsageError
+from pipeline.cli.faults import exit_status, naming, outcome_of
+from pipeline.cli.film_options import add_film_options, film_options, read_film
 from pipeline.cli.outputs import make_folder, place, refuse_clashes, stem
-from pipeline.cli.progress import film_progress
 from pipeline.cli.tables import print_json
 
-_DESCRIPTION = """\
+HELP = "read photographic films into records"
+DESCRIPTION = """\
 Read photographic films into records (netCDF): traces followed through crossings and gaps, time from the
 chronometer's marks, angles in rad with their uncertainty and flags.
 
@@ -25,7 +26,7 @@ What is known of the film stands in NAME.film.toml beside it, or is said by opti
 be left out but what several traces need for gravity (--period and --gravity). A lever or mark interval that
 nobody states is assumed, and said so."""
 
-_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   isochrony digitise ship.film.tif                         ship.record.nc
   isochrony digitise scan.png --dpi 300 --trace 1 --trace 1-2 --lever 2000
@@ -33,11 +34,8 @@ examples:
   isochrony digitise a.tif b.tif c.tif --strips -o ship.record.nc --preview"""
 
 
-def add_parser(verbs: Any) -> argparse.ArgumentParser:
-    """List the verb and its options."""
-    parser: argparse.ArgumentParser = verbs.add_parser(
-        "digitise", help="read photographic films into records", description=_DESCRIPTION, epilog=_EXAMPLES
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """List the options."""
     add = parser.add_argument
     add("films", metavar="FILM", nargs="+", help="image of a film")
     add("--strips", action="store_true", help="the images are overlapping strips of one film, in order")
@@ -46,7 +44,6 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
     add("--preview", action="store_true", help="draw what was read where (NAME.film.png beside the record)")
     add("--json", action="store_true", help="JSON Lines instead of text")
     add_film_options(parser)
-    return parser
 
 
 def run(options: argparse.Namespace) -> int:
@@ -66,9 +63,7 @@ def run(options: argparse.Namespace) -> int:
     for row in _rows(films, outputs, options):
         _show(row, as_json=options.json)
         good += row["status"] == "ok"
-    if good == len(films):
-        return 0
-    return 1 if good else 3
+    return exit_status(good, len(films))
 
 
 def _rows(films: list[list[Path]], outputs: list[Path], options: argparse.Namespace) -> Iterator[dict[str, Any]]:
@@ -99,29 +94,17 @@ def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[st
     """Read one film, write its record, and say what was read."""
     import time
 
-    import data_schemas
-    from pipeline.film.digitise import read
     from pipeline.film.record import make_record
     from pipeline.film.summary import summary
 
     start = time.perf_counter()
-    with film_progress(film[0].name) as progress:
-        reading, known = read(
-            film,
-            description(options),
-            options=film_options(options),
-            orientation=options.orientation,
-            lines=options.lines,
-            reading=options.reading,
-            rate=options.rate,
-            jobs=options.jobs,
-            progress=progress,
-        )
+    reading, known = read_film(film, options, film_options(options))
     record = make_record(reading, known, stem(film[0]))
     make_folder(output)
     data_schemas.write(record, output, overwrite=options.force)
     if options.preview:
-        from pipeline.plots import film_figure, save
+        from pipeline.plots.canvas import save
+        from pipeline.plots.film import film_figure
 
         save(film_figure(reading), output.with_name(f"{stem(output)}.film.png"))
     row = {"input": str(film[0]), "output": str(output), "status": "ok", "error": None, **summary(record, reading)}
@@ -130,9 +113,8 @@ def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[st
 
 
 def _failure(film: list[Path], fault: IsochronyError) -> dict[str, Any]:
-    status = "refused" if isinstance(fault, RefusedError) else "failed"
-    error = naming(film[0], str(fault))
-    return {"record_id": stem(film[0]), "input": str(film[0]), "output": None, "status": status, "error": error}
+    row = {"record_id": stem(film[0]), "input": str(film[0]), "output": None}
+    return row | {"status": outcome_of(fault), "error": naming(film[0], str(fault))}
 
 
 def _show(row: dict[str, Any], *, as_json: bool) -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+import data_schemas
+import synth
 from pipeline.cli.faults import naming, read_checked
 from pipeline.cli.outputs import folder_for_output, orderly, place, refuse_clashes
 from pipeline.cli.parser import whole_number
@@ -16,7 +18,8 @@ if TYPE_CHECKING:
 
     from data_schemas.scene import Scene
 
-_DESCRIPTION = """\
+HELP = "put a record or a scene on photographic film"
+DESCRIPTION = """\
 Expose a photographic film to a record (.nc) or a scene (TOML, or the name of a shipped one), develop and scan it.
 Needs the extra `film` (tifffile).
 
@@ -28,30 +31,25 @@ is off. A scene is simulated without noise and gaps of its recording.
 --film takes a shipped film (clean, typical, bad, historic-slow) or a TOML file with the keys of a scene's section
 [film]; without it, the section of the scene counts, or a film without any defect. All sizes are assumed."""
 
-_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   isochrony expose ship.record.nc --film typical      ship.film.tif, .film.toml and .film.truth.nc beside the record
   isochrony expose night.toml                         the film that the scene names
   isochrony expose night.toml --film mine.toml --seed 7 -o out/"""
 
 
-def add_parser(verbs: Any) -> argparse.ArgumentParser:
-    """List the verb and its options."""
-    parser: argparse.ArgumentParser = verbs.add_parser(
-        "expose", help="put a record or a scene on photographic film", description=_DESCRIPTION, epilog=_EXAMPLES
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """List the options."""
     add = parser.add_argument
     add("source", metavar="RECORD|SCENE", help="record (.nc), scene (.toml), or the name of a shipped scene")
     add("-o", dest="out", metavar="FILM", help="image (.tif), or folder (ends with /); default beside the input")
     add("--film", metavar="NAME|FILE", help="shipped film, or TOML file with the keys of a scene's section [film]")
     add("--seed", type=whole_number("--seed"), metavar="N", help="seed of the film's chance instead of its own")
     add("--force", action="store_true", help="overwrite existing outputs")
-    return parser
 
 
 def run(options: argparse.Namespace) -> int:
     """Expose the film and write the three files."""
-    import synth
     from data_schemas.errors import IsochronyError
     from data_schemas.film_description import description_path
     from pipeline.cli.simulate import find_scene
@@ -80,6 +78,5 @@ def run(options: argparse.Namespace) -> int:
 def _source(path: Path) -> DataTree | Scene:
     if path.suffix == ".nc":
         return read_checked(path, "record")
-    import data_schemas
 
     return data_schemas.load_scene(path)

@@ -6,7 +6,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from data_schemas.errors import RecordError
+import data_schemas
+from data_schemas.errors import IsochronyError, RecordError, RefusedError
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -26,18 +27,22 @@ def naming(path: str | os.PathLike[str], message: str) -> str:
     return message if os.path.basename(path) in message else f"{path}: {message}"
 
 
+def outcome_of(fault: IsochronyError) -> str:
+    """Status of an input that gave nothing, as summaries have it."""
+    return "refused" if isinstance(fault, RefusedError) else "failed"
+
+
+def exit_status(good: int, total: int) -> int:
+    """Exit status of a verb of which some inputs were good."""
+    return 0 if good == total else 1 if good else 3
+
+
 def read_checked(path: Path, kind: Kind) -> DataTree:
     """Read a file and check it against the layout of its kind.
 
-    Raises
-    ------
-    FileError
-        The file cannot be read.
-    RecordError
-        It is of another kind, or breaks its layout; further faults are counted.
+    `FileError` where it cannot be read; `RecordError` where it is of another kind, or breaks its layout: further faults
+    are counted.
     """
-    import data_schemas
-
     tree = data_schemas.read(path)
     refuse_faults(path, data_schemas.check(tree, kind))
     return tree

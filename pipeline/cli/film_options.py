@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from data_schemas.errors import UsageError
-from pipeline.cli.parser import number, one_of, pairs, periods
+from pipeline.cli.parser import add_meaning_options, number, one_of, pairs, periods, whole_number
+from pipeline.cli.progress import progress
 
 if TYPE_CHECKING:
     from data_schemas.film_description import FilmDescription
-    from pipeline.film.knowledge import FilmOptions
+    from pipeline.film.knowledge import FilmOptions, Known
+    from pipeline.film.reading import Reading
 
 _FOR_READING = [
     ("--dpi", "N", "pixels per inch, where the image does not say or is wrong"),
@@ -19,24 +21,12 @@ _FOR_READING = [
     ("--speed", "MM_S", "nominal speed of the film"),
 ]
 _TRACE = "trace and its pendulums, from the left to the right at rest; repeatable"
-_NUMBERS = [
-    ("--lever", "MM_PER_RAD", "optical lever (assumed 2000)"),
-    ("--gravity", "M_S2", "gravity at which the periods hold"),
-]
-_REPEATABLE = [
-    ("--combination", "TRACE=A[-B]", "pendulums of a trace whose name does not say them"),
-    ("--period", "[LABEL=]SECONDS", "full period of a pendulum"),
-]
 
 
 def add_film_options(parser: argparse.ArgumentParser) -> None:
     """List the options of reading a film and of making a record of it."""
     add_reading_options(parser)
-    add = parser.add_argument
-    for option, name, text in _NUMBERS:
-        add(option, type=number(option, above=0.0), metavar=name, help=text)
-    for option, name, text in _REPEATABLE:
-        add(option, action="append", default=[], metavar=name, help=f"{text}; repeatable")
+    add_meaning_options(parser, "optical lever (assumed 2000)")
 
 
 def add_reading_options(parser: Any) -> None:
@@ -71,7 +61,13 @@ def add_reading_options(parser: Any) -> None:
     add(
         "--rate", type=number("--rate", above=0.0), metavar="HZ", help="samples a second, continuous (default up to 25)"
     )
-    add("--jobs", type=_jobs, default=1, metavar="N", help="processor cores to use, 1 (default) to 64")
+    add(
+        "--jobs",
+        type=whole_number("--jobs", 1, 64),
+        default=1,
+        metavar="N",
+        help="processor cores to use, 1 (default) to 64",
+    )
 
 
 def film_options(options: argparse.Namespace) -> FilmOptions:
@@ -105,7 +101,19 @@ def description(options: argparse.Namespace) -> FilmDescription | None:
     return load_description(Path(options.description))
 
 
-def _jobs(word: str) -> int:
-    if not (word.isascii() and word.isdigit() and 1 <= int(word) <= 64):
-        raise UsageError(f"--jobs wants a whole number from 1 to 64, not '{word}'")
-    return int(word)
+def read_film(film: Sequence[Path], options: argparse.Namespace, said: FilmOptions) -> tuple[Reading, Known]:
+    """Read a film as the options say, with a progress bar."""
+    from pipeline.film.digitise import read
+
+    with progress(film[0].name, " rows") as draw:
+        return read(
+            film,
+            description(options),
+            options=said,
+            orientation=options.orientation,
+            lines=options.lines,
+            reading=options.reading,
+            rate=options.rate,
+            jobs=options.jobs,
+            progress=draw,
+        )

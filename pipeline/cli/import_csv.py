@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
+import data_schemas
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
-from pipeline.cli.parser import number, one_of, pairs, periods
+from pipeline.cli.parser import add_meaning_options, one_of, pairs, periods
 
-_DESCRIPTION = """\
+HELP = "turn columns of time and angle into a record"
+DESCRIPTION = """\
 Turn a text table into a record (netCDF).
 
 With no options the first column is time in s and every other a trace of angles in rad. Comma, semicolon,
@@ -18,58 +19,30 @@ a decimal comma is understood unless the comma separates. Times are numbers of s
 increase but need not be uniform. A trace labelled 1 is pendulum 1, a trace labelled 1-2 the difference of
 pendulums 1 and 2. Period (full, at infinitesimal arc) and gravity may be left out only for a single trace."""
 
-_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   isochrony import swing.csv                                  one pendulum, nothing known of it
   isochrony import ship.csv --column left:1 --column film:1-2 --unit mm --lever 2000
                             --period 1=1.0099 --period 2=1.0100 --gravity 9.81
   isochrony import a.csv --time clock --column 3:upper --combination upper=1-2 --column 2:1 ..."""
 
-_REPEATABLE = [
-    ("--column", "NAME[:TRACE]", "column to import, by name or number from 1, and its trace (default all)"),
-    (
-        "--period",
-        "[LABEL=]SECONDS",
-        "full period of a pendulum in s; no label is needed if there is one only",
-    ),
-    ("--combination", "TRACE=A[-B]", "pendulums of a trace whose label does not say them"),
-]
-_NUMBERS = [
-    ("--lever", "MM_PER_RAD", "optical lever, with --unit mm"),
-    ("--gravity", "M_S2", "gravity at which the periods hold, in m/s2"),
-]
 
-
-def add_parser(verbs: Any) -> argparse.ArgumentParser:
-    """List the verb and its options."""
-    parser: argparse.ArgumentParser = verbs.add_parser(
-        "import",
-        help="turn columns of time and angle into a record",
-        description=_DESCRIPTION,
-        epilog=_EXAMPLES,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """List the options."""
     add = parser.add_argument
     add("table", metavar="CSV", help="text table")
     add("--time", default="", metavar="NAME", help="time column, by name or number from 1 (default the first)")
-    for option, name, text in _REPEATABLE:
-        add(option, action="append", default=[], metavar=name, help=f"{text}; repeatable")
-    for option, name, text in _NUMBERS:
-        add(option, type=number(option, above=0.0), metavar=name, help=text)
+    columns = "column to import, by name or number from 1, and its trace (default all); repeatable"
+    add("--column", action="append", default=[], metavar="NAME[:TRACE]", help=columns)
+    add_meaning_options(parser, "optical lever, with --unit mm")
     units = "rad (default), deg, or mm on the film"
     add("--unit", type=one_of("unit", ("rad", "deg", "mm")), default="rad", metavar="UNIT", help=units)
-    add(
-        "-o",
-        dest="out",
-        metavar="PATH",
-        help="record file, or folder (ends with /); default beside the table",
-    )
+    add("-o", dest="out", metavar="PATH", help="record file, or folder (ends with /); default beside the table")
     add("--force", action="store_true", help="overwrite an existing record")
-    return parser
 
 
 def run(options: argparse.Namespace) -> int:
     """Import the table and write the record."""
-    import data_schemas
     from pipeline.importing import ImportOptions, import_csv
 
     path = Path(options.table)

@@ -13,34 +13,14 @@ import sys
 from collections.abc import Sequence
 
 from data_schemas.errors import IsochronyError, UsageError
-from pipeline.cli import (
-    batch,
-    benchmark,
-    demo,
-    digitise,
-    expose,
-    import_csv,
-    plot,
-    process,
-    schema,
-    simulate,
-    validate,
-)
+from pipeline.cli import batch, benchmark, demo, digitise, expose, import_csv, plot, process, schema, simulate, validate
 from pipeline.cli.parser import Parser, did_you_mean
 
 _VERBS = {
-    "demo": demo,
-    "simulate": simulate,
-    "process": process,
-    "expose": expose,
-    "digitise": digitise,
-    "batch": batch,
-    "benchmark": benchmark,
-    "plot": plot,
-    "import": import_csv,
-    "validate": validate,
-    "schema": schema,
+    module.__name__.rpartition(".")[2].removesuffix("_csv"): module
+    for module in (demo, simulate, process, expose, digitise, batch, benchmark, plot, import_csv, validate, schema)
 }
+"""Each verb is called as its file."""
 
 _DESCRIPTION = """\
 Gravity from pendulum records made at sea: simulate them, process them, compare the methods.
@@ -103,7 +83,10 @@ def _dispatch(words: list[str]) -> int:
     top = Parser(prog="isochrony", description=_DESCRIPTION, epilog=_EXAMPLES)
     top.add_argument("-V", "--version", action="store_true", help="print the version and leave")
     verbs = top.add_subparsers(title="verbs", metavar="VERB", dest="verb")
-    parsers = {name: module.add_parser(verbs) for name, module in _VERBS.items()}
+    parsers: dict[str, Parser] = {}
+    for name, module in _VERBS.items():
+        parsers[name] = verbs.add_parser(name, help=module.HELP, description=module.DESCRIPTION, epilog=module.EXAMPLES)
+        module.add_options(parsers[name])
     if words and words[0] in parsers:
         status: int = _VERBS[words[0]].run(parsers[words[0]].parse_strictly(words[1:]))
         return status

@@ -47,10 +47,7 @@ def place(inputs: Sequence[Path], out: str | None, ending: str) -> list[Path]:
     ending : str
         Ending of the outputs, such as ".result.nc".
 
-    Raises
-    ------
-    UsageError
-        The folder is a file, or the file's folder is not there.
+    `UsageError` where the folder is a file, or the file's folder is not there.
     """
     if out is None:
         return [path.with_name(stem(path) + ending) for path in inputs]
@@ -94,18 +91,9 @@ def make_folder(output: Path) -> None:
 
 @contextlib.contextmanager
 def folder_for_output(folder: Path) -> Iterator[None]:
-    """Create a folder, with those above it, for what is written inside; what stays empty goes again.
-
-    Raises
-    ------
-    UsageError
-        It cannot be created.
-    """
+    """Create a folder, with those above it, for what is written inside; what stays empty goes again."""
     missing = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise UsageError(f"{folder}: cannot be created ({fault.strerror}); choose another with -o") from fault
+    make_folder(folder / "output")
     try:
         yield
     finally:

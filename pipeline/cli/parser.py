@@ -73,28 +73,29 @@ def one_of(what: str, known: Iterable[str]) -> Callable[[str], str]:
     return convert
 
 
-def number(option: str, *, above: float | None = None) -> Callable[[str], float]:
+def number(option: str, *, above: float | None = None, what: str = "a number") -> Callable[[str], float]:
     """Converter for `type=` that takes a finite number greater than `above`, or of at least 0 without it."""
-    limit = "of at least 0" if above is None else f"greater than {above:g}"
+    limit = " of at least 0" if above is None else "" if above == -math.inf else f" greater than {above:g}"
 
     def convert(word: str) -> float:
         try:
             value = float(word)
         except ValueError:
-            raise UsageError(f"{option} wants a number, not '{word}'") from None
+            raise UsageError(f"{option} wants {what}, not '{word}'") from None
         if not (math.isfinite(value) and (value >= 0.0 if above is None else value > above)):
-            raise UsageError(f"{option} wants a finite number {limit}, not '{word}'")
+            raise UsageError(f"{option} wants a finite number{limit}, not '{word}'")
         return value
 
     return convert
 
 
-def whole_number(option: str) -> Callable[[str], int]:
-    """Converter for `type=` that takes a whole number from 0 to 2^63 - 1 (a seed)."""
+def whole_number(option: str, least: int = 0, most: int = 2**63 - 1) -> Callable[[str], int]:
+    """Converter for `type=` that takes a whole number within limits; those of a seed by default."""
+    limits = f"from {least} to {most if most < 2**63 - 1 else '2^63 - 1'}"
 
     def convert(word: str) -> int:
-        if not (word.isascii() and word.isdigit() and len(word) < 20 and int(word) < 2**63):
-            raise UsageError(f"{option} wants a whole number from 0 to 2^63 - 1, not '{word}'")
+        if not (word.isascii() and word.isdigit() and len(word) < 20 and least <= int(word) <= most):
+            raise UsageError(f"{option} wants a whole number {limits}, not '{word}'")
         return int(word)
 
     return convert
@@ -102,13 +103,20 @@ def whole_number(option: str) -> Callable[[str], int]:
 
 def positive(option: str) -> Callable[[str], int]:
     """Converter for `type=` that takes a whole number from 1 to 1000000 (how many of something)."""
+    return whole_number(option, 1, 1_000_000)
 
-    def convert(word: str) -> int:
-        if not (word.isascii() and word.isdigit() and 0 < int(word[:10]) <= 1_000_000):
-            raise UsageError(f"{option} wants a whole number from 1 to 1000000, not '{word}'")
-        return int(word)
 
-    return convert
+def add_meaning_options(parser: argparse.ArgumentParser, lever: str) -> None:
+    """List what turns readings into a record: the lever, with what is said of it, gravity, and the pendulums."""
+    add = parser.add_argument
+    add("--lever", type=number("--lever", above=0.0), metavar="MM_PER_RAD", help=lever)
+    gravity = "gravity at which the periods hold, in m/s2"
+    add("--gravity", type=number("--gravity", above=0.0), metavar="M_S2", help=gravity)
+    for option, name, text in (
+        ("--combination", "TRACE=A[-B]", "pendulums of a trace whose name does not say them"),
+        ("--period", "[LABEL=]SECONDS", "full period of a pendulum in s; no label is needed if there is one only"),
+    ):
+        add(option, action="append", default=[], metavar=name, help=f"{text}; repeatable")
 
 
 def periods(verb: str, texts: Iterable[str]) -> dict[str, float]:
@@ -118,15 +126,8 @@ def periods(verb: str, texts: Iterable[str]) -> dict[str, float]:
 
 
 def pairs(verb: str, option: str, texts: Iterable[str]) -> dict[str, str]:
-    """Name -> value.
+    """Name -> value; `UsageError` for no equals sign, no value, or a name twice.
 
-    Raises
-    ------
-    UsageError
-        No equals sign, no value, or a name twice.
-
-    Examples
-    --------
     >>> pairs("import", "--combination", ["upper=1-2"])
     {'upper': '1-2'}
     """

@@ -5,20 +5,22 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+import data_schemas
 from data_schemas.errors import RecordError, RefusedError, UsageError
 from pipeline.cli.faults import naming, read_checked, refuse_faults
-from pipeline.cli.film_options import add_reading_options, description, reading_options
+from pipeline.cli.film_options import add_reading_options, description, read_film, reading_options
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
-from pipeline.cli.progress import film_progress
+from pipeline.cli.parser import number
 
 if TYPE_CHECKING:
     from data_schemas.layouts import Kind
 
-_DESCRIPTION = """\
+HELP = "draw a record, a result or a film"
+DESCRIPTION = """\
 Draw a file as PNG; no window is opened. Needs the extra `plot` (matplotlib).
 
 A record: every trace whole (mrad or rad against time), and 20 s of it.
@@ -29,7 +31,7 @@ A result of clocks (process --synchrony): phase differences (turns), amplitudes 
 A film (TIFF, PNG, JPEG): the image in strips, with what `digitise` reads of it laid over: traces, marks, flags.
 --from and --to show a part of it larger; the options of a film are those of `digitise`."""
 
-_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   isochrony plot ship.record.nc                            ship.record.png
   isochrony plot ship.result.nc --truth ship.truth.nc -o ship.png
@@ -37,27 +39,27 @@ examples:
 _MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"\x89PNG", b"\xff\xd8\xff")
 
 
-def add_parser(verbs: Any) -> argparse.ArgumentParser:
-    """List the verb and its options."""
-    parser: argparse.ArgumentParser = verbs.add_parser(
-        "plot", help="draw a record, a result or a film", description=_DESCRIPTION, epilog=_EXAMPLES
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """List the options."""
     parser.add_argument("file", metavar="FILE", help="record, result, or image of a film")
     parser.add_argument("-o", dest="out", metavar="PATH", help="PNG, or folder (ends with /); default beside the file")
     parser.add_argument("--truth", metavar="FILE", help="truth of a simulated record: draws its gravity as a line")
     parser.add_argument("--force", action="store_true", help="overwrite an existing picture")
     film = parser.add_argument_group("of a film")
-    film.add_argument("--from", dest="start", type=_seconds("--from"), metavar="S", help="first moment to draw")
-    film.add_argument("--to", dest="stop", type=_seconds("--to"), metavar="S", help="last moment to draw")
+    # of either sign: a film's time may begin before its first full minute
+    seconds = partial(number, above=-math.inf, what="a number of seconds")
+    film.add_argument("--from", dest="start", type=seconds("--from"), metavar="S", help="first moment to draw")
+    film.add_argument("--to", dest="stop", type=seconds("--to"), metavar="S", help="last moment to draw")
     add_reading_options(film)
-    return parser
 
 
 def run(options: argparse.Namespace) -> int:
     """Draw the file and write the picture."""
-    import data_schemas
-    from pipeline.plots import period_figure, record_figure, result_figure, save, synchrony_figure
-    from pipeline.plots.canvas import require_matplotlib
+    from pipeline.plots.canvas import require_matplotlib, save
+    from pipeline.plots.period import period_figure
+    from pipeline.plots.record import record_figure
+    from pipeline.plots.result import result_figure
+    from pipeline.plots.synchrony import synchrony_figure
 
     require_matplotlib()
     path = Path(options.file)
@@ -89,21 +91,6 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _seconds(option: str) -> Callable[[str], float]:
-    """Converter for `type=` that takes any finite number: a film's time may begin before its first full minute."""
-
-    def convert(word: str) -> float:
-        try:
-            value = float(word)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise UsageError(f"{option} wants a number of seconds, not '{word}'")
-        return value
-
-    return convert
-
-
 def true_gravity(path: str) -> float:
     """Gravity that a truth file states, m s-2; the figure is given the number and never the truth."""
     return float(read_checked(Path(path), "truth")["truth"]["gravity"])
@@ -116,25 +103,15 @@ def _kind_ending(path: Path) -> str:
 
 def draw_film(path: Path, output: Path, options: argparse.Namespace) -> int:
     """Read a film and draw it; of a film that cannot be read the image alone, with the reason, and status 3."""
-    from pipeline.film.digitise import open_film, read
-    from pipeline.plots import film_figure, save, unread_figure
+    from pipeline.film.digitise import open_film
+    from pipeline.plots.canvas import save
+    from pipeline.plots.film import film_figure, unread_figure
 
     if options.start is not None and options.stop is not None and options.stop <= options.start:
         raise UsageError(f"plot: --to {options.stop:g} is not after --from {options.start:g}")
     said = reading_options(options)
     try:
-        with film_progress(path.name) as progress:
-            reading, _ = read(
-                path,
-                description(options),
-                options=said,
-                orientation=options.orientation,
-                lines=options.lines,
-                reading=options.reading,
-                jobs=options.jobs,
-                progress=progress,
-            )
-        figure = film_figure(reading, options.start, options.stop)
+        figure = film_figure(read_film([path], options, said)[0], options.start, options.stop)
         status = 0
     except (RefusedError, RecordError) as fault:
         scan, _ = open_film(path, description(options), said, orientation=options.orientation, lines=options.lines)

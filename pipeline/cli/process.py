@@ -5,17 +5,19 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from data_schemas.errors import IsochronyError, RefusedError, UsageError
-from pipeline.cli.faults import naming, read_checked
+import data_schemas
+from data_schemas.errors import IsochronyError, UsageError
+from pipeline.cli.faults import exit_status, naming, outcome_of, read_checked
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
 from pipeline.cli.parser import did_you_mean, number
 from pipeline.cli.summary_rows import SummaryPrinter, failure
 
 if TYPE_CHECKING:
-    from xarray import DataTree
+    pass
 
 _METHOD_TEXTS = {
     "uncorrected": "slope of the difference pendulum's phase, nothing corrected",
@@ -30,7 +32,8 @@ _METHOD_TEXTS = {
 }
 _METHOD_LIST = "\n".join(f"  {name:<14}  {text}" for name, text in _METHOD_TEXTS.items())
 
-_DESCRIPTION = f"""\
+HELP = "gravity from records"
+DESCRIPTION = f"""\
 Gravity from records: all pendulums and the ship fitted at once, or the difference of two pendulums by the paper's
 formulas; the corrections, the uncertainty.
 
@@ -53,7 +56,7 @@ methods:
 {_METHOD_LIST}
   all             every one of the above but auto"""
 
-_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   isochrony process ship.record.nc
   isochrony process ship.record.nc --method panteleev,projection --json
@@ -64,12 +67,20 @@ examples:
 exit status: 0 every record gave a value; 1 some did; 3 none did; 2 usage"""
 
 
-def add_parser(verbs: Any) -> argparse.ArgumentParser:
-    """List the verb and its options."""
-    parser: argparse.ArgumentParser = verbs.add_parser(
-        "process", help="gravity from records", description=_DESCRIPTION, epilog=_EXAMPLES
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """List the options."""
     parser.add_argument("records", metavar="RECORD", nargs="+", help="record file (NAME.record.nc)")
+    add_reduction_options(parser)
+    parser.add_argument("--synchrony", action="store_true", help="lock, slips and rates of clocks instead of gravity")
+    parser.add_argument("-o", dest="out", metavar="PATH", help="result file, or folder for several records")
+    parser.add_argument("--force", action="store_true", help="overwrite existing results")
+    parser.add_argument("--no-output", action="store_true", help="write no result file, only print")
+    parser.add_argument("--ledger", action="store_true", help="print the ledger of several records too")
+    parser.add_argument("--json", action="store_true", help="JSON Lines instead of a table")
+
+
+def add_reduction_options(parser: argparse.ArgumentParser) -> None:
+    """List what says how records are reduced."""
     parser.add_argument("--method", default="auto", metavar="NAME[,NAME]", help="method or methods (default auto)")
     parser.add_argument("--pair", metavar="A-B", help="labels of the two pendulums to difference, such as 2-3")
     parser.add_argument(
@@ -79,13 +90,6 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
         metavar="X",
         help="relative 1-sigma uncertainty of the elongation scale, 0.01 for one per cent (default 0)",
     )
-    parser.add_argument("--synchrony", action="store_true", help="lock, slips and rates of clocks instead of gravity")
-    parser.add_argument("-o", dest="out", metavar="PATH", help="result file, or folder for several records")
-    parser.add_argument("--force", action="store_true", help="overwrite existing results")
-    parser.add_argument("--no-output", action="store_true", help="write no result file, only print")
-    parser.add_argument("--ledger", action="store_true", help="print the ledger of several records too")
-    parser.add_argument("--json", action="store_true", help="JSON Lines instead of a table")
-    return parser
 
 
 def run(options: argparse.Namespace) -> int:
@@ -95,40 +99,41 @@ def run(options: argparse.Namespace) -> int:
     names = ("synchrony",) if options.synchrony else requested_methods("process", options.method)
     requested = names[0] if len(names) == 1 else list(names)
     inputs = [Path(name) for name in options.records]
-    outputs: list[Path | None] = [None] * len(inputs)
     if options.no_output and options.out is not None:
         raise UsageError("process: -o and --no-output contradict each other; give one of them")
-    if not options.no_output:
-        placed = place(inputs, options.out, ".result.nc")
-        refuse_clashes(inputs, placed, force=options.force)
-        outputs = list(placed)
-    printer = SummaryPrinter(inputs, as_json=options.json, with_ledger=_with_ledger(options))
+    outputs = [] if options.no_output else place(inputs, options.out, ".result.nc")
+    refuse_clashes(inputs, outputs, force=options.force)
+    with_ledger = options.ledger or (len(inputs) == 1 and not options.synchrony)
+    printer = SummaryPrinter(inputs, as_json=options.json, with_ledger=with_ledger)
     good = 0
-    for path, output in _with_progress(list(zip(inputs, outputs, strict=True))):
+    for path, output in _with_progress(list(zip_longest(inputs, outputs))):
         try:
             rows = _one(path, output, requested, options)
         except IsochronyError as fault:
             told = naming(path, str(fault))
             if isinstance(fault, UsageError) and len(inputs) == 1:
                 raise UsageError(told) from fault  # such as a pair that the only record does not have
-            status = "refused" if isinstance(fault, RefusedError) else "failed"
-            rows = [failure(path, "synchrony" if options.synchrony else options.method, status, told)]
+            rows = [failure(path, "synchrony" if options.synchrony else options.method, outcome_of(fault), told)]
         printer.show(rows)
         good += any(row["status"] == "ok" for row in rows)
-    if good == len(inputs):
-        return 0
-    return 1 if good else 3
+    return exit_status(good, len(inputs))
 
 
 def _one(
     path: Path, output: Path | None, requested: str | list[str], options: argparse.Namespace
 ) -> list[dict[str, Any]]:
-    import data_schemas
-
     record = read_checked(path, "record")
+    # imported after the check: a bad record is told before the kernels are loaded
     from pipeline.summary import summaries
 
-    result = _reduced(record, requested, options)
+    if options.synchrony:
+        from pipeline.synchronism.recipe import synchrony
+
+        result = synchrony(record)
+    else:
+        from pipeline.processing import process
+
+        result = process(record, method=requested, pair=options.pair, gain_uncertainty=options.gain_uncertainty)
     rows = [{**row, "input": str(path), "output": None} for row in summaries(result)]
     if output is not None and any(row["status"] == "ok" for row in rows):
         make_folder(output)
@@ -137,29 +142,8 @@ def _one(
     return rows
 
 
-def _reduced(record: DataTree, requested: str | list[str], options: argparse.Namespace) -> DataTree:
-    # imported after the check: a bad record is told before the kernels are loaded
-    if options.synchrony:
-        from pipeline.synchronism.recipe import synchrony
-
-        return synchrony(record)
-    from pipeline.processing import process
-
-    return process(record, method=requested, pair=options.pair, gain_uncertainty=options.gain_uncertainty)
-
-
-def _with_ledger(options: argparse.Namespace) -> bool:
-    return options.ledger or (len(options.records) == 1 and not options.synchrony)
-
-
 def requested_methods(verb: str, text: str) -> tuple[str, ...]:
-    """The methods asked for by `--method`, checked before any record is read.
-
-    Raises
-    ------
-    UsageError
-        An unknown one, or one twice.
-    """
+    """The methods asked for by `--method`, checked before any record is read; `UsageError` for one unknown or twice."""
     from pipeline.methods import METHODS
 
     every = [name for name in METHODS if name != "auto"]

@@ -6,19 +6,21 @@ import argparse
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+import data_schemas
+import synth
 from data_schemas.errors import UsageError
-from pipeline.cli import simulate_ensemble
 from pipeline.cli.outputs import folder_for_output, orderly, place, refuse_clashes, stem
-from pipeline.cli.parser import number, whole_number
+from pipeline.cli.parser import number, positive, processors, whole_number
 from pipeline.cli.progress import progress
 from pipeline.cli.tables import print_json
 
 if TYPE_CHECKING:
     from data_schemas.scene import Scene
 
-_DESCRIPTION = """\
+HELP = "make a record and its truth from a scene"
+DESCRIPTION = """\
 Simulate a scene (TOML): pendulums, their support, the ship's motion and the recording, from the scene's seed.
 The propagator is chosen by what the scene names; --explain tells which, and why, and simulates nothing.
 
@@ -31,7 +33,7 @@ With --ensemble N there are N members: NAME-0001.record.nc and NAME-0001.truth.n
 the table NAME.ensemble.csv of their seeds and of what varies. Member 7 is the same whatever N is. Started
 again after an interrupt, it keeps the members that are there and whole."""
 
-_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   isochrony simulate ship.toml                    ship.record.nc and ship.truth.nc beside the scene
   isochrony simulate ship.toml --seed 7 -o out/   another noise, in the folder out
@@ -39,16 +41,11 @@ examples:
   isochrony simulate clocks-on-beam --explain     terms, propagator, why, expected error
   isochrony simulate escapement --tolerance 1e-9  quicker, and no better than asked
   isochrony simulate demo --ensemble 100 --vary pendulums.0.start.phase=0:6.28 --vary gravity=9.78:9.83"""
+_WORTHWHILE = 4  # members a further process must have to do, for starting it takes as long as some
 
 
-def add_parser(verbs: Any) -> argparse.ArgumentParser:
-    """List the verb and its options."""
-    parser: argparse.ArgumentParser = verbs.add_parser(
-        "simulate",
-        help="make a record and its truth from a scene",
-        description=_DESCRIPTION,
-        epilog=_EXAMPLES,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """List the options."""
     parser.add_argument("scene", metavar="SCENE", help="scene file (TOML), or the name of a shipped scene")
     parser.add_argument("-o", dest="out", metavar="PATH", help="record file, or folder for both files (ends with /)")
     parser.add_argument("--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own")
@@ -59,17 +56,28 @@ def add_parser(verbs: Any) -> argparse.ArgumentParser:
         help="largest error wanted, of the largest angle, 1e-15 to 0.01; instead of the scene's own",
     )
     parser.add_argument("--force", action="store_true", help="overwrite existing outputs")
-    simulate_ensemble.add_options(parser)
+    group = parser.add_argument_group("ensembles")
+    group.add_argument(
+        "--ensemble", type=positive("--ensemble"), metavar="N",
+        help="N members, each with a seed of its own, into a folder (-o; default NAME.ensemble)",
+    )  # fmt: skip
+    group.add_argument(
+        "--vary", type=_range, action="append", metavar="KEY=LOW:HIGH",
+        help="let a key of the scene vary evenly, such as pendulums.0.start.phase=0:6.28 (may be given again)",
+    )  # fmt: skip
+    group.add_argument(
+        "--workers", type=positive("--workers"), metavar="N", help="processes (default: one a processor); same results"
+    )
     parser.add_argument("--explain", action="store_true", help="tell what would be computed, how and why, and leave")
     parser.add_argument("--json", action="store_true", help="with --explain: one JSON object")
-    return parser
 
 
 def run(options: argparse.Namespace) -> int:
     """Simulate the scene and write both files."""
-    import synth
-
-    simulate_ensemble.check_options(options)
+    if options.ensemble is None:
+        for name in ("vary", "workers"):
+            if getattr(options, name) is not None:
+                raise UsageError(f"--{name} is about ensembles; give --ensemble N too")
     ending = "record.nc" if options.ensemble is None else "ensemble"
     path, out = find_scene(options.scene, options.out, ending)
     if options.json and not options.explain:
@@ -78,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
         print_explanation(_scene(path, options), as_json=options.json)
         return 0
     if options.ensemble is not None:
-        return simulate_ensemble.run(options, _scene(path, options), path, out)
+        return _ensemble(options, _scene(path, options), path, out)
     record_path = place([path], out, ".record.nc")[0]
     truth_path = record_path.with_name(stem(record_path) + ".truth.nc")
     refuse_clashes([path], [record_path, truth_path], force=options.force)
@@ -91,10 +99,34 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _ensemble(options: argparse.Namespace, scene: Scene, path: Path, out: str | None) -> int:
+    """Simulate all members that are not there yet."""
+    name = stem(path)
+    folder = Path(out) if out is not None else path.with_name(f"{name}.ensemble")
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder}: is a file, but an ensemble needs a folder; name another with -o")
+    vary = dict(options.vary or [])
+    if len(vary) < len(options.vary or []):
+        raise UsageError("--vary names a key twice; name each once")
+    workers = options.workers or max(1, min(processors(), options.ensemble // _WORTHWHILE))
+    with orderly(), folder_for_output(folder), progress(name, " members") as draw:
+        written = synth.write_ensemble(
+            scene,
+            options.ensemble,
+            folder,
+            name=name,
+            vary=vary,
+            workers=workers,
+            overwrite=options.force,
+            progress=draw,
+        )
+    kept = f", {written.kept} of them kept from before" if written.kept else ""
+    print(f"{written.manifest}: {written.made + written.kept} members{kept}")
+    return 0
+
+
 def _scene(path: Path, options: argparse.Namespace) -> Scene:
     """The scene, with what the options say instead."""
-    import data_schemas
-
     scene = data_schemas.load_scene(path)
     if options.seed is not None:
         scene = scene.model_copy(update={"seed": options.seed})
@@ -111,12 +143,25 @@ def _tolerance(word: str) -> float:
     return value
 
 
+def _range(word: str) -> tuple[str, tuple[float, float]]:
+    key, given, ends = word.partition("=")
+    low, both, high = ends.partition(":")
+    try:
+        if not (key and given and both):
+            raise ValueError
+        pair = float(low), float(high)
+    except ValueError:
+        raise UsageError(f"--vary wants KEY=LOW:HIGH, such as gravity=9.7:9.9, not '{word}'") from None
+    if not all(map(math.isfinite, pair)):
+        raise UsageError(f"--vary wants finite ends, not '{word}'")
+    return key, pair
+
+
 def find_scene(name: str, out: str | None, ending: str) -> tuple[Path, str | None]:
     """Path of the scene, and `-o`: outputs of a shipped scene go to the present folder, not the package."""
     path = Path(name)
     if path.is_file() or path.suffix or path.parent != Path("."):
         return path, out
-    import synth
 
     shipped = Path(synth.scene_path(name))
     return shipped, out if out is not None else f"./{name}.{ending}"
@@ -136,16 +181,9 @@ def print_explanation(scene: Scene, *, as_json: bool) -> None:
     print(f"{scene.record_id}: {scene.title}" if scene.title else scene.record_id)
     _print_block("scene", {"pendulums": told.pendulums, "readings": told.readings})
     _print_block("terms", told.terms | {"left out": ", ".join(told.left_out) or "nothing"})
-    _print_block(
-        "propagator",
-        {
-            "chosen": told.propagator,
-            "why": told.why,
-            **({"if it refuses": ", then ".join(told.instead)} if told.instead else {}),
-            "tolerance": wanted,
-            "expected error": f"{power(told.expected_error)} of the largest angle",
-        },
-    )
+    refused = {"if it refuses": ", then ".join(told.instead)} if told.instead else {}
+    error = {"tolerance": wanted, "expected error": f"{power(told.expected_error)} of the largest angle"}
+    _print_block("propagator", {"chosen": told.propagator, "why": told.why, **refused, **error})
 
 
 def _print_block(heading: str, entries: Mapping[str, str]) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pipeline.cli.outputs import stem
-from pipeline.cli.tables import Column, print_header, print_json, print_row
+from pipeline.cli.tables import Column, columns, print_header, print_json, print_row
 
 _KEYS = (
     "record_id", "input", "output", "status", "error", "requested_method", "method", "gravity_m_s2",
@@ -27,13 +27,8 @@ _SHORT = {
     "base_tie": "base",
 }
 _WIDTH = 26  # of the names of corrections
-_ONE = (
-    Column("  correction", _WIDTH, right=False),
-    Column("mGal", 12),
-    Column("sigma", 9),
-    Column("1e-7 s", 10),
-    Column("made from", right=False),
-)
+_ONE = columns(f"  correction <{_WIDTH}", "mGal >12", "sigma >9", "1e-7 s >10", "made from <0")
+_TAIL = columns("time ms >0", "flags <0")
 
 
 def failure(path: Path, requested: str, status: str, error: str) -> dict[str, Any]:
@@ -76,72 +71,55 @@ class SummaryPrinter:
             self._headed = []
 
     def _show_line(self, row: Mapping[str, Any]) -> None:
-        single = "period_s" in row
-        pair = row.get("synchrony")
-        kind = _SYNCHRONY if pair else _PERIOD if single else _GRAVITY
-        columns = [Column("record", self._width, right=False), Column("method", 14, right=False), *kind]
-        if columns != self._headed:
-            print_header(columns)
-            self._headed = columns
+        own, cells = _KINDS["synchrony" if row.get("synchrony") else "period" if "period_s" in row else "gravity"]
+        shown = [Column("record", self._width, right=False), *columns("method <14"), *own, *_TAIL]
+        if shown != self._headed:
+            print_header(shown)
+            self._headed = shown
         lead = [stem(Path(str(row["input"]))), str(row["method"])]
         if row["status"] != "ok":
-            print_row(columns, lead)
+            print_row(shown, lead)
             print(f"    {row['status']}: {row['error']}", flush=True)
             return
-        value = (
-            _synchrony(pair)
-            if pair
-            else [_number(row["period_s"], ".8f"), _number(row["period_sigma_s"], ".2g")]
-            if single
-            else [
-                _number(row["gravity_m_s2"], ".8f"),
-                _small(row["gravity_sigma_mgal"]),
-                _corrections(row["corrections_mgal"]),
-            ]
-        )
         flags = ", ".join(row["flags"]) or "none"
-        print_row(columns, [*lead, *value, _number(1e3 * row["elapsed_s"], ".1f"), flags])
+        print_row(shown, [*lead, *cells(row), _number(1e3 * row["elapsed_s"], ".1f"), flags])
         if row.get("choice_reason"):
             print(f"    {row['choice_reason']}", flush=True)
-
-
-_TAIL = (Column("time ms"), Column("flags", right=False))
-_GRAVITY = (
-    Column("gravity m/s2", 12),
-    Column("sigma mGal", 10),
-    Column("corrections mGal", 38, right=False),
-    *_TAIL,
-)
-_SYNCHRONY = (
-    Column("pair", 6, right=False),
-    Column("verdict", 12, right=False),
-    Column("sure", 5),
-    Column("angle deg", 9),
-    Column("locked s", 9),
-    Column("slips", 5),
-    Column("swings/day", 11),
-    Column("sigma", 8),
-    *_TAIL,
-)
-_PERIOD = (Column("period s", 11), Column("sigma s", 8), *_TAIL)
 
 
 def _number(value: float | None, form: str) -> str:
     return "-" if value is None or value != value else format(value, form)
 
 
-def _synchrony(pair: Mapping[str, Any]) -> list[str]:
-    angle = pair["angle_rad"]
-    return [
-        pair["pair"],
-        pair["verdict"],
-        _number(pair["confidence"], ".3f"),
-        _number(None if angle is None else math.degrees(angle), ".2f"),
-        _number(pair["lock_time_s"], ".1f"),
-        str(pair["slips"]),
-        _number(pair["rate_difference_per_day"], ".3f"),
-        _number(pair["rate_difference_sigma_per_day"], ".2g"),
-    ]
+def _gravity(row: Mapping[str, Any]) -> list[str]:
+    sigma = _small(row["gravity_sigma_mgal"])
+    return [_number(row["gravity_m_s2"], ".8f"), sigma, _corrections(row["corrections_mgal"])]
+
+
+def _period(row: Mapping[str, Any]) -> list[str]:
+    return [_number(row["period_s"], ".8f"), _number(row["period_sigma_s"], ".2g")]
+
+
+def _synchrony(row: Mapping[str, Any]) -> list[str]:
+    pair = row["synchrony"]
+    angle = None if pair["angle_rad"] is None else math.degrees(pair["angle_rad"])
+    rate, sigma = pair["rate_difference_per_day"], pair["rate_difference_sigma_per_day"]
+    verdict = [pair["pair"], pair["verdict"], _number(pair["confidence"], ".3f"), _number(angle, ".2f")]
+    since = [_number(pair["lock_time_s"], ".1f"), str(pair["slips"])]
+    return [*verdict, *since, _number(rate, ".3f"), _number(sigma, ".2g")]
+
+
+_KINDS: Mapping[str, tuple[Sequence[Column], Callable[[Mapping[str, Any]], list[str]]]] = {
+    "gravity": (columns("gravity m/s2 >12", "sigma mGal >10", "corrections mGal <38"), _gravity),
+    "period": (columns("period s >11", "sigma s >8"), _period),
+    "synchrony": (
+        columns(
+            "pair <6", "verdict <12", "sure >5", "angle deg >9", "locked s >9", "slips >5", "swings/day >11", "sigma >8"
+        ),
+        _synchrony,
+    ),
+}
+"""Own columns and cells of what a row may tell."""
 
 
 def _small(value: float | None) -> str:
@@ -157,13 +135,10 @@ def _corrections(entries: Mapping[str, float | None]) -> str:
 
 
 def print_ledger(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print the ledger of one record.
+    """Print the ledger of one record from its summaries, one a method; those without gravity are passed over.
 
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Its summaries, one a method; those without gravity are passed over. One method is shown with sigma, the change
-        of the full period, and what the correction was made from; several stand side by side.
+    One method is shown with sigma, the change of the full period, and what the correction was made from; several stand
+    side by side.
     """
     good = [row for row in rows if row["status"] == "ok" and row.get("ledger")]
     if not good:
@@ -178,7 +153,7 @@ def print_ledger(rows: Sequence[Mapping[str, Any]]) -> None:
 
 def _one(row: Mapping[str, Any]) -> None:
     print(f"ledger of {row['method']}: corrections, added to gravity and (1e-7 s) to the full period")
-    print_row(_ONE, [column.heading for column in _ONE])
+    print_header(_ONE)
     for entry in row["ledger"]:
         if entry["applied"]:
             value = [f"{entry['value_mgal']:+.4f}", _sigma(entry["sigma_mgal"]), f"{entry['period_1e-7_s']:+.3f}"]
@@ -186,9 +161,8 @@ def _one(row: Mapping[str, Any]) -> None:
     total = sum(entry["value_mgal"] for entry in row["ledger"])
     period = sum(entry["period_1e-7_s"] for entry in row["ledger"])
     print_row(_ONE, ["  sum", f"{total:+.4f}", "", f"{period:+.3f}"])
-    print_row(
-        _ONE, ["  reading noise", "", _sigma(row["noise_sigma_mgal"]), "", "1 sigma of gravity from the readings"]
-    )
+    noise = _sigma(row["noise_sigma_mgal"])
+    print_row(_ONE, ["  reading noise", "", noise, "", "1 sigma of gravity from the readings"])
     print(f"  uncorrected {row['uncorrected_m_s2']:.8f} m/s2, gravity {row['gravity_m_s2']:.8f} m/s2", end="")
     print(f", sigma {_sigma(row['gravity_sigma_mgal'])} mGal")
     for name in ("free_air_anomaly", "bouguer_anomaly"):
@@ -198,15 +172,15 @@ def _one(row: Mapping[str, Any]) -> None:
 
 def _several(rows: Sequence[Mapping[str, Any]]) -> None:
     print("ledger: corrections, added to gravity, mGal")
-    columns = [_ONE[0], *(Column(str(row["method"]), 12) for row in rows)]
-    print_row(columns, [column.heading for column in columns])
+    shown = [_ONE[0], *(Column(str(row["method"]), 12) for row in rows)]
+    print_header(shown)
     for k, entry in enumerate(rows[0]["ledger"]):
         given = [row["ledger"][k] for row in rows]
         if any(each["applied"] for each in given):
             cells = [f"{each['value_mgal']:+.4f}" if each["applied"] else "-" for each in given]
-            print_row(columns, [f"  {entry['entry']}", *cells])
+            print_row(shown, [f"  {entry['entry']}", *cells])
     totals = [sum(entry["value_mgal"] for entry in row["ledger"]) for row in rows]
-    print_row(columns, ["  sum", *(f"{total:+.4f}" for total in totals)])
+    print_row(shown, ["  sum", *(f"{total:+.4f}" for total in totals)])
 
 
 def _not_applied(rows: Sequence[Mapping[str, Any]]) -> None:

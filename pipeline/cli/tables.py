@@ -23,6 +23,12 @@ class Column:
         return text.rjust(width) if self.right else text.ljust(width)
 
 
+def columns(*texts: str) -> tuple[Column, ...]:
+    """Columns from texts such as ``"gravity m/s2 >12"``: heading, side on which the cells stand, least width."""
+    parts = (text.rpartition(" ") for text in texts)
+    return tuple(Column(heading, int(place[1:]), place[0] == ">") for heading, _, place in parts)
+
+
 def print_header(columns: Sequence[Column]) -> None:
     """Print the headings of a table."""
     print_row(columns, [column.heading for column in columns])

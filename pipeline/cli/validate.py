@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
-from pipeline.cli.faults import naming
+import data_schemas
+from pipeline.cli.faults import exit_status, naming
 
-_DESCRIPTION = """\
+HELP = "name every fault of a file"
+DESCRIPTION = """\
 Check files against their schema: records, truths, results (netCDF) and scenes (TOML).
 
 Each file gets one line "NAME: good", or one line for every fault with its remedy: layout, dimensions, types,
 units, times that do not increase, values that cannot be, content that does not match its checksum."""
 
-_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   isochrony validate ship.record.nc
   isochrony validate ship.toml *.nc
@@ -21,19 +22,13 @@ examples:
 exit status: 0 all good; 1 some good; 3 none good"""
 
 
-def add_parser(verbs: Any) -> argparse.ArgumentParser:
-    """List the verb and its options."""
-    parser: argparse.ArgumentParser = verbs.add_parser(
-        "validate", help="name every fault of a file", description=_DESCRIPTION, epilog=_EXAMPLES
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """List the options."""
     parser.add_argument("files", metavar="FILE", nargs="+", help="scene, record, truth or result")
-    return parser
 
 
 def run(options: argparse.Namespace) -> int:
     """Check each file; the exit status says whether all, some or none are good."""
-    import data_schemas
-
     good = 0
     for name in options.files:
         faults = data_schemas.validate(name)
@@ -42,6 +37,4 @@ def run(options: argparse.Namespace) -> int:
         if not faults:
             print(f"{name}: good", flush=True)
             good += 1
-    if good == len(options.files):
-        return 0
-    return 1 if good else 3
+    return exit_status(good, len(options.files))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import os
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from data_schemas.errors import FileError, UsageError
+from data_schemas.writing import beside, give_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,15 +47,7 @@ def require_matplotlib() -> None:
 
 
 def sheet(title: str, subtitle: str, width: float, height: float) -> Figure:
-    """Make an empty figure with its heading.
-
-    Parameters
-    ----------
-    title, subtitle : str
-        What the figure shows, and of which record.
-    width, height : float
-        Inches.
-    """
+    """Make an empty figure, width by height inches, with its heading: what it shows, and of which record."""
     require_matplotlib()
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -73,7 +66,7 @@ def sheet(title: str, subtitle: str, width: float, height: float) -> Figure:
     return figure
 
 
-def panel(figure: Figure, place: Any, title: str, across: str, up: str, **settings: Any) -> Axes:
+def panel(figure: Figure, place: Any, title: str, across: str = "", up: str = "", **settings: Any) -> Axes:
     """Add one panel with its title and both labels.
 
     Parameters
@@ -106,30 +99,14 @@ def note(axes: Axes, text: str) -> None:
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write the figure as PNG under a temporary name and rename it: no half-written picture stays.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written.
-    """
-    path = Path(path)
-    handle, name = -1, ""
+    """Write the figure as PNG, under a temporary name first: nothing half-written stays; `FileError` where it fails."""
+    target = Path(os.path.realpath(path))
+    temporary = beside(target)
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-        with os.fdopen(handle, "wb") as stream:
-            figure.savefig(stream, format="png", metadata={"Software": "isochrony"})
-        os.chmod(name, 0o666 & ~_umask())
-        os.replace(name, path)
+        figure.savefig(temporary, format="png", metadata={"Software": "isochrony"})
+        give_name(temporary, target, path, overwrite=True)
     except OSError as fault:
         raise FileError(f"{path}: cannot be written ({fault.strerror}); choose another with -o") from fault
     finally:
-        if name and os.path.exists(name):
-            os.unlink(name)
-
-
-def _umask() -> int:
-    """The process's mask, which can only be read by setting it."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+        with contextlib.suppress(OSError):  # gone already when it was renamed
+            temporary.unlink()

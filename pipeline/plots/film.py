@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +28,7 @@ _STRIP = 30.0  # s of film a strip, if that makes no more than the most
 _MOST_STRIPS = 12
 _WIDTH, _HEIGHT = 15.0, 20.0  # inches, of all strips
 _DOTS = 1750  # across a strip
+_IMAGE: Any = {"origin": "lower", "aspect": "auto", "interpolation": "none"}
 _FINE = 2.0  # rows to a dot up to which single readings are drawn
 _TRACES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 _FLAGS = {
@@ -41,8 +41,7 @@ _FLAGS = {
 }
 
 
-@dataclass(frozen=True)
-class Strip:
+class Strip(NamedTuple):
     """A piece of film: rows `first` to `stop`, columns `left` to `right`."""
 
     first: int
@@ -52,18 +51,9 @@ class Strip:
 
 
 def film_figure(reading: Reading, start: float | None = None, stop: float | None = None) -> Figure:
-    """Draw a film and what was read of it, time to the right.
+    """Draw a film and what was read of it, time to the right: all of it, or from `start` to `stop`, s.
 
-    Parameters
-    ----------
-    reading : Reading
-    start, stop : float, optional
-        Part of the film, s by the chronometer; all of it by default.
-
-    Raises
-    ------
-    UsageError
-        The film shows nothing of that time.
+    `UsageError` where the film shows nothing of that time.
     """
     first, last = _rows(reading, start, stop)
     strips = _strips(reading.scan, first, last, _reach(reading, first, last), _seconds_per_row(reading))
@@ -75,25 +65,26 @@ def film_figure(reading: Reading, start: float | None = None, stop: float | None
         _draw_marks(place, reading, strip)
         _draw_flags(place, reading, strip)
         _label_time(place, reading, strip)
+        _frame(place, strip)
     _legend(figure, reading)
     return figure
 
 
 def unread_figure(scan: Scan, why: str) -> Figure:
-    """Draw a film that could not be read, and say why.
-
-    Parameters
-    ----------
-    scan : Scan
-    why : str
-        One line.
-    """
+    """Draw a film that could not be read, and say in one line why."""
     strips = _strips(scan, 0, scan.rows, (0, scan.columns), 0.0)
     figure, axes = _sheet("Film, not read", why if len(why) < 190 else why[:187] + "...", strips)
     for place, strip in zip(axes, strips, strict=True):
         _draw_image(place, scan, strip)
         place.set_xlabel("row")
+        _frame(place, strip)
     return figure
+
+
+def _frame(axes: Axes, strip: Strip) -> None:
+    """Show the strip, with room for the flags below it."""
+    axes.set_xlim(strip.first, strip.stop)
+    axes.set_ylim(strip.left - 0.06 * (strip.right - strip.left), strip.right)
 
 
 def _rows(reading: Reading, start: float | None, stop: float | None) -> tuple[int, int]:
@@ -145,7 +136,7 @@ def _sheet(title: str, subtitle: str, strips: Sequence[Strip]) -> tuple[Figure, 
     height = float(np.clip(true, 1.5, np.clip(_HEIGHT / len(strips), 1.8, 9.0)))
     figure = sheet(title, subtitle, _WIDTH, 1.15 + len(strips) * (height + 0.45))
     grid = figure.add_gridspec(len(strips), 1)
-    axes = [panel(figure, grid[row, 0], "", "", "column") for row in range(len(strips))]
+    axes = [panel(figure, grid[row, 0], "", up="column") for row in range(len(strips))]
     for place in axes:
         place.grid(False)
     return figure, axes
@@ -154,11 +145,7 @@ def _sheet(title: str, subtitle: str, strips: Sequence[Strip]) -> tuple[Figure, 
 def _draw_image(axes: Axes, scan: Scan, strip: Strip) -> None:
     grey = picture(scan, strip.first, strip.stop, strip.left, strip.right, _DOTS)
     extent = (strip.first, strip.stop, strip.left, strip.right)
-    axes.imshow(
-        grey.T, origin="lower", extent=extent, aspect="auto", cmap="gray", vmin=0.0, vmax=1.0, interpolation="none"
-    )
-    axes.set_xlim(strip.first, strip.stop)
-    axes.set_ylim(strip.left - 0.06 * (strip.right - strip.left), strip.right)
+    axes.imshow(grey.T, **_IMAGE, extent=extent, cmap="gray", vmin=0.0, vmax=1.0)
 
 
 def _draw_traces(axes: Axes, reading: Reading, strip: Strip) -> None:
@@ -180,15 +167,11 @@ def _draw_traces(axes: Axes, reading: Reading, strip: Strip) -> None:
 def _draw_strobe(axes: Axes, reading: Reading, strip: Strip) -> None:
     """Places read at the marks, as rings."""
     strobe = reading.strobe
-    for trace in range(strobe.position.shape[0]):
-        rows = _rows_of(
-            reading, np.asarray(strobe.index * reading.axis.interval, dtype=np.float64), trace, strobe.position[trace]
-        )
-        shown = (rows >= strip.first) & (rows < strip.stop)
-        axes.plot(
-            rows[shown], strobe.position[trace][shown], "o", markersize=4, fillstyle="none", markeredgewidth=0.8,
-            color=_TRACES[trace % len(_TRACES)],
-        )  # fmt: skip
+    seconds = np.asarray(strobe.index * reading.axis.interval, dtype=np.float64)
+    for trace, column in enumerate(strobe.position):
+        rows = _rows_of(reading, seconds, trace, column)
+        shown, color = (rows >= strip.first) & (rows < strip.stop), _TRACES[trace % len(_TRACES)]
+        axes.plot(rows[shown], column[shown], "o", markersize=4, fillstyle="none", markeredgewidth=0.8, color=color)
 
 
 def _rows_of(reading: Reading, seconds: Floats, trace: int, column: Floats) -> Floats:
@@ -223,23 +206,15 @@ def _draw_flags(axes: Axes, reading: Reading, strip: Strip) -> None:
 
     from pipeline.film.summary import row_flags
 
-    flags, span = row_flags(reading), 0.055 * (strip.right - strip.left)
-    count = len(flags)
-    for trace in range(count):
-        qc = flags[trace, strip.first : strip.stop]
-        blocks = np.array_split(qc, min(_DOTS, qc.size))
-        colors = np.ones((1, len(blocks), 3))
-        for number, block in enumerate(blocks):
-            worst = np.bitwise_or.reduce(block)
-            name = next((name for name in _FLAGS if worst & ELONGATION_FLAGS[name]), None)
-            if name is not None:
-                colors[0, number] = to_rgb(_FLAGS[name])
-        low = strip.left - 0.06 * (strip.right - strip.left) + trace * span / count
-        extent = (strip.first, strip.stop, low, low + span / count)
-        axes.imshow(colors, origin="lower", extent=extent, aspect="auto", interpolation="none")
-        axes.axhline(low + span / count, color=_TRACES[trace % len(_TRACES)], linewidth=0.6)
-    axes.set_xlim(strip.first, strip.stop)
-    axes.set_ylim(strip.left - 0.06 * (strip.right - strip.left), strip.right)
+    flags, wide = row_flags(reading)[:, strip.first : strip.stop], strip.right - strip.left
+    high = 0.055 * wide / len(flags)
+    for trace, qc in enumerate(flags):
+        worst = [np.bitwise_or.reduce(block) for block in np.array_split(qc, min(_DOTS, qc.size))]
+        names = [next((name for name in _FLAGS if flag & ELONGATION_FLAGS[name]), "") for flag in worst]
+        colors = [[to_rgb(_FLAGS.get(name, "white")) for name in names]]
+        low = strip.left - 0.06 * wide + trace * high
+        axes.imshow(colors, **_IMAGE, extent=(strip.first, strip.stop, low, low + high))
+        axes.axhline(low + high, color=_TRACES[trace % len(_TRACES)], linewidth=0.6)
 
 
 def _label_time(axes: Axes, reading: Reading, strip: Strip) -> None:

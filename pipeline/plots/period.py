@@ -17,13 +17,7 @@ if TYPE_CHECKING:
 
 
 def period_figure(result: DataTree) -> Figure:
-    """Draw the result of a single pendulum: period against amplitude above, what the law leaves of it below.
-
-    Parameters
-    ----------
-    result : DataTree
-        A valid result with the group `period`.
-    """
+    """Draw a result with the group `period`: period against amplitude above, what the law leaves of it below."""
     table = result.children["period"].to_dataset(inherit=False)
     period, sigma = float(table["period"]), float(table["period_sigma"])
     name = result.attrs.get("record_id", "without a name")

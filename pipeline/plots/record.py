@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.plots.canvas import PALETTE, note, panel, sheet
-from pipeline.plots.series import Floats, angle_scale, draw_band, time_scale
+from pipeline.plots.series import Floats, angle_scale, draw_band, over_time
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,13 +19,7 @@ _MOST_TRACES = 8
 
 
 def record_figure(record: DataTree) -> Figure:
-    """Draw each trace of a record in a row: the whole at the left, twenty seconds at the right.
-
-    Parameters
-    ----------
-    record : DataTree
-        A valid record.
-    """
+    """Draw each trace of a valid record in a row: the whole at the left, twenty seconds at the right."""
     time = np.asarray(record.dataset["time"].values, dtype=np.float64)
     time = time - time[0]
     traces = record["record"].dataset["elongation"]
@@ -35,21 +29,15 @@ def record_figure(record: DataTree) -> Figure:
     grid = figure.add_gridspec(len(labels), 2, width_ratios=(2.4, 1))
     for row, label in enumerate(labels):
         color = PALETTE[row % len(PALETTE)]
-        whole = panel(figure, grid[row, 0], f"trace {label}", "", "")
-        draw_whole(whole, time, values[row], color)
-        zoom = panel(figure, grid[row, 1], f"{_ZOOM:g} s of it", "", "")
-        _draw_zoom(zoom, time, values[row], color)
+        draw_whole(panel(figure, grid[row, 0], f"trace {label}"), time, values[row], color)
+        _draw_zoom(panel(figure, grid[row, 1], f"{_ZOOM:g} s of it"), time, values[row], color)
     return figure
 
 
 def draw_whole(axes: Axes, time: Floats, values: Floats, color: str) -> None:
     """Draw one trace from end to end, with its missing stretches open and both labels."""
-    seconds, unit_of_time = time_scale(float(time[-1]))
     angle, unit = angle_scale(float(np.nanmax(np.abs(values), initial=0.0)))
-    draw_band(axes, time * seconds, values * angle, color=color, label="")
-    axes.set_xlim(0.0, time[-1] * seconds)
-    axes.set_xlabel(f"time from the start, {unit_of_time}")
-    axes.set_ylabel(f"elongation, {unit}")
+    draw_band(axes, over_time(axes, time, f"elongation, {unit}"), values * angle, color=color, label="")
 
 
 def _draw_zoom(axes: Axes, time: Floats, values: Floats, color: str) -> None:
@@ -64,14 +52,7 @@ def _draw_zoom(axes: Axes, time: Floats, values: Floats, color: str) -> None:
     # With few readings a line between them would suggest a motion that was not seen.
     dense = shown.sum() > 8 * _ZOOM
     line, marker, size = ("-", "", 0) if dense else ("", "o", 2.5)
-    axes.plot(
-        time[shown] - start,
-        values[shown] * angle,
-        linestyle=line,
-        marker=marker,
-        markersize=size,
-        color=color,
-    )
+    axes.plot(time[shown] - start, values[shown] * angle, line + marker, markersize=size, color=color)
     axes.set_xlim(0.0, min(_ZOOM, float(time[-1])))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.plots.canvas import BLUE, GREEN, PALETTE, VERMILION, legend, note, panel, sheet
 from pipeline.plots.record import draw_whole
-from pipeline.plots.series import Floats, angle_scale, robust_limits, running_mean, thin, time_scale
+from pipeline.plots.series import Floats, angle_scale, over_time, robust_limits, running_mean, thin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,23 +22,15 @@ _BORNE_OUT = 1.0  # mGal
 
 
 def result_figure(result: DataTree, *, true_gravity: float | None = None) -> Figure:
-    """Draw a result of two pendulums.
-
-    Parameters
-    ----------
-    result : DataTree
-        A valid result with the group `gravity`.
-    true_gravity : float, optional
-        m s-2; the methods' errors are then counted from it.
-    """
+    """Draw a result with the group `gravity`; the methods' errors are counted from the true one, m s-2, if given."""
     figure = sheet("Gravity from the difference pendulum", subtitle(result), 11.0, 8.2)
-    grid = figure.add_gridspec(2, 2, height_ratios=(1, 1), width_ratios=(1, 1))
-    draw_amplitudes(panel(figure, grid[0, 0], "Amplitude of each harmonic", "", ""), result)
-    draw_gravity(panel(figure, grid[0, 1], "Gravity by method", "", ""), result, true_gravity)
+    grid = figure.add_gridspec(2, 2)
+    draw_amplitudes(panel(figure, grid[0, 0], "Amplitude of each harmonic"), result)
+    draw_gravity(panel(figure, grid[0, 1], "Gravity by method"), result, true_gravity)
     if "course" in result.children and _method_with_line(result) is None:
-        draw_course(panel(figure, grid[1, :], "Gravity along the track", "", ""), result)
+        draw_course(panel(figure, grid[1, :], "Gravity along the track"), result)
     else:
-        draw_phase_speed(panel(figure, grid[1, :], "Phase speed of the difference pendulum", "", ""), result)
+        draw_phase_speed(panel(figure, grid[1, :], "Phase speed of the difference pendulum"), result)
     return figure
 
 
@@ -73,36 +65,28 @@ def draw_amplitudes(axes: Axes, result: DataTree) -> None:
         note(axes, "the result holds no phases")
         return
     phases = result["phases"].dataset
-    time = _seconds(result)
-    seconds, unit_of_time = time_scale(float(time[-1]))
     values = np.asarray(phases["amplitude"].values, dtype=np.float64)
     angle, unit = angle_scale(float(np.nanmax(values, initial=0.0)))
+    time = over_time(axes, _seconds(result), f"amplitude, {unit}")
     for row, label in enumerate(phases["component"].values):
-        across, up = thin(time * seconds, values[row] * angle)
+        across, up = thin(time, values[row] * angle)
         kind = "difference" if "-" in str(label) else "pendulum"
         style = ("-", "--", "-")[row % 3]  # two pendulums swing alike and would hide each other
         axes.plot(across, up, style, color=PALETTE[row % len(PALETTE)], label=f"{kind} {label}")
     axes.set_ylim(0.0, 1.25 * robust_limits(values * angle)[1])
-    axes.set_xlim(0.0, time[-1] * seconds)
-    axes.set_xlabel(f"time from the start, {unit_of_time}")
-    axes.set_ylabel(f"amplitude, {unit}")
     legend(axes, loc="upper center", ncols=3)
 
 
 def draw_course(axes: Axes, result: DataTree) -> None:
     """Draw gravity along the track, from its mean, with the band of 1 sigma."""
     course = result["course"].dataset
-    time = _seconds(result)
-    seconds, unit_of_time = time_scale(float(time[-1]))
     gravity = np.asarray(course["gravity_course"].values, dtype=np.float64)
     sigma = np.asarray(course["gravity_course_sigma"].values, dtype=np.float64)
     mean = float(gravity.mean())
     offset = (gravity - mean) / _MILLIGAL
-    axes.fill_between(time * seconds, offset - sigma, offset + sigma, color=BLUE, alpha=0.25, linewidth=0, label="1 σ")
-    axes.plot(time * seconds, offset, color=BLUE, label="gravity")
-    axes.set_xlim(0.0, time[-1] * seconds)
-    axes.set_xlabel(f"time from the start, {unit_of_time}")
-    axes.set_ylabel(f"mGal from {mean:.7f} m/s²")
+    time = over_time(axes, _seconds(result), f"mGal from {mean:.7f} m/s²")
+    axes.fill_between(time, offset - sigma, offset + sigma, color=BLUE, alpha=0.25, linewidth=0, label="1 σ")
+    axes.plot(time, offset, color=BLUE, label="gravity")
     legend(axes, loc="upper right", ncols=2)
 
 
@@ -120,24 +104,21 @@ def draw_phase_speed(axes: Axes, result: DataTree) -> None:
     frequency = float(of_method(result, "gravity", "frequency", best)[-1])
     gravity = float(of_method(result, "gravity", "gravity", best))
     time = _seconds(result)
-    seconds, unit_of_time = time_scale(float(time[-1]))
+    width = _mean_width(float(time[-1]))
+    across = over_time(axes, time, f"as gravity, mGal from {best}\n(means of {width:g} s, twice)")
     lines = {"before the correction": (measured, VERMILION), f"after it ({method})": (corrected, BLUE)}
     shown = []
-    width = _mean_width(float(time[-1]))
     for name, (speed, color) in lines.items():
         # dg/g = 2 dn/n
         offset = running_mean(time, 2.0 * gravity * (speed / frequency - 1.0) / _MILLIGAL, width)
         offset = running_mean(time, offset, width)  # once would let a heave of ten seconds through
         if time[-1] > 4.0 * width:  # at the ends half a window is not a mean over whole waves
             offset[(time < width) | (time > time[-1] - width)] = np.nan
-        axes.plot(*thin(time * seconds, offset), color=color, label=name)
+        axes.plot(*thin(across, offset), color=color, label=name)
         shown.append(robust_limits(offset))
     low, high = min(limits[0] for limits in shown), max(limits[1] for limits in shown)
     axes.set_ylim(low, high + 0.2 * (high - low))
-    axes.set_xlim(0.0, time[-1] * seconds)
     axes.axhline(0.0, color="black", linewidth=0.7, linestyle=":")
-    axes.set_xlabel(f"time from the start, {unit_of_time}")
-    axes.set_ylabel(f"as gravity, mGal from {best}\n(means of {width:g} s, twice)")
     legend(axes, loc="upper right", ncols=2)
 
 
@@ -233,15 +214,7 @@ def _seconds(result: DataTree) -> Floats:
 
 
 def demo_figure(record: DataTree, result: DataTree, true_gravity: float) -> Figure:
-    """Draw a record and its result on one sheet.
-
-    Parameters
-    ----------
-    record, result : DataTree
-        As `pipeline.process` took and gave them.
-    true_gravity : float
-        m s-2; the methods' errors are counted from it.
-    """
+    """Draw a record and its result on one sheet; the methods' errors are counted from the true gravity, m s-2."""
     time = np.asarray(record.dataset["time"].values, dtype=np.float64)
     time = time - time[0]
     labels = [str(label) for label in record["record"].dataset["trace"].values][:2]
@@ -249,9 +222,9 @@ def demo_figure(record: DataTree, result: DataTree, true_gravity: float) -> Figu
     grid = figure.add_gridspec(3, 2)
     for column, label in enumerate(labels):
         kind = "the difference" if "-" in label else "a single pendulum"
-        axes = panel(figure, grid[0, column], f"Recorded: {kind}, trace {label}", "", "")
+        axes = panel(figure, grid[0, column], f"Recorded: {kind}, trace {label}")
         draw_whole(axes, time, np.asarray(record["record"].dataset["elongation"].values[column]), PALETTE[2 * column])
-    draw_amplitudes(panel(figure, grid[1, 0], "Amplitude of each harmonic", "", ""), result)
-    draw_gravity(panel(figure, grid[1, 1], "Error of each method", "", ""), result, true_gravity)
-    draw_phase_speed(panel(figure, grid[2, :], "Phase speed of the difference pendulum", "", ""), result)
+    draw_amplitudes(panel(figure, grid[1, 0], "Amplitude of each harmonic"), result)
+    draw_gravity(panel(figure, grid[1, 1], "Error of each method"), result, true_gravity)
+    draw_phase_speed(panel(figure, grid[2, :], "Phase speed of the difference pendulum"), result)
     return figure

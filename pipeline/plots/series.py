@@ -37,6 +37,15 @@ def time_scale(longest: float) -> tuple[float, str]:
     return (1.0 / 60.0, "min") if longest <= 4 * 3600.0 else (1.0 / 3600.0, "h")
 
 
+def over_time(axes: Axes, time: Floats, up: str) -> Floats:
+    """Label both axes of a panel over the time from the start, s; return that time in the unit that suits."""
+    factor, unit = time_scale(float(time[-1]))
+    axes.set_xlim(0.0, time[-1] * factor)
+    axes.set_xlabel(f"time from the start, {unit}")
+    axes.set_ylabel(up)
+    return np.asarray(time * factor)
+
+
 def draw_band(axes: Axes, time: Floats, values: Floats, *, color: str, label: str) -> None:
     """Fill between the least and the greatest value of each pixel column; a gap in the record stays open.
 

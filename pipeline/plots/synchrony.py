@@ -18,21 +18,11 @@ _LEAST_REACH = 0.3  # turns either side: so that a named angle is always in sigh
 
 
 def synchrony_figure(result: DataTree) -> Figure:
-    """Draw phase differences in turns with their verdicts, amplitudes, and Allan deviations.
-
-    Parameters
-    ----------
-    result : DataTree
-        A valid result with the group `synchrony`.
-    """
+    """Draw a result with the group `synchrony`: phase differences in turns, verdicts, amplitudes, Allan deviations."""
     table = result["synchrony"].dataset
     time = np.asarray(result.dataset["time"].values, dtype=np.float64)
-    told = [
-        f"{pair} {verdict} ({100.0 * float(sure):.1f} %)"
-        for pair, verdict, sure in zip(
-            table["pair"].values, table["verdict"].values, table["confidence"].values, strict=True
-        )
-    ]
+    pairs = zip(*(table[name].values for name in ("pair", "verdict", "confidence")), strict=True)
+    told = [f"{pair} {verdict} ({100.0 * float(sure):.1f} %)" for pair, verdict, sure in pairs]
     name = result.attrs.get("record_id", "without a name")
     figure = sheet("Clocks that share a support", f"record {name} · {', '.join(told)}", 11.0, 7.6)
     grid = figure.add_gridspec(2, 2, height_ratios=(1.3, 1))
@@ -68,7 +58,6 @@ def _differences(axes: Axes, time: np.ndarray, table: Dataset) -> None:
             for part, word in _MARKS.items():
                 if low <= whole + part <= high:
                     axes.axhline(whole + part, color=GREY, linewidth=0.6, linestyle="--")
-                    axes.annotate(
-                        word, (1.005, whole + part), xycoords=("axes fraction", "data"), va="center", fontsize=8
-                    )
+                    place = (1.005, whole + part)
+                    axes.annotate(word, place, xycoords=("axes fraction", "data"), va="center", fontsize=8)
     legend(axes)

@@ -15,8 +15,7 @@ import data_schemas
 from data_schemas.errors import FileError
 from pipeline.batch import record
 from pipeline.batch.config import Kind
-from pipeline.batch.hashing import file_sha256
-from pipeline.batch.record import process_record
+from pipeline.batch.record import file_sha256, process_record
 from pipeline.batch.warming import small_record
 from pipeline.processing import process
 

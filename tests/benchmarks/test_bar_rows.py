@@ -9,8 +9,8 @@ import pytest
 
 from pipeline.benchmarks.bar import at_least, at_most, between, holds, not_measured, of_few, reported
 from pipeline.benchmarks.clock import command, median_ratio, rounds, timed
-from pipeline.benchmarks.progress import progress
 from pipeline.benchmarks.scenes import SWELL, two_pendulums
+from pipeline.benchmarks.tables import progress
 from synth import simulate
 
 

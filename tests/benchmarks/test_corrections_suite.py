@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 from collections.abc import Callable
 from functools import partial
@@ -151,13 +150,10 @@ def test_the_suite_yields_its_tables_and_writes_them(few: list[str], tmp_path: P
     assert all(each["pass"] for each in judged)
     assert sum("refused" in each for each in rows) == len(judged)  # `general` declines each
     assert sum("median_ms" in each for each in rows) == len(METHODS)
-    with (tmp_path / "corrections.csv").open(newline="") as stream:
+    with (tmp_path / "corrections-points.csv").open(newline="") as stream:
         table = list(csv.DictReader(stream))
     assert len(table) == len(judged) * len(METHODS)
     assert {each["refused"] for each in table if each["method"] == "general"} == {"too short; record longer"}
-    content = json.loads((tmp_path / "corrections.json").read_text())
-    assert list(content) == ["quick", "points", "methods"]
-    assert content["points"][METHODS.index("general")]["error_mgal"] is None
     assert [path.name for path in tmp_path.glob("*.png")] == ["corrections.png"]
 
 
@@ -173,7 +169,7 @@ def test_without_matplotlib_the_tables_are_written(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     list(corrections.run(quick=True, folder=tmp_path))
     assert not list(tmp_path.glob("*.png"))
-    assert (tmp_path / "corrections.json").exists()
+    assert (tmp_path / "corrections-points.csv").exists()
 
 
 def test_a_record_that_is_declined_as_a_whole_is_declined_by_each(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.benchmarks.fisher import Pair, _apply, bound, gravity_bound, jacobian, respond
+from pipeline.benchmarks.fisher import Pair, bound, gravity_bound, jacobian, respond
 from pipeline.benchmarks.scenes import linear, two_pendulums
 from synth import simulate
 
@@ -42,8 +42,8 @@ def test_bound_is_that_of_the_dense_covariance() -> None:
 
 def test_adjoint_is_the_transpose() -> None:
     one, other = np.random.default_rng(0).normal(size=(2, 300))
-    forward = _apply(DAMPED, one, STEP, adjoint=False) @ other
-    assert _apply(DAMPED, other, STEP, adjoint=True) @ one == pytest.approx(forward, rel=1e-12)
+    forward = respond(DAMPED, one, STEP) @ other
+    assert respond(DAMPED, other, STEP, adjoint=True) @ one == pytest.approx(forward, rel=1e-12)
 
 
 def test_noise_of_the_first_pendulum_raises_the_bound() -> None:

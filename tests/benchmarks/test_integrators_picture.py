@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.benchmarks.work_precision import Point
+from pipeline.benchmarks.integrators import Point
 
 pytest.importorskip("matplotlib")
 

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from pipeline.benchmarks import bars, bars_joint, bars_speed, paper, scenes
-from pipeline.cli.benchmark import SUITES
+from pipeline.cli.benchmark import SUITES, module_of
 
 
 @pytest.mark.parametrize("suite", SUITES)
 def test_registered_suite_can_be_run(suite: str) -> None:
-    assert callable(importlib.import_module(SUITES[suite][0]).run)
+    assert callable(importlib.import_module(module_of(suite)).run)
 
 
 @pytest.mark.usefixtures("short")

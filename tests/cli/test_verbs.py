@@ -162,6 +162,7 @@ class Suite:
     def run(*, quick, folder):
         yield {"bar": "one", "value": 0.5, "pass": True}
         yield {"bar": "two", "value": float("nan"), "pass": quick}
+        yield {"claim": "three", "value": 1.0}
 
 
 @pytest.fixture
@@ -173,11 +174,17 @@ def suite(monkeypatch):
 def test_benchmark_prints_a_table_or_json_and_judges(run, tmp_path):
     outcome = run("benchmark", "bars", "--quick", "-o", tmp_path / "kept")
     assert outcome.status == 0
-    assert outcome.out.splitlines() == ["bar  value  pass", "one    0.5  yes", "two      -  yes"]
-    assert (tmp_path / "kept").is_dir()
+    assert outcome.out.splitlines()[:3] == ["bar  value  pass", "one    0.5  yes", "two      -  yes"]
+    assert outcome.out.splitlines()[3:] == ["", "claim  value", "three      1"]
+    assert (tmp_path / "kept" / "bars.csv").read_text().splitlines() == [
+        "bar,value,pass",
+        "one,0.5,True",
+        "two,nan,True",
+    ]
+    assert (tmp_path / "kept" / "bars-claim.csv").read_text().splitlines() == ["claim,value", "three,1.0"]
     outcome = run("benchmark", "bars", "--json")
     assert outcome.status == 1
-    assert [json.loads(line)["value"] for line in outcome.out.splitlines()] == [0.5, None]
+    assert [json.loads(line)["value"] for line in outcome.out.splitlines()] == [0.5, None, 1.0]
 
 
 @pytest.mark.usefixtures("suite")
@@ -189,4 +196,4 @@ def test_benchmark_wants_a_folder(run, record_path):
 def test_every_listed_suite_exists(name):
     import importlib
 
-    assert callable(importlib.import_module(benchmark.SUITES[name][0]).run)
+    assert callable(importlib.import_module(benchmark.module_of(name)).run)

@@ -31,6 +31,8 @@ def clustered(
 ) -> Generator[list[Outcome]]:
     """Outcomes of jobs as they come, from the workers of a cluster that sees the same files and has this package.
 
+    `UsageError` where dask is not installed, no scheduler with workers answers, or it is gone before the end.
+
     Parameters
     ----------
     jobs : iterable of (Path, Config)
@@ -39,15 +41,6 @@ def clustered(
         Of the scheduler, such as ``tcp://10.0.0.1:8786``.
     methods, timeout
         See `Isolated`.
-
-    Yields
-    ------
-    list of Outcome
-
-    Raises
-    ------
-    UsageError
-        Dask is not installed, no scheduler with workers answers there, or it is gone before the end.
     """
     try:
         from distributed import Client

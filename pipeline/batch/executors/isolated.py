@@ -34,14 +34,9 @@ _START = 900.0  # s a process may take to start, with all kernels compiled anew,
 
 
 class Isolated:
-    """A process that does one record at a time; a context manager.
+    """A process that does one record at a time, with these methods warmed up; a context manager.
 
-    Parameters
-    ----------
-    methods : sequence of str
-        To be warmed up.
-    timeout : float
-        Seconds a record may take, the start of the process not counted.
+    A record may take `timeout` seconds, the start of the process not counted.
     """
 
     def __init__(self, methods: Sequence[str], timeout: float) -> None:
@@ -111,12 +106,8 @@ class Isolated:
         self._attempt += 1
         self._begun = time.monotonic()
         if self._pool is None:
-            self._pool = ProcessPool(
-                max_workers=1,
-                initializer=warm,
-                initargs=(self.form[0], os.getpid()),
-                context=multiprocessing.get_context("spawn"),
-            )
+            spawn, given = multiprocessing.get_context("spawn"), (self.form[0], os.getpid())
+            self._pool = ProcessPool(max_workers=1, initializer=warm, initargs=given, context=spawn)
         try:
             begun: Future[Outcome] = self._pool.schedule(_process_alone, args=self._job, timeout=self.form[1])
             return begun

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from pathlib import Path
 
@@ -18,6 +18,8 @@ def pooled(
 ) -> Generator[list[Outcome]]:
     """Outcomes of jobs as they come, from processes that crash, hang and run out of memory alone.
 
+    What is yielded together came together; the processes have their next records already.
+
     Parameters
     ----------
     jobs : iterable of (Path, Config)
@@ -26,17 +28,18 @@ def pooled(
         Processes.
     methods, timeout
         See `Isolated`.
-
-    Yields
-    ------
-    list of Outcome
-        All that came together; the processes have their next records already.
     """
     left = iter(jobs)
     busy: dict[Future[Outcome], Isolated] = {}
     with contextlib.ExitStack() as ends:
         idle = deque(ends.enter_context(Isolated(methods, timeout)) for _ in range(workers))
-        _feed(left, idle, busy)
+
+        def feed() -> None:
+            while idle and (job := next(left, None)) is not None:
+                child = idle.popleft()
+                busy[child.begin(*job)] = child
+
+        feed()
         while busy:
             done = wait(busy, LOOK, FIRST_COMPLETED).done
             outcomes = []
@@ -48,12 +51,6 @@ def pooled(
                     idle.append(child)
                 else:
                     busy[found] = child
-            _feed(left, idle, busy)
+            feed()
             if outcomes:
                 yield outcomes
-
-
-def _feed(left: Iterator[tuple[Path, Config]], idle: deque[Isolated], busy: dict[Future[Outcome], Isolated]) -> None:
-    while idle and (job := next(left, None)) is not None:
-        child = idle.popleft()
-        busy[child.begin(*job)] = child

@@ -10,14 +10,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from data_schemas.errors import UsageError
-from pipeline.benchmarks import json_table
-from pipeline.benchmarks.csv_table import write
 from pipeline.benchmarks.honesty import score
 from pipeline.benchmarks.honesty.kinds import KINDS, STRENGTHS
 from pipeline.benchmarks.honesty.records import record
 from pipeline.benchmarks.honesty.score import Row
 from pipeline.benchmarks.kept import Kept
-from pipeline.benchmarks.progress import progress
+from pipeline.benchmarks.tables import progress, write, write_json
 
 SEEDS, QUICK_SEEDS = 5, 2
 QUICK = ("swell", "heave not recorded", "one gap", "outliers", "half-second marks", "zero of the first trace")
@@ -63,7 +61,7 @@ def run(
         write(folder / "honesty-records.csv", rows)
         write(folder / "honesty.csv", table)
         tables = {"kinds": table, "strengths": sums, "bars": promises, "records": rows}
-        json_table.write(folder / "honesty.json", tables)
+        write_json(folder / "honesty.json", tables)
         for method in methods:
             draw([row for row in table if row["method"] == method], method, folder / f"honesty-{method}.png")
     yield from ({name: value for name, value in row.items() if name != "why_refused"} for row in table)

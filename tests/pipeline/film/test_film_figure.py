@@ -7,8 +7,8 @@ import pytest
 from film_stand_ins import reading
 
 from data_schemas.errors import UsageError
-from pipeline.plots import film_figure, save, unread_figure
-from pipeline.plots.film import picture
+from pipeline.plots.canvas import save
+from pipeline.plots.film import film_figure, picture, unread_figure
 
 pytest.importorskip("matplotlib")
 

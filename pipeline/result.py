@@ -150,11 +150,10 @@ def _gravity(reductions: Sequence[Reduction], components: list[str], methods: li
         "elapsed": np.array([r.elapsed for r in reductions]),
     }
     sources = sorted({name for r in reductions if r.gravity for name in r.gravity.budget})
-    variables["share"] = (
-        ("method", "source"),
-        np.array([[r.gravity.budget.get(s, 0.0) if r.gravity else nan for s in sources] for r in reductions]),
+    variables["share"] = np.array(
+        [[r.gravity.budget.get(s, 0.0) if r.gravity else nan for s in sources] for r in reductions]
     )
-    variables["advice"] = ("method", _text(r.gravity.advice if r.gravity else "" for r in reductions))
+    variables["advice"] = _text(r.gravity.advice if r.gravity else "" for r in reductions)
     coordinates: dict[str, Any] = {"method": methods, "pendulum": pendulums, "entry": entries, "source": sources}
     if raised:
         variables["flag"] = _text(raised)

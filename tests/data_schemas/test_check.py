@@ -30,6 +30,15 @@ def test_json_that_is_not_there_is_missing_and_no_more(example, name, told):
     assert check(tree, "film-truth") == told
 
 
+def test_an_unknown_constant_is_named_with_the_nearest(record):
+    stored = record["instrument"].to_dataset(inherit=False)
+    record["instrument"] = xr.DataTree(stored.assign(zero_uncertanty=((), 1e-3, {"units": "rad", "long_name": "x"})))
+    (fault,) = check(record, "record")
+    assert fault == (
+        "instrument/zero_uncertanty: is not known, the nearest is zero_uncertainty; use that name, or leave it out"
+    )
+
+
 def _edit(group, change):
     def apply(tree):
         node = tree[group]

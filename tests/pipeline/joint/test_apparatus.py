@@ -14,6 +14,7 @@ from test_method import in_sigmas, record, row
 from data_schemas.errors import RecordError, RefusedError
 from pipeline.benchmarks.honesty.case import Case
 from pipeline.benchmarks.honesty.records import of_case
+from pipeline.joint.fit import reduce
 from pipeline.joint.gather import _bias, _white, gather
 
 pytestmark = pytest.mark.compiled
@@ -137,6 +138,28 @@ def test_a_wrong_scale_of_all_angles_is_told_by_the_arcs() -> None:
     found = row(made.tree)
     assert "scale of all angles" in found["choice_reason"]
     assert abs(in_sigmas(found, made.gravity)) < 3.5
+
+
+def test_cubic_optics_are_found_and_named() -> None:
+    """x + 10 x^3: .1 % at 12 mrad, which a gain does not stand for."""
+    made = of_case(Case(duration=600.0, cubic=10.0), np.random.default_rng(23), "cubic")
+    found = row(made.tree)
+    assert abs(in_sigmas(found, made.gravity)) < 3.5
+    value, sigma = re.search(r"cubic error of the angles: ([\d.]+) \+- ([\d.]+)", found["choice_reason"]).groups()
+    assert abs(float(value) - 10.0) < 4.0 * float(sigma)
+
+
+def test_planes_of_swing_that_are_not_parallel_are_allowed_for() -> None:
+    made = of_case(Case(duration=600.0, plane=0.02), np.random.default_rng(5), "planes")
+    assert abs(in_sigmas(row(made.tree), made.gravity)) < 3.5
+    assert "transverse" in {each.axis for each in reduce(gather(made.tree)).fit.model.assumed.ship}
+
+
+def test_pendulums_that_are_held_at_first_are_left_out() -> None:
+    made = of_case(Case(duration=400.0, released=20.0), np.random.default_rng(5), "released")
+    found = row(made.tree)
+    assert abs(in_sigmas(found, made.gravity)) < 3.5
+    assert "stands still from 0 to" in found["choice_reason"]
 
 
 def test_a_damping_stated_wrong_is_found_and_named() -> None:

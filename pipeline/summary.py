@@ -48,6 +48,8 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
                     "frequency_difference_1e-7": float(row["sensitivity_frequency_difference"]),
                     "gain_1_percent": float(row["sensitivity_gain"]),
                 },
+                "budget": _budget(row),
+                "advice": str(row["advice"].values) if "advice" in row else "",
                 "flags": str(row["method_flags"].values).split(),
                 "choice_reason": str(row["choice_reason"].values) or None,
                 "samples_used": int(row["samples_used"]),
@@ -55,6 +57,14 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _budget(row: Dataset) -> dict[str, float]:
+    """Shares of the variance of gravity by source, the largest first; results of older versions have none."""
+    if "share" not in row:
+        return {}
+    shares = zip(map(str, row["source"].values), map(float, row["share"].values), strict=True)
+    return dict(sorted(((name, share) for name, share in shares if share > 0.0), key=lambda each: -each[1]))
 
 
 def without_gravity(result: DataTree, requested: str, method: str) -> dict[str, Any]:

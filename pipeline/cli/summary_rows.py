@@ -134,6 +134,9 @@ def _corrections(entries: Mapping[str, float | None]) -> str:
     return ", ".join(parts) or "none"
 
 
+LEAST_SHARE = 0.005  # of the variance, that is printed
+
+
 def print_ledger(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print the ledger of one record from its summaries, one a method; those without gravity are passed over.
 
@@ -165,6 +168,11 @@ def _one(row: Mapping[str, Any]) -> None:
     print_row(_ONE, ["  reading noise", "", noise, "", "1 sigma of gravity from the readings"])
     print(f"  uncorrected {row['uncorrected_m_s2']:.8f} m/s2, gravity {row['gravity_m_s2']:.8f} m/s2", end="")
     print(f", sigma {_sigma(row['gravity_sigma_mgal'])} mGal")
+    if row["budget"]:
+        shares = ", ".join(
+            f"{name} {100.0 * share:.0f} %" for name, share in row["budget"].items() if share >= LEAST_SHARE
+        )
+        print(f"  variance: {shares}; {row['advice']}")
     for name in ("free_air_anomaly", "bouguer_anomaly"):
         if f"{name}_mgal" in row:
             print(f"  {name.replace('_', ' ')} {row[f'{name}_mgal']:+.3f} mGal")

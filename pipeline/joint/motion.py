@@ -28,6 +28,7 @@ MOST_COMPONENTS = 6
 TWICE = (1e-5, 1e-4, 1e-3)  # over reference gravity: vertical motion at twice the swing's frequency, which hides in it
 ASKEW = 100.0  # in log-likelihood, of planes of swing that are not parallel, beside motion that is always there
 CHOP = Sea(5.0, 2.0, 5e-4, "vertical")  # waves of a second, of any kind
+LIKE_KICKS = 0.02  # of its frequency, a width
 ASIDE = 1e-5  # over reference gravity, from which a sea across is sought
 RARE = 500.0  # in log-likelihood, of that: kicks and friction that is not met do nearly the same
 TURN = 1.5  # rad of a motion in a step of the lattice
@@ -150,12 +151,18 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
     shown = Shown.of(fit, tuple(lines))
     for line in lines:
         assumed, gain = shown.likeliest(replace(model.assumed, ship=(*ship, line)), last=True)
-        if gain > COMPONENT:
+        if gain > COMPONENT and not _like_kicks(assumed.ship[-1], model.problem.swing):
             yield of(assumed)
     if slow and model.problem.leaves_heave_open(model.assumed.sine):
         twice = 2.0 * model.problem.swing
         lines = [Engine(twice, OWN * OWN * twice, size, "vertical") for size in TWICE]
         yield from (of(replace(model.assumed, ship=(*ship, line)), RARE) for line in lines)
+
+
+def _like_kicks(line: Component, swing: float) -> bool:
+    """Whether what pushes all pendulums but the first is broad and at their own frequency, as random kicks are."""
+    near = line.axis == "transverse" and abs(line.peak / swing - 1.0) < SIDEBANDS
+    return near and getattr(line, "damping", line.peak) > LIKE_KICKS * line.peak
 
 
 def reshaped(fit: Fitted) -> Fitted:

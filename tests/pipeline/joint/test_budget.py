@@ -17,6 +17,7 @@ from pipeline.joint import budget, kinds
 from pipeline.joint.fit import reduce
 from pipeline.joint.gather import gather
 
+pytestmark = pytest.mark.compiled
 SHORT = Case(duration=300.0, noise=3e-5)
 
 

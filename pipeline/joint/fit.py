@@ -134,8 +134,10 @@ def refuse_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted) ->
         else each
         for each in model.assumed.ship
     )
-    if ship == model.assumed.ship or not model.assumed.sine or lattice.longest_gap > LONG_GAP:
-        return  # what sways in gaps is not known
+    if ship == model.assumed.ship or not model.assumed.sine:
+        return
+    if lattice.longest_gap > LONG_GAP or lattice.interval * model.problem.swing > spectrum.SPARSE:
+        return  # what sways in gaps, or between sparse samples, is not known
     about, swings = plain.path.copy(), np.fft.rfft(plain.path[:, :two], axis=0)
     swings[2.0 * np.pi * np.fft.rfftfreq(lattice.nodes, lattice.step) < slow] = 0.0
     about[:, :two] = np.fft.irfft(swings, lattice.nodes, axis=0)

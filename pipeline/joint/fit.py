@@ -148,8 +148,11 @@ def refuse_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted) ->
     except np.linalg.LinAlgError:
         return
     # a spectrum that meets the other traces better helps the differences a little too
-    better = max(tilted.solution.log_likelihood - fit.solution.log_likelihood, 0.0)
-    if of_the_law(tilted) > max(of_the_law(fit), of_the_law(plain)) + TILTS + HELPS * better:
+    better = tilted.solution.log_likelihood - fit.solution.log_likelihood
+    law, least = of_the_law(tilted), TILTS + HELPS * max(better, 0.0)
+    # kicks follow the differences wherever they go: what they make of all traces is compared
+    against = better > TILTS if "kicks" in fit.model.words else law > of_the_law(fit) + least
+    if against and law > of_the_law(plain) + least:
         raise RefusedError(
             "record/elongation: the slow motion acts on the differences as the tilt of a case does from which all is "
             "measured; give record/case_tilt, or attribute reference = 'case' and record/horizontal_acceleration in "

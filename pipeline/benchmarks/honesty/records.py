@@ -181,7 +181,7 @@ def _swing(
     def free(size: Floats, angle: Floats) -> Floats:
         return np.stack([size * np.cos(angle), -frequency * size * np.sin(angle)], axis=1)
 
-    first = int(np.searchsorted(times, case.released))
+    first = min(int(np.searchsorted(times, case.released)), times.size // 4)  # before anything else happens
     state = plain.forced(own, support) + free(sizes, phase[:count])
     if first:
         state = np.stack([sizes * np.cos(phase[:count]), np.zeros(count)], axis=1)

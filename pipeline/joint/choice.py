@@ -112,7 +112,8 @@ def _steps(fit: Fitted) -> list[Candidate]:
     lattice = fit.model.problem.lattice
     low, high = 0.0, lattice.duration
     best: list[Candidate] = []
-    while high - low > LEAST_STEP * lattice.step:
+    shown = fit.solution.log_likelihood - STEP_COST + FEIGNED  # what gains nothing on the coarse grid is not there
+    while high - low > LEAST_STEP * lattice.step and (not best or best[0][0] > shown):
         grid = np.linspace(low, high, STEPS + 2)[1:-1]
         tried = apparatus.steps(fit.model.problem, grid)
         if best:

@@ -6,6 +6,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .adopting import adopted as adopted
     from .checking import check as check
     from .checksum import content_sha256 as content_sha256
     from .json_schema import json_schema as json_schema
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "VERSION": "layouts",
+    "adopted": "adopting",
     "check": "checking",
     "content_sha256": "checksum",
     "json_schema": "json_schema",

@@ -10,7 +10,7 @@ import numpy as np
 from .checking_record import record_faults, result_faults
 from .contents import Contents, Entry, from_tree, key, shown, type_name
 from .errors import FileError
-from .layouts import LAYOUTS, VERSION, Kind
+from .layouts import LAYOUTS, Kind
 from .units import same_unit
 from .variables import VARIABLES, Variable
 
@@ -72,7 +72,7 @@ def _attribute_faults(attrs: dict[str, Any], schema: Kind) -> list[str]:
             found.append(f"attribute {name}: is missing at the root; add it")
     for name, wanted, remedy in (
         ("schema", layout.schema, f"set it to {layout.schema!r} if this is a {schema}"),
-        ("schema_version", VERSION, f"set it to {VERSION!r}, or use a newer isochrony"),
+        ("schema_version", layout.version, f"set it to {layout.version!r}, or use a newer isochrony"),
     ):
         given = attrs.get(name, wanted)
         if not isinstance(given, str) or given != wanted:

@@ -52,8 +52,8 @@ def result_faults(contents: Contents) -> list[str]:
     found = []
     for path, name in (
         ("phases", "component"),
-        ("correction", "method"),
-        ("gravity", "method"),
+        ("correction", "estimator"),
+        ("gravity", "estimator"),
         ("gravity", "entry"),
         ("synchrony", "clock"),
         ("synchrony", "pair"),

@@ -23,7 +23,6 @@ NUMBERS = frozenset({"i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8"}
 _INSTEAD = {
     "c": "complex numbers do not travel: store amplitude and phase",
     "b": "truth values have no netCDF type: store 0 and 1 as uint8",
-    "M": "dates have no netCDF type: store seconds since the start",
     "m": "time spans have no netCDF type: store seconds",
 }
 
@@ -153,13 +152,28 @@ def from_tree(tree: xr.DataTree) -> Contents:
         variables = {
             str(name): Entry(
                 tuple(str(dim) for dim in one.dims),
-                plain_values(one.values, key(path, str(name))),
-                _plain_attrs(one.attrs, key(path, str(name))),
+                plain_values(values, key(path, str(name))),
+                _plain_attrs(attrs, key(path, str(name))),
             )
             for name, one in own.variables.items()
+            for values, attrs in [_dates_in_seconds(one)]
         }
         contents[path] = Group(_plain_attrs(own.attrs, path or "root"), variables)
     return contents
+
+
+def _dates_in_seconds(one: xr.Variable) -> tuple[NDArray[Any], Mapping[Any, Any]]:
+    """Values and attributes; dates, as xarray decodes them, become seconds since the epoch that they were read from."""
+    if one.values.dtype.kind != "M":
+        return one.values, one.attrs
+    known = one.values[~np.isnat(one.values)]
+    first = known.min() if known.size else np.datetime64(0, "s")
+    _, since, epoch = str(one.encoding.get("units", "")).partition(" since ")
+    if not since:
+        epoch = f"{first.astype('datetime64[s]')}Z"
+    begin = np.datetime64(epoch.strip().removesuffix("Z").removesuffix("+00:00"))
+    seconds = (one.values - begin) / np.timedelta64(1, "s")
+    return seconds, {"units": f"seconds since {epoch}", "calendar": "standard", **one.attrs}
 
 
 def _plain_attrs(attrs: Mapping[Any, Any], where: str) -> dict[str, Any]:

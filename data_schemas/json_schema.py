@@ -14,7 +14,7 @@ import numpy as np
 from .checking_record import WORDS
 from .contents import Group, from_tree, type_name
 from .errors import UsageError
-from .layouts import LAYOUTS, VERSION, Kind
+from .layouts import LAYOUTS, Kind
 from .variables import VARIABLES, Variable
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def _file_schema(kind: Kind) -> dict[str, Any]:
     layout = LAYOUTS[kind]
     attributes: dict[str, Any] = {name: {} for name in layout.attrs}
     attributes |= {name: {"type": "string", "contentMediaType": "application/json"} for name in layout.json_attrs}
-    attributes |= {"schema": {"const": layout.schema}, "schema_version": {"const": VERSION}}
+    attributes |= {"schema": {"const": layout.schema}, "schema_version": {"const": layout.version}}
     groups: dict[str, Any] = {
         "type": "object",
         "properties": {path: _group_schema(path) for path in layout.groups},

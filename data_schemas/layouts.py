@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-VERSION = "1"  # of the layouts, as stored in the attribute schema_version
+VERSION = "1"  # of layouts that name no other, as stored in the attribute schema_version
 CONVENTIONS = "CF-1.11"
 
 Kind = Literal["record", "truth", "result", "film-truth", "summary"]
@@ -30,6 +30,8 @@ class Layout:
         Root attributes whose text is JSON.
     root : str
         Group of the table of variables whose rows stand at the root, in place of a time.
+    version : str
+        Value of the root attribute schema_version; older ones are brought up to it as they are read.
     """
 
     schema: str
@@ -38,6 +40,7 @@ class Layout:
     one_of: tuple[str, ...] = ()
     json_attrs: tuple[str, ...] = ()
     root: str = ""
+    version: str = VERSION
 
 
 _COMMON = {
@@ -62,10 +65,14 @@ LAYOUTS: Mapping[Kind, Layout] = {
     "result": Layout(
         "isochrony-result",
         {
+            "gravity": False,
             "phases": False,
             "correction": False,
-            "gravity": False,
             "course": False,
+            "ship": False,
+            "difference": False,
+            "spectrum": False,
+            "pendulums": False,
             "period": False,
             "synchrony": False,
         },
@@ -76,9 +83,11 @@ LAYOUTS: Mapping[Kind, Layout] = {
             "versions": True,
             "command": False,
             "elapsed_s": False,
+            "numbers_sha256": False,
         },
         one_of=("gravity", "period", "synchrony"),
         json_attrs=("configuration", "versions"),
+        version="2",
     ),
     "film-truth": Layout(
         "isochrony-film-truth",

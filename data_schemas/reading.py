@@ -20,11 +20,14 @@ from .guard import Found, Survey, ordinary, survey
 from .guard_types import Budget, is_text
 from .heaps import Heaps, sound_heaps, text_bytes
 from .packing import unpacked
+from .upgrading import current
 
 if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
+REWRITTEN = "rewritten"
+"""Root attribute, in memory, of a file that other software wrote again: its checksum no longer said anything."""
 CHUNK_CACHE = 1 << 20
 """Bytes of an array that HDF5 keeps unpacked while the file is open; its own choice of 8 MiB adds up."""
 
@@ -78,14 +81,34 @@ def load(
     contents = load_raw(path, budget or Budget(), declared=declared)
     stored = contents[""].attrs.pop(ATTRIBUTE, None)
     if stored is not None and stored != digest(contents):
-        raise FileError(
-            f"{shown(path, 400)}: {ATTRIBUTE} does not match the content, the file was damaged or edited; "
-            f"restore it, or delete that attribute if the edit was meant"
-        )
+        if _as_written(path, contents):
+            raise FileError(
+                f"{shown(path, 400)}: {ATTRIBUTE} does not match the content, the file was damaged or edited; "
+                f"restore it, or delete that attribute if the edit was meant"
+            )
+        contents[""].attrs[REWRITTEN] = f"by other software: {ATTRIBUTE} did not fit and was left out"
     try:
-        return unpacked(contents)
+        return current(unpacked(contents))
     except FileError as error:
         raise FileError(f"{shown(path, 400)}: {error}") from None
+
+
+def _as_written(path: str | os.PathLike[str], contents: Contents) -> bool:
+    """Whether a file is as `write` makes them: checksums on all arrays of numbers, and no fill values.
+
+    xarray's `to_netcdf` carries checksums over from a file that has them, but gives every array of floats a fill value.
+    """
+    if any("_FillValue" in entry.attrs for group in contents.values() for entry in group.variables.values()):
+        return False
+    found: list[bool] = []
+
+    def note(_name: str, node: Any) -> None:
+        if isinstance(node, h5py.Dataset) and node.shape and node.dtype.kind in "iuf":
+            found.append(node.fletcher32 or bool(h5py.h5ds.is_scale(node.id)))
+
+    with h5py.File(path, "r") as file:
+        file.visititems(note)
+    return all(found)
 
 
 def load_raw(

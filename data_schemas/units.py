@@ -17,6 +17,7 @@ _SPELLINGS = {
     "rad s-1": ("rad/s", "rad s^-1", "rad s**-1", "rad.s-1", "radian s-1", "radians per second"),
     "m2 s-4": ("m2/s4", "m^2/s^4", "m2 s^-4", "m**2 s**-4"),
     "rad2": ("rad^2", "rad**2"),
+    "rad2 s": ("rad^2 s", "rad**2 s", "rad2/Hz", "rad^2/Hz"),
     "kg m-3": ("kg/m3", "kg/m^3", "kg m^-3", "kg m**-3"),
     "s day-1": ("s/day", "s d-1", "s/d"),
     "s K-1": ("s/K",),

@@ -14,7 +14,7 @@ from typing import Any
 from .variable import Variable
 from .variables_film_truth import MARKS, SLICES
 from .variables_record import FILM, INSTRUMENT, RECORD
-from .variables_result import CORRECTION, COURSE, GRAVITY, PERIOD, PHASES
+from .variables_result import CORRECTION, COURSE, DIFFERENCE, GRAVITY, PENDULUMS, PERIOD, PHASES, SHIP, SPECTRUM
 from .variables_summary import SUMMARY
 from .variables_synchrony import SYNCHRONY
 from .variables_truth import TRUTH
@@ -42,6 +42,10 @@ _GROUPS: Mapping[str, Mapping[str, Variable]] = {
     "correction": CORRECTION,
     "gravity": GRAVITY,
     "course": COURSE,
+    "ship": SHIP,
+    "difference": DIFFERENCE,
+    "spectrum": SPECTRUM,
+    "pendulums": PENDULUMS,
     "period": PERIOD,
     "synchrony": SYNCHRONY,
     "summary": SUMMARY,

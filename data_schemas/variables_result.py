@@ -5,47 +5,89 @@ from __future__ import annotations
 from .variable import Variable
 from .variables_record import flag_attributes
 
-_COMPONENT_TIME, _METHOD, _METHOD_TIME = ("component", "time"), ("method",), ("method", "time")
-_ENTRY, _CYCLE = ("method", "entry"), ("cycle",)
+_COMPONENT_TIME, _ESTIMATOR, _ESTIMATOR_TIME = ("component", "time"), ("estimator",), ("estimator", "time")
+_ENTRY, _CYCLE, _RECORD_TIME = ("estimator", "entry"), ("cycle",), ("record_time",)
 _FLAG = Variable(("flag",), "str", "1", "what the reader of the result must know, one flag an entry")
+_TIME = "seconds since 2000-01-01T00:00:00Z"
 
 PHASES: dict[str, Variable] = {
     "component": Variable(("component",), "str", "1", "pendulum, or difference of two pendulums", required=True),
     "amplitude": Variable(
         _COMPONENT_TIME, "f8", "rad", "amplitude of the near-resonant harmonic", required=True, missing=True
     ),
+    "amplitude_sigma": Variable(
+        ("component",), "f8", "rad", "standard deviation of the amplitude from the readings of a window",
+        limit="not negative", missing=True,
+    ),
     "phase": Variable(
         _COMPONENT_TIME, "f8", "rad", "phase of the near-resonant harmonic, unwrapped", required=True, missing=True
     ),
-    "phase_speed": Variable(_COMPONENT_TIME, "f8", "rad s-1", "time derivative of the phase", missing=True),
+    "phase_sigma": Variable(
+        _COMPONENT_TIME, "f8", "rad", "standard deviation of the phase from the readings of a window",
+        limit="not negative", missing=True,
+    ),
+    "phase_speed": Variable(
+        _COMPONENT_TIME, "f8", "rad s-1", "time derivative of the phase, central differences", missing=True
+    ),
     "slow": Variable(_COMPONENT_TIME, "f8", "rad", "slow forced part of the elongation", missing=True),
     "phase_qc": Variable(_COMPONENT_TIME, "u2", "1", "quality flags of the phase", attrs=flag_attributes()),
-}
+    "fictitious_amplitude": Variable(
+        ("time",), "f8", "rad", "amplitude of the fictitious pendulum theta1 - (n1/n2) theta2, slow motion and all",
+        missing=True,
+    ),
+    "fictitious_phase": Variable(("time",), "f8", "rad", "phase of the fictitious pendulum, unwrapped", missing=True),
+    "formula": Variable(("formula",), "str", "1", "formula of Panteleev (1958)"),
+    "phase_speed_by_formula": Variable(
+        ("formula", "time"), "f8", "rad s-1",
+        "phase speed of the difference, in (9) of the fictitious pendulum, that the formula gives", missing=True,
+    ),
+    "amplitude_rate": Variable(
+        ("time",), "f8", "rad s-1", "time derivative of the difference's amplitude", missing=True
+    ),
+    "amplitude_rate_by_27": Variable(
+        ("time",), "f8", "rad s-1", "time derivative of the difference's amplitude that (26) and (27) give",
+        missing=True,
+    ),
+}  # fmt: skip
 
 CORRECTION: dict[str, Variable] = {
-    "method": Variable(_METHOD, "str", "1", "name of the method", required=True),
-    "phase_speed_correction": Variable(
-        _METHOD_TIME, "f8", "rad s-1", "correction of the phase speed, added", missing=True
+    "estimator": Variable(_ESTIMATOR, "str", "1", "name of the method", required=True),
+    "non_isochronism": Variable(
+        _ESTIMATOR_TIME, "f8", "rad s-1", "what unequal periods and damping add, corrected", missing=True
     ),
-    "phase_correction": Variable(_METHOD_TIME, "f8", "rad", "correction of the phase, added", missing=True),
-}
+    "arc": Variable(_ESTIMATOR_TIME, "f8", "rad s-1", "what finite arcs take off, corrected", missing=True),
+    "acceleration": Variable(
+        _ESTIMATOR_TIME, "f8", "rad s-1", "what acceleration of the support does, corrected", missing=True
+    ),
+    "phase_speed_correction": Variable(
+        _ESTIMATOR_TIME, "f8", "rad s-1", "correction of the phase speed, added: the sum of its parts", missing=True
+    ),
+    "phase_correction": Variable(_ESTIMATOR_TIME, "f8", "rad", "correction of the phase, added", missing=True),
+    "corrected_phase_speed": Variable(
+        _ESTIMATOR_TIME, "f8", "rad s-1", "phase speed of the difference, corrected", missing=True
+    ),
+    "corrected_gravity": Variable(
+        _ESTIMATOR_TIME, "f8", "m s-2", "gravity that the corrected phase speed stands for", missing=True
+    ),
+}  # fmt: skip
 
 GRAVITY: dict[str, Variable] = {
-    "method": Variable(_METHOD, "str", "1", "name of the method", required=True),
+    "estimator": Variable(_ESTIMATOR, "str", "1", "name of the method", required=True),
     "gravity": Variable(
-        _METHOD, "f8", "m s-2", "gravity after all corrections of the method", required=True, limit="positive",
+        _ESTIMATOR, "f8", "m s-2", "gravity after all corrections of the method", required=True, limit="positive",
         missing=True,
     ),
     "gravity_sigma": Variable(
-        _METHOD, "f8", "mGal", "standard deviation of gravity", required=True, limit="not negative", missing=True
+        _ESTIMATOR, "f8", "mGal", "standard deviation of gravity", required=True, limit="not negative", missing=True
     ),
+    "epoch": Variable(_ESTIMATOR, "f8", _TIME, "time that gravity holds for", attrs={"calendar": "standard"}),
     "pendulum": Variable(("pendulum",), "str", "1", "label of the pendulum"),
     "frequency": Variable(
-        ("method", "pendulum"), "f8", "rad s-1", "circular frequency at infinitesimal arc", limit="positive",
+        ("estimator", "pendulum"), "f8", "rad s-1", "circular frequency at infinitesimal arc", limit="positive",
         missing=True,
     ),
     "frequency_sigma": Variable(
-        ("method", "pendulum"), "f8", "rad s-1", "standard deviation of the circular frequency",
+        ("estimator", "pendulum"), "f8", "rad s-1", "standard deviation of the circular frequency",
         limit="not negative", missing=True,
     ),
     "entry": Variable(("entry",), "str", "1", "name of the correction"),
@@ -63,22 +105,23 @@ GRAVITY: dict[str, Variable] = {
     "formula": Variable(("entry",), "str", "1", "formula of the correction"),
     "formula_source": Variable(("entry",), "str", "1", "where the formula comes from"),
     "noise_sigma": Variable(
-        _METHOD, "f8", "mGal", "standard deviation of gravity from the readings alone", limit="not negative",
+        _ESTIMATOR, "f8", "mGal", "standard deviation of gravity from the readings alone", limit="not negative",
         missing=True,
     ),
     "source": Variable(("source",), "str", "1", "what makes gravity uncertain"),
     "share": Variable(
-        ("method", "source"), "f8", "1", "share of the variance of gravity that a source brings",
+        ("estimator", "source"), "f8", "1", "share of the variance of gravity that a source brings",
         limit="not negative", missing=True,
     ),
-    "advice": Variable(_METHOD, "str", "1", "what to improve to halve the standard deviation"),
-    "uncorrected": Variable(_METHOD, "f8", "m s-2", "gravity before any correction", missing=True),
+    "advice": Variable(_ESTIMATOR, "str", "1", "what to improve to halve the standard deviation"),
+    "uncorrected": Variable(_ESTIMATOR, "f8", "m s-2", "gravity before any correction", missing=True),
     "normal_gravity": Variable(
         (), "f8", "m s-2", "normal gravity of GRS80 at the latitude, at the height or, below the sea, at its surface"
     ),
-    "free_air_anomaly": Variable(_METHOD, "f8", "mGal", "free-air anomaly", missing=True),
-    "bouguer_anomaly": Variable(_METHOD, "f8", "mGal", "simple Bouguer anomaly, the sea as rock", missing=True),
+    "free_air_anomaly": Variable(_ESTIMATOR, "f8", "mGal", "free-air anomaly", missing=True),
+    "bouguer_anomaly": Variable(_ESTIMATOR, "f8", "mGal", "simple Bouguer anomaly, the sea as rock", missing=True),
     "flag": _FLAG,
+    "flag_meaning": Variable(("flag",), "str", "1", "what the flag says"),
 }  # fmt: skip
 
 COURSE: dict[str, Variable] = {
@@ -90,6 +133,36 @@ COURSE: dict[str, Variable] = {
         ("time",), "f8", "mGal", "standard deviation of gravity along the track", required=True, limit="not negative"
     ),
 }  # fmt: skip
+
+SHIP: dict[str, Variable] = {
+    name: Variable(("time",), "f8", "m s-2", f"{name.replace('_', ' ')} of the support, as estimated", missing=True)
+    for name in ("horizontal_acceleration", "vertical_acceleration")
+}
+
+DIFFERENCE: dict[str, Variable] = {
+    "record_time": Variable(
+        _RECORD_TIME, "f8", _TIME, "time of the sample, from the start of the record", required=True,
+        attrs={"calendar": "standard"},
+    ),
+    "elongation": Variable(_RECORD_TIME, "f8", "rad", "elongation of the difference, as read", missing=True),
+    "model": Variable(_RECORD_TIME, "f8", "rad", "elongation of the difference, as fitted", missing=True),
+    "residual": Variable(_RECORD_TIME, "f8", "rad", "elongation less what was fitted", missing=True),
+}  # fmt: skip
+
+PENDULUMS: dict[str, Variable] = {
+    "pendulum": Variable(("pendulum",), "str", "1", "label of the pendulum", required=True),
+    "record_time": DIFFERENCE["record_time"],
+    "theta": Variable(
+        ("pendulum", "record_time"), "f8", "rad", "angle of the pendulum from the vertical, as fitted", missing=True
+    ),
+}
+
+SPECTRUM: dict[str, Variable] = {
+    "frequency": Variable(("frequency",), "f8", "s-1", "frequency", required=True, limit="not negative"),
+    "residual_spectrum": Variable(
+        ("frequency",), "f8", "rad2 s", "power spectral density of the residual, one-sided", limit="not negative"
+    ),
+}
 
 PERIOD: dict[str, Variable] = {
     "period": Variable(

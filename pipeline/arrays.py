@@ -38,3 +38,12 @@ def row_means_present(rows: Floats) -> Floats:
     total = np.where(missing, 0.0, rows).sum(axis=1)
     means: Floats = np.divide(total, count, out=np.full(len(rows), np.nan), where=count > 0)
     return means
+
+
+def unwrapped(harmonics: Complexes) -> Floats:
+    """Unwrapped phases, row by row, NaN where missing."""
+    phase = np.full(harmonics.shape, np.nan)
+    for row, harmonic in enumerate(harmonics):
+        present = np.isfinite(harmonic)
+        phase[row, present] = np.unwrap(np.angle(harmonic[present]))
+    return phase

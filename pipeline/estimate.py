@@ -60,10 +60,9 @@ class Estimate:
         Samples of the difference that were used.
     residual_colour : float
         Power of the residual near the pendulum's frequency over that of white noise of the same total (1 = white).
-    phase_correction : (k,) array or None
-        Integrated correction subtracted from the phase, rad, at the envelope's instants.
-    speed_correction : (k,) array or None
-        The correction of the phase speed, rad s-1.
+    shifts : mapping or None
+        Phases that the method took off the difference's, (k,) rad at the envelope's instants, by `correction.PARTS`;
+        None: it found the frequency in another way.
     finite_arc : float
         Part of the correction that is due to the finite arc, rad s-1.
     acceleration_reduced : bool
@@ -84,8 +83,7 @@ class Estimate:
     damping_rate: float
     samples: int
     residual_colour: float = 1.0
-    phase_correction: Floats | None = None
-    speed_correction: Floats | None = None
+    shifts: Mapping[str, Floats] | None = None
     finite_arc: float = 0.0
     acceleration_reduced: bool = False
     of_mean: bool = False

@@ -88,6 +88,12 @@ class Observation:
     period_change: Floats | None = None
 
     @property
+    def whole(self) -> bool:
+        """Whether no sample is missing."""
+        series = (self.theta, self.difference, self.vertical)
+        return all(bool(np.isfinite(each).all()) for each in series if each is not None)
+
+    @property
     def frequency_ratio(self) -> float:
         """n1/n2 under the record's conditions; it does not depend on gravity and is held when n2 is fitted."""
         frequency = self.frequency_reference
@@ -139,9 +145,9 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     elongation = np.asarray(traces["elongation"].values, dtype=np.float64)
     sigma = _uncertainty(traces, elongation.shape[0])
     time: Floats = np.asarray(record.dataset["time"].values, dtype=np.float64)
-    theta, sigma_theta = _combine(combination, elongation, sigma, one, first)
-    difference, sigma_difference = _combine(combination, elongation, sigma, one - two, f"{first}-{second}")
-    rows = [theta, difference]
+    of_theta = weights_of(combination, one, first)
+    of_difference = weights_of(combination, one - two, f"{first}-{second}")
+    rows = [combine(of_theta, elongation), combine(of_difference, elongation)]
     if "vertical_acceleration" in traces:
         rows.append(np.asarray(traces["vertical_acceleration"].values, dtype=np.float64))
     # before its first reading and after its last the first pendulum could only be extrapolated
@@ -159,8 +165,8 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
         theta=series[0],
         difference=series[1],
         vertical=series[2] if len(rows) == 3 else None,
-        sigma_theta=sigma_theta,
-        sigma_difference=sigma_difference,
+        sigma_theta=_stated(of_theta, sigma),
+        sigma_difference=_stated(of_difference, sigma),
         **instrument(record, (first, second)),
     )
 
@@ -295,24 +301,37 @@ def choose_pair(labels: list[str], combination: Floats, pair: str | None) -> tup
     return labels[0], labels[1]
 
 
-def _combine(
-    combination: Floats, elongation: Floats, sigma: Floats | None, wanted: Floats, name: str
-) -> tuple[Floats, float | None]:
-    """Series of the wanted combination of pendulums and its stated noise; from one trace where that is it already."""
+def weights_of(combination: Floats, wanted: Floats, name: str) -> Floats:
+    """Of each trace in the wanted combination of pendulums; from one trace where that is it already.
+
+    Raises
+    ------
+    RecordError
+        The traces cannot give it.
+    """
     recorded = np.flatnonzero((combination == wanted).all(axis=1))
     if recorded.size:
-        weights = np.eye(len(combination))[recorded[0]]
-    else:
-        weights = np.linalg.lstsq(combination.T, wanted, rcond=None)[0]
-        if np.abs(combination.T @ weights - wanted).max() > 1e-9:
-            raise RecordError(
-                f"record/combination: the traces cannot give '{name}'; record one pendulum and a difference, "
-                "or two pendulums"
-            )
-    used = np.flatnonzero(np.abs(weights) > 1e-12)  # a trace that is not used may be missing
-    series = elongation[recorded[0]] if recorded.size else weights[used] @ elongation[used]
+        return np.asarray(np.eye(len(combination))[recorded[0]])
+    weights = np.linalg.lstsq(combination.T, wanted, rcond=None)[0]
+    if np.abs(combination.T @ weights - wanted).max() > 1e-9:
+        raise RecordError(
+            f"record/combination: the traces cannot give '{name}'; record one pendulum and a difference, "
+            "or two pendulums"
+        )
+    return np.asarray(np.where(np.abs(weights) > 1e-12, weights, 0.0))
+
+
+def combine(weights: Floats, elongation: Floats) -> Floats:
+    """Series of weighted traces; one that is not used may be missing."""
+    used = np.flatnonzero(weights)
+    return elongation[used[0]] if used.size == 1 and weights[used[0]] == 1.0 else weights[used] @ elongation[used]
+
+
+def _stated(weights: Floats, sigma: Floats | None) -> float | None:
+    """Stated noise of weighted traces."""
+    used = np.flatnonzero(weights)
     stated = float("nan") if sigma is None else float(np.linalg.norm(weights[used] * sigma[used]))
-    return series, stated if 0.0 < stated < np.inf else None
+    return stated if 0.0 < stated < np.inf else None
 
 
 def _uncertainty(traces: Any, count: int) -> Floats | None:

@@ -102,3 +102,52 @@ def disturbed_speed(
     offset = free_phase - drive_phase
     square = theta**2 + (beta * wave) ** 2 - 2.0 * theta * beta * wave * np.sin(nu * np.asarray(time) + offset)
     return np.asarray(frequency + nu * ((theta**2 - theta * beta * np.cos(offset)) / square - 1.0))
+
+
+def speed_of_difference(amplitude: Floats, lead: ArrayLike, speed: Floats, growth: Floats) -> Floats:
+    """Phase speed of the difference of any two harmonics, (36) with a^2 of (37).
+
+    Parameters
+    ----------
+    amplitude, speed, growth : (2, ...) arrays
+        a_i, phi_i' and a_i' of the two.
+    lead : array_like
+        phi1 - phi2.
+    """
+    one, two = amplitude
+    cos, sin = np.cos(lead), np.sin(lead)
+    square = one**2 + two**2 - 2.0 * one * two * cos
+    turn = two * (two - one * cos) * (speed[0] - speed[1]) + (growth[0] * two - one * growth[1]) * sin
+    return np.asarray(speed[0] - turn / square)
+
+
+def speed_of_difference_from_second(amplitude: Floats, lead: ArrayLike, speed: Floats, growth: Floats) -> Floats:
+    """The same by (38), which begins with the second harmonic.
+
+    Parameters
+    ----------
+    amplitude : (3, ...) array
+        Of the two and of their difference.
+    speed, growth : (2, ...) arrays
+    lead : array_like
+        phi1 - phi.
+    """
+    apart = growth[0] / amplitude[0] - growth[1] / amplitude[1]
+    turn = (speed[0] - speed[1]) * np.cos(lead) + apart * np.sin(lead)
+    return np.asarray(speed[1] + amplitude[0] / amplitude[2] * turn)
+
+
+def amplitude_rate(
+    frequency_difference: float,
+    amplitude_1: ArrayLike,
+    amplitude: ArrayLike,
+    lead: ArrayLike,
+    damping: float = 0.0,
+    damping_difference: float = 0.0,
+) -> Floats:
+    """a' of the difference pendulum, (26) and (27), rad s-1: `-Theta1 (n1-n2) sin(Phi1-phi)`, the damping added.
+
+    `-gamma2 a - (gamma1-gamma2) Theta1 cos(Phi1-phi)` is what damping adds.
+    """
+    turn = frequency_difference * np.sin(lead) + damping_difference * np.cos(lead)
+    return np.asarray(-damping * np.asarray(amplitude) - np.asarray(amplitude_1) * turn)

@@ -2,41 +2,41 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from data_schemas.errors import RecordError, RefusedError, UsageError
 from pipeline import methods
 from pipeline.observation import observe
+from pipeline.reduction import Reduction, reduce_by
 
 if TYPE_CHECKING:
-    from xarray import DataTree
+    from xarray import Dataset, DataTree
 
     from pipeline.joint.reduction import Joint
     from pipeline.prepared import Prepared
-    from pipeline.reduction import Reduction
 
 
 _JOINTLY = ("auto", "joint")
 
 
 def process(
-    record: DataTree,
+    record: DataTree | Dataset | str | os.PathLike[str],
     *,
     method: str | Sequence[str] = "auto",
     pair: str | None = None,
     gain_uncertainty: float = 0.0,
+    full: bool = False,
 ) -> DataTree:
     """Reduce a record to gravity by one or several methods; a single trace to its period.
 
     Parameters
     ----------
-    record : DataTree
-        Layout "isochrony-record"; it is not modified.
+    record : DataTree, Dataset or path
+        Layout "isochrony-record"; it is not modified. Of a dataset of traces see `data_schemas.adopted`.
     method : str or sequence of str
         From `pipeline.METHODS`; `auto` is `joint`.
     pair : str, optional
@@ -44,6 +44,8 @@ def process(
         is taken. The joint fit takes all pendulums in any case; of these two it lends the path.
     gain_uncertainty : float
         Relative 1-sigma uncertainty of the first pendulum's scale.
+    full : bool
+        Whether the pendulums' fitted angles at the record's own times are in the result too.
 
     Returns
     -------
@@ -59,7 +61,7 @@ def process(
     UsageError
         A name that is not a method or pair, or a negative uncertainty.
     """
-    from data_schemas import check
+    from data_schemas import adopted, check
 
     started = time.perf_counter()
     requested = [method] if isinstance(method, str) else list(method)
@@ -68,6 +70,7 @@ def process(
             methods.method(name)
     if not gain_uncertainty >= 0.0:
         raise UsageError(f"gain_uncertainty: {gain_uncertainty} is not a relative uncertainty; give 0 or more")
+    record = adopted(record)
     faults = check(record, "record")
     if faults:
         raise RecordError("; ".join(faults))
@@ -75,32 +78,39 @@ def process(
         from pipeline.period.result import period_result
 
         return period_result(record, requested, started)
-    from pipeline.result import build_result
+    from pipeline.result import Parts, build_result
 
     others = [name for name in requested if name not in _JOINTLY]
-    joint = None
+    joint, found = None, dict[str, Reduction]()
     if len(others) < len(requested):
-        joint = _joint(record, pair, gain_uncertainty, alone=not others)
-    prepared, found = _by_pair(record, others, pair, gain_uncertainty, spare=joint)
-    if joint is not None:
-        found |= {name: replace(joint.reduction, requested=name) for name in _JOINTLY}
-    result = build_result(record, prepared, [found[name] for name in requested], started)
-    if joint is not None and joint.reduction.gravity is not None:
-        result["course"] = joint.course(np.asarray(result.dataset["time"].values))
-    return result
+        joint, own = _joint(record, pair, gain_uncertainty, alone=not others)
+        found |= {name: replace(own, requested=name) for name in _JOINTLY}
+    prepared, others_found = _by_pair(record, others, pair, gain_uncertainty, spare=joint)
+    found |= others_found
+    source = prepared if joint is None or (others and prepared.observation.whole) else joint.prepared
+    own_of_pair = None if prepared is source else prepared
+    reductions = [found[name] for name in requested]
+    return build_result(Parts(record, source, own_of_pair, reductions, joint, full), started)
 
 
-def _joint(record: DataTree, pair: str | None, gain_uncertainty: float, *, alone: bool) -> Joint:
+def _joint(
+    record: DataTree, pair: str | None, gain_uncertainty: float, *, alone: bool
+) -> tuple[Joint | None, Reduction]:
     """All pendulums in one fit; beside other methods a refusal is a row."""
-    from pipeline.joint.reduction import reduce_jointly, refused
+    from pipeline.joint.reduction import reduce_jointly
 
     started = time.perf_counter()
     try:
-        return reduce_jointly(record, pair, gain_uncertainty)
+        joint = reduce_jointly(record, pair, gain_uncertainty)
     except RefusedError as refusal:
         if alone:
             raise
-        return refused(str(refusal), time.perf_counter() - started)
+        return None, _refused("joint", refusal, started)
+    return joint, joint.reduction
+
+
+def _refused(name: str, refusal: RefusedError, started: float) -> Reduction:
+    return Reduction(name, name, "", None, None, (), str(refusal), time.perf_counter() - started)
 
 
 def _by_pair(
@@ -108,17 +118,14 @@ def _by_pair(
 ) -> tuple[Prepared, dict[str, Reduction]]:
     """The methods that look at one difference; a record that cannot be prepared for them lends the joint fit's path."""
     from pipeline.prepared import prepare
-    from pipeline.reduction import Reduction, reduce_by
 
-    path = None if spare is None else spare.prepared
-    if not names and path is not None:
-        return path, {}
+    if not names and spare is not None:
+        return spare.prepared, {}
     started = time.perf_counter()
     try:
         prepared = prepare(observe(record, pair))
     except RefusedError as refusal:
-        if path is None:
+        if spare is None:
             raise
-        elapsed = time.perf_counter() - started
-        return path, {name: Reduction(name, name, "", None, None, (), str(refusal), elapsed) for name in names}
+        return spare.prepared, {name: _refused(name, refusal, started) for name in names}
     return prepared, {name: reduce_by(name, prepared, gain_uncertainty) for name in names}

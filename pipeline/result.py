@@ -5,21 +5,30 @@ from __future__ import annotations
 import json
 import time as clock
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from data_schemas.layouts import LAYOUTS
 from data_schemas.variables import VARIABLES, attributes
+from pipeline import quantities
 from pipeline.anomaly import anomalies
+from pipeline.arrays import Floats
 from pipeline.conditions import Constants
+from pipeline.flags import MEANINGS
 from pipeline.ledger.book import CORRECTIONS
 from pipeline.ledger.entry import MGAL
+from pipeline.observation import combine, weights_of
 from pipeline.prepared import Prepared
 from pipeline.provenance import provenance
 from pipeline.reduction import Reduction
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
+
+    from pipeline.joint.reduction import Joint
 
 _EXTRA = {
     "requested": ("1", "method that was asked for"),
@@ -38,47 +47,85 @@ _EXTRA = {
 }
 
 
-def build_result(record: DataTree, prepared: Prepared, reductions: Sequence[Reduction], started: float) -> DataTree:
-    """Lay out phases, corrections, gravity and provenance."""
+@dataclass(frozen=True)
+class Parts:
+    """What a result is made from.
+
+    Attributes
+    ----------
+    record : DataTree
+    prepared : Prepared
+        That phases and corrections are drawn from.
+    own : Prepared or None
+        That which methods of one difference looked at, where it is another one.
+    reductions : sequence of Reduction
+        In the order they were asked for.
+    joint : Joint or None
+    full : bool
+        Whether what is costly is laid out too: the pendulums' angles at the record's own times.
+    """
+
+    record: DataTree
+    prepared: Prepared
+    own: Prepared | None
+    reductions: Sequence[Reduction]
+    joint: Joint | None
+    full: bool
+
+
+def build_result(parts: Parts, started: float) -> DataTree:
+    """Lay out gravity, phases, corrections, course, residual and provenance."""
     from xarray import Dataset, DataTree
 
-    envelope, seen = prepared.sliding, prepared.observation
+    record, prepared, reductions, joint = parts.record, parts.prepared, parts.reductions, parts.joint
+    seen, envelope = prepared.observation, prepared.sliding
     components = [seen.first, seen.second, f"{seen.first}-{seen.second}"]
-    harmonics, speeds, slow = (
-        np.stack([first, first - difference, difference])
-        for first, difference in (
-            (envelope.first, envelope.difference),
-            (envelope.first_speed, envelope.difference_speed),
-            envelope.slow,
-        )
-    )
-    with np.errstate(invalid="ignore", divide="ignore"):
-        phase_speed = envelope.carrier + (speeds / harmonics).imag
-    phase = unwrapped(harmonics) + envelope.carrier * envelope.time
-    time_attributes = dict(record.dataset["time"].attrs)
-    methods = _labels(reductions)
-    measured = {
-        "amplitude": np.abs(harmonics),
-        "phase": phase,
-        "phase_speed": phase_speed,
-        "slow": slow,
-        "phase_qc": np.isnan(phase).astype(np.uint16),
+    of_time = dict(record.dataset["time"].attrs)
+    time, names = envelope.time + seen.start, _labels(reductions)
+    record_time = np.asarray(record.dataset["time"].values, dtype=np.float64)
+    difference = _difference(parts, record_time)
+    known = record_time[np.isfinite(difference["elongation"])] - seen.start
+    of_phases = quantities.phases(prepared, reductions, known)
+    corrections = quantities.correction(prepared, reductions, parts.own)
+    groups: dict[str, Any] = {
+        "/": Dataset(coords={"time": ("time", time, of_time)}),
+        "/gravity": _gravity(reductions, components, names, seen.constants, record),
+        "/phases": dataset("phases", of_phases, {"component": components, "formula": quantities.FORMULAS}),
+        "/correction": dataset("correction", corrections, {"estimator": names}),
     }
-    correction = {
-        name: np.stack([_series(reduction, field, envelope.time.size) for reduction in reductions])
-        for name, field in (("phase_speed_correction", "speed_correction"), ("phase_correction", "phase_correction"))
-    }
-    gravity = _gravity(reductions, components, methods, seen.constants)
-    tree = DataTree.from_dict(
-        {
-            "/": Dataset(coords={"time": ("time", envelope.time + seen.start, time_attributes)}),
-            "/phases": dataset("phases", measured, {"component": components}, {}),
-            "/correction": dataset("correction", correction, {"method": methods}, {}),
-            "/gravity": gravity,
-        }
-    )
-    tree.attrs.update(result_attributes(record, {"pair": components[2], "methods": methods}, started))
+    if joint is not None:
+        course, told = joint.course(time)
+        groups["/course"] = dataset("course", course).assign_attrs(told)
+        groups["/ship"] = dataset("ship", joint.ship(time))
+    groups["/difference"] = dataset("difference", difference, {"record_time": record_time})
+    groups["/spectrum"] = dataset("spectrum", *quantities.spectrum(record_time, difference["residual"]))
+    if parts.full and joint is not None:
+        angle = {"theta": joint.pendulums(record_time)}
+        groups["/pendulums"] = dataset("pendulums", angle, {"pendulum": components[:2], "record_time": record_time})
+    for where, name in (("/difference", "record_time"), ("/pendulums", "record_time"), ("/gravity", "epoch")):
+        if where in groups:
+            groups[where][name].attrs["units"] = of_time["units"]
+    tree = DataTree.from_dict(groups)
+    tree.attrs.update(result_attributes(record, {"pair": components[2], "methods": names}, started))
     return tree
+
+
+def _difference(parts: Parts, time: Floats) -> dict[str, Floats]:
+    """The difference as it was read, as it is fitted, and what is left, at the record's own times."""
+    stored, seen = parts.record["record"].dataset, parts.prepared.observation
+    labels = [str(label) for label in stored["pendulum"].values]
+    one, two = (np.eye(len(labels))[labels.index(label)] for label in (seen.first, seen.second))
+    weights = weights_of(np.asarray(stored["combination"].values), one - two, f"{seen.first}-{seen.second}")
+    read = combine(weights, np.asarray(stored["elongation"].values, dtype=np.float64))
+    if parts.joint is None:
+        model = quantities.model_of_harmonics(parts.prepared, time - seen.start)
+        return {"elongation": read, "model": model, "residual": read - model}
+    residual, swing = parts.joint.residual(weights, time), parts.joint.pendulums(time)
+    return {
+        "elongation": read,
+        "model": np.where(np.isfinite(residual), read - residual, swing[0] - swing[1]),
+        "residual": residual,
+    }
 
 
 def result_attributes(record: DataTree, configuration: Mapping[str, Any], started: float) -> dict[str, Any]:
@@ -87,7 +134,7 @@ def result_attributes(record: DataTree, configuration: Mapping[str, Any], starte
     return {
         "Conventions": "CF-1.11",
         "schema": "isochrony-result",
-        "schema_version": "1",
+        "schema_version": LAYOUTS["result"].version,
         "record_id": record_id,
         "title": f"gravity of record {record_id}",
         "source": "isochrony process",
@@ -97,16 +144,9 @@ def result_attributes(record: DataTree, configuration: Mapping[str, Any], starte
     }
 
 
-def unwrapped(harmonics: np.ndarray) -> np.ndarray:
-    """Unwrapped phases, row by row, NaN where missing."""
-    phase = np.full(harmonics.shape, np.nan)
-    for row, harmonic in enumerate(harmonics):
-        present = np.isfinite(harmonic)
-        phase[row, present] = np.unwrap(np.angle(harmonic[present]))
-    return phase
-
-
-def _gravity(reductions: Sequence[Reduction], components: list[str], methods: list[str], constants: Constants) -> Any:
+def _gravity(
+    reductions: Sequence[Reduction], components: list[str], names: list[str], constants: Constants, record: DataTree
+) -> Any:
     nan = float("nan")
     entries = [module.NAME for module in CORRECTIONS]
 
@@ -123,6 +163,7 @@ def _gravity(reductions: Sequence[Reduction], components: list[str], methods: li
     variables: dict[str, Any] = {
         "gravity": column(lambda r: r.gravity.gravity),
         "gravity_sigma": column(lambda r: r.gravity.sigma),
+        "epoch": np.full(len(names), float(record.dataset["time"].values[[0, -1]].mean())),
         "frequency": column(lambda r: r.gravity.frequency, (nan, nan)),
         "value": ledger("value", nan),
         "sigma": ledger("sigma", nan),
@@ -154,10 +195,10 @@ def _gravity(reductions: Sequence[Reduction], components: list[str], methods: li
         [[r.gravity.budget.get(s, 0.0) if r.gravity else nan for s in sources] for r in reductions]
     )
     variables["advice"] = _text(r.gravity.advice if r.gravity else "" for r in reductions)
-    coordinates: dict[str, Any] = {"method": methods, "pendulum": pendulums, "entry": entries, "source": sources}
+    coordinates: dict[str, Any] = {"estimator": names, "pendulum": pendulums, "entry": entries, "source": sources}
     if raised:
-        variables["flag"] = _text(raised)
-    return dataset("gravity", variables, coordinates, _EXTRA, ("method",))
+        variables |= {"flag": _text(raised), "flag_meaning": _text(MEANINGS[name] for name in raised)}
+    return dataset("gravity", variables, coordinates, _EXTRA, ("estimator",))
 
 
 def _period_for_milligal(reduction: Reduction) -> float:
@@ -177,17 +218,11 @@ def _text(values: Any) -> np.ndarray:
     return np.array(list(values), dtype=object)
 
 
-def _series(reduction: Reduction, field: str, length: int) -> np.ndarray:
-    values = getattr(reduction.estimate, field) if reduction.estimate else None
-    # stored as what is added, like every correction of a result
-    return np.full(length, np.nan) if values is None else -np.asarray(values)
-
-
 def dataset(
     group: str,
     values: Mapping[str, Any],
-    coordinates: Mapping[str, Sequence[str]],
-    extra: Mapping[str, tuple[str, str]],
+    coordinates: Mapping[str, Any] = MappingProxyType({}),
+    extra: Mapping[str, tuple[str, str]] = MappingProxyType({}),
     dims: tuple[str, ...] = (),
 ) -> Dataset:
     """A group of a result: dimensions, units and meaning of its values from the table of variables.
@@ -204,5 +239,8 @@ def dataset(
 
     return Dataset(
         {name: entry(name, value) for name, value in values.items()},
-        coords={name: entry(name, _text(value)) for name, value in coordinates.items()},
+        coords={
+            name: entry(name, value if isinstance(value, np.ndarray) else _text(value))
+            for name, value in coordinates.items()
+        },
     )

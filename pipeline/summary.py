@@ -25,8 +25,8 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
     pendulums = [str(label) for label in table["pendulum"].values]
     entries = [str(entry) for entry in table["entry"].values]
     rows = []
-    for k in range(table.sizes["method"]):
-        row = table.isel(method=k)
+    for k in range(table.sizes["estimator"]):
+        row = table.isel(estimator=k)
         good = str(row["status"].values) == "ok"
         rows.append(
             {

@@ -27,11 +27,11 @@ from pipeline.arrays import Complexes, Floats
 from pipeline.benchmarks.scenes import PERIOD, REFERENCE, SWELL, swell, two_pendulums
 from pipeline.benchmarks.tables import Row
 from pipeline.benchmarks.trials import outcome, prepared, reduce_all
+from pipeline.correction import integrated, model_speed
 from pipeline.gravity import MGAL
 from pipeline.harmonics.envelope import Envelope, fill
 from pipeline.harmonics.narrowband import regression
-from pipeline.methods.general import model_speed
-from pipeline.methods.phases import Phases, integrate, phases
+from pipeline.methods.phases import Phases, phases
 from pipeline.methods.vening_meinesz import MARK_SECONDS, value_and_slope
 from pipeline.observation import observe
 from pipeline.phase_speed import disturbed_speed, leaking, near_resonant_amplitude, phase_speed
@@ -62,7 +62,7 @@ def neglected_terms(ready: Prepared) -> dict[str, float]:
     relative = (envelope.first_speed / envelope.first + own) / first_frequency  # Theta1'/Theta1 + i (Phi1'-n1), over n1
     share = envelope.share
     half = 0.5 * (first_frequency - frequency)
-    with_arc, without = (model_speed(envelope, frequency, ready, arc=arc) for arc in (True, False))
+    with_arc, without = (model_speed(ready, frequency, arc=arc) for arc in (True, False))
     speeds = {
         "first_speed": half * relative.imag * share.real,
         "first_growth": half * relative.real * share.imag,
@@ -80,7 +80,7 @@ def _slope(found: Phases, speed: Floats) -> float:
     """What a term of the phase speed adds to the slope of the regression, rad s-1."""
     present = found.weight > 0.0
     return regression(
-        found.envelope.time[present], integrate(speed, found.envelope.hop)[present], found.weight[present]
+        found.envelope.time[present], integrated(speed, found.envelope.hop)[present], found.weight[present]
     )
 
 
@@ -207,7 +207,7 @@ def marks_error(scene: Scene) -> float:
     rows = np.rint(envelope.time / step).astype(np.int64)
     every = max(1, round(MARK_SECONDS / envelope.hop))
     fourteen, _ = _by_truth(known, first[0], difference, n1, n2, step, rows[::every])
-    correction = integrate(np.interp(envelope.time, envelope.time[::every], fourteen), envelope.hop)
+    correction = integrated(np.interp(envelope.time, envelope.time[::every], fourteen), envelope.hop)
     phase = np.unwrap(np.angle(difference * np.exp(-1j * n2 * time)))[rows]
     slope = regression(envelope.time, phase - correction, np.abs(difference[rows]) ** 2)
     return float(scene.gravity * ((1.0 + slope / n2) ** 2 - 1.0) / MGAL)

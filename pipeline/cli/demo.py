@@ -137,7 +137,7 @@ def _alone(result: DataTree) -> str:
     label = str(phases["component"].values[0])
     speed = np.asarray(phases["phase_speed"].values, dtype=np.float64)[0]
     table = result["gravity"].dataset
-    row = [str(name) for name in table["method"].values].index(best_method(result) or "uncorrected")
+    row = [str(name) for name in table["estimator"].values].index(best_method(result) or "uncorrected")
     frequency, gravity = float(table["frequency"].values[row, 0]), float(table["gravity"].values[row])
     # dg/g = 2 dn/n
     wander = 2.0 * gravity * (speed / frequency - 1.0) / _MILLIGAL

@@ -10,7 +10,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.joint import apparatus, choice, explanation, motion, spectrum
 from pipeline.joint.cold_start import ACCELEROMETER, CAPTURE, DIFFERENCE, KICK, Begun, again, released
-from pipeline.joint.course import mean_row
+from pipeline.joint.course import mean_gravity, mean_row
 from pipeline.joint.explanation import LONG_GAP, grown
 from pipeline.joint.gaps import change_in_gaps
 from pipeline.joint.gather import Gathered
@@ -85,16 +85,16 @@ def reduce(gathered: Gathered) -> Outcome:
             f"elongation: no swing at the stated period can be followed ({error}); check instrument/period, "
             "record/combination and the units (rad, s)"
         ) from None
-    if not gathered.tilts:
-        refuse_a_tilting_case(found[0], fit)
+    tilt, tilt_doubt = (0.0, 0.0) if gathered.tilts else of_a_tilting_case(found[0], fit)
     mean, sigma = choice.averaged(fit, close)
+    mean += tilt
     if not fit.model.assumed.sine:
         fit = explanation.fitted(fit.model, fit.path, smooth=True)
     row = mean_row(fit.solution, fit.model.problem.lattice.duration)
     rounding = change_by_rounding(fit, row) if gathered.problem.steps.any() else 0.0
     hidden, doubt = change_in_gaps(fit, row)
     mean += hidden - rounding
-    doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt)
+    doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, of_planes(found[0], fit))
     sigma = float(np.sqrt(sigma**2 + np.sum(np.square(doubts))))
     spread = choice.unexplained(fit)
     if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:
@@ -112,19 +112,34 @@ def reduce(gathered: Gathered) -> Outcome:
 
 
 def strained(fit: explanation.Fitted) -> bool:
-    """Whether a fit needs more than motion of the ship, and may do so to make up for a wrong law."""
-    return not all(MOTION in words for words in fit.model.words) or choice.unexplained(fit) > 1.0
+    """Whether a fit needs more than motion that all pendulums feel, and may do so to make up for a wrong law."""
+    level = all(MOTION in words and not words.startswith("transverse") for words in fit.model.words)
+    return not level or choice.unexplained(fit) > 1.0
 
 
-def refuse_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted) -> None:
-    """Refuse where the differences are likelier if what sways is the case, from which the pendulums are read.
+def of_planes(plain: explanation.Fitted, fit: explanation.Fitted) -> float:
+    """1 sigma of gravity over itself, where planes of swing were found not to be parallel.
+
+    What one pendulum feels alone near its own frequency acts as gravity does, and what takes its place is not told from
+    it: half of what the explanation made of gravity is in doubt.
+    """
+    if not any(words.startswith("transverse") for words in fit.model.words):
+        return 0.0
+    duration = fit.model.problem.lattice.duration
+    own, other = (mean_gravity(each.solution, duration)[0] for each in (fit, plain))
+    return HALF * abs(own - other)
+
+
+def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted) -> tuple[float, float]:
+    """What it adds to gravity, over itself, and to its 1 sigma, that some of what sways may be the case.
 
     Only what sways the pendulums themselves stiffens them, by half of its square. One pass about their free swing tells
-    it, unless a fit needs more than the plain one.
+    it, unless a fit needs more than the plain one. Where the differences are likelier so, any part may be the case's.
 
     Raises
     ------
     RefusedError
+        They are likelier beyond doubt.
     """
     model, two, lattice = plain.model, 2 * plain.model.problem.pendulums, plain.model.problem.lattice
     slow = SLOWER * model.problem.swing
@@ -135,9 +150,9 @@ def refuse_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted) ->
         for each in model.assumed.ship
     )
     if ship == model.assumed.ship or not model.assumed.sine:
-        return
+        return 0.0, 0.0
     if lattice.longest_gap > LONG_GAP or lattice.interval * model.problem.swing > spectrum.SPARSE:
-        return  # what sways in gaps, or between sparse samples, is not known
+        return 0.0, 0.0  # what sways in gaps, or between sparse samples, is not known
     about, swings = plain.path.copy(), np.fft.rfft(plain.path[:, :two], axis=0)
     swings[2.0 * np.pi * np.fft.rfftfreq(lattice.nodes, lattice.step) < slow] = 0.0
     about[:, :two] = np.fft.irfft(swings, lattice.nodes, axis=0)
@@ -146,7 +161,7 @@ def refuse_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted) ->
         tilted = explanation.fitted(trial, about, most=3 if fit.model.words else 1)
         tilted = motion.reshaped(tilted) if fit.model.words else tilted
     except np.linalg.LinAlgError:
-        return
+        return 0.0, 0.0
     # a spectrum that meets the other traces better helps the differences a little too
     better = tilted.solution.log_likelihood - fit.solution.log_likelihood
     law, least = of_the_law(tilted), TILTS + HELPS * max(better, 0.0)
@@ -158,6 +173,13 @@ def refuse_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted) ->
             "measured; give record/case_tilt, or attribute reference = 'case' and record/horizontal_acceleration in "
             "the earth's frame"
         )
+    ahead = law - of_the_law(fit)
+    share = 1.0 / (1.0 + np.exp(np.clip((0.0 if fit.model.words else SELDOM) - ahead, -FAR, FAR)))
+    if share < UNLIKELY:
+        return 0.0, 0.0
+    own, other = (mean_gravity(each.solution, lattice.duration)[0] for each in (fit, tilted))
+    apart = other - own
+    return 0.5 * share * apart, abs(apart) * float(np.sqrt(share / 3.0 - 0.25 * share**2))
 
 
 def of_the_law(fit: explanation.Fitted) -> float:
@@ -203,7 +225,9 @@ CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law expla
 MOTION = "motion"  # in the words of a component of the ship
 DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
 MOST_SPREAD = 30.0
+SELDOM, UNLIKELY, FAR = 6.0, 0.1, 50.0  # in log-likelihood, that a case tilts unsaid; share that is left out; any
 SLOWER, TILTS, HELPS = 0.4, 10.0, 0.02  # of the swing's frequency, up to which a case tilts; in log-likelihood; of it
+HALF = 0.5
 ROUNDED = 0.3  # of the change by rounding, to which it is known
 MOST_SIGMA = 1e-3  # over gravity: a sigma of a gal says that no swing at the stated period was followed
 
@@ -294,11 +318,10 @@ def risen(model: explanation.Model, rough: explanation.Fitted) -> tuple[explanat
         fit = motion.reshaped(fit)
         return fit, fit
     heaving = _beside(model, motion.heaving(rough, level), rough) if sought else None
-    crossing = _beside(model, motion.crossing(rough, level), rough) if problem.pendulums > 1 else None
-    found = [each for each in (fit, heaving, crossing) if each is not None]
+    found = [each for each in (fit, heaving) if each is not None]
     if not found:
         raise np.linalg.LinAlgError("neither level nor heaving motion of the ship can be followed")
-    best = max(found, key=lambda each: standing(each) - motion.ASKEW * (each is crossing))
+    best = max(found, key=standing)
     if fit is not None and not (best is not fit and motion.is_white(best, problem.differences)):
         kicked = better(replace(model, assumed=motion.kicked(fit)), best)
         if kicked is not best and (sought or np.nanmax(np.abs(kicked.of.whitened)) < GATE):

@@ -69,11 +69,6 @@ def heaving(rough: Fitted, level: Assumed) -> Assumed:
     return _rougher(Shown.of(rough, beside=LINE), level, "vertical")
 
 
-def crossing(rough: Fitted, level: Assumed) -> Assumed:
-    """With the seas across that planes of swing feel which are not parallel to the first's."""
-    return _rougher(Shown.of(rough, beside=LINE), level, "transverse")
-
-
 def kicked(fit: Fitted) -> Assumed:
     """With the kicks of one pendulum, or of all, that the errors ask for."""
     some = [*np.eye(fit.model.problem.pendulums), np.ones(fit.model.problem.pendulums)]

@@ -293,7 +293,7 @@ class Problem:
     def _sweep(self, assumed: Assumed, constants: tuple[Constant, ...], about: Floats, gate: float) -> _Sweep:
         assumed = self.in_its_scale(assumed, constants)
         ship = Ship.of(assumed.ship)
-        two = 2 * self.pendulums
+        two, felt = 2 * self.pendulums, slice(None if assumed.sine else 0)  # linear pendulums feel no heave
         size, width = two + ship.drift.shape[0], len(constants) + 1
         state, covariance = np.zeros((size, width)), np.zeros((size, size))
         for c, each in enumerate(constants):
@@ -307,8 +307,8 @@ class Problem:
             readings=self.readings(assumed, constants),
             columns=unknown.columns(constants),
             known=self.known(constants, assumed.sine),
-            recorded=self.recorded,
-            slope=self.slope * (1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])),
+            recorded=self.recorded[felt],
+            slope=self.slope[felt] * (1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])),
             about=about,
             breaks=np.array(sorted(assumed.breaks), dtype=np.int64).reshape(-1, 2),
             gate=gate,

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 KINDS = {"kicks": "random-kicks", "gravity changes": "gravity-changes"}
 MOST_TURN = 0.7  # rad of the swing between samples of the path, for its third harmonic to show
+LEAST_WEIGHT = 1e-12
 WIDENED = 1.1  # factor in sigma from which the flag says so
 
 
@@ -38,33 +39,29 @@ class Joint:
     Attributes
     ----------
     reduction : Reduction
-    prepared : Prepared or None
-        The smoothed pendulums of the pair, even and without gaps; None where the method refused.
-    outcome : Outcome or None
+    prepared : Prepared
+        The smoothed pendulums of the pair, even and without gaps.
+    outcome : Outcome
+    columns : (int, int)
+        Places of the pair among the pendulums.
     """
 
     reduction: Reduction
-    prepared: Prepared | None = None
-    outcome: Outcome | None = None
+    prepared: Prepared
+    outcome: Outcome
+    columns: tuple[int, int]
 
     @property
     def eotvos(self) -> str:
         """What was done about the Eotvos effect, in words."""
-        assert self.prepared is not None
         constants = self.prepared.observation.constants
         if any(name not in constants for name in eotvos.NEEDS):
             return "not reduced: latitude, speed or course is not stated"
         changing = any(f"{name}_course" in constants for name in eotvos.NEEDS)
         return "reduced as it changes along the track" if changing else "reduced as a constant"
 
-    def course(self, time: Floats) -> DataTree:
+    def course(self, time: Floats) -> tuple[dict[str, Floats], dict[str, float | str]]:
         """Group `course` of a result: gravity with its band at instants of the record's own time, s, (n,)."""
-        from xarray import Dataset, DataTree
-
-        from data_schemas.variables import attributes
-
-        assert self.prepared is not None  # of a record that was not refused
-        assert self.outcome is not None
         assert self.reduction.gravity is not None
         outcome, reference = self.outcome, self.prepared.observation.reference_gravity
         solution, lattice = outcome.fit.solution, outcome.fit.model.problem.lattice
@@ -75,26 +72,47 @@ class Joint:
         # what explanations that stay close add to the variance of the mean, they add to that of each instant
         band = (band + max(outcome.sigma**2 - sigma**2, 0.0)) * outcome.spread**2
         track = outcome.fit.model.course
-        return DataTree(
-            Dataset(
-                {
-                    "gravity_course": (
-                        "time",
-                        self.reduction.gravity.gravity + reference * (rows @ values - own),
-                        attributes("course/gravity_course"),
-                    ),
-                    "gravity_course_sigma": (
-                        "time",
-                        reference * np.sqrt(band) / MGAL,
-                        attributes("course/gravity_course_sigma"),
-                    ),
-                },
-                attrs={
-                    "correlation_length_s": float("inf") if track is None else track.length,
-                    "eotvos": self.eotvos,
-                },
-            )
+        course = {
+            "gravity_course": self.reduction.gravity.gravity + reference * (rows @ values - own),
+            "gravity_course_sigma": reference * np.sqrt(band) / MGAL,
+        }
+        length = float("inf") if track is None else track.length
+        return course, {"correlation_length_s": length, "eotvos": self.eotvos}
+
+    def ship(self, time: Floats) -> dict[str, Floats]:
+        """Group `ship` of a result: the accelerations of the support at instants of the record's own time."""
+        model, path, reference = (
+            self.outcome.fit.model,
+            self.outcome.fit.path,
+            self.prepared.observation.reference_gravity,
         )
+        lattice, ship = model.problem.lattice, Ship.of(model.assumed.ship)
+        nodes, states = lattice.start + lattice.step * np.arange(lattice.nodes), path[:, 2 * model.problem.pendulums :]
+        across, along = (np.interp(time, nodes, states @ row) for row in (ship.horizontal, ship.vertical))
+        if model.problem.heave is not None:
+            along = along + model.problem.heave(np.clip(time - lattice.start, 0.0, lattice.duration))
+        return {"horizontal_acceleration": reference * across, "vertical_acceleration": reference * along}
+
+    def pendulums(self, time: Floats) -> Floats:
+        """Angles of the pair at instants of the record's own time, (2, n), rad; NaN outside the fit."""
+        fit, lattice = self.outcome.fit, self.outcome.fit.model.problem.lattice
+        path = angles(fit, time - lattice.start)
+        path[(time < lattice.start - lattice.step) | (time > lattice.start + lattice.duration + lattice.step)] = np.nan
+        return path[:, list(self.columns)].T
+
+    def residual(self, weights: Floats, time: Floats) -> Floats:
+        """What the fit leaves of a combination of the traces, (t,) weights, at the record's own times, (n,); rad."""
+        fit, problem = self.outcome.fit, self.outcome.fit.model.problem
+        lattice, constants = problem.lattice, fit.solution.constants
+        read, out = problem.readings(fit.model.assumed, constants), np.zeros(time.size)
+        at = np.rint(np.interp(lattice.start + lattice.time, time, np.arange(time.size))).astype(np.int64)
+        for trace in np.flatnonzero(np.abs(weights) > LEAST_WEIGHT):
+            own, left = read.trace == trace, np.full(time.size, np.nan)
+            path = angles(fit, lattice.step * lattice.node[own] + read.offset[own])
+            scale = 1.0 + problem.gain(constants)[trace]
+            left[at[own]] = scale * (read.value[own] - path @ lattice.combination[trace])
+            out += weights[trace] * left
+        return out
 
 
 def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) -> Joint:
@@ -138,7 +156,7 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
         raised.append("errors-not-white")
     elapsed = clock.perf_counter() - started
     reduction = Reduction("joint", "joint", outcome.words, estimate, value, tuple(dict.fromkeys(raised)), "", elapsed)
-    return Joint(reduction, prepared, outcome)
+    return Joint(reduction, prepared, outcome, (one, second))
 
 
 def _tilt(record: DataTree, gathered: Gathered, outcome: Outcome, first: int) -> dict[str, tuple[float, float, str]]:
@@ -182,8 +200,3 @@ def _prepared(record: DataTree, gathered: Gathered, outcome: Outcome, pair: tupl
         **constants,
     )
     return Prepared(observation)
-
-
-def refused(reason: str, elapsed: float) -> Joint:
-    """The method's refusal."""
-    return Joint(Reduction("joint", "joint", "", None, None, (), reason, elapsed))

@@ -23,6 +23,7 @@ from pipeline.prepared import Prepared
 
 MGAL = 1e-5  # m s-2
 DAY = 86400.0  # s
+SQUARE = 0.01  # of a mean square that states no uncertainty, 1 sigma
 UNKNOWN = float("nan")  # uncertainty of a correction whose input states none
 
 
@@ -122,6 +123,15 @@ class Case:
         """1 sigma of a number of /instrument; None where it states none."""
         stated = f"{name}_uncertainty"
         return self.scalar(stated) if stated in self.prepared.observation.constants else None
+
+    def of_square(self, name: str, per_square: float) -> tuple[float, str]:
+        """1 sigma, mGal, of what a mean square of /instrument does, m s-2 of it; and how it is known, in words."""
+        own = self.uncertainty(name)
+        if own is None:
+            return per_square * SQUARE * self.scalar(
+                name
+            ) / MGAL, f"; {100.0 * SQUARE:g} % of it assumed uncertain"
+        return per_square * own / MGAL, ""
 
     def uncertainties(self, name: str) -> Floats | None:
         """The same for each of the two pendulums."""

@@ -10,9 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.arrays import Floats
+from pipeline.correction import NON_ISOCHRONISM, by_periods, of_real_pendulums
 from pipeline.estimate import Estimate
-from pipeline.harmonics.envelope import Envelope
 from pipeline.methods.phases import corrected, phases
 from pipeline.prepared import Prepared
 
@@ -27,37 +26,17 @@ def estimate(prepared: Prepared) -> Estimate:
     and its residual is far smaller without: linear pendulums do not feel it.
     """
     found = phases(prepared)
-    envelope, seen = found.envelope, prepared.observation
-    frequency = prepared.fine.frequency
-    if seen.restoring == "linear":
-        return corrected(prepared, found, model_speed(envelope, frequency, prepared, arc=False))
+    envelope, restoring, frequency = found.envelope, prepared.observation.restoring, prepared.fine.frequency
+    if restoring == "linear":
+        return corrected(prepared, found, {NON_ISOCHRONISM: by_periods(prepared, frequency)})
     slow = prepared.slow_motion
     told = (envelope.time >= slow.time[0]) & (envelope.time <= slow.time[-1])
     found = replace(found, weight=np.where(told, found.weight, 0.0))
-
-    def turned(frequency: float, gained: Floats | None) -> Estimate:
-        speed = model_speed(envelope, frequency, prepared, arc=True)
-        plain = model_speed(envelope, frequency, prepared, arc=False)
-        return corrected(prepared, found, speed, speed - plain, gained)
-
     for _ in range(ROUNDS):
-        made = turned(frequency, slow.phase(frequency, envelope.time))
+        made = corrected(prepared, found, of_real_pendulums(prepared, frequency))
         frequency = made.frequency
-    if seen.restoring is None:
-        still = turned(prepared.fine.frequency, None)
+    if restoring is None:
+        still = corrected(prepared, found, of_real_pendulums(prepared, prepared.fine.frequency, accelerated=False))
         if still.noise**2 * still.residual_colour < DENIED * made.noise**2 * made.residual_colour:
             return still
     return made
-
-
-def model_speed(envelope: Envelope, frequency: float, prepared: Prepared, *, arc: bool) -> Floats:
-    """`phi' - n2` of the difference by (38), rad s-1."""
-    seen = prepared.observation
-    first, share = envelope.first, envelope.share
-    second = first - envelope.difference
-    rates = np.zeros(2) if seen.damping_rate is None else seen.damping_rate
-    bend = frequency / 16.0 if arc else 0.0
-    speed_2 = frequency - bend * np.abs(second) ** 2
-    apart = seen.frequency_ratio * (frequency - bend * np.abs(first) ** 2) - speed_2
-    # (38) with (a1/a) e^{i (phi1 - phi)} = Z1/D
-    return np.asarray(speed_2 - frequency + apart * share.real - (rates[0] - rates[1]) * share.imag)

@@ -8,6 +8,7 @@ the two weigh time differently.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,10 +16,10 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
+from pipeline.correction import ACCELERATION, ARC, NON_ISOCHRONISM, by_periods
 from pipeline.estimate import Estimate
 from pipeline.harmonics.envelope import Envelope
-from pipeline.harmonics.narrowband import regression, running_integral
-from pipeline.phase_speed import phase_speed
+from pipeline.harmonics.narrowband import regression
 from pipeline.prepared import LEAST_EXPLAINED, MOST_ANGLE, Prepared, require_swing
 
 LEAST_AMPLITUDE = 0.1  # min a / max a below which the phase form of (27) errs by up to 1000 mGal
@@ -83,66 +84,39 @@ def passes_zero(amplitude: Floats) -> bool:
 
 def uncorrected(prepared: Prepared) -> Estimate:
     """Regress the phase of the difference without any correction."""
-    return corrected(prepared, phases(prepared))
+    return corrected(prepared, phases(prepared), {})
 
 
 def panteleev(prepared: Prepared) -> Estimate:
     """Correct by (27) with the damping difference."""
     found = phases(prepared)
-    share, seen = found.envelope.share, prepared.observation
-    frequency = prepared.fine.frequency  # the correction needs n2 to the relative size of n1-n2 only
-    speed = phase_speed(
-        seen.frequency_ratio * frequency, frequency, np.abs(share), 1.0, np.angle(share), seen.damping_difference
-    )
-    return corrected(prepared, found, speed - frequency)
+    # the correction needs n2 to the relative size of n1-n2 only
+    return corrected(prepared, found, {NON_ISOCHRONISM: by_periods(prepared, prepared.fine.frequency)})
 
 
 def complex_form(prepared: Prepared) -> Estimate:
     """Least squares for n2 with n1/n2 held."""
     found = phases(prepared, through_zero=True)
-    envelope, seen, fit = found.envelope, prepared.observation, prepared.fine
-    speed = None
-    if not passes_zero(np.abs(envelope.difference)):
-        kappa = 1j * fit.frequency * (seen.frequency_ratio - 1.0) - seen.damping_difference
-        speed = (kappa * envelope.share).imag
+    envelope, fit = found.envelope, prepared.fine
     return with_noise(
         prepared,
         np.abs(envelope.difference - fit.model) ** 2,
         fit.frequency,
         regression(envelope.time, found.phase, found.weight),
-        speed_correction=speed,
-        phase_correction=None if speed is None else integrate(speed, envelope.hop),
+        shifts={NON_ISOCHRONISM: by_periods(prepared, fit.frequency)},
     )
 
 
-def integrate(speed: Floats, hop: float) -> Floats:
-    """Integrated correction."""
-    return np.asarray(running_integral(speed.astype(np.complex128), hop).real)
-
-
-def corrected(
-    prepared: Prepared,
-    found: Phases,
-    speed: Floats | None = None,
-    finite_arc: Floats | None = None,
-    gained: Floats | None = None,
-) -> Estimate:
-    """Integrate the correction, subtract it from the phase, regress.
+def corrected(prepared: Prepared, found: Phases, shifts: Mapping[str, Floats]) -> Estimate:
+    """Take integrated corrections off the phase, and regress.
 
     Parameters
     ----------
-    speed : (k,) array or None
-        Correction of the phase speed, rad s-1 (subtracted).
-    finite_arc : (k,) array or None
-        The part of `speed` that is due to the finite arc.
-    gained : (k,) array or None
-        Phase that the support's acceleration gives the swing, rad (subtracted).
+    shifts : mapping
+        By `correction.PARTS`: (k,) rad.
     """
-    envelope, weight = found.envelope, found.weight
-    time, hop = envelope.time, envelope.hop
-
-    shift = None if speed is None else integrate(speed, hop) + (0.0 if gained is None else gained)
-    residual = found.phase if shift is None else found.phase - shift
+    envelope, weight, time = found.envelope, found.weight, found.envelope.time
+    residual = found.phase - sum(shifts.values())
     slope = regression(time, residual, weight)
     residual = residual - slope * time
     residual -= np.average(residual, weights=weight)
@@ -152,10 +126,9 @@ def corrected(
         np.where(weight > 0.0, scatter, np.nan),
         envelope.carrier + slope,
         regression(time, found.phase, weight),
-        phase_correction=shift,
-        speed_correction=speed,
-        finite_arc=0.0 if finite_arc is None else -regression(time, integrate(finite_arc, hop), weight),
-        acceleration_reduced=gained is not None,
+        shifts=shifts,
+        finite_arc=-regression(time, shifts[ARC], weight) if ARC in shifts else 0.0,
+        acceleration_reduced=ACCELERATION in shifts,
     )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arrays import Floats
+from pipeline.correction import NON_ISOCHRONISM, integrated
 from pipeline.estimate import Estimate
 from pipeline.methods.phases import corrected, phases
 from pipeline.phase_speed import phase_speed
@@ -30,7 +31,8 @@ def estimate(prepared: Prepared) -> Estimate:
     raw = value - 1j * slope / first_frequency  # (4)
     difference = envelope.difference[marks] * np.exp(1j * envelope.carrier * envelope.time[marks])
     reading = phase_speed(first_frequency, frequency, np.abs(raw), np.abs(difference), np.angle(raw / difference))
-    return corrected(prepared, found, np.interp(envelope.time, envelope.time[marks], reading - frequency))
+    speed = np.interp(envelope.time, envelope.time[marks], reading - frequency)
+    return corrected(prepared, found, {NON_ISOCHRONISM: integrated(speed, envelope.hop)})
 
 
 def value_and_slope(time: Floats, series: Floats, instants: Floats) -> tuple[Floats, Floats]:

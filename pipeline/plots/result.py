@@ -46,7 +46,7 @@ def subtitle(result: DataTree) -> str:
 
 def of_method(result: DataTree, group: str, name: str, method: str) -> Floats:
     """Values of a variable for one method (`Dataset.sel` has an argument called `method` of its own)."""
-    row = [str(label) for label in result[group].dataset["method"].values].index(method)
+    row = [str(label) for label in result[group].dataset["estimator"].values].index(method)
     values: Floats = np.asarray(result[group].dataset[name].values, dtype=np.float64)[row]
     return values
 
@@ -54,7 +54,7 @@ def of_method(result: DataTree, group: str, name: str, method: str) -> Floats:
 def best_method(result: DataTree) -> str | None:
     """The most exact method that gave a finite gravity."""
     table = result["gravity"].dataset
-    labels = [str(label) for label in table["method"].values]
+    labels = [str(label) for label in table["estimator"].values]
     given = dict(zip(labels, np.asarray(table["gravity"].values, dtype=np.float64), strict=True))
     return next((name for name in _BEST_FIRST if np.isfinite(given.get(name, np.nan))), None)
 
@@ -135,7 +135,7 @@ def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> No
         note(axes, "no method gave a gravity")
         return
     origin = float(of_method(result, "gravity", "gravity", best)) if true_gravity is None else true_gravity
-    methods = [str(name) for name in table["method"].values]
+    methods = [str(name) for name in table["estimator"].values]
     offset = (np.asarray(table["gravity"].values, dtype=np.float64) - origin) / _MILLIGAL
     sigma = np.asarray(table["gravity_sigma"].values, dtype=np.float64)
     rows = np.arange(len(methods))[::-1]
@@ -191,7 +191,7 @@ def _method_with_line(result: DataTree) -> str | None:
     """The method whose correction is drawn: the plainest with one at each time that the best method bears out."""
     if "correction" not in result.children or "phases" not in result.children:
         return None
-    given = [str(name) for name in result["correction"].dataset["method"].values]
+    given = [str(name) for name in result["correction"].dataset["estimator"].values]
     drawn = [
         name
         for name in _LINE_FIRST

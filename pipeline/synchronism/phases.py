@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import Floats
-from pipeline.result import unwrapped
+from pipeline.arrays import Floats, unwrapped
 
 SWINGS = 6.0
 """Length of a window, in swings: what the phases of both do within it is averaged."""

@@ -15,14 +15,15 @@ _LABELS = {
     "trace": ["1", "1-2"],
     "pendulum": ["1", "2"],
     "component": ["1", "2", "1-2"],
-    "method": ["panteleev", "projection"],
+    "estimator": ["panteleev", "projection"],
+    "formula": ["(27)", "(38)"],
     "entry": ["non_isochronism", "finite_arc"],
     "base": ["before", "after"],
     "pair": ["1-2", "2-3"],
     "clock": ["1", "2"],
     "flag": ["beats through zero"],
 }
-_LENGTHS = {"time": 40, "mark": 3, "event": 2, "source": 2, "row": 2, "cycle": 4, "slip": 3, "averaging": 5} | {
+_LENGTHS = {"time": 40, "mark": 3, "event": 2, "source": 2, "row": 2, "cycle": 4, "slip": 3, "averaging": 5, "record_time": 40, "frequency": 9} | {
     name: len(labels) for name, labels in _LABELS.items()
 }
 
@@ -40,7 +41,7 @@ def complete(kind: str) -> xr.DataTree:
             values = np.array(_LABELS[short])
         elif row.dtype == "str":
             values = np.full(shape, "measured")
-        elif name == "time":
+        elif name == "time" or short == "record_time":
             values = np.arange(40) * 0.5
         elif name == "record/combination":
             values = np.array([[1.0, 0.0], [1.0, -1.0]])
@@ -51,7 +52,7 @@ def complete(kind: str) -> xr.DataTree:
     tree.attrs = dict.fromkeys(LAYOUTS[kind].attrs, "{}") | {
         "Conventions": "CF-1.11",
         "schema": LAYOUTS[kind].schema,
-        "schema_version": "1",
+        "schema_version": LAYOUTS[kind].version,
         "record_id": "example",
         "title": "an example",
         "history": "made by a test",

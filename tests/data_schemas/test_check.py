@@ -255,15 +255,15 @@ RESULT_FAULTS = {
     "not JSON": (_attr("/", configuration="{"), "attribute configuration: is not JSON"),
     "no JSON text": (_attr("/", versions=3), "attribute versions: is not JSON"),
     "method twice": (
-        _edit("gravity", lambda d: d.assign_coords(method=["a", "a"])),
-        "gravity/method: a label appears twice",
+        _edit("gravity", lambda d: d.assign_coords(estimator=["a", "a"])),
+        "gravity/estimator: a label appears twice",
     ),
     "extra without units": (
-        _edit("gravity", lambda d: d.assign(extra=("method", [1.0, 2.0], {"long_name": "x"}))),
+        _edit("gravity", lambda d: d.assign(extra=("estimator", [1.0, 2.0], {"long_name": "x"}))),
         "gravity/extra: is not in the table and has no units; add it",
     ),
     "extra without name": (
-        _edit("gravity", lambda d: d.assign(extra=("method", [1.0, 2.0], {"units": "1"}))),
+        _edit("gravity", lambda d: d.assign(extra=("estimator", [1.0, 2.0], {"units": "1"}))),
         "gravity/extra: is not in the table and has no long_name; add it",
     ),
     "negative sigma": (_values("gravity/gravity_sigma", 0, -1.0), "gravity/gravity_sigma: holds -1; give values zero"),
@@ -282,7 +282,7 @@ def test_a_fault_of_a_result_is_named(example, spoil, told):
 def test_a_result_may_refuse_a_method_and_add_variables(example):
     tree = example("result")
     _values("gravity/gravity", 0, np.nan)(tree)
-    _edit("gravity", lambda d: d.assign(extra=("method", [1.0, 2.0], {"units": "1", "long_name": "x"})))(tree)
+    _edit("gravity", lambda d: d.assign(extra=("estimator", [1.0, 2.0], {"units": "1", "long_name": "x"})))(tree)
     assert check(tree, "result") == []
 
 

@@ -123,7 +123,6 @@ def test_time_stays_seconds_and_checksum_is_left_out(tmp_path, record):
     [
         (np.array([1 + 2j]), "store amplitude and phase"),
         (np.array([True]), "store 0 and 1 as uint8"),
-        (np.array(["2000-01-01"], dtype="M8[ns]"), "store seconds since the start"),
         (np.array([1], dtype="m8[ns]"), "store seconds"),
         (np.array([None]), "store numbers or str"),
         (np.array(["\ud800"]), "not valid Unicode"),

@@ -11,6 +11,13 @@ Floats = NDArray[np.floating[Any]]
 """Real numbers, double precision in practice."""
 Complexes = NDArray[np.complexfloating[Any, Any]]
 """Complex numbers, double precision in practice."""
+EVEN = 1e-9  # s
+DIGITS, ROUNDED, ROUNDING = (
+    10,
+    1e-3,
+    0.55,
+)  # of decimal stamps; of their last digit: that they are stamps, and how far off
+LEAST_STAMPS = 4
 
 
 def median_present(series: Floats) -> float:
@@ -47,3 +54,30 @@ def unwrapped(harmonics: Complexes) -> Floats:
         present = np.isfinite(harmonic)
         phase[row, present] = np.unwrap(np.angle(harmonic[present]))
     return phase
+
+
+def evened(time: Floats) -> Floats:
+    """Times that lie on a uniform grid but for the rounding of their stamps, on that grid; others as they are.
+
+    Examples
+    --------
+    >>> evened(np.array([0.0, 0.033, 0.067, 0.1, 0.133])).round(4).tolist()
+    [0.0, 0.0333, 0.0666, 0.0999, 0.1332]
+    >>> evened(np.array([0.0, 0.03, 0.09, 0.1])).tolist()
+    [0.0, 0.03, 0.09, 0.1]
+    """
+    if time.size < LEAST_STAMPS:
+        return time
+    step = float(np.median(np.diff(time)))
+    rows = np.rint((time - time[0]) / step)
+    step *= float(time[-1] - time[0]) / (rows[-1] * step)
+    rows = np.rint((time - time[0]) / step)
+    if np.abs(time - time[0] - rows * step).max() < EVEN or np.any(np.diff(rows) < 1.0):
+        return time
+    for digits in range(DIGITS):
+        scaled = time * 10.0**digits
+        if np.abs(scaled - np.rint(scaled)).max() < ROUNDED:
+            slope, begin = np.polyfit(rows, time, 1)
+            even = begin + slope * rows
+            return even if np.abs(time - even).max() < ROUNDING * 10.0**-digits else time
+    return time

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.arrays import Floats
+from pipeline.harmonics.envelope import KAISER_SHAPE, weighted_inverse
 from pipeline.harmonics.narrowband import running_integral
 
 if TYPE_CHECKING:
@@ -35,8 +36,21 @@ def of_real_pendulums(prepared: Prepared, frequency: float, *, accelerated: bool
     hop = prepared.sliding.hop
     found = {NON_ISOCHRONISM: integrated(plain, hop), ARC: integrated(bent - plain, hop)}
     if accelerated:
-        found[ACCELERATION] = prepared.slow_motion.phase(frequency, prepared.sliding.time)
+        found[ACCELERATION] = _through_window(prepared, frequency)
     return found
+
+
+def _through_window(prepared: Prepared, frequency: float) -> Floats:
+    """Phase that the support's acceleration gives, rad, as the envelope's windows show it."""
+    envelope, slow = prepared.sliding, prepared.slow_motion
+    half = round(0.5 * (envelope.taps.size - 1) * prepared.observation.step / slow.step)
+    x = np.linspace(-1.0, 1.0, 2 * half + 1)
+    # what a fit with an amplitude that changes quadratically makes of one that changes in another way
+    taps = weighted_inverse(np.stack([np.ones_like(x), x, x * x], axis=-1), np.kaiser(x.size, KAISER_SHAPE))[0]
+    time = np.arange(envelope.time[0] - slow.step, envelope.time[-1] + 2.0 * slow.step, slow.step)
+    around = slow.step * np.arange(1, half + 1)
+    gained = slow.phase(frequency, np.concatenate([time[0] - around[::-1], time, time[-1] + around]))
+    return np.asarray(np.interp(envelope.time, time, np.correlate(gained, taps, "valid")))
 
 
 def model_speed(prepared: Prepared, frequency: float, *, arc: bool) -> Floats:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.estimate import COLOUR_SECONDS, Estimate
+from pipeline.flag_words import OF_GRAVITY
 from pipeline.gravity import MGAL, Gravity
 from pipeline.methods.phases import passes_zero
 from pipeline.prepared import Prepared
@@ -17,31 +18,11 @@ LEAST_BROWNE = 0.05  # mGal of horizontal acceleration
 IMPLAUSIBLE = (9.75, 9.85)  # m s-2; at sea gravity lies between 9.77 and 9.84
 
 DAMPING_ASSUMED = "damping-difference-assumed"
-MEANINGS = {
-    "beats-through-zero": "the difference's amplitude passes near zero; phase methods mean nothing there",
-    "short-record": f"shorter than {SHORT_SECONDS:.0f} s",
-    "frequency-difference-unresolved": "the stated uncertainty of n1-n2 costs more than the reading noise",
-    "noise-above-stated": "residual noise above the stated reading noise",
-    "noise-below-stated": "residual noise below the stated reading noise",
-    "residual-not-white": "the residual has structure near the pendulum's frequency; sigma is widened by it",
-    "gravity-implausible": "gravity outside 9.75 to 9.85 m/s2; check instrument/period and reference_gravity",
-    "acceleration-not-reduced": "the support's acceleration changes the period of real pendulums and is not reduced",
-    "correction-without-uncertainty": "a correction larger than sigma is made from inputs that state no uncertainty; "
-    "sigma takes it as exact",
-    DAMPING_ASSUMED: "no damping is stated and the pendulums decay; their difference is taken to "
-    "be near zero; sigma holds the doubt",
-    "random-kicks": "the pendulums' phases walk at random (air, knife edge); sigma holds it",
-    "gravity-changes": "gravity changes over the record: see group course; gravity is its mean",
-    "friction-not-viscous": "friction that is not viscous was found and reduced",
-    "apparatus-fault": "a wrong zero, drift, gain, delay, period or a step was found and reduced; the reason names it",
-    "errors-not-white": "the prediction errors exceed every explanation tried; sigma is widened by it",
-}
-"""`joint` alone raises the last five."""
 _DECAY = 3e-6  # s-1: one per cent of it as a difference costs about 0.01 mGal at a relative period difference of 1e-4
 
 
 def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
-    """Flags of one method on one record, in the order of `MEANINGS`."""
+    """Flags of one method on one record, in the order of `flag_words.OF_GRAVITY`."""
     seen = prepared.observation
     envelope = prepared.sliding
     beyond = np.array([0.0, seen.time[-1]]) - envelope.time[[0, -1]]  # half a window at either end
@@ -59,7 +40,7 @@ def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
         ),
         **_noise(prepared, estimate, float(np.nanmedian(amplitude))),
     }
-    return [name for name in MEANINGS if raised.get(name)]
+    return [name for name in OF_GRAVITY if raised.get(name)]
 
 
 def _unresolved(prepared: Prepared, value: Gravity) -> bool:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from data_schemas.errors import RecordError, RefusedError, UsageError
-from pipeline.arrays import Floats, row_means_present
+from pipeline.arrays import Floats, evened, row_means_present
 from pipeline.conditions import Constants, Tie, by_air, by_temperature, refuse_impossible, tie
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     one, two = (np.eye(len(labels))[labels.index(label)] for label in (first, second))
     elongation = np.asarray(traces["elongation"].values, dtype=np.float64)
     sigma = _uncertainty(traces, elongation.shape[0])
-    time: Floats = np.asarray(record.dataset["time"].values, dtype=np.float64)
+    time = evened(np.asarray(record.dataset["time"].values, dtype=np.float64))
     of_theta = weights_of(combination, one, first)
     of_difference = weights_of(combination, one - two, f"{first}-{second}")
     rows = [combine(of_theta, elongation), combine(of_difference, elongation)]

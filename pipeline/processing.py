@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from data_schemas.errors import RecordError, RefusedError, UsageError
+from data_schemas.reading import REWRITTEN
 from pipeline import methods
 from pipeline.observation import observe
 from pipeline.reduction import Reduction, reduce_by
@@ -90,6 +91,8 @@ def process(
     source = prepared if joint is None or (others and prepared.observation.whole) else joint.prepared
     own_of_pair = None if prepared is source else prepared
     reductions = [found[name] for name in requested]
+    if REWRITTEN in record.attrs:
+        reductions = [replace(each, flags=(*each.flags, REWRITTEN)) for each in reductions]
     return build_result(Parts(record, source, own_of_pair, reductions, joint, full), started)
 
 

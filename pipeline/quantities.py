@@ -14,13 +14,12 @@ import numpy as np
 from pipeline.arrays import Complexes, Floats, unwrapped
 from pipeline.correction import NON_ISOCHRONISM, PARTS, by_periods, of_real_pendulums
 from pipeline.harmonics.envelope import HOP_SECONDS
+from pipeline.methods import BEST_FIRST
 from pipeline.methods.phases import LEAST_AMPLITUDE
 from pipeline.phase_speed import amplitude_rate, phase_speed, speed_of_difference, speed_of_difference_from_second
 from pipeline.prepared import Prepared
 from pipeline.reduction import Reduction
 
-BEST_FIRST = ("joint", "shooting", "projection", "complex", "panteleev", "general", "vening-meinesz", "uncorrected")
-"""Methods, the most exact first."""
 FORMULAS = ("(9)", "(9) as practised", "(27)", "(36)", "(38)")
 """Labels of Panteleev's formulas for the phase speed; (9) is that of the fictitious pendulum."""
 GAP, INTERPOLATED, AMBIGUOUS = 1, 4, 16  # of the quality flags

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from data_schemas.checksum import numbers_sha256
 from data_schemas.layouts import LAYOUTS
 from data_schemas.variables import VARIABLES, attributes
 from pipeline import quantities
 from pipeline.anomaly import anomalies
 from pipeline.arrays import Floats
 from pipeline.conditions import Constants
-from pipeline.flags import MEANINGS
+from pipeline.flag_words import told
 from pipeline.ledger.book import CORRECTIONS
 from pipeline.ledger.entry import MGAL
 from pipeline.observation import combine, weights_of
@@ -107,6 +108,7 @@ def build_result(parts: Parts, started: float) -> DataTree:
             groups[where][name].attrs["units"] = of_time["units"]
     tree = DataTree.from_dict(groups)
     tree.attrs.update(result_attributes(record, {"pair": components[2], "methods": names}, started))
+    tree.attrs["numbers_sha256"] = numbers_sha256(tree)
     return tree
 
 
@@ -197,7 +199,7 @@ def _gravity(
     variables["advice"] = _text(r.gravity.advice if r.gravity else "" for r in reductions)
     coordinates: dict[str, Any] = {"estimator": names, "pendulum": pendulums, "entry": entries, "source": sources}
     if raised:
-        variables |= {"flag": _text(raised), "flag_meaning": _text(MEANINGS[name] for name in raised)}
+        variables |= {"flag": _text(raised), "flag_meaning": _text(told(name) for name in raised)}
     return dataset("gravity", variables, coordinates, _EXTRA, ("estimator",))
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import data_schemas
 from data_schemas.errors import IsochronyError, RecordError, RefusedError
+from data_schemas.reading import REWRITTEN
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -44,6 +46,8 @@ def read_checked(path: Path, kind: Kind) -> DataTree:
     are counted.
     """
     tree = data_schemas.read(path)
+    if REWRITTEN in tree.attrs:
+        print(f"isochrony: {path}: was written again {tree.attrs[REWRITTEN]}", file=sys.stderr)
     refuse_faults(path, data_schemas.check(tree, kind))
     return tree
 

@@ -13,12 +13,38 @@ import sys
 from collections.abc import Sequence
 
 from data_schemas.errors import IsochronyError, UsageError
-from pipeline.cli import batch, benchmark, demo, digitise, expose, import_csv, plot, process, schema, simulate, validate
+from pipeline.cli import (
+    batch,
+    benchmark,
+    demo,
+    digitise,
+    explain,
+    expose,
+    import_csv,
+    plot,
+    process,
+    schema,
+    simulate,
+    validate,
+)
 from pipeline.cli.parser import Parser, did_you_mean
 
 _VERBS = {
     module.__name__.rpartition(".")[2].removesuffix("_csv"): module
-    for module in (demo, simulate, process, expose, digitise, batch, benchmark, plot, import_csv, validate, schema)
+    for module in (
+        demo,
+        simulate,
+        process,
+        expose,
+        digitise,
+        batch,
+        benchmark,
+        plot,
+        import_csv,
+        validate,
+        schema,
+        explain,
+    )
 }
 """Each verb is called as its file."""
 

@@ -73,6 +73,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_reduction_options(parser)
     parser.add_argument("--synchrony", action="store_true", help="lock, slips and rates of clocks instead of gravity")
     parser.add_argument("-o", dest="out", metavar="PATH", help="result file, or folder for several records")
+    parser.add_argument("--full", action="store_true", help="keep each pendulum's fitted angle at every sample too")
     parser.add_argument("--force", action="store_true", help="overwrite existing results")
     parser.add_argument("--no-output", action="store_true", help="write no result file, only print")
     parser.add_argument("--ledger", action="store_true", help="print the ledger of several records too")
@@ -133,7 +134,13 @@ def _one(
     else:
         from pipeline.processing import process
 
-        result = process(record, method=requested, pair=options.pair, gain_uncertainty=options.gain_uncertainty)
+        result = process(
+            record,
+            method=requested,
+            pair=options.pair,
+            gain_uncertainty=options.gain_uncertainty,
+            full=options.full,
+        )
     rows = [{**row, "input": str(path), "output": None} for row in summaries(result)]
     if output is not None and any(row["status"] == "ok" for row in rows):
         make_folder(output)

@@ -6,10 +6,12 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 from pipeline.cli.outputs import stem
 from pipeline.cli.tables import Column, columns, print_header, print_json, print_row
+from pipeline.flag_words import told
 
 _KEYS = (
     "record_id", "input", "output", "status", "error", "requested_method", "method", "gravity_m_s2",
@@ -26,6 +28,7 @@ _SHORT = {
     "air_density": "air",
     "base_tie": "base",
 }
+_LINE = 120  # columns
 _WIDTH = 26  # of the names of corrections
 _ONE = columns(f"  correction <{_WIDTH}", "mGal >12", "sigma >9", "1e-7 s >10", "made from <0")
 _TAIL = columns("time ms >0", "flags <0")
@@ -152,6 +155,8 @@ def print_ledger(rows: Sequence[Mapping[str, Any]]) -> None:
     else:
         _several(good)
     _not_applied(good)
+    for flag in dict.fromkeys(flag for row in good for flag in row["flags"]):
+        print(fill(f"{flag}: {told(flag)}", _LINE, initial_indent="  ", subsequent_indent="    "))
 
 
 def _one(row: Mapping[str, Any]) -> None:

@@ -16,6 +16,7 @@ from pipeline.joint.ship import Component, Ship
 MOST_FITS = 6
 PAYS = 5.0  # in log-likelihood
 STRAIGHT = 0.02  # of the reading noise
+TERMS = 9  # of a series in the square of the swing's turn from node to node, below 2
 CONTRACTION, LONG_GAP = 0.01, 5.0  # of what bends, a pass; s
 
 
@@ -152,7 +153,11 @@ def shifted(constants: tuple[Constant, ...], path: Floats, begin: int) -> tuple[
 
 
 def angles(fit: Fitted, times: Floats) -> Floats:
-    """Each pendulum's angle at times since the first node, s, (n, p): Hermite's quintics from node to node."""
+    """Each pendulum's angle at times since the first node, s, (n, p).
+
+    From node to node Hermite's quintic, whose two highest powers are those that a swing has beside a cubic: it is exact
+    for a swing.
+    """
     model, problem, two = fit.model, fit.model.problem, 2 * fit.model.problem.pendulums
     flow, ship = problem.flow(model.assumed, fit.solution.constants), Ship.of(model.assumed.ship)
     lattice, path = problem.lattice, fit.path.astype(np.float64)
@@ -171,9 +176,22 @@ def angles(fit: Fitted, times: Floats) -> Floats:
     t = (times / lattice.step - k)[:, None]
     out = angle[k] + t * (speed[k] + t * 0.5 * turn[k])
     off = angle[k + 1] - angle[k] - speed[k] - 0.5 * turn[k]
-    faster, sharper = speed[k + 1] - speed[k] - turn[k], 0.5 * (turn[k + 1] - turn[k])
-    cubic, fourth, fifth = (a * off + b * faster + c * sharper for a, b, c in ((10, -4, 1), (-15, 7, -2), (6, -3, 1)))
-    return np.asarray(out + t**3 * (cubic + t * (fourth + t * fifth)))
+    faster, sharper = speed[k + 1] - speed[k] - turn[k], turn[k + 1] - turn[k]
+    square = (problem.swing * lattice.step) ** 2
+    second, third, fourth, fifth = (_swung(np.ones(1), m, square)[0] for m in (2, 3, 4, 5))
+    at_end = [[1.0, fourth, fifth], [3.0, 4.0 * third, 5.0 * fourth], [6.0, 12.0 * second, 20.0 * third]]
+    shares = [row[0] * off + row[1] * faster + row[2] * sharper for row in np.linalg.inv(at_end)]
+    powers = (t**3, _swung(t, 4, square), _swung(t, 5, square))
+    return np.asarray(out + sum(share * power for share, power in zip(shares, powers, strict=True)))
+
+
+def _swung(t: Floats, power: int, square: float) -> Floats:
+    """The power of t as a swing has it: `m! sum (-s)^k t^(m+2k)/(m+2k)!`, s the square of its turn as t goes to 1."""
+    term = total = t**power
+    for k in range(power + 2, power + 2 * TERMS, 2):
+        term = term * (-square / (k * (k - 1))) * t**2
+        total = total + term
+    return total
 
 
 def bend(model: Model, path: Floats, about: Floats) -> float:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from data_schemas.errors import RecordError, RefusedError
-from pipeline.arrays import Floats
+from pipeline.arrays import Floats, evened
 from pipeline.conditions import TEMPERATURE
 from pipeline.joint import plausible
 from pipeline.joint.calm import WINDOW, is_calm
@@ -95,7 +95,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     """
     stored = record["record"].dataset
     labels = tuple(str(label) for label in stored["pendulum"].values)
-    time: Floats = np.asarray(record.dataset["time"].values, dtype=np.float64)
+    time = evened(np.asarray(record.dataset["time"].values, dtype=np.float64))
     series: Floats = np.asarray(stored["elongation"].values, dtype=np.float64)
     combination: Floats = np.asarray(stored["combination"].values, dtype=np.float64)
     known = instrument(record, labels)

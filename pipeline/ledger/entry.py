@@ -128,9 +128,7 @@ class Case:
         """1 sigma, mGal, of what a mean square of /instrument does, m s-2 of it; and how it is known, in words."""
         own = self.uncertainty(name)
         if own is None:
-            return per_square * SQUARE * self.scalar(
-                name
-            ) / MGAL, f"; {100.0 * SQUARE:g} % of it assumed uncertain"
+            return per_square * SQUARE * self.scalar(name) / MGAL, f"; {100.0 * SQUARE:g} % of it assumed uncertain"
         return per_square * own / MGAL, ""
 
     def uncertainties(self, name: str) -> Floats | None:

@@ -29,6 +29,8 @@ _WHERE = {
 }
 PAIR_METHODS: tuple[str, ...] = tuple(_WHERE)
 """Methods that look at one difference of two pendulums."""
+BEST_FIRST = ("joint", "shooting", "projection", "complex", "panteleev", "general", "vening-meinesz", "uncorrected")
+"""Methods, the most exact first."""
 METHODS: tuple[str, ...] = (*PAIR_METHODS, "joint", "auto")
 """What `process` takes."""
 

@@ -1,4 +1,4 @@
-"""A result: amplitudes, the phase speed before and after its correction, and gravity by method."""
+"""A result: amplitudes, gravity by method and along the record, residual and its spectrum."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.methods import BEST_FIRST
 from pipeline.plots.canvas import BLUE, GREEN, PALETTE, VERMILION, legend, note, panel, sheet
 from pipeline.plots.record import draw_whole
-from pipeline.plots.series import Floats, angle_scale, over_time, robust_limits, running_mean, thin
+from pipeline.plots.series import Floats, angle_scale, draw_band, over_time, robust_limits, running_mean, thin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,21 +17,19 @@ if TYPE_CHECKING:
     from xarray import DataTree
 
 _MILLIGAL = 1e-5  # m s-2
-_BEST_FIRST = ("joint", "shooting", "projection", "complex", "panteleev", "general", "vening-meinesz", "uncorrected")
-_LINE_FIRST = ("panteleev", "complex", "general", "vening-meinesz")
-_BORNE_OUT = 1.0  # mGal
 
 
 def result_figure(result: DataTree, *, true_gravity: float | None = None) -> Figure:
     """Draw a result with the group `gravity`; the methods' errors are counted from the true one, m s-2, if given."""
-    figure = sheet("Gravity from the difference pendulum", subtitle(result), 11.0, 8.2)
-    grid = figure.add_gridspec(2, 2)
+    more = "difference" in result.children
+    figure = sheet("Gravity from the difference pendulum", subtitle(result), 11.0, 11.0 if more else 8.2)
+    grid = figure.add_gridspec(3 if more else 2, 2)
     draw_amplitudes(panel(figure, grid[0, 0], "Amplitude of each harmonic"), result)
     draw_gravity(panel(figure, grid[0, 1], "Gravity by method"), result, true_gravity)
-    if "course" in result.children and _method_with_line(result) is None:
-        draw_course(panel(figure, grid[1, :], "Gravity along the track"), result)
-    else:
-        draw_phase_speed(panel(figure, grid[1, :], "Phase speed of the difference pendulum"), result)
+    draw_track(panel(figure, grid[1, :], "Gravity along the record"), result)
+    if more:
+        draw_residual(panel(figure, grid[2, 0], "Residual of the difference"), result)
+        draw_spectrum(panel(figure, grid[2, 1], "Spectrum of the residual"), result)
     return figure
 
 
@@ -45,7 +44,7 @@ def subtitle(result: DataTree) -> str:
 
 
 def of_method(result: DataTree, group: str, name: str, method: str) -> Floats:
-    """Values of a variable for one method (`Dataset.sel` has an argument called `method` of its own)."""
+    """Values of a variable for one method."""
     row = [str(label) for label in result[group].dataset["estimator"].values].index(method)
     values: Floats = np.asarray(result[group].dataset[name].values, dtype=np.float64)[row]
     return values
@@ -56,7 +55,7 @@ def best_method(result: DataTree) -> str | None:
     table = result["gravity"].dataset
     labels = [str(label) for label in table["estimator"].values]
     given = dict(zip(labels, np.asarray(table["gravity"].values, dtype=np.float64), strict=True))
-    return next((name for name in _BEST_FIRST if np.isfinite(given.get(name, np.nan))), None)
+    return next((name for name in BEST_FIRST if np.isfinite(given.get(name, np.nan))), None)
 
 
 def draw_amplitudes(axes: Axes, result: DataTree) -> None:
@@ -77,49 +76,73 @@ def draw_amplitudes(axes: Axes, result: DataTree) -> None:
     legend(axes, loc="upper center", ncols=3)
 
 
-def draw_course(axes: Axes, result: DataTree) -> None:
-    """Draw gravity along the track, from its mean, with the band of 1 sigma."""
-    course = result["course"].dataset
-    gravity = np.asarray(course["gravity_course"].values, dtype=np.float64)
-    sigma = np.asarray(course["gravity_course_sigma"].values, dtype=np.float64)
-    mean = float(gravity.mean())
-    offset = (gravity - mean) / _MILLIGAL
-    time = over_time(axes, _seconds(result), f"mGal from {mean:.7f} m/s²")
-    axes.fill_between(time, offset - sigma, offset + sigma, color=BLUE, alpha=0.25, linewidth=0, label="1 σ")
-    axes.plot(time, offset, color=BLUE, label="gravity")
-    legend(axes, loc="upper right", ncols=2)
-
-
-def draw_phase_speed(axes: Axes, result: DataTree) -> None:
-    """Draw the difference's phase speed before and after the correction, as the gravity it stands for."""
-    method = _method_with_line(result)
+def draw_track(axes: Axes, result: DataTree) -> None:
+    """Draw the difference's phase speed as the gravity it stands for, before and after its correction, and the band."""
     best = best_method(result)
-    if method is None or best is None:
+    if best is None or "correction" not in result.children or "corrected_gravity" not in result["correction"].dataset:
         note(axes, "no method gave a corrected phase speed")
         return
     phases = result["phases"].dataset
-    label = next(str(name) for name in phases["component"].values if "-" in str(name))
-    measured = np.asarray(phases["phase_speed"].sel(component=label).values, dtype=np.float64)
-    corrected = measured + of_method(result, "correction", "phase_speed_correction", method)
-    frequency = float(of_method(result, "gravity", "frequency", best)[-1])
-    gravity = float(of_method(result, "gravity", "gravity", best))
+    row = next(k for k, name in enumerate(phases["component"].values) if "-" in str(name))
+    measured = np.asarray(phases["phase_speed"].values, dtype=np.float64)[row]
+    gravity, frequency = (of_method(result, "gravity", name, best) for name in ("gravity", "frequency"))
     time = _seconds(result)
     width = _mean_width(float(time[-1]))
-    across = over_time(axes, time, f"as gravity, mGal from {best}\n(means of {width:g} s, twice)")
-    lines = {"before the correction": (measured, VERMILION), f"after it ({method})": (corrected, BLUE)}
+    across = over_time(axes, time, f"mGal from {float(gravity):.7f} m/s²\n(means of {width:g} s, twice)")
+    lines = {
+        "phase speed as measured": (gravity * (measured / frequency[-1]) ** 2, VERMILION),
+        f"corrected ({best})": (of_method(result, "correction", "corrected_gravity", best), BLUE),
+    }
     shown = []
-    for name, (speed, color) in lines.items():
-        # dg/g = 2 dn/n
-        offset = running_mean(time, 2.0 * gravity * (speed / frequency - 1.0) / _MILLIGAL, width)
+    for name, (values, color) in lines.items():
+        offset = running_mean(time, (values - gravity) / _MILLIGAL, width)
         offset = running_mean(time, offset, width)  # once would let a heave of ten seconds through
         if time[-1] > 4.0 * width:  # at the ends half a window is not a mean over whole waves
             offset[(time < width) | (time > time[-1] - width)] = np.nan
         axes.plot(*thin(across, offset), color=color, label=name)
         shown.append(robust_limits(offset))
+    if "course" in result.children:
+        course = result["course"].dataset
+        offset = (course["gravity_course"].values - gravity) / _MILLIGAL
+        sigma = course["gravity_course_sigma"].values
+        axes.fill_between(across, offset - sigma, offset + sigma, color=GREEN, alpha=0.3, linewidth=0)
+        axes.plot(across, offset, color=GREEN, label="joint, along the track, ± 1 σ")
+        shown.append(robust_limits(np.concatenate([offset - sigma, offset + sigma])))
     low, high = min(limits[0] for limits in shown), max(limits[1] for limits in shown)
-    axes.set_ylim(low, high + 0.2 * (high - low))
+    axes.set_ylim(low, high + 0.25 * (high - low))
     axes.axhline(0.0, color="black", linewidth=0.7, linestyle=":")
-    legend(axes, loc="upper right", ncols=2)
+    legend(axes, loc="upper right", ncols=3)
+
+
+def draw_residual(axes: Axes, result: DataTree) -> None:
+    """Draw what the fit leaves of the difference at the record's own times."""
+    group = result["difference"].dataset
+    time, residual = (np.asarray(group[name].values, dtype=np.float64) for name in ("record_time", "residual"))
+    if not np.isfinite(residual).any():
+        note(axes, "no reading was fitted")
+        return
+    angle, unit = angle_scale(float(np.nanmax(np.abs(residual))))
+    across = over_time(axes, time - time[0], f"read less fitted, {unit}")
+    size = float(np.sqrt(np.nanmean(residual**2)))
+    draw_band(axes, across, residual * angle, color=BLUE, label=f"rms {size * angle:.3g} {unit}")
+    legend(axes, loc="upper right")
+
+
+def draw_spectrum(axes: Axes, result: DataTree) -> None:
+    """Draw the residual's power spectral density, and where the pendulum swings."""
+    group = result["spectrum"].dataset
+    frequency, density = (np.asarray(group[name].values)[1:] for name in ("frequency", "residual_spectrum"))
+    if not density.size or not density.max() > 0.0:
+        note(axes, "nothing is left")
+        return
+    axes.loglog(frequency, density, color=BLUE)
+    best = best_method(result)
+    if best is not None:
+        swing = float(of_method(result, "gravity", "frequency", best)[-1]) / (2.0 * np.pi)
+        axes.axvline(swing, color=VERMILION, linewidth=1.0, linestyle="--", label=f"swing, {swing:.3f} Hz")
+        legend(axes, loc="best")
+    axes.set_xlabel("frequency, Hz")
+    axes.set_ylabel("power density, rad²/Hz")
 
 
 def _mean_width(longest: float) -> float:
@@ -187,27 +210,6 @@ def _linear_part(offset: Floats, sigma: Floats) -> float:
     return float(10.0 ** np.floor(np.log10(smallest)))
 
 
-def _method_with_line(result: DataTree) -> str | None:
-    """The method whose correction is drawn: the plainest with one at each time that the best method bears out."""
-    if "correction" not in result.children or "phases" not in result.children:
-        return None
-    given = [str(name) for name in result["correction"].dataset["estimator"].values]
-    drawn = [
-        name
-        for name in _LINE_FIRST
-        if name in given and np.isfinite(of_method(result, "correction", "phase_speed_correction", name)).any()
-    ]
-    best = best_method(result)
-    if best is None or not drawn:
-        return None
-    away = {name: abs(_gravity(result, name) - _gravity(result, best)) / _MILLIGAL for name in drawn}
-    return next((name for name in drawn if away[name] < _BORNE_OUT), min(drawn, key=away.__getitem__))
-
-
-def _gravity(result: DataTree, method: str) -> float:
-    return float(of_method(result, "gravity", "gravity", method))
-
-
 def _seconds(result: DataTree) -> Floats:
     time: Floats = np.asarray(result.dataset["time"].values, dtype=np.float64)
     return np.asarray(time - time[0])
@@ -226,5 +228,5 @@ def demo_figure(record: DataTree, result: DataTree, true_gravity: float) -> Figu
         draw_whole(axes, time, np.asarray(record["record"].dataset["elongation"].values[column]), PALETTE[2 * column])
     draw_amplitudes(panel(figure, grid[1, 0], "Amplitude of each harmonic"), result)
     draw_gravity(panel(figure, grid[1, 1], "Error of each method"), result, true_gravity)
-    draw_phase_speed(panel(figure, grid[2, :], "Phase speed of the difference pendulum"), result)
+    draw_track(panel(figure, grid[2, :], "Gravity along the record"), result)
     return figure

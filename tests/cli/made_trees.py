@@ -16,7 +16,7 @@ ERRORS = np.array([-41.0, 8.3, 0.004, 15.8, 0.002, 0.0004])  # mGal
 SIGMAS = np.array([0.05, 0.06, 0.05, 0.05, 0.05, 0.05])  # mGal
 
 
-def dataset(group: str, variables: dict[str, Any], **labels: list[str]) -> xr.Dataset:
+def dataset(group: str, variables: dict[str, Any], **labels: Any) -> xr.Dataset:
     def entry(name: str, value: Any) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
         key = f"{group}/{name}"
         return VARIABLES[key].dims, value, attributes(key)
@@ -31,7 +31,7 @@ def root(time: np.ndarray, kind: str, **more: Any) -> xr.Dataset:
     head = {
         "Conventions": "CF-1.11",
         "schema": f"isochrony-{kind}",
-        "schema_version": "1",
+        "schema_version": "2" if kind == "result" else "1",
         "record_id": "hand-made",
     }
     return xr.Dataset(coords={"time": ("time", time, attributes("time"))}, attrs=head | more)
@@ -70,7 +70,9 @@ def made_result(count: int = 1500, step: float = 1.2) -> xr.DataTree:
         component=["1", "2", "1-2"],
     )
     correction = np.full((len(METHODS), count), np.nan)
-    correction[[1, 2, 4]] = -leak + 2e-6 * np.sin(0.3 * time)
+    correction[[1, 2, 4, 5]] = -leak + 2e-6 * np.sin(0.3 * time)
+    corrected = GRAVITY * ((speed[2] + correction) / FREQUENCY[1]) ** 2
+    residual = 1e-5 * np.random.default_rng(8).normal(size=1500)
     gravity = dataset(
         "gravity",
         {
@@ -78,15 +80,20 @@ def made_result(count: int = 1500, step: float = 1.2) -> xr.DataTree:
             "gravity_sigma": SIGMAS,
             "frequency": np.tile(FREQUENCY, (len(METHODS), 1)),
         },
-        method=METHODS,
+        estimator=METHODS,
         pendulum=["1", "2"],
     )
+    corrections = {"phase_speed_correction": correction, "corrected_gravity": corrected}
+    read = {"residual": residual, "model": 0.01 * np.cos(time), "elongation": 0.01 * np.cos(time) + residual}
+    frequency = np.linspace(0.0, 0.4, 65)
     return xr.DataTree.from_dict(
         {
             "/": root(time, "result", input_sha256="0" * 64, configuration="{}", versions="{}"),
             "/phases": phases,
-            "/correction": dataset("correction", {"phase_speed_correction": correction}, method=METHODS),
+            "/correction": dataset("correction", corrections, estimator=METHODS),
             "/gravity": gravity,
+            "/difference": dataset("difference", read, record_time=np.linspace(0.0, time[-1], 1500)),
+            "/spectrum": dataset("spectrum", {"residual_spectrum": np.full(65, 1e-11)}, frequency=frequency),
         }
     )
 

@@ -40,7 +40,7 @@ def boxes(texts):
 
 
 def test_every_axis_says_its_quantity_and_unit(figure):
-    unit = r", (s|min|h|mrad|rad|µrad|%|mGal)( |$)|mGal from|seconds after"
+    unit = r", (s|min|h|mrad|rad|µrad|%|mGal|Hz|rad²/Hz)( |$)|mGal from|seconds after"
     for axes in figure.axes:
         assert axes.get_title(loc="left")
         labels = [axes.get_ylabel()]
@@ -119,13 +119,20 @@ def test_the_corrected_phase_speed_is_measured_plus_correction_as_gravity():
     assert np.abs(after[100:-100]).max() < 1.0
 
 
-def test_the_line_drawn_is_of_a_method_that_the_best_one_bears_out():
-    result = made_result()
-    labels = [text.get_text() for text in result_figure(result).axes[2].get_legend().get_texts()]
-    assert labels == ["before the correction", "after it (panteleev)"]
-    result["gravity"]["gravity"].values[METHODS.index("panteleev")] += 2e-5  # 2 mGal from the best one
-    labels = [text.get_text() for text in result_figure(result).axes[2].get_legend().get_texts()]
-    assert labels == ["before the correction", "after it (complex)"]
+def test_the_corrected_line_lies_on_the_value_that_is_stated():
+    axes = result_figure(made_result()).axes[2]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        "phase speed as measured",
+        "corrected (projection)",
+    ]
+    assert abs(np.nanmean(axes.lines[1].get_ydata())) < 0.01
+    assert f"{GRAVITY + 1e-5 * ERRORS[-1]:.7f}" in axes.get_ylabel()
+
+
+def test_the_residual_is_drawn_with_its_size_and_spectrum():
+    figure = result_figure(made_result())
+    assert figure.axes[3].get_legend().get_texts()[0].get_text().startswith("rms ")
+    assert figure.axes[4].lines[0].get_ydata().tolist() == [1e-11] * 64
 
 
 def test_errors_of_methods_are_drawn_where_they_are():
@@ -157,7 +164,7 @@ def test_a_result_without_any_gravity_or_phase_is_drawn_with_a_remark():
 
 def test_a_result_without_a_corrected_phase_speed_says_so():
     result = made_result()
-    result["correction"]["phase_speed_correction"].values[:] = np.nan
+    result["correction"].dataset = result["correction"].to_dataset(inherit=False).drop_vars("corrected_gravity")
     assert "no method gave a corrected" in result_figure(result).axes[2].texts[0].get_text()
 
 

@@ -23,9 +23,18 @@ _LABELS = {
     "clock": ["1", "2"],
     "flag": ["beats through zero"],
 }
-_LENGTHS = {"time": 40, "mark": 3, "event": 2, "source": 2, "row": 2, "cycle": 4, "slip": 3, "averaging": 5, "record_time": 40, "frequency": 9} | {
-    name: len(labels) for name, labels in _LABELS.items()
-}
+_LENGTHS = {
+    "time": 40,
+    "mark": 3,
+    "event": 2,
+    "source": 2,
+    "row": 2,
+    "cycle": 4,
+    "slip": 3,
+    "averaging": 5,
+    "record_time": 40,
+    "frequency": 9,
+} | {name: len(labels) for name, labels in _LABELS.items()}
 
 
 def complete(kind: str) -> xr.DataTree:

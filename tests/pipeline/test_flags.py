@@ -10,7 +10,8 @@ import pytest
 import xarray as xr
 from made_records import RESONANT, SWELL, changed, row, simulate
 
-from pipeline.flags import MEANINGS, SHORT_SECONDS
+from pipeline.flag_words import OF_GRAVITY
+from pipeline.flags import SHORT_SECONDS
 
 LONG = SHORT_SECONDS + 20.0
 QUIET: dict[str, Any] = {"duration": LONG, "noise": 2e-5, "motion": [SWELL | {"amplitude": [0.02, 0.02, 0.02]}]}
@@ -93,7 +94,7 @@ JOINT = {"random-kicks", "gravity-changes", "friction-not-viscous", "apparatus-f
 
 
 def test_every_flag_has_its_records() -> None:
-    assert CASES.keys() | JOINT == MEANINGS.keys()
+    assert CASES.keys() | JOINT == OF_GRAVITY.keys()
 
 
 @pytest.mark.parametrize("flag", CASES)
@@ -112,5 +113,5 @@ def test_a_good_record_carries_no_flag(method: str) -> None:
 def test_flags_come_in_the_order_of_their_meanings() -> None:
     record = plain(duration=100.0, damping=(3e-4, 3e-4), write_damping=False)
     flags = row(record, "projection")["flags"]
-    assert flags == [name for name in MEANINGS if name in flags]
+    assert flags == [name for name in OF_GRAVITY if name in flags]
     assert len(flags) >= 2

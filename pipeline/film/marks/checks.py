@@ -20,16 +20,6 @@ JUMP = 1.0  # rad: a third of what one mark too many makes
 DISAGREE = 0.12  # of the codes, that may be false gaps in the place of one
 MANY, LONG = 0.1, 5.0  # share of marks missing; s
 
-MEANINGS = {
-    "marks-without-minute-code": "no minute code was found: the count of marks is checked by the pendulums alone",
-    "marks-direction-unknown": "the marks do not tell in which direction the film ran",
-    "marks-codes-disagree": "a minute code is out of step with the count of marks: the film may have stood still",
-    "marks-offset-unsure": "the traces' offset along the film may be wrong by the distance of one mark",
-    "marks-many-missing": "more than a tenth of the marks were not found",
-    "marks-long-gap": "over more than five seconds no mark was found",
-    "marks-false": "gaps were found that are neither marks nor minute codes",
-    "marks-one-trace": "only one trace shows the marks",
-}
 HALF = 0.75  # swings on either side in which the phase is fitted
 LEAST = 4.0  # px, of the swing's amplitude
 FARTHEST, CARRIED = 1.2, 0.3  # windows' halves over which a phase is carried; rad, 1 sigma, of one half

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from film_stand_ins import reading
 
-from pipeline.film.marks.checks import MEANINGS, marks_flags, marks_seen
+from pipeline.film.marks.checks import marks_flags, marks_seen
 from pipeline.film.record import findings
+from pipeline.flag_words import OF_FILM
 
 
 def test_marks_are_missing_where_no_trace_shows_them(tmp_path):
@@ -22,7 +23,7 @@ def test_marks_are_missing_where_no_trace_shows_them(tmp_path):
     blind[:, ~np.isin(strobe.index, axis.index)] = np.nan
     unread = replace(strobe, position=blind)
     assert marks_flags(axis, unread) == ("marks-false", "marks-many-missing", "marks-long-gap")
-    assert set(marks_flags(axis, unread)) <= set(MEANINGS)
+    assert set(marks_flags(axis, unread)) <= set(OF_FILM)
     np.testing.assert_array_equal(marks_seen(axis, unread), axis.index)
     blind[0] = found.strobe.position[0]  # one trace is enough
     assert marks_flags(axis, replace(strobe, position=blind)) == ("marks-false",)

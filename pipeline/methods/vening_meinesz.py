@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.correction import NON_ISOCHRONISM, integrated
 from pipeline.estimate import Estimate
@@ -15,11 +16,23 @@ from pipeline.phase_speed import phase_speed
 from pipeline.prepared import Prepared
 
 MARK_SECONDS = 60.0
+IDENTICAL = 1e-9  # of n1/n2
 _NEIGHBOURS = 9
 
 
 def estimate(prepared: Prepared) -> Estimate:
-    """Read (9) at minute marks, join the readings by straight lines, integrate and regress."""
+    """Read (9) at minute marks, join the readings by straight lines, integrate and regress.
+
+    Raises
+    ------
+    RefusedError
+        As `phases`; or the pendulums are identical: no fictitious one is to be formed of them, (3).
+    """
+    if abs(prepared.observation.frequency_ratio - 1.0) < IDENTICAL:
+        raise RefusedError(
+            "instrument/period: both pendulums have the same period, for which the fictitious pendulum is the difference "
+            "itself; use the method uncorrected, or joint"
+        )
     found = phases(prepared)
     envelope, seen = found.envelope, prepared.observation
     frequency = prepared.fine.frequency

@@ -45,7 +45,7 @@ def simulate(
             )
         ],
         "motion": [SWELL] if motion is None else motion,
-        "recording": {"sampling_rate": 10, **recording} if not recording.get("marks") else recording,
+        "recording": recording if recording.get("marks") else {"sampling_rate": 10, **recording},
     }
     return synth.simulate(Scene.model_validate(scene))
 

@@ -89,8 +89,8 @@ CASES: dict[str, tuple[Callable[[], xr.DataTree], Callable[[], xr.DataTree]]] = 
 }
 
 
-JOINT = {"random-kicks", "gravity-changes", "friction-not-viscous", "apparatus-fault", "errors-not-white"}
-"""Raised by `joint` alone, tested beside it."""
+JOINT = {"rewritten", "random-kicks", "gravity-changes", "friction-not-viscous", "apparatus-fault", "errors-not-white"}
+"""Raised by `joint` alone, or of a file, and tested there."""
 
 
 def test_every_flag_has_its_records() -> None:

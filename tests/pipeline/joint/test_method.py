@@ -291,3 +291,19 @@ def test_motion_in_gaps_stiffens_by_its_mean_square() -> None:
         assert abs(in_sigmas(found, made.gravity)) < 3.5
         errors.append((found["gravity_m_s2"] - made.gravity) / 1e-5)
     assert abs(np.mean(errors)) < 0.15
+
+
+@pytest.mark.parametrize("recorded", [True, False])
+def test_strong_motion_without_reading_noise_is_real_pendulums(recorded: bool) -> None:
+    """Its errors are so small that any explanation seems to pay: none but the motion itself may be taken."""
+    strong = [
+        {"kind": "harmonics", "amplitude": [0.4, 0.3], "period": [9.0, 6.0]},
+        {"kind": "harmonics", "axis": "vertical", "amplitude": [0.3, 0.2], "period": [8.0, 5.0], "phase": [1.0, 2.0]},
+    ]
+    reading = {"noise": 0.0, "sampling_rate": 25, "vertical_acceleration": recorded}
+    made, gravity = record(duration=400.0, motion=strong, recording=reading)
+    del made["instrument"].attrs["restoring"]
+    found = row(made)
+    assert found["choice_reason"].startswith("restoring = sine")
+    assert abs(found["gravity_m_s2"] - gravity) / 1e-5 < 4.0 * found["gravity_sigma_mgal"] + 1e-3
+    assert found["gravity_sigma_mgal"] < (0.01 if recorded else 1.0)

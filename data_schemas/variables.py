@@ -51,9 +51,14 @@ _GROUPS: Mapping[str, Mapping[str, Variable]] = {
     "summary": SUMMARY,
 }
 
-VARIABLES: Mapping[str, Variable] = MappingProxyType(
-    {"time": TIME} | {f"{group}/{name}": row for group, rows in _GROUPS.items() for name, row in rows.items()}
-)
+_ROWS = {"time": TIME} | {f"{group}/{name}": row for group, rows in _GROUPS.items() for name, row in rows.items()}
+VARIABLES: Mapping[str, Variable] = MappingProxyType(_ROWS)
+
+
+def add_constant(name: str, units: str, long_name: str) -> None:
+    """Add a number of /instrument, and its standard deviation, to the table: a correction of one's own may need it."""
+    for suffix, meaning in (("", long_name), ("_uncertainty", f"standard deviation of {name}")):
+        _ROWS.setdefault(f"instrument/{name}{suffix}", Variable((), "f8", units, meaning))
 
 
 def attributes(key: str) -> dict[str, Any]:

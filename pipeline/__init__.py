@@ -9,18 +9,33 @@ _WHERE = {
     "METHODS": "pipeline.methods",
     "digitise": "pipeline.film.digitise",
     "process": "pipeline.processing",
+    "register_correction": "pipeline.ledger.book",
+    "register_method": "pipeline.methods",
     "summaries": "pipeline.summary",
     "synchrony": "pipeline.synchronism.recipe",
     "observe": "pipeline.observation",
     "Observation": "pipeline.observation",
 }
-__all__ = ["METHODS", "Observation", "digitise", "observe", "process", "summaries", "synchrony"]
+__all__ = [
+    "METHODS",
+    "Observation",
+    "digitise",
+    "observe",
+    "process",
+    "register_correction",
+    "register_method",
+    "summaries",
+    "synchrony",
+]
 
 
 def __getattr__(name: str) -> Any:
     if name not in _WHERE:
         raise AttributeError(f"module 'pipeline' has no attribute '{name}'")
-    return getattr(importlib.import_module(_WHERE[name]), name)
+    found = getattr(importlib.import_module(_WHERE[name]), name)
+    if name in ("process", "summaries"):
+        importlib.import_module("pipeline.accessor")  # xarray is loaded by now
+    return found
 
 
 def __dir__() -> list[str]:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from xarray import Dataset, DataTree
 
     from pipeline.joint.reduction import Joint
+    from pipeline.methods import Function
     from pipeline.prepared import Prepared
 
 
@@ -27,7 +28,7 @@ _JOINTLY = ("auto", "joint")
 def process(
     record: DataTree | Dataset | str | os.PathLike[str],
     *,
-    method: str | Sequence[str] = "auto",
+    method: str | Function | Sequence[str | Function] = "auto",
     pair: str | None = None,
     gain_uncertainty: float = 0.0,
     full: bool = False,
@@ -38,8 +39,8 @@ def process(
     ----------
     record : DataTree, Dataset or path
         Layout "isochrony-record"; it is not modified. Of a dataset of traces see `data_schemas.adopted`.
-    method : str or sequence of str
-        From `pipeline.METHODS`; `auto` is `joint`.
+    method : str, callable or sequence of them
+        From `pipeline.METHODS`, or registered; `auto` is `joint`. A function `Prepared -> Estimate` goes by its name.
     pair : str, optional
         "A-B": which two of the record's pendulums form the difference. Without it the first difference that is recorded
         is taken. The joint fit takes all pendulums in any case; of these two it lends the path.
@@ -65,10 +66,7 @@ def process(
     from data_schemas import adopted, check
 
     started = time.perf_counter()
-    requested = [method] if isinstance(method, str) else list(method)
-    for name in requested:
-        if name not in _JOINTLY:
-            methods.method(name)
+    requested = [_named(each) for each in ([method] if isinstance(method, str) or callable(method) else method)]
     if not gain_uncertainty >= 0.0:
         raise UsageError(f"gain_uncertainty: {gain_uncertainty} is not a relative uncertainty; give 0 or more")
     record = adopted(record)
@@ -94,6 +92,17 @@ def process(
     if REWRITTEN in record.attrs:
         reductions = [replace(each, flags=(*each.flags, REWRITTEN)) for each in reductions]
     return build_result(Parts(record, source, own_of_pair, reductions, joint, full), started)
+
+
+def _named(method: str | Function) -> str:
+    """Name of a method; a function becomes one."""
+    if callable(method):
+        name = str(getattr(method, "__name__", type(method).__name__))
+        methods.register_method(name, method, words="a function that was given")
+        return name
+    if method not in _JOINTLY:
+        methods.method(method)
+    return method
 
 
 def _joint(

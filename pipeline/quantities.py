@@ -31,7 +31,8 @@ SPECTRUM = 1024  # samples a segment
 def best_of(reductions: Sequence[Reduction]) -> Reduction | None:
     """The most exact method that gave a value."""
     given = [each for each in reductions if each.estimate is not None]
-    return min(given, key=lambda each: BEST_FIRST.index(each.method), default=None)
+    order = {name: place for place, name in enumerate(BEST_FIRST)}
+    return min(given, key=lambda each: order.get(each.method, len(order)), default=None)
 
 
 def phases(prepared: Prepared, reductions: Sequence[Reduction], known: Floats) -> dict[str, Any]:

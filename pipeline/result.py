@@ -19,7 +19,7 @@ from pipeline.anomaly import anomalies
 from pipeline.arrays import Floats
 from pipeline.conditions import Constants
 from pipeline.flag_words import told
-from pipeline.ledger.book import CORRECTIONS
+from pipeline.ledger.book import corrections
 from pipeline.ledger.entry import MGAL
 from pipeline.observation import combine, weights_of
 from pipeline.prepared import Prepared
@@ -87,12 +87,12 @@ def build_result(parts: Parts, started: float) -> DataTree:
     difference = _difference(parts, record_time)
     known = record_time[np.isfinite(difference["elongation"])] - seen.start
     of_phases = quantities.phases(prepared, reductions, known)
-    corrections = quantities.correction(prepared, reductions, parts.own)
+    corrected = quantities.correction(prepared, reductions, parts.own)
     groups: dict[str, Any] = {
         "/": Dataset(coords={"time": ("time", time, of_time)}),
         "/gravity": _gravity(reductions, components, names, seen.constants, record),
         "/phases": dataset("phases", of_phases, {"component": components, "formula": quantities.FORMULAS}),
-        "/correction": dataset("correction", corrections, {"estimator": names}),
+        "/correction": dataset("correction", corrected, {"estimator": names}),
     }
     if joint is not None:
         course, told = joint.course(time)
@@ -150,7 +150,8 @@ def _gravity(
     reductions: Sequence[Reduction], components: list[str], names: list[str], constants: Constants, record: DataTree
 ) -> Any:
     nan = float("nan")
-    entries = [module.NAME for module in CORRECTIONS]
+    every = corrections()
+    entries = [module.NAME for module in every]
 
     def column(pick: Any, missing: Any = nan) -> np.ndarray:
         return np.array([pick(r) if r.gravity else missing for r in reductions])
@@ -173,8 +174,8 @@ def _gravity(
         "applied": ledger("applied", False).astype(np.uint8),
         "reason": ledger("reason", "the method refused").astype(object),
         "input": ledger("input_names", "").astype(object),
-        "formula": _text(module.FORMULA for module in CORRECTIONS),
-        "formula_source": _text(module.SOURCE for module in CORRECTIONS),
+        "formula": _text(module.FORMULA for module in every),
+        "formula_source": _text(module.SOURCE for module in every),
         "noise_sigma": column(lambda r: r.gravity.noise),
         "uncorrected": column(lambda r: r.gravity.uncorrected),
         **anomalies(constants, column(lambda r: r.gravity.gravity)),

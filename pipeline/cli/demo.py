@@ -12,6 +12,7 @@ import synth
 from data_schemas.errors import FileError, UsageError
 from pipeline.cli.parser import whole_number
 from pipeline.cli.tables import columns, print_header, print_row
+from pipeline.methods import DECLARED, METHODS
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -42,7 +43,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Simulate, process, print and draw."""
-    from pipeline.methods import METHODS
     from pipeline.processing import process
     from pipeline.summary import summaries
 
@@ -74,16 +74,6 @@ _EXPLANATION = (
     "periods differ, is the non-isochronism that the paper's formula (27) removes. Real arcs and the ship's\n"
     "acceleration shift the period as well: only `general`, `shooting` and `joint` reduce them."
 )
-_KINDS = {
-    "uncorrected": "slope of the phase",
-    "vening-meinesz": "formula (9)",
-    "panteleev": "paper's formula (27)",
-    "general": "corrected formula (38)",
-    "complex": "(27), complex form",
-    "projection": "exact for linear pendulums",
-    "shooting": "exact inversion",
-    "joint": "all at once, by likelihood",
-}
 
 
 def _folder(name: str) -> Path:
@@ -109,7 +99,7 @@ def _print_table(rows: list[dict[str, Any]], gravity: float) -> None:
             continue
         error = (row["gravity_m_s2"] - gravity) / _MILLIGAL
         cells = (
-            _KINDS.get(row["method"], ""), f"{row['gravity_m_s2']:.8f}", f"{error:+.4f}",
+            DECLARED[row["method"]].short, f"{row['gravity_m_s2']:.8f}", f"{error:+.4f}",
             f"{row['gravity_sigma_mgal']:.4f}", f"{1e3 * row['elapsed_s']:.1f}",
         )  # fmt: skip
         print_row(_COLUMNS, [row["method"], *cells])

@@ -15,22 +15,12 @@ from pipeline.cli.faults import exit_status, naming, outcome_of, read_checked
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
 from pipeline.cli.parser import did_you_mean, number
 from pipeline.cli.summary_rows import SummaryPrinter, failure
+from pipeline.methods import DECLARED, METHODS, known
 
 if TYPE_CHECKING:
     pass
 
-_METHOD_TEXTS = {
-    "uncorrected": "slope of the difference pendulum's phase, nothing corrected",
-    "vening-meinesz": "formula (9), the fictitious pendulum with the raw first pendulum",
-    "panteleev": "formula (27), the separated free harmonic",
-    "general": "formulas (36) and (38) with the model's phase speeds, finite arc, slow acceleration of the support",
-    "complex": "complex form of (27), works where the amplitude passes through zero",
-    "projection": "exact identity of linear pendulums, clean uniform records",
-    "shooting": "exact identity of real pendulums, clean uniform records; heave as recorded, or none",
-    "joint": "state-space model of all pendulums, ship and instrument, by likelihood; gravity along the track",
-    "auto": "joint (default); of a single trace its period",
-}
-_METHOD_LIST = "\n".join(f"  {name:<14}  {text}" for name, text in _METHOD_TEXTS.items())
+_METHOD_LIST = "\n".join(f"  {name:<14}  {each.words}" for name, each in DECLARED.items())
 
 HELP = "gravity from records"
 DESCRIPTION = f"""\
@@ -151,12 +141,10 @@ def _one(
 
 def requested_methods(verb: str, text: str) -> tuple[str, ...]:
     """The methods asked for by `--method`, checked before any record is read; `UsageError` for one unknown or twice."""
-    from pipeline.methods import METHODS
-
     every = [name for name in METHODS if name != "auto"]
     names = [name for part in text.split(",") for name in (every if part.strip() == "all" else [part.strip()])]
     for name in names:
-        if name not in METHODS:
+        if not known(name):
             raise UsageError(f"{verb}: unknown method '{name}'{did_you_mean(name, (*METHODS, 'all'))}")
     if len(set(names)) < len(names):
         raise UsageError(f"{verb}: --method {text} names a method twice; name each once")

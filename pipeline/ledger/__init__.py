@@ -9,6 +9,6 @@ A correction is a module with
     USES      further ones that it may use (the uncertainties of NEEDS apart)
     change    `(Case, gravity) -> Change`: the next value of gravity, m s-2
 
-`book` applies them in the order of `book.CORRECTIONS`; each starts from the gravity that the one before it leaves, so
+`book` applies them in the order of `book.corrections`; each starts from the gravity that the one before it leaves, so
 that the differences add up to the whole without a remainder. A new correction is a module and a line there.
 """

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from types import ModuleType
+import functools
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType, ModuleType
 
+from data_schemas.errors import UsageError
+from data_schemas.variables import add_constant
 from pipeline.ledger import (
     air_density,
     base_tie,
@@ -39,7 +43,7 @@ OWN: tuple[Correction, ...] = (
 )
 """What a method corrects itself: parts of the one frequency that it gives."""
 
-GIVEN: tuple[Correction, ...] = (
+GIVEN: list[Correction] = [
     transverse_acceleration,
     rocking,
     planes,
@@ -52,10 +56,48 @@ GIVEN: tuple[Correction, ...] = (
     tilt,
     eotvos,
     tide,
-)
+]
 """What the record states of clock, instrument, stand and way, in the order in which it is applied."""
+GROUP = "isochrony.corrections"
+"""Of entry points."""
 
-CORRECTIONS: tuple[Correction, ...] = (*OWN, *GIVEN)
+
+def corrections() -> tuple[Correction, ...]:
+    """All of them, in the order in which they are applied; those of entry points last."""
+    _load()
+    return (*OWN, *GIVEN)
+
+
+@functools.cache
+def _load() -> None:
+    from importlib.metadata import entry_points
+
+    for point in entry_points(group=GROUP):
+        register_correction(point.load())
+
+
+def register_correction(
+    correction: Correction, variables: Mapping[str, tuple[str, str]] = MappingProxyType({})
+) -> None:
+    """Add a correction to the ledger, behind those that are there.
+
+    Parameters
+    ----------
+    correction : module or object
+        With NAME, FORMULA, SOURCE, NEEDS, USES and `change`; see `pipeline.ledger`.
+    variables : mapping
+        Numbers of /instrument that it needs and the table has not: name to unit and meaning.
+
+    Raises
+    ------
+    UsageError
+        There is a correction of this name.
+    """
+    if any(each.NAME == correction.NAME for each in (*OWN, *GIVEN)):
+        raise UsageError(f"correction '{correction.NAME}': is in the ledger already; give yours another name")
+    for name, (units, long_name) in variables.items():
+        add_constant(name, units, long_name)
+    GIVEN.append(correction)
 
 
 def own(case: Case) -> dict[str, Entry]:
@@ -65,10 +107,11 @@ def own(case: Case) -> dict[str, Entry]:
 
 def given(case: Case) -> tuple[float, dict[str, Entry]]:
     """Apply every correction whose inputs the record states, and list the others: gravity (m s-2) and entries."""
+    _load()
     return _balance(case, GIVEN, case.gravity_of(case.estimate.frequency))
 
 
-def _balance(case: Case, modules: tuple[Correction, ...], gravity: float) -> tuple[float, dict[str, Entry]]:
+def _balance(case: Case, modules: Sequence[Correction], gravity: float) -> tuple[float, dict[str, Entry]]:
     constants = case.prepared.observation.constants
     ledger = {}
     for module in modules:

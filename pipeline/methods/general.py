@@ -10,14 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.correction import ACCELERATION, NON_ISOCHRONISM, by_periods, of_real_pendulums
+from pipeline.correction import NON_ISOCHRONISM, by_periods, of_real_pendulums
 from pipeline.estimate import Estimate
 from pipeline.harmonics.narrowband import regression
 from pipeline.methods.phases import corrected, phases
 from pipeline.prepared import Prepared
 
 ROUNDS = 2  # the acceleration's phase turns with n2, which it shifts by 1e-3 at most
-INEXACT = 1e-3  # of what the acceleration does, which acts slowly but for that
+INEXACT = 2e-3  # of what horizontal and vertical acceleration do: they act slowly but for that
 DENIED = 0.5  # residual power without the acceleration over that with it, below which the record denies it
 
 
@@ -37,9 +37,9 @@ def estimate(prepared: Prepared) -> Estimate:
     for _ in range(ROUNDS):
         made = corrected(prepared, found, of_real_pendulums(prepared, frequency))
         frequency = made.frequency
-    assert made.shifts is not None
-    by_acceleration = regression(envelope.time, made.shifts[ACCELERATION], found.weight)
-    made = replace(made, sigma=float(np.hypot(made.sigma, INEXACT * by_acceleration)))
+    motions = (replace(slow, zeta=None), slow)
+    level, both = (regression(envelope.time, each.phase(frequency, envelope.time), found.weight) for each in motions)
+    made = replace(made, sigma=float(np.hypot(made.sigma, INEXACT * (abs(level) + abs(both - level)))))
     if restoring is None:
         still = corrected(prepared, found, of_real_pendulums(prepared, prepared.fine.frequency, accelerated=False))
         if still.noise**2 * still.residual_colour < DENIED * made.noise**2 * made.residual_colour:

@@ -30,8 +30,8 @@ def estimate(prepared: Prepared) -> Estimate:
     """
     if abs(prepared.observation.frequency_ratio - 1.0) < IDENTICAL:
         raise RefusedError(
-            "instrument/period: both pendulums have the same period, for which the fictitious pendulum is the difference "
-            "itself; use the method uncorrected, or joint"
+            "instrument/period: both pendulums have the same period: the fictitious pendulum is the difference itself; "
+            "use the method uncorrected, or joint"
         )
     found = phases(prepared)
     envelope, seen = found.envelope, prepared.observation

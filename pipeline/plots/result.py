@@ -55,7 +55,7 @@ def best_method(result: DataTree) -> str | None:
     table = result["gravity"].dataset
     labels = [str(label) for label in table["estimator"].values]
     given = dict(zip(labels, np.asarray(table["gravity"].values, dtype=np.float64), strict=True))
-    return next((name for name in BEST_FIRST if np.isfinite(given.get(name, np.nan))), None)
+    return next((name for name in (*BEST_FIRST, *labels) if np.isfinite(given.get(name, np.nan))), None)
 
 
 def draw_amplitudes(axes: Axes, result: DataTree) -> None:

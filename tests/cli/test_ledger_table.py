@@ -11,7 +11,7 @@ from made_trees import GRAVITY, made_record
 
 import data_schemas
 from data_schemas.variables import attributes
-from pipeline.ledger.book import CORRECTIONS
+from pipeline.ledger.book import corrections
 
 STATED = {"chronometer_rate": 1.0, "tilt_mean_square": 1e-5, "tilt_mean_square_uncertainty": 1e-6, "latitude": 45.0}
 
@@ -42,7 +42,7 @@ def test_one_method_shows_sizes_sigmas_periods_and_reasons(run, stated_path):
     outcome = run("process", stated_path, "--method", "projection", "--no-output")
     assert outcome.status == 0, outcome.err
     lines = lines_of(outcome.out)
-    assert {module.NAME for module in CORRECTIONS} <= set(lines)
+    assert {module.NAME for module in corrections()} <= set(lines)
     # 1 s/day is 22.7 mGal, of the full period 1e-7 s are 0.194 mGal; it states no uncertainty
     assert float(lines["chronometer"][1]) == pytest.approx(-22.7, abs=0.05)
     assert lines["chronometer"][2] == "?"

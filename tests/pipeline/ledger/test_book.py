@@ -13,7 +13,7 @@ import data_schemas
 import synth
 from data_schemas.errors import RecordError
 from pipeline import METHODS, process
-from pipeline.ledger.book import CORRECTIONS, GIVEN
+from pipeline.ledger.book import GIVEN, corrections
 
 PLAIN = [name for name in METHODS if name not in ("auto", "joint")]
 UNCERTAIN = {
@@ -56,7 +56,7 @@ def test_values_add_up_to_gravity_less_the_uncorrected_one(result: xr.DataTree) 
 
 def test_every_entry_has_its_formula_its_source_and_a_reason(result: xr.DataTree) -> None:
     table = result["gravity"].dataset
-    assert list(table["entry"].values) == [module.NAME for module in CORRECTIONS]
+    assert list(table["entry"].values) == [module.NAME for module in corrections()]
     for name in ("formula", "formula_source", "reason"):
         assert all(len(str(text)) > 5 for text in table[name].values.ravel()), name
     applied = table["applied"].values.astype(bool)
@@ -126,9 +126,11 @@ def test_uncertainties_add_in_squares(plain: xr.DataTree) -> None:
 
 def test_an_uncertainty_that_nobody_states_is_not_taken_for_nought(plain: xr.DataTree) -> None:
     found = row(with_stated(plain, EVERYTHING))
-    tilt = entry(found, "tilt")
-    assert np.isnan(tilt["sigma_mgal"])
-    assert "no uncertainty stated" in tilt["reason"]
+    yaw, tilt = entry(found, "yaw"), entry(found, "tilt")
+    assert np.isnan(yaw["sigma_mgal"])
+    assert "no uncertainty stated" in yaw["reason"]
+    assert tilt["sigma_mgal"] == pytest.approx(0.01 * tilt["value_mgal"], rel=1e-3)
+    assert "1 % of it assumed uncertain" in tilt["reason"]
     assert np.isfinite(found["gravity_sigma_mgal"])
     assert "correction-without-uncertainty" in found["flags"]
     assert "correction-without-uncertainty" not in row(with_stated(plain, EVERYTHING | UNCERTAIN))["flags"]

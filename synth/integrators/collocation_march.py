@@ -1,23 +1,23 @@
 """The march of exponential collocation through coupled oscillators, interval by interval.
 
 What the systems' remainder and the exact linear flow ask of each other at 16 Gauss nodes is iterated until a further
-turn would change nothing, from a guess that is good where the motion repeats itself. The state is carried as sums of two doubles.
+turn would change nothing, from a guess that is good where the motion repeats itself. States are sums of two doubles; inside
+an interval they are read from the polynomial through its start, nodes and end.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from synth.integrators.collocation_advance import advance, product_sum, read
 from synth.integrators.collocation_guess import ORDERS, best, guess, remember
-from synth.integrators.collocation_remainders import nodes_of
+from synth.integrators.collocation_remainders import Work, nodes_of
 from synth.integrators.collocation_simd import LANES, load, store, total
 from synth.integrators.collocation_weights import Level
-from synth.kernels.collocation import POINTS
+from synth.kernels.collocation import POINTS, moved
 from synth.kernels.collocation_remainder import NODES
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, summing_kernel
 from synth.phase import Floats, Integers
 from synth.systems.choice import taken_in
 from synth.systems.dispatch import remainder
@@ -36,31 +36,10 @@ _LEAST = 1e-300  # square of a size: what a first guess leaves at rest has none
 _STALL = 1e3  # changes this many times the smallest that matters are rounding if they fall no longer
 
 
-class Work(NamedTuple):
-    """What a march moves on, and its work space."""
-
-    state: Floats
-    """(components, 4) position and rate, each as leading double and rest."""
-    amplitude: Floats
-    """(components,) square of the largest size so far."""
-    memory: Floats
-    """(lag, ORDERS, components, NODES) as for `collocation_guess`."""
-    known: Floats
-    """(2, components, NODES)."""
-    room: Floats
-    """(2, components, NODES)."""
-    base: Floats
-    """(components, 2 * NODES)."""
-    position: Floats
-    """(components, NODES)."""
-    rate: Floats
-    """(components, NODES)."""
-
-
 @kernel
 def march(
-    system: Any, horizontal: Any, vertical: Any, excess: Floats, level: Level, plan: Any, work: Work, limits: Any,
-    begin: float, count: int, times: Floats, states: Floats, report: Integers,
+    system: Any, horizontal: Any, vertical: Any, level: Level, plan: Any, work: Work, limits: Any, begin: float,
+    count: int, times: Floats, states: Floats, report: Integers,
 ) -> int:  # fmt: skip
     """Carry the system through consecutive intervals and read it on the way.
 
@@ -70,8 +49,6 @@ def march(
         Registered with a remainder.
     horizontal, vertical : motion term or None
         Of the ship.
-    excess : (components, 2)
-        As for `remainder`.
     level : Level
         Length of the intervals, whose multiples are exact, and the weights of all components.
     plan : tuple
@@ -97,7 +74,7 @@ def march(
         Number of intervals done.
     """
     interval, mirror, reach = level.interval, level.mirror, level.reach
-    state, amplitude, memory, known, room = work.state, work.amplitude, work.memory, work.known, work.room
+    state, amplitude, memory, known = work.state, work.amplitude, work.memory, work.known
     base, position, rate = work.base, work.position, work.rate
     places, tail, points, shares, continuation = plan
     components = state.shape[0]
@@ -128,7 +105,7 @@ def march(
                 return i
             turns += 1
             now = 1 - now
-            remainder(position, rate, sideways, upwards, system, excess, room, known, now)
+            remainder(work, sideways, upwards, system, now)
             if turns >= unchecked:
                 change = 0.0
                 for c in range(components):
@@ -174,12 +151,12 @@ def march(
                 for j in range(NODES):
                     spots[2 * c, j + 1] = position[c, j]
                     spots[2 * c + 1, j + 1] = rate[c, j]
-        advance(state, level.propagator, level.end, known, now)
+        _advance(state, level.propagator, level.end, known, now)
         if reading:
             for c in range(components):
                 spots[2 * c, POINTS - 1], spots[2 * c + 1, POINTS - 1] = state[c, 0], state[c, 2]
             while report[0] < times.size and times[report[0]] < following:
-                read((times[report[0]] - start) / interval, points, shares, table, spots, states, report[0])
+                _read((times[report[0]] - start) / interval, points, shares, table, spots, states, report[0])
                 report[0] += 1
     return count
 
@@ -234,8 +211,51 @@ def _square(position: Floats, c: int) -> float:
 @kernel
 def _tail(tail: Floats, known: Floats, now: int, c: int) -> tuple[float, float]:
     """Squares of the last and of the last but one pair of Legendre coefficients."""
-    first = product_sum(tail, 0, 0, known, now, c)
-    second = product_sum(tail, 0, NODES, known, now, c)
-    third = product_sum(tail, 0, 2 * NODES, known, now, c)
-    fourth = product_sum(tail, 0, 3 * NODES, known, now, c)
+    first = _product_sum(tail, 0, 0, known, now, c)
+    second = _product_sum(tail, 0, NODES, known, now, c)
+    third = _product_sum(tail, 0, 2 * NODES, known, now, c)
+    fourth = _product_sum(tail, 0, 3 * NODES, known, now, c)
     return third * third + fourth * fourth, first * first + second * second
+
+
+@kernel
+def _advance(state: Floats, propagator: Floats, end: Floats, known: Floats, now: int) -> None:
+    """To the end of the interval: exact products with the leading doubles, everything else in the rest."""
+    for c in range(state.shape[0]):
+        position, position_rest, rate, rate_rest = state[c, 0], state[c, 1], state[c, 2], state[c, 3]
+        for row in range(2):
+            kick = _product_sum(end, c, row * NODES, known, now, c)
+            kick_rest = _product_sum(end, c, (row + 2) * NODES, known, now, c)
+            leading, rest = moved(propagator, c, 8 * row, position, position_rest, rate, rate_rest, kick, kick_rest)
+            state[c, 2 * row], state[c, 2 * row + 1] = leading, rest
+
+
+@kernel
+def _product_sum(rows: Floats, c: int, place: int, known: Floats, now: int, which: int) -> float:
+    """Sum over the nodes of a row of weights times the remainder."""
+    first = load(rows, (c, place)) * load(known, (now, which, 0))
+    return total(first + load(rows, (c, place + LANES)) * load(known, (now, which, LANES)))
+
+
+@summing_kernel
+def _read(
+    place: float, points: Floats, shares: Floats, table: Floats, spots: Floats, states: Floats, reading: int
+) -> None:
+    """Fill a row of states at a place in the interval, 0 to 1; barycentric."""
+    x = 2.0 * place - 1.0
+    total, hit = 0.0, -1
+    for j in range(POINTS):
+        apart = x - points[j]
+        if apart == 0.0:
+            hit, apart = j, 1.0
+        table[j] = shares[j] / apart
+        total += table[j]
+    if hit >= 0:
+        for c in range(spots.shape[0]):
+            states[reading, c] = spots[c, hit]
+        return
+    for c in range(spots.shape[0]):
+        value = 0.0
+        for j in range(POINTS):
+            value += table[j] * spots[c, j]
+        states[reading, c] = value / total

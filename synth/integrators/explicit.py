@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from data_schemas.errors import UsageError
-from synth.integrators.explicit_error import Refinement, refine
-from synth.integrators.trajectory import Trajectory
+from synth.integrators.events import Escapement
+from synth.integrators.explicit_error import decided, refine
+from synth.integrators.explicit_run import Walk
+from synth.integrators.trajectory import Onward, Stream, Trajectory, checked, streamed
 from synth.phase import Floats
 
-_CHECKS = 65
 
-
-def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10) -> Trajectory:
+def integrate(
+    system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10, event: Escapement | None = None
+) -> Trajectory:
     """Integrate a system and return its states at `times`.
 
     Parameters
@@ -28,6 +30,10 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
         Increasing, s. They do not change the steps.
     tolerance : float
         Error wanted at the end, relative to the size of each component.
+    event : Escapement, optional
+        Kicks to give; the motion restarts after each. Crossings are found on the dense polynomial by a method that
+        cannot miss one (`events_roots`), the step is then made anew up to the crossing, and the rest removed along
+        the tangent: instants are as good as the states.
 
     Returns
     -------
@@ -36,7 +42,8 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
     Raises
     ------
     RefusedError
-        Stiff motion, a singularity, numbers that are not finite.
+        Stiff motion, a singularity, numbers that are not finite; a crossing so near to a touch that the tolerance does
+        not decide whether the escapement fires.
     UsageError
         Arguments that cannot be meant.
 
@@ -47,32 +54,39 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
     >>> round(float(swing.states[1, 0]), 6)
     -0.041508
     """
+    return _solve(system, start, times, tolerance, event)[0]
+
+
+def stream(
+    system: Any,
+    start: ArrayLike,
+    chunks: Iterable[Floats],
+    span: tuple[float, float],
+    *,
+    tolerance: float = 1e-10,
+    event: Escapement | None = None,
+) -> Stream:
+    """As `integrate`, for times that come in chunks (`trajectory.streamed`); how they are cut changes no bit.
+
+    Examples
+    --------
+    >>> from synth.systems.driven_pendulums import plain
+    >>> pieces = stream(plain(2.0), [0.1, 0.0], [np.array([0.0, 0.5]), np.array([1.0])], (0.0, 1.0))
+    >>> [round(float(states[-1, 0]), 6) for states in pieces]
+    [0.054091, -0.041508]
+    """
+    return streamed(_solve(system, start, span, tolerance, event), chunks, span)
+
+
+def _solve(
+    system: Any, start: ArrayLike, times: ArrayLike, tolerance: float, event: Escapement | None
+) -> tuple[Trajectory, Callable[[], Onward]]:
     first, instants = checked(start, times, tolerance)
-    return trajectory(refine(system, None, first, instants, tolerance), instants)
-
-
-def with_checks(times: Floats) -> Floats:
-    """More instants where few are asked for: an error may pass through zero at a single one."""
-    if times.size == 1 or times.size >= _CHECKS:
-        return times
-    return np.union1d(times, np.linspace(times[0], times[-1], _CHECKS)[:-1])
-
-
-def trajectory(made: Refinement, times: Floats) -> Trajectory:
-    """What is returned of the marches made, at the instants asked for."""
+    made = refine(system, event, first, instants, tolerance)
+    if event is not None:
+        decided(made, event)
     best = made.runs[-1]
-    states = best.states[np.searchsorted(best.times, times)]
-    return Trajectory(times, states, made.estimated_error, made.cost(0), made.cost(2), made.cost(1))
-
-
-def checked(start: ArrayLike, times: ArrayLike, tolerance: float) -> tuple[Floats, Floats]:
-    """Arguments as arrays, or UsageError."""
-    first = np.array(start, dtype=np.float64)
-    instants = np.array(times, dtype=np.float64)
-    if first.ndim != 1 or first.size == 0 or not np.isfinite(first).all():
-        raise UsageError("start must be one row of finite numbers, one for each component of the state")
-    if instants.ndim != 1 or instants.size == 0 or not np.isfinite(instants).all() or np.any(np.diff(instants) <= 0.0):
-        raise UsageError("times must be finite and increasing, and begin with the time of the start")
-    if not 0.0 < tolerance <= 1.0:
-        raise UsageError(f"tolerance = {tolerance!r}: give a relative error above 0, such as 1e-10")
-    return first, instants
+    steps, rejected, evaluations = made.costs
+    states = best.states[np.searchsorted(best.times, instants)]
+    found = Trajectory(instants, states, made.estimated_error, steps, evaluations, rejected)
+    return found, lambda: Walk(system, event, first, float(instants[0]), float(instants[-1]), best.tolerance).onward

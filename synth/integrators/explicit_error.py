@@ -9,16 +9,20 @@ in chaos. Where two marches have nothing to do with each other any more, their d
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from data_schemas.errors import RefusedError
+from synth.integrators.events import Escapement
 from synth.integrators.explicit_march import MOST_STEPS
-from synth.integrators.explicit_run import Run, StiffError, run
+from synth.integrators.explicit_run import Run, StiffError
 from synth.integrators.trajectory import relative_error
 from synth.kernels.compiled import kernel
-from synth.phase import Floats, Integers
+from synth.phase import Floats
 from synth.systems.dispatch import derivative
 
 RATIO = 1e4
@@ -45,16 +49,19 @@ _MOMENT = 0.01  # of a step, in which the driving force changes evenly
 _FEW = 0.01  # outputs that may fall between the kicks of two runs
 _AIM = 0.5  # of the tolerance
 _FURTHER = 1e-3  # on the local tolerance, where two marches went different ways
+_CLEAR = 10.0  # errors by which a turn must miss or pass the level of a kick
+
+March = Callable[..., Run]
+"""A march of one motion, of which times, tolerance, patience and noise are left to say."""
 
 
 @dataclass(frozen=True)
 class Probe:
-    """A march, and the same with noise."""
+    """A march made again with noise."""
 
-    quiet: Run
     noisy: Run
     moved: float
-    """Their relative difference."""
+    """By how much, relative."""
     noise: float
 
 
@@ -77,41 +84,73 @@ class Refinement:
         """Of the last run, relative, see `synth.integrators.trajectory`."""
         return self.truncation + self.rounding
 
-    def cost(self, row: int) -> int:
-        """Sum of a count over all marches: 0 steps, 1 rejected, 2 evaluations."""
+    @property
+    def costs(self) -> list[int]:
+        """Steps, rejected steps and evaluations of all marches."""
         runs = self.runs if self.probe is None else [*self.runs, self.probe.noisy]
-        return sum(int(run.counts[row]) for run in runs)
+        costs: list[int] = np.sum([each.counts for each in runs], axis=0).tolist()
+        return costs
 
 
-def refine(system: Any, event: Any, start: Floats, times: Floats, tolerance: float) -> Refinement:
+def refine(system: Any, event: Escapement | None, start: Floats, times: Floats, tolerance: float) -> Refinement:
     """March until the estimated error meets the tolerance or rounding stops it."""
+    march = partial(Run, system, event, start)
     loose = min(max(RATIO * tolerance / _USUAL, RATIO * TIGHTEST), _ROUGHEST)
     few = instants(times[0], times[-1])
     times = np.union1d(times, few)
     try:
-        scout = run(system, event, start, few, _SCOUT * loose, _PATIENT)
-        rough = run(system, event, start, few, loose, _PATIENT)
+        scout = march(few, _SCOUT * loose, _PATIENT)
+        rough = march(few, loose, _PATIENT)
     except StiffError:  # a loose march may be at the edge of stability where a tight one is not
         local = max(loose / RATIO, TIGHTEST)
-        fine = run(system, event, start, times, local)
-        rough = run(system, event, start, few, loose, MOST_STEPS)
+        fine = march(times, local)
+        rough = march(few, loose, MOST_STEPS)
         spent = [rough]
     else:
         apart = difference(scout, rough, few)
         wanted = _AIM * tolerance * scout.tolerance / (_CAUTION * apart) if 0.0 < apart < _LINEAR else loose / RATIO
         local = min(max(wanted, TIGHTEST), 0.1 * loose, LOOSEST)
-        fine = run(system, event, start, times, local)
+        fine = march(times, local)
         spent = [scout, rough]
-    made = judged([*spent, fine], _probe(system, event, start, rough, fine, few, tolerance), few)
+    made = judged([*spent, fine], _probe(march, rough, fine, few, tolerance), few)
     while made.truncation > _AIM * tolerance and made.estimated_error > tolerance and local > TIGHTEST:
         factor = min(0.1, _AIM * tolerance / made.truncation) if made.linear else _FURTHER
         local = max(TIGHTEST, local * factor)
-        rough, fine = fine, run(system, event, start, times, local)
-        probe = made.probe if made.linear else _probe(system, event, start, rough, fine, few, tolerance)
+        rough, fine = fine, march(times, local)
+        probe = made.probe if made.linear else _probe(march, rough, fine, few, tolerance)
         made = judged([*made.runs, fine], probe, few)
     if not made.linear:
-        made = judged(made.runs, _shaken(system, event, start, made.runs[-1], few), few)
+        # with noise and with its opposite: where the top of a swing decides, one of them falls elsewhere, while marches
+        # that differ in their steps only may all fall to the same side by chance
+        probes = [_noisy(march, made.runs[-1], few, noise) for noise in (_SHAKE, -_SHAKE)]
+        made = judged(made.runs, max(probes, key=lambda probe: probe.moved), few)
     return replace(made, rounding=made.rounding + clock_rounding(system, made.runs[-1], few))
+
+
+def decided(made: Refinement, event: Escapement) -> None:
+    """RefusedError where the marches do not decide which kicks were given."""
+    rough, fine = made.runs[-2:]
+    assert fine.events is not None  # since there is an event
+    grazing = np.any(fine.events.margins < _CLEAR * made.estimated_error * fine.scale[event.component])
+    if grazing or not _same_kicks(rough, fine):
+        raise RefusedError(
+            "events: whether a crossing happens is not decided by the tolerance (the motion only touches the level);"
+            " move the level, or ask for a smaller tolerance"
+        )
+
+
+def _same_kicks(rough: Run, fine: Run) -> bool:
+    """Whether two runs gave the same kicks, but for a last one next to the end."""
+    largest, end = 0.0, float(fine.times[-1])
+    (times, which), (others, which_others) = rough.happenings(), fine.happenings()
+    for kick in np.union1d(which, which_others):
+        one, other = times[which == kick], others[which_others == kick]
+        common = min(one.size, other.size)
+        largest = max(largest, float(np.max(np.abs(one[:common] - other[:common]), initial=0.0)))
+        beyond = np.concatenate([one[common:], other[common:]])
+        if beyond.size > 1 or np.any(end - beyond > 10.0 * largest + 1e-9 * abs(end)):
+            return False
+    return True
 
 
 def clock_rounding(system: Any, fine: Run, few: Floats) -> float:
@@ -147,31 +186,21 @@ def instants(begin: float, end: float) -> Floats:
     return np.unique(np.concatenate([begin + (end - begin) * shares, [end]]))
 
 
-def _probe(
-    system: Any, event: Any, start: Floats, rough: Run, fine: Run, few: Floats, tolerance: float
-) -> Probe | None:
+def _probe(march: March, rough: Run, fine: Run, few: Floats, tolerance: float) -> Probe | None:
     """The looser of two marches with noise, or None where rounding cannot matter or nothing can be learnt."""
     apart = difference(rough, fine, few)
     if apart > _LINEAR or _INNOCENT * ROUNDING * max(1.0, apart / rough.tolerance) < _VISIBLE * tolerance:
         return None
     for noise in NOISES:
-        noisy = run(system, event, start, few, rough.tolerance, MOST_STEPS, noise)
-        moved = difference(noisy, rough, few)
-        if moved < _LINEAR:
+        probe = _noisy(march, rough, few, noise)
+        if probe.moved < _LINEAR:
             break
-    return Probe(rough, noisy, moved, noise)
+    return probe
 
 
-def _shaken(system: Any, event: Any, start: Floats, fine: Run, few: Floats) -> Probe:
-    """The last march with noise and with its opposite: where the top of a swing decides, one of them falls elsewhere.
-
-    Marches that differ in their steps only may fall to the same side by chance, all of them.
-    """
-    probes = []
-    for noise in (_SHAKE, -_SHAKE):
-        noisy = run(system, event, start, few, fine.tolerance, MOST_STEPS, noise)
-        probes.append(Probe(fine, noisy, difference(noisy, fine, few), abs(noise)))
-    return max(probes, key=lambda probe: probe.moved)
+def _noisy(march: March, quiet: Run, few: Floats, noise: float) -> Probe:
+    noisy = march(few, quiet.tolerance, MOST_STEPS, noise)
+    return Probe(noisy, difference(noisy, quiet, few), abs(noise))
 
 
 def judged(runs: list[Run], probe: Probe | None, few: Floats) -> Refinement:
@@ -202,14 +231,8 @@ def difference(one: Run, other: Run, few: Floats) -> float:
     """
     apart = other.states[np.searchsorted(other.times, few)] - one.states[np.searchsorted(one.times, few)]
     size = np.where(other.scale > _NEGLIGIBLE * np.max(other.scale), other.scale, 0.0)
-    comparable = kicks_before(one, few) == kicks_before(other, few)
+    before = [np.searchsorted(each.happenings()[0], few) for each in (one, other)]
+    comparable = before[0] == before[1]
     if np.count_nonzero(comparable) < (1.0 - _FEW) * few.size - 1:
         return 1.0
     return relative_error(apart[comparable], size)
-
-
-def kicks_before(made: Run, times: Floats) -> Integers:
-    """How many kicks each of `times` has behind it."""
-    if not made.kicked:
-        return np.zeros(times.size, dtype=np.int64)
-    return np.searchsorted(made.happenings()[0], times).astype(np.int64)

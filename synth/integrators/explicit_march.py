@@ -11,33 +11,28 @@ from typing import Any
 
 import numpy as np
 
-from synth.integrators.events_kick import begin, full, locate, miss, strike
-from synth.integrators.explicit_control import add, allow, expect, first_step, is_finite, is_stiff, noise
-from synth.integrators.explicit_progress import (
-    CALM,
-    ERROR,
-    EVALUATIONS,
-    FINAL,
-    HALTED,
-    KICKS,
-    PROPOSED,
-    READY,
-    REJECTED,
-    SHARE,
-    STEP,
-    STEPS,
-    STIFF,
-    TIME,
-    TIME_LOW,
-    WRITTEN,
+from synth.integrators.events import begin, full, locate, miss, strike
+from synth.integrators.explicit_step import (
     Progress,
-)
-from synth.integrators.explicit_step import attempt, between, dense, local_error
+    add,
+    allow,
+    attempt,
+    between,
+    dense,
+    expect,
+    first_step,
+    is_finite,
+    is_stiff,
+    local_error,
+    noise,
+)  # fmt: skip
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
 from synth.systems.impulses import halt, jolt, kicks_of
 
+TIME, TIME_LOW, STEP, PROPOSED, ERROR, SHARE = range(6)  # of `Progress.clock`
+STEPS, REJECTED, EVALUATIONS, STIFF, CALM, READY, FINAL, WRITTEN, KICKS, HALTED = range(10)  # of `Progress.counts`
 DONE, UNDERFLOW, NOT_FINITE, TOO_STIFF, TOO_LONG, FULL = range(6)
 MOST_STEPS = 2_000_000_000
 STIFF_STEPS = 15
@@ -45,6 +40,16 @@ _CALM_STEPS = 6
 _ASIDE = 1e-4  # of a first step, to see the curvature
 _LARGEST_GROWTH = 6.0
 _CONTROL, _MEMORY = 0.7 / 8.0, 0.4 / 8.0  # proportional-integral step control (Gustafsson)
+_NOT_YET, _AVERAGE = 2.0, 1e-4
+
+
+def begin_at(start: Floats, time: float) -> Progress:
+    """Progress before the first step, of no length, which ends at `start`."""
+    n = start.size
+    spaces = {name: np.zeros(n) for name in Progress._fields}
+    spaces |= {"state": start.copy(), "following": start.copy(), "k": np.zeros((16, n)), "polynomial": np.zeros((7, n))}
+    spaces["clock"] = np.array([time, 0.0, 0.0, 0.0, _AVERAGE, _NOT_YET])
+    return Progress(**spaces | {"counts": np.array([0, 0, 0, 0, 0, 1, 0, 0, 0, 0])})
 
 
 @kernel
@@ -73,24 +78,16 @@ def start_march(system: Any, event: Any, memory: Any, progress: Progress, end: f
 
 @kernel
 def march(
-    system: Any,
-    event: Any,
-    memory: Any,
-    progress: Progress,
-    times: Floats,
-    end: float,
-    tolerance: float,
-    states: Floats,
-    patience: int,
-    amiss: float,
-) -> int:
+    system: Any, event: Any, memory: Any, progress: Progress, times: Floats, end: float, tolerance: float, states: Floats,
+    patience: int, amiss: float,
+) -> int:  # fmt: skip
     """Integrate over `times` and fill `states` there.
 
     Parameters
     ----------
     system : NamedTuple
     event, memory : NamedTuple or None
-        `Crossings` or `Escapement`, with its memory; None compiles to nothing.
+        `Escapement`, with its memory; None compiles to nothing.
     progress : Progress
         From `begin_at`, made ready by `start_march`; the march can be taken up again with it.
     times : (k,) array
@@ -112,10 +109,15 @@ def march(
     int
         DONE; FULL when the memory has no room for further events and the march waits for more, with the number of
         `states` filled in `progress.counts[WRITTEN]`; or why it ended before.
-    """  # fmt: skip
+    """
     state, low, following, left_over = progress.state, progress.low, progress.following, progress.left_over
-    increment, scale, expected, allowed = progress.increment, progress.scale, progress.expected, progress.allowed
-    point, slope, spare, k, polynomial = progress.point, progress.slope, progress.spare, progress.k, progress.polynomial
+    increment, scale, slope, k, polynomial = (
+        progress.increment,
+        progress.scale,
+        progress.slope,
+        progress.k,
+        progress.polynomial,
+    )
     clock, counts, n = progress.clock, progress.counts, progress.slope.size
     time, time_low, step, proposed = clock[TIME], clock[TIME_LOW], clock[STEP], clock[PROPOSED]
     error, share, ready, final = clock[ERROR], clock[SHARE], counts[READY] != 0, counts[FINAL] != 0
@@ -126,7 +128,7 @@ def march(
         reached = time + (time_low + step)
         while written < times.size and (final or times[written] <= reached):
             if not ready:
-                dense(time + time_low, step, state, increment, slope, k, point, spare, polynomial, system)
+                dense(time + time_low, step, progress, system)
                 counts[EVALUATIONS] += 3
                 ready = True
             part = min(1.0, ((times[written] - time) - time_low) / step) if step > 0.0 else 1.0
@@ -144,7 +146,7 @@ def march(
         time_low = (time - (total - rest)) + (small - rest)
         time = total
         if share <= 1.0:
-            strike(event, memory, share, time, time_low, following, left_over, slope, system)
+            strike(event, memory, share, time, time_low, following, left_over, system)
             derivative(time + time_low, following, system, slope)
             counts[EVALUATIONS] += 1
         if halted:
@@ -158,7 +160,7 @@ def march(
             low[i] = left_over[i] + shaken * noise(counts[STEPS], i) * following[i]
             k[0, i] = slope[i]
             scale[i] = max(scale[i], abs(state[i]))
-        allow(scale, expected, tolerance, allowed)
+        allow(scale, progress.expected, tolerance, progress.allowed)
         step, growth, error_before = proposed, _LARGEST_GROWTH, max(error, 1e-8)
         while status == DONE:
             stop = halt(kicks_of(system), counts[KICKS], end)
@@ -168,11 +170,11 @@ def march(
                 step = left
             halted = final and stop < end
             final = final and not halted
-            attempt(time + time_low, step, state, k, point, slope, increment, system)
+            attempt(time + time_low, step, progress, system)
             counts[EVALUATIONS] += 11
-            error = local_error(step, k, allowed)
+            error = local_error(step, k, progress.allowed)
             if error <= 1.0:
-                add(state, low, increment, following, left_over)
+                add(progress)
                 derivative(time + (time_low + step), following, system, slope)
                 counts[EVALUATIONS] += 1
                 if is_finite(slope):
@@ -186,7 +188,7 @@ def march(
         if status != DONE:
             break
         counts[STEPS] += 1
-        if is_stiff(step, k, slope, following, point, allowed):
+        if is_stiff(step, progress):
             counts[STIFF] += 1
             counts[CALM] = 0
         else:
@@ -203,7 +205,7 @@ def march(
         proposed = step * min(growth, max(0.2, factor))
         ready, share = False, 2.0
         if event is not None:
-            dense(time + time_low, step, state, increment, slope, k, point, spare, polynomial, system)
+            dense(time + time_low, step, progress, system)
             counts[EVALUATIONS] += 3
             ready = True
             share = locate(event, memory, state, low, following, left_over, polynomial)
@@ -211,8 +213,8 @@ def march(
                 step *= share
                 final = halted = False
                 ready = False
-                attempt(time + time_low, step, state, k, point, slope, increment, system)
-                add(state, low, increment, following, left_over)
+                attempt(time + time_low, step, progress, system)
+                add(progress)
                 derivative(time + (time_low + step), following, system, slope)
                 counts[EVALUATIONS] += 12
                 component, lack = miss(event, memory, share, following, left_over)
@@ -221,7 +223,7 @@ def march(
                     step += late
                     for i in range(n):
                         increment[i] += late * slope[i]
-                    add(state, low, increment, following, left_over)
+                    add(progress)
     clock[TIME], clock[TIME_LOW], clock[STEP], clock[PROPOSED] = time, time_low, step, proposed
     clock[ERROR], clock[SHARE] = error, share
     counts[READY], counts[FINAL], counts[WRITTEN], counts[HALTED] = int(ready), int(final), written, int(halted)

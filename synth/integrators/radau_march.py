@@ -14,10 +14,19 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from synth.integrators.radau_dense import differences, evaluate, guess, part_step
-from synth.integrators.radau_error import first_step, local_error
-from synth.integrators.radau_memory import address
-from synth.integrators.radau_newton import NOT_FINITE, SOLVED, Work, collocate_any, prepare_any
+from synth.integrators.radau_linear import address
+from synth.integrators.radau_step import (
+    NOT_FINITE,
+    SOLVED,
+    Work,
+    collocate_any,
+    differences,
+    evaluate,
+    first_step,
+    guess,
+    local_error,
+    part_step,
+)  # fmt: skip
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative, jacobian
@@ -59,19 +68,9 @@ def state_in(space: Floats, n: int) -> Floats:
 
 @kernel
 def march(
-    times: Any,
-    tolerance: float,
-    reading: float,
-    orders: tuple[int, int],
-    size: Any,
-    system: Any,
-    least: Any,
-    space: Any,
-    places: Any,
-    out: Any,
-    largest: Any,
-    counts: Any,
-) -> tuple[int, float]:
+    times: Any, tolerance: float, reading: float, orders: tuple[int, int], size: Any, system: Any, least: Any,
+    space: Any, places: Any, out: Any, largest: Any, counts: Any,
+) -> tuple[int, float]:  # fmt: skip
     """March from the first to the last of `times`.
 
     Parameters
@@ -155,9 +154,7 @@ def march(
         for c in range(n):
             floor = max(_FLOOR * max(largest[c], least[c]), _SMALL * top, 1e-300)
             scale[c] = 1.0 / max(abs(state[c]), abs(point[c]), floor)
-        solved, turns, contraction = NOT_FINITE, 0, 1.0
-        if prepare_any(s, step, slopes_at, size, work):
-            solved, turns, contraction = collocate_any(s, time, step, here, scale, goal, size, work, system)
+        solved, turns, contraction = collocate_any(s, time, step, here, scale, goal, slopes_at, size, work, system)
         counts[EVALUATIONS] += s * turns
         error, log, factor = 0.0, 0.0, 1.0
         if solved == SOLVED:

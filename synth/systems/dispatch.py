@@ -81,9 +81,7 @@ def response(state: Any, index: int, system: Any, out: Any) -> None:
 
 
 @by_type("system")
-def remainder(
-    position: Any, rate: Any, sideways: Any, upwards: Any, system: Any, excess: Any, room: Any, out: Any, now: int
-) -> None:
+def remainder(work: Any, sideways: Any, upwards: Any, system: Any, now: int) -> None:
     """Accelerations less the linear part at all nodes of an interval; see `integrators.collocation_remainders`."""
 
 

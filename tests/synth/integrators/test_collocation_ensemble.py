@@ -7,8 +7,7 @@ import pytest
 from collocation_cases import LENGTHS
 
 from data_schemas.errors import RefusedError, UsageError
-from synth.integrators.collocation import integrate
-from synth.integrators.collocation_ensemble import integrate_ensemble, members_of
+from synth.integrators.collocation import integrate, integrate_ensemble, members_of
 from synth.systems.metronomes import Metronomes
 from synth.systems.resistance import Quadratic, VanDerPolDrive
 from synth.systems.yielding import ElasticBeam

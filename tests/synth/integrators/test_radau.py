@@ -12,8 +12,7 @@ import pytest
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators import radau, radau_march
 from synth.integrators.radau import Problem, Run, integrate, swing_of_bobs
-from synth.integrators.radau_dense import differences, part_step
-from synth.integrators.radau_newton import Work
+from synth.integrators.radau_step import Work, differences, part_step
 from synth.phase import Floats
 from synth.systems.driven_pendulums import plain
 from synth.systems.metronomes import Metronomes

@@ -19,8 +19,7 @@ from synth.kernels.collocation import POINTS, moved
 from synth.kernels.collocation_remainder import NODES
 from synth.kernels.compiled import kernel, summing_kernel
 from synth.phase import Floats, Integers
-from synth.systems.choice import taken_in
-from synth.systems.dispatch import remainder
+from synth.systems.dispatch import remainder, taken_in
 from synth.systems.terms import motion
 
 MOST_TURNS = 16

@@ -22,8 +22,7 @@ from synth.integrators.collocation_simd import LANES, load, positive, store, wid
 from synth.kernels.collocation_remainder import NODES
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
-from synth.systems.choice import or_none, taken_in
-from synth.systems.dispatch import registered
+from synth.systems.dispatch import or_none, registered, taken_in
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.terms import driven

@@ -29,7 +29,7 @@ from synth.integrators.explicit_step import (
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
-from synth.systems.impulses import halt, jolt, kicks_of
+from synth.systems.terms import halt, jolt, kicks_of
 
 TIME, TIME_LOW, STEP, PROPOSED, ERROR, SHARE = range(6)  # of `Progress.clock`
 STEPS, REJECTED, EVALUATIONS, STIFF, CALM, READY, FINAL, WRITTEN, KICKS, HALTED = range(10)  # of `Progress.counts`

@@ -19,8 +19,7 @@ import numpy as np
 
 from synth.pendulums.linear import Response
 from synth.phase import Floats, Phasors
-from synth.propagators.products import PORTION, Halves, general_halves, harmonic_halves, product
-from synth.propagators.ticks import Blocks
+from synth.propagators.blocks import PORTION, Blocks, Halves, general_halves, harmonic_halves, product
 
 Seconds = tuple[Floats, Floats]
 """t_b and tau, s."""

@@ -27,11 +27,10 @@ from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import NEAR_RESONANT_BAND
 from synth.phase import Floats, Integers
-from synth.propagators.even import EvenTimes
 from synth.propagators.picard_forcing import Sums
 from synth.propagators.picard_march import Equations, march
 from synth.propagators.picard_readings import EvenReadings, UnevenReadings
-from synth.propagators.uneven import UnevenTimes
+from synth.propagators.times import EvenTimes, UnevenTimes
 
 _REACH = (6.0, 4.0)
 """Intervals to try, times the fastest of n + w, rad: in 4 rad 16 nodes resolve r to 1e-15 of theta, in 6 where the

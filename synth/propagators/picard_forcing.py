@@ -15,9 +15,9 @@ import numpy as np
 
 from synth.motion.harmonic_sum import Comb
 from synth.phase import Floats, Integers, Phasors, rational_turns, turns
+from synth.propagators.blocks import EvenTicks
 from synth.propagators.periodic import PeriodicSums
 from synth.propagators.picard_nodes import FINE, gauss_nodes
-from synth.propagators.ticks import EvenTicks
 
 _ONE_THREAD = 1 << 18  # multiplications up to which OpenBLAS keeps to one thread
 _FEWEST_ROWS = 8

@@ -17,12 +17,12 @@ from synth.kernels.collocation import march as march_intervals
 from synth.kernels.collocation_remainder import NODES
 from synth.kicks import Kicks
 from synth.phase import Floats
+from synth.propagators.blocks import EvenTicks
 from synth.propagators.picard_error import Estimate
 from synth.propagators.picard_forcing import Sums, node_grid
 from synth.propagators.picard_nodes import legendre_tail
 from synth.propagators.picard_readings import EvenReadings, UnevenReadings
 from synth.propagators.picard_weights import weights
-from synth.propagators.ticks import EvenTicks
 
 GROUP = 32
 """Intervals in a block of the forcing."""

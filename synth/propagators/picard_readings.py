@@ -11,10 +11,10 @@ import numpy as np
 
 from synth.kernels.collocation import read
 from synth.phase import Floats, Integers
+from synth.propagators.blocks import EvenTicks
 from synth.propagators.picard_forcing import Grid, Sums, reading_grid
 from synth.propagators.picard_nodes import interpolation
-from synth.propagators.ticks import EvenTicks
-from synth.propagators.uneven import UnevenTimes
+from synth.propagators.times import UnevenTimes
 
 _MOST_STEPS = 4096  # in an interval: bounds the table of weights
 _MOST_HALF_BLOCK = 64  # readings in half a block of the steady part

@@ -1,17 +1,33 @@
-"""What is asked of moments, even or uneven: all sums over harmonics, with those of long tables by Fourier transform."""
+"""Moments, even or uneven, and what is asked of them: sums over harmonics, those of long tables by Fourier transform.
+
+Uneven moments: the closed form at Chebyshev nodes of short blocks, interpolated inside each. Over a block of half-length
+r every harmonic with w r <= 4 is a polynomial of degree 27 to 1e-19 (its Chebyshev coefficients are Bessel functions
+J_k(w r)), so the interpolation is exact to rounding, and the cost does not grow with the product of moments and
+harmonics as sines would.
+"""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import Response
-from synth.phase import Floats, Phasors
+from synth.phase import Floats, Integers, Phasors, rational_turns
+from synth.propagators import closed_form
+from synth.propagators.blocks import Blocks, EvenTicks, Ticks
 from synth.propagators.periodic import PeriodicSums, Places
+
+_NODES = 28
+_REACH = 4.0  # largest angle of any harmonic within half a block, rad
+_CLOSE = 26  # binary orders of what is split off a period
+_FINE = 1 << 40  # nodes and starts are multiples of 2^-40 of a block's half-length: exact integers
 
 
 class Times(ABC):
@@ -64,3 +80,153 @@ class Times(ABC):
             for sums in each:
                 row += sums.at(self.places(sums.period))[0]
         return rows
+
+
+@dataclass(frozen=True)
+class EvenTimes(Times):
+    """Even moments, as a propagator wants them.
+
+    Attributes
+    ----------
+    step : Fraction
+        s, of true time
+    count : int
+    first : int
+        Steps before the first of these moments.
+    """
+
+    step: Fraction
+    count: int
+    first: int = 0
+
+    def stretch(self, begin: int, end: int) -> EvenTimes:
+        """The moments from number `begin` up to `end`, counted among these."""
+        return EvenTimes(self.step, end - begin, self.first + begin)
+
+    def _blocks(self) -> Blocks:
+        """Fewer moments a block than blocks: few sines, and shapes that suit the matrix product.
+
+        Centres lie half-way between two moments, so all counting is in half steps.
+        """
+        half = max(1, math.isqrt(self.count // 6))
+        centres = EvenTicks(2 * (half + self.first) - 1, 4 * half, -(-self.count // (2 * half)))
+        return Blocks(centres, EvenTicks(1, 2, half), self.step / 2, self.step / 2)
+
+    def places(self, period: Fraction) -> Places:
+        """See `Times.places`."""
+        index = np.arange(self.first, self.first + self.count, dtype=np.int64)
+        places: Places = rational_turns(self.step / period).wrapped(index)[0]
+        return places
+
+    def series(self, angular_frequency: Floats, coefficients: Phasors) -> Floats:
+        """Real parts of sums of harmonics, (sums, count); see `closed_form.series`."""
+        result = closed_form.series(angular_frequency, coefficients, self._blocks())
+        return result.reshape(len(coefficients), -1)[:, : self.count]
+
+    def _elongation(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
+        blocks = self._blocks()
+        result = closed_form.elongation(responses, angular_frequency, blocks)
+        return result.reshape(len(responses), -1)[:, : self.count]
+
+    def _free_harmonic(self, response: Response, angular_frequency: Floats) -> Phasors:
+        return closed_form.free_harmonic(response, angular_frequency, self._blocks()).reshape(-1)[: self.count]
+
+
+@dataclass(frozen=True)
+class UnevenTimes(Times):
+    """Moments in any order.
+
+    Attributes
+    ----------
+    seconds : (moments,) float64
+        Time of the chronometer, taken as exact.
+    scale : Fraction
+        True time over the chronometer's.
+    """
+
+    seconds: Floats
+    scale: Fraction
+
+    @property
+    def count(self) -> int:
+        """Number of moments."""
+        return self.seconds.size
+
+    def stretch(self, begin: int, end: int) -> UnevenTimes:
+        """The moments from number `begin` up to `end`."""
+        return UnevenTimes(self.seconds[begin:end], self.scale)
+
+    def places(self, period: Fraction) -> Places:
+        """See `Times.places`; split at exact times so close together that what is left needs no care."""
+        length = math.ldexp(1.0, math.frexp(float(period))[1] - _CLOSE)
+        number = np.floor(self.seconds / length)
+        left = (self.seconds - number * length) * float(self.scale / period * 2**64)
+        whole = rational_turns(Fraction(length) * self.scale / period).wrapped(number.astype(np.int64))[0]
+        places: Places = whole + np.rint(left).astype(np.uint64)
+        return places
+
+    def series(self, angular_frequency: Floats, coefficients: Phasors) -> Floats:
+        """Real parts of sums of harmonics, (sums, count); see `closed_form.series`."""
+        layout = _Layout(self, float(np.max(angular_frequency, initial=1.0)))
+        return layout.interpolate(closed_form.series(angular_frequency, coefficients, layout.blocks))
+
+    def _elongation(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
+        layout = self._layout(responses, angular_frequency)
+        return layout.interpolate(closed_form.elongation(responses, angular_frequency, layout.blocks))
+
+    def _free_harmonic(self, response: Response, angular_frequency: Floats) -> Phasors:
+        layout = self._layout([response], angular_frequency)
+        free = closed_form.free_harmonic(response, angular_frequency, layout.blocks)
+        real, imaginary = layout.interpolate(np.array([free.real, free.imag]))
+        result: Phasors = real + 1j * imaginary
+        return result
+
+    def _layout(self, responses: Sequence[Response], angular_frequency: Floats) -> _Layout:
+        fastest = max(response.frequency for response in responses)
+        return _Layout(self, float(np.max(angular_frequency[: responses[0].alone], initial=fastest)))
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Blocks that hold the moments, and where in its block each moment lies."""
+
+    times: UnevenTimes
+    fastest: float
+
+    @cached_property
+    def _half_length(self) -> float:
+        """A power of two, so that blocks start at exact times of the chronometer."""
+        reach = _REACH / (self.fastest * float(self.times.scale))
+        return math.ldexp(1.0, math.frexp(reach)[1] - 1)
+
+    @cached_property
+    def _number(self) -> Integers:
+        """Number of the block that each moment lies in."""
+        return np.floor(self.times.seconds / (2 * self._half_length)).astype(np.int64)
+
+    @cached_property
+    def _used(self) -> tuple[Integers, Integers]:
+        numbers, row = np.unique(self._number, return_inverse=True)
+        return numbers, row.astype(np.int64)
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        unit = Fraction(self._half_length) * self.times.scale
+        nodes = _nodes()
+        return Blocks(Ticks(2 * self._used[0] + 1), Ticks(nodes[_NODES // 2 :]), unit, unit / _FINE)
+
+    def interpolate(self, values: Floats) -> Floats:
+        """Chebyshev interpolation, (sums, starts, offsets) to (sums, moments)."""
+        polynomials = np.polynomial.chebyshev.chebvander(_nodes() / _FINE, _NODES - 1)
+        coefficients = values @ np.linalg.inv(polynomials).T
+        centre = (2 * self._number + 1) * self._half_length
+        place = (self.times.seconds - centre) / self._half_length
+        basis = np.polynomial.chebyshev.chebvander(place, _NODES - 1)
+        return np.array([np.einsum("ij,ij->i", basis, each[self._used[1]]) for each in coefficients])
+
+
+def _nodes() -> Integers:
+    """Chebyshev nodes, increasing and even about zero, in units of 2^-40."""
+    angles = (2 * np.arange(_NODES // 2) + 1) * math.pi / (2 * _NODES)
+    after = np.rint(np.cos(angles[::-1]) * _FINE).astype(np.int64)
+    return np.concatenate([-after[::-1], after])

@@ -8,15 +8,14 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+from energies import SineFromTop, energy
 from kicked import crossings, integrate_with_events
 from pantaleone_board import pantaleone
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.events import escapement
-from synth.systems.dispatch import energy
-from synth.systems.driven_pendulums import DrivenPendulums, plain
+from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
 from synth.systems.resistance import Viscous
-from synth.systems.restoring import Linear, SineFromTop
 from synth.systems.yielding import ElasticBeam, FlexibleFrame
 
 

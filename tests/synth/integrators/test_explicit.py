@@ -7,18 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from energies import energy
 from pantaleone_board import pantaleone
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.explicit import integrate
 from synth.integrators.explicit_error import LOOSEST
 from synth.integrators.explicit_run import Run
-from synth.systems.dispatch import energy
-from synth.systems.driven_pendulums import DrivenPendulums, plain
+from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
 from synth.systems.harmonic_motion import harmonics
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive, Viscous
-from synth.systems.restoring import Linear
 from synth.systems.terms import together
 from synth.systems.van_der_pol import VanDerPol
 from synth.systems.yielding import ElasticBeam, FlexibleFrame, stiffness_of_ratio

@@ -15,10 +15,9 @@ from synth.integrators.explicit import integrate
 from synth.integrators.explicit_error import TIGHTEST, instants, refine
 from synth.integrators.explicit_run import Run
 from synth.phase import Floats
-from synth.systems.driven_pendulums import DrivenPendulums, plain
+from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
 from synth.systems.harmonic_motion import harmonics
 from synth.systems.resistance import Viscous
-from synth.systems.restoring import Linear
 from synth.systems.van_der_pol import VanDerPol
 
 SWING = 2 * math.pi

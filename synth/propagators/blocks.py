@@ -19,8 +19,9 @@ from synth.phase import Floats, Integers, Phasors, Turns, turns
 PORTION = 512
 """Functions of one product: keeps the tables of a long recorded motion small."""
 
-_ONE_THREAD = 1 << 18  # multiplications up to which OpenBLAS keeps to one thread
-_FEWEST_ROWS = 8
+ONE_THREAD = 1 << 18
+"""Multiplications up to which OpenBLAS keeps to one thread."""
+FEWEST_ROWS = 8
 
 
 @dataclass(frozen=True)
@@ -162,24 +163,38 @@ def product(parts: Sequence[Halves], result: Floats, *, begun: bool) -> None:
         At least one.
     result : (blocks, moments) float64
     """
-    even_weights = np.concatenate([each.even_weights for each in parts]).T
-    even_table = np.concatenate([each.even_table for each in parts])
-    odd_weights = np.concatenate([each.odd_weights for each in parts]).T
-    odd_table = np.concatenate([each.odd_table for each in parts])
-    reaches = even_table.shape[1]
-    rows = _ONE_THREAD // max(even_table.size, 1)
-    if rows < _FEWEST_ROWS:
-        rows = len(result)
+    even = np.concatenate([each.even_weights for each in parts]).T, np.concatenate([each.even_table for each in parts])
+    odd = np.concatenate([each.odd_weights for each in parts]).T, np.concatenate([each.odd_table for each in parts])
+    rows = ONE_THREAD // max(even[1].size, 1)
+    rows = len(result) if rows < FEWEST_ROWS else min(rows, len(result))
+    space = np.empty((2, max(rows, 1), even[1].shape[1]))
+    halves(even, odd, result, space, begun=begun)
+
+
+def halves(
+    even: tuple[Floats, Floats], odd: tuple[Floats, Floats], result: Floats, space: Floats, *, begun: bool = False
+) -> None:
+    """Both halves of a product, in strips of rows.
+
+    Parameters
+    ----------
+    even, odd : pairs of float64
+        Weights (blocks, functions), and table (functions, reaches).
+    result : (blocks, 2 * reaches)
+        As of `product`.
+    space : (2, rows, reaches)
+        Working space for so many rows at a time.
+    """
+    reaches = space.shape[2]
     before, after = result[:, reaches - 1 :: -1], result[:, reaches:]
-    even_space, odd_space = np.empty((2, min(rows, len(result)), reaches))
-    for begin in range(0, len(result), rows):
-        strip = slice(begin, begin + rows)
+    for begin in range(0, len(result), space.shape[1]):
+        strip = slice(begin, begin + space.shape[1])
         some = after[strip]
-        even = np.matmul(even_weights[strip], even_table, out=even_space[: len(some)])
-        odd = np.matmul(odd_weights[strip], odd_table, out=odd_space[: len(some)])
+        evens = np.matmul(even[0][strip], even[1], out=space[0, : len(some)])
+        odds = np.matmul(odd[0][strip], odd[1], out=space[1, : len(some)])
         if begun:
-            before[strip] += even + odd
-            some += even - odd
+            before[strip] += evens + odds
+            some += evens - odds
         else:
-            np.add(even, odd, out=before[strip])
-            np.subtract(even, odd, out=some)
+            np.add(evens, odds, out=before[strip])
+            np.subtract(evens, odds, out=some)

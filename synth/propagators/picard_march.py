@@ -19,9 +19,8 @@ from synth.kicks import Kicks
 from synth.phase import Floats
 from synth.propagators.blocks import EvenTicks
 from synth.propagators.picard_error import Estimate
-from synth.propagators.picard_forcing import Sums, node_grid
+from synth.propagators.picard_forcing import EvenReadings, Sums, UnevenReadings, node_grid
 from synth.propagators.picard_nodes import legendre_tail
-from synth.propagators.picard_readings import EvenReadings, UnevenReadings
 from synth.propagators.picard_weights import weights
 
 GROUP = 32

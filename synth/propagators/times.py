@@ -1,9 +1,9 @@
 """Moments, even or uneven, and what is asked of them: sums over harmonics, those of long tables by Fourier transform.
 
-Uneven moments: the closed form at Chebyshev nodes of short blocks, interpolated inside each. Over a block of half-length
-r every harmonic with w r <= 4 is a polynomial of degree 27 to 1e-19 (its Chebyshev coefficients are Bessel functions
-J_k(w r)), so the interpolation is exact to rounding, and the cost does not grow with the product of moments and
-harmonics as sines would.
+Uneven moments: the closed form at Chebyshev nodes of short blocks, interpolated inside each. Over a block of length 2 r
+every harmonic with w r <= 4 is a polynomial of degree 27 to 1e-19 (its Chebyshev coefficients are Bessel functions of
+w r), so the interpolation is exact to rounding, and the cost does not grow with the product of moments and harmonics as
+sines would.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ from synth.integrators.trajectory import (
     restarting,
     streamed,
 )  # fmt: skip
-from synth.kernels.collocation_remainder import NODES
+from synth.kernels.collocation import NODES
 from synth.phase import Floats
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam

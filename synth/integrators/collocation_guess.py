@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from synth.integrators.collocation_simd import LANES, load, store, total, wide
-from synth.kernels.collocation_remainder import NODES
+from synth.kernels.collocation import NODES
 from synth.kernels.compiled import kernel
+from synth.kernels.lanes import LANES, load, store, total, wide
 from synth.phase import Floats
 
 ORDERS = 5

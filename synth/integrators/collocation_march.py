@@ -7,17 +7,15 @@ an interval they are read from the polynomial through its start, nodes and end.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from synth.integrators.collocation_guess import ORDERS, best, guess, remember
 from synth.integrators.collocation_remainders import Work, nodes_of
-from synth.integrators.collocation_simd import LANES, load, store, total
-from synth.integrators.collocation_weights import Level
-from synth.kernels.collocation import POINTS, moved
-from synth.kernels.collocation_remainder import NODES
+from synth.kernels.collocation import NODES, POINTS, advance, change, last_terms
 from synth.kernels.compiled import kernel, summing_kernel
+from synth.kernels.lanes import LANES, load, store, total
 from synth.phase import Floats, Integers
 from synth.systems.dispatch import remainder, taken_in
 from synth.systems.terms import motion
@@ -33,6 +31,22 @@ _WILD = 1e4  # change of a position in sizes, squared, from which no later turn 
 _RENEWAL = 16  # intervals after which convergence is watched from the first turn to the second, and guesses compared
 _LEAST = 1e-300  # square of a size: what a first guess leaves at rest has none
 _STALL = 1e3  # changes this many times the smallest that matters are rounding if they fall no longer
+
+
+class Level(NamedTuple):
+    """One length of intervals, with the weights of all components, (components, ...) each as in `Weights`."""
+
+    interval: float
+    """s."""
+    lag: int
+    """Intervals after which the motion repeats itself, as far as it does; whole half swings."""
+    mirror: Floats
+    """(components,) what that many do to the remainder, 1 or -1."""
+    flow: Floats
+    inner: Floats
+    end: Floats
+    propagator: Floats
+    reach: Floats
 
 
 @kernel
@@ -106,28 +120,28 @@ def march(
             now = 1 - now
             remainder(work, sideways, upwards, system, now)
             if turns >= unchecked:
-                change = 0.0
+                moved = 0.0
                 for c in range(components):
-                    step = _change(known, c) * (reach[c] * reach[c])
+                    step = change(known, c) * (reach[c] * reach[c])
                     size = max(amplitude[c], 0.25 * _square(position, c), _LEAST)
-                    if step > change * size or not step <= np.inf:
-                        change = step / size
-                if turns > 1 and not change <= _WILD:
+                    if step > moved * size or not step <= np.inf:
+                        moved = step / size
+                if turns > 1 and not moved <= _WILD:
                     report[3] = TURNING
                     return i
                 if before <= _WILD:
-                    falling = min(1.0, change / before)
-                going = not change * min(1.0, _CAUTION * falling) <= settled
+                    falling = min(1.0, moved / before)
+                going = not moved * min(1.0, _CAUTION * falling) <= settled
                 if going and falling > 0.1 and before <= _WILD:
-                    going = not change <= _STALL * settled
+                    going = not moved <= _STALL * settled
                 going = going or (renewed and turns == 1)
-                before = change
+                before = moved
                 if not (going or reading):
                     break
         unchecked = 1 if (i + 1) % _RENEWAL == 0 else max(1, turns - 1)
         for c in range(components):
             amplitude[c] = max(amplitude[c], 0.25 * _square(position, c))
-            last, further = _tail(tail, known, now, c)
+            last, further = last_terms(tail, known, now, c)
             cost = reach[c] * reach[c] / (16.0 * NODES)
             if last > 0.0 and not last * min(1.0, last / max(further, 1e-300)) * cost <= unresolved * amplitude[c]:
                 report[3] = ROUGH
@@ -137,7 +151,7 @@ def march(
             guess(memory, slot, ORDERS, mirror, continuation, known, 1 - now)
             for c in range(components):
                 worth[c] = reach[c] * reach[c] / amplitude[c] if amplitude[c] > 0.0 else 0.0
-                missed = max(missed, _change(known, c) * worth[c])
+                missed = max(missed, change(known, c) * worth[c])
             remember(memory, slot, mirror, known, now)
             report[4] = best(memory, slot, worth, missed)
         else:
@@ -150,7 +164,7 @@ def march(
                 for j in range(NODES):
                     spots[2 * c, j + 1] = position[c, j]
                     spots[2 * c + 1, j + 1] = rate[c, j]
-        _advance(state, level.propagator, level.end, known, now)
+        advance(state, level.propagator, level.end, known, now)
         if reading:
             for c in range(components):
                 spots[2 * c, POINTS - 1], spots[2 * c + 1, POINTS - 1] = state[c, 0], state[c, 2]
@@ -195,45 +209,9 @@ def _couple(inner: Floats, known: Floats, now: int, base: Floats, position: Floa
 
 
 @kernel
-def _change(known: Floats, c: int) -> float:
-    first = load(known, (1, c, 0)) - load(known, (0, c, 0))
-    second = load(known, (1, c, LANES)) - load(known, (0, c, LANES))
-    return total(first * first + second * second)
-
-
-@kernel
 def _square(position: Floats, c: int) -> float:
     first, second = load(position, (c, 0)), load(position, (c, LANES))
     return total(first * first + second * second)
-
-
-@kernel
-def _tail(tail: Floats, known: Floats, now: int, c: int) -> tuple[float, float]:
-    """Squares of the last and of the last but one pair of Legendre coefficients."""
-    first = _product_sum(tail, 0, 0, known, now, c)
-    second = _product_sum(tail, 0, NODES, known, now, c)
-    third = _product_sum(tail, 0, 2 * NODES, known, now, c)
-    fourth = _product_sum(tail, 0, 3 * NODES, known, now, c)
-    return third * third + fourth * fourth, first * first + second * second
-
-
-@kernel
-def _advance(state: Floats, propagator: Floats, end: Floats, known: Floats, now: int) -> None:
-    """To the end of the interval: exact products with the leading doubles, everything else in the rest."""
-    for c in range(state.shape[0]):
-        position, position_rest, rate, rate_rest = state[c, 0], state[c, 1], state[c, 2], state[c, 3]
-        for row in range(2):
-            kick = _product_sum(end, c, row * NODES, known, now, c)
-            kick_rest = _product_sum(end, c, (row + 2) * NODES, known, now, c)
-            leading, rest = moved(propagator, c, 8 * row, position, position_rest, rate, rate_rest, kick, kick_rest)
-            state[c, 2 * row], state[c, 2 * row + 1] = leading, rest
-
-
-@kernel
-def _product_sum(rows: Floats, c: int, place: int, known: Floats, now: int, which: int) -> float:
-    """Sum over the nodes of a row of weights times the remainder."""
-    first = load(rows, (c, place)) * load(known, (now, which, 0))
-    return total(first + load(rows, (c, place + LANES)) * load(known, (now, which, LANES)))
 
 
 @summing_kernel

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synth.integrators.collocation_simd import LANES, load, positive, store, wide
-from synth.kernels.collocation_remainder import NODES
+from synth.kernels.collocation import NODES
 from synth.kernels.compiled import kernel
+from synth.kernels.lanes import LANES, load, positive, store, wide
 from synth.phase import Floats
 from synth.systems.dispatch import or_none, registered, taken_in
 from synth.systems.metronomes import Metronomes

@@ -12,13 +12,20 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from synth.integrators.collocation_guess import ORDERS
-from synth.integrators.collocation_march import ROUGH, march
+from synth.integrators.collocation_march import ROUGH, Level, march
 from synth.integrators.collocation_remainders import Work, excess_of, linear_part, mirror_of
-from synth.integrators.collocation_weights import Level, aligned, weights
 from synth.integrators.trajectory import reason
-from synth.kernels.collocation_remainder import NODES
+from synth.kernels.collocation import NODES
+from synth.kernels.collocation_weights import (
+    FINE,
+    aligned,
+    barycentric,
+    continuation,
+    gauss_nodes,
+    legendre_tail,
+    weights,
+)  # fmt: skip
 from synth.phase import Floats, Integers
-from synth.propagators.picard_nodes import FINE, barycentric, continuation, gauss_nodes, legendre_tail
 
 _MOST_LEVELS = 17  # the shortest intervals are 256 times shorter than the longest
 _FARTHEST = 10.0  # rad a component may turn in an interval

@@ -9,8 +9,8 @@ away from n, in closed form, and u_near stands for the others. What is left is s
 
 and is solved interval by interval: r is the polynomial through its values at Gauss nodes, its answer under the exact
 linear flow is a product with fixed weights, and nodes and answer are iterated until they agree. A term that depends
-on theta' (a further damping) would be one more summand of r, with the angular velocity at the nodes from weights
-made of the moments D_m of `picard_weights`.
+on theta' (a further damping) would be one more summand of r, with the angular velocity at the nodes from the same
+weights (`kernels.collocation_weights`).
 
 Nothing but the state (y, y'/n) passes from interval to interval, with a propagator and a state of two doubles each;
 phases come from whole numbers. Hence 1e-15 to 1e-14 of the largest angle in an hour.

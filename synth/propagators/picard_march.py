@@ -8,20 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from synth.kernels.collocation import POINTS
-from synth.kernels.collocation import march as march_intervals
-from synth.kernels.collocation_remainder import NODES
+from synth.kernels.collocation import NODES, POINTS
+from synth.kernels.collocation_weights import continuation, legendre_tail, weights
+from synth.kernels.picard import march as march_intervals
 from synth.kicks import Kicks
 from synth.phase import Floats
 from synth.propagators.blocks import EvenTicks
 from synth.propagators.picard_error import Estimate
 from synth.propagators.picard_forcing import EvenReadings, Sums, UnevenReadings, node_grid
-from synth.propagators.picard_nodes import legendre_tail
-from synth.propagators.picard_weights import weights
 
 GROUP = 32
 """Intervals in a block of the forcing."""
@@ -96,14 +95,17 @@ class _Level:
         self._frequencies = equations.frequencies
         self.steady = readings.steady(horizontal.some(slice(shown)), self.most)
         each_pendulum = zip(equations.frequencies.tolist(), equations.damping_rates.tolist(), strict=True)
-        sets = [weights(n, gamma, readings.interval) for n, gamma in each_pendulum]
+        sets = [
+            weights(Fraction(n) ** 2, 2 * Fraction(gamma), readings.interval, Fraction(n)) for n, gamma in each_pendulum
+        ]
+        inner = np.array([each.inner[: NODES * NODES] for each in sets])
         self.weights = (
             np.array([each.flow for each in sets]),
-            np.array([each.inner for each in sets]),
-            np.array([each.guess for each in sets]),
+            inner,
+            np.array([(continuation().T @ each.reshape(NODES, NODES)).ravel() for each in inner]),
             np.array([each.end for each in sets]),
             np.array([each.propagator for each in sets]),
-            legendre_tail(),
+            legendre_tail()[None, :],
         )
 
     def impulses(self, first: int, count: int) -> Floats:

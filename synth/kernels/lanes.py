@@ -2,9 +2,9 @@
 # (Numba's extension interface has no types, and an intrinsic is called without its first argument.)
 """Eight doubles at once, for kernels that must not depend on what the compiler can find out about their loops.
 
-`load(array, (row, start))` takes eight neighbours, `store` puts them back, arithmetic works on all eight (and with plain
-numbers), and the compiler turns it into the widest instructions of the machine. Products and sums may be fused; they
-are never reordered. Under `NUMBA_DISABLE_JIT=1` the same code runs on slices of NumPy arrays.
+`load(array, (row, start))` takes eight neighbours, `store` puts them back, arithmetic works on all eight (and with
+plain numbers), and the compiler turns it into the widest instructions of the machine. Products and sums may be fused;
+they are never reordered. Under `NUMBA_DISABLE_JIT=1` the same code runs on slices of NumPy arrays.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ _unary(abs, _magnitude)
 
 
 def _address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    """Pointer to an element of the first argument, as to a vector; the second holds its indices, the last contiguous."""
+    """Pointer to an element of an array, as to a vector; the second argument is its indices, the last contiguous."""
     array, indices = sig.args[:2]
     made = context.make_array(array)(context, builder, args[0])
     offset = ir.Constant(ir.IntType(64), 0)

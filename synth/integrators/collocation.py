@@ -40,7 +40,7 @@ from synth.phase import Floats
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import VanDerPolDrive, Viscous
-from synth.systems.terms import Both
+from synth.systems.terms import apart
 from synth.systems.yielding import ElasticBeam, FlexibleFrame
 
 SYSTEMS = (ElasticBeam, ReducedBeam, FlexibleFrame, Metronomes)
@@ -162,29 +162,22 @@ def _check_collocates(system: Any) -> None:
     """Refuse systems and terms that are not made for it."""
     if not isinstance(system, SYSTEMS):
         raise RefusedError(f"collocation knows no {type(system).__name__}; use the propagator explicit")
-    for each in _single(getattr(system, "terms", None)):
+    for each in apart(getattr(system, "terms", None)):
         if not isinstance(each, Viscous | VanDerPolDrive):
             raise RefusedError(
                 f"collocation wants smooth forces and {type(each).__name__} is none; use the propagator explicit"
             )
 
 
-def _single(term: Any) -> list[Any]:
-    if isinstance(term, Both):
-        return _single(term.first) + _single(term.second)
-    return [] if term is None else [term]
-
-
 def integrate_ensemble(
-    systems: Any, starts: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-9, workers: int | None = None
+    systems: Sequence[Any], starts: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-9, workers: int | None = None
 ) -> Floats:
     """Integrate many members to the same times.
 
     Parameters
     ----------
-    systems : NamedTuple, or sequence of NamedTuples
-        One system whose parameters may have a leading axis of members (`members_of`), or one system a member, all of
-        one type. Systems as for `integrate`.
+    systems : sequence of NamedTuples
+        One a member, all of one type; as for `integrate`.
     starts : (members, n) array
         States at the first of `times`.
     times : (k,) array
@@ -208,7 +201,7 @@ def integrate_ensemble(
     Examples
     --------
     >>> from synth.systems.metronomes import Metronomes
-    >>> pairs = Metronomes(np.array([[6.0, 6.1], [6.0, 6.2]]), np.array([0.01, 0.02]))
+    >>> pairs = [Metronomes(np.array([6.0, 6.1]), 0.01), Metronomes(np.array([6.0, 6.2]), 0.02)]
     >>> integrate_ensemble(pairs, [[0.1, 0.0, 0.0, 0.0]] * 2, [0.0, 0.5, 1.0]).shape
     (2, 3, 4)
     """
@@ -216,18 +209,17 @@ def integrate_ensemble(
     if states.ndim != 2 or not len(states):
         raise UsageError("starts must be one row a member, (members, n)")
     first, instants = checked(states[0], times, tolerance)
-    each = list(systems) if not hasattr(systems, "_fields") else members_of(systems, len(states))
-    if len(each) != len(states) or not np.isfinite(states).all():
-        raise UsageError(f"{len(each)} systems and {len(states)} starts: give one finite start a member")
-    _check_collocates(each[0])
-    carried = [_rounded(system) for system in each]
-    longest = Problem.of(each[0], carried[0]).longest
+    if len(systems) != len(states) or not np.isfinite(states).all():
+        raise UsageError(f"{len(systems)} systems and {len(states)} starts: give one finite start a member")
+    _check_collocates(systems[0])
+    carried = [_rounded(system) for system in systems]
+    longest = Problem.of(systems[0], carried[0]).longest
     limits = _limits_for(_local_tolerance(tolerance, instants, longest))
-    depth = chosen(Run.begin(Problem.of(each[0], carried[0], longest), first, float(instants[0]), limits))
+    depth = chosen(Run.begin(Problem.of(systems[0], carried[0], longest), first, float(instants[0]), limits))
     result = np.empty((len(states), instants.size, first.size))
 
     def member(index: int) -> None:
-        problem = Problem.of(each[index], carried[index], longest)
+        problem = Problem.of(systems[index], carried[index], longest)
         run(problem, states[index], instants, limits, depth=depth, out=result[index])
 
     with ThreadPoolExecutor(workers or _processors()) as pool:
@@ -238,34 +230,6 @@ def integrate_ensemble(
 
 def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def members_of(system: Any, members: int) -> list[Any]:
-    """One system a member, from one whose parameters may have a leading axis of members.
-
-    A number given as (members,) and an array given with one axis more than usual are taken apart, in nested terms too;
-    everything else is shared.
-
-    Examples
-    --------
-    >>> from synth.systems.resistance import Viscous
-    >>> [each.damping_rate.tolist() for each in members_of(Viscous(np.array([[0.1, 0.2], [0.3, 0.4]])), 2)]
-    [[0.1, 0.2], [0.3, 0.4]]
-    """
-    kinds = type(system).__annotations__
-    columns = [_taken_apart(value, kinds[name], members) for name, value in system._asdict().items()]
-    return [type(system)(*row) for row in zip(*columns, strict=True)]
-
-
-def _taken_apart(value: Any, kind: Any, members: int) -> Sequence[Any]:
-    if hasattr(value, "_fields"):
-        return members_of(value, members)
-    axes = {"float": 0, "Floats": 1}.get(getattr(kind, "__forward_arg__", kind))
-    if axes is None or np.ndim(value) != axes + 1:
-        return [value] * members
-    if len(value) != members:
-        raise UsageError(f"a parameter has {len(value)} members where the starts have {members}")
-    return [float(each) for each in value] if axes == 0 else list(np.ascontiguousarray(value, dtype=np.float64))
 
 
 def _rounded(system: Any) -> tuple[Floats, Floats]:

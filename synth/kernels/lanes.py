@@ -9,6 +9,7 @@ they are never reordered. Under `NUMBA_DISABLE_JIT=1` the same code runs on slic
 
 from __future__ import annotations
 
+import inspect
 import operator
 from typing import Any
 
@@ -22,6 +23,7 @@ from numba.extending import intrinsic, lower_builtin, lower_cast, models, overlo
 LANES = 8
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 _FUSED = ("contract",)
+_BY_PLACE = inspect.Parameter.POSITIONAL_OR_KEYWORD
 
 
 class LanesType(types.Type):
@@ -56,65 +58,62 @@ def _cast(context: Any, builder: Any, source: Any, target: Any, value: Any) -> A
     return _splat(builder, context.cast(builder, value, source, types.float64))
 
 
-def _binary(symbol: Any, method: str) -> None:
+def _operator(symbol: Any, arity: int, lower: Any) -> None:
     class _Template(AbstractTemplate):
         key = symbol
 
         def generic(self, args: Any, kws: Any) -> Any:
-            if len(args) == 2 and any(isinstance(each, LanesType) for each in args):
-                return signature(lanes_type, lanes_type, lanes_type)
+            if len(args) == arity and any(isinstance(each, LanesType) for each in args):
+                return signature(lanes_type, *[lanes_type] * arity)
             return None
 
     infer_global(symbol)(_Template)
-
-    @lower_builtin(symbol, LanesType, LanesType)
-    def _lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return getattr(builder, method)(*args, flags=_FUSED)
+    lower_builtin(symbol, *[LanesType] * arity)(lambda context, builder, sig, args: lower(builder, *args))
 
 
-for _symbol, _method in (
-    (operator.add, "fadd"),
-    (operator.sub, "fsub"),
-    (operator.mul, "fmul"),
-    (operator.truediv, "fdiv"),
-    (operator.iadd, "fadd"),
-    (operator.isub, "fsub"),
-    (operator.imul, "fmul"),
+for _method, *_symbols in (
+    ("fadd", operator.add, operator.iadd),
+    ("fsub", operator.sub, operator.isub),
+    ("fmul", operator.mul, operator.imul),
+    ("fdiv", operator.truediv),
 ):
-    _binary(_symbol, _method)
-
-
-def _unary(symbol: Any, lower: Any) -> None:
-    class _Template(AbstractTemplate):
-        key = symbol
-
-        def generic(self, args: Any, kws: Any) -> Any:
-            if len(args) == 1 and isinstance(args[0], LanesType):
-                return signature(lanes_type, lanes_type)
-            return None
-
-    infer_global(symbol)(_Template)
-
-    @lower_builtin(symbol, LanesType)
-    def _lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return lower(builder, args[0])
-
-
-def _magnitude(builder: Any, value: Any) -> Any:
-    return builder.call(_declared(builder.module, f"llvm.fabs.v{LANES}f64", _VECTOR, [_VECTOR]), [value])
+    for _symbol in _symbols:
+        _operator(_symbol, 2, lambda builder, *both, method=_method: getattr(builder, method)(*both, flags=_FUSED))
 
 
 def _declared(module: Any, name: str, result: Any, arguments: list[Any]) -> Any:
     return module.globals.get(name) or ir.Function(module, ir.FunctionType(result, arguments), name)
 
 
-_unary(operator.neg, lambda builder, value: builder.fneg(value))
-_unary(abs, _magnitude)
+def _magnitude(builder: Any, value: Any) -> Any:
+    return builder.call(_declared(builder.module, f"llvm.fabs.v{LANES}f64", _VECTOR, [_VECTOR]), [value])
+
+
+_operator(operator.neg, 1, lambda builder, value: builder.fneg(value))
+_operator(abs, 1, _magnitude)
+
+
+def _lowered(result: Any, code: Any) -> Any:
+    """Decorator: where the function below is compiled, it is these instructions instead."""
+
+    def stand(function: Any) -> Any:
+        def typed(typing: Any, *arguments: Any) -> Any:
+            return result(*arguments), code
+
+        names = ("typing", *inspect.signature(function).parameters)
+        typed.__signature__ = inspect.Signature([inspect.Parameter(name, _BY_PLACE) for name in names])
+        instructions = intrinsic(typed)
+        overload(function, strict=False)(lambda *arguments: lambda *arguments: instructions(*arguments))
+        return function
+
+    return stand
 
 
 def _address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     """Pointer to an element of an array, as to a vector; the second argument is its indices, the last contiguous."""
     array, indices = sig.args[:2]
+    if not (isinstance(array, types.Array) and array.dtype == types.float64 and array.layout == "C"):
+        raise TypeError(f"lanes want contiguous arrays of doubles, not {array}")
     made = context.make_array(array)(context, builder, args[0])
     offset = ir.Constant(ir.IntType(64), 0)
     for k in range(array.ndim):
@@ -125,88 +124,47 @@ def _address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return builder.bitcast(builder.gep(base, [offset], inbounds=True), _VECTOR.as_pointer())
 
 
-def _refuse_others(kind: Any) -> None:
-    if not (isinstance(kind, types.Array) and kind.dtype == types.float64 and kind.layout == "C"):
-        raise TypeError(f"lanes want contiguous arrays of doubles, not {kind}")
+def _sum(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    name = f"llvm.vector.reduce.fadd.v{LANES}f64"
+    function = _declared(builder.module, name, ir.DoubleType(), [ir.DoubleType(), _VECTOR])
+    return builder.call(function, [ir.Constant(ir.DoubleType(), -0.0), args[0]], fastmath=("reassoc",))
 
 
-@intrinsic
-def _load(typing: Any, array: Any, indices: Any) -> Any:
-    _refuse_others(array)
-
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.load(_address(context, builder, sig, args), align=8)
-
-    return lanes_type(array, indices), code
+def _above_zero(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    above = builder.fcmp_ordered(">", args[0], ir.Constant(_VECTOR, [0.0] * LANES))
+    return builder.select(above, args[0], ir.Constant(_VECTOR, [float("nan")] * LANES))
 
 
-@intrinsic
-def _store(typing: Any, array: Any, indices: Any, value: Any) -> Any:
-    _refuse_others(array)
-
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        builder.store(args[2], _address(context, builder, sig, args), align=8)
-        return context.get_dummy_value()
-
-    return types.void(array, indices, lanes_type), code
+def _put(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    builder.store(args[2], _address(context, builder, sig, args), align=8)
+    return context.get_dummy_value()
 
 
-@intrinsic
-def _sum(typing: Any, value: Any) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        name = f"llvm.vector.reduce.fadd.v{LANES}f64"
-        function = _declared(builder.module, name, ir.DoubleType(), [ir.DoubleType(), _VECTOR])
-        return builder.call(function, [ir.Constant(ir.DoubleType(), -0.0), args[0]], fastmath=("reassoc",))
-
-    return types.float64(lanes_type), code
-
-
-@intrinsic
-def _wide(typing: Any, value: Any) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _splat(builder, args[0])
-
-    return lanes_type(types.float64), code
-
-
-@intrinsic
-def _positive(typing: Any, value: Any) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        above = builder.fcmp_ordered(">", args[0], ir.Constant(_VECTOR, [0.0] * LANES))
-        return builder.select(above, args[0], ir.Constant(_VECTOR, [float("nan")] * LANES))
-
-    return lanes_type(lanes_type), code
-
-
-def _lowered(function: Any, code: Any) -> None:
-    """Compile a function as an intrinsic."""
-    overload(function, strict=False)(lambda *arguments: lambda *arguments: code(*arguments))
-
-
+@_lowered(lanes_type, lambda context, builder, *of: builder.load(_address(context, builder, *of), align=8))
 def load(array: Any, indices: tuple[int, ...]) -> Any:
     """Eight neighbours of a contiguous array from this element on."""
     return array[(*indices[:-1], slice(indices[-1], indices[-1] + LANES))].copy()
 
 
+@_lowered(types.void, _put)
 def store(array: Any, indices: tuple[int, ...], value: Any) -> None:
     """Put eight neighbours back."""
     array[(*indices[:-1], slice(indices[-1], indices[-1] + LANES))] = value
 
 
+@_lowered(types.float64, _sum)
 def total(value: Any) -> float:
     """Sum of the eight."""
     return float(np.sum(value))
 
 
+@_lowered(lanes_type, lambda context, builder, sig, args: _splat(builder, args[0]))
 def wide(value: float) -> Any:
     """Eight times the same number."""
     return np.full(LANES, value)
 
 
+@_lowered(lanes_type, _above_zero)
 def positive(value: Any) -> Any:
     """The value where it is above zero, elsewhere NaN."""
     return np.where(value > 0.0, value, np.nan)
-
-
-for _name, _code in ((load, _load), (total, _sum), (wide, _wide), (positive, _positive), (store, _store)):
-    _lowered(_name, _code)

@@ -13,12 +13,13 @@ allocated in them. Kernels of the remainder are odd in (theta, u, drive) to the 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from synth.kernels.collocation import NODES, POINTS, advance, change, last_terms
 from synth.kernels.compiled import kernel, summing_kernel
+from synth.phase import Floats
 
 MOST_TURNS = 20
 """Picard iterations after which an interval counts as too long."""
@@ -30,23 +31,41 @@ _ROUNDER = 6755399441055744.0  # 1.5 * 2^52: adding and subtracting it rounds to
 _HALF_CIRCLE = (3.141592653589793116, 1.2246467991473532072e-16)
 
 
+class Forcing(NamedTuple):
+    """What acts in consecutive intervals."""
+
+    steady: Floats
+    """(pendulums, intervals, NODES) steady linear answer at the nodes, rad."""
+    vertical: Floats
+    """(intervals, NODES) zeta,"""
+    horizontal: Floats
+    """u,"""
+    drive: Floats
+    """and the part of u that `steady` does not answer."""
+    impulses: Floats
+    """(3, pendulums, intervals) at the end of each: what stays of the state, what is added to y and to y'/n."""
+
+
+class Law(NamedTuple):
+    """What pendulums are in intervals of one length: `collocation_weights.Weights`, (pendulums, ...)."""
+
+    flow: Floats
+    inner: Floats
+    """(pendulums, NODES * NODES) of the angle alone."""
+    guess: Floats
+    """What inner makes of the remainder of the interval before, continued."""
+    end: Floats
+    propagator: Floats
+    tail: Floats
+    """(1, 4 * NODES) rows of the Legendre tail."""
+    linear: bool
+
+
 @kernel
 def march(
-    state: Any,
-    remainder: Any,
-    steady: Any,
-    vertical: Any,
-    horizontal: Any,
-    drive: Any,
-    impulses: Any,
-    linear: bool,
-    reach: Any,
-    floor: Any,
-    weights: Any,
-    stop: float,
-    points: Any,
-    report: Any,
-) -> int:
+    state: Floats, remainder: Floats, forcing: Forcing, law: Law, reach: Floats, floor: Floats, stop: float,
+    points: Floats, report: Floats,
+) -> int:  # fmt: skip
     """Carry pendulums through consecutive intervals.
 
     Parameters
@@ -55,20 +74,11 @@ def march(
         y and y'/n at the start, each as leading double and rest; at the end on return.
     remainder : (pendulums, NODES)
         r in the interval before, zero if unknown; in the last interval on return.
-    steady : (pendulums, intervals, NODES)
-        Steady linear answer at the nodes, rad.
-    vertical, horizontal, drive : (intervals, NODES)
-        zeta, u, and the part of u that `steady` does not answer.
-    impulses : (3, pendulums, intervals)
-        At the end of each interval: what stays of the state, what is added to y and to y'/n.
-    linear : bool
-        Whether the law is linear.
+    forcing : Forcing
+    law : Law
     reach, floor : (pendulums,)
         Amplitude of y at the start of an interval from which theta might exceed 0.5 rad in it: the general remainder
         is then used. Square of an angle below which agreement is not asked for in relation to y alone.
-    weights : tuple of (pendulums, ...) arrays
-        Flow, inner, guess, end and propagator as of `collocation_weights.Weights`, guess being what inner makes of the
-        remainder of the interval before, continued; then the rows of the Legendre tail (1, 4 * NODES).
     stop : float
         Change of r, relative to the angle, from which an iteration is the last.
     points : (pendulums, intervals, POINTS)
@@ -82,7 +92,8 @@ def march(
     int
         Number of intervals done; fewer than asked for if iteration does not converge.
     """
-    flow, inner, guess, end, propagator, tail = weights
+    flow, inner, guess, end, propagator, tail, linear = law
+    steady, vertical, horizontal, drive, impulses = forcing
     pendulums, intervals = steady.shape[0], steady.shape[1]
     base, theta = np.empty((pendulums, NODES)), np.empty((pendulums, NODES))
     known = np.empty((2, pendulums, NODES))  # r of this turn and of the turn before, in either order

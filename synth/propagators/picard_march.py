@@ -15,6 +15,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from synth.kernels.collocation import NODES, POINTS
 from synth.kernels.collocation_weights import continuation, legendre_tail, weights
+from synth.kernels.picard import Forcing, Law
 from synth.kernels.picard import march as march_intervals
 from synth.kicks import Kicks
 from synth.phase import Floats
@@ -90,7 +91,7 @@ class _Level:
             self._grids = [node_grid(each, readings.interval, GROUP, blocks) for each in (vertical, horizontal)]
         self.points = np.empty((self._pendulums, self.most, POINTS))
         self._still = np.zeros((self.most, NODES))
-        self.linear, self._kicks = equations.linear, equations.kicks
+        self._kicks = equations.kicks
         self._answers = horizontal.some(slice(self._pendulums))
         self._frequencies = equations.frequencies
         self.steady = readings.steady(horizontal.some(slice(shown)), self.most)
@@ -99,16 +100,17 @@ class _Level:
             weights(Fraction(n) ** 2, 2 * Fraction(gamma), readings.interval, Fraction(n)) for n, gamma in each_pendulum
         ]
         inner = np.array([each.inner[: NODES * NODES] for each in sets])
-        self.weights = (
+        self.law = Law(
             np.array([each.flow for each in sets]),
             inner,
             np.array([(continuation().T @ each.reshape(NODES, NODES)).ravel() for each in inner]),
             np.array([each.end for each in sets]),
             np.array([each.propagator for each in sets]),
             legendre_tail()[None, :],
+            equations.linear,
         )
 
-    def impulses(self, first: int, count: int) -> Floats:
+    def _impulses(self, first: int, count: int) -> Floats:
         """At the ends of intervals: what stays of y and y'/n, and what is added, (3, pendulums, count)."""
         jumps = np.zeros((3, self._pendulums, count))
         jumps[0] = 1.0
@@ -129,14 +131,14 @@ class _Level:
         turning = self._answers.coefficients[p] * np.exp(1j * rate * time)
         return np.array([turning.sum().real, (1j * rate * turning).sum().real / self._frequencies[p]])
 
-    def forcing(self, first: int, count: int) -> tuple[Floats, Floats, Floats, Floats]:
-        """Steady answers (pendulums, count, NODES), and zeta, u and drive (count, NODES)."""
+    def forcing(self, first: int, count: int) -> Forcing:
+        """What acts in `count` intervals from the `first`."""
         centres = EvenTicks(first + GROUP // 2, GROUP, count // GROUP)
         sums = [grid.evaluate(centres).reshape(-1, count, NODES) for grid in self._grids]
         vertical, horizontal = (sums[0][0], sums[0][1:]) if len(sums) == 1 else (sums[0][0], sums[1])
         rest = horizontal[self._pendulums :]
         drive = rest[1] if len(rest) > 1 else self._still[:count]
-        return horizontal[: self._pendulums], vertical, rest[0], drive
+        return Forcing(horizontal[: self._pendulums], vertical, rest[0], drive, self._impulses(first, count))
 
 
 def march(
@@ -196,9 +198,9 @@ def _stride(
     level: _Level, first: int, count: int, state: Floats, remainder: Floats, estimate: Estimate
 ) -> tuple[slice, Floats] | None:
     """March `count` intervals; state, remainder and estimate move on. Return readings, or none if it went wrong."""
-    steady, vertical, horizontal, drive = level.forcing(first, count)
-    peak = np.array([_largest(each) for each in steady])
-    zeta, u, rest = (_largest(each) for each in (vertical, horizontal, drive))
+    forcing = level.forcing(first, count)
+    peak = np.array([_largest(each) for each in forcing.steady])
+    zeta, u, rest = (_largest(each) for each in (forcing.vertical, forcing.horizontal, forcing.drive))
     turn = level.turn
     most = turn * (_SMALL * zeta + _SMALL**3 / 6 + _SMALL**2 / 2 * u + rest)  # y can change by this in an interval
     report = estimate.report()
@@ -206,22 +208,9 @@ def _stride(
     angle = np.minimum(peak + np.sqrt(report[:, 3]), np.pi)
     contraction = float(np.max(turn**2 / 4 * (zeta + angle**2 / 2 + u * angle)))
     points = level.points[:, :count]
-    marched = march_intervals(
-        state,
-        remainder,
-        steady,
-        vertical,
-        horizontal,
-        drive,
-        level.impulses(first, count),
-        level.linear,
-        np.maximum(_SMALL - peak - most, 0.0),
-        (peak + np.minimum(turn, turn**2) * rest) ** 2,
-        level.weights,
-        min(max(_STOP / max(contraction, 1e-3), 10 * _STOP), 100 * _STOP),
-        points,
-        report,
-    )
+    reach, floor = np.maximum(_SMALL - peak - most, 0.0), (peak + np.minimum(turn, turn**2) * rest) ** 2
+    stop = min(max(_STOP / max(contraction, 1e-3), 10 * _STOP), 100 * _STOP)
+    marched = march_intervals(state, remainder, forcing, level.law, reach, floor, stop, points, report)
     if marched < count or not np.isfinite(state).all():
         return None
     estimate.add(report, peak, turn, points)

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -30,24 +31,26 @@ _CLOSE = 26  # binary orders of what is split off a period
 _FINE = 1 << 40  # nodes and starts are multiples of 2^-40 of a block's half-length: exact integers
 
 
+Interpolate = Callable[[Any], Any]
+
+
 class Times(ABC):
     """Moments at which sums are evaluated."""
-
-    @abstractmethod
-    def series(self, angular_frequency: Floats, coefficients: Phasors) -> Floats:
-        """Real parts of sums of harmonics, (sums, count), one by one; see `closed_form.series`."""
 
     @abstractmethod
     def places(self, period: Fraction) -> Places:
         """Where in a period the moments lie, (count,), in 2^-64 of it."""
 
     @abstractmethod
-    def _elongation(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
-        """Angles of the pendulums but for the combs of the motion."""
+    def _layout(self, fastest: float) -> tuple[Blocks, Interpolate]:
+        """Blocks for frequencies up to the fastest, rad/s, and what gives (sums, count) at these moments from values
+        (sums, blocks, moments) there, real or complex."""
 
-    @abstractmethod
-    def _free_harmonic(self, response: Response, angular_frequency: Floats) -> Phasors:
-        """Free harmonic but for the combs of the motion."""
+    def series(self, angular_frequency: Floats, coefficients: Phasors) -> Floats:
+        """Real parts of sums of harmonics, (sums, count), one by one; see `closed_form.series`."""
+        blocks, at = self._layout(float(np.max(angular_frequency, initial=1.0)))
+        result: Floats = at(closed_form.series(angular_frequency, coefficients, blocks))
+        return result
 
     def acceleration(self, motion: HarmonicSum) -> Floats:
         """Acceleration of the support, (count,), m/s^2."""
@@ -64,12 +67,14 @@ class Times(ABC):
 
     def elongation(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
         """Angles of the pendulums, (pendulums, count), rad."""
-        result = self._elongation(responses, angular_frequency)
+        blocks, at = self._layout(_fastest(responses, angular_frequency))
+        result = at(closed_form.elongation(responses, angular_frequency, blocks))
         return self._with(result, [each.transforms for each in responses])
 
     def free_harmonic(self, response: Response, angular_frequency: Floats) -> Phasors:
         """Complex free harmonic of one pendulum, (count,), rad."""
-        result = self._free_harmonic(response, angular_frequency)
+        blocks, at = self._layout(_fastest([response], angular_frequency))
+        result: Phasors = at(closed_form.free_harmonic(response, angular_frequency, blocks)[None])[0]
         for sums in response.beat_transforms:
             real, imaginary = sums.at(self.places(sums.period))
             result += real + 1j * imaginary
@@ -80,6 +85,11 @@ class Times(ABC):
             for sums in each:
                 row += sums.at(self.places(sums.period))[0]
         return rows
+
+
+def _fastest(responses: Sequence[Response], angular_frequency: Floats) -> float:
+    own = max(response.frequency for response in responses)
+    return float(np.max(angular_frequency[: responses[0].alone], initial=own))
 
 
 @dataclass(frozen=True)
@@ -103,33 +113,21 @@ class EvenTimes(Times):
         """The moments from number `begin` up to `end`, counted among these."""
         return EvenTimes(self.step, end - begin, self.first + begin)
 
-    def _blocks(self) -> Blocks:
-        """Fewer moments a block than blocks: few sines, and shapes that suit the matrix product.
-
-        Centres lie half-way between two moments, so all counting is in half steps.
-        """
-        half = max(1, math.isqrt(self.count // 6))
-        centres = EvenTicks(2 * (half + self.first) - 1, 4 * half, -(-self.count // (2 * half)))
-        return Blocks(centres, EvenTicks(1, 2, half), self.step / 2, self.step / 2)
-
     def places(self, period: Fraction) -> Places:
         """See `Times.places`."""
         index = np.arange(self.first, self.first + self.count, dtype=np.int64)
         places: Places = rational_turns(self.step / period).wrapped(index)[0]
         return places
 
-    def series(self, angular_frequency: Floats, coefficients: Phasors) -> Floats:
-        """Real parts of sums of harmonics, (sums, count); see `closed_form.series`."""
-        result = closed_form.series(angular_frequency, coefficients, self._blocks())
-        return result.reshape(len(coefficients), -1)[:, : self.count]
+    def _layout(self, fastest: float) -> tuple[Blocks, Interpolate]:
+        """Fewer moments a block than blocks: few sines, and shapes that suit the matrix product.
 
-    def _elongation(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
-        blocks = self._blocks()
-        result = closed_form.elongation(responses, angular_frequency, blocks)
-        return result.reshape(len(responses), -1)[:, : self.count]
-
-    def _free_harmonic(self, response: Response, angular_frequency: Floats) -> Phasors:
-        return closed_form.free_harmonic(response, angular_frequency, self._blocks()).reshape(-1)[: self.count]
+        Centres lie half-way between two moments, so all counting is in half steps.
+        """
+        half = max(1, math.isqrt(self.count // 6))
+        centres = EvenTicks(2 * (half + self.first) - 1, 4 * half, -(-self.count // (2 * half)))
+        blocks = Blocks(centres, EvenTicks(1, 2, half), self.step / 2, self.step / 2)
+        return blocks, lambda values: values.reshape(len(values), -1)[:, : self.count]
 
 
 @dataclass(frozen=True)
@@ -165,25 +163,9 @@ class UnevenTimes(Times):
         places: Places = whole + np.rint(left).astype(np.uint64)
         return places
 
-    def series(self, angular_frequency: Floats, coefficients: Phasors) -> Floats:
-        """Real parts of sums of harmonics, (sums, count); see `closed_form.series`."""
-        layout = _Layout(self, float(np.max(angular_frequency, initial=1.0)))
-        return layout.interpolate(closed_form.series(angular_frequency, coefficients, layout.blocks))
-
-    def _elongation(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
-        layout = self._layout(responses, angular_frequency)
-        return layout.interpolate(closed_form.elongation(responses, angular_frequency, layout.blocks))
-
-    def _free_harmonic(self, response: Response, angular_frequency: Floats) -> Phasors:
-        layout = self._layout([response], angular_frequency)
-        free = closed_form.free_harmonic(response, angular_frequency, layout.blocks)
-        real, imaginary = layout.interpolate(np.array([free.real, free.imag]))
-        result: Phasors = real + 1j * imaginary
-        return result
-
-    def _layout(self, responses: Sequence[Response], angular_frequency: Floats) -> _Layout:
-        fastest = max(response.frequency for response in responses)
-        return _Layout(self, float(np.max(angular_frequency[: responses[0].alone], initial=fastest)))
+    def _layout(self, fastest: float) -> tuple[Blocks, Interpolate]:
+        layout = _Layout(self, fastest)
+        return layout.blocks, layout.interpolate
 
 
 @dataclass(frozen=True)
@@ -215,8 +197,10 @@ class _Layout:
         nodes = _nodes()
         return Blocks(Ticks(2 * self._used[0] + 1), Ticks(nodes[_NODES // 2 :]), unit, unit / _FINE)
 
-    def interpolate(self, values: Floats) -> Floats:
+    def interpolate(self, values: Any) -> Any:
         """Chebyshev interpolation, (sums, starts, offsets) to (sums, moments)."""
+        if np.iscomplexobj(values):
+            return self.interpolate(values.real) + 1j * self.interpolate(values.imag)
         polynomials = np.polynomial.chebyshev.chebvander(_nodes() / _FINE, _NODES - 1)
         coefficients = values @ np.linalg.inv(polynomials).T
         centre = (2 * self._number + 1) * self._half_length

@@ -52,6 +52,13 @@ def together(*terms: Any) -> Any:
     return folded
 
 
+def apart(term: Any) -> list[Any]:
+    """The single terms that were folded."""
+    if isinstance(term, Both):
+        return apart(term.first) + apart(term.second)
+    return [] if term is None else [term]
+
+
 @by_type("term")
 def motion(time: float, term: Any) -> Any:
     """Acceleration of the support in m/s^2, or None where there is none."""

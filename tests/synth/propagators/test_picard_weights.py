@@ -63,7 +63,9 @@ def test_weights_are_the_integrals(case: tuple[float, float, Fraction]) -> None:
             angle = flow.n**2 * mpmath.quad(lambda s, k=k: flow.kernel(1 - s) * _lagrange(k, s), [0, 1])
             speed = flow.n * mpmath.quad(lambda s, k=k: flow.slope(1 - s) * _lagrange(k, s), [0, 1])
             for row, value in ((0, angle), (1, speed)):
-                assert abs(mpmath.mpf(ends[row, k]) + mpmath.mpf(ends[row + 2, k]) - value) <= 1e-18  # long doubles: in the 7200 intervals of an hour below 1e-14 of the remainder
+                assert (
+                    abs(mpmath.mpf(ends[row, k]) + mpmath.mpf(ends[row + 2, k]) - value) <= 1e-18
+                )  # long doubles: in the 7200 intervals of an hour below 1e-14 of the remainder
 
 
 @pytest.mark.parametrize("case", CASES)

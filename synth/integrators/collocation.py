@@ -25,16 +25,7 @@ from numpy.typing import ArrayLike
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.collocation_remainders import linear_part
 from synth.integrators.collocation_run import COARSEST, COMPANION, FINEST, Problem, Run, chosen, run
-from synth.integrators.trajectory import (
-    FEW,
-    Onward,
-    Stream,
-    Trajectory,
-    checked,
-    relative_error,
-    restarting,
-    streamed,
-)  # fmt: skip
+from synth.integrators.trajectory import FEW, Onward, Stream, Trajectory, checked, difference, restarting, streamed
 from synth.kernels.collocation import NODES
 from synth.phase import Floats
 from synth.systems.metronomes import Metronomes
@@ -52,7 +43,6 @@ _TIGHTER = 0.25  # power by which tight tolerances ask for more: what a swing er
 _SHARE = 0.5  # of the difference: the companion errs more than the result
 _ALIKE = 1e-13  # limits from which both err by rounding alone
 _SWINGS = 3000.0  # records longer than this many swings ask more of each interval
-_NEGLIGIBLE = 1e-14  # a component smaller than this share of the largest is rounding noise
 _ROUNDED = 2.2e-16
 _CHECKS = 65  # instants at which runs are compared, at least: an error may pass through zero at a single one
 _BITS = 10  # of the linear part that the members of an ensemble carry
@@ -127,7 +117,9 @@ def _solve(
         for each in (result, companion):
             counts += [each.report[2], NODES * each.report[1], each.rejected]
         share = _SHARE if local > _ALIKE else 1.0
-        error = share * _difference(states, rough) + _ROUNDED * (2.0 + 0.2 * math.sqrt(result.report[2]))
+        error = share * difference(states, rough, np.abs(states).max(axis=0)) + _ROUNDED * (
+            2.0 + 0.2 * math.sqrt(result.report[2])
+        )
         if error <= tolerance or local <= FINEST[0]:
             break
         local = max(FINEST[0], local * min(0.1, 0.3 * tolerance / error))
@@ -138,13 +130,6 @@ def _solve(
 
     asked = states[np.searchsorted(every, instants)]
     return Trajectory(instants, asked, error, *counts.tolist()), lambda: restarting(march, first, float(instants[0]))
-
-
-def _difference(states: Floats, others: Floats) -> float:
-    """Largest difference of two runs, relative to the size of each component."""
-    largest = np.abs(states).max(axis=0)
-    size = np.where(largest > _NEGLIGIBLE * np.max(largest), largest, 0.0)
-    return relative_error(others - states, size)
 
 
 def _local_tolerance(tolerance: float, times: Floats, half_swing: float) -> float:
@@ -222,14 +207,11 @@ def integrate_ensemble(
         problem = Problem.of(systems[index], carried[index], longest)
         run(problem, states[index], instants, limits, depth=depth, out=result[index])
 
-    with ThreadPoolExecutor(workers or _processors()) as pool:
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    with ThreadPoolExecutor(workers or processors) as pool:
         for done in [pool.submit(member, index) for index in range(len(states))]:
             done.result()
     return result
-
-
-def _processors() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _rounded(system: Any) -> tuple[Floats, Floats]:

@@ -42,7 +42,7 @@ class Work(NamedTuple):
     """(components, 2) what the carried linear part has more than the system's own, 1/s^2 and 1/s: with it the remainder
     is right to the last bit."""
     memory: Floats
-    """(lag, ORDERS, components, NODES) as for `collocation_guess`."""
+    """(lag, ORDERS, components, NODES) as for `guess`."""
     known: Floats
     """(2, components, NODES) the remainder, of this turn and of the turn before in either order."""
     room: Floats

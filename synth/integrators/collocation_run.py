@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from synth.integrators.collocation_guess import ORDERS
-from synth.integrators.collocation_march import ROUGH, Level, march
+from synth.integrators.collocation_march import ORDERS, ROUGH, Level, march
 from synth.integrators.collocation_remainders import Work, excess_of, linear_part, mirror_of
 from synth.integrators.trajectory import reason
 from synth.kernels.collocation import NODES
@@ -24,7 +23,7 @@ from synth.kernels.collocation_weights import (
     gauss_nodes,
     legendre_tail,
     weights,
-)  # fmt: skip
+)
 from synth.phase import Floats, Integers
 
 _MOST_LEVELS = 17  # the shortest intervals are 256 times shorter than the longest

@@ -25,7 +25,7 @@ from synth.integrators.explicit_step import (
     is_stiff,
     local_error,
     noise,
-)  # fmt: skip
+)
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative

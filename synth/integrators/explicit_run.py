@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,40 +26,30 @@ class StiffError(RefusedError):
     """Refused since the motion is stiff."""
 
 
+@dataclass
 class Walk:
-    """A march that goes on from call to call.
+    """A march that goes on from call to call."""
 
-    Parameters
-    ----------
-    system : NamedTuple
-    event : Escapement or None
-    start : (n,) array
-    begin, end : float
-        Times of the start and of the last output that will be asked for, s.
-    tolerance : float
-        Local error allowed, relative to the largest size of each component so far.
-    patience : int
-        Steps at the edge of stability after which the motion counts as stiff.
-    amiss : float
-        See `march`.
-    """
+    system: Any
+    event: Escapement | None
+    start: Floats
+    """(n,)."""
+    begin: float
+    end: float
+    """Times of the start and of the last output that will be asked for, s."""
+    tolerance: float
+    """Local error allowed, relative to the largest size of each component so far."""
+    patience: int = marching.STIFF_STEPS
+    """Steps at the edge of stability after which the motion counts as stiff."""
+    amiss: float = 0.0
+    """See `march`."""
 
-    def __init__(
-        self,
-        system: Any,
-        event: Escapement | None,
-        start: Floats,
-        begin: float,
-        end: float,
-        tolerance: float,
-        patience: int = marching.STIFF_STEPS,
-        amiss: float = 0.0,
-    ) -> None:
-        self.system, self.event, self.end, self.tolerance = system, event, end, tolerance
-        self._patience, self._amiss = patience, amiss
-        self._progress = marching.begin_at(start, begin)
-        self.events: Memory | None = memory(event, start.size)
-        self._judge(marching.start_march(system, event, self.events, self._progress, end, tolerance))
+    def __post_init__(self) -> None:
+        self._progress = marching.begin_at(self.start, self.begin)
+        self.events: Memory | None = memory(self.event, self.start.size)
+        self._judge(
+            marching.start_march(self.system, self.event, self.events, self._progress, self.end, self.tolerance)
+        )
 
     @property
     def scale(self) -> Floats:
@@ -79,7 +70,7 @@ class Walk:
         while True:
             status = marching.march(
                 self.system, self.event, self.events, self._progress, times[written:], self.end, self.tolerance,
-                states[written:], self._patience, self._amiss,
+                states[written:], self.patience, self.amiss,
             )  # fmt: skip
             if status != marching.FULL or self.events is None:
                 break

@@ -25,7 +25,7 @@ from synth.integrators.trajectory import (
     relative_error,
     restarting,
     streamed,
-)  # fmt: skip
+)
 from synth.phase import Floats, Integers
 
 COMPANION = 10.0
@@ -53,12 +53,7 @@ _REASONS = {
 
 
 def integrate(
-    system: Any,
-    start: ArrayLike,
-    times: ArrayLike,
-    *,
-    tolerance: float = 1e-10,
-    stages: tuple[int, int] | None = None,
+    system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10, stages: tuple[int, int] | None = None
 ) -> Trajectory:
     """States of a stiff system at `times`.
 

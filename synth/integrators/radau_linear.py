@@ -113,14 +113,9 @@ def factor_pair(at: int, real: float, imaginary: float, jacobian: Any, size: Any
         exchanges[at * n + k] = chosen
         if chosen != k:
             for j in range(n):
-                stack[(at * n + k) * n + j], stack[(at * n + chosen) * n + j] = (
-                    stack[(at * n + chosen) * n + j],
-                    stack[(at * n + k) * n + j],
-                )
-                stack[(of * n + k) * n + j], stack[(of * n + chosen) * n + j] = (
-                    stack[(of * n + chosen) * n + j],
-                    stack[(of * n + k) * n + j],
-                )
+                for part in (at, of):
+                    one, other = (part * n + k) * n + j, (part * n + chosen) * n + j
+                    stack[one], stack[other] = stack[other], stack[one]
         re, im = stack[(at * n + k) * n + k], stack[(of * n + k) * n + k]
         square = 1.0 / (re * re + im * im)
         re, im = re * square, -im * square

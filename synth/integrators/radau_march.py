@@ -26,7 +26,7 @@ from synth.integrators.radau_step import (
     guess,
     local_error,
     part_step,
-)  # fmt: skip
+)
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative, jacobian

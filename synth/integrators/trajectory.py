@@ -22,6 +22,8 @@ Onward = Callable[[Floats], Floats]
 FEW = 8192
 """Instants at which a long motion is looked at before it is streamed."""
 
+_NEGLIGIBLE = 1e-14  # share of the largest component
+
 
 @dataclass(frozen=True)
 class Trajectory:
@@ -131,3 +133,8 @@ def relative_error(difference: Floats, largest: Floats) -> float:
     """
     size = np.where(largest > 0.0, largest, 1.0)
     return float(np.max(np.abs(difference) / size, initial=0.0))
+
+
+def difference(states: Floats, others: Floats, largest: Floats) -> float:
+    """As `relative_error` of two runs; a component that is rounding noise beside the largest counts as it is."""
+    return relative_error(others - states, np.where(largest > _NEGLIGIBLE * np.max(largest), largest, 0.0))

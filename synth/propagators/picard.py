@@ -26,9 +26,9 @@ import numpy as np
 from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import NEAR_RESONANT_BAND
-from synth.phase import Floats, Integers
+from synth.phase import Floats
 from synth.propagators.picard_forcing import EvenReadings, Sums, UnevenReadings
-from synth.propagators.picard_march import Equations, march
+from synth.propagators.picard_march import Equations, Swing, march
 from synth.propagators.times import EvenTimes, UnevenTimes
 
 _REACH = (6.0, 4.0)
@@ -36,25 +36,6 @@ _REACH = (6.0, 4.0)
 fastest harmonics are weak,"""
 _READ = 4.3
 """and times n, rad: the angle between nodes is then told to 2e-15."""
-
-
-@dataclass(frozen=True)
-class Swing:
-    """Angles at some readings.
-
-    Attributes
-    ----------
-    index : slice or (readings,) int64
-        Which readings of the clock.
-    theta : (pendulums, readings) float64
-        rad
-    estimated_error : float
-        Estimate of the largest error up to here, relative to the largest angle of the pendulum up to here.
-    """
-
-    index: slice | Integers
-    theta: Floats
-    estimated_error: float
 
 
 @dataclass(frozen=True)
@@ -119,7 +100,7 @@ class PicardPlan:
         theta = np.empty((len(self.frequencies), self.times.count))
         error = 0.0
         for swing in self.stream():
-            theta[:, swing.index] = swing.theta
+            theta[:, swing.readings] = swing.theta
             error = max(error, swing.estimated_error)
         return theta, error
 
@@ -136,8 +117,7 @@ class PicardPlan:
         if isinstance(times, EvenTimes) or (
             times.count and times.seconds[0] >= 0 and (np.diff(times.seconds) > 0).all()
         ):
-            for swing in march(self._equations(), self._readings(times)):
-                yield Swing(*swing)
+            yield from march(self._equations(), self._readings(times))
             return
         order = np.argsort(times.seconds, kind="stable")
         before = int(np.searchsorted(times.seconds[order], 0.0))

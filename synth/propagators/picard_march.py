@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from synth.kernels.collocation_weights import continuation, legendre_tail, weigh
 from synth.kernels.picard import Forcing, Law
 from synth.kernels.picard import march as march_intervals
 from synth.kicks import Kicks
-from synth.phase import Floats
+from synth.phase import Floats, Integers
 from synth.propagators.blocks import EvenTicks
 from synth.propagators.picard_error import Estimate
 from synth.propagators.picard_forcing import EvenReadings, Sums, UnevenReadings, node_grid
@@ -73,6 +74,17 @@ class Equations:
         )
 
 
+class Swing(NamedTuple):
+    """Angles at some readings."""
+
+    readings: slice | Integers
+    """Which readings of the clock."""
+    theta: Floats
+    """(pendulums, readings) rad."""
+    estimated_error: float
+    """Of the largest error up to here, relative to the largest angle of the pendulum up to here."""
+
+
 class _Level:
     """One length of intervals: forcing, weights and readings."""
 
@@ -99,16 +111,10 @@ class _Level:
         sets = [
             weights(Fraction(n) ** 2, 2 * Fraction(gamma), readings.interval, Fraction(n)) for n, gamma in each_pendulum
         ]
-        inner = np.array([each.inner[: NODES * NODES] for each in sets])
-        self.law = Law(
-            np.array([each.flow for each in sets]),
-            inner,
-            np.array([(continuation().T @ each.reshape(NODES, NODES)).ravel() for each in inner]),
-            np.array([each.end for each in sets]),
-            np.array([each.propagator for each in sets]),
-            legendre_tail()[None, :],
-            equations.linear,
-        )
+        flow, inner, end, propagator, _ = (np.array(column) for column in zip(*sets, strict=True))
+        inner = np.ascontiguousarray(inner[:, : NODES * NODES])
+        guess = np.array([(continuation().T @ each.reshape(NODES, NODES)).ravel() for each in inner])
+        self.law = Law(flow, inner, guess, end, propagator, legendre_tail()[None, :], equations.linear)
 
     def _impulses(self, first: int, count: int) -> Floats:
         """At the ends of intervals: what stays of y and y'/n, and what is added, (3, pendulums, count)."""
@@ -141,10 +147,8 @@ class _Level:
         return Forcing(horizontal[: self._pendulums], vertical, rest[0], drive, self._impulses(first, count))
 
 
-def march(
-    equations: Equations, readings: Sequence[EvenReadings | UnevenReadings]
-) -> Iterator[tuple[slice, Floats, float]]:
-    """Yield which readings, angles (pendulums, readings) and estimated error of stride after stride.
+def march(equations: Equations, readings: Sequence[EvenReadings | UnevenReadings]) -> Iterator[Swing]:
+    """Angles of stride after stride.
 
     The first stride is tried in intervals of several lengths, longest first; later ones halve what it took.
 
@@ -176,7 +180,7 @@ def march(
         elif result is not None:
             state, remainder, estimate = carried, known, tried
             done += count
-            yield *result, estimate.relative
+            yield Swing(*result, estimate.relative)
             calm += 1
             if depth and calm >= patience:
                 depth, done, calm = depth - 1, done // 2, 0

@@ -13,7 +13,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -164,49 +163,23 @@ class UnevenTimes(Times):
         return places
 
     def _layout(self, fastest: float) -> tuple[Blocks, Interpolate]:
-        layout = _Layout(self, fastest)
-        return layout.blocks, layout.interpolate
+        """Blocks that hold the moments; half their length is a power of two, so that they start at exact times."""
+        half = math.ldexp(1.0, math.frexp(_REACH / (fastest * float(self.scale)))[1] - 1)
+        number = np.floor(self.seconds / (2 * half)).astype(np.int64)  # of the block that each moment lies in
+        used, row = np.unique(number, return_inverse=True)
+        unit, nodes = Fraction(half) * self.scale, _nodes()
+        blocks = Blocks(Ticks(2 * used + 1), Ticks(nodes[_NODES // 2 :]), unit, unit / _FINE)
+        place = (self.seconds - (2 * number + 1) * half) / half
 
+        def interpolate(values: Any) -> Any:
+            if np.iscomplexobj(values):
+                return interpolate(values.real) + 1j * interpolate(values.imag)
+            polynomials = np.polynomial.chebyshev.chebvander(nodes / _FINE, _NODES - 1)
+            coefficients = values @ np.linalg.inv(polynomials).T
+            basis = np.polynomial.chebyshev.chebvander(place, _NODES - 1)
+            return np.array([np.einsum("ij,ij->i", basis, each[row]) for each in coefficients])
 
-@dataclass(frozen=True)
-class _Layout:
-    """Blocks that hold the moments, and where in its block each moment lies."""
-
-    times: UnevenTimes
-    fastest: float
-
-    @cached_property
-    def _half_length(self) -> float:
-        """A power of two, so that blocks start at exact times of the chronometer."""
-        reach = _REACH / (self.fastest * float(self.times.scale))
-        return math.ldexp(1.0, math.frexp(reach)[1] - 1)
-
-    @cached_property
-    def _number(self) -> Integers:
-        """Number of the block that each moment lies in."""
-        return np.floor(self.times.seconds / (2 * self._half_length)).astype(np.int64)
-
-    @cached_property
-    def _used(self) -> tuple[Integers, Integers]:
-        numbers, row = np.unique(self._number, return_inverse=True)
-        return numbers, row.astype(np.int64)
-
-    @cached_property
-    def blocks(self) -> Blocks:
-        unit = Fraction(self._half_length) * self.times.scale
-        nodes = _nodes()
-        return Blocks(Ticks(2 * self._used[0] + 1), Ticks(nodes[_NODES // 2 :]), unit, unit / _FINE)
-
-    def interpolate(self, values: Any) -> Any:
-        """Chebyshev interpolation, (sums, starts, offsets) to (sums, moments)."""
-        if np.iscomplexobj(values):
-            return self.interpolate(values.real) + 1j * self.interpolate(values.imag)
-        polynomials = np.polynomial.chebyshev.chebvander(_nodes() / _FINE, _NODES - 1)
-        coefficients = values @ np.linalg.inv(polynomials).T
-        centre = (2 * self._number + 1) * self._half_length
-        place = (self.times.seconds - centre) / self._half_length
-        basis = np.polynomial.chebyshev.chebvander(place, _NODES - 1)
-        return np.array([np.einsum("ij,ij->i", basis, each[self._used[1]]) for each in coefficients])
+        return blocks, interpolate
 
 
 def _nodes() -> Integers:

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from synth.integrators.events import Escapement, escapement
-from synth.integrators.explicit import integrate
-from synth.integrators.explicit_error import refine
+from synth.integrators.explicit import integrate, refine
 from synth.integrators.trajectory import Trajectory
 from synth.phase import Floats, Integers
 

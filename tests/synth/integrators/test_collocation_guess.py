@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synth.integrators.collocation_guess import ORDERS, best, guess, remember
+from synth.integrators.collocation_march import ORDERS, best, guess, remember
 from synth.kernels.collocation import NODES
 from synth.kernels.collocation_weights import FINE, aligned, continuation, gauss_nodes
 from synth.phase import Floats

@@ -11,8 +11,7 @@ from energies import energy
 from pantaleone_board import pantaleone
 
 from data_schemas.errors import RefusedError, UsageError
-from synth.integrators.explicit import integrate
-from synth.integrators.explicit_error import LOOSEST
+from synth.integrators.explicit import LOOSEST, integrate
 from synth.integrators.explicit_run import Run
 from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
 from synth.systems.harmonic_motion import harmonics

@@ -18,7 +18,7 @@ from synth.integrators.radau_step import (
     differences,
     evaluate,
     extrapolate,
-)  # fmt: skip
+)
 from synth.phase import Floats
 from synth.systems.dispatch import jacobian
 from synth.systems.driven_pendulums import plain

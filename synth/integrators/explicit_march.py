@@ -118,7 +118,8 @@ def march(
         progress.k,
         progress.polynomial,
     )
-    clock, counts, n = progress.clock, progress.counts, progress.slope.size
+    allowed, expected = progress.allowed, progress.expected
+    point, spare, clock, counts, n = progress.point, progress.spare, progress.clock, progress.counts, slope.size
     time, time_low, step, proposed = clock[TIME], clock[TIME_LOW], clock[STEP], clock[PROPOSED]
     error, share, ready, final = clock[ERROR], clock[SHARE], counts[READY] != 0, counts[FINAL] != 0
     halted = counts[HALTED] != 0
@@ -128,7 +129,7 @@ def march(
         reached = time + (time_low + step)
         while written < times.size and (final or times[written] <= reached):
             if not ready:
-                dense(time + time_low, step, progress, system)
+                dense(time + time_low, step, state, k, point, slope, spare, increment, polynomial, system)
                 counts[EVALUATIONS] += 3
                 ready = True
             part = min(1.0, ((times[written] - time) - time_low) / step) if step > 0.0 else 1.0
@@ -160,7 +161,7 @@ def march(
             low[i] = left_over[i] + shaken * noise(counts[STEPS], i) * following[i]
             k[0, i] = slope[i]
             scale[i] = max(scale[i], abs(state[i]))
-        allow(scale, progress.expected, tolerance, progress.allowed)
+        allow(scale, expected, tolerance, allowed)
         step, growth, error_before = proposed, _LARGEST_GROWTH, max(error, 1e-8)
         while status == DONE:
             stop = halt(kicks_of(system), counts[KICKS], end)
@@ -170,11 +171,11 @@ def march(
                 step = left
             halted = final and stop < end
             final = final and not halted
-            attempt(time + time_low, step, progress, system)
+            attempt(time + time_low, step, state, k, point, slope, increment, system)
             counts[EVALUATIONS] += 11
-            error = local_error(step, k, progress.allowed)
+            error = local_error(step, k, allowed)
             if error <= 1.0:
-                add(progress)
+                add(state, low, increment, following, left_over)
                 derivative(time + (time_low + step), following, system, slope)
                 counts[EVALUATIONS] += 1
                 if is_finite(slope):
@@ -188,7 +189,7 @@ def march(
         if status != DONE:
             break
         counts[STEPS] += 1
-        if is_stiff(step, progress):
+        if is_stiff(step, k, slope, following, point, allowed):
             counts[STIFF] += 1
             counts[CALM] = 0
         else:
@@ -205,7 +206,7 @@ def march(
         proposed = step * min(growth, max(0.2, factor))
         ready, share = False, 2.0
         if event is not None:
-            dense(time + time_low, step, progress, system)
+            dense(time + time_low, step, state, k, point, slope, spare, increment, polynomial, system)
             counts[EVALUATIONS] += 3
             ready = True
             share = locate(event, memory, state, low, following, left_over, polynomial)
@@ -213,8 +214,8 @@ def march(
                 step *= share
                 final = halted = False
                 ready = False
-                attempt(time + time_low, step, progress, system)
-                add(progress)
+                attempt(time + time_low, step, state, k, point, slope, increment, system)
+                add(state, low, increment, following, left_over)
                 derivative(time + (time_low + step), following, system, slope)
                 counts[EVALUATIONS] += 12
                 component, lack = miss(event, memory, share, following, left_over)
@@ -223,7 +224,7 @@ def march(
                     step += late
                     for i in range(n):
                         increment[i] += late * slope[i]
-                    add(progress)
+                    add(state, low, increment, following, left_over)
     clock[TIME], clock[TIME_LOW], clock[STEP], clock[PROPOSED] = time, time_low, step, proposed
     clock[ERROR], clock[SHARE] = error, share
     counts[READY], counts[FINAL], counts[WRITTEN], counts[HALTED] = int(ready), int(final), written, int(halted)

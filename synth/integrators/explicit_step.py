@@ -64,9 +64,10 @@ class Progress(NamedTuple):
 
 
 @kernel
-def attempt(time: float, h: float, progress: Progress, system: Any) -> None:
-    """Fill slopes k[1..11] from k[0], and the increment of the state over a step of h."""
-    state, k, point, slope, increment = progress.state, progress.k, progress.point, progress.slope, progress.increment
+def attempt(
+    time: float, h: float, state: Floats, k: Floats, point: Floats, slope: Floats, increment: Floats, system: Any
+) -> None:
+    """Fill slopes k[1..11] from k[0], and the increment of the state over a step of h; arrays as of `Progress`."""
     n = state.size
     for i in range(n):
         point[i] = state[i] + h * (_A[1][0] * k[0, i])
@@ -151,22 +152,23 @@ def local_error(step: float, k: Floats, scale: Floats) -> float:
 
 
 @kernel
-def dense(time: float, step: float, progress: Progress, system: Any) -> None:
+def dense(
+    time: float, step: float, state: Floats, k: Floats, point: Floats, slope: Floats, spare: Floats, increment: Floats,
+    polynomial: Floats, system: Any,
+) -> None:  # fmt: skip
     """Coefficients of the dense output of order 7 of a step that was accepted; three more evaluations."""
-    k, slope = progress.k, progress.slope
-    state, point, spare, n = progress.state, progress.point, progress.spare, slope.size
-    for i in range(n):
+    for i in range(state.size):
         k[12, i] = slope[i]
     for stage in range(13, 16):  # the stages of the step itself are written out, for speed
-        for i in range(n):
+        for i in range(state.size):
             total = 0.0
             for j in range(stage):
                 total += _INSIDE[stage, j] * k[j, i]
             point[i] = state[i] + step * total
         derivative(time + _C[stage] * step, point, system, spare)
-        for i in range(n):
+        for i in range(state.size):
             k[stage, i] = spare[i]
-    _curve(step, k, progress.increment, progress.polynomial)
+    _curve(step, k, increment, polynomial)
 
 
 @summing_kernel
@@ -258,12 +260,11 @@ def is_finite(values: Floats) -> bool:
 
 
 @kernel
-def is_stiff(step: float, progress: Progress) -> bool:
+def is_stiff(step: float, k: Floats, slope: Floats, following: Floats, point: Floats, allowed: Floats) -> bool:
     """|step x eigenvalue| from the last stage and the end of the step, which stand at the same time."""
-    k, slope, following, point = progress.k, progress.slope, progress.following, progress.point
     above, below, coarse = 0.0, 0.0, 0.0
     for i in range(slope.size):
-        unit = 1.0 / progress.allowed[i]
+        unit = 1.0 / allowed[i]
         turn, shift, grain = (slope[i] - k[11, i]) * unit, (following[i] - point[i]) * unit, following[i] * unit
         above += turn * turn
         below += shift * shift
@@ -272,12 +273,11 @@ def is_stiff(step: float, progress: Progress) -> bool:
 
 
 @kernel
-def add(progress: Progress) -> None:
+def add(state: Floats, low: Floats, increment: Floats, following: Floats, left_over: Floats) -> None:
     """(following, left_over) = (state, low) + increment, without loss."""
-    state, following = progress.state, progress.following
     for i in range(state.size):
-        small = progress.low[i] + progress.increment[i]
+        small = low[i] + increment[i]
         total = state[i] + small
         part = total - state[i]
-        progress.left_over[i] = (state[i] - (total - part)) + (small - part)
+        left_over[i] = (state[i] - (total - part)) + (small - part)
         following[i] = total

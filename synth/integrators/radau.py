@@ -171,9 +171,9 @@ class Problem(NamedTuple):
     def run(self, tolerance: float, reading: float, orders: tuple[int, int]) -> Run:
         """March once; RefusedError where it comes to a stop."""
         n = self.start.size
-        space, places = np.zeros(marching.room(n)), np.zeros(14 * n, dtype=np.int64)
+        space, places = np.zeros(42 * n + 15 * n * n), np.zeros(14 * n, dtype=np.int64)
         states, largest, counts = np.empty((self.times.size, n)), np.zeros(n), np.zeros(3, dtype=np.int64)
-        state = marching.state_in(space, n)
+        state = space[38 * n : 39 * n]
         state[:] = self.start
         outcome, time = marching.march(
             self.times, tolerance, reading, orders, (0,) * n, self.system, self.least,

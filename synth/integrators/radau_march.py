@@ -28,7 +28,6 @@ from synth.integrators.radau_step import (
     part_step,
 )
 from synth.kernels.compiled import kernel
-from synth.phase import Floats
 from synth.systems.dispatch import derivative, jacobian
 
 DONE, STUCK, UNDEFINED, ENDLESS = 0, 1, 2, 3
@@ -56,16 +55,6 @@ def _allowances(tolerance: float, dense: float, s: int) -> tuple[float, float]:
     return loose, max(1.0, (loose / dense) ** (1.0 / (s + 1)))
 
 
-def room(n: int) -> int:
-    """Numbers of working space that `march` needs for n unknowns."""
-    return 42 * n + 15 * n * n
-
-
-def state_in(space: Floats, n: int) -> Floats:
-    """The state, a view of the working space."""
-    return space[38 * n : 39 * n]
-
-
 @kernel
 def march(
     times: Any, tolerance: float, reading: float, orders: tuple[int, int], size: Any, system: Any, least: Any,
@@ -84,9 +73,9 @@ def march(
     system : NamedTuple
     least : (n,) array
         What counts as small of each component.
-    space : (room(n),) array
+    space : (42 n + 15 n^2,) array
     places : (14 n,) integer array
-        Working space; at first zero but for the start in `state_in(space, n)`.
+        Working space; at first zero but for the start, and then for the state, in `space[38 n : 39 n]`.
     out : (k, n) array
         States at `times`.
     largest : (n,) array

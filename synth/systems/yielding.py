@@ -93,9 +93,10 @@ def lever(sine: Any, cosine: Any, system: Any) -> Any:
     """e and e' of a pendulum, from sine and cosine of its angle."""
 
 
-@by_type("system")
+@taken_in
 def own_mass(system: Any) -> Any:
-    """M, kg."""
+    """M, kg: the first parameter of both."""
+    return system[0]
 
 
 @by_type("system")
@@ -111,16 +112,6 @@ def _lever_of_beam(sine: Any, cosine: Any, system: ElasticBeam) -> tuple[Any, An
 @registered("lever", FlexibleFrame)
 def _lever_of_frame(sine: Any, cosine: Any, system: FlexibleFrame) -> tuple[Any, Any]:
     return -cosine, sine
-
-
-@registered("own_mass", ElasticBeam)
-def _mass_of_beam(system: ElasticBeam) -> float:
-    return system.beam_mass
-
-
-@registered("own_mass", FlexibleFrame)
-def _mass_of_frame(system: FlexibleFrame) -> float:
-    return system.frame_mass
 
 
 @registered("pushed", ElasticBeam)

@@ -94,7 +94,7 @@ def integrate(
 
     Examples
     --------
-    >>> from synth.systems.van_der_pol import VanDerPol
+    >>> from synth.systems.resistance import VanDerPol
     >>> fast = integrate(VanDerPol(1000.0), [2.0, 0.0], [0.0, 1.0], tolerance=1e-9)
     >>> round(float(fast.states[1, 0]), 9)
     1.999333371
@@ -109,7 +109,7 @@ def stream(
 
     Examples
     --------
-    >>> from synth.systems.van_der_pol import VanDerPol
+    >>> from synth.systems.resistance import VanDerPol
     >>> pieces = stream(VanDerPol(1000.0), [2.0, 0.0], [np.array([0.5]), np.array([1.0])], (0.0, 1.0), tolerance=1e-9)
     >>> [round(float(states[-1, 0]), 9) for states in pieces]
     [1.999666843, 1.999333371]

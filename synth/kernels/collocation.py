@@ -1,4 +1,4 @@
-"""What all exponential collocation shares: the end of an interval without loss, and how good an interval is.
+"""What all exponential collocation shares: the end of an interval, reached without loss.
 
 States are sums of two doubles, (components, 4): position and rate, each as leading double and rest. The remainder at
 the nodes is `known` (2, components, NODES): that of this turn, `known[now]`, and of the turn before.
@@ -22,37 +22,19 @@ _SPLIT = 134217729.0  # 2^27 + 1
 
 
 @kernel
-def change(known: Floats, c: int) -> float:
-    """Square of what a turn changed of the remainder."""
-    first = load(known, (1, c, 0)) - load(known, (0, c, 0))
-    second = load(known, (1, c, LANES)) - load(known, (0, c, LANES))
-    return total(first * first + second * second)
-
-
-@kernel
-def last_terms(tail: Floats, known: Floats, now: int, c: int) -> tuple[float, float]:
-    """Squares of the last and of the last but one pair of Legendre coefficients."""
-    first = _product_sum(tail, 0, 0, known, now, c)
-    second = _product_sum(tail, 0, NODES, known, now, c)
-    third = _product_sum(tail, 0, 2 * NODES, known, now, c)
-    fourth = _product_sum(tail, 0, 3 * NODES, known, now, c)
-    return third * third + fourth * fourth, first * first + second * second
-
-
-@kernel
 def advance(state: Floats, propagator: Floats, end: Floats, known: Floats, now: int) -> None:
     """To the end of the interval: exact products with the leading doubles, everything else in the rest."""
     for c in range(state.shape[0]):
         position, position_rest, rate, rate_rest = state[c, 0], state[c, 1], state[c, 2], state[c, 3]
         for row in range(2):
-            kick = _product_sum(end, c, row * NODES, known, now, c)
-            kick_rest = _product_sum(end, c, (row + 2) * NODES, known, now, c)
+            kick = product_sum(end, c, row * NODES, known, now, c)
+            kick_rest = product_sum(end, c, (row + 2) * NODES, known, now, c)
             leading, rest = _moved(propagator, c, 8 * row, position, position_rest, rate, rate_rest, kick, kick_rest)
             state[c, 2 * row], state[c, 2 * row + 1] = leading, rest
 
 
 @kernel
-def _product_sum(rows: Floats, c: int, place: int, known: Floats, now: int, which: int) -> float:
+def product_sum(rows: Floats, c: int, place: int, known: Floats, now: int, which: int) -> float:
     """Sum over the nodes of a row of weights times the remainder."""
     first = load(rows, (c, place)) * load(known, (now, which, 0))
     return total(first + load(rows, (c, place + LANES)) * load(known, (now, which, LANES)))

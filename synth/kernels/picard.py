@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synth.kernels.collocation import NODES, POINTS, advance, change, last_terms
+from synth.kernels.collocation import NODES, POINTS, advance
 from synth.kernels.compiled import kernel, summing_kernel
 from synth.phase import Floats
 
@@ -122,7 +122,7 @@ def march(
                 agree = True
                 for p in range(pendulums):
                     limit = stop * stop * max(report[p, 3], floor[p])
-                    step = change(known, p)
+                    step = _change(known, p)
                     if step > HOPELESS:
                         return i
                     agree &= not step > limit
@@ -132,9 +132,7 @@ def march(
         for p in range(pendulums):
             report[p, 3] = max(report[p, 3], state[p, 0] * state[p, 0] + state[p, 2] * state[p, 2])
             report[p, 4] += turns
-            last, further = last_terms(tail, known, now, p)
-            report[p, 0], report[p, 1] = max(report[p, 0], last), max(report[p, 1], further)
-            report[p, 2] += _size(known, now, p)
+            _note(tail, known, now, p, report)
             points[p, i, 0] = state[p, 0]
         advance(state, propagator, end, known, now)
         for p in range(pendulums):
@@ -194,11 +192,28 @@ def _at(table: Any, row: int, points: Any, p: int, i: int) -> float:
 
 
 @summing_kernel
-def _size(known: Any, now: int, p: int) -> float:
+def _change(known: Any, p: int) -> float:
     total = 0.0
     for j in range(NODES):
-        total += known[now, p, j] * known[now, p, j]
+        step = known[1, p, j] - known[0, p, j]
+        total += step * step
     return total
+
+
+@summing_kernel
+def _note(tail: Any, known: Any, now: int, p: int, report: Any) -> None:
+    """Raise the report by the Legendre tail and the size of the remainder."""
+    first, second, third, fourth, size = 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(NODES):
+        value = known[now, p, j]
+        first += tail[0, j] * value
+        second += tail[0, NODES + j] * value
+        third += tail[0, 2 * NODES + j] * value
+        fourth += tail[0, 3 * NODES + j] * value
+        size += value * value
+    report[p, 0] = max(report[p, 0], third * third + fourth * fourth)
+    report[p, 1] = max(report[p, 1], first * first + second * second)
+    report[p, 2] += size
 
 
 @summing_kernel

@@ -122,19 +122,6 @@ class Halves:
     odd_table: Floats
 
 
-def harmonic_halves(weights: Phasors, table: Phasors) -> Halves:
-    """Harmonics: Re(W exp(i w tau)) = Re W cos(w tau) - Im W sin(w tau).
-
-    Parameters
-    ----------
-    weights : (harmonics, blocks)
-        W
-    table : (harmonics, reaches)
-        exp(i w tau)
-    """
-    return Halves(weights.real, table.real, weights.imag, table.imag)
-
-
 def general_halves(weights: Phasors, after: Phasors, before: Phasors) -> Halves:
     """Any functions, given on both sides of the centre.
 

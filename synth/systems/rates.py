@@ -32,7 +32,7 @@ def fastest_rate(system: Any, start: ArrayLike) -> float:
 
     Examples
     --------
-    >>> from synth.systems.van_der_pol import VanDerPol
+    >>> from synth.systems.resistance import VanDerPol
     >>> round(fastest_rate(VanDerPol(1000.0), [2.0, 0.0]))
     3000
     """

@@ -16,9 +16,8 @@ from synth.integrators.explicit_run import Run
 from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
 from synth.systems.harmonic_motion import harmonics
 from synth.systems.reduced_beam import ReducedBeam
-from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive, Viscous
+from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPol, VanDerPolDrive, Viscous
 from synth.systems.terms import together
-from synth.systems.van_der_pol import VanDerPol
 from synth.systems.yielding import ElasticBeam, FlexibleFrame, stiffness_of_ratio
 
 LENGTHS = np.array([0.249, 0.2484])

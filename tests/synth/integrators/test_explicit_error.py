@@ -16,8 +16,7 @@ from synth.integrators.explicit_run import Run
 from synth.phase import Floats
 from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
 from synth.systems.harmonic_motion import harmonics
-from synth.systems.resistance import Viscous
-from synth.systems.van_der_pol import VanDerPol
+from synth.systems.resistance import VanDerPol, Viscous
 
 SWING = 2 * math.pi
 

@@ -17,7 +17,7 @@ from synth.phase import Floats
 from synth.systems.driven_pendulums import plain
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
-from synth.systems.van_der_pol import VanDerPol
+from synth.systems.resistance import VanDerPol
 from synth.systems.yielding import ElasticBeam
 from tests.synth.integrators.conftest import Cliff, Linear
 

@@ -22,7 +22,7 @@ from synth.integrators.radau_step import (
 from synth.phase import Floats
 from synth.systems.dispatch import jacobian
 from synth.systems.driven_pendulums import plain
-from synth.systems.van_der_pol import VanDerPol
+from synth.systems.resistance import VanDerPol
 from tests.synth.integrators.conftest import Cliff, Linear
 
 STAGES = pytest.mark.parametrize("stages", [3, 5, 7])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from synth.integrators import collocation, radau
-from synth.systems.van_der_pol import VanDerPol
+from synth.systems.resistance import VanDerPol
 from synth.systems.yielding import ElasticBeam, FlexibleFrame
 
 FRAME = FlexibleFrame(2.0, np.full(2, 0.2), np.array([0.25, 0.24]), 150.0, 0.0, 9.81)

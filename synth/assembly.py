@@ -19,11 +19,10 @@ from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond, start_state
 from synth.phase import Floats
+from synth.systems.driven_pendulums import Linear, Sine
 from synth.systems.harmonic_motion import Harmonics, harmonics
-from synth.systems.impulses import Impulses
 from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive, Viscous
-from synth.systems.restoring import Linear, Sine
-from synth.systems.terms import together
+from synth.systems.terms import Impulses, together
 
 _DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
 
@@ -142,7 +141,7 @@ def assemble(
     )
     if support.equations == "full":
         return Assembly(system, start, _kicks(system, pendulums, masses * lengths**2))
-    from synth.systems.reduction import reduced
+    from synth.systems.reduced_beam import reduced
 
     made = reduced(system)
     units = made.physical(np.ones(start.size))

@@ -26,7 +26,7 @@ from synth.motion.harmonic_sum import HarmonicSum
 from synth.motion.harmonics import harmonics
 from synth.motion.tabulated import continued, tabulated
 from synth.phase import Floats
-from synth.propagators.even import EvenTimes
+from synth.propagators.times import EvenTimes
 
 _A_PERIOD = 16  # samples of the fastest harmonic of a tilt or an acceleration: of products of two, 8
 _MARGIN = 256  # samples beyond the record on either side, where the continuation is rough

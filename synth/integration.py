@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from importlib import import_module
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,6 @@ _MODULES: dict[Propagator, str] = {
     "explicit": "synth.integrators.explicit",
     "radau": "synth.integrators.radau",
 }
-_STREAMS = _MODULES | {"explicit": "synth.integrators.events"}
 _AT_ONCE = 1 << 18
 """Moments up to which a record is integrated in one piece; longer ones are marched twice and not held."""
 
@@ -59,7 +59,7 @@ def integrated(
     reasons = []
     for name in propagators:
         try:
-            if long and name in _STREAMS:
+            if long and name in _MODULES:
                 return _streamed(name, assembly, parts, tolerance)
             return _whole(name, assembly, parts, tolerance)
         except RefusedError as refusal:
@@ -71,20 +71,19 @@ def _whole(name: Propagator, assembly: Assembly, parts: Sequence[Clock], toleran
     times = np.concatenate([part.true_seconds for part in parts]) * assembly.time_scale
     begins = times[0] == 0.0
     instants = times if begins else np.concatenate([[0.0], times])
-    if assembly.kicks is not None:
-        from synth.integrators.events import integrate_with_events
-
-        found = integrate_with_events(assembly.system, assembly.start, instants, assembly.kicks, tolerance=tolerance)[0]
-    else:
-        integrate = import_module(_MODULES[name]).integrate  # one, and no other
-        found = integrate(assembly.system, assembly.start, instants, tolerance=tolerance)
+    integrate = import_module(_MODULES[name]).integrate  # one, and no other
+    found = integrate(assembly.system, assembly.start, instants, tolerance=tolerance, **_event(assembly))
     return iter([assembly.rows(found.states[0 if begins else 1 :])]), found.estimated_error, name
 
 
 def _streamed(name: Propagator, assembly: Assembly, parts: Sequence[Clock], tolerance: float) -> Found:
     chunks = (part.true_seconds * assembly.time_scale for part in parts)
     span = (0.0, parts[-1].true_end * assembly.time_scale)
-    event = {} if assembly.kicks is None else {"event": assembly.kicks}
-    stream = import_module(_STREAMS[name]).stream
-    found = stream(assembly.system, assembly.start, chunks, span, tolerance=tolerance, **event)
-    return (assembly.rows(piece.states) for piece in found.pieces), found.estimated_error, name
+    stream = import_module(_MODULES[name]).stream
+    found = stream(assembly.system, assembly.start, chunks, span, tolerance=tolerance, **_event(assembly))
+    return (assembly.rows(states) for states in found), found.estimated_error, name
+
+
+def _event(assembly: Assembly) -> dict[str, Any]:
+    """The kicks, which the explicit integrator alone knows."""
+    return {} if assembly.kicks is None else {"event": assembly.kicks}

@@ -23,8 +23,7 @@ from data_schemas.scene import Scene
 from data_schemas.scene_apparatus import Clamp, Knock, Release, Restart
 from data_schemas.scene_checks import frequency
 from synth.phase import Floats
-from synth.propagators.even import EvenTimes
-from synth.propagators.uneven import UnevenTimes
+from synth.propagators.times import EvenTimes, UnevenTimes
 from synth.seeds import generator
 
 _A_PERIOD = 16  # impulses of the fastest pendulum

@@ -23,8 +23,7 @@ from synth.motion.sea import sea
 from synth.motion.tabulated import tabulated
 from synth.needs import needs
 from synth.pendulums.linear import Response, respond
-from synth.propagators.even import EvenTimes
-from synth.propagators.uneven import UnevenTimes
+from synth.propagators.times import EvenTimes, UnevenTimes
 from synth.recording.clock import Clock
 from synth.seeds import generator
 

@@ -26,8 +26,7 @@ from synth.huygens.offset import orbit_slope, slope
 from synth.huygens.orbit import orbit, orbits, start_of
 from synth.huygens.paper import COUPLING, DAMPING, Chain, corrected, printed
 from synth.huygens.slow_flow import stability
-from synth.integrators.collocation import integrate
-from synth.integrators.collocation_ensemble import integrate_ensemble
+from synth.integrators.collocation import integrate, integrate_ensemble
 
 WAYS = ("paper", "corrected chain", "balance", "orbit", "motion")
 DRIVE = 0.02

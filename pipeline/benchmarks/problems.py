@@ -16,12 +16,10 @@ from data_schemas.scene_pendulum import StateStart
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond
 from synth.phase import Floats
-from synth.propagators.even import EvenTimes
-from synth.systems.driven_pendulums import DrivenPendulums
+from synth.propagators.times import EvenTimes
+from synth.systems.driven_pendulums import DrivenPendulums, Linear, Sine
 from synth.systems.harmonic_motion import harmonics
-from synth.systems.resistance import VanDerPolDrive, Viscous
-from synth.systems.restoring import Linear, Sine
-from synth.systems.van_der_pol import VanDerPol
+from synth.systems.resistance import VanDerPol, VanDerPolDrive, Viscous
 from synth.systems.yielding import ElasticBeam, stiffness_of_ratio
 
 GRAVITY = 9.81

@@ -26,8 +26,7 @@ from data_schemas.errors import RefusedError
 from pipeline.benchmarks.problems import GRAVITY, Answer, Problem, Swell
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
-from synth.systems.driven_pendulums import DrivenPendulums
-from synth.systems.restoring import Sine
+from synth.systems.driven_pendulums import DrivenPendulums, Sine
 from synth.systems.yielding import ElasticBeam
 
 Number = Callable[[Any], Any]

@@ -9,8 +9,7 @@ import numpy as np
 
 from data_schemas.errors import UsageError
 from synth.phase import Floats
-from synth.systems.reduced_beam import ReducedBeam
-from synth.systems.reduction import reduced
+from synth.systems.reduced_beam import ReducedBeam, reduced
 from synth.systems.resistance import VanDerPolDrive
 from synth.systems.yielding import ElasticBeam
 

@@ -40,7 +40,7 @@ def carried(system: Any, start: Floats, duration: float, steps: int) -> tuple[Fl
 
     Examples
     --------
-    >>> from synth.systems.van_der_pol import VanDerPol
+    >>> from synth.systems.resistance import VanDerPol
     >>> states, tangents = carried(VanDerPol(0.0), np.array([1.0, 0.0]), 0.5 * np.pi, 20)
     >>> np.round(states[-1], 9) + 0.0, np.round(tangents, 9) + 0.0
     (array([ 0., -1.]), array([[ 0.,  1.],

@@ -1,7 +1,13 @@
 """The march of exponential collocation through coupled oscillators, interval by interval.
 
 What the systems' remainder and the exact linear flow ask of each other at 16 Gauss nodes is iterated until a further
-turn would change nothing, from a guess that is good where the motion repeats itself. The state is carried as sums of two doubles.
+turn would change nothing, from a guess that is good where the motion repeats itself. States are sums of two doubles; inside
+an interval they are read from the polynomial through its start, nodes and end.
+
+First guesses come from what the remainder was before. Clocks repeat themselves: half a swing later the remainder at the
+same nodes is nearly the same but for its sign, and so is the way in which it changes. Backward differences over half
+swings (or as many intervals as make whole numbers of them) extrapolate that; a motion that does not repeat is continued
+as a polynomial instead. Which of these, and the order, is what would have missed least in the interval just done.
 """
 
 from __future__ import annotations
@@ -10,18 +16,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synth.integrators.collocation_advance import advance, product_sum, read
-from synth.integrators.collocation_guess import ORDERS, best, guess, remember
-from synth.integrators.collocation_remainders import nodes_of
-from synth.integrators.collocation_simd import LANES, load, store, total
-from synth.integrators.collocation_weights import Level
-from synth.kernels.collocation import POINTS
-from synth.kernels.collocation_remainder import NODES
-from synth.kernels.compiled import kernel
+from synth.integrators.collocation_remainders import Work, nodes_of
+from synth.kernels.collocation import NODES, POINTS, advance, product_sum
+from synth.kernels.compiled import kernel, summing_kernel
+from synth.kernels.lanes import LANES, load, store, total, wide
 from synth.phase import Floats, Integers
-from synth.systems.choice import taken_in
-from synth.systems.dispatch import remainder
+from synth.systems.dispatch import remainder, taken_in
 from synth.systems.terms import motion
+
+ORDERS = 5
+"""Differences kept; the guess that sums the first k of them is guess k, and guess `ORDERS` the polynomial."""
 
 MOST_TURNS = 16
 """Iterations after which an interval counts as too long."""
@@ -36,31 +40,26 @@ _LEAST = 1e-300  # square of a size: what a first guess leaves at rest has none
 _STALL = 1e3  # changes this many times the smallest that matters are rounding if they fall no longer
 
 
-class Work(NamedTuple):
-    """What a march moves on, and its work space."""
+class Level(NamedTuple):
+    """One length of intervals, with the weights of all components, (components, ...) each as in `Weights`."""
 
-    state: Floats
-    """(components, 4) position and rate, each as leading double and rest."""
-    amplitude: Floats
-    """(components,) square of the largest size so far."""
-    memory: Floats
-    """(lag, ORDERS, components, NODES) as for `collocation_guess`."""
-    known: Floats
-    """(2, components, NODES)."""
-    room: Floats
-    """(2, components, NODES)."""
-    base: Floats
-    """(components, 2 * NODES)."""
-    position: Floats
-    """(components, NODES)."""
-    rate: Floats
-    """(components, NODES)."""
+    interval: float
+    """s."""
+    lag: int
+    """Intervals after which the motion repeats itself, as far as it does; whole half swings."""
+    mirror: Floats
+    """(components,) what that many do to the remainder, 1 or -1."""
+    flow: Floats
+    inner: Floats
+    end: Floats
+    propagator: Floats
+    reach: Floats
 
 
 @kernel
 def march(
-    system: Any, horizontal: Any, vertical: Any, excess: Floats, level: Level, plan: Any, work: Work, limits: Any,
-    begin: float, count: int, times: Floats, states: Floats, report: Integers,
+    system: Any, horizontal: Any, vertical: Any, level: Level, plan: Any, work: Work, limits: Any, begin: float,
+    count: int, times: Floats, states: Floats, report: Integers,
 ) -> int:  # fmt: skip
     """Carry the system through consecutive intervals and read it on the way.
 
@@ -70,8 +69,6 @@ def march(
         Registered with a remainder.
     horizontal, vertical : motion term or None
         Of the ship.
-    excess : (components, 2)
-        As for `remainder`.
     level : Level
         Length of the intervals, whose multiples are exact, and the weights of all components.
     plan : tuple
@@ -97,7 +94,7 @@ def march(
         Number of intervals done.
     """
     interval, mirror, reach = level.interval, level.mirror, level.reach
-    state, amplitude, memory, known, room = work.state, work.amplitude, work.memory, work.known, work.room
+    state, amplitude, memory, known = work.state, work.amplitude, work.memory, work.known
     base, position, rate = work.base, work.position, work.rate
     places, tail, points, shares, continuation = plan
     components = state.shape[0]
@@ -128,30 +125,30 @@ def march(
                 return i
             turns += 1
             now = 1 - now
-            remainder(position, rate, sideways, upwards, system, excess, room, known, now)
+            remainder(work, sideways, upwards, system, now)
             if turns >= unchecked:
-                change = 0.0
+                moved = 0.0
                 for c in range(components):
                     step = _change(known, c) * (reach[c] * reach[c])
                     size = max(amplitude[c], 0.25 * _square(position, c), _LEAST)
-                    if step > change * size or not step <= np.inf:
-                        change = step / size
-                if turns > 1 and not change <= _WILD:
+                    if step > moved * size or not step <= np.inf:
+                        moved = step / size
+                if turns > 1 and not moved <= _WILD:
                     report[3] = TURNING
                     return i
                 if before <= _WILD:
-                    falling = min(1.0, change / before)
-                going = not change * min(1.0, _CAUTION * falling) <= settled
+                    falling = min(1.0, moved / before)
+                going = not moved * min(1.0, _CAUTION * falling) <= settled
                 if going and falling > 0.1 and before <= _WILD:
-                    going = not change <= _STALL * settled
+                    going = not moved <= _STALL * settled
                 going = going or (renewed and turns == 1)
-                before = change
+                before = moved
                 if not (going or reading):
                     break
         unchecked = 1 if (i + 1) % _RENEWAL == 0 else max(1, turns - 1)
         for c in range(components):
             amplitude[c] = max(amplitude[c], 0.25 * _square(position, c))
-            last, further = _tail(tail, known, now, c)
+            last, further = _last_terms(tail, known, now, c)
             cost = reach[c] * reach[c] / (16.0 * NODES)
             if last > 0.0 and not last * min(1.0, last / max(further, 1e-300)) * cost <= unresolved * amplitude[c]:
                 report[3] = ROUGH
@@ -179,7 +176,7 @@ def march(
             for c in range(components):
                 spots[2 * c, POINTS - 1], spots[2 * c + 1, POINTS - 1] = state[c, 0], state[c, 2]
             while report[0] < times.size and times[report[0]] < following:
-                read((times[report[0]] - start) / interval, points, shares, table, spots, states, report[0])
+                _read((times[report[0]] - start) / interval, points, shares, table, spots, states, report[0])
                 report[0] += 1
     return count
 
@@ -220,9 +217,20 @@ def _couple(inner: Floats, known: Floats, now: int, base: Floats, position: Floa
 
 @kernel
 def _change(known: Floats, c: int) -> float:
+    """Square of what a turn changed of the remainder."""
     first = load(known, (1, c, 0)) - load(known, (0, c, 0))
     second = load(known, (1, c, LANES)) - load(known, (0, c, LANES))
     return total(first * first + second * second)
+
+
+@kernel
+def _last_terms(tail: Floats, known: Floats, now: int, c: int) -> tuple[float, float]:
+    """Squares of the last and of the last but one pair of Legendre coefficients."""
+    first = product_sum(tail, 0, 0, known, now, c)
+    second = product_sum(tail, 0, NODES, known, now, c)
+    third = product_sum(tail, 0, 2 * NODES, known, now, c)
+    fourth = product_sum(tail, 0, 3 * NODES, known, now, c)
+    return third * third + fourth * fourth, first * first + second * second
 
 
 @kernel
@@ -231,11 +239,94 @@ def _square(position: Floats, c: int) -> float:
     return total(first * first + second * second)
 
 
+@summing_kernel
+def _read(
+    place: float, points: Floats, shares: Floats, table: Floats, spots: Floats, states: Floats, reading: int
+) -> None:
+    """Fill a row of states at a place in the interval, 0 to 1; barycentric."""
+    x = 2.0 * place - 1.0
+    total, hit = 0.0, -1
+    for j in range(POINTS):
+        apart = x - points[j]
+        if apart == 0.0:
+            hit, apart = j, 1.0
+        table[j] = shares[j] / apart
+        total += table[j]
+    if hit >= 0:
+        for c in range(spots.shape[0]):
+            states[reading, c] = spots[c, hit]
+        return
+    for c in range(spots.shape[0]):
+        value = 0.0
+        for j in range(POINTS):
+            value += table[j] * spots[c, j]
+        states[reading, c] = value / total
+
+
 @kernel
-def _tail(tail: Floats, known: Floats, now: int, c: int) -> tuple[float, float]:
-    """Squares of the last and of the last but one pair of Legendre coefficients."""
-    first = product_sum(tail, 0, 0, known, now, c)
-    second = product_sum(tail, 0, NODES, known, now, c)
-    third = product_sum(tail, 0, 2 * NODES, known, now, c)
-    fourth = product_sum(tail, 0, 3 * NODES, known, now, c)
-    return third * third + fourth * fourth, first * first + second * second
+def guess(memory: Floats, slot: int, which: int, mirror: Floats, continuation: Floats, known: Floats, now: int) -> None:
+    """Fill `known[now]` (components, NODES).
+
+    Parameters
+    ----------
+    memory : (lag, ORDERS, components, NODES)
+        Backward differences of the remainder, those of an interval in row `interval % lag`; zero if unknown.
+    slot : int
+        Row of the interval to come: its last entries are `lag` intervals old.
+    which : int
+        The guess.
+    mirror : (components,)
+        What `lag` intervals do to the remainder, 1 or -1.
+    continuation : (1, NODES * NODES)
+        Nodes of the interval to come (fast index) from those of the interval before (slow index).
+    """
+    before = (slot - 1) % memory.shape[0]
+    for c in range(mirror.size):
+        first, second = wide(0.0), wide(0.0)
+        if which == ORDERS:
+            for k in range(NODES):
+                value = memory[before, 0, c, k]
+                first += load(continuation, (0, k * NODES)) * value
+                second += load(continuation, (0, k * NODES + LANES)) * value
+        else:
+            for k in range(which):
+                first += load(memory, (slot, k, c, 0))
+                second += load(memory, (slot, k, c, LANES))
+            first, second = first * mirror[c], second * mirror[c]
+        store(known, (now, c, 0), first)
+        store(known, (now, c, LANES), second)
+
+
+@kernel
+def remember(memory: Floats, slot: int, mirror: Floats, known: Floats, now: int) -> None:
+    """Take the remainder of the interval just done into its row of differences."""
+    for c in range(mirror.size):
+        first, second = load(known, (now, c, 0)), load(known, (now, c, LANES))
+        for k in range(ORDERS):
+            old, older = load(memory, (slot, k, c, 0)), load(memory, (slot, k, c, LANES))
+            store(memory, (slot, k, c, 0), first)
+            store(memory, (slot, k, c, LANES), second)
+            first, second = first - old * mirror[c], second - older * mirror[c]
+
+
+@kernel
+def best(memory: Floats, slot: int, worth: Floats, missed: float) -> int:
+    """The guess that would have missed least: difference k is what guess k missed.
+
+    Parameters
+    ----------
+    worth : (components,)
+        Of a squared change of the remainder, in squares of sizes.
+    missed : float
+        What the polynomial missed.
+    """
+    which = 0
+    least = np.inf
+    for k in range(ORDERS):
+        worst = 0.0
+        for c in range(worth.size):
+            first, second = load(memory, (slot, k, c, 0)), load(memory, (slot, k, c, LANES))
+            worst = max(worst, total(first * first + second * second) * worth[c])
+        if worst < least:
+            which, least = k, worst
+    return ORDERS if missed < least else which

@@ -3,12 +3,10 @@
 A system that can be collocated registers a kernel under "remainder": all accelerations at the nodes, less the linear
 part that is carried exactly,
 
-    remainder(position, rate, sideways, upwards, system, excess, room, out, now)
+    remainder(work, sideways, upwards, system, now)
 
-position, rate, out[now] are (components, NODES); sideways and upwards the ship's acceleration (NODES,) or None;
-`excess` (components, 2) what the carried linear part has more than the system's own, 1/s^2 and 1/s, so that `out` is
-right to the last bit; room (2, components, NODES) is work space. Arrays are indexed, never cut: each view would count
-references.
+from position and rate of the `Work` of a march into its `known[now]`; sideways and upwards are the ship's acceleration
+(NODES,) or None. Arrays are indexed, never cut: each view would count references.
 
 Two passes over the pendulums: what each does to the support, then what the support does to each.
 """
@@ -16,22 +14,46 @@ Two passes over the pendulums: what each does to the support, then what the supp
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from synth.integrators.collocation_simd import LANES, load, positive, store, wide
-from synth.kernels.collocation_remainder import NODES
+from synth.kernels.collocation import NODES
 from synth.kernels.compiled import kernel
+from synth.kernels.lanes import LANES, load, positive, store, wide
 from synth.phase import Floats
-from synth.systems.choice import or_none, taken_in
-from synth.systems.dispatch import registered
+from synth.systems.dispatch import or_none, registered, taken_in
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.terms import driven
 from synth.systems.yielding import ElasticBeam, FlexibleFrame, lever, own_mass, pushed
 
 Exact = list[tuple[Fraction, Fraction]]
+
+
+class Work(NamedTuple):
+    """What a march moves on, and its work space."""
+
+    state: Floats
+    """(components, 4) position and rate, each as leading double and rest."""
+    amplitude: Floats
+    """(components,) square of the largest size so far."""
+    excess: Floats
+    """(components, 2) what the carried linear part has more than the system's own, 1/s^2 and 1/s: with it the remainder
+    is right to the last bit."""
+    memory: Floats
+    """(lag, ORDERS, components, NODES) as for `guess`."""
+    known: Floats
+    """(2, components, NODES) the remainder, of this turn and of the turn before in either order."""
+    room: Floats
+    """(2, components, NODES)."""
+    base: Floats
+    """(components, 2 * NODES)."""
+    position: Floats
+    """(components, NODES)."""
+    rate: Floats
+    """(components, NODES)."""
+
 
 _ROUNDER = 6755399441055744.0  # 1.5 * 2^52: adding and subtracting it rounds to a whole number
 _PI = (3.141592653589793116, 1.2246467991473532072e-16)
@@ -102,9 +124,8 @@ def linear_part(system: Any) -> Exact:
 @registered("remainder", FlexibleFrame)
 @registered("remainder", ElasticBeam)
 @kernel
-def _yielding(
-    position: Any, rate: Any, sideways: Any, upwards: Any, system: Any, excess: Any, room: Any, out: Any, now: int
-) -> None:
+def _yielding(work: Work, sideways: Any, upwards: Any, system: Any, now: int) -> None:
+    position, rate, excess, room = work.position, work.rate, work.excess, work.room
     count, gravity = system.length.size, system.gravity
     whole = own_mass(system)
     for p in range(count):
@@ -129,24 +150,15 @@ def _yielding(
         force += push
         yielding = (force - system.stiffness * place - drag * speed) / (whole - light)
         own = (force + light * yielding) * (1.0 / whole)
-        store(out, (now, 0, j), own + (excess[0, 0] * place + excess[0, 1] * speed))
+        store(work.known, (now, 0, j), own + (excess[0, 0] * place + excess[0, 1] * speed))
         for p in range(count):
-            store(out, (now, p + 1, j), load(room, (1, p, j)) + load(room, (0, p, j)) * yielding)
+            store(work.known, (now, p + 1, j), load(room, (1, p, j)) + load(room, (0, p, j)) * yielding)
 
 
 @registered("remainder", ReducedBeam)
 @kernel
-def _reduced(
-    position: Any,
-    rate: Any,
-    sideways: Any,
-    upwards: Any,
-    system: ReducedBeam,
-    excess: Any,
-    room: Any,
-    out: Any,
-    now: int,
-) -> None:
+def _reduced(work: Work, sideways: Any, upwards: Any, system: ReducedBeam, now: int) -> None:
+    position, rate, excess, room = work.position, work.rate, work.excess, work.room
     count, drive, coupling = system.detuning.size, system.drive, 2.0 * system.coupling
     drag = 2.0 * system.beam_damping
     for j in range(0, NODES, LANES):
@@ -162,24 +174,15 @@ def _reduced(
         place, speed = load(position, (0, j)), load(rate, (0, j))
         beam = (force - drag * speed - 4.0 * place) / positive(1.0 - light)
         own = force + light * beam
-        store(out, (now, 0, j), own + (excess[0, 0] * place + excess[0, 1] * speed))
+        store(work.known, (now, 0, j), own + (excess[0, 0] * place + excess[0, 1] * speed))
         for p in range(count):
-            store(out, (now, p + 1, j), load(room, (1, p, j)) + load(room, (0, p, j)) * beam)
+            store(work.known, (now, p + 1, j), load(room, (1, p, j)) + load(room, (0, p, j)) * beam)
 
 
 @registered("remainder", Metronomes)
 @kernel
-def _metronomes(
-    position: Any,
-    rate: Any,
-    sideways: Any,
-    upwards: Any,
-    system: Metronomes,
-    excess: Any,
-    room: Any,
-    out: Any,
-    now: int,
-) -> None:
+def _metronomes(work: Work, sideways: Any, upwards: Any, system: Metronomes, now: int) -> None:
+    position, rate, excess, room = work.position, work.rate, work.excess, work.room
     count, coupling, gravity = system.natural_frequency.size, system.coupling, system.gravity
     for j in range(0, NODES, LANES):
         force, light = wide(0.0), wide(0.0)
@@ -195,7 +198,7 @@ def _metronomes(
             store(room, (1, p, j), square * short + torque + (excess[p, 0] * angle + excess[p, 1] * swing))
         board = coupling * force / positive(1.0 - light)
         for p in range(count):
-            store(out, (now, p, j), load(room, (1, p, j)) + load(room, (0, p, j)) * board)
+            store(work.known, (now, p, j), load(room, (1, p, j)) + load(room, (0, p, j)) * board)
 
 
 def excess_of(parts: Exact, square: Floats, loss: Floats) -> Floats:

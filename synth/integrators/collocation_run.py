@@ -11,13 +11,20 @@ from typing import Any
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from synth.integrators.collocation_guess import ORDERS
-from synth.integrators.collocation_march import ROUGH, Work, march
-from synth.integrators.collocation_remainders import excess_of, linear_part, mirror_of
-from synth.integrators.collocation_weights import Level, aligned, weights
-from synth.kernels.collocation_remainder import NODES
+from synth.integrators.collocation_march import ORDERS, ROUGH, Level, march
+from synth.integrators.collocation_remainders import Work, excess_of, linear_part, mirror_of
+from synth.integrators.trajectory import reason
+from synth.kernels.collocation import NODES
+from synth.kernels.collocation_weights import (
+    FINE,
+    aligned,
+    barycentric,
+    continuation,
+    gauss_nodes,
+    legendre_tail,
+    weights,
+)
 from synth.phase import Floats, Integers
-from synth.propagators.picard_nodes import FINE, barycentric, continuation, gauss_nodes, legendre_tail
 
 _MOST_LEVELS = 17  # the shortest intervals are 256 times shorter than the longest
 _FARTHEST = 10.0  # rad a component may turn in an interval
@@ -98,18 +105,28 @@ class Problem:
         return self.levels[part]
 
 
-@dataclass
 class Run:
-    """Where a run is, and what it has done."""
+    """Where a run is, and what it has done.
 
-    problem: Problem
-    limits: tuple[float, float]
-    time: float
-    state: Floats
-    amplitude: Floats
-    report: Integers = field(default_factory=lambda: np.zeros(5, dtype=np.int64))
-    rejected: int = 0
-    depth: int = 0
+    Attributes
+    ----------
+    time : float
+        Reached so far, s.
+    work : Work
+    report : (5,) int64
+        As for `march`.
+    rejected, depth : int
+        Lengths of intervals that failed, and the one in use.
+    """
+
+    def __init__(self, problem: Problem, limits: tuple[float, float], time: float, state: Floats, amplitude: Floats):
+        self.problem, self.limits, self.time = problem, limits, time
+        self.report: Integers = np.zeros(5, dtype=np.int64)
+        self.rejected = self.depth = 0
+        components = len(state)
+        known, room, (position, rate) = (aligned(np.zeros((2, components, NODES))) for _ in range(3))
+        base, memory = aligned(np.zeros((components, 2 * NODES))), np.empty((0, ORDERS, components, NODES))
+        self.work = Work(state, amplitude, problem.excess, memory, known, room, base, position, rate)
 
     @classmethod
     def begin(cls, problem: Problem, start: Floats, time: float, limits: tuple[float, float]) -> Run:
@@ -120,58 +137,31 @@ class Run:
         swing = np.divide(state[:, 2], frequency, out=np.zeros_like(frequency), where=frequency > 0.0)
         return cls(problem, limits, time, state, state[:, 0] ** 2 + swing**2)
 
-    def __post_init__(self) -> None:
-        components = len(self.state)
-        self._memory = np.empty((0, ORDERS, components, NODES))
-        self._known, self._room, nodes = (aligned(np.zeros((2, components, NODES))) for _ in range(3))
-        self._position, self._rate = nodes
-        self._base = aligned(np.zeros((components, 2 * NODES)))
-
-    def copy(self) -> Run:
-        """Another run from here on."""
-        return Run(self.problem, self.limits, self.time, self.state.copy(), self.amplitude.copy(), self.report.copy())
-
     def go(self, level: Level, count: int, times: Floats, states: Floats) -> bool:
         """March `count` intervals, or as many as can be done; whether all were."""
-        system = self.problem.system
-        if len(self._memory) != level.lag:
-            self._memory = aligned(np.zeros((level.lag, ORDERS, len(self.state), NODES)))
-        work = Work(
-            self.state, self.amplitude, self._memory, self._known, self._room, self._base, self._position, self._rate
-        )
+        system, memory = self.problem.system, self.work.memory
+        if len(memory) != level.lag:
+            self.work = self.work._replace(memory=aligned(np.zeros((level.lag, *memory.shape[1:]))))
         ship = getattr(system, "horizontal", None), getattr(system, "vertical", None)
         limits = self.limits[0] ** 2, self.limits[1] ** 2
-        done = march(
-            system,
-            *ship,
-            self.problem.excess,
-            level,
-            _plan(),
-            work,
-            limits,
-            self.time,
-            count,
-            times,
-            states,
-            self.report,
-        )
+        done = march(system, *ship, level, _plan(), self.work, limits, self.time, count, times, states, self.report)
         self.time += done * level.interval
         return bool(done == count)
 
     def forget(self) -> None:
         """What the remainder was is of no use at another length of intervals."""
-        self._memory, self.report[4] = self._memory[:0], 0
+        self.work, self.report[4] = self.work._replace(memory=self.work.memory[:0]), 0
 
 
 def chosen(here: Run, ladder: Ladder = LADDER) -> int:
     """Depth of the intervals that are cheapest on the first swings, counted in turns a second."""
-    none = np.empty(0), np.empty((0, 2 * len(here.state)))
+    none = np.empty(0), np.empty((0, 2 * len(here.work.state)))
     cheapest, best = math.inf, _MOST_LEVELS - 1
     for depth in range(here.problem.shallowest(ladder), _MOST_LEVELS):
-        level, trial = here.problem.level(depth, ladder), here.copy()
+        level, begun = here.problem.level(depth, ladder), here.work
+        trial = Run(here.problem, here.limits, here.time, begun.state.copy(), begun.amplitude.copy())
         if trial.go(level, _PILOT, *none):
-            turns = int(trial.report[1] - here.report[1])
-            cost = (turns / _PILOT + _OVERHEAD) / level.interval
+            cost = (int(trial.report[1]) / _PILOT + _OVERHEAD) / level.interval
             if cost > cheapest:
                 break
             cheapest, best = cost, depth
@@ -233,12 +223,11 @@ def run(
 
 
 def _refused(here: Run, level: Level) -> RefusedError:
-    name = type(here.problem.system).__name__
-    difficulty = getattr(here.problem.system, "difficulty", None)
-    known = difficulty(here.state[:, [0, 2]].ravel()) if difficulty is not None else None
+    system = here.problem.system
     rough = "the nodes do not resolve the motion" if here.report[3] == ROUGH else "the iteration does not settle"
-    why = known or f"{rough} even in intervals of {level.interval:.3g}; use the propagator radau or explicit"
-    return RefusedError(f"collocation, {name} at t = {here.time:.6g}: {why}")
+    seen = f"{rough} even in intervals of {level.interval:.3g}; use the propagator radau or explicit"
+    why = reason(system, here.work.state[:, [0, 2]].ravel(), seen)
+    return RefusedError(f"collocation, {type(system).__name__} at t = {here.time:.6g}: {why}")
 
 
 @functools.cache

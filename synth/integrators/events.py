@@ -1,48 +1,38 @@
-"""Instants at which a motion crosses a value, and pendulums kept going by an escapement that kicks them there.
+"""Escapements: what the explicit march watches for within a step, and the kicks it gives there.
 
-With and without events, long motions come piece by piece (`stream`), in memory that does not grow with their length. The
-tolerance of the march is found first, by marches that keep few states (`explicit_error`); what is then streamed is the
-last of them once more. So the error is known, and every refusal made, before the first piece is written.
+The march calls `begin`, `locate`, `strike` and the others below; for `None` they compile to nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from data_schemas.errors import RefusedError, UsageError
-from synth.integrators.events_kick import Crossings, Escapement
-from synth.integrators.explicit import checked, trajectory
-from synth.integrators.explicit_error import ROUNDING, Refinement, gain, refine
-from synth.integrators.explicit_run import Walk
-from synth.integrators.trajectory import Piece, Stream, Trajectory
+from data_schemas.errors import UsageError
+from synth.integrators.events_roots import DEGREE, NONE, TO_BERNSTEIN, first_crossing, margin, sign
+from synth.kernels.compiled import kernel
 from synth.phase import Floats, Integers
+from synth.systems.dispatch import response
 
-_CLEAR = 10.0  # errors by which a turn must miss or pass a level
-
-
-@dataclass(frozen=True)
-class Events:
-    """What happened, in order of time."""
-
-    times: Floats
-    """(events,) s."""
-    watches: Integers
-    """(events,) number of the crossing watched for, from 0."""
-    estimated_error: float
-    """Largest estimated error of `times`, s."""
+_SAME = 1e-12  # crossings nearer than this share of a step are one instant: all of them happen
 
 
-def crossings(component: ArrayLike, level: ArrayLike, direction: ArrayLike = 1) -> Crossings:
-    """Watch components of the state cross levels: direction +1 rising, -1 falling, 0 either."""
-    columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(column)) for column in (component, level, direction)))
-    if not np.isin(columns[2], (-1, 0, 1)).all():
-        raise UsageError("direction of a crossing: 1 rising, -1 falling, 0 either")
-    return Crossings(_whole(columns[0]), _real(columns[1]), _whole(columns[2]))
+class Escapement(NamedTuple):
+    """Kicks to give: at a crossing the pendulum's rate jumps along its motion, so that the energy grows as stated."""
+
+    component: Integers
+    """(kicks,) place of the pendulum's angle in the state; its rate follows."""
+    level: Floats
+    """(kicks,) crossing angle, rad."""
+    direction: Integers
+    """(kicks,) +1 rising, -1 falling, 0 either."""
+    pendulum: Integers
+    """(kicks,) number of the pendulum, from 0."""
+    energy: Floats
+    """(kicks,) energy of a kick, >= 0: J, or per m l^2 (rad^2/s^2) for systems without masses."""
 
 
 def escapement(
@@ -63,127 +53,184 @@ def escapement(
     direction : array of int
         +1 rising, -1 falling, 0 both ways.
     """
-    given = (pendulum, angle, direction, energy)
-    columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(column)) for column in given))
-    if not np.isin(columns[2], (-1, 0, 1)).all():
+    number, way = (np.asarray(each, dtype=np.int64) for each in (pendulum, direction))
+    level, given = (np.asarray(each, dtype=np.float64) for each in (angle, energy))
+    columns = np.broadcast_arrays(system.first_angle + 2 * number, level, way, number, given)
+    made = Escapement(*(np.array(each, ndmin=1) for each in columns))
+    if not np.isin(made.direction, (-1, 0, 1)).all():
         raise UsageError("direction of a kick: 1 rising, -1 falling, 0 both ways")
-    if not (columns[3] >= 0.0).all():
+    if not (made.energy >= 0.0).all():
         raise UsageError("energy of a kick must be 0 or more")
-    number = _whole(columns[0])
-    return Escapement(system.first_angle + 2 * number, _real(columns[1]), _whole(columns[2]), number, _real(columns[3]))
+    return made
 
 
-def integrate_with_events(
-    system: Any, start: ArrayLike, times: ArrayLike, event: Crossings | Escapement, *, tolerance: float = 1e-10
-) -> tuple[Trajectory, Events]:
-    """As `explicit.integrate`, noting crossings or giving kicks; the motion restarts after each.
+class Memory(NamedTuple):
+    """What a march remembers of its kicks, and its working space."""
 
-    Crossings are found on the dense polynomial by a method that cannot miss one (`events_roots`), the step is then
-    made anew up to the crossing, and the rest removed along the tangent: instants are as good as the states.
+    sides: Integers
+    """(kicks,) on which side of the level the component was last."""
+    margins: Floats
+    """(kicks,) by how little a turn of the motion missed or passed the level so far."""
+    shares: Floats
+    """(kicks,) next crossing in the present step."""
+    coefficients: Floats
+    lefts: Floats
+    work: Floats
+    impulse: Floats
+    noted: Integers
+    """(1,) number of crossings so far."""
+    times: Floats
+    """(capacity,) and their times,"""
+    lows: Floats
+    """what rounding left over of them,"""
+    which: Integers
+    """and the kick that was given at each."""
 
-    Raises
-    ------
-    RefusedError
-        As `integrate`; and where a crossing is so near to a touch that the tolerance does not decide whether the
-        escapement fires.
-    """
-    first, instants = checked(start, times, tolerance)
-    made = refine(system, event, first, instants, tolerance)
-    error = decided(made, event)
-    happened, which = made.runs[-1].happenings()
-    return trajectory(made, instants), Events(happened, which, error)
+
+def memory(event: Escapement | None, size: int, capacity: int = 1024) -> Memory | None:
+    """Working space for the kicks of a state of `size` components; None for no event."""
+    if event is None:
+        return None
+    kicks = event.level.size
+    capacity = max(capacity, kicks)
+    return Memory(
+        sides=np.zeros(kicks, dtype=np.int64),
+        margins=np.full(kicks, np.inf),
+        shares=np.full(kicks, NONE),
+        coefficients=np.zeros((60, DEGREE + 1)),
+        lefts=np.zeros((60, 2)),
+        work=np.zeros(DEGREE + 1),
+        impulse=np.zeros(size),
+        noted=np.zeros(1, dtype=np.int64),
+        times=np.zeros(capacity),
+        lows=np.zeros(capacity),
+        which=np.zeros(capacity, dtype=np.int64),
+    )
 
 
-def stream(
-    system: Any,
-    start: ArrayLike,
-    chunks: Iterable[Floats],
-    span: tuple[float, float],
-    *,
-    tolerance: float = 1e-10,
-    event: Crossings | Escapement | None = None,
-) -> Stream:
-    """As `explicit.integrate` and `integrate_with_events`, for times that come in chunks.
+def roomier(notes: Memory) -> Memory:
+    """The same, with room for twice as many kicks."""
+    return notes._replace(**{name: np.concatenate([getattr(notes, name)] * 2) for name in ("times", "lows", "which")})
 
-    Parameters
-    ----------
-    system, start, tolerance, event
-        As there.
-    chunks : iterable of (k,) arrays
-        Increasing times, s, over all chunks. How they are cut changes no bit of the states.
-    span : (float, float)
-        Time of the start, and a time that no chunk goes beyond.
 
-    Returns
-    -------
-    Stream
+def happenings(notes: Memory | None) -> tuple[Floats, Integers]:
+    """Times of the kicks noted, and the number of each."""
+    if notes is None:
+        return np.zeros(0), np.zeros(0, dtype=np.int64)
+    count = int(notes.noted[0])
+    return notes.times[:count] + notes.lows[:count], notes.which[:count].copy()
 
-    Examples
-    --------
-    >>> from synth.systems.driven_pendulums import plain
-    >>> pieces = stream(plain(2.0), [0.1, 0.0], [np.array([0.0, 0.5]), np.array([1.0])], (0.0, 1.0))
-    >>> [round(float(piece.states[-1, 0]), 6) for piece in pieces]
-    [0.054091, -0.041508]
-    """
-    first, ends = checked(start, np.array(span), tolerance)
-    made = refine(system, event, first, ends, tolerance)
+
+@kernel
+def begin(event: Any, memory: Any, state: Floats) -> None:
+    """Remember the sides at the start."""
     if event is not None:
-        decided(made, event)
-    pieces = _pieces(system, event, first, chunks, ends, made)
-    return Stream(pieces, made.estimated_error, made.cost(0), made.cost(2), made.cost(1))
+        for j in range(event.level.size):
+            memory.sides[j] = sign(state[event.component[j]] - event.level[j])
 
 
-def _pieces(
-    system: Any, event: Any, start: Floats, chunks: Iterable[Floats], span: Floats, made: Refinement
-) -> Iterator[Piece]:
-    best, reached = made.runs[-1], float(span[0])
-    walk = Walk(system, event, start, reached, float(span[1]), best.tolerance)
-    for times in chunks:
-        instants = np.array(times, dtype=np.float64)
-        if instants.size and not (reached <= instants[0] and instants[-1] <= span[1] and np.all(np.diff(instants) > 0)):
-            raise UsageError(f"times of a chunk must increase within {reached!r} to {float(span[1])!r} s")
-        reached = float(instants[-1]) if instants.size else reached
-        yield Piece(walk.onward(instants), *walk.happenings())
-
-
-def decided(made: Refinement, event: Crossings | Escapement) -> float:
-    """Estimated error of the instants of events, s; RefusedError where the marches do not decide what happened."""
-    rough, fine = made.runs[-2:]
-    begin, end = float(fine.times[0]), float(fine.times[-1])
-    shift = _shift(rough.happenings(), fine.happenings(), end)
-    assert fine.events is not None  # since there is an event
-    grazing = np.any(fine.events.margins < _CLEAR * made.estimated_error * fine.scale[event.component])
-    if shift is None or grazing:
-        raise RefusedError(
-            "events: whether a crossing happens is not decided by the tolerance (the motion only touches the level);"
-            " move the level, or ask for a smaller tolerance"
+@kernel
+def locate(
+    event: Escapement,
+    memory: Memory,
+    state: Floats,
+    low: Floats,
+    following: Floats,
+    left_over: Floats,
+    polynomial: Floats,
+) -> float:
+    """Share of the step at the first crossing, or 2.0; remembers the crossing of each kick, and the sides if none."""
+    earliest = NONE
+    for j in range(event.level.size):
+        c, level = event.component[j], event.level[j]
+        for m in range(DEGREE + 1):
+            value = 0.0
+            for row in range(7):
+                value += TO_BERNSTEIN[row, m] * polynomial[row, c]
+            memory.coefficients[0, m] = (state[c] - level) + (low[c] + value)
+        # the same expression at both ends, so that a step begins with the very number its predecessor ended with
+        memory.coefficients[0, 0] = (state[c] - level) + low[c]
+        memory.coefficients[0, DEGREE] = (following[c] - level) + left_over[c]
+        memory.margins[j] = min(memory.margins[j], margin(memory.coefficients, memory.work))
+        memory.shares[j] = first_crossing(
+            memory.coefficients, memory.lefts, memory.work, memory.sides[j], event.direction[j]
         )
-    error = shift * gain(rough, fine)
-    if made.probe is not None:
-        moved = _shift(made.probe.noisy.happenings(), made.probe.quiet.happenings(), end)
-        error += (end - begin if moved is None else moved) * ROUNDING / made.probe.noise
-    which = fine.happenings()[1]
-    rates, sizes = np.abs(fine.events.rates[: which.size]), fine.scale[event.component[which]]
-    late = np.divide(made.estimated_error * sizes, rates, out=np.zeros_like(rates), where=rates > 0.0)
-    return max(error, float(np.max(late, initial=0.0))) + 4.4e-16 * max(abs(begin), abs(end))
+        earliest = min(earliest, memory.shares[j])
+    if earliest > 1.0:
+        for j in range(event.level.size):
+            now = sign((following[event.component[j]] - event.level[j]) + left_over[event.component[j]])
+            if now != 0:
+                memory.sides[j] = now
+    return earliest
 
 
-def _shift(rough: tuple[Floats, Integers], fine: tuple[Floats, Integers], end: float) -> float | None:
-    """Largest difference of the instants of two runs, watch by watch; None where they differ in number."""
-    largest = 0.0
-    for watch in np.unique(np.concatenate([rough[1], fine[1]])):
-        one, other = rough[0][rough[1] == watch], fine[0][fine[1] == watch]
-        common = min(one.size, other.size)
-        largest = max(largest, float(np.max(np.abs(one[:common] - other[:common]), initial=0.0)))
-        beyond = np.concatenate([one[common:], other[common:]])
-        if beyond.size > 1 or np.any(end - beyond > 10.0 * largest + 1e-9 * abs(end)):
-            return None
-    return largest
+@kernel
+def miss(event: Escapement, memory: Memory, share: float, following: Floats, left_over: Floats) -> tuple[int, float]:
+    """Component of the earliest crossing, and what the state lacks to its level."""
+    c, lack = 0, 0.0
+    for j in range(event.level.size):
+        if memory.shares[j] == share:
+            c = event.component[j]
+            lack = (event.level[j] - following[c]) - left_over[c]
+    return c, lack
 
 
-def _whole(column: Any) -> Integers:
-    return np.ascontiguousarray(column, dtype=np.int64)
+@kernel
+def _happens(event: Any, memory: Memory, j: int, share: float, following: Floats, left_over: Floats) -> bool:
+    """Whether kick j fires at this instant; if so, its component is put on the level exactly."""
+    c = event.component[j]
+    side, direction = memory.sides[j], event.direction[j]
+    now = sign((following[c] - event.level[j]) + left_over[c])
+    passed = side != 0 and now == -side and (direction == 0 or now == direction)
+    if not (memory.shares[j] <= share + _SAME or passed):
+        if now != 0:
+            memory.sides[j] = now
+        return False
+    if direction != 0:
+        memory.sides[j] = direction
+    else:
+        memory.sides[j] = -side if side != 0 else sign(following[c + 1])
+    following[c] = event.level[j]
+    left_over[c] = 0.0
+    return True
 
 
-def _real(column: Any) -> Floats:
-    return np.ascontiguousarray(column, dtype=np.float64)
+@kernel
+def full(event: Any, memory: Any) -> bool:
+    """Whether the memory may have no room for what happens next."""
+    return event is not None and memory.noted[0] + memory.sides.size > memory.times.size
+
+
+@kernel
+def strike(
+    event: Any,
+    memory: Any,
+    share: float,
+    time: float,
+    time_low: float,
+    following: Floats,
+    left_over: Floats,
+    system: Any,
+) -> None:
+    """Note what crosses at this instant, and give the kicks."""
+    if event is not None:
+        for j in range(event.level.size):
+            if _happens(event, memory, j, share, following, left_over):
+                place = memory.noted[0]
+                memory.times[place], memory.lows[place], memory.which[place] = time, time_low, j
+                memory.noted[0] = place + 1
+                _kick(event, j, memory.impulse, following, system)
+
+
+@kernel
+def _kick(event: Escapement, j: int, impulse: Floats, following: Floats, system: Any) -> None:
+    rate = following[event.component[j] + 1]
+    response(following, event.pendulum[j], system, impulse)
+    ease = impulse[event.component[j] + 1]  # change of rate by a unit impulse
+    # energy of an impulse J: J rate + J^2 ease/2; the root that pushes along the motion, without cancellation
+    speed = abs(rate) + math.sqrt(rate * rate + 2.0 * ease * event.energy[j])
+    push = 2.0 * event.energy[j] / speed if speed > 0.0 else 0.0
+    if rate < 0.0 or (rate == 0.0 and event.direction[j] < 0):
+        push = -push
+    for i in range(following.size):
+        following[i] += push * impulse[i]

@@ -7,6 +7,8 @@ ends as an interval too short to split and is no crossing; a double crossing wit
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 
 from synth.kernels.compiled import kernel
@@ -158,8 +160,6 @@ def margin(coefficients: Floats, work: Floats) -> float:
 
 def _bernstein() -> Floats:
     """Bernstein coefficients of x^a (1-x)^b, the terms of the dense output."""
-    from math import comb
-
     powers = ((1, 0), (1, 1), (2, 1), (2, 2), (3, 2), (3, 3), (4, 3))
     table = np.zeros((7, DEGREE + 1))
     for term, (a, b) in enumerate(powers):

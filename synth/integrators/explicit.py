@@ -1,21 +1,65 @@
-"""The explicit integrator of order 8: for violent, driven and escaping motion that is not stiff."""
+"""The explicit integrator of order 8: for violent, driven and escaping motion that is not stiff.
+
+How good a march is, several of different local tolerances tell.
+
+Errors are nearly proportional to the local tolerance. Two loose marches tell what this makes at the end, and so what
+local tolerance the one that counts must have; its own error follows from its difference from the second of them. If
+that is more than was asked, marches follow until it is not. Where rounding may matter, a loose march is made again with
+noise put to it at every step: what the motion makes of that, it makes of rounding, much near the top of a swing and
+in chaos. Where two marches have nothing to do with each other any more, their difference itself is the error.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from data_schemas.errors import UsageError
-from synth.integrators.explicit_error import Refinement, refine
-from synth.integrators.trajectory import Trajectory
+from data_schemas.errors import RefusedError
+from synth.integrators.events import Escapement
+from synth.integrators.explicit_march import MOST_STEPS
+from synth.integrators.explicit_run import Run, StiffError, Walk
+from synth.integrators.trajectory import Onward, Stream, Trajectory, checked, difference, relative_error, streamed
+from synth.kernels.compiled import kernel
 from synth.phase import Floats
+from synth.systems.dispatch import derivative
 
-_CHECKS = 65
+RATIO = 1e4
+"""Usual ratio of the local tolerances of two marches that are compared."""
+NOISES = (1e-8, 1e-11, 1e-14, 1e-15)
+LOOSEST = 1e-6
+TIGHTEST = 1e-16
+"""Local tolerance, relative; at the rounding of a step, though increments are added with compensation."""
+_USUAL = 20.0  # error over the local tolerance, in a thousand swings
+ROUNDING = 2.2e-16
+_ROUGHEST = 1e-4
+_SCOUT = 10.0  # times looser than the loose march
+_PATIENT = 20_000  # stiff steps: a hundredth of a second
+_SHAKE = 1e-14  # noise that is surely more than rounding
+_ORDER = 8.0
+_LINEAR = 0.03  # differences of marches above this are no longer proportional to what made them
+_INNOCENT = 1e4  # a motion that makes c of the local tolerance makes less than 1e4 c of rounding
+_VISIBLE = 0.1  # share of the tolerance below which rounding need not be known
+_CAUTION = 2.0  # since errors are only nearly proportional to the tolerance
+_LUCK = 4.0  # since noise is drawn once
+_COMPARED = 200  # instants
+_MOMENT = 0.01  # of a step, in which the driving force changes evenly
+_FEW = 0.01  # outputs that may fall between the kicks of two runs
+_AIM = 0.5  # of the tolerance
+_FURTHER = 1e-3  # on the local tolerance, where two marches went different ways
+_CLEAR = 10.0  # errors by which a turn must miss or pass the level of a kick
+
+March = Callable[..., Run]
+"""A march of one motion, of which times, tolerance, patience and noise are left to say."""
 
 
-def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10) -> Trajectory:
+def integrate(
+    system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10, event: Escapement | None = None
+) -> Trajectory:
     """Integrate a system and return its states at `times`.
 
     Parameters
@@ -28,6 +72,10 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
         Increasing, s. They do not change the steps.
     tolerance : float
         Error wanted at the end, relative to the size of each component.
+    event : Escapement, optional
+        Kicks to give; the motion restarts after each. Crossings are found on the dense polynomial by a method that
+        cannot miss one (`events_roots`), the step is then made anew up to the crossing, and the rest removed along
+        the tangent: instants are as good as the states.
 
     Returns
     -------
@@ -36,7 +84,8 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
     Raises
     ------
     RefusedError
-        Stiff motion, a singularity, numbers that are not finite.
+        Stiff motion, a singularity, numbers that are not finite; a crossing so near to a touch that the tolerance does
+        not decide whether the escapement fires.
     UsageError
         Arguments that cannot be meant.
 
@@ -47,32 +96,221 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
     >>> round(float(swing.states[1, 0]), 6)
     -0.041508
     """
+    return _solve(system, start, times, tolerance, event)[0]
+
+
+def stream(
+    system: Any,
+    start: ArrayLike,
+    chunks: Iterable[Floats],
+    span: tuple[float, float],
+    *,
+    tolerance: float = 1e-10,
+    event: Escapement | None = None,
+) -> Stream:
+    """As `integrate`, for times that come in chunks (`trajectory.streamed`); how they are cut changes no bit.
+
+    Examples
+    --------
+    >>> from synth.systems.driven_pendulums import plain
+    >>> pieces = stream(plain(2.0), [0.1, 0.0], [np.array([0.0, 0.5]), np.array([1.0])], (0.0, 1.0))
+    >>> [round(float(states[-1, 0]), 6) for states in pieces]
+    [0.054091, -0.041508]
+    """
+    return streamed(_solve(system, start, span, tolerance, event), chunks, span)
+
+
+def _solve(
+    system: Any, start: ArrayLike, times: ArrayLike, tolerance: float, event: Escapement | None
+) -> tuple[Trajectory, Callable[[], Onward]]:
     first, instants = checked(start, times, tolerance)
-    return trajectory(refine(system, None, first, instants, tolerance), instants)
-
-
-def with_checks(times: Floats) -> Floats:
-    """More instants where few are asked for: an error may pass through zero at a single one."""
-    if times.size == 1 or times.size >= _CHECKS:
-        return times
-    return np.union1d(times, np.linspace(times[0], times[-1], _CHECKS)[:-1])
-
-
-def trajectory(made: Refinement, times: Floats) -> Trajectory:
-    """What is returned of the marches made, at the instants asked for."""
+    made = refine(system, event, first, instants, tolerance)
+    if event is not None:
+        decided(made, event)
     best = made.runs[-1]
-    states = best.states[np.searchsorted(best.times, times)]
-    return Trajectory(times, states, made.estimated_error, made.cost(0), made.cost(2), made.cost(1))
+    steps, rejected, evaluations = made.costs
+    states = best.states[np.searchsorted(best.times, instants)]
+    found = Trajectory(instants, states, made.estimated_error, steps, evaluations, rejected)
+    return found, lambda: Walk(system, event, first, float(instants[0]), float(instants[-1]), best.tolerance).onward
 
 
-def checked(start: ArrayLike, times: ArrayLike, tolerance: float) -> tuple[Floats, Floats]:
-    """Arguments as arrays, or UsageError."""
-    first = np.array(start, dtype=np.float64)
-    instants = np.array(times, dtype=np.float64)
-    if first.ndim != 1 or first.size == 0 or not np.isfinite(first).all():
-        raise UsageError("start must be one row of finite numbers, one for each component of the state")
-    if instants.ndim != 1 or instants.size == 0 or not np.isfinite(instants).all() or np.any(np.diff(instants) <= 0.0):
-        raise UsageError("times must be finite and increasing, and begin with the time of the start")
-    if not 0.0 < tolerance <= 1.0:
-        raise UsageError(f"tolerance = {tolerance!r}: give a relative error above 0, such as 1e-10")
-    return first, instants
+@dataclass(frozen=True)
+class Probe:
+    """A march made again with noise."""
+
+    noisy: Run
+    moved: float
+    """By how much, relative."""
+    noise: float
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """All that was marched for one trajectory."""
+
+    runs: list[Run]
+    """From the loosest to the last, which is the result."""
+    probe: Probe | None
+    truncation: float
+    """Estimated error of the last run that smaller steps would remove,"""
+    rounding: float
+    """and that which they would not."""
+    linear: bool
+    """Whether the last two marches are near each other."""
+
+    @property
+    def estimated_error(self) -> float:
+        """Of the last run, relative, see `synth.integrators.trajectory`."""
+        return self.truncation + self.rounding
+
+    @property
+    def costs(self) -> list[int]:
+        """Steps, rejected steps and evaluations of all marches."""
+        runs = self.runs if self.probe is None else [*self.runs, self.probe.noisy]
+        costs: list[int] = np.sum([each.counts for each in runs], axis=0).tolist()
+        return costs
+
+
+def refine(system: Any, event: Escapement | None, start: Floats, times: Floats, tolerance: float) -> Refinement:
+    """March until the estimated error meets the tolerance or rounding stops it."""
+    march = partial(Run, system, event, start)
+    loose = min(max(RATIO * tolerance / _USUAL, RATIO * TIGHTEST), _ROUGHEST)
+    few = instants(times[0], times[-1])
+    times = np.union1d(times, few)
+    try:
+        scout = march(few, _SCOUT * loose, _PATIENT)
+        rough = march(few, loose, _PATIENT)
+    except StiffError:  # a loose march may be at the edge of stability where a tight one is not
+        local = max(loose / RATIO, TIGHTEST)
+        fine = march(times, local)
+        rough = march(few, loose, MOST_STEPS)
+        spent = [rough]
+    else:
+        apart = apart_at(scout, rough, few)
+        wanted = _AIM * tolerance * scout.tolerance / (_CAUTION * apart) if 0.0 < apart < _LINEAR else loose / RATIO
+        local = min(max(wanted, TIGHTEST), 0.1 * loose, LOOSEST)
+        fine = march(times, local)
+        spent = [scout, rough]
+    made = judged([*spent, fine], _probe(march, rough, fine, few, tolerance), few)
+    while made.truncation > _AIM * tolerance and made.estimated_error > tolerance and local > TIGHTEST:
+        factor = min(0.1, _AIM * tolerance / made.truncation) if made.linear else _FURTHER
+        local = max(TIGHTEST, local * factor)
+        rough, fine = fine, march(times, local)
+        probe = made.probe if made.linear else _probe(march, rough, fine, few, tolerance)
+        made = judged([*made.runs, fine], probe, few)
+    if not made.linear:
+        # with noise and with its opposite: where the top of a swing decides, one of them falls elsewhere, while marches
+        # that differ in their steps only may all fall to the same side by chance
+        probes = [_noisy(march, made.runs[-1], few, noise) for noise in (_SHAKE, -_SHAKE)]
+        made = judged(made.runs, max(probes, key=lambda probe: probe.moved), few)
+    return replace(made, rounding=made.rounding + clock_rounding(system, made.runs[-1], few))
+
+
+def decided(made: Refinement, event: Escapement) -> None:
+    """RefusedError where the marches do not decide which kicks were given."""
+    rough, fine = made.runs[-2:]
+    assert fine.events is not None  # since there is an event
+    grazing = np.any(fine.events.margins < _CLEAR * made.estimated_error * fine.scale[event.component])
+    if grazing or not _same_kicks(rough, fine):
+        raise RefusedError(
+            "events: whether a crossing happens is not decided by the tolerance (the motion only touches the level);"
+            " move the level, or ask for a smaller tolerance"
+        )
+
+
+def _same_kicks(rough: Run, fine: Run) -> bool:
+    """Whether two runs gave the same kicks, but for a last one next to the end."""
+    largest, end = 0.0, float(fine.times[-1])
+    (times, which), (others, which_others) = rough.happenings(), fine.happenings()
+    for kick in np.union1d(which, which_others):
+        one, other = times[which == kick], others[which_others == kick]
+        common = min(one.size, other.size)
+        largest = max(largest, float(np.max(np.abs(one[:common] - other[:common]), initial=0.0)))
+        beyond = np.concatenate([one[common:], other[common:]])
+        if beyond.size > 1 or np.any(end - beyond > 10.0 * largest + 1e-9 * abs(end)):
+            return False
+    return True
+
+
+def clock_rounding(system: Any, fine: Run, few: Floats) -> float:
+    """What a driven motion makes of time being a double, relative: each step is driven as of a slightly other time."""
+    span, steps = float(few[-1] - few[0]), float(fine.counts[0])
+    if steps == 0.0:
+        return 0.0
+    states = fine.states[np.searchsorted(fine.times, few)]
+    moment = _MOMENT * span / steps
+    change = np.zeros(states.shape[1])
+    _change(system, few, states, moment, change)
+    rounded = 0.5 * ROUNDING * float(np.max(np.abs(few)))
+    return _LUCK * rounded * span / np.sqrt(steps) * relative_error(change[None, :], fine.scale)
+
+
+@kernel
+def _change(system: Any, times: Floats, states: Floats, moment: float, out: Floats) -> None:
+    """Root mean square by which the derivative at a given state changes with time alone, a second."""
+    here, aside = np.empty_like(out), np.empty_like(out)
+    for k in range(times.size):
+        derivative(times[k], states[k], system, here)
+        derivative(times[k] + moment, states[k], system, aside)
+        for i in range(out.size):
+            out[i] += (aside[i] - here[i]) ** 2
+    for i in range(out.size):
+        out[i] = np.sqrt(out[i] / times.size) / moment
+
+
+def instants(begin: float, end: float) -> Floats:
+    """Where marches are compared: spread unevenly, lest they beat with the swing, and whatever the outputs are."""
+    count = np.arange(_COMPARED)
+    shares = (count + count * 0.6180339887498949 % 1.0) / _COMPARED
+    return np.unique(np.concatenate([begin + (end - begin) * shares, [end]]))
+
+
+def _probe(march: March, rough: Run, fine: Run, few: Floats, tolerance: float) -> Probe | None:
+    """The looser of two marches with noise, or None where rounding cannot matter or nothing can be learnt."""
+    apart = apart_at(rough, fine, few)
+    if apart > _LINEAR or _INNOCENT * ROUNDING * max(1.0, apart / rough.tolerance) < _VISIBLE * tolerance:
+        return None
+    for noise in NOISES:
+        probe = _noisy(march, rough, few, noise)
+        if probe.moved < _LINEAR:
+            break
+    return probe
+
+
+def _noisy(march: March, quiet: Run, few: Floats, noise: float) -> Probe:
+    noisy = march(few, quiet.tolerance, MOST_STEPS, noise)
+    return Probe(noisy, apart_at(noisy, quiet, few), abs(noise))
+
+
+def judged(runs: list[Run], probe: Probe | None, few: Floats) -> Refinement:
+    """The runs with the error of the last: what its tolerance makes of its difference from the one before, and rounding."""
+    rough, fine = runs[-2:]
+    apart = apart_at(rough, fine, few)
+    truncation = _CAUTION * apart * gain(rough, fine) if apart < _LINEAR else apart
+    rounding = 2.0 * ROUNDING
+    if probe is not None:
+        rounding += _LUCK * probe.moved * ROUNDING / probe.noise if probe.moved < _LINEAR else probe.moved
+    return Refinement(runs, probe, truncation, rounding, apart < _LINEAR)
+
+
+def gain(rough: Run, fine: Run) -> float:
+    """Error of the finer of two marches over that of the other: the tolerances', more where their steps hardly differ.
+
+    A few long steps hardly shrink with the tolerance, and in an unstable motion the first of them count most.
+    """
+    tighter = fine.tolerance / rough.tolerance
+    steps = float(rough.counts[0]) / float(fine.counts[0]) if fine.counts[0] else 0.0
+    return min(1.0, tighter * max(1.0, steps**_ORDER / tighter) ** 1.5)
+
+
+def apart_at(one: Run, other: Run, few: Floats) -> float:
+    """Largest relative difference of two runs at `few` instants; 1 where their kicks do not match.
+
+    Kicks are at slightly different times in the two: only instants between the same kicks are compared.
+    """
+    states = [each.states[np.searchsorted(each.times, few)] for each in (one, other)]
+    before = [np.searchsorted(each.happenings()[0], few) for each in (one, other)]
+    comparable = before[0] == before[1]
+    if np.count_nonzero(comparable) < (1.0 - _FEW) * few.size - 1:
+        return 1.0
+    return difference(states[0][comparable], states[1][comparable], other.scale)

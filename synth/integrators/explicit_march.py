@@ -11,33 +11,28 @@ from typing import Any
 
 import numpy as np
 
-from synth.integrators.events_kick import begin, full, locate, miss, strike
-from synth.integrators.explicit_control import add, allow, expect, first_step, is_finite, is_stiff, noise
-from synth.integrators.explicit_progress import (
-    CALM,
-    ERROR,
-    EVALUATIONS,
-    FINAL,
-    HALTED,
-    KICKS,
-    PROPOSED,
-    READY,
-    REJECTED,
-    SHARE,
-    STEP,
-    STEPS,
-    STIFF,
-    TIME,
-    TIME_LOW,
-    WRITTEN,
+from synth.integrators.events import begin, full, locate, miss, strike
+from synth.integrators.explicit_step import (
     Progress,
+    add,
+    allow,
+    attempt,
+    between,
+    dense,
+    expect,
+    first_step,
+    is_finite,
+    is_stiff,
+    local_error,
+    noise,
 )
-from synth.integrators.explicit_step import attempt, between, dense, local_error
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
-from synth.systems.impulses import halt, jolt, kicks_of
+from synth.systems.terms import halt, jolt, kicks_of
 
+TIME, TIME_LOW, STEP, PROPOSED, ERROR, SHARE = range(6)  # of `Progress.clock`
+STEPS, REJECTED, EVALUATIONS, STIFF, CALM, READY, FINAL, WRITTEN, KICKS, HALTED = range(10)  # of `Progress.counts`
 DONE, UNDERFLOW, NOT_FINITE, TOO_STIFF, TOO_LONG, FULL = range(6)
 MOST_STEPS = 2_000_000_000
 STIFF_STEPS = 15
@@ -45,6 +40,16 @@ _CALM_STEPS = 6
 _ASIDE = 1e-4  # of a first step, to see the curvature
 _LARGEST_GROWTH = 6.0
 _CONTROL, _MEMORY = 0.7 / 8.0, 0.4 / 8.0  # proportional-integral step control (Gustafsson)
+_NOT_YET, _AVERAGE = 2.0, 1e-4
+
+
+def begin_at(start: Floats, time: float) -> Progress:
+    """Progress before the first step, of no length, which ends at `start`."""
+    n = start.size
+    spaces = {name: np.zeros(n) for name in Progress._fields}
+    spaces |= {"state": start.copy(), "following": start.copy(), "k": np.zeros((16, n)), "polynomial": np.zeros((7, n))}
+    spaces["clock"] = np.array([time, 0.0, 0.0, 0.0, _AVERAGE, _NOT_YET])
+    return Progress(**spaces | {"counts": np.array([0, 0, 0, 0, 0, 1, 0, 0, 0, 0])})
 
 
 @kernel
@@ -73,24 +78,16 @@ def start_march(system: Any, event: Any, memory: Any, progress: Progress, end: f
 
 @kernel
 def march(
-    system: Any,
-    event: Any,
-    memory: Any,
-    progress: Progress,
-    times: Floats,
-    end: float,
-    tolerance: float,
-    states: Floats,
-    patience: int,
-    amiss: float,
-) -> int:
+    system: Any, event: Any, memory: Any, progress: Progress, times: Floats, end: float, tolerance: float, states: Floats,
+    patience: int, amiss: float,
+) -> int:  # fmt: skip
     """Integrate over `times` and fill `states` there.
 
     Parameters
     ----------
     system : NamedTuple
     event, memory : NamedTuple or None
-        `Crossings` or `Escapement`, with its memory; None compiles to nothing.
+        `Escapement`, with its memory; None compiles to nothing.
     progress : Progress
         From `begin_at`, made ready by `start_march`; the march can be taken up again with it.
     times : (k,) array
@@ -112,11 +109,17 @@ def march(
     int
         DONE; FULL when the memory has no room for further events and the march waits for more, with the number of
         `states` filled in `progress.counts[WRITTEN]`; or why it ended before.
-    """  # fmt: skip
+    """
     state, low, following, left_over = progress.state, progress.low, progress.following, progress.left_over
-    increment, scale, expected, allowed = progress.increment, progress.scale, progress.expected, progress.allowed
-    point, slope, spare, k, polynomial = progress.point, progress.slope, progress.spare, progress.k, progress.polynomial
-    clock, counts, n = progress.clock, progress.counts, progress.slope.size
+    increment, scale, slope, k, polynomial = (
+        progress.increment,
+        progress.scale,
+        progress.slope,
+        progress.k,
+        progress.polynomial,
+    )
+    allowed, expected = progress.allowed, progress.expected
+    point, spare, clock, counts, n = progress.point, progress.spare, progress.clock, progress.counts, slope.size
     time, time_low, step, proposed = clock[TIME], clock[TIME_LOW], clock[STEP], clock[PROPOSED]
     error, share, ready, final = clock[ERROR], clock[SHARE], counts[READY] != 0, counts[FINAL] != 0
     halted = counts[HALTED] != 0
@@ -126,7 +129,7 @@ def march(
         reached = time + (time_low + step)
         while written < times.size and (final or times[written] <= reached):
             if not ready:
-                dense(time + time_low, step, state, increment, slope, k, point, spare, polynomial, system)
+                dense(time + time_low, step, state, k, point, slope, spare, increment, polynomial, system)
                 counts[EVALUATIONS] += 3
                 ready = True
             part = min(1.0, ((times[written] - time) - time_low) / step) if step > 0.0 else 1.0
@@ -144,7 +147,7 @@ def march(
         time_low = (time - (total - rest)) + (small - rest)
         time = total
         if share <= 1.0:
-            strike(event, memory, share, time, time_low, following, left_over, slope, system)
+            strike(event, memory, share, time, time_low, following, left_over, system)
             derivative(time + time_low, following, system, slope)
             counts[EVALUATIONS] += 1
         if halted:
@@ -203,7 +206,7 @@ def march(
         proposed = step * min(growth, max(0.2, factor))
         ready, share = False, 2.0
         if event is not None:
-            dense(time + time_low, step, state, increment, slope, k, point, spare, polynomial, system)
+            dense(time + time_low, step, state, k, point, slope, spare, increment, polynomial, system)
             counts[EVALUATIONS] += 3
             ready = True
             share = locate(event, memory, state, low, following, left_over, polynomial)

@@ -1,4 +1,4 @@
-"""One step of the explicit Runge-Kutta pair of order 8, and its dense output.
+"""One step of the explicit Runge-Kutta pair of order 8, its dense output, and what is asked of it.
 
 Slopes are kept in the rows of one array, so that no view is made in the loop. The increment of the step is formed apart
 from the state, for the march to add it with compensation.
@@ -8,41 +8,67 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from synth.integrators.explicit_tableau import CORRECTION, DENSE, ERRORS, NODES, WEIGHTS
 from synth.kernels.compiled import kernel, summing_kernel
-from synth.phase import Floats
+from synth.phase import Floats, Integers
 from synth.systems.dispatch import derivative
 
 _A, _B, _L, _C, _D, _E = WEIGHTS, WEIGHTS[12], CORRECTION, NODES, np.array(DENSE), np.array(ERRORS)
 _INSIDE = np.array([[*row, *[0.0] * (16 - len(row))] for row in WEIGHTS])
 
 _FIRST = CORRECTION[0] + float(sum(map(Fraction, WEIGHTS[12])) - 1)  # the rest of the first slope's weight
+_STIFF_AT = 6.1  # |step x eigenvalue| at the edge of the stability region (Hairer, Norsett, Wanner)
+_GRAIN = 1e-15  # of the state: below it the two times of the test differ by rounding only
+_SURELY = 0.25  # of the size expected
+_SMALL_SCALE = 1e-6  # a component more than a million times smaller than the largest is held to that size
+
+
+class Progress(NamedTuple):
+    """All that a march has in hand, so that it can be halted and taken up again; changed in place.
+
+    For a state of n components: arrays (n,) where not said otherwise.
+    """
+
+    state: Floats
+    """At the start of the step in hand, as the sum of two doubles,"""
+    low: Floats
+    following: Floats
+    """and at its end,"""
+    left_over: Floats
+    increment: Floats
+    scale: Floats
+    """Largest size of each component so far."""
+    expected: Floats
+    """What each will grow to at least, seen from the start."""
+    allowed: Floats
+    """Error allowed to each in a step."""
+    slope: Floats
+    """At the end of the step."""
+    point: Floats
+    """Working space."""
+    spare: Floats
+    k: Floats
+    """(16, n) slopes of the stages."""
+    polynomial: Floats
+    """(7, n) dense output of the step."""
+    clock: Floats
+    """(6,) start of the step as a sum of two doubles, its length, length of the next, error of the last, share of a
+    crossing in it."""
+    counts: Integers
+    """(10,) steps, rejected, evaluations; steps at the edge of stability and since; whether the polynomial is made;
+    whether the step ends the march; outputs of the last call; impulses so far, and whether the step ends at the next."""
 
 
 @kernel
 def attempt(
-    time: float, step: float, state: Floats, k: Floats, point: Floats, slope: Floats, increment: Floats, system: Any
+    time: float, h: float, state: Floats, k: Floats, point: Floats, slope: Floats, increment: Floats, system: Any
 ) -> None:
-    """Fill slopes k[1..11] from k[0], and the increment of the state over the step.
-
-    Parameters
-    ----------
-    time, step : float
-    state : (n,) array
-    k : (16, n) array
-        Row 0 holds the slope at `state`.
-    point, slope : (n,) arrays
-        Working space.
-    increment : (n,) array
-        Result.
-    system : NamedTuple
-    """
+    """Fill slopes k[1..11] from k[0], and the increment of the state over a step of h; arrays as of `Progress`."""
     n = state.size
-    h = step
     for i in range(n):
         point[i] = state[i] + h * (_A[1][0] * k[0, i])
     derivative(time + _C[1] * h, point, system, slope)
@@ -127,37 +153,22 @@ def local_error(step: float, k: Floats, scale: Floats) -> float:
 
 @kernel
 def dense(
-    time: float, step: float, state: Floats, increment: Floats, after: Floats, k: Floats, point: Floats, slope: Floats,
+    time: float, step: float, state: Floats, k: Floats, point: Floats, slope: Floats, spare: Floats, increment: Floats,
     polynomial: Floats, system: Any,
 ) -> None:  # fmt: skip
-    """Coefficients (7, n) of the dense output of order 7 of a step that was accepted; three more evaluations.
-
-    Parameters
-    ----------
-    after : (n,) array
-        Slope at the end of the step.
-    """
+    """Coefficients of the dense output of order 7 of a step that was accepted; three more evaluations."""
     for i in range(state.size):
-        k[12, i] = after[i]
-    _slope_of(13, time, step, state, k, point, slope, system)
-    _slope_of(14, time, step, state, k, point, slope, system)
-    _slope_of(15, time, step, state, k, point, slope, system)
+        k[12, i] = slope[i]
+    for stage in range(13, 16):  # the stages of the step itself are written out, for speed
+        for i in range(state.size):
+            total = 0.0
+            for j in range(stage):
+                total += _INSIDE[stage, j] * k[j, i]
+            point[i] = state[i] + step * total
+        derivative(time + _C[stage] * step, point, system, spare)
+        for i in range(state.size):
+            k[stage, i] = spare[i]
     _curve(step, k, increment, polynomial)
-
-
-@kernel
-def _slope_of(
-    stage: int, time: float, step: float, state: Floats, k: Floats, point: Floats, slope: Floats, system: Any
-) -> None:
-    """Fill a row of slopes from those before it; the stages of a step itself are written out, for speed."""
-    for i in range(state.size):
-        total = 0.0
-        for j in range(stage):
-            total += _INSIDE[stage, j] * k[j, i]
-        point[i] = state[i] + step * total
-    derivative(time + _C[stage] * step, point, system, slope)
-    for i in range(state.size):
-        k[stage, i] = slope[i]
 
 
 @summing_kernel
@@ -186,3 +197,87 @@ def between(share: float, state: float, low: float, polynomial: Floats, i: int) 
     # order of the factors: x [F0 + (1-x) (F1 + x (F2 + (1-x) (F3 + x (F4 + (1-x) (F5 + x F6)))))]
     value = polynomial[0, i] + rest * value
     return state + (low + share * value)
+
+
+@kernel
+def allow(scale: Floats, expected: Floats, tolerance: float, allowed: Floats) -> None:
+    """Error allowed to each component in a step."""
+    largest = 0.0
+    for i in range(scale.size):
+        largest = max(largest, scale[i])
+    if largest == 0.0:
+        largest = 1.0
+    for i in range(scale.size):
+        allowed[i] = tolerance * max(max(scale[i], expected[i]), _SMALL_SCALE * largest)
+
+
+@kernel
+def expect(start: Floats, slope: Floats, curvature: Floats, expected: Floats) -> None:
+    """Sizes that the components will grow to at least, so that one which starts at zero is not held to nothing.
+
+    With y'' = -w^2 y the rate reaches w y, and w is the root of y''/y: of all components, the fastest.
+    """
+    square = 0.0
+    for i in range(start.size):
+        if start[i] != 0.0:
+            square = max(square, abs(curvature[i] / start[i]))
+    for i in range(start.size):
+        expected[i] = abs(start[i])
+        if 0.0 < square < np.inf:
+            expected[i] = max(expected[i], _SURELY * max(abs(slope[i]) / math.sqrt(square), abs(curvature[i]) / square))
+
+
+@kernel
+def first_step(start: Floats, slope: Floats, allowed: Floats, tolerance: float, span: float) -> float:
+    """At most a hundredth of the time in which the slope would change the state by its own size.
+
+    Errors of the first steps too are to be proportional to the tolerance, as it is assumed where marches are compared:
+    an unstable motion enlarges them more than all later ones.
+    """
+    size, speed = 0.0, 0.0
+    for i in range(slope.size):
+        size = max(size, abs(start[i]) / allowed[i])
+        speed = max(speed, abs(slope[i]) / allowed[i])
+    guess = 1e-2 * size / speed if speed > 0.0 and size > 1e-9 * speed * span else 1e-6 * span
+    return min(guess * tolerance**0.125, span)
+
+
+@kernel
+def noise(step: int, component: int) -> float:
+    """-1 or 1, as if by chance (a linear congruence of the two, its high bits stirred)."""
+    word = (step * 1103515245 + component * 374761393 + 12345) & 0x7FFFFFFF
+    word = ((word ^ (word >> 13)) * 1274126177) & 0x7FFFFFFF
+    return 1.0 if (word >> 17) & 1 else -1.0
+
+
+@kernel
+def is_finite(values: Floats) -> bool:
+    """Whether every value is a number."""
+    total = 0.0
+    for i in range(values.size):
+        total += values[i] * 0.0
+    return total == 0.0
+
+
+@kernel
+def is_stiff(step: float, k: Floats, slope: Floats, following: Floats, point: Floats, allowed: Floats) -> bool:
+    """|step x eigenvalue| from the last stage and the end of the step, which stand at the same time."""
+    above, below, coarse = 0.0, 0.0, 0.0
+    for i in range(slope.size):
+        unit = 1.0 / allowed[i]
+        turn, shift, grain = (slope[i] - k[11, i]) * unit, (following[i] - point[i]) * unit, following[i] * unit
+        above += turn * turn
+        below += shift * shift
+        coarse += grain * grain
+    return step * step * above > _STIFF_AT * _STIFF_AT * below and below > _GRAIN * _GRAIN * coarse
+
+
+@kernel
+def add(state: Floats, low: Floats, increment: Floats, following: Floats, left_over: Floats) -> None:
+    """(following, left_over) = (state, low) + increment, without loss."""
+    for i in range(state.size):
+        small = low[i] + increment[i]
+        total = state[i] + small
+        part = total - state[i]
+        left_over[i] = (state[i] - (total - part)) + (small - part)
+        following[i] = total

@@ -6,26 +6,26 @@ Motions are marched in pairs: how far two of different tolerance are apart tells
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from data_schemas.errors import RefusedError, UsageError
-from synth.integrators.radau_march import (
-    DONE,
-    ENDLESS,
-    EVALUATIONS,
-    LOOSE,
-    STEPS,
-    STUCK,
-    UNDEFINED,
-    march,
-    room,
-    state_in,
+from data_schemas.errors import RefusedError
+from synth.integrators import radau_march as marching
+from synth.integrators.radau_march import EVALUATIONS, LOOSE, STEPS
+from synth.integrators.trajectory import (
+    FEW,
+    Onward,
+    Stream,
+    Trajectory,
+    checked,
+    reason,
+    relative_error,
+    restarting,
+    streamed,
 )
-from synth.integrators.trajectory import Stream, Trajectory, onward, rehearsal, relative_error
 from synth.phase import Floats, Integers
 
 COMPANION = 10.0
@@ -45,20 +45,15 @@ _AIM = 0.3  # of the tolerance, then
 _FAR = 300.0  # times short of the tolerance from which a march next to the last is no use
 
 _REASONS = {
-    STUCK: "the step fell below 1e-14 of the span: Newton's iteration or the error test fails however short it is "
+    marching.STUCK: "the step fell below 1e-14 of the span: Newton's iteration or the error test fails however short it is "
     "(a jump, or a solution that grows without bound)",
-    UNDEFINED: "the derivative is not finite there",
-    ENDLESS: "more than 1e8 steps: ask for a shorter span or a looser tolerance",
+    marching.UNDEFINED: "the derivative is not finite there",
+    marching.ENDLESS: "more than 1e8 steps: ask for a shorter span or a looser tolerance",
 }
 
 
 def integrate(
-    system: Any,
-    start: ArrayLike,
-    times: ArrayLike,
-    *,
-    tolerance: float = 1e-10,
-    stages: tuple[int, int] | None = None,
+    system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10, stages: tuple[int, int] | None = None
 ) -> Trajectory:
     """States of a stiff system at `times`.
 
@@ -99,52 +94,27 @@ def integrate(
 
     Examples
     --------
-    >>> from synth.systems.van_der_pol import VanDerPol
+    >>> from synth.systems.resistance import VanDerPol
     >>> fast = integrate(VanDerPol(1000.0), [2.0, 0.0], [0.0, 1.0], tolerance=1e-9)
     >>> round(float(fast.states[1, 0]), 9)
     1.999333371
     """
-    state, instants = np.array(start, dtype=np.float64), np.array(times, dtype=np.float64)
-    made = refined(system, state, instants, tolerance, stages)
-    steps, _, rejected = made.pair.fine.counts.tolist()
-    return Trajectory(instants, made.pair.fine.states, made.pair.error, steps, made.evaluations, rejected)
+    return _solve(system, start, times, tolerance, stages)[0]
 
 
 def stream(
     system: Any, start: ArrayLike, chunks: Iterable[Floats], span: tuple[float, float], *, tolerance: float = 1e-10
 ) -> Stream:
-    """As `integrate`, for times that come in chunks.
-
-    The tolerance of the march and the error are found by marches that keep few states; the motion is then marched once
-    more, from the end of one chunk to that of the next.
-
-    Parameters
-    ----------
-    system, start, tolerance
-        As there.
-    chunks : iterable of (k,) arrays
-        Increasing times, over all chunks.
-    span : (float, float)
-        Time of the start, and a time that no chunk goes beyond.
+    """As `integrate`, for times that come in chunks (`trajectory.streamed`): the motion is marched once more.
 
     Examples
     --------
-    >>> from synth.systems.van_der_pol import VanDerPol
+    >>> from synth.systems.resistance import VanDerPol
     >>> pieces = stream(VanDerPol(1000.0), [2.0, 0.0], [np.array([0.5]), np.array([1.0])], (0.0, 1.0), tolerance=1e-9)
-    >>> [round(float(piece.states[-1, 0]), 9) for piece in pieces]
+    >>> [round(float(states[-1, 0]), 9) for states in pieces]
     [1.999666843, 1.999333371]
     """
-    first, instants = rehearsal(start, span)
-    made = refined(system, first, instants, tolerance)
-
-    fine = made.pair.fine
-
-    def march(state: Floats, times: Floats) -> Floats:
-        problem = made.problem._replace(start=state, times=times)
-        return problem.run(fine.tolerance, made.reading, fine.orders).states
-
-    steps, _, rejected = fine.counts.tolist()
-    return Stream(onward(march, first, span[0], chunks), made.pair.error, steps, made.evaluations, rejected)
+    return streamed(_solve(system, start, np.linspace(*span, FEW), tolerance, None), chunks, span)
 
 
 class Run(NamedTuple):
@@ -201,40 +171,29 @@ class Problem(NamedTuple):
     def run(self, tolerance: float, reading: float, orders: tuple[int, int]) -> Run:
         """March once; RefusedError where it comes to a stop."""
         n = self.start.size
-        space, places = np.zeros(room(n)), np.zeros(14 * n, dtype=np.int64)
+        space, places = np.zeros(42 * n + 15 * n * n), np.zeros(14 * n, dtype=np.int64)
         states, largest, counts = np.empty((self.times.size, n)), np.zeros(n), np.zeros(3, dtype=np.int64)
-        state = state_in(space, n)
+        state = space[38 * n : 39 * n]
         state[:] = self.start
-        outcome, time = march(
+        outcome, time = marching.march(
             self.times, tolerance, reading, orders, (0,) * n, self.system, self.least,
             space, places, states, largest, counts,
         )  # fmt: skip
-        if outcome != DONE:
-            difficulty = getattr(self.system, "difficulty", None)
-            reason = (difficulty(state) if difficulty else None) or _REASONS[outcome]
-            raise RefusedError(f"radau: stopped at t = {time:.6g} s after {counts[STEPS]} steps: {reason}")
+        if outcome != marching.DONE:
+            why = reason(self.system, state, _REASONS[outcome])
+            raise RefusedError(f"radau: stopped at t = {time:.6g} s after {counts[STEPS]} steps: {why}")
         return Run(tolerance, orders, states, largest, counts)
 
 
-class Refined(NamedTuple):
-    """The best pair of marches, the tolerance of its readings, and what all cost."""
-
-    problem: Problem
-    pair: Pair
-    reading: float
-    evaluations: int
-
-
-def refined(
-    system: Any, start: Floats, times: Floats, tolerance: float, stages: tuple[int, int] | None = None
-) -> Refined:
+def _solve(
+    system: Any, start: ArrayLike, times: ArrayLike, tolerance: float, stages: tuple[int, int] | None
+) -> tuple[Trajectory, Callable[[], Onward]]:
     """March in pairs until the error is what was asked for, three at most."""
-    _check(start, times, tolerance)
-    problem = Problem(system, start, times, swing_of_bobs(system, start), stages)
+    first, instants = checked(start, times, tolerance, (_TIGHTEST, _LOOSEST))
+    problem = Problem(system, first, instants, swing_of_bobs(system, first), stages)
     local = reading = min(_LOOSE, tolerance / _USUAL)
-    latest = problem.pair(local, reading)
-    best = Refined(problem, latest, reading, 0)
-    evaluations = latest.evaluations
+    best = latest = problem.pair(local, reading)
+    readings, evaluations = reading, latest.evaluations
     for _ in range(_AGAIN):
         if latest.missed <= tolerance or local <= _FINEST:
             break
@@ -246,20 +205,17 @@ def refined(
         except RefusedError:  # steps too short for this: what there is holds, with the error that is estimated for it
             break
         evaluations += latest.evaluations
-        if latest.error < best.pair.error:
-            best = Refined(problem, latest, reading, 0)
-    return best._replace(evaluations=evaluations)
+        if latest.error < best.error:
+            best, readings = latest, reading
+    fine = best.fine
 
+    def march(state: Floats, chunk: Floats) -> Floats:
+        return problem._replace(start=state, times=chunk).run(fine.tolerance, readings, fine.orders).states
 
-def _check(start: Floats, times: Floats, tolerance: float) -> None:
-    if start.ndim != 1 or start.size == 0 or not math.isfinite(start @ start):
-        raise UsageError("start: give one finite number for each component of the state")
-    if not _TIGHTEST <= tolerance <= _LOOSEST:
-        raise UsageError(f"tolerance: {tolerance} is outside {_TIGHTEST} to {_LOOSEST}")
-    if times.ndim != 1 or times.size == 0:
-        raise UsageError("times: give one row of instants, the first that of the start")
-    if not math.isfinite(times[-1] - times[0]) or not (times[1:] > times[:-1]).all():
-        raise UsageError("times: give finite, increasing instants, the first that of the start")
+    found = Trajectory(
+        instants, fine.states, best.error, int(fine.counts[STEPS]), evaluations, int(fine.counts[marching.REJECTED])
+    )
+    return found, lambda: restarting(march, first, float(instants[0]))
 
 
 def swing_of_bobs(system: Any, start: Floats) -> Floats:

@@ -14,12 +14,20 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from synth.integrators.radau_dense import differences, evaluate, guess, part_step
-from synth.integrators.radau_error import first_step, local_error
-from synth.integrators.radau_memory import address
-from synth.integrators.radau_newton import NOT_FINITE, SOLVED, Work, collocate_any, prepare_any
+from synth.integrators.radau_linear import address
+from synth.integrators.radau_step import (
+    NOT_FINITE,
+    SOLVED,
+    Work,
+    collocate_any,
+    differences,
+    evaluate,
+    first_step,
+    guess,
+    local_error,
+    part_step,
+)
 from synth.kernels.compiled import kernel
-from synth.phase import Floats
 from synth.systems.dispatch import derivative, jacobian
 
 DONE, STUCK, UNDEFINED, ENDLESS = 0, 1, 2, 3
@@ -47,31 +55,11 @@ def _allowances(tolerance: float, dense: float, s: int) -> tuple[float, float]:
     return loose, max(1.0, (loose / dense) ** (1.0 / (s + 1)))
 
 
-def room(n: int) -> int:
-    """Numbers of working space that `march` needs for n unknowns."""
-    return 42 * n + 15 * n * n
-
-
-def state_in(space: Floats, n: int) -> Floats:
-    """The state, a view of the working space."""
-    return space[38 * n : 39 * n]
-
-
 @kernel
 def march(
-    times: Any,
-    tolerance: float,
-    reading: float,
-    orders: tuple[int, int],
-    size: Any,
-    system: Any,
-    least: Any,
-    space: Any,
-    places: Any,
-    out: Any,
-    largest: Any,
-    counts: Any,
-) -> tuple[int, float]:
+    times: Any, tolerance: float, reading: float, orders: tuple[int, int], size: Any, system: Any, least: Any,
+    space: Any, places: Any, out: Any, largest: Any, counts: Any,
+) -> tuple[int, float]:  # fmt: skip
     """March from the first to the last of `times`.
 
     Parameters
@@ -85,9 +73,9 @@ def march(
     system : NamedTuple
     least : (n,) array
         What counts as small of each component.
-    space : (room(n),) array
+    space : (42 n + 15 n^2,) array
     places : (14 n,) integer array
-        Working space; at first zero but for the start in `state_in(space, n)`.
+        Working space; at first zero but for the start, and then for the state, in `space[38 n : 39 n]`.
     out : (k, n) array
         States at `times`.
     largest : (n,) array
@@ -155,9 +143,7 @@ def march(
         for c in range(n):
             floor = max(_FLOOR * max(largest[c], least[c]), _SMALL * top, 1e-300)
             scale[c] = 1.0 / max(abs(state[c]), abs(point[c]), floor)
-        solved, turns, contraction = NOT_FINITE, 0, 1.0
-        if prepare_any(s, step, slopes_at, size, work):
-            solved, turns, contraction = collocate_any(s, time, step, here, scale, goal, size, work, system)
+        solved, turns, contraction = collocate_any(s, time, step, here, scale, goal, slopes_at, size, work, system)
         counts[EVALUATIONS] += s * turns
         error, log, factor = 0.0, 0.0, 1.0
         if solved == SOLVED:

@@ -19,8 +19,7 @@ import numpy as np
 
 from synth.pendulums.linear import Response
 from synth.phase import Floats, Phasors
-from synth.propagators.products import PORTION, Halves, general_halves, harmonic_halves, product
-from synth.propagators.ticks import Blocks
+from synth.propagators.blocks import PORTION, Blocks, Halves, general_halves, product
 
 Seconds = tuple[Floats, Floats]
 """t_b and tau, s."""
@@ -151,7 +150,9 @@ def _evaluate(
         own = [free.owner.damped_frequency for _, free in sums if free] if begin == 0 else []
         head, table = blocks.phasors(rates + own)
         for index, ((steady, free), total) in enumerate(zip(sums, result, strict=True)):
-            parts = [harmonic_halves(steady[portion, None] * head[:count], table[:count])]
+            weights = steady[portion, None] * head[:count]
+            # Re(W exp(i w tau)) = Re W cos(w tau) - Im W sin(w tau)
+            parts = [Halves(weights.real, table[:count].real, weights.imag, table[:count].imag)]
             if free and begin == 0:
                 parts.append(free.halves(head[count + index], table[count + index], seconds))
             product(parts, total, begun=begin > 0)

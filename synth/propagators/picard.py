@@ -9,8 +9,8 @@ away from n, in closed form, and u_near stands for the others. What is left is s
 
 and is solved interval by interval: r is the polynomial through its values at Gauss nodes, its answer under the exact
 linear flow is a product with fixed weights, and nodes and answer are iterated until they agree. A term that depends
-on theta' (a further damping) would be one more summand of r, with the angular velocity at the nodes from weights
-made of the moments D_m of `picard_weights`.
+on theta' (a further damping) would be one more summand of r, with the angular velocity at the nodes from the same
+weights (`kernels.collocation_weights`).
 
 Nothing but the state (y, y'/n) passes from interval to interval, with a propagator and a state of two doubles each;
 phases come from whole numbers. Hence 1e-15 to 1e-14 of the largest angle in an hour.
@@ -26,37 +26,16 @@ import numpy as np
 from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import NEAR_RESONANT_BAND
-from synth.phase import Floats, Integers
-from synth.propagators.even import EvenTimes
-from synth.propagators.picard_forcing import Sums
-from synth.propagators.picard_march import Equations, march
-from synth.propagators.picard_readings import EvenReadings, UnevenReadings
-from synth.propagators.uneven import UnevenTimes
+from synth.phase import Floats
+from synth.propagators.picard_forcing import EvenReadings, Sums, UnevenReadings
+from synth.propagators.picard_march import Equations, Swing, march
+from synth.propagators.times import EvenTimes, UnevenTimes
 
 _REACH = (6.0, 4.0)
 """Intervals to try, times the fastest of n + w, rad: in 4 rad 16 nodes resolve r to 1e-15 of theta, in 6 where the
 fastest harmonics are weak,"""
 _READ = 4.3
 """and times n, rad: the angle between nodes is then told to 2e-15."""
-
-
-@dataclass(frozen=True)
-class Swing:
-    """Angles at some readings.
-
-    Attributes
-    ----------
-    index : slice or (readings,) int64
-        Which readings of the clock.
-    theta : (pendulums, readings) float64
-        rad
-    estimated_error : float
-        Estimate of the largest error up to here, relative to the largest angle of the pendulum up to here.
-    """
-
-    index: slice | Integers
-    theta: Floats
-    estimated_error: float
 
 
 @dataclass(frozen=True)
@@ -118,11 +97,10 @@ class PicardPlan:
         RefusedError
             If the motion is too violent for intervals of any sensible length.
         """
-        count = self.times.count if isinstance(self.times, EvenTimes) else self.times.seconds.size
-        theta = np.empty((len(self.frequencies), count))
+        theta = np.empty((len(self.frequencies), self.times.count))
         error = 0.0
         for swing in self.stream():
-            theta[:, swing.index] = swing.theta
+            theta[:, swing.readings] = swing.theta
             error = max(error, swing.estimated_error)
         return theta, error
 
@@ -134,38 +112,35 @@ class PicardPlan:
         RefusedError
             As `elongation`.
         """
-        if isinstance(self.times, EvenTimes):
-            step, count = self.times.step, self.times.count
-            even = [EvenReadings.among(step, count, each) for each in self._longest()]
-            if self.kicks is not None:
-                pattern = self.kicks.step / step
-                even = [EvenReadings(step, count, pattern.numerator, pattern.denominator)]
-            for swing in march(self._equations(), even):
-                yield Swing(*swing)
+        times = self.times
+        # a clock's come in order: no copies
+        if isinstance(times, EvenTimes) or (
+            times.count and times.seconds[0] >= 0 and (np.diff(times.seconds) > 0).all()
+        ):
+            yield from march(self._equations(), self._readings(times))
             return
-        seconds = self.times.seconds
-        if seconds.size and seconds[0] >= 0 and np.all(seconds[1:] > seconds[:-1]):  # a clock's: no copies in order
-            scale = self.times.scale
-            uneven = [UnevenReadings.among(seconds, scale, each) for each in self._longest()]
-            if self.kicks is not None:
-                uneven = [UnevenReadings(seconds, scale, float(self.kicks.step / scale))]
-            for swing in march(self._equations(), uneven):
-                yield Swing(*swing)
-            return
-        order = np.argsort(seconds, kind="stable")
-        before = int(np.searchsorted(seconds[order], 0.0))
+        order = np.argsort(times.seconds, kind="stable")
+        before = int(np.searchsorted(times.seconds[order], 0.0))
         for plan, picked in ((self._reversed(), order[:before][::-1]), (self, order[before:])):
-            after = np.abs(seconds[picked])
-            uneven = [UnevenReadings.among(after, self.times.scale, each) for each in plan._longest()]
-            for index, theta, error in march(plan._equations(), uneven):
+            after = UnevenTimes(np.abs(times.seconds[picked]), times.scale)
+            for index, theta, error in march(plan._equations(), plan._readings(after)):
                 yield Swing(picked[index], theta, error)
 
-    def _longest(self) -> list[float]:
+    def _readings(self, times: EvenTimes | UnevenTimes) -> list[EvenReadings] | list[UnevenReadings]:
+        """The readings among intervals of each length to try."""
         fastest = max(
             float(np.max(motion.angular_frequency, initial=0.0)) for motion in (self.horizontal, self.vertical)
         )
         own = float(np.max(self.frequencies))
-        return [min(reach / (own + fastest), _READ / own) for reach in _REACH]
+        longest = [min(reach / (own + fastest), _READ / own) for reach in _REACH]
+        if isinstance(times, EvenTimes):
+            if self.kicks is not None:
+                pattern = self.kicks.step / times.step
+                return [EvenReadings(times.step, times.count, pattern.numerator, pattern.denominator)]
+            return [EvenReadings.among(times.step, times.count, each) for each in longest]
+        if self.kicks is not None:
+            return [UnevenReadings(times.seconds, times.scale, float(self.kicks.step / times.scale))]
+        return [UnevenReadings.among(times.seconds, times.scale, each) for each in longest]
 
     def _reversed(self) -> PicardPlan:
         """The same motion with time running backwards."""

@@ -17,7 +17,7 @@ from copy import copy
 
 import numpy as np
 
-from synth.kernels.collocation_remainder import NODES
+from synth.kernels.collocation import NODES
 from synth.phase import Floats
 
 LARGE = 0.3
@@ -65,7 +65,7 @@ class Estimate:
         return result
 
     def nudge(self, state: Floats) -> None:
-        """Move the states of shadows, the second half of (pendulums, 4) as in `kernels.collocation.march`."""
+        """Move the states of shadows, the second half of (pendulums, 4) as in `kernels.picard.march`."""
         for error, shadow in zip(self._nudge.tolist(), state[self.shown :], strict=True):
             uphill = np.array([np.sin(shadow[0]), shadow[2]])
             steepness = float(np.hypot(*uphill))
@@ -80,7 +80,7 @@ class Estimate:
         return bool(np.any(self._peak > LARGE))
 
     def report(self) -> Floats:
-        """Fresh report for `kernels.collocation.march`."""
+        """Fresh report for `kernels.picard.march`."""
         report = np.zeros((len(self._amplitude), 5))
         report[:, 3] = self._amplitude
         return report

@@ -1,26 +1,34 @@
-"""Sums of harmonics where collocation wants them: at the nodes of intervals and at even readings.
+"""Sums of harmonics where collocation wants them: at the nodes of intervals and at readings, and where those lie.
 
 Many intervals make one block of moments that lie evenly about its centre, so that the even and the odd part of
-all sums are two matrix products (see `products`): sines only for the edges of the table, and exact phases however
-late the block. Those of a long table come by Fourier transform (see `periodic`).
+all sums are two matrix products (see `blocks`): sines only for the edges of the table, and exact phases however
+late the block. Those of a long table come by Fourier transform (see `periodic`). Even readings repeat a short pattern
+among intervals, uneven ones are looked up.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
 
+from synth.kernels.collocation_weights import FINE, gauss_nodes, interpolation
+from synth.kernels.picard import read
 from synth.motion.harmonic_sum import Comb
 from synth.phase import Floats, Integers, Phasors, rational_turns, turns
+from synth.propagators.blocks import FEWEST_ROWS, ONE_THREAD, EvenTicks, halves
 from synth.propagators.periodic import PeriodicSums
-from synth.propagators.picard_nodes import FINE, gauss_nodes
-from synth.propagators.ticks import EvenTicks
+from synth.propagators.times import UnevenTimes
 
-_ONE_THREAD = 1 << 18  # multiplications up to which OpenBLAS keeps to one thread
-_FEWEST_ROWS = 8
+_MOST_STEPS = 4096  # in an interval: bounds the table of weights
+_MOST_HALF_BLOCK = 64  # readings in half a block of the steady part
+
+Evaluator = Callable[[slice], Floats]
+"""Sums (sums, readings) at some readings, by their number."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +88,9 @@ class Grid:
         half = starts.size * places.size
         table = (fine.phasors(starts)[:, :, None] * fine.phasors(places)[:, None, :]).reshape(len(frequencies), half)
         self._even, self._odd = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
-        self._rows = max(_FEWEST_ROWS, _ONE_THREAD // max(table.size, 1))
         self._result = np.empty((len(sums.coefficients) * most, 2 * half))
-        self._parts = np.empty((2, min(self._rows, len(self._result)), half))
+        rows = max(FEWEST_ROWS, ONE_THREAD // max(table.size, 1))
+        self._parts = np.empty((2, min(rows, len(self._result)), half))
         reaches = (starts[:, None] + places).ravel()
         both = np.concatenate([-reaches[::-1], reaches])
         self._combs = [
@@ -99,16 +107,8 @@ class Grid:
         head = centres.phasors(self._rate)
         weights = (self._coefficients[:, None, :] * head.T).reshape(len(self._coefficients) * centres.count, len(head))
         real, imaginary = np.ascontiguousarray(weights.real), np.ascontiguousarray(weights.imag)
-        half = self._even.shape[1]
         result = self._result[: len(weights)]
-        for begin in range(0, len(weights), self._rows):
-            strip = slice(begin, begin + self._rows)
-            after, before = result[strip, half:], result[strip, half - 1 :: -1]
-            even, odd = self._parts[:, : len(after)]
-            np.matmul(real[strip], self._even, out=even)
-            np.matmul(imaginary[strip], self._odd, out=odd)
-            np.subtract(even, odd, out=after)
-            np.add(even, odd, out=before)
+        halves((real, self._even), (imaginary, self._odd), result, self._parts)
         for transform, turn, within in self._combs:
             places = turn.wrapped(centres.index).T + within
             result += transform.at(places.ravel()).reshape(result.shape)
@@ -121,7 +121,148 @@ def node_grid(sums: Sums, interval: Fraction, group: int, most: int) -> Grid:
     return Grid(sums, interval, interval / (2 * FINE), starts, gauss_nodes(), most)
 
 
-def reading_grid(sums: Sums, step: Fraction, half: int, most: int) -> Grid:
-    """Even readings, 2 * half a block; centres lie between two readings and count in half steps."""
-    places = 2 * np.arange(half, dtype=np.int64) + 1
-    return Grid(sums, step / 2, step / 2, np.zeros(1, dtype=np.int64), places, most)
+@dataclass(frozen=True)
+class EvenReadings:
+    """Readings 0, step, 2 step ... among intervals of steps/parts steps.
+
+    Attributes
+    ----------
+    step : Fraction
+        s
+    count : int
+    steps, parts : int
+        An interval is `steps` steps long, divided by `parts`.
+    """
+
+    step: Fraction
+    count: int
+    steps: int
+    parts: int
+
+    @classmethod
+    def among(cls, step: Fraction, count: int, longest: float) -> EvenReadings:
+        """Choose the longest intervals, at most `longest` seconds, that fit the step."""
+        steps = min(max(1, math.floor(longest / step)), _MOST_STEPS)
+        return cls(step, count, steps, math.ceil(step * steps / Fraction(longest)))
+
+    @property
+    def intervals(self) -> int:
+        """How many intervals hold all readings."""
+        return (self.count - 1) * self.parts // self.steps + 1 if self.count else 0
+
+    @property
+    def interval(self) -> Fraction:
+        """Length of an interval, s."""
+        return self.step * self.steps / self.parts
+
+    def halved(self) -> EvenReadings:
+        """The same readings among intervals half as long."""
+        common = math.gcd(self.steps, 2 * self.parts)
+        return EvenReadings(self.step, self.count, self.steps // common, 2 * self.parts // common)
+
+    @cached_property
+    def _table(self) -> Floats:
+        return interpolation(np.arange(self.steps) / self.steps)
+
+    def portion(self, first: int, count: int) -> slice:
+        """Readings within `count` intervals from the `first`."""
+        begin, end = (min(-(-edge * self.steps // self.parts), self.count) for edge in (first, first + count))
+        return slice(begin, end)
+
+    def read(self, points: Floats, first: int, result: Floats) -> None:
+        """Add y at readings, from its points in intervals from the `first`, to the result (pendulums, readings)."""
+        count = result.shape[1]
+        if self.parts == 1:  # all intervals are read at the same places
+            for values, each in zip(result, points, strict=True):
+                values += (each @ self._table.T).reshape(-1)[:count]
+            return
+        edges = -(-np.arange(first, first + points.shape[1] + 1, dtype=np.int64) * self.steps // self.parts)
+        index = np.arange(edges[0], edges[0] + count, dtype=np.int64)
+        begin = np.minimum(edges - edges[0], count)
+        read(points, begin, index * self.parts % self.steps, self._table, result)
+
+    def steady(self, sums: Sums, most: int) -> Evaluator:
+        """Sums at the readings of portions of at most `most` intervals, in blocks of twice `half` readings.
+
+        Centres lie between two readings and count in half steps.
+        """
+        readings = min(self.count, most * self.steps // self.parts + 1)
+        half = min(_MOST_HALF_BLOCK, max(1, math.isqrt(readings // 4)))
+        places = 2 * np.arange(half, dtype=np.int64) + 1
+        step, blocks = self.step / 2, -(-readings // (2 * half))
+        grid = Grid(sums, step, step, np.zeros(1, dtype=np.int64), places, blocks)
+
+        def evaluate(portion: slice) -> Floats:
+            count = portion.stop - portion.start
+            centres = EvenTicks(2 * portion.start + 2 * half - 1, 4 * half, -(-count // (2 * half)))
+            return grid.evaluate(centres)[:, :count].copy()
+
+        return evaluate
+
+
+@dataclass(frozen=True)
+class UnevenReadings:
+    """Readings at increasing times of a chronometer, not negative.
+
+    Attributes
+    ----------
+    seconds : (readings,) float64
+    scale : Fraction
+        True time over the chronometer's.
+    length : float
+        Length of an interval in the chronometer's seconds: a power of two, so that intervals begin at exact times.
+    """
+
+    seconds: Floats
+    scale: Fraction
+    length: float
+
+    @classmethod
+    def among(cls, seconds: Floats, scale: Fraction, longest: float) -> UnevenReadings:
+        """Choose the longest intervals of at most `longest` seconds of true time."""
+        return cls(seconds, scale, math.ldexp(1.0, math.frexp(longest / float(scale))[1] - 1))
+
+    @property
+    def intervals(self) -> int:
+        """How many intervals hold all readings."""
+        return int(self._number[-1]) + 1 if self.seconds.size else 0
+
+    @property
+    def interval(self) -> Fraction:
+        """Length of an interval, s."""
+        return Fraction(self.length) * self.scale
+
+    def halved(self) -> UnevenReadings:
+        """The same readings among intervals half as long."""
+        return UnevenReadings(self.seconds, self.scale, self.length / 2)
+
+    @cached_property
+    def _number(self) -> Integers:
+        return np.floor(self.seconds / self.length).astype(np.int64)
+
+    def portion(self, first: int, count: int) -> slice:
+        """Readings within `count` intervals from the `first`."""
+        begin, end = np.searchsorted(self._number, [first, first + count]).tolist()
+        return slice(begin, end)
+
+    def read(self, points: Floats, first: int, result: Floats) -> None:
+        """Add y at readings, from its points in intervals from the `first`, to the result (pendulums, readings)."""
+        edges = np.searchsorted(self._number, np.arange(first, first + points.shape[1] + 1))
+        index = slice(int(edges[0]), int(edges[-1]))
+        place = self.seconds[index] / self.length - self._number[index]
+        read(points, edges - edges[0], np.arange(place.size), interpolation(place), result)
+
+    def steady(self, sums: Sums, most: int) -> Evaluator:
+        """Sums at the readings of portions of any length."""
+
+        def evaluate(portion: slice) -> Floats:
+            if portion.start == portion.stop:
+                return np.zeros((len(sums.coefficients), 0))
+            times = UnevenTimes(self.seconds[portion], self.scale)
+            series = times.series(sums.angular_frequency[: sums.alone], sums.coefficients[:, : sums.alone])
+            result = np.ascontiguousarray(series)
+            for each in sums.transforms:
+                result += each.at(times.places(each.period))
+            return result
+
+        return evaluate

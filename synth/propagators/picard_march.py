@@ -8,21 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from synth.kernels.collocation import POINTS
-from synth.kernels.collocation import march as march_intervals
-from synth.kernels.collocation_remainder import NODES
+from synth.kernels.collocation import NODES, POINTS
+from synth.kernels.collocation_weights import continuation, legendre_tail, weights
+from synth.kernels.picard import Forcing, Law
+from synth.kernels.picard import march as march_intervals
 from synth.kicks import Kicks
-from synth.phase import Floats
+from synth.phase import Floats, Integers
+from synth.propagators.blocks import EvenTicks
 from synth.propagators.picard_error import Estimate
-from synth.propagators.picard_forcing import Sums, node_grid
-from synth.propagators.picard_nodes import legendre_tail
-from synth.propagators.picard_readings import EvenReadings, UnevenReadings
-from synth.propagators.picard_weights import weights
-from synth.propagators.ticks import EvenTicks
+from synth.propagators.picard_forcing import EvenReadings, Sums, UnevenReadings, node_grid
 
 GROUP = 32
 """Intervals in a block of the forcing."""
@@ -74,6 +74,17 @@ class Equations:
         )
 
 
+class Swing(NamedTuple):
+    """Angles at some readings."""
+
+    readings: slice | Integers
+    """Which readings of the clock."""
+    theta: Floats
+    """(pendulums, readings) rad."""
+    estimated_error: float
+    """Of the largest error up to here, relative to the largest angle of the pendulum up to here."""
+
+
 class _Level:
     """One length of intervals: forcing, weights and readings."""
 
@@ -92,22 +103,20 @@ class _Level:
             self._grids = [node_grid(each, readings.interval, GROUP, blocks) for each in (vertical, horizontal)]
         self.points = np.empty((self._pendulums, self.most, POINTS))
         self._still = np.zeros((self.most, NODES))
-        self.linear, self._kicks = equations.linear, equations.kicks
+        self._kicks = equations.kicks
         self._answers = horizontal.some(slice(self._pendulums))
         self._frequencies = equations.frequencies
         self.steady = readings.steady(horizontal.some(slice(shown)), self.most)
         each_pendulum = zip(equations.frequencies.tolist(), equations.damping_rates.tolist(), strict=True)
-        sets = [weights(n, gamma, readings.interval) for n, gamma in each_pendulum]
-        self.weights = (
-            np.array([each.flow for each in sets]),
-            np.array([each.inner for each in sets]),
-            np.array([each.guess for each in sets]),
-            np.array([each.end for each in sets]),
-            np.array([each.propagator for each in sets]),
-            legendre_tail(),
-        )
+        sets = [
+            weights(Fraction(n) ** 2, 2 * Fraction(gamma), readings.interval, Fraction(n)) for n, gamma in each_pendulum
+        ]
+        flow, inner, end, propagator, _ = (np.array(column) for column in zip(*sets, strict=True))
+        inner = np.ascontiguousarray(inner[:, : NODES * NODES])
+        guess = np.array([(continuation().T @ each.reshape(NODES, NODES)).ravel() for each in inner])
+        self.law = Law(flow, inner, guess, end, propagator, legendre_tail()[None, :], equations.linear)
 
-    def impulses(self, first: int, count: int) -> Floats:
+    def _impulses(self, first: int, count: int) -> Floats:
         """At the ends of intervals: what stays of y and y'/n, and what is added, (3, pendulums, count)."""
         jumps = np.zeros((3, self._pendulums, count))
         jumps[0] = 1.0
@@ -128,20 +137,18 @@ class _Level:
         turning = self._answers.coefficients[p] * np.exp(1j * rate * time)
         return np.array([turning.sum().real, (1j * rate * turning).sum().real / self._frequencies[p]])
 
-    def forcing(self, first: int, count: int) -> tuple[Floats, Floats, Floats, Floats]:
-        """Steady answers (pendulums, count, NODES), and zeta, u and drive (count, NODES)."""
+    def forcing(self, first: int, count: int) -> Forcing:
+        """What acts in `count` intervals from the `first`."""
         centres = EvenTicks(first + GROUP // 2, GROUP, count // GROUP)
         sums = [grid.evaluate(centres).reshape(-1, count, NODES) for grid in self._grids]
         vertical, horizontal = (sums[0][0], sums[0][1:]) if len(sums) == 1 else (sums[0][0], sums[1])
         rest = horizontal[self._pendulums :]
         drive = rest[1] if len(rest) > 1 else self._still[:count]
-        return horizontal[: self._pendulums], vertical, rest[0], drive
+        return Forcing(horizontal[: self._pendulums], vertical, rest[0], drive, self._impulses(first, count))
 
 
-def march(
-    equations: Equations, readings: Sequence[EvenReadings | UnevenReadings]
-) -> Iterator[tuple[slice, Floats, float]]:
-    """Yield which readings, angles (pendulums, readings) and estimated error of stride after stride.
+def march(equations: Equations, readings: Sequence[EvenReadings | UnevenReadings]) -> Iterator[Swing]:
+    """Angles of stride after stride.
 
     The first stride is tried in intervals of several lengths, longest first; later ones halve what it took.
 
@@ -173,7 +180,7 @@ def march(
         elif result is not None:
             state, remainder, estimate = carried, known, tried
             done += count
-            yield *result, estimate.relative
+            yield Swing(*result, estimate.relative)
             calm += 1
             if depth and calm >= patience:
                 depth, done, calm = depth - 1, done // 2, 0
@@ -195,9 +202,9 @@ def _stride(
     level: _Level, first: int, count: int, state: Floats, remainder: Floats, estimate: Estimate
 ) -> tuple[slice, Floats] | None:
     """March `count` intervals; state, remainder and estimate move on. Return readings, or none if it went wrong."""
-    steady, vertical, horizontal, drive = level.forcing(first, count)
-    peak = np.array([_largest(each) for each in steady])
-    zeta, u, rest = (_largest(each) for each in (vertical, horizontal, drive))
+    forcing = level.forcing(first, count)
+    peak = np.array([_largest(each) for each in forcing.steady])
+    zeta, u, rest = (_largest(each) for each in (forcing.vertical, forcing.horizontal, forcing.drive))
     turn = level.turn
     most = turn * (_SMALL * zeta + _SMALL**3 / 6 + _SMALL**2 / 2 * u + rest)  # y can change by this in an interval
     report = estimate.report()
@@ -205,22 +212,9 @@ def _stride(
     angle = np.minimum(peak + np.sqrt(report[:, 3]), np.pi)
     contraction = float(np.max(turn**2 / 4 * (zeta + angle**2 / 2 + u * angle)))
     points = level.points[:, :count]
-    marched = march_intervals(
-        state,
-        remainder,
-        steady,
-        vertical,
-        horizontal,
-        drive,
-        level.impulses(first, count),
-        level.linear,
-        np.maximum(_SMALL - peak - most, 0.0),
-        (peak + np.minimum(turn, turn**2) * rest) ** 2,
-        level.weights,
-        min(max(_STOP / max(contraction, 1e-3), 10 * _STOP), 100 * _STOP),
-        points,
-        report,
-    )
+    reach, floor = np.maximum(_SMALL - peak - most, 0.0), (peak + np.minimum(turn, turn**2) * rest) ** 2
+    stop = min(max(_STOP / max(contraction, 1e-3), 10 * _STOP), 100 * _STOP)
+    marched = march_intervals(state, remainder, forcing, level.law, reach, floor, stop, points, report)
     if marched < count or not np.isfinite(state).all():
         return None
     estimate.add(report, peak, turn, points)

@@ -15,7 +15,7 @@ from synth.march import Course, march
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.phase import Floats
 from synth.plan import Plan
-from synth.propagators.uneven import UnevenTimes
+from synth.propagators.times import UnevenTimes
 from synth.recording.clock import Clock
 from synth.seeds import generator
 

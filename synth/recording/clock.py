@@ -12,8 +12,7 @@ import numpy as np
 from data_schemas.errors import SceneError
 from data_schemas.scene import Scene
 from synth.phase import Floats, Integers
-from synth.propagators.even import EvenTimes
-from synth.propagators.uneven import UnevenTimes
+from synth.propagators.times import EvenTimes, UnevenTimes
 from synth.seeds import generator
 
 _DAY = 86_400

@@ -11,16 +11,48 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
 from numba.core import types
-from numba.extending import overload
-
-from synth.systems.choice import plain
+from numba.extending import overload, register_jitable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _TABLE: dict[str, dict[type, Callable[..., Any]]] = {}
+
+
+def taken_in(function: Function) -> Function:
+    """Decorator: plain Python that kernels take in; a branch on `argument is None` is decided when they are compiled.
+
+    What is returned must be of one type all the same: see `or_none` for the choice between None and something.
+    """
+    register_jitable(function)
+    return function
+
+
+def or_none(function: Function) -> Function:
+    """Decorator: as `taken_in`, for a function whose result is None where its first argument is."""
+
+    def choose(first: Any, *others: Any) -> Any:
+        return (lambda first, *others: None) if isinstance(first, types.NoneType) else function
+
+    @functools.wraps(function)
+    def call(first: Any, *others: Any) -> Any:
+        return None if first is None else function(first, *others)
+
+    overload(call, strict=False)(choose)
+    return cast(Function, call)
+
+
+def plain(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The kernel's Python code, for the compiler to take in as its own.
+
+    Called as a kernel, each call would count references to every array of the parameters: 60 ns where the
+    arithmetic takes 6. It comes without annotations, which Numba would compare.
+    """
+    code = getattr(function, "py_func", function)
+    return FunctionType(code.__code__, code.__globals__, code.__name__, code.__defaults__, code.__closure__)
 
 
 def by_type(argument: str) -> Callable[[Function], Function]:
@@ -71,19 +103,12 @@ def jacobian(time: float, state: Any, system: Any, out: Any) -> None:
 
 
 @by_type("system")
-def energy(state: Any, system: Any) -> Any:
-    """Energy of a conservative system (without drive and damping)."""
-
-
-@by_type("system")
 def response(state: Any, index: int, system: Any, out: Any) -> None:
     """`out` = change of the state by a unit impulse (torque x time) on pendulum `index`."""
 
 
 @by_type("system")
-def remainder(
-    position: Any, rate: Any, sideways: Any, upwards: Any, system: Any, excess: Any, room: Any, out: Any, now: int
-) -> None:
+def remainder(work: Any, sideways: Any, upwards: Any, system: Any, now: int) -> None:
     """Accelerations less the linear part at all nodes of an interval; see `integrators.collocation_remainders`."""
 
 

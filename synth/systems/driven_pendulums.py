@@ -1,23 +1,79 @@
 """Any number of pendulums on a support that moves as prescribed.
 
     theta_i'' = -n_i^2 [(1 + zeta) sin theta_i + u cos theta_i] + terms,      u = x''/g, zeta = z''/g
+    theta_i'' = -n_i^2 [(1 + zeta) theta_i + u] + terms                       linear
 
-(section 1 of the formula sheet). Horizontal and vertical motion, the sine and every resistance are terms; what is
+(section 1 of the formula sheet). Horizontal and vertical motion, the law and every resistance are terms; what is
 `None` is not compiled.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
-from synth.systems.choice import or_none
-from synth.systems.dispatch import registered
-from synth.systems.restoring import Sine, height, pull, pull_slope
+from synth.systems.dispatch import by_type, or_none, registered
 from synth.systems.terms import driven, driven_slope, motion
+
+
+class Sine(NamedTuple):
+    """The pendulum itself."""
+
+    power: float = 1.0
+    """Unused: a tuple without fields does not compile."""
+
+
+class Linear(NamedTuple):
+    """Its limit of small angles."""
+
+    power: float = 1.0
+    """Unused: a tuple without fields does not compile."""
+
+
+@by_type("restoring")
+def pull(angle: float, horizontal: float | None, vertical: float | None, restoring: Any) -> Any:
+    """Angular acceleration towards the vertical, over n^2.
+
+    Parameters
+    ----------
+    angle : float
+        rad.
+    horizontal, vertical : float or None
+        Acceleration of the support over gravity.
+    restoring : Sine or Linear
+    """
+
+
+@by_type("restoring")
+def pull_slope(angle: float, horizontal: float | None, vertical: float | None, restoring: Any) -> Any:
+    """Derivative of `pull` by the angle."""
+
+
+@registered("pull", Sine)
+def _pull(angle: float, horizontal: float | None, vertical: float | None, restoring: Sine) -> float:
+    back = math.sin(angle) if vertical is None else (1.0 + vertical) * math.sin(angle)
+    return back if horizontal is None else back + horizontal * math.cos(angle)
+
+
+@registered("pull_slope", Sine)
+def _pull_slope(angle: float, horizontal: float | None, vertical: float | None, restoring: Sine) -> float:
+    slope = math.cos(angle) if vertical is None else (1.0 + vertical) * math.cos(angle)
+    return slope if horizontal is None else slope - horizontal * math.sin(angle)
+
+
+@registered("pull", Linear)
+def _pull_linear(angle: float, horizontal: float | None, vertical: float | None, restoring: Linear) -> float:
+    back = angle if vertical is None else (1.0 + vertical) * angle
+    return back if horizontal is None else back + horizontal
+
+
+@registered("pull_slope", Linear)
+def _pull_slope_linear(angle: float, horizontal: float | None, vertical: float | None, restoring: Linear) -> float:
+    return 1.0 if vertical is None else 1.0 + vertical
 
 
 class DrivenPendulums(NamedTuple):
@@ -39,7 +95,7 @@ class DrivenPendulums(NamedTuple):
     terms: Any = None
     """Resistances and drives, `terms.together(...)`, or None."""
     kicks: Any = None
-    """`impulses.Impulses`, which the explicit integrator alone knows, or None."""
+    """`terms.Impulses`, which the explicit integrator alone knows, or None."""
 
     @property
     def first_angle(self) -> int:
@@ -82,17 +138,6 @@ def _jacobian(time: float, state: Floats, system: DrivenPendulums, out: Floats) 
         out[2 * i, 2 * i + 1] = 1.0
         out[2 * i + 1, 2 * i] = by_angle
         out[2 * i + 1, 2 * i + 1] = by_rate
-
-
-@registered("energy", DrivenPendulums)
-@kernel
-def _energy(state: Floats, system: DrivenPendulums) -> float:
-    """Sum over pendulums of energy per m l^2, rad^2/s^2, zero at rest."""
-    total = 0.0
-    for i in range(system.natural_frequency.size):
-        square = system.natural_frequency[i] * system.natural_frequency[i]
-        total += 0.5 * state[2 * i + 1] * state[2 * i + 1] + square * height(state[2 * i], system.restoring)
-    return total
 
 
 @registered("response", DrivenPendulums)

@@ -14,11 +14,12 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
-from synth.systems.carried import weight
-from synth.systems.dispatch import registered
-from synth.systems.terms import driven, driven_slope, motion
+from synth.systems.dispatch import registered, taken_in
+from synth.systems.terms import driven, driven_slope, motion, weight
 
 
 class Metronomes(NamedTuple):
@@ -47,9 +48,9 @@ class Metronomes(NamedTuple):
         return 0
 
 
-@registered("derivative", Metronomes)
-@kernel
-def _derivative(time: float, state: Floats, system: Metronomes, out: Floats) -> None:
+@taken_in
+def _held(time: float, state: Floats, system: Metronomes, out: Floats) -> tuple[float, float]:
+    """Board's sum (sin th_j)'' and inertia; `out` receives cosine and acceleration of each as if the board were held."""
     frequencies, coupling, gravity, terms = system.natural_frequency, system.coupling, system.gravity, system.terms
     upwards = motion(time, system.vertical)
     force = 0.0
@@ -63,9 +64,15 @@ def _derivative(time: float, state: Floats, system: Metronomes, out: Floats) -> 
         inertia -= coupling * cosine * cosine
         out[2 * i] = cosine
         out[2 * i + 1] = free
-    board = force / inertia if inertia > 0.0 else math.nan
-    for i in range(frequencies.size):
-        out[2 * i + 1] += coupling * out[2 * i] * board
+    return force / inertia if inertia > 0.0 else math.nan, inertia
+
+
+@registered("derivative", Metronomes)
+@kernel
+def _derivative(time: float, state: Floats, system: Metronomes, out: Floats) -> None:
+    board, _ = _held(time, state, system, out)
+    for i in range(system.natural_frequency.size):
+        out[2 * i + 1] += system.coupling * out[2 * i] * board
         out[2 * i] = state[2 * i + 1]
 
 
@@ -75,45 +82,24 @@ def _jacobian(time: float, state: Floats, system: Metronomes, out: Floats) -> No
     frequencies, coupling, gravity, terms = system.natural_frequency, system.coupling, system.gravity, system.terms
     upwards = motion(time, system.vertical)
     out[:] = 0.0
-    force = 0.0
-    inertia = 1.0
-    for i in range(frequencies.size):
-        angle, rate = state[2 * i], state[2 * i + 1]
-        cosine, sine = math.cos(angle), math.sin(angle)
-        square = frequencies[i] * frequencies[i] / gravity
-        free = driven(-square * weight(sine, cosine, gravity, None, upwards), i, angle, rate, terms)
-        force += cosine * free - sine * rate * rate
-        inertia -= coupling * cosine * cosine
-    board = force / inertia if inertia > 0.0 else math.nan
+    held = np.empty(state.size)
+    board, inertia = _held(time, state, system, held)
     for j in range(frequencies.size):
         angle, rate = state[2 * j], state[2 * j + 1]
-        cosine, sine = math.cos(angle), math.sin(angle)
+        cosine, sine = held[2 * j], math.sin(angle)
         square = frequencies[j] * frequencies[j] / gravity
-        free = driven(-square * weight(sine, cosine, gravity, None, upwards), j, angle, rate, terms)
+        free = held[2 * j + 1]
         steeper = -square * weight(cosine, -sine, gravity, None, upwards)
         by_angle, by_rate = driven_slope((steeper, 0.0), j, angle, rate, terms)
         share = cosine * by_angle - sine * free - cosine * rate * rate - 2.0 * coupling * sine * cosine * board
         board_angle, board_rate = share / inertia, (cosine * by_rate - 2.0 * sine * rate) / inertia
         for i in range(frequencies.size):
-            lever = coupling * math.cos(state[2 * i])
+            lever = coupling * held[2 * i]
             out[2 * i + 1, 2 * j] += lever * board_angle
             out[2 * i + 1, 2 * j + 1] += lever * board_rate
         out[2 * j, 2 * j + 1] = 1.0
         out[2 * j + 1, 2 * j] += by_angle - coupling * sine * board
         out[2 * j + 1, 2 * j + 1] += by_rate
-
-
-@registered("energy", Metronomes)
-@kernel
-def _energy(state: Floats, system: Metronomes) -> float:
-    """Per m l^2; kept without terms and without a ship."""
-    total = 0.0
-    board = 0.0
-    for i in range(system.natural_frequency.size):
-        angle, rate = state[2 * i], state[2 * i + 1]
-        total += 0.5 * rate * rate - system.natural_frequency[i] * system.natural_frequency[i] * math.cos(angle)
-        board += math.cos(angle) * rate
-    return total - 0.5 * system.coupling * board * board
 
 
 @registered("response", Metronomes)

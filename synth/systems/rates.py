@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from synth.phase import Floats
 from synth.systems.dispatch import plain_jacobian
 from synth.systems.resistance import VanDerPolDrive
-from synth.systems.terms import Both
+from synth.systems.terms import apart
 
 
 def fastest_rate(system: Any, start: ArrayLike) -> float:
@@ -32,7 +32,7 @@ def fastest_rate(system: Any, start: ArrayLike) -> float:
 
     Examples
     --------
-    >>> from synth.systems.van_der_pol import VanDerPol
+    >>> from synth.systems.resistance import VanDerPol
     >>> round(fastest_rate(VanDerPol(1000.0), [2.0, 0.0]))
     3000
     """
@@ -60,17 +60,12 @@ def _likely(system: Any, start: Floats) -> list[Floats]:
     own = np.sqrt(np.abs(rest[places + 1, places]))  # frequencies, nearly
     reach = np.hypot(start[angles], np.divide(start[rates], own, out=np.zeros_like(own), where=own > 0.0))
     escapements = np.zeros_like(reach)
-    for each in _drives(getattr(system, "terms", None)):
-        escapements = np.maximum(escapements, 2.0 * each.angle)
+    for each in apart(getattr(system, "terms", None)):
+        if isinstance(each, VanDerPolDrive):
+            escapements = np.maximum(escapements, 2.0 * each.angle)
     for amplitude in (reach, np.minimum(reach, 0.5 * math.pi), escapements):
         for angle, rate in ((amplitude, 0.0), (0.0, own * amplitude), (0.7 * amplitude, 0.7 * own * amplitude)):
             state = start.copy()
             state[angles], state[rates] = angle, rate
             states.append(state)
     return states
-
-
-def _drives(term: Any) -> list[VanDerPolDrive]:
-    if isinstance(term, Both):
-        return _drives(term.first) + _drives(term.second)
-    return [term] if isinstance(term, VanDerPolDrive) else []

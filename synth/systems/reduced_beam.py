@@ -5,6 +5,14 @@
 Time s = w0 t/2, u = x/l, y = S/S0. Solved for u'', the factor `1 - 2 m0 sum y_i^2` appears, that is
 `1 - m sum phi_i^2/(M + 2 m)`: printed as it is, the mass matrix is singular where it vanishes and not positive
 beyond. There the derivative is NaN, and integrators refuse with `difficulty`.
+
+From a beam in SI units to this system and back (`reduced`):
+
+    s = w0 t/2,  x = l u,  phi_i = S0 y_i/l_i,      w0^2 = K/(M + sum m),  m0 = m S0^2/(2 l^2 (M + sum m)),
+    d = 2 eps/w0,  d0 = eps0/w0,  4 g/l_i = w0^2 (1 + tau_i)
+
+It knows one mass, one eps and one S0 = l_i phi0_i, and puts one length l (here the mean) for all of them but in tau_i.
+What the clocks differ in by less than their lengths do is of the size of what it neglects anyway.
 """
 
 from __future__ import annotations
@@ -12,9 +20,16 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
+from data_schemas.errors import RefusedError
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
-from synth.systems.dispatch import registered
+from synth.systems.dispatch import registered, taken_in
+from synth.systems.resistance import VanDerPolDrive
+from synth.systems.yielding import ElasticBeam
+
+_ROUNDING = 1e-9
 
 
 class ReducedBeam(NamedTuple):
@@ -42,9 +57,9 @@ class ReducedBeam(NamedTuple):
         return 2
 
 
-@registered("derivative", ReducedBeam)
-@kernel
-def _derivative(time: float, state: Floats, system: ReducedBeam, out: Floats) -> None:
+@taken_in
+def _held(state: Floats, system: ReducedBeam, out: Floats) -> tuple[float, float]:
+    """u'' and the beam's inertia; `out` receives y' and y'' of each clock as if the beam were held fast."""
     detuning, drive, coupling = system.detuning, system.drive, 2.0 * system.coupling
     inertia = 1.0
     force = 0.0
@@ -56,10 +71,16 @@ def _derivative(time: float, state: Floats, system: ReducedBeam, out: Floats) ->
         out[2 * i + 2] = rate
         out[2 * i + 3] = free
     force = coupling * force - 2.0 * system.beam_damping * state[1] - 4.0 * state[0]
-    beam = force / inertia if inertia > 0.0 else math.nan
+    return force / inertia if inertia > 0.0 else math.nan, inertia
+
+
+@registered("derivative", ReducedBeam)
+@kernel
+def _derivative(time: float, state: Floats, system: ReducedBeam, out: Floats) -> None:
+    beam, _ = _held(state, system, out)
     out[0] = state[1]
     out[1] = beam
-    for i in range(detuning.size):
+    for i in range(system.detuning.size):
         out[2 * i + 3] += beam * state[2 * i + 2]
 
 
@@ -67,21 +88,14 @@ def _derivative(time: float, state: Floats, system: ReducedBeam, out: Floats) ->
 @kernel
 def _jacobian(time: float, state: Floats, system: ReducedBeam, out: Floats) -> None:
     detuning, drive, coupling = system.detuning, system.drive, 2.0 * system.coupling
-    inertia = 1.0
-    force = 0.0
-    for i in range(detuning.size):
-        y, rate = state[2 * i + 2], state[2 * i + 3]
-        inertia -= coupling * (y * y)
-        force += rate * rate + y * (drive * (1.0 - y * y) * rate - (1.0 + detuning[i]) * y)
-    force = coupling * force - 2.0 * system.beam_damping * state[1] - 4.0 * state[0]
-    beam = force / inertia if inertia > 0.0 else math.nan
+    held = np.empty(state.size)
+    beam, inertia = _held(state, system, held)
     out[:] = 0.0
     out[0, 1] = 1.0
     out[1, 0] = -4.0 / inertia
     out[1, 1] = -2.0 * system.beam_damping / inertia
     for i in range(detuning.size):
-        y, rate = state[2 * i + 2], state[2 * i + 3]
-        free = drive * (1.0 - y * y) * rate - (1.0 + detuning[i]) * y
+        y, rate, free = state[2 * i + 2], state[2 * i + 3], held[2 * i + 3]
         by_angle = -2.0 * drive * y * rate - (1.0 + detuning[i])
         by_rate = drive * (1.0 - y * y)
         out[1, 2 * i + 2] = coupling * (free + y * by_angle + 2.0 * y * beam) / inertia
@@ -94,13 +108,81 @@ def _jacobian(time: float, state: Floats, system: ReducedBeam, out: Floats) -> N
             out[2 * i + 3, column] += state[2 * i + 2] * out[1, column]
 
 
-@registered("energy", ReducedBeam)
-@kernel
-def _energy(state: Floats, system: ReducedBeam) -> float:
-    """Kept when d = d0 = 0; in units of the beam's motion."""
-    total = 0.5 * state[1] * state[1] + 2.0 * state[0] * state[0]
-    for i in range(system.detuning.size):
-        y, rate = state[2 * i + 2], state[2 * i + 3]
-        swing = rate * rate + (1.0 + system.detuning[i]) * y * y - 2.0 * y * rate * state[1]
-        total += system.coupling * swing
-    return total
+class Reduction(NamedTuple):
+    """System (2), and the units of its time, beam and clocks."""
+
+    system: ReducedBeam
+    time_scale: float
+    """s = time_scale x t, 1/s: w0/2."""
+    displacement_scale: float
+    """x = displacement_scale x u, m: l."""
+    angle_scale: Floats
+    """(pendulums,) phi_i = angle_scale_i x y_i, rad: S0/l_i."""
+
+    @property
+    def _units(self) -> Floats:
+        """(n,) physical state over dimensionless state."""
+        scales = np.concatenate([[self.displacement_scale], self.angle_scale])
+        return np.stack([scales, scales * self.time_scale], axis=-1).ravel()
+
+    def dimensionless(self, states: Floats) -> Floats:
+        """(..., n) states (u, u', y_1, y_1', ...) of states (x, x', phi_1, phi_1', ...) in m, rad and seconds."""
+        result: Floats = states / self._units
+        return result
+
+    def physical(self, states: Floats) -> Floats:
+        """(..., n) states in m, rad and seconds; inverse of `dimensionless`."""
+        result: Floats = states * self._units
+        return result
+
+
+def reduced(beam: ElasticBeam) -> Reduction:
+    """Reduce a beam with clocks.
+
+    Parameters
+    ----------
+    beam : ElasticBeam
+        Its only term is a `VanDerPolDrive`; no ship motion.
+
+    Raises
+    ------
+    RefusedError
+        If system (2) cannot hold the beam.
+
+    Examples
+    --------
+    >>> clocks = VanDerPolDrive(np.full(2, 0.06), np.full(2, 0.055))
+    >>> made = reduced(ElasticBeam(50.0, np.full(2, 0.25), np.full(2, 0.25), 8080.0, 0.25, 9.8, clocks))
+    >>> round(made.time_scale, 6), round(made.system.drive, 6), round(float(made.system.detuning[0]), 4)
+    (6.324555, 0.009487, -0.02)
+    """
+    drive = beam.terms
+    if not isinstance(drive, VanDerPolDrive):
+        raise _refused("each clock needs a van-der-pol escapement and no damping of its own")
+    if beam.horizontal is not None or beam.vertical is not None:
+        raise _refused("it stands on firm ground, so the scene can have no motion")
+    if not np.all(drive.angle > 0.0) or not beam.stiffness > 0.0:
+        raise _refused("the angles of the escapements and the stiffness must be above zero")
+    arcs = beam.length * drive.angle
+    length, arc = float(np.mean(beam.length)), float(np.mean(arcs))
+    tolerance = _ROUNDING + float(np.ptp(beam.length)) / length
+    for name, values, allowed in (
+        ("masses", beam.mass, _ROUNDING),
+        ("escapement rates", drive.rate, _ROUNDING),
+        ("arcs (length x angle) of the escapements", arcs, tolerance),
+    ):
+        if np.ptp(values) > allowed * np.max(np.abs(values)):
+            raise _refused(f"the {name} must be the same for all clocks")
+    total = beam.beam_mass + float(np.sum(beam.mass))
+    fast = math.sqrt(beam.stiffness / total)  # w0
+    system = ReducedBeam(
+        beam_damping=beam.damping_rate / fast,
+        drive=2.0 * float(drive.rate[0]) / fast,
+        coupling=float(beam.mass[0]) * arc**2 / (2.0 * length**2 * total),
+        detuning=4.0 * beam.gravity / (beam.length * fast**2) - 1.0,
+    )
+    return Reduction(system, 0.5 * fast, length, arc / beam.length)
+
+
+def _refused(what: str) -> RefusedError:
+    return RefusedError(f"support: the reduced beam cannot hold these clocks, {what}; choose equations = 'full'")

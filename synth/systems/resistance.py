@@ -97,3 +97,26 @@ def _van_der_pol_slope(slopes: Slopes, index: int, angle: float, rate: float, te
     share = angle / term.angle[index]
     by_angle = -2.0 * term.rate[index] * share / term.angle[index] * rate
     return slopes[0] + by_angle, slopes[1] + term.rate[index] * (1.0 - share * share)
+
+
+class VanDerPol(NamedTuple):
+    """The oscillator `y'' = mu (1 - y^2) y' - y`, the field's stiff reference problem; state (y, y')."""
+
+    stiffness: float
+    """mu."""
+
+
+@registered("derivative", VanDerPol)
+@kernel
+def _derivative(time: float, state: Floats, system: VanDerPol, out: Floats) -> None:
+    out[0] = state[1]
+    out[1] = system.stiffness * (1.0 - state[0] * state[0]) * state[1] - state[0]
+
+
+@registered("jacobian", VanDerPol)
+@kernel
+def _jacobian(time: float, state: Floats, system: VanDerPol, out: Floats) -> None:
+    out[0, 0] = 0.0
+    out[0, 1] = 1.0
+    out[1, 0] = -2.0 * system.stiffness * state[0] * state[1] - 1.0
+    out[1, 1] = system.stiffness * (1.0 - state[0] * state[0])

@@ -7,13 +7,21 @@ Three questions are put to a term, and each is answered by the kernel that the t
     driven_slope(slopes, index, angle, rate, term)       -> (d/d angle, d/d rate) with the term's share added
 
 `Both(first, second)` is the sum of two terms; `together(...)` folds any number of them.
+
+In the frame of a ship every mass feels `-m x''` sideways and `-m z''` upwards (z'' up positive). A bob's share along its
+swing is `(g + z'') sin phi + x'' cos phi` (`weight`); the rest acts on what holds the pendulums (`carried`).
+
+A system that has `kicks` (`Impulses`) halts a step at each; for all others, and for `kicks = None`, nothing is compiled.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from synth.systems.dispatch import by_type, registered
+from numba.extending import overload
+
+from synth.phase import Floats
+from synth.systems.dispatch import by_type, registered, taken_in
 
 Slopes = tuple[float, float]
 
@@ -42,6 +50,13 @@ def together(*terms: Any) -> Any:
     for each in reversed(present[:-1]):
         folded = Both(each, folded)
     return folded
+
+
+def apart(term: Any) -> list[Any]:
+    """The single terms that were folded."""
+    if isinstance(term, Both):
+        return apart(term.first) + apart(term.second)
+    return [] if term is None else [term]
 
 
 @by_type("term")
@@ -82,3 +97,69 @@ def _both(acceleration: float, index: int, angle: float, rate: float, term: Both
 @registered("driven_slope", Both)
 def _both_slopes(slopes: Slopes, index: int, angle: float, rate: float, term: Both) -> Any:
     return driven_slope(driven_slope(slopes, index, angle, rate, term.first), index, angle, rate, term.second)
+
+
+@taken_in
+def weight(sine: float, cosine: float, gravity: float, horizontal: float | None, vertical: float | None) -> float:
+    """Pull along the swing per mass, `(g + z'') sine + x'' cosine`, m/s^2.
+
+    Its derivative by the angle is the same of `cosine` and `-sine`.
+
+    Examples
+    --------
+    >>> weight(0.5, 0.75, 10.0, None, None), weight(0.5, 0.75, 10.0, 4.0, -2.0)
+    (5.0, 7.0)
+    """
+    pull = (gravity if vertical is None else gravity + vertical) * sine
+    return pull if horizontal is None else pull + horizontal * cosine
+
+
+@taken_in
+def carried(force: float, mass: float, acceleration: float | None) -> float:
+    """Force with `mass x acceleration` added.
+
+    Examples
+    --------
+    >>> carried(1.0, 2.0, None), carried(1.0, 2.0, 3.0)
+    (1.0, 7.0)
+    """
+    return force if acceleration is None else force + mass * acceleration
+
+
+class Impulses(NamedTuple):
+    """Changes of angles and angular velocities at even times; impulse j, from 0, comes at (j + 1) * step."""
+
+    step: float
+    """s."""
+    kept: Floats
+    """(impulses, pendulums) what stays of angle and rate."""
+    angles: Floats
+    rates: Floats
+    """(impulses, pendulums) what is added to them, rad and rad/s."""
+
+
+def kicks_of(system: Any) -> Any:
+    """The impulses of a system, or None."""
+    return getattr(system, "kicks", None)
+
+
+overload(kicks_of, strict=False)(
+    lambda system: (lambda system: system.kicks) if "kicks" in getattr(system, "fields", ()) else (lambda system: None)
+)
+
+
+@taken_in
+def halt(kicks: Impulses | None, number: int, end: float) -> float:
+    """Time of impulse `number`, or the end of the march if that is earlier."""
+    if kicks is None:
+        return end
+    return min(end, (number + 1) * kicks.step) if number < kicks.rates.shape[0] else end
+
+
+@taken_in
+def jolt(kicks: Impulses | None, number: int, state: Floats) -> None:
+    """Add impulse `number` to the state of a system whose first angle leads it."""
+    if kicks is not None:
+        for i in range(kicks.rates.shape[1]):
+            state[2 * i] = kicks.kept[number, i] * state[2 * i] + kicks.angles[number, i]
+            state[2 * i + 1] = kicks.kept[number, i] * state[2 * i + 1] + kicks.rates[number, i]

@@ -27,10 +27,8 @@ import numpy as np
 
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
-from synth.systems.carried import carried, weight
-from synth.systems.choice import taken_in
-from synth.systems.dispatch import by_type, registered
-from synth.systems.terms import driven, driven_slope, motion
+from synth.systems.dispatch import by_type, registered, taken_in
+from synth.systems.terms import carried, driven, driven_slope, motion, weight
 
 
 class ElasticBeam(NamedTuple):
@@ -95,9 +93,10 @@ def lever(sine: Any, cosine: Any, system: Any) -> Any:
     """e and e' of a pendulum, from sine and cosine of its angle."""
 
 
-@by_type("system")
+@taken_in
 def own_mass(system: Any) -> Any:
-    """M, kg."""
+    """M, kg: the first parameter of both."""
+    return system[0]
 
 
 @by_type("system")
@@ -113,16 +112,6 @@ def _lever_of_beam(sine: Any, cosine: Any, system: ElasticBeam) -> tuple[Any, An
 @registered("lever", FlexibleFrame)
 def _lever_of_frame(sine: Any, cosine: Any, system: FlexibleFrame) -> tuple[Any, Any]:
     return -cosine, sine
-
-
-@registered("own_mass", ElasticBeam)
-def _mass_of_beam(system: ElasticBeam) -> float:
-    return system.beam_mass
-
-
-@registered("own_mass", FlexibleFrame)
-def _mass_of_frame(system: FlexibleFrame) -> float:
-    return system.frame_mass
 
 
 @registered("pushed", ElasticBeam)
@@ -201,21 +190,6 @@ def _jacobian(time: float, state: Floats, system: Any, out: Floats) -> None:
             out[2 * i + 3, column] += arm / lengths[i] * out[1, column]
     rates[:] = 0.0
     rates[1] = 1.0
-
-
-@registered("energy", FlexibleFrame)
-@registered("energy", ElasticBeam)
-@kernel
-def _energy(state: Floats, system: Any) -> float:
-    """J; pendulums at rest count -m g l."""
-    total = 0.5 * (own_mass(system) * state[1] * state[1] + system.stiffness * state[0] * state[0])
-    for i in range(system.length.size):
-        swing = system.length[i] * state[2 * i + 3]
-        cosine = math.cos(state[2 * i + 2])
-        arm, _ = lever(math.sin(state[2 * i + 2]), cosine, system)
-        speed = state[1] * state[1] - 2.0 * arm * state[1] * swing + swing * swing
-        total += system.mass[i] * (0.5 * speed - system.gravity * system.length[i] * cosine)
-    return total
 
 
 @registered("response", FlexibleFrame)

@@ -16,7 +16,8 @@ from synth.systems.dispatch import plain_jacobian
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.reduced_beam import _derivative as _reduced
 from synth.systems.resistance import VanDerPolDrive
-from synth.systems.yielding import ElasticBeam, _derivative, _energy
+from synth.systems.yielding import ElasticBeam, _derivative
+from tests.synth.energies import energy_yielding as _energy
 
 M, MASS, LENGTH, STIFFNESS, G = 2.0, np.array([1.0, 0.7]), np.array([1.0, 0.9]), 150.0, 9.81
 BEAM = ElasticBeam(M, MASS, LENGTH, STIFFNESS, 0.0, G)

@@ -328,8 +328,7 @@ def test_what_a_driven_scene_leaves_out_is_not_imported() -> None:
     names = loaded(SCENES["air and knife edges in a swell"].model_dump_json(), "synth.simulate(scene)")
     assert "synth.integrators.explicit" in names
     absent = {
-        "synth.systems.reduction", "synth.integrators.radau", "synth.integrators.events",
-        "synth.integrators.collocation", "synth.propagators.picard", "synth.explanation",
+        "synth.integrators.radau", "synth.integrators.collocation", "synth.propagators.picard", "synth.explanation",
     }  # fmt: skip
     assert names.isdisjoint(absent)
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from collocation_cases import CASES, LENGTHS, REFERENCES, THREE
+from energies import energy
 
 from data_schemas.errors import RefusedError
 from synth.integrators import explicit
 from synth.integrators.collocation import integrate
 from synth.integrators.collocation_remainders import excess_of, linear_part
 from synth.integrators.collocation_run import FINEST, Problem, run
-from synth.systems.dispatch import energy
 from synth.systems.driven_pendulums import plain
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam

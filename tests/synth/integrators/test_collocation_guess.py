@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synth.integrators.collocation_guess import ORDERS, best, guess, remember
-from synth.integrators.collocation_weights import aligned
-from synth.kernels.collocation_remainder import NODES
+from synth.integrators.collocation_march import ORDERS, best, guess, remember
+from synth.kernels.collocation import NODES
+from synth.kernels.collocation_weights import FINE, aligned, continuation, gauss_nodes
 from synth.phase import Floats
-from synth.propagators.picard_nodes import FINE, continuation, gauss_nodes
 
 NODE = (1.0 + gauss_nodes() / FINE) / 2.0
 MIRROR = np.array([1.0, -1.0])

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from synth.integrators.collocation_remainders import turned
-from synth.integrators.collocation_simd import LANES, load, positive, store, total, wide
-from synth.integrators.collocation_weights import aligned, weights
-from synth.kernels.collocation_remainder import NODES
+from synth.kernels.collocation import NODES
+from synth.kernels.collocation_weights import FINE, aligned, gauss_nodes, weights
 from synth.kernels.compiled import kernel
+from synth.kernels.lanes import LANES, load, positive, store, total, wide
 from synth.phase import Floats
-from synth.propagators.picard_nodes import FINE, gauss_nodes
 
 NODE = (1.0 + gauss_nodes() / FINE) / 2.0
 OSCILLATORS = pytest.mark.parametrize(

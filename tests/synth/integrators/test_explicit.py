@@ -7,20 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from energies import energy
 from pantaleone_board import pantaleone
 
 from data_schemas.errors import RefusedError, UsageError
-from synth.integrators.explicit import integrate
-from synth.integrators.explicit_error import LOOSEST
-from synth.integrators.explicit_run import run
-from synth.systems.dispatch import energy
-from synth.systems.driven_pendulums import DrivenPendulums, plain
+from synth.integrators.explicit import LOOSEST, integrate
+from synth.integrators.explicit_run import Run
+from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
 from synth.systems.harmonic_motion import harmonics
 from synth.systems.reduced_beam import ReducedBeam
-from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive, Viscous
-from synth.systems.restoring import Linear
+from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPol, VanDerPolDrive, Viscous
 from synth.systems.terms import together
-from synth.systems.van_der_pol import VanDerPol
 from synth.systems.yielding import ElasticBeam, FlexibleFrame, stiffness_of_ratio
 
 LENGTHS = np.array([0.249, 0.2484])
@@ -102,7 +99,7 @@ def test_energy_of_reference_c1() -> None:
 def test_energy_is_kept_over_ten_thousand_swings(system: Any, start: list[float], end: float) -> None:
     """Truncation is made negligible; what is left is the random walk of rounding, sqrt(steps) x 1e-16."""
     times = np.linspace(0.0, end, 51)
-    states = run(system, None, np.array(start, dtype=float), times, 1e-16).states
+    states = Run(system, None, np.array(start, dtype=float), times, 1e-16).states
     levels = np.array([energy(state, system) for state in states])
     swing = abs(levels[0] - energy(np.zeros(len(start)), system))  # above rest
     assert np.max(np.abs(levels - levels[0])) < 1e-12 * swing
@@ -167,7 +164,7 @@ def test_order_of_convergence_is_eight() -> None:
     start, times = np.array([0.1, 0.0]), np.linspace(0.0, 6.0, 50)
     errors, steps = [], []
     for tolerance in (1e-7, 1e-10):
-        made = run(system, None, start, times, tolerance)
+        made = Run(system, None, start, times, tolerance)
         errors.append(np.max(np.abs(made.states[:, 0] - 0.1 * np.cos(6.0 * times))))
         steps.append(int(made.counts[0]))
     order = math.log(errors[0] / errors[1]) / math.log(steps[1] / steps[0])

@@ -11,15 +11,12 @@ import pytest
 from test_explicit import BEAM_A, BEAM_B, BEAM_C, START_A, START_B, START_C
 
 from data_schemas.errors import RefusedError
-from synth.integrators.explicit import integrate
-from synth.integrators.explicit_error import TIGHTEST, instants, refine
-from synth.integrators.explicit_run import run
+from synth.integrators.explicit import TIGHTEST, instants, integrate, refine
+from synth.integrators.explicit_run import Run
 from synth.phase import Floats
-from synth.systems.driven_pendulums import DrivenPendulums, plain
+from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
 from synth.systems.harmonic_motion import harmonics
-from synth.systems.resistance import Viscous
-from synth.systems.restoring import Linear
-from synth.systems.van_der_pol import VanDerPol
+from synth.systems.resistance import VanDerPol, Viscous
 
 SWING = 2 * math.pi
 
@@ -66,7 +63,7 @@ def test_estimates_are_honest_at_every_tolerance(name: str) -> None:
     times = np.linspace(0.0, end, 101)
     first = np.array(start, dtype=float)
     best = integrate(system, start, times, tolerance=1e-15)
-    tightest = run(system, None, first, times, TIGHTEST)
+    tightest = Run(system, None, first, times, TIGHTEST)
     for tolerance in 10.0 ** -np.arange(4.0, 14.0):
         made = refine(system, None, first, times, tolerance)
         if made.estimated_error < 30.0 * best.estimated_error:

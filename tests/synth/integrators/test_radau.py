@@ -12,13 +12,12 @@ import pytest
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators import radau, radau_march
 from synth.integrators.radau import Problem, Run, integrate, swing_of_bobs
-from synth.integrators.radau_dense import differences, part_step
-from synth.integrators.radau_newton import Work
+from synth.integrators.radau_step import Work, differences, part_step
 from synth.phase import Floats
 from synth.systems.driven_pendulums import plain
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
-from synth.systems.van_der_pol import VanDerPol
+from synth.systems.resistance import VanDerPol
 from synth.systems.yielding import ElasticBeam
 from tests.synth.integrators.conftest import Cliff, Linear
 

@@ -10,11 +10,9 @@ import pytest
 
 from synth.integrators.radau import Problem, integrate, swing_of_bobs
 from synth.phase import Floats
-from synth.systems.driven_pendulums import DrivenPendulums
+from synth.systems.driven_pendulums import DrivenPendulums, Sine
 from synth.systems.reduced_beam import ReducedBeam
-from synth.systems.resistance import KnifeEdge, VanDerPolDrive, Viscous
-from synth.systems.restoring import Sine
-from synth.systems.van_der_pol import VanDerPol
+from synth.systems.resistance import KnifeEdge, VanDerPol, VanDerPolDrive, Viscous
 from synth.systems.yielding import ElasticBeam, stiffness_of_ratio
 
 pytestmark = [pytest.mark.campaign, pytest.mark.compiled]

@@ -8,13 +8,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from synth.integrators.radau_dense import differences, evaluate, extrapolate
 from synth.integrators.radau_linear import factor, factor_pair, solve, solve_pair
-from synth.integrators.radau_newton import DIVERGED, NOT_FINITE, SOLVED, Work, collocate, prepare
+from synth.integrators.radau_step import (
+    DIVERGED,
+    NOT_FINITE,
+    SOLVED,
+    Work,
+    collocate,
+    differences,
+    evaluate,
+    extrapolate,
+)
 from synth.phase import Floats
 from synth.systems.dispatch import jacobian
 from synth.systems.driven_pendulums import plain
-from synth.systems.van_der_pol import VanDerPol
+from synth.systems.resistance import VanDerPol
 from tests.synth.integrators.conftest import Cliff, Linear
 
 STAGES = pytest.mark.parametrize("stages", [3, 5, 7])
@@ -32,9 +40,8 @@ def _step(system: Any, time: float, state: Floats, step: float, stages: int) -> 
     work = _space(stages, n)
     slopes = np.zeros((n, n))
     jacobian(time, state, system, slopes)
-    assert prepare(step, slopes.ravel(), count, size, work)
     scale = 1.0 / np.maximum(np.abs(state), 1e-3)
-    outcome, _, _ = collocate(time, step, state, scale, 1e-15, count, size, work, system)
+    outcome, _, _ = collocate(time, step, state, scale, 1e-15, slopes.ravel(), count, size, work, system)
     return outcome, work.z.reshape(stages, n)
 
 

@@ -15,7 +15,7 @@ from data_schemas.scene_pendulum import FreeStart, StateStart
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.motion.tabulated import continued, tabulated
 from synth.pendulums.linear import respond
-from synth.propagators.even import EvenTimes
+from synth.propagators.times import EvenTimes
 
 N = 2 * math.pi / 1.01
 SWELL = 2 * math.pi / 10

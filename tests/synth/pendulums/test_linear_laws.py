@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from data_schemas.scene_pendulum import FreeStart, StateStart
 from synth.motion.harmonic_sum import HarmonicSum, add
 from synth.pendulums.linear import Response, respond
-from synth.propagators.even import EvenTimes
+from synth.propagators.times import EvenTimes
 
 GRAVITY = 9.81
 N = 2 * math.pi / 1.01

@@ -9,9 +9,8 @@ from fractions import Fraction
 import numpy as np
 
 from synth.motion.harmonic_sum import HarmonicSum
-from synth.propagators.even import EvenTimes
 from synth.propagators.picard import PicardPlan
-from synth.propagators.uneven import UnevenTimes
+from synth.propagators.times import EvenTimes, UnevenTimes
 
 GRAVITY = 9.81
 N = 2 * math.pi / 1.01

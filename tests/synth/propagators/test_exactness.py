@@ -14,8 +14,7 @@ from scipy.integrate import solve_ivp
 from data_schemas.scene_pendulum import StateStart
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond
-from synth.propagators.even import EvenTimes
-from synth.propagators.uneven import UnevenTimes
+from synth.propagators.times import EvenTimes, UnevenTimes
 
 GRAVITY = 9.81
 N = 2 * math.pi / 1.00966

@@ -15,8 +15,7 @@ from data_schemas.scene_pendulum import StateStart
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond, start_state
 from synth.propagators import picard, picard_error, picard_march
-from synth.propagators.even import EvenTimes
-from synth.propagators.uneven import UnevenTimes
+from synth.propagators.times import EvenTimes, UnevenTimes
 
 
 def _period(amplitude: float) -> mpmath.mpf:

@@ -12,9 +12,8 @@ from scipy.integrate import solve_ivp
 from data_schemas.scene_pendulum import FreeStart
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond, start_state
-from synth.propagators.even import EvenTimes
 from synth.propagators.picard import PicardPlan
-from synth.propagators.uneven import UnevenTimes
+from synth.propagators.times import EvenTimes, UnevenTimes
 
 CASES = {
     "swell": make([(0.03, 0.02), (0.012, 0.1)], SWELL, HEAVE, damping_rate=1e-3),

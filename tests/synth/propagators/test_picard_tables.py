@@ -14,9 +14,8 @@ from synth.motion import tabulated
 from synth.motion.harmonic_sum import HarmonicSum, add
 from synth.motion.tabulated import continued
 from synth.pendulums.linear import respond
-from synth.propagators.even import EvenTimes
 from synth.propagators.picard import PicardPlan
-from synth.propagators.uneven import UnevenTimes
+from synth.propagators.times import EvenTimes, UnevenTimes
 
 MOMENTS = (
     EvenTimes(Fraction(1, 20), 61),

@@ -8,12 +8,11 @@ import numpy as np
 from pantaleone_board import pantaleone
 
 from synth.phase import Floats
-from synth.systems.driven_pendulums import DrivenPendulums
+from synth.systems.driven_pendulums import DrivenPendulums, Linear, Sine
 from synth.systems.harmonic_motion import Harmonics, harmonics
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive, Viscous
-from synth.systems.restoring import Linear, Sine
 from synth.systems.terms import together
 from synth.systems.yielding import ElasticBeam, FlexibleFrame
 

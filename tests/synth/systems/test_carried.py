@@ -13,8 +13,7 @@ from system_examples import LENGTH, MASS, SIDEWAYS, UPWARDS, state_for
 from test_equations import slope
 
 from synth.phase import Floats
-from synth.systems.carried import carried, weight
-from synth.systems.terms import motion
+from synth.systems.terms import carried, motion, weight
 from synth.systems.yielding import ElasticBeam, FlexibleFrame
 
 NOW = 0.7

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from energies import SineFromTop, energy
 from pantaleone_board import pantaleone
 from system_examples import DRIVE, FREQUENCY, LENGTH, MASS, QUADRATIC, SIDEWAYS, SYSTEMS, UPWARDS, mirrored, state_for
 
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
-from synth.systems.dispatch import derivative, energy, jacobian, response
+from synth.systems.dispatch import derivative, jacobian, response
 from synth.systems.driven_pendulums import DrivenPendulums
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
-from synth.systems.restoring import SineFromTop
 from synth.systems.yielding import ElasticBeam, FlexibleFrame, stiffness_of_ratio
 
 EVERY = pytest.mark.parametrize("system", SYSTEMS.values(), ids=list(SYSTEMS))

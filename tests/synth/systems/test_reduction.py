@@ -10,7 +10,7 @@ from test_equations import slope
 
 from data_schemas.errors import RefusedError
 from synth.systems.harmonic_motion import harmonics
-from synth.systems.reduction import reduced
+from synth.systems.reduced_beam import reduced
 from synth.systems.resistance import VanDerPolDrive, Viscous
 from synth.systems.terms import together
 from synth.systems.yielding import ElasticBeam, stiffness_of_ratio

@@ -1,0 +1,324 @@
+"""One step of Radau IIA: the collocation equations solved by Newton's method in the eigenvectors of A^-1.
+
+Unknowns are the increments z_i of the state at the s nodes, z = h A f(state + z) (Hairer and Wanner 1996, IV.8). What
+is left of f - A^-1 z/h is taken before the change to eigenvectors, which for 7 stages would cost two digits of the sums
+and leave a method with weights off by 2e-15 in one direction. The iteration goes on until its remainder is below the
+goal, or until rounding alone moves it. Stages come as the length of a tuple, so that each order is compiled with its
+coefficients as constants.
+
+The collocation polynomial of a step is kept in Newton's form on the nodes 1 = c_s, ..., c_1, 0. Inside the step it is the
+dense output, of order s, or the first guess where a part of the step is solved for by itself; beyond it the first guess
+of the next step.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from synth.integrators.radau_linear import factor, factor_pair, solve, solve_pair
+from synth.integrators.radau_tables import FIVE, SEVEN, THREE
+from synth.kernels.compiled import kernel, summing_kernel
+from synth.systems.dispatch import derivative
+
+SOLVED, DIVERGED, NOT_FINITE = 0, 1, 2
+
+_ROUNDING, _NOISY = 1e-14, 0.3  # of the state: corrections below this that hardly shrink are rounding
+_SLOWEST = 0.9  # contraction from which an iteration is not worth its evaluations
+_CAREFUL = 0.1  # share of every time scale at the start that the first step may take
+
+_S3, _S5, _S7 = (0,) * 3, (0,) * 5, (0,) * 7
+_N3, _N5, _N7 = THREE.nodes, FIVE.nodes, SEVEN.nodes
+_A3, _A5, _A7 = THREE.inverse, FIVE.inverse, SEVEN.inverse
+_M3, _M5, _M7 = THREE.modes, FIVE.modes, SEVEN.modes
+_P3, _P5, _P7 = THREE.projection, FIVE.projection, SEVEN.projection
+_R3, _R5, _R7 = THREE.rates, FIVE.rates, SEVEN.rates
+_E3, _E5, _E7 = THREE.error, FIVE.error, SEVEN.error
+_D3, _D5, _D7 = THREE.reciprocals, FIVE.reciprocals, SEVEN.reciprocals
+
+
+class Work(NamedTuple):
+    """Working space of a step of s stages: addresses, but for the last two, which are arrays (n,)."""
+
+    z: Any
+    """(s, n) increments."""
+    f: Any
+    """(s, n)."""
+    g: Any
+    """(s, n)."""
+    stack: Any
+    """(s, n, n) factored matrices,"""
+    exchanges: Any
+    """(s, n) with their exchanges, see `radau_linear`."""
+    point: Any
+    slope: Any
+
+
+@kernel
+def _prepare(step: float, jacobian: Any, count: Any, size: Any, work: Work) -> bool:
+    """Factor all matrices for a step; False if one is singular or not finite."""
+    s = len(count)
+    rates = _R3 if s == 3 else _R5 if s == 5 else _R7
+    inverse = 1.0 / step
+    good = factor(rates[0].real * inverse, jacobian, size, work.stack, work.exchanges)
+    for k in range(1, (s + 1) // 2):
+        good &= factor_pair(
+            2 * k - 1, rates[k].real * inverse, rates[k].imag * inverse, jacobian, size, work.stack, work.exchanges
+        )
+    return good
+
+
+@summing_kernel
+def _correct(step: float, count: Any, size: Any, work: Work) -> None:
+    """Correct the increments z by Newton's method from the slopes f; g becomes the amplitudes of the correction."""
+    n, s, z, f, g = len(size), len(count), work.z, work.f, work.g
+    matrix = _A3 if s == 3 else _A5 if s == 5 else _A7
+    inverse = 1.0 / step
+    for i in range(s):
+        for c in range(n):
+            total = 0.0
+            for j in range(s):
+                total += matrix[i, j] * z[j * n + c]
+            f[i * n + c] -= inverse * total
+    matrix = _P3 if s == 3 else _P5 if s == 5 else _P7
+    for i in range(s):
+        for c in range(n):
+            total = 0.0
+            for j in range(s):
+                total += matrix[i, j] * f[j * n + c]
+            g[i * n + c] = total
+    solve(size, work.stack, work.exchanges, g)
+    for k in range(1, (s + 1) // 2):
+        solve_pair(2 * k - 1, size, work.stack, work.exchanges, g)
+    matrix = _M3 if s == 3 else _M5 if s == 5 else _M7
+    for i in range(s):
+        for c in range(n):
+            total = 0.0
+            for j in range(s):
+                total += matrix[i, j] * g[j * n + c]
+            z[i * n + c] += total
+
+
+@summing_kernel
+def _moved(count: Any, size: Any, scale: Any, g: Any) -> float:
+    """Weighted mean square of a correction."""
+    n, s = len(size), len(count)
+    total = 0.0
+    for i in range(s):
+        for c in range(n):
+            total += (g[i * n + c] * scale[c]) * (g[i * n + c] * scale[c])
+    return total / (n * s)
+
+
+@kernel
+def _lower(state: Any, count: Any, size: Any, z: Any, scale: Any) -> None:
+    """Lower the inverse sizes of components that end larger than thought: one that starts at zero, above all."""
+    n, s = len(size), len(count)
+    for c in range(n):
+        ended = state[c] + z[(s - 1) * n + c]
+        if abs(ended) * scale[c] > 2.0:
+            scale[c] = 1.0 / abs(ended)
+
+
+@kernel
+def collocate(
+    time: float, step: float, state: Any, scale: Any, goal: float, jacobian: Any, count: Any, size: Any, work: Work,
+    system: Any,
+) -> tuple[int, int, float]:  # fmt: skip
+    """Solve one step.
+
+    Parameters
+    ----------
+    time, step : float
+    state : (n,) array
+    scale : (n,) array
+        Inverse sizes of the components; lowered where a component turns out larger.
+    goal : float
+        Remainder of the iteration to reach, relative to the sizes.
+    jacobian : (n, n) array
+    count, size : tuples of length s and n
+    work : Work
+        z holds a first guess of the increments, the solution on return.
+    system : NamedTuple
+
+    Returns
+    -------
+    outcome, corrections, contraction
+        SOLVED, DIVERGED or NOT_FINITE; contraction -1 where one correction was enough.
+    """
+    if not _prepare(step, jacobian, count, size, work):
+        return NOT_FINITE, 0, 1.0
+    n, s = len(size), len(count)
+    z, f, point, slope = work.z, work.f, work.point, work.slope
+    nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
+    most = 2 * s + 2
+    contraction, before, quotient, moved = -1.0, 0.0, 0.0, 0.0
+    remainder = 1.0  # of the iteration over its last correction; unknown after the first
+    for turn in range(1, most + 1):
+        for i in range(s):
+            for c in range(n):
+                point[c] = state[c] + z[i * n + c]
+            derivative(time + nodes[i] * step, point, system, slope)
+            for c in range(n):
+                f[i * n + c] = slope[c]
+        _correct(step, count, size, work)
+        if turn == 1:  # before it is measured: a ratio of corrections measured by different sizes would say nothing
+            _lower(state, count, size, z, scale)
+        moved = math.sqrt(_moved(count, size, scale, work.g))
+        if not moved < 1e100:
+            return NOT_FINITE, turn, 1.0
+        if turn > 1:
+            present = moved / before
+            if present >= _NOISY and moved <= _ROUNDING:
+                return SOLVED, turn, max(contraction, 0.0)  # this ratio says nothing
+            contraction = present if turn == 2 else math.sqrt(present * quotient)
+            quotient = present
+            if present >= _SLOWEST or contraction >= _SLOWEST:
+                return DIVERGED, turn, contraction
+            remainder = contraction / (1.0 - contraction)
+        if remainder * moved <= goal or moved == 0.0:
+            return SOLVED, turn, contraction
+        before = moved
+    return SOLVED if moved <= _ROUNDING else DIVERGED, most, contraction
+
+
+@kernel
+def collocate_any(
+    s: int, time: float, step: float, state: Any, scale: Any, goal: float, jacobian: Any, size: Any, work: Work,
+    system: Any,
+) -> tuple[int, int, float]:  # fmt: skip
+    """`collocate` for a number of stages chosen while marching: it becomes a constant of the compiler."""
+    if s == 3:
+        return collocate(time, step, state, scale, goal, jacobian, _S3, size, work, system)
+    if s == 5:
+        return collocate(time, step, state, scale, goal, jacobian, _S5, size, work, system)
+    return collocate(time, step, state, scale, goal, jacobian, _S7, size, work, system)
+
+
+@summing_kernel
+def differences(s: int, size: Any, increments: Any, out: Any) -> None:
+    """Divided differences (s + 1, n) of the increments (s, n); the increment at 0 is zero."""
+    n = len(size)
+    reciprocals = _D3 if s == 3 else _D5 if s == 5 else _D7
+    for c in range(n):
+        for i in range(s):
+            out[i * n + c] = increments[(s - 1 - i) * n + c]
+        out[s * n + c] = 0.0
+    for level in range(1, s + 1):
+        for i in range(s, level - 1, -1):
+            for c in range(n):
+                out[i * n + c] = (out[i * n + c] - out[(i - 1) * n + c]) * reciprocals[i, i - level]
+
+
+@summing_kernel
+def evaluate(at: float, s: int, size: Any, polynomial: Any, out: Any, row: int) -> None:
+    """Increments at the share `at` of the step, into a row of `out` (rows, n)."""
+    n = len(size)
+    nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
+    for c in range(n):
+        total = polynomial[s * n + c]
+        for i in range(s - 1, -1, -1):
+            total = total * (at - nodes[s - 1 - i]) + polynomial[i * n + c]
+        out[row * n + c] = total
+
+
+@summing_kernel
+def extrapolate(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, base: Any) -> None:
+    """Increments (s, n) of a step that starts at the share `begin` of one of `old` stages and is `ratio` as long."""
+    n = len(size)
+    nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
+    evaluate(begin, old, size, polynomial, base, 0)
+    for i in range(s):
+        evaluate(begin + ratio * nodes[i], old, size, polynomial, z, i)
+        for c in range(n):
+            z[i * n + c] -= base[c]
+
+
+@kernel
+def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, point: Any) -> None:
+    """First guess of a step from the polynomial of another one of `old` stages (0: none).
+
+    It starts at the share `begin` of that one, and is `ratio` times as long.
+    """
+    if old == 0:
+        for i in range(s * len(size)):
+            z[i] = 0.0
+    else:
+        extrapolate(s, old, begin, ratio, size, polynomial, z, point)
+
+
+@kernel
+def part_step(
+    s: int, time: float, part: float, share: float, state: Any, scale: Any, goal: float, jacobian: Any, size: Any,
+    polynomial: Any, work: Work, system: Any,
+) -> int:  # fmt: skip
+    """Solve the first `share` of a step by itself: increments in `work.point`, with the order of the end of a step.
+
+    Returns the corrections made, or 0 where it could not be solved; `work.point` then holds nothing of use.
+    """
+    guess(s, s, 0.0, share, size, polynomial, work.z, work.point)
+    outcome, turns, _ = collocate_any(s, time, part, state, scale, goal, jacobian, size, work, system)
+    for c in range(len(size)):
+        work.point[c] = work.z[(s - 1) * len(size) + c]
+    return turns if outcome == SOLVED else 0
+
+
+@kernel
+def _size(size: Any, values: Any, scale: Any) -> float:
+    total = 0.0
+    for c in range(len(size)):
+        total += (values[c] * scale[c]) * (values[c] * scale[c])
+    return math.sqrt(total / len(size))
+
+
+@kernel
+def local_error(
+    s: int, time: float, step: float, state: Any, slope: Any, scale: Any, again: float, size: Any, work: Work,
+    system: Any,
+) -> float:  # fmt: skip
+    """Difference from an embedded formula of order s, filtered by (gamma/h - J)^-1.
+
+    Hairer and Wanner (1996), IV.8, (8.19) and (8.20).
+
+    Where it exceeds `again` it is filtered once more, with the slope at the corrected start: the first filter
+    overestimates what a stiff component has before it settled.
+    """
+    n, z, f, point, other = len(size), work.z, work.f, work.point, work.slope
+    weights = _E3 if s == 3 else _E5 if s == 5 else _E7
+    gain = (_R3 if s == 3 else _R5 if s == 5 else _R7)[0].real / step
+    for c in range(n):
+        total = 0.0
+        for i in range(s):
+            total += weights[i] * z[i * n + c]
+        f[n + c] = gain * total
+        f[c] = slope[c] + f[n + c]
+    solve(size, work.stack, work.exchanges, f)
+    error = _size(size, f, scale)
+    if error > again:
+        for c in range(n):
+            point[c] = state[c] + f[c]
+        derivative(time, point, system, other)
+        for c in range(n):
+            f[c] = other[c] + f[n + c]
+        solve(size, work.stack, work.exchanges, f)
+        error = _size(size, f, scale)
+    return error
+
+
+@kernel
+def first_step(state: Any, slope: Any, curvature: Any, span: float, size: Any) -> float:
+    """A tenth of the shortest time in which state, slope and curvature (J slope) change one another by their size."""
+    n = len(size)
+    step = 1e-2 * span
+    for c in range(n):
+        bend = 0.0
+        for j in range(n):
+            bend += curvature[c * n + j] * slope[j]
+        y, f, b = abs(state[c]), abs(slope[c]), abs(bend)
+        if f > 0.0 and b > 0.0:
+            step = min(step, _CAREFUL * f / b)
+        if f > 0.0 and y > 0.0:
+            step = min(step, _CAREFUL * y / f)
+        if b > 0.0 and y > 0.0:
+            step = min(step, _CAREFUL * math.sqrt(y / b))
+    return step

@@ -1,0 +1,248 @@
+r"""Weights of exponential collocation, for ship pendulums and for clocks on supports that yield.
+
+Over one interval of length h each component obeys, with its linear part taken out,
+
+    y'' + loss y' + square y = r(t),      r known at the Gauss nodes t_k,    r(t) = sum r_k l_k(t)   (Lagrange)
+    y(t)  = (K' + loss K)(t) y(0) + K(t) y'(0)  + sum_k r_k integral_0^t K(t - s)  l_k(s) ds
+    y'(t) = -square K(t) y(0)     + K'(t) y'(0) + sum_k r_k integral_0^t K'(t - s) l_k(s) ds
+
+with K'' + loss K' + square K = 0, K(0) = 0, K'(0) = 1. Integrals are Gauss sums, those to the end in long doubles. The
+propagator over a whole interval comes from whole-number arithmetic of 320 bits: its rounded entries alone would cost
+1e-12 in an hour; it and the weights of the end, whose errors repeat in every interval, are kept as sums of two doubles.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synth.kernels.collocation import NODES
+from synth.phase import Floats, Integers
+
+Longs = NDArray[Any]  # long doubles, which type checkers cannot tell from doubles
+
+FINE = 1 << 40
+"""Nodes are multiples of 1/FINE of half an interval: their phases are exact in fixed point."""
+
+_BITS = 320
+_ONE = 1 << _BITS  # 1 in fixed point
+_NOTHING = 1 << 8  # rounding of what follows
+_QUADRATURE = 28  # exact for r times the 40th power of time: K over 5 rad to 1e-20
+
+
+class Weights(NamedTuple):
+    """What an interval needs, for one component."""
+
+    flow: Floats
+    """(4 * NODES,) free motion at the nodes: position by start position, position by start rate, rate by start
+    position, rate by start rate."""
+    inner: Floats
+    """(2 * NODES * NODES,) position, then rate, at the nodes (fast index) for the remainder there (slow index)."""
+    end: Floats
+    """(4 * NODES,) position and rate at the end for the remainder at the nodes; then what rounding left of them, for
+    the same error in every interval would add up to a drift of the energy."""
+    propagator: Floats
+    """(16,) entries (position, position), (position, rate), (rate, position), (rate, rate), each as head and tail of
+    its leading double, for exact products, that double, and what is left."""
+    reach: float
+    """What a change of r over the interval is worth in the position, s^2."""
+
+
+@functools.lru_cache(maxsize=1024)
+def weights(
+    square: float | Fraction, loss: float | Fraction, interval: float | Fraction, unit: Fraction = Fraction(1)
+) -> Weights:
+    """Weights for one component and one length of interval.
+
+    Parameters
+    ----------
+    square, loss : float or Fraction
+        Of the linear part, 1/s^2 and 1/s; taken as the numbers they are.
+    interval : float or Fraction
+        h in s, taken as the number it is.
+    unit : Fraction
+        Rates count in units of this, in 1/s, and remainders in units of its square.
+    """
+    places, points, lagrange, basis = _quadrature()
+    length, scale, lost = float(interval), float(unit), float(loss)
+    roots = np.float64(square - loss * loss / 4), np.float64(loss / 2)
+    own, slope = _kernel(*roots, length * places)
+    inside = np.stack(_kernel(*roots, length * points))  # (2, place, quadrature)
+    inner = (inside[:, :, None, :] @ basis)[:, :, 0].transpose(0, 2, 1) * length  # (2, node, place)
+    inner *= np.array([scale * scale, scale])[:, None, None]
+    flow = np.stack([slope + lost * own, scale * own, -float(square / unit) * own, slope])
+    half = _long(loss) / 2
+    final = _kernel(_long(square) - half * half, half, _long(interval) * lagrange[0])
+    units = _long(unit) * _long(unit), _long(unit)
+    last = np.stack([each @ lagrange[1] * size for each, size in zip(final, units, strict=True)]) * _long(interval)
+    leading = last.astype(np.float64)
+    end = np.concatenate([leading, (last - leading).astype(np.float64)])
+    exact = _propagator(Fraction(square), Fraction(loss), Fraction(interval), unit)
+    worth = length * min(length / 2, 1.0 / max(math.sqrt(abs(float(square))), 1e-300))
+    return Weights(flow.ravel(), inner.ravel(), end.ravel(), np.array(exact), worth)
+
+
+def aligned(values: Floats) -> Floats:
+    """A contiguous copy that begins at a cache line: loads of eight doubles then touch one line each."""
+    room = np.empty(values.size + 8)
+    skip = -(room.ctypes.data // 8) % 8
+    result = room[skip : skip + values.size].reshape(values.shape)
+    result[...] = values
+    return result
+
+
+@functools.cache
+def _quadrature() -> tuple[Floats, Floats, tuple[Longs, Longs], Floats]:
+    """Nodes in intervals; times left from the quadrature points before each; the same for the end, in long doubles,
+    with weight times l_k there; weight times l_k at all nodes, (node, point, k)."""
+    nodes = np.longdouble(0.5) + gauss_nodes().astype(np.longdouble) / (2 * FINE)
+    places = np.append(nodes, np.longdouble(1.0))
+    abscissa, share = _gauss()
+    points = places[:, None] * abscissa
+    apart = nodes[:, None] - nodes
+    np.fill_diagonal(apart, 1.0)
+    scale = 1.0 / np.prod(apart, axis=1)
+    distance = points[:, :, None] - nodes
+    basis = np.empty(distance.shape, dtype=np.longdouble)
+    for k in range(NODES):
+        others = np.delete(distance, k, axis=2)
+        basis[:, :, k] = np.prod(others, axis=2) * scale[k]
+    basis *= (places[:, None] * share)[:, :, None]
+    left = places[:, None] - points
+    doubles = (each[:NODES].astype(np.float64) for each in (places, left, basis))
+    first, second, third = doubles
+    return first, second, (left[NODES], basis[NODES]), third
+
+
+def _long(value: float | Fraction) -> Any:
+    """The number as a long double."""
+    leading = float(value)
+    return np.longdouble(leading) + np.longdouble(float(Fraction(value) - Fraction(leading)))
+
+
+def _gauss() -> tuple[Longs, Longs]:
+    """Gauss-Legendre rule on [0, 1] in long doubles: Newton steps from the rule in doubles."""
+    x: Longs = np.polynomial.legendre.leggauss(_QUADRATURE)[0].astype(np.longdouble)
+    for _ in range(3):
+        before, value = np.ones_like(x), x.copy()
+        for m in range(2, _QUADRATURE + 1):
+            before, value = value, ((2 * m - 1) * x * value - (m - 1) * before) / m
+        slope = _QUADRATURE * (x * value - before) / (x * x - 1)
+        x = x - value / slope
+    share = 1 / ((1 - x * x) * slope * slope)
+    return (1 + x) / 2, share
+
+
+def _kernel(own: Any, half: Any, time: Any) -> tuple[Any, Any]:
+    """K and K' at times of any shape, in the precision of the arguments.
+
+    `own` is the square of the damped frequency, of either sign; `half` is half the loss.
+    """
+    root = np.sqrt(abs(own))
+    turn = root * time
+    sine, cosine = (np.sin(turn), np.cos(turn)) if own >= 0.0 else (np.sinh(turn), np.cosh(turn))
+    sine = np.where(turn < 1e-5, time * (1 - own * time * time / 6), sine / (root if root > 0 else 1))
+    if half:
+        fade = np.exp(-half * time)
+        sine, cosine = sine * fade, cosine * fade
+    return sine, cosine - half * sine
+
+
+def _propagator(square: Fraction, loss: Fraction, interval: Fraction, unit: Fraction) -> list[float]:
+    """Entries over one interval, right to 2^-106."""
+    total, slope = _series(_fixed(square * interval**2), _fixed(loss * interval))
+    own, rise = Fraction(total, _ONE) * interval, Fraction(slope, _ONE)
+    return [part for entry in (rise + loss * own, unit * own, -square / unit * own, rise) for part in _parts(entry)]
+
+
+def _series(square: int, loss: int) -> tuple[int, int]:
+    """K and K' at the end of an interval of length 1, by power series from the equation of motion; in fixed point."""
+    before, term = 0, _ONE  # 1/i! times the i-th derivative of K at zero, i = 0 and 1
+    total, slope, order = term, _ONE, 1
+    while abs(term) + abs(before) > _NOTHING:
+        # K^(i+2) = -loss K^(i+1) - square K^(i)
+        steeper = -(loss * term >> _BITS) - (square * before // order >> _BITS)
+        slope += steeper
+        order += 1
+        before, term = term, steeper // order
+        total += term
+    return total, slope
+
+
+def _parts(entry: Fraction) -> list[float]:
+    """Head and tail (26 bits each) of the leading double, itself, and what is left."""
+    leading = float(entry)
+    mantissa, exponent = math.frexp(leading)
+    head = math.ldexp(math.floor(math.ldexp(mantissa, 26) + 0.5), exponent - 26)
+    return [head, leading - head, leading, float(entry - Fraction(leading))]
+
+
+def _fixed(value: Fraction) -> int:
+    """The number in fixed point."""
+    return (value.numerator << _BITS) // value.denominator
+
+
+@functools.cache
+def gauss_nodes() -> Integers:
+    """Gauss-Legendre nodes in units of 1/FINE, on (-FINE, FINE), increasing and even about zero."""
+    after = np.rint(np.polynomial.legendre.leggauss(NODES)[0][(NODES + 1) // 2 :] * FINE).astype(np.int64)
+    middle = np.zeros(NODES % 2, dtype=np.int64)
+    return np.concatenate([-after[::-1], middle, after])
+
+
+@functools.cache
+def barycentric() -> tuple[Floats, Floats]:
+    """Start, nodes and end of an interval on [-1, 1], (POINTS,), and their barycentric shares."""
+    points = np.concatenate([[-1.0], gauss_nodes() / FINE, [1.0]])
+    apart = points[:, None] - points
+    np.fill_diagonal(apart, 1.0)
+    return points, 1.0 / np.prod(2.0 * apart, axis=1)
+
+
+def interpolation(place: Floats) -> Floats:
+    """Rows that give y anywhere in an interval from its start, its nodes and its end.
+
+    Parameters
+    ----------
+    place : (moments,)
+        In [0, 1], in intervals.
+
+    Returns
+    -------
+    (moments, POINTS) float64
+        Barycentric weights of the polynomial through all of them.
+    """
+    points, share = barycentric()
+    distance = (2.0 * np.asarray(place) - 1.0)[:, None] - points
+    exact = distance == 0.0
+    distance[exact] = 1.0
+    result = share / distance
+    hit = exact.any(axis=1)
+    result[hit] = exact[hit]
+    result /= result.sum(axis=1, keepdims=True)
+    return np.ascontiguousarray(result)
+
+
+@functools.cache
+def legendre_tail() -> Floats:
+    """Rows that give the last four Legendre coefficients of r from its nodes, flat (4 * NODES,)."""
+    return np.ascontiguousarray(_projection()[-4:]).ravel()
+
+
+def _projection() -> Floats:
+    """(degree, node): Legendre coefficients of a polynomial from its values."""
+    values = np.polynomial.legendre.legvander(gauss_nodes() / FINE, NODES - 1)
+    return np.asarray(np.linalg.inv(values), dtype=np.float64)
+
+
+@functools.cache
+def continuation() -> Floats:
+    """(node, node): r at the nodes of the next interval, from its polynomial in this one; good to five digits."""
+    beyond = np.polynomial.legendre.legvander(gauss_nodes() / FINE + 2.0, NODES - 1)
+    result: Floats = beyond @ _projection()
+    return result

@@ -4,26 +4,32 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import data_schemas
+from data_schemas.errors import UsageError
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
-from pipeline.cli.parser import add_meaning_options, one_of, pairs, periods
+from pipeline.cli.parser import add_meaning_options, number, one_of, pairs, periods
 
 HELP = "turn columns of time and angle into a record"
 DESCRIPTION = """\
 Turn a text table into a record (netCDF).
 
 With no options the first column is time in s and every other a trace of angles in rad. Comma, semicolon,
-tab or blanks separate; a header is recognised; `#` starts a comment; empty, NaN, NA or - is a missing value;
-a decimal comma is understood unless the comma separates. Times are numbers of seconds or ISO dates; they must
-increase but need not be uniform. A trace labelled 1 is pendulum 1, a trace labelled 1-2 the difference of
-pendulums 1 and 2. Period (full, at infinitesimal arc) and gravity may be left out only for a single trace."""
+tab or blanks separate; a header is recognised, and the unit it says, such as "t (ms)" or "angle [deg]"; `#`
+starts a comment; empty, NaN, NA or - is a missing value; a decimal comma is understood unless the comma
+separates. Times are numbers or ISO dates; they must increase but need not be uniform. A file *.nc is read by
+its variables over time. A bob's x and y (--xy), as video and telephones write them, become its angle. A trace
+labelled 1 is pendulum 1, a trace labelled 1-2 the difference of pendulums 1 and 2. Period (full, at
+infinitesimal arc) and gravity may be left out only for a single trace."""
 
 EXAMPLES = """\
 examples:
   isochrony import swing.csv                                  one pendulum, nothing known of it
   isochrony import ship.csv --column left:1 --column film:1-2 --unit mm --lever 2000
                             --period 1=1.0099 --period 2=1.0100 --gravity 9.81
+  isochrony import ship.nc --heave az --instrument frame.toml
+  isochrony import tracker.csv --xy x,y
   isochrony import a.csv --time clock --column 3:upper --combination upper=1-2 --column 2:1 ..."""
 
 
@@ -35,8 +41,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     columns = "column to import, by name or number from 1, and its trace (default all); repeatable"
     add("--column", action="append", default=[], metavar="NAME[:TRACE]", help=columns)
     add_meaning_options(parser, "optical lever, with --unit mm")
-    units = "rad (default), deg, or mm on the film"
-    add("--unit", type=one_of("unit", ("rad", "deg", "mm")), default="rad", metavar="UNIT", help=units)
+    units = "rad, mrad, deg, or mm on the film (default: what the header says, else rad)"
+    add("--unit", type=one_of("unit", ("rad", "mrad", "deg", "mm")), metavar="UNIT", help=units)
+    add("--xy", default="", metavar="X,Y", help="columns of a bob's position, from which its angle is made")
+    add("--heave", metavar="NAME", help="column of the support's vertical acceleration, m/s2, up positive")
+    add("--horizontal", metavar="NAME", help="column of the support's horizontal acceleration, m/s2")
+    add("--damping", action="append", default=[], metavar="LABEL=RATE", help="damping rate of a pendulum, 1/s")
+    add("--noise", type=number("--noise", above=0.0), metavar="X", help="1 sigma of the readings, in their unit")
+    add("--latitude", type=number("--latitude", above=-90.0), metavar="DEG", help="geodetic latitude, degrees north")
+    add("--scale", type=number("--scale"), metavar="X", help="relative 1 sigma of the scale of the angles")
+    add("--zero-known", action="store_true", help="angles are absolute: their zeros need not be found")
+    add("--instrument", metavar="TOML", help="further constants of /instrument by name; of pendulums {1 = .., 2 = ..}")
     add("-o", dest="out", metavar="PATH", help="record file, or folder (ends with /); default beside the table")
     add("--force", action="store_true", help="overwrite an existing record")
 
@@ -51,11 +66,22 @@ def run(options: argparse.Namespace) -> int:
     meaning = ImportOptions(
         time=options.time,
         columns=tuple(options.column),
-        unit=options.unit,
+        unit=options.unit or "",
         lever=options.lever,
         periods=periods("import", options.period),
         gravity=options.gravity,
         combinations=pairs("import", "--combination", options.combination),
+        accelerations={
+            name: of
+            for name, of in (
+                ("vertical_acceleration", options.heave),
+                ("horizontal_acceleration", options.horizontal),
+            )
+            if of is not None
+        },
+        position=options.xy,
+        noise=options.noise,
+        instrument=_instrument(options),
     )
     record = import_csv(path, meaning)
     make_folder(output)
@@ -64,3 +90,22 @@ def run(options: argparse.Namespace) -> int:
     time = record.dataset["time"].values
     print(f"{output}: {time.size} samples of {traces} over {time[-1]:.6g} s")
     return 0
+
+
+def _instrument(options: argparse.Namespace) -> dict[str, Any]:
+    """Constants of the TOML file, and of options, which go before it."""
+    from data_schemas.toml_file import load_toml
+
+    found = (
+        {}
+        if options.instrument is None
+        else dict(load_toml(options.instrument, "constants of an instrument", UsageError))
+    )
+    damping = pairs("import", "--damping", options.damping)
+    given = {
+        "damping_rate": {label: number("--damping")(rate) for label, rate in damping.items()} or None,
+        "latitude": options.latitude,
+        "scale_uncertainty": options.scale,
+        "zero_uncertainty": 0.0 if options.zero_known else None,
+    }
+    return found | {name: value for name, value in given.items() if value is not None}

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +101,7 @@ class ImportOptions:
     columns : sequence of str
         Columns to import as NAME or NAME:TRACE; empty takes all but the time.
     unit : str
-        "rad", "deg" or "mm" (on the film).
+        "rad", "mrad", "deg" or "mm" (on the film); "" takes what a column's header says, else rad.
     lever : float, optional
         Optical lever, mm rad-1, positive; needed with and only with "mm".
     periods : mapping of str to float
@@ -109,28 +110,43 @@ class ImportOptions:
         Gravity at which the periods hold, m s-2.
     combinations : mapping of str to str
         Pendulums of a trace, such as {"upper": "1-2"}; a trace not named here is read from its own label.
+    accelerations : mapping of str to str
+        Column of "vertical_acceleration" or "horizontal_acceleration" of the support, m s-2.
+    position : str
+        "X,Y": columns of a bob's position, from which its angle is made about the circle through all of them.
+    noise : float, optional
+        1 sigma of the readings, in the table's unit.
+    instrument : mapping
+        Further variables of /instrument: a number, or one for each pendulum by its label; and `restoring`.
     """
 
     time: str = ""
     columns: Sequence[str] = ()
-    unit: str = "rad"
+    unit: str = ""
     lever: float | None = None
     periods: Mapping[str, float] = field(default_factory=dict)
     gravity: float | None = None
     combinations: Mapping[str, str] = field(default_factory=dict)
+    accelerations: Mapping[str, str] = field(default_factory=dict)
+    position: str = ""
+    noise: float | None = None
+    instrument: Mapping[str, Any] = field(default_factory=dict)
 
-    def radians_per_unit(self) -> float:
-        """Factor from the table's unit to radians.
+    def radians_per_unit(self, header: str = "") -> float:
+        """Factor to radians from the table's unit, which a column's header may say.
 
         Raises
         ------
         UsageError
-            Millimetres without a lever, or a lever without millimetres.
+            Millimetres without a lever, a lever without millimetres, or a header that says another unit than asked for.
         """
-        if self.unit == "mm":
+        if self.unit and header and self.unit != header:
+            raise UsageError(f"--unit {self.unit}: the header says {header}; drop --unit, or correct the header")
+        unit = self.unit or header or "rad"
+        if unit == "mm":
             if self.lever is None:
                 raise UsageError("--unit mm needs --lever, the optical lever in mm per rad")
             return 1.0 / self.lever
         if self.lever is not None:
-            raise UsageError(f"--lever is for elongations in mm; add --unit mm, or drop it with {self.unit}")
-        return math.radians(1.0) if self.unit == "deg" else 1.0
+            raise UsageError(f"--lever is for elongations in mm; add --unit mm, or drop it with {unit}")
+        return {"deg": math.radians(1.0), "mrad": 1e-3}.get(unit, 1.0)

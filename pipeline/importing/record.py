@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 import os
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from decimal import Decimal
 from pathlib import Path
@@ -14,15 +16,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.contents import shown
-from data_schemas.errors import RecordError
+from data_schemas.errors import RecordError, UsageError
 from data_schemas.layouts import CONVENTIONS, VERSION
 from data_schemas.variables import attributes
 from pipeline.importing.pendulums import ImportOptions, combine, periods
-from pipeline.importing.table import Table, choose_columns, find_column, is_date, read_table
+from pipeline.importing.table import Table, choose_columns, find_column, is_date, read_columns, read_table, unit_in
 
 if TYPE_CHECKING:
     import xarray as xr
 
+NETCDF = (".nc", ".nc4", ".cdf")
+ANGLES = {"rad": "rad", "mrad": "mrad", "deg": "deg", "°": "deg", "degrees": "deg", "degree": "deg", "mm": "mm"}
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}
+MOST_ANGLE = 10.0  # rad, of an elongation whose unit nobody says
+LEAST_PLACES = 8
+FINER = re.compile(r"\.\d{6}(\d+)")
 _NO_DATE = "2000-01-01T00:00:00Z"
 _COARSE = 1e6  # s; from here on a float64 of the time itself is coarser than 0.1 ns
 
@@ -52,19 +60,32 @@ def import_csv(path: str | os.PathLike[str], options: ImportOptions | None = Non
     import xarray as xr
 
     options = options or ImportOptions()
-    scale = options.radians_per_unit()
-    table = read_table(path)
+    table = read_columns(path) if Path(path).suffix.lower() in NETCDF else read_table(path)
     time_column = find_column(table, options.time) if options.time else 0
-    chosen = choose_columns(table, time_column, options.columns)
+    clock = relative_times(table, time_column)
+    if options.position:
+        table, chosen = with_angle(table, options.position)
+    else:
+        beside = {time_column, *(find_column(table, name) for name in options.accelerations.values())}
+        chosen = choose_columns(table, beside, options.columns)
+    scale = np.array([options.radians_per_unit(unit_in(table.names[column], ANGLES)) for column in chosen.values()])
+    angles = _elongation(table, chosen) * scale[:, None]
+    if not options.unit and np.nanmax(np.abs(angles), initial=0.0) > MOST_ANGLE:
+        raise RecordError(
+            f"{table.source}: angles up to {np.nanmax(np.abs(angles)):.3g} are hardly radians; "
+            "say --unit deg, mrad or mm, or --unit rad if they are"
+        )
     pendulums, combination = combine(list(chosen), options.combinations)
     period = periods(pendulums, options, needed=len(chosen) > 1)
-    clock = relative_times(table, time_column)
     groups = {
         "/": _root(table, clock, chosen, options),
-        "/record": _traces(chosen, pendulums, combination, _elongation(table, chosen) * scale),
+        "/record": _traces(table, options, list(chosen), pendulums, combination, angles),
     }
-    if period is not None or options.gravity is not None:
-        groups["/instrument"] = _instrument(pendulums, period, options.gravity)
+    if options.noise is not None:
+        noise = (("trace",), options.noise * scale, attributes("record/elongation_uncertainty"))
+        groups["/record"]["elongation_uncertainty"] = noise
+    if period is not None or options.gravity is not None or options.instrument:
+        groups["/instrument"] = _instrument(pendulums, period, options)
     if options.lever is not None:
         lever = np.full(len(chosen), options.lever)
         groups["/film"] = _dataset("film", {"optical_lever": lever}, {"trace": list(chosen)})
@@ -97,32 +118,81 @@ def _root(table: Table, clock: Clock, chosen: Mapping[str, int], options: Import
             "schema_version": VERSION,
             "record_id": Path(name).stem,
             "title": f"pendulum record imported from {name}",
-            "history": f"imported by isochrony: {columns}, in {options.unit}",
+            "history": f"imported by isochrony: {columns}, in {options.unit or 'the units of the headers, else rad'}",
             "source": f"{name}, whose own clock reads {clock.reading} at the start",
         },
     )
 
 
+def with_angle(table: Table, position: str) -> tuple[Table, dict[str, int]]:
+    """A table with the angle of a bob of which it holds x and y: about the centre of the circle through all places.
+
+    The circle is the algebraic fit of Kasa (1976); the rest is the mean direction from its centre.
+
+    Raises
+    ------
+    UsageError, RecordError
+        Columns that are not there, or places that lie on no circle.
+    """
+    names = [name.strip() for name in position.split(",")]
+    if len(names) != 2:
+        raise UsageError(f"--xy {position}: give two columns, as X,Y")
+    x, y = (np.array(table.numbers(find_column(table, name))) for name in names)
+    known = np.isfinite(x + y)
+    if known.sum() < LEAST_PLACES:
+        raise RecordError(f"{table.source}: columns {position} hold too few places for a circle; give others with --xy")
+    system = np.stack([x, y, np.ones_like(x)], axis=1)[known]
+    (cx, cy, _), _, rank, _ = np.linalg.lstsq(system, (x**2 + y**2)[known], rcond=None)
+    if rank < 3:
+        raise RecordError(f"{table.source}: columns {position} lie on a straight line; a bob swings on a circle")
+    turned = (x - 0.5 * cx) + 1j * (y - 0.5 * cy)
+    angle = np.angle(turned / np.mean(turned[known] / np.abs(turned[known])))
+    rows = tuple((*row, repr(float(value))) for row, value in zip(table.rows, angle, strict=True))
+    return replace(table, names=(*table.names, "angle (rad)"), rows=rows), {"1": len(table.names)}
+
+
 def _traces(
-    chosen: Mapping[str, int],
+    table: Table,
+    options: ImportOptions,
+    traces: list[str],
     pendulums: list[str],
     combination: NDArray[np.float64],
     elongation: NDArray[np.float64],
 ) -> xr.Dataset:
-    return _dataset(
-        "record",
-        {"combination": combination, "elongation": elongation},
-        {"trace": list(chosen), "pendulum": pendulums},
-    )
+    given = {name: np.array(table.numbers(find_column(table, of))) for name, of in options.accelerations.items()}
+    values = {"combination": combination, "elongation": elongation, **given}
+    return _dataset("record", values, {"trace": traces, "pendulum": pendulums})
 
 
-def _instrument(pendulums: list[str], period: NDArray[np.float64] | None, gravity: float | None) -> xr.Dataset:
-    given = {"period": period, "reference_gravity": gravity}
-    return _dataset(
-        "instrument",
-        {name: value for name, value in given.items() if value is not None},
-        {"pendulum": pendulums},
-    )
+def _instrument(pendulums: list[str], period: NDArray[np.float64] | None, options: ImportOptions) -> xr.Dataset:
+    """Group /instrument.
+
+    Raises
+    ------
+    UsageError
+        A constant that is not known, or that has no value for a pendulum.
+    """
+    from data_schemas.variables import VARIABLES
+
+    values: dict[str, Any] = {"period": period, "reference_gravity": options.gravity}
+    words = {}
+    for name, value in options.instrument.items():
+        row = VARIABLES.get(f"instrument/{name}")
+        if name in ("restoring", "acceleration_frame"):
+            words[name] = str(value)
+        elif row is None or row.dtype != "f8":
+            names = (key.partition("/")[2] for key in VARIABLES if key.startswith("instrument/"))
+            near = difflib.get_close_matches(name, names, n=1, cutoff=0.0)[0]
+            raise UsageError(f"instrument: '{name}' is not known; did you mean '{near}'?")
+        elif isinstance(value, Mapping):
+            lacking = [label for label in pendulums if label not in value]
+            if lacking:
+                raise UsageError(f"instrument: {name} lacks pendulum {', '.join(lacking)}; give it as LABEL = NUMBER")
+            values[name] = np.array([float(value[label]) for label in pendulums])
+        else:
+            values[name] = np.full(len(pendulums), float(value)) if row.dims == ("pendulum",) else float(value)
+    given = {name: value for name, value in values.items() if value is not None}
+    return _dataset("instrument", given, {"pendulum": pendulums}).assign_attrs(words)
 
 
 def _dataset(group: str, variables: Mapping[str, Any], labels: Mapping[str, list[str]]) -> xr.Dataset:
@@ -175,8 +245,9 @@ def relative_times(table: Table, column: int) -> Clock:
         start, times = _from_dates(table, column)
         reading = first
     else:
-        start, reading = _NO_DATE, f"{first} s"
-        times = _from_numbers(table, column)
+        unit = unit_in(table.names[column], {name: name for name in TIMES}) or "s"
+        start, reading = _NO_DATE, f"{first} {unit}"
+        times = _from_numbers(table, column) * TIMES[unit]
     late = np.flatnonzero(np.diff(times) <= 0.0)
     if late.size:
         row = int(late[0]) + 1
@@ -200,10 +271,12 @@ def _from_numbers(table: Table, column: int) -> NDArray[np.float64]:
 
 
 def _from_dates(table: Table, column: int) -> tuple[str, NDArray[np.float64]]:
-    moments = []
+    moments, rest = [], []
     for line, row in zip(table.lines, table.rows, strict=True):
         try:
             moment = datetime.fromisoformat(row[column])
+            finer = FINER.search(row[column])  # digits beyond the microsecond, which Python leaves out
+            rest.append(float(f"0.{finer[1]}") * 1e-6 if finer else 0.0)
         except ValueError:
             raise RecordError(
                 f"{table.source}: line {line}: time '{shown(row[column])}' is no ISO date "
@@ -212,4 +285,5 @@ def _from_dates(table: Table, column: int) -> tuple[str, NDArray[np.float64]]:
         # A date without a zone is taken as UTC: only differences matter.
         moments.append(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
     start = moments[0].astimezone(UTC).isoformat().replace("+00:00", "Z")
-    return start, np.array([(moment - moments[0]).total_seconds() for moment in moments])
+    seconds = np.array([(moment - moments[0]).total_seconds() for moment in moments])
+    return start, seconds + (np.array(rest) - rest[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from data_schemas.contents import shown
 from data_schemas.errors import FileError, RecordError, UsageError
 
 _MISSING = frozenset({"", "-", "nan", "na", "n/a", "null", "none"})
+_UNIT = re.compile(r"\(([^()]+)\)\s*$|\[([^\[\]]+)\]\s*$|_([a-zµ]+)$")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d([T ].*)?")
 _NUMBERED_TRACE = re.compile(r"\d+(-\d+)*")
@@ -63,6 +64,42 @@ class Table:
         return values
 
 
+def unit_in(name: str, known: Mapping[str, str]) -> str:
+    """Unit that a column's header ends with, "angle (deg)", "angle [deg]" or "angle_deg", as `known` calls it.
+
+    >>> unit_in("theta [mrad]", {"mrad": "mrad"}), unit_in("t_ms", {"ms": "ms"}), unit_in("rad", {"rad": "rad"})
+    ('mrad', 'ms', '')
+    """
+    found = _UNIT.search(name)
+    return known.get(next(filter(None, found.groups())).strip(), "") if found else ""
+
+
+def read_columns(path: str | os.PathLike[str]) -> Table:
+    """Read an ordinary netCDF file: its one-dimensional variables over time, as a text table would have them.
+
+    Raises
+    ------
+    FileError, RecordError
+        It cannot be read, or has no dimension time.
+    """
+    from data_schemas.reading import load
+
+    source = os.fspath(path)
+    variables = load(source)[""].variables
+    if "time" not in variables or variables["time"].dims != ("time",):
+        raise RecordError(f"{source}: has no time(time); name its dimension of time so, with the times, or export CSV")
+    shown_ones = {
+        name: each for name, each in variables.items() if each.dims == ("time",) and each.values.dtype.kind in "iuf"
+    }
+    names = ("time", *(name for name in shown_ones if name != "time"))
+    units = (str(shown_ones[name].attrs.get("units", "")) for name in names)
+    heads = tuple(
+        name if "since" in unit or not unit else f"{name} ({unit})" for name, unit in zip(names, units, strict=True)
+    )
+    rows = tuple(zip(*(map(repr, shown_ones[name].values.tolist()) for name in names), strict=True))
+    return Table(source, heads, tuple(range(1, len(rows) + 1)), rows)
+
+
 def number(cell: str) -> float | None:
     """Value of a cell: NaN if it says missing, None if it is no number.
 
@@ -109,6 +146,8 @@ def read_table(path: str | os.PathLike[str]) -> Table:
             numbered.append((index, line))
     if not numbered:
         raise RecordError(f"{source}: holds no rows; a table of times and angles is needed")
+    if len(numbered) > 2 and _only_a_title(numbered[0][1], numbered[1][1]):
+        numbered.pop(0)
     split = _splitter(numbered[0][1])
     lines = [index for index, _ in numbered]
     rows = [split(line) for _, line in numbered]
@@ -160,6 +199,12 @@ def _all_decimal_commas(line: str) -> bool:
     return len(cells) > 1 and all(_DECIMAL_COMMA.fullmatch(cell) for cell in cells if "," in cell)
 
 
+def _only_a_title(first: str, second: str) -> bool:
+    """Whether a line names masses above the line that names columns, as Tracker writes: "mass_A,,"."""
+    one, two = (_splitter(second)(line) for line in (first, second))
+    return sum(bool(cell) for cell in one) == 1 < sum(bool(cell) for cell in two) and _is_header(two)
+
+
 def _is_header(cells: list[str]) -> bool:
     return any(number(cell) is None and not is_date(cell) for cell in cells)
 
@@ -172,10 +217,12 @@ def find_column(table: Table, name: str) -> int:
     UsageError
         There is no such column, or the name stands twice.
     """
-    if name in table.names:
-        if table.names.count(name) > 1:
+    bare = [re.sub(r"\s*[(\[].*$", "", each) for each in table.names]  # a header may say its unit
+    for names in (list(table.names), bare):
+        if names.count(name) > 1:
             raise UsageError(f"{table.source}: two columns are named '{name}'; give the number of the one you mean")
-        return table.names.index(name)
+        if name in names:
+            return names.index(name)
     width = len(table.names)
     if name.isascii() and name.isdigit() and 1 <= int(name) <= width:
         return int(name) - 1
@@ -183,7 +230,7 @@ def find_column(table: Table, name: str) -> int:
     raise UsageError(f"{table.source}: has no column '{name}'; its names: {known}; or a number from 1 to {width}")
 
 
-def choose_columns(table: Table, time_column: int, wanted: Sequence[str]) -> dict[str, int]:
+def choose_columns(table: Table, beside: set[int], wanted: Sequence[str]) -> dict[str, int]:
     """Trace label -> column, in the order of the request, or of the table if nothing is requested.
 
     A column without a requested label takes its header where that reads like a trace ("2", "1-2"), its order
@@ -199,14 +246,15 @@ def choose_columns(table: Table, time_column: int, wanted: Sequence[str]) -> dic
     if wanted:
         given = [_split(table, text) for text in wanted]
     else:
-        given = [(column, "") for column in range(len(table.names)) if column != time_column]
+        given = [(column, "") for column in range(len(table.names)) if column not in beside]
     if not given:
         raise RecordError(f"{table.source}: has a single column; times and at least one column of angles are needed")
     chosen: dict[str, int] = {}
     for order, (column, requested) in enumerate(given, start=1):
-        if column == time_column:
-            raise UsageError(f"{table.source}: column {table.title(column)} is the time; name another with --column")
-        name = table.names[column]
+        if column in beside:
+            what = f"{table.source}: column {table.title(column)} is the time, or an acceleration"
+            raise UsageError(f"{what}; name another with --column")
+        name = re.sub(r"\s*[(\[].*$", "", table.names[column])
         label = requested or (name if _NUMBERED_TRACE.fullmatch(name) else str(order))
         if label in chosen:
             raise UsageError(f"{table.source}: two columns become trace '{label}'; label them with --column NAME:TRACE")

@@ -197,3 +197,19 @@ def test_every_listed_suite_exists(name):
     import importlib
 
     assert callable(importlib.import_module(benchmark.module_of(name)).run)
+
+
+def test_import_takes_what_a_logger_wrote_beside_the_angles(run, tmp_path):
+    table, frame = tmp_path / "ship.csv", tmp_path / "frame.toml"
+    table.write_text("t,1,1-2,az\n0,0.01,0.02,0.1\n1,0.02,0.01,0.2\n")
+    frame.write_text('restoring = "sine"\nperiod_uncertainty = 1e-7\nlatitude = 10.0\n')
+    words = ["--heave", "az", "--damping", "1=1e-4", "--damping", "2=1e-4", "--noise", "1e-5", "--zero-known"]
+    known = ["--period", "1=1.01", "--period", "2=1.0101", "--gravity", "9.81", "--latitude", "54"]
+    outcome = run("import", table, *words, *known, "--scale", "1e-3", "--instrument", frame)
+    assert outcome.status == 0, outcome.err
+    record = data_schemas.read(tmp_path / "ship.record.nc")
+    stated = record["instrument"].dataset
+    assert float(stated["latitude"]) == 54.0  # an option goes before the file
+    assert float(stated["zero_uncertainty"]) == 0.0
+    assert stated["damping_rate"].values.tolist() == [1e-4, 1e-4]
+    assert record["record"]["vertical_acceleration"].values.tolist() == [0.1, 0.2]

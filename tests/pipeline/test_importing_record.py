@@ -180,3 +180,69 @@ def test_a_single_trace_of_a_difference_does_without_periods(write):
     record = import_csv(write("0,1\n1,2\n"), ImportOptions(columns=("2:1-2",)))
     assert check(record, "record") == []
     assert "instrument" not in record.children
+
+
+def test_headers_say_the_units_and_contradictions_are_refused(write):
+    path = write("t (ms),1 [deg],1-2 [mrad],az\n0,1,2,0.1\n40,3,4,0.2\n")
+    more = {"accelerations": {"vertical_acceleration": "az"}, "noise": 0.01}
+    record = import_csv(path, ImportOptions(periods=PERIODS, gravity=9.81, **more))
+    assert check(record, "record") == []
+    np.testing.assert_allclose(record["time"].values, [0.0, 0.04], rtol=1e-15)
+    degree = np.pi / 180.0
+    np.testing.assert_allclose(record["record"]["elongation"].values, [[degree, 3 * degree], [2e-3, 4e-3]], rtol=1e-15)
+    np.testing.assert_allclose(record["record"]["elongation_uncertainty"].values, [0.01 * degree, 1e-5], rtol=1e-15)
+    assert record["record"]["vertical_acceleration"].values.tolist() == [0.1, 0.2]
+    with pytest.raises(UsageError, match="the header says deg"):
+        import_csv(path, ImportOptions(unit="rad", periods=PERIODS, gravity=9.81, **more))
+
+
+def test_dates_keep_their_nanoseconds(write):
+    record = import_csv(write("t,a\n2024-05-01T12:00:00.000000001Z,1\n2024-05-01T12:00:00.040000007Z,2\n"))
+    np.testing.assert_allclose(record["time"].values, [0.0, 0.040000006], atol=1e-16)
+
+
+def test_angles_of_degrees_are_asked_about(write):
+    with pytest.raises(RecordError, match="angles up to 20 are hardly radians; say --unit deg"):
+        import_csv(write("0,20\n1,-19\n"))
+
+
+def test_positions_become_the_angle_about_the_centre_of_their_circle(write):
+    angle = 0.4 * np.cos(np.linspace(0.0, 12.0, 60)) + 0.02
+    rows = [f"{0.04 * k},{1.5 + 0.8 * np.sin(a)},{2.0 - 0.8 * np.cos(a)}" for k, a in enumerate(angle)]
+    record = import_csv(write("mass_A,,\nt,x,y\n" + "\n".join(rows) + "\n"), ImportOptions(position="x,y"))
+    made = record["record"]["elongation"].values[0]
+    mean = np.angle(np.mean(np.exp(1j * angle)))
+    np.testing.assert_allclose(made, angle - mean, atol=1e-9)
+    with pytest.raises(RecordError, match="straight line"):
+        import_csv(write("t,x,y\n" + "\n".join(f"{k},{k},{2 * k}" for k in range(20))), ImportOptions(position="x,y"))
+
+
+def test_constants_of_the_instrument_are_kept_and_unknown_ones_named(write):
+    table = write("t,1,1-2\n0,1,2\n1,3,4\n")
+    given = {"damping_rate": {"1": 1e-4, "2": 2e-4}, "latitude": 54.0, "period_uncertainty": 1e-7, "restoring": "sine"}
+    record = import_csv(table, ImportOptions(periods=PERIODS, gravity=9.81, instrument=given))
+    assert check(record, "record") == []
+    known = record["instrument"]
+    assert known["damping_rate"].values.tolist() == [1e-4, 2e-4]
+    assert known["period_uncertainty"].values.tolist() == [1e-7, 1e-7]
+    assert known.attrs["restoring"] == "sine"
+    for wrong, told in (
+        ({"latitud": 1.0}, "did you mean 'latitude'"),
+        ({"damping_rate": {"1": 1.0}}, "lacks pendulum 2"),
+    ):
+        with pytest.raises(UsageError, match=told):
+            import_csv(table, ImportOptions(periods=PERIODS, gravity=9.81, instrument=wrong))
+
+
+def test_an_ordinary_netcdf_file_is_read_by_its_variables_over_time(tmp_path):
+    import xarray as xr
+
+    time = np.arange(8) * 0.04
+    angles = {"left": ("time", 0.01 * np.cos(6.2 * time), {"units": "rad"}), "az": ("time", 0.1 * time), "note": 3.0}
+    path = tmp_path / "logger.nc"
+    xr.Dataset(angles, coords={"time": time}).to_netcdf(path)
+    options = ImportOptions(columns=("left:1",), accelerations={"vertical_acceleration": "az"})
+    record = import_csv(path, options)
+    assert check(record, "record") == []
+    np.testing.assert_array_equal(record["record"]["elongation"].values[0], angles["left"][1])
+    np.testing.assert_array_equal(record["record"]["vertical_acceleration"].values, angles["az"][1])

@@ -38,7 +38,13 @@ def adopted(given: xr.DataTree | xr.Dataset | str | os.PathLike[str]) -> xr.Data
 
     if isinstance(given, str | os.PathLike):
         return read(given)
-    return to_tree(current(from_tree(_laid_out(given) if isinstance(given, xr.Dataset) else given)))
+    if isinstance(given, xr.Dataset):
+        given = _laid_out(given)
+    dated = any(
+        one.dtype.kind == "M" for node in given.subtree for one in node.to_dataset(inherit=False).variables.values()
+    )
+    # a tree as it is stored needs no copy of its times
+    return to_tree(current(from_tree(given))) if dated else given
 
 
 def _laid_out(traces: xr.Dataset) -> xr.DataTree:

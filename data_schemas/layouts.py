@@ -8,6 +8,8 @@ from typing import Literal
 
 VERSION = "1"  # of layouts that name no other, as stored in the attribute schema_version
 CONVENTIONS = "CF-1.11"
+REWRITTEN = "rewritten"
+"""Root attribute, in memory, of a file that other software wrote again: its checksum no longer said anything."""
 
 Kind = Literal["record", "truth", "result", "film-truth", "summary"]
 

@@ -19,6 +19,7 @@ from .errors import FileError
 from .guard import Found, Survey, ordinary, survey
 from .guard_types import Budget, is_text
 from .heaps import Heaps, sound_heaps, text_bytes
+from .layouts import REWRITTEN
 from .packing import unpacked
 from .upgrading import current
 
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-REWRITTEN = "rewritten"
-"""Root attribute, in memory, of a file that other software wrote again: its checksum no longer said anything."""
 CHUNK_CACHE = 1 << 20
 """Bytes of an array that HDF5 keeps unpacked while the file is open; its own choice of 8 MiB adds up."""
 

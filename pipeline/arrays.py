@@ -12,12 +12,9 @@ Floats = NDArray[np.floating[Any]]
 Complexes = NDArray[np.complexfloating[Any, Any]]
 """Complex numbers, double precision in practice."""
 EVEN = 1e-9  # s
-DIGITS, ROUNDED, ROUNDING = (
-    10,
-    1e-3,
-    0.55,
-)  # of decimal stamps; of their last digit: that they are stamps, and how far off
-LEAST_STAMPS = 4
+DIGITS, ROUNDING = 10, 0.55  # of decimal stamps; of their last digit, by which stamps are off
+STEPS = 3.0  # of a last digit, that a clock may step within the record
+LEAST_STAMPS, HARMLESS = 4, 1e-4  # of the step, a last digit by which stamps may jitter
 
 
 def median_present(series: Floats) -> float:
@@ -61,10 +58,11 @@ def evened(time: Floats) -> Floats:
 
     Examples
     --------
-    >>> evened(np.array([0.0, 0.033, 0.067, 0.1, 0.133])).round(4).tolist()
-    [0.0, 0.0333, 0.0666, 0.0999, 0.1332]
-    >>> evened(np.array([0.0, 0.03, 0.09, 0.1])).tolist()
-    [0.0, 0.03, 0.09, 0.1]
+    >>> np.diff(evened(np.array([0.0, 0.033, 0.067, 0.1, 0.133, 0.167]))).round(4).tolist()
+    [0.0334, 0.0334, 0.0334, 0.0334, 0.0334]
+    >>> late = np.arange(1000) * 0.1 + 0.01 * (np.arange(1000) > 500)
+    >>> evened(late) is late
+    True
     """
     if time.size < LEAST_STAMPS:
         return time
@@ -75,9 +73,14 @@ def evened(time: Floats) -> Floats:
     if np.abs(time - time[0] - rows * step).max() < EVEN or np.any(np.diff(rows) < 1.0):
         return time
     for digits in range(DIGITS):
-        scaled = time * 10.0**digits
-        if np.abs(scaled - np.rint(scaled)).max() < ROUNDED:
+        scaled, last = time * 10.0**digits, 10.0**-digits
+        if np.abs(scaled - np.rint(scaled)).max() < 4.0 * np.spacing(np.abs(scaled).max()):
+            whole = (
+                abs(step / last - np.rint(step / last)) < STEPS / time.size
+            )  # such a grid needs no rounding: what is off, is
+            if whole and last > HARMLESS * step:
+                return time
             slope, begin = np.polyfit(rows, time, 1)
             even = begin + slope * rows
-            return even if np.abs(time - even).max() < ROUNDING * 10.0**-digits else time
+            return even if np.abs(time - even).max() < (2.0 if whole else 1.0) * ROUNDING * last else time
     return time

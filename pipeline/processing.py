@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from data_schemas.errors import RecordError, RefusedError, UsageError
-from data_schemas.reading import REWRITTEN
+from data_schemas.layouts import REWRITTEN
 from pipeline import methods
 from pipeline.observation import observe
 from pipeline.reduction import Reduction, reduce_by

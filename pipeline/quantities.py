@@ -35,6 +35,7 @@ def best_of(reductions: Sequence[Reduction]) -> Reduction | None:
     return min(given, key=lambda each: order.get(each.method, len(order)), default=None)
 
 
+@np.errstate(invalid="ignore", divide="ignore")
 def phases(prepared: Prepared, reductions: Sequence[Reduction], known: Floats) -> dict[str, Any]:
     """Group `phases`: amplitudes and phases of both pendulums and their difference, and the formulas' phase speeds.
 
@@ -117,7 +118,7 @@ def _quality(amplitude: Floats, time: Floats, known: Floats) -> np.ndarray:
     """Flags (3, k): no phase; no reading within a hop; an amplitude so small that its phase says nothing."""
     qc = np.where(np.isnan(amplitude), GAP, 0)
     with np.errstate(invalid="ignore"):
-        qc |= np.where(amplitude < LEAST_AMPLITUDE * np.nanmax(amplitude, axis=1, keepdims=True), AMBIGUOUS, 0)
+        qc |= np.where(amplitude < LEAST_AMPLITUDE * np.fmax.reduce(amplitude, axis=1, keepdims=True), AMBIGUOUS, 0)
     if known.size:
         near = np.clip(np.searchsorted(known, time), 1, known.size - 1) if known.size > 1 else np.zeros(1, dtype=int)
         away = np.minimum(np.abs(known[near] - time), np.abs(known[near - 1] - time))
@@ -125,6 +126,7 @@ def _quality(amplitude: Floats, time: Floats, known: Floats) -> np.ndarray:
     return qc.astype(np.uint16)
 
 
+@np.errstate(invalid="ignore", divide="ignore")
 def correction(prepared: Prepared, reductions: Sequence[Reduction], own: Prepared | None = None) -> dict[str, Any]:
     """Group `correction`: what each method adds to phase and phase speed of the difference, part by part.
 
@@ -178,9 +180,12 @@ def _shifts(prepared: Prepared, reduction: Reduction, own: Prepared | None) -> M
 def model_of_harmonics(prepared: Prepared, time: Floats) -> Floats:
     """Difference as its harmonic and slow part have it at times from the first sample that is used, s; else NaN."""
     envelope = prepared.sliding
-    harmonic = np.interp(time, envelope.time, envelope.difference) * np.exp(1j * envelope.carrier * time)
-    model = harmonic.real + np.interp(time, envelope.time, envelope.slow[1])
-    return np.where((time >= envelope.time[0]) & (time <= envelope.time[-1]), model, np.nan)
+    turn = envelope.carrier * time
+    model: Floats = np.interp(time, envelope.time, envelope.difference.real) * np.cos(turn)
+    model -= np.interp(time, envelope.time, envelope.difference.imag) * np.sin(turn)
+    model += np.interp(time, envelope.time, envelope.slow[1])
+    model[(time < envelope.time[0]) | (time > envelope.time[-1])] = np.nan
+    return model
 
 
 def spectrum(time: Floats, residual: Floats) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -188,9 +193,8 @@ def spectrum(time: Floats, residual: Floats) -> tuple[dict[str, Any], dict[str, 
     not there are zeros, made up for by their share."""
     step = float(np.median(np.diff(time)))
     row = np.rint((time - time[0]) / step).astype(np.int64)
-    laid, there = np.zeros(int(row[-1]) + 1), np.zeros(int(row[-1]) + 1)
-    good = np.isfinite(residual)
-    laid[row[good]], there[row[good]] = residual[good] - residual[good].mean() if good.any() else 0.0, 1.0
+    laid, there, good = np.zeros(int(row[-1]) + 1), np.zeros(int(row[-1]) + 1, dtype=bool), np.isfinite(residual)
+    laid[row], there[row] = np.where(good, residual - (residual[good].mean() if good.any() else 0.0), 0.0), good
     size = min(SPECTRUM, laid.size)
     taper = np.hanning(size + 1)[:size]
     begins = range(0, laid.size - size + 1, max(1, size // 2))

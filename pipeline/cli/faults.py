@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import data_schemas
 from data_schemas.errors import IsochronyError, RecordError, RefusedError
-from data_schemas.reading import REWRITTEN
+from data_schemas.layouts import REWRITTEN
 
 if TYPE_CHECKING:
     from xarray import DataTree

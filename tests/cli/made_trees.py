@@ -72,7 +72,7 @@ def made_result(count: int = 1500, step: float = 1.2) -> xr.DataTree:
     correction = np.full((len(METHODS), count), np.nan)
     correction[[1, 2, 4, 5]] = -leak + 2e-6 * np.sin(0.3 * time)
     corrected = GRAVITY * ((speed[2] + correction) / FREQUENCY[1]) ** 2
-    residual = 1e-5 * np.random.default_rng(8).normal(size=1500)
+    residual = 1e-5 * np.random.default_rng(8).normal(size=count)
     gravity = dataset(
         "gravity",
         {
@@ -92,7 +92,7 @@ def made_result(count: int = 1500, step: float = 1.2) -> xr.DataTree:
             "/phases": phases,
             "/correction": dataset("correction", corrections, estimator=METHODS),
             "/gravity": gravity,
-            "/difference": dataset("difference", read, record_time=np.linspace(0.0, time[-1], 1500)),
+            "/difference": dataset("difference", read, record_time=time),
             "/spectrum": dataset("spectrum", {"residual_spectrum": np.full(65, 1e-11)}, frequency=frequency),
         }
     )

@@ -15,7 +15,7 @@ from pipeline.joint.explanation import LONG_GAP, grown
 from pipeline.joint.gaps import change_in_gaps
 from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import GATE, OUTLIER, better, heard_again, isolated, smoothed, standing
-from pipeline.joint.problem import Assumed
+from pipeline.joint.problem import LEVEL, Assumed
 from pipeline.joint.rounding import change_by_rounding
 
 SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate, when this is known; s-1
@@ -151,7 +151,9 @@ def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted) -> tup
     )
     if ship == model.assumed.ship or not model.assumed.sine:
         return 0.0, 0.0
-    if lattice.longest_gap > LONG_GAP or lattice.interval * model.problem.swing > spectrum.SPARSE:
+    level = np.abs(np.append(lattice.combination.sum(axis=1), [0.0, 0.0]))[lattice.trace] > LEVEL
+    gap = float(np.diff(lattice.time[level], prepend=0.0, append=lattice.duration).max())
+    if gap > LONG_GAP or lattice.interval * model.problem.swing > spectrum.SPARSE:
         return 0.0, 0.0  # what sways in gaps, or between sparse samples, is not known
     about, swings = plain.path.copy(), np.fft.rfft(plain.path[:, :two], axis=0)
     swings[2.0 * np.pi * np.fft.rfftfreq(lattice.nodes, lattice.step) < slow] = 0.0

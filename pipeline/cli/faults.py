@@ -9,12 +9,22 @@ from typing import TYPE_CHECKING
 
 import data_schemas
 from data_schemas.errors import IsochronyError, RecordError, RefusedError
-from data_schemas.layouts import REWRITTEN
+from data_schemas.layouts import LAYOUTS, REWRITTEN
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
     from data_schemas.layouts import Kind
+
+
+_INSTEAD = {
+    "record": "isochrony process reduces it",
+    "truth": "it is what the pipeline must not see: give NAME.record.nc of the same name",
+    "result": "isochrony plot draws it; give NAME.record.nc to reduce again",
+    "film-truth": "it is what the reader must not see: give the film to isochrony digitise",
+    "summary": "it is a table of a batch: open it with xarray, or give its records",
+}
+"""What to do with a file of each kind."""
 
 
 def naming(path: str | os.PathLike[str], message: str) -> str:
@@ -48,6 +58,10 @@ def read_checked(path: Path, kind: Kind) -> DataTree:
     tree = data_schemas.read(path)
     if REWRITTEN in tree.attrs:
         print(f"isochrony: {path}: was written again {tree.attrs[REWRITTEN]}", file=sys.stderr)
+    for other, layout in LAYOUTS.items():
+        if other != kind and tree.attrs.get("schema") == layout.schema:
+            wanted = f"a {kind} ({LAYOUTS[kind].schema!r})"
+            raise RecordError(f"{path}: attribute schema: says a {other}, not {wanted}; {_INSTEAD[other]}")
     refuse_faults(path, data_schemas.check(tree, kind))
     return tree
 

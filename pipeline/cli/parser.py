@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import textwrap
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
@@ -40,10 +41,39 @@ class Parser(argparse.ArgumentParser):
 
 
 class _HelpFormatter(argparse.RawDescriptionHelpFormatter):
-    """Leaves descriptions and examples as they are written, and gives long options room on their line."""
+    """Wraps paragraphs to the terminal, leaves lists as they are written, and gives long options room on their line."""
 
     def __init__(self, prog: str, **settings: Any) -> None:
         super().__init__(prog, **{"max_help_position": 30, **settings})
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return "\n\n".join(_wrapped(block, width) for block in text.split("\n\n"))
+
+
+def _wrapped(block: str, width: int) -> str:
+    """A paragraph as wide as it may be; of a list, what is too long in its second column, or beneath the first.
+
+    >>> print(_wrapped("methods:\\n  joint  all at once, by likelihood", 30))
+    methods:
+      joint  all at once, by
+             likelihood
+    """
+    lines = block.split("\n")
+    if not any(line.startswith(" ") for line in lines):
+        return textwrap.fill(" ".join(lines), width)
+    out = []
+    for line in lines:
+        head, gap, tail = line[2:].partition("  ") if len(line) > width else (line[2:], "", "")
+        column = len(line) - len(tail.lstrip()) if gap else 0
+        if 0 < column < width // 3:
+            out.append(
+                textwrap.fill(tail.lstrip(), width, initial_indent=line[:column], subsequent_indent=" " * column)
+            )
+            continue
+        out.append(textwrap.fill(line[:2] + head, width, subsequent_indent=" " * 6, break_on_hyphens=False))
+        if gap:
+            out.append(textwrap.fill(tail.lstrip(), width, initial_indent=" " * 6, subsequent_indent=" " * 6))
+    return "\n".join(out)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

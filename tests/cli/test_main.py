@@ -29,7 +29,7 @@ def test_help_lists_every_verb_and_the_exit_statuses(run):
     for verb in VERBS:
         assert f"    {verb} " in outcome.out
     for status in ("0 ", "1 ", "2 ", "3 ", "70 ", "130 "):
-        assert status in outcome.out.partition("exit status:")[2]
+        assert status in " ".join(outcome.out.partition("exit status:")[2].split())
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -37,7 +37,7 @@ def test_help_of_each_verb_describes_and_gives_examples(run, verb):
     outcome = run(verb, "--help")
     assert outcome.status == 0
     assert f"isochrony {verb}" in outcome.out.partition("examples:")[2]
-    assert max(map(len, outcome.out.splitlines())) <= 120
+    assert max(map(len, outcome.out.splitlines())) <= 80
 
 
 def test_help_imports_nothing_heavy():

@@ -15,7 +15,7 @@ from pipeline.cli import main as entry
 from pipeline.cli import schema
 
 ROOT = Path(__file__).parents[2]
-VERBS = ("demo", "simulate", "process", "benchmark", "plot", "import", "validate", "schema")
+VERBS = tuple(entry._VERBS)
 
 
 def python(*words: str, **settings) -> subprocess.CompletedProcess[str]:

@@ -14,12 +14,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-import h5netcdf
+import h5py
 import numpy as np
 
 from .checksum import ATTRIBUTE
 from .contents import Contents, Entry, Group, key, shown, type_name
-from .encoding import LIBRARY, lay_out, node, write_attributes
+from .encoding import LIBRARY, array, lay_out, node, write_attributes
 from .errors import FileError
 from .joining import samples
 from .reading import CHUNK_CACHE
@@ -69,7 +69,7 @@ class Appended:
         self._target = Path(os.path.realpath(path))
         self._temporary = beside(self._target)
         self._sink: Sink | None = None
-        self._file: h5netcdf.File | None = None
+        self._file: h5py.File | None = None
         self._attrs: dict[str, dict[str, Any]] = {}
         self._done = 0
         self._meant: dict[str, RowSums] = {}
@@ -104,7 +104,7 @@ class Appended:
                         place = (..., slice(begin, self._done)) if grows else ...
                         text = type_name(entry.values) == "str"
                         stored = entry.values.astype(object) if text else entry.values
-                        node(self._file, path)[name][place] = stored
+                        array(self._file, path, name)[place] = stored
                     if grows:
                         self._meant.setdefault(key(path, name), RowSums(self._length)).add(entry.values)
             self._check()
@@ -138,7 +138,7 @@ class Appended:
 
     def _open(self, mode: str, file_mode: str) -> None:
         self._sink = Sink(self._temporary, mode)
-        self._file = h5netcdf.File(self._sink, file_mode, libver=LIBRARY, rdcc_nbytes=CHUNK_CACHE)
+        self._file = h5py.File(self._sink, file_mode, libver=LIBRARY, rdcc_nbytes=CHUNK_CACHE, track_order=True)
 
     def _check(self) -> None:
         if self._sink is not None:

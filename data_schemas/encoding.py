@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import io
+from collections.abc import Mapping
 from typing import Any
 
-import h5netcdf
 import h5py
 import numpy as np
 
@@ -15,6 +14,8 @@ from .guard import BOOKKEEPING
 from .packing import PACKING
 
 CHUNK = 1 << 16  # elements: half a MiB of float64, a fraction of a second of record to lose to one damaged byte
+PLACEHOLDER = "This is a netCDF dimension but not a netCDF variable."
+NOT_COORDINATE = "_nc4_non_coord_"
 LIBRARY = ("v110", "v110")  # the first format whose metadata carry checksums, and no later one than readers know
 
 
@@ -43,63 +44,95 @@ def encoded(contents: Contents) -> memoryview:
     FileError
         A name or attribute that netCDF reserves or cannot hold.
     """
-    memory = io.BytesIO()
-    with h5netcdf.File(memory, "w", libver=LIBRARY) as file:
+    with h5py.File("memory", "w", driver="core", backing_store=False, libver=LIBRARY, track_order=True) as file:
         lay_out(file, contents)
         for path, group in contents.items():
             write_attributes(node(file, path).attrs, group.attrs, path or "root")
             for name, entry in group.variables.items():
                 if entry.values.size:
                     text = type_name(entry.values) == "str"
-                    node(file, path)[name][...] = entry.values.astype(object) if text else entry.values
-    return memory.getbuffer()
+                    array(file, path, name)[...] = entry.values.astype(object) if text else entry.values
+        file.flush()
+        return memoryview(file.id.get_file_image())
 
 
-def lay_out(file: h5netcdf.File, contents: Contents) -> None:
+def lay_out(file: h5py.File, contents: Contents) -> None:
     """Make all groups, dimensions and variables with their attributes, but no values and no attributes of groups.
+
+    Dimensions are HDF5 dimension scales, as netCDF-4 has them: a coordinate is its own, others have a placeholder.
 
     Raises
     ------
     FileError
         As `encoded`.
     """
-    dimensions: dict[str, set[str]] = {}
+    scales: dict[str, dict[str, h5py.Dataset]] = {}
+    number = 0
     for path in sorted(contents, key=lambda one: (one.count("/"), one)):
-        made = file.create_group("/" + path) if path else file
-        above = dimensions[path.rpartition("/")[0]] if path else set()
-        dimensions[path] = above | _dimensions(made, contents[path], path, above)
-        for name, entry in contents[path].variables.items():
+        made = file.create_group("/" + path, track_order=True) if path else file
+        known = dict(scales[path.rpartition("/")[0]]) if path else {}
+        scales[path] = known
+        variables = contents[path].variables
+        for dim, length in _lengths(contents[path], path).items():
+            if dim in known and known[dim].shape == (length,):
+                continue
+            if dim in variables and variables[dim].dims == (dim,):
+                known[dim] = _variable(made, dim, variables[dim])
+                known[dim].make_scale(dim)
+            else:
+                size = length or None
+                known[dim] = made.create_dataset(
+                    dim, (length,), ">f4", maxshape=(size,), chunks=(1,) if not length else None
+                )
+                known[dim].make_scale(f"{PLACEHOLDER}{length:10d}")
+            known[dim].attrs.create("_Netcdf4Dimid", number, dtype=np.int32)
+            number += 1
+        for name, entry in variables.items():
             where = key(path, name)
             _usable(name, where)
-            write_attributes(_variable(made, name, entry).attrs, entry.attrs, where)
+            own = known.get(name) if entry.dims == (name,) else None
+            held = own if own is not None and own.name == f"{made.name.rstrip('/')}/{name}" else None
+            stored = held if held is not None else _variable(made, _stored_name(name, known), entry)
+            write_attributes(stored.attrs, entry.attrs, where)
+            if held is None:
+                for axis, dim in enumerate(entry.dims):
+                    stored.dims[axis].attach_scale(known[dim])
 
 
-def node(file: h5netcdf.File, path: str) -> Any:
+def node(file: h5py.File, path: str) -> Any:
     """A group of an open file by its path; the root for the empty one."""
     return file[path] if path else file
 
 
-def _dimensions(made: Any, group: Group, path: str, above: set[str]) -> set[str]:
-    """Make the dimensions that the group's variables have and no group above it has."""
+def array(file: h5py.File, path: str, name: str) -> h5py.Dataset:
+    """The array of a variable."""
+    group = node(file, path)
+    return group[f"{NOT_COORDINATE}{name}"] if f"{NOT_COORDINATE}{name}" in group else group[name]
+
+
+def _stored_name(name: str, dimensions: Mapping[str, h5py.Dataset]) -> str:
+    """Name of an array; one that is called as a dimension, and is not its coordinate, has another."""
+    return f"{NOT_COORDINATE}{name}" if name in dimensions else name
+
+
+def _lengths(group: Group, path: str) -> dict[str, int]:
+    """Length of each dimension of the group's variables, by name."""
     lengths: dict[str, int] = {}
     for name, entry in group.variables.items():
         for dim, length in zip(entry.dims, entry.values.shape, strict=True):
             _usable(dim, f"{key(path, name)}, dimension {shown(dim)}")
             lengths[dim] = length
-    own = lengths.keys() - above
-    for dim in sorted(own):
-        made.dimensions[dim] = lengths[dim] or None
-    return own
+    return dict(sorted(lengths.items()))
 
 
-def _variable(group: Any, name: str, entry: Entry) -> Any:
-    text = type_name(entry.values) == "str"
+def _variable(group: Any, name: str, entry: Entry) -> h5py.Dataset:
+    text, shape = type_name(entry.values) == "str", entry.values.shape
     made: dict[str, Any] = {"dtype": h5py.string_dtype() if text else entry.values.dtype}
+    if not entry.values.size:
+        made |= {"maxshape": tuple(length or None for length in shape), "chunks": chunk_shape(shape)}
     if entry.dims and not text:
-        made |= {"chunks": chunk_shape(entry.values.shape), "fletcher32": True}
-    elif entry.dims and not entry.values.size:
-        made |= {"chunks": chunk_shape(entry.values.shape)}  # unlimited dimensions need chunks
-    return group.create_variable(name, entry.dims, **made)
+        made |= {"chunks": chunk_shape(shape), "fletcher32": True}
+    return group.create_dataset(name, shape, **made)
 
 
 def write_attributes(target: Any, attrs: dict[str, Any], where: str) -> None:

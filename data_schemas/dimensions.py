@@ -14,11 +14,9 @@ import numpy as np
 from h5py import h5a, h5r, h5s, h5t
 
 from .contents import key
+from .encoding import NOT_COORDINATE, PLACEHOLDER
 from .guard import Found, Survey
 from .variables import VARIABLES
-
-_PLACEHOLDER = b"This is a netCDF dimension but not a netCDF variable"
-_NOT_COORDINATE = "_nc4_non_coord_"
 
 
 @dataclass(frozen=True)
@@ -37,9 +35,9 @@ def named(survey: Survey) -> list[Named]:
     variables = []
     for one in survey.arrays:
         scale = one.address in scales
-        if scale and _fixed_text(one, b"NAME").startswith(_PLACEHOLDER):
+        if scale and _fixed_text(one, b"NAME").startswith(PLACEHOLDER.encode()):
             continue
-        name = one.name.removeprefix(_NOT_COORDINATE)
+        name = one.name.removeprefix(NOT_COORDINATE)
         rank = len(one.id.shape)
         dims = (name,) if scale and rank == 1 else _attached(one, rank, scales)
         variables.append(Named(one, name, dims or _by_position(one, name, rank, phony)))

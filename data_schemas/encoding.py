@@ -14,7 +14,7 @@ from .guard import BOOKKEEPING
 from .packing import PACKING
 
 CHUNK = 1 << 16  # elements: half a MiB of float64, a fraction of a second of record to lose to one damaged byte
-PLACEHOLDER = "This is a netCDF dimension but not a netCDF variable."
+PLACEHOLDER = "This is a netCDF dimension but not a netCDF variable."  # as all programs write it
 NOT_COORDINATE = "_nc4_non_coord_"
 LIBRARY = ("v110", "v110")  # the first format whose metadata carry checksums, and no later one than readers know
 

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 KINDS = {"kicks": "random-kicks", "gravity changes": "gravity-changes"}
 MOST_TURN = 0.7  # rad of the swing between samples of the path, for its third harmonic to show
-LEAST_WEIGHT = 1e-12
 WIDENED = 1.1  # factor in sigma from which the flag says so
 
 
@@ -106,7 +105,7 @@ class Joint:
         lattice, constants = problem.lattice, fit.solution.constants
         read, out = problem.readings(fit.model.assumed, constants), np.zeros(time.size)
         at = np.rint(np.interp(lattice.start + lattice.time, time, np.arange(time.size))).astype(np.int64)
-        for trace in np.flatnonzero(np.abs(weights) > LEAST_WEIGHT):
+        for trace in np.flatnonzero(weights):
             own, left = read.trace == trace, np.full(time.size, np.nan)
             path = angles(fit, lattice.step * lattice.node[own] + read.offset[own])
             scale = 1.0 + problem.gain(constants)[trace]

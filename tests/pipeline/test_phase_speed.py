@@ -10,17 +10,22 @@ from exact_pair import Pair, swell
 from hypothesis import given
 from hypothesis import strategies as st
 from paper_formulas import (
-    amplitude_speed,
     difference_amplitude,
-    difference_speed,
-    difference_speed_by_phase,
     near_resonant_motion,
     quadrature_form,
     raw_components,
 )
 from scipy.integrate import solve_ivp
 
-from pipeline.phase_speed import disturbed_speed, leaking, near_resonant_amplitude, phase_speed
+from pipeline.phase_speed import (
+    amplitude_rate,
+    disturbed_speed,
+    leaking,
+    near_resonant_amplitude,
+    phase_speed,
+    speed_of_difference,
+    speed_of_difference_from_second,
+)
 
 STEP = 0.02
 _STENCIL = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
@@ -69,7 +74,7 @@ def test_9_is_exact_for_the_fictitious_pendulum_under_any_motion(heavy: tuple[Pa
     z = z1 - n1 / n2 * z2
     said = phase_speed(n1, n2, np.abs(z1), np.abs(z), np.angle(z1) - np.angle(z))[INNER]
     assert np.abs(said - derivative(np.unwrap(np.angle(z)))).max() < DIFFERENTIATED
-    growth = amplitude_speed(n1, n2, np.abs(z1), np.abs(z), np.angle(z1) - np.angle(z))[INNER]
+    growth = amplitude_rate(n1 - n2, np.abs(z1), np.abs(z), np.angle(z1) - np.angle(z))[INNER]
     assert np.abs(growth - derivative(np.abs(z))).max() < DIFFERENTIATED
 
 
@@ -119,7 +124,7 @@ def test_27_undamped_is_exact_for_the_separated_harmonics() -> None:
     lead = np.angle(v1 / z)
     said = phase_speed(n1, n2, np.abs(v1), np.abs(z), lead)[INNER]
     assert np.abs(said - derivative(np.unwrap(np.angle(z)))).max() < DIFFERENTIATED
-    assert np.abs(amplitude_speed(n1, n2, np.abs(v1), np.abs(z), lead)[INNER] - derivative(np.abs(z))).max() < 1e-9
+    assert np.abs(amplitude_rate(n1 - n2, np.abs(v1), np.abs(z), lead)[INNER] - derivative(np.abs(z))).max() < 1e-9
 
 
 @pytest.mark.parametrize("damping", [(2e-4, 2e-4), (5e-4, 1e-4), (0.0, 3e-4)])
@@ -133,7 +138,7 @@ def test_27_with_damping_of_decaying_harmonics(damping: tuple[float, float]) -> 
     difference = damping[0] - damping[1]
     said = phase_speed(w1, w2, np.abs(one), np.abs(z), lead, difference)[INNER]
     assert np.abs(said - derivative(np.unwrap(np.angle(z)))).max() < DIFFERENTIATED
-    growth = amplitude_speed(w1, w2, np.abs(one), np.abs(z), lead, damping[1], difference)[INNER]
+    growth = amplitude_rate(w1 - w2, np.abs(one), np.abs(z), lead, damping[1], difference)[INNER]
     assert np.abs(growth - derivative(np.abs(z))).max() < 1e-9
     if difference:  # the damping's term counts, and with this sign
         wrong = phase_speed(w1, w2, np.abs(one), np.abs(z), lead, -difference)[INNER]
@@ -169,15 +174,10 @@ def test_36_37_38_are_identities_for_any_two_harmonics() -> None:
     lead = phase(0) - phase(1)
     assert np.abs(difference_amplitude(size(0), size(1), lead) - np.abs(z)).max() < 1e-15
     exact = derivative(np.unwrap(np.angle(z)))
-    by_36 = difference_speed(speed(0), speed(1), size(0), size(1), size_speed(0), size_speed(1), lead)
-    by_38 = difference_speed_by_phase(
-        speed(0),
-        speed(1),
-        size(0) / np.abs(z),
-        phase(0) - np.angle(z),
-        size_speed(0) / size(0),
-        size_speed(1) / size(1),
-    )
+    by_36 = speed_of_difference((size(0), size(1)), lead, (speed(0), speed(1)), (size_speed(0), size_speed(1)))
+    sizes = (size(0), size(1), np.abs(z))
+    rates = (speed(0), speed(1)), (size_speed(0), size_speed(1))
+    by_38 = speed_of_difference_from_second(sizes, phase(0) - np.angle(z), *rates)
     assert np.abs(by_36[INNER] - exact).max() < 1e-7  # a comes down to a quarter: its phase turns fast
     assert np.abs(by_38 - by_36).max() < 1e-11
 
@@ -190,13 +190,13 @@ def test_36_37_38_are_identities_for_any_two_harmonics() -> None:
 def test_36_laws(sizes: tuple[float, float], rates: tuple[float, ...], lead: float) -> None:
     """Exchange of the harmonics changes z to -z, not its speed; a common rotation is carried over."""
     (a1, a2), (p1, p2, g1, g2) = sizes, rates
-    value = difference_speed(p1, p2, a1, a2, g1, g2, lead)
-    swapped = difference_speed(p2, p1, a2, a1, g2, g1, -lead)
+    value = speed_of_difference((a1, a2), lead, (p1, p2), (g1, g2))
+    swapped = speed_of_difference((a2, a1), -lead, (p2, p1), (g2, g1))
     scale = (
         1e-9 * (1.0 + max(a1, a2) / difference_amplitude(a1, a2, lead)) ** 2 * (1.0 + max(map(abs, rates)) / min(sizes))
     )
     assert abs(value - swapped) < scale
-    assert abs(difference_speed(p1 + 3.0, p2 + 3.0, a1, a2, g1, g2, lead) - value - 3.0) < scale
+    assert abs(speed_of_difference((a1, a2), lead, (p1 + 3.0, p2 + 3.0), (g1, g2)) - value - 3.0) < scale
 
 
 def test_36_fed_with_model_speeds_is_27() -> None:
@@ -204,8 +204,8 @@ def test_36_fed_with_model_speeds_is_27() -> None:
     n1, n2, one, two, lead = 6.2215, 6.2209, 0.012, 0.006, np.linspace(0.1, 6.0, 50)
     z = one * np.exp(1j * lead) - two
     for said in (
-        difference_speed(n1, n2, one, two, 0.0, 0.0, lead),
-        difference_speed_by_phase(n1, n2, one / np.abs(z), lead - np.angle(z), 0.0, 0.0),
+        speed_of_difference((one, two), lead, (n1, n2), (0.0, 0.0)),
+        speed_of_difference_from_second((one, two, np.abs(z)), lead - np.angle(z), (n1, n2), (0.0, 0.0)),
     ):
         assert np.abs(said - phase_speed(n1, n2, one, np.abs(z), lead - np.angle(z))).max() < 1e-14
 

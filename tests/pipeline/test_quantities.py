@@ -9,7 +9,6 @@ from made_records import RESONANT, SWELL, changed, row, simulate
 
 import data_schemas
 from pipeline import process
-from pipeline.phase_speed import speed_of_difference, speed_of_difference_from_second
 
 REAL = {"damping": (1e-4, 1e-4), "motion": [SWELL, RESONANT], "noise": 1e-5}
 METHODS = ["projection", "general", "panteleev", "vening-meinesz", "uncorrected"]
@@ -58,22 +57,6 @@ def test_under_the_parabola_of_a_slope_the_corrected_speed_is_the_gravity(made, 
     mean = np.average(values(result, "correction", "corrected_gravity")[k], weights=parabola)
     sigma = float(values(result, "gravity", "gravity_sigma")[k])
     assert abs(mean - values(result, "gravity", "gravity")[k]) / 1e-5 < max(sigma, 0.01)
-
-
-def test_identities_36_and_38_are_the_derivative_of_a_difference() -> None:
-    time = np.linspace(0.0, 50.0, 500_001)
-    sizes = np.stack([0.012 * np.exp(-3e-3 * time), 0.009 + 1e-3 * np.sin(0.1 * time)])
-    turns = np.stack([6.22 * time + 0.1 * np.sin(0.2 * time), 6.21 * time + 1.0])
-    growth = np.stack([-3e-3 * sizes[0], 1e-4 * np.cos(0.1 * time)])
-    speed = np.stack([6.22 + 0.02 * np.cos(0.2 * time), np.full(time.size, 6.21)])
-    difference = sizes[0] * np.exp(1j * turns[0]) - sizes[1] * np.exp(1j * turns[1])
-    truth = np.gradient(np.unwrap(np.angle(difference)), time)
-    by_36 = speed_of_difference(sizes, turns[0] - turns[1], speed, growth)
-    lead = turns[0] - np.angle(difference)
-    by_38 = speed_of_difference_from_second(np.vstack([sizes, np.abs(difference)]), lead, speed, growth)
-    np.testing.assert_allclose(by_36, by_38, rtol=1e-11)
-    # central differences of 1e-4 s
-    np.testing.assert_allclose(by_36[1:-1], truth[1:-1], atol=1e-6)
 
 
 def test_the_fictitious_pendulum_is_that_of_the_true_motion() -> None:

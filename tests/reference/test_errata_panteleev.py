@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from paper_formulas import difference_speed, near_resonant_motion, raw_components
+from paper_formulas import near_resonant_motion, raw_components
 from scipy.integrate import solve_ivp
 
 from pipeline import phase_speed as formulas
-from pipeline.phase_speed import disturbed_speed, leaking, near_resonant_amplitude
+from pipeline.phase_speed import disturbed_speed, leaking, near_resonant_amplitude, speed_of_difference
 
 N1, N2 = 2.0 * np.pi / 1.009, 2.0 * np.pi / 1.010  # apart by 1e-3, so that an index in the wrong place shows
 NU, ALPHA, DELTA = np.pi / 120.0, 4e-5, 0.7
@@ -284,7 +284,7 @@ def test_32_turns_the_sine_into_a_cosine_for_36() -> None:
     beta = near_resonant_amplitude(N1, NU, ALPHA)
     wave = beta * np.sin(NU * TIME)
     lead = NU * TIME + 0.4 - DELTA - 0.5 * np.pi
-    by_36 = difference_speed(N1, N1 - NU, 0.010, wave, 0.0, beta * NU * np.cos(NU * TIME), lead)
+    by_36 = speed_of_difference((0.010, wave), lead, (N1, N1 - NU), (0.0, beta * NU * np.cos(NU * TIME)))
     assert worst(by_36 - beat_speed(beta)) < 1e-11
 
 

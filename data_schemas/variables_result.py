@@ -93,7 +93,7 @@ GRAVITY: dict[str, Variable] = {
     "entry": Variable(("entry",), "str", "1", "name of the correction"),
     "value": Variable(_ENTRY, "f8", "mGal", "correction of gravity, added", missing=True),
     "sigma": Variable(
-        _ENTRY, "f8", "mGal", "standard deviation of the correction; NaN where an input states none",
+        _ENTRY, "f8", "mGal", "standard deviation of the correction; 1 % of it where no input states one",
         limit="not negative", missing=True,
     ),
     "value_period": Variable(

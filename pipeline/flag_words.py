@@ -41,7 +41,7 @@ OF_GRAVITY = {
         "use joint, shooting or general",
     ),
     "correction-without-uncertainty": Words(
-        "a correction larger than sigma is made from inputs that state no uncertainty; sigma takes them as exact",
+        "a correction is made from inputs that state no uncertainty; sigma holds 1 % of it",
         "state X_uncertainty beside each input X; the ledger names them",
     ),
     "damping-difference-assumed": Words(

@@ -36,7 +36,7 @@ def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
         DAMPING_ASSUMED: seen.damping_rate is None and _decays(prepared, estimate),
         "acceleration-not-reduced": _accelerated(prepared, estimate, value),
         "correction-without-uncertainty": any(
-            entry.applied and np.isnan(entry.sigma) and abs(entry.value) > value.sigma for entry in value.given.values()
+            entry.applied and not entry.stated and abs(entry.value) > value.noise for entry in value.given.values()
         ),
         **_noise(prepared, estimate, float(np.nanmedian(amplitude))),
     }

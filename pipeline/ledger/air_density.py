@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pipeline.conditions import AIR, by_temperature
-from pipeline.ledger.entry import Case, Change, uncertainty_told
+from pipeline.ledger.entry import Case, Change
 
 NAME = "air_density"
 FORMULA = "T_vac = T - D rho/rho0, D what air of density rho0 adds to the period"
@@ -27,4 +27,4 @@ def change(case: Case, gravity: float) -> Change:
         air=None if own is None else case.of_periods(longer[0], longer[1]),
         coefficient=None if owns is None else case.independent(owns * density / reference / case.period),
     )
-    return Change(after, sigma, f"{density:.4f} kg/m3, to vacuum{uncertainty_told(sigma)}")
+    return Change(after, sigma, f"{density:.4f} kg/m3, to vacuum")

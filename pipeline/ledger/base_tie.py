@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.conditions import BASE, Tie
-from pipeline.ledger.entry import MGAL, Case, Change, absent, uncertainty_told
+from pipeline.ledger.entry import MGAL, Case, Change, absent
 
 NAME = "base_tie"
 FORMULA = "g = g_base (T_base/T)^2, T_base on the straight line between the bases before and after"
@@ -26,7 +26,7 @@ def change(case: Case, gravity: float) -> Change:
     after = gravity * float(seen.tie.period[1] / case.period) ** 2
     heavy = None if seen.tie.gravity_uncertainty is None else seen.tie.gravity_uncertainty / MGAL
     sigma = case.sigma(drift=drift if seen.tie.stated else None, heavy=heavy)
-    return Change(after, sigma, told(seen.tie) + uncertainty_told(sigma))
+    return Change(after, sigma, told(seen.tie))
 
 
 def told(found: Tie) -> str:

@@ -6,6 +6,8 @@ import functools
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType, ModuleType
 
+import numpy as np
+
 from data_schemas.errors import UsageError
 from data_schemas.variables import add_constant
 from pipeline.ledger import (
@@ -27,7 +29,7 @@ from pipeline.ledger import (
     yaw,
 )
 from pipeline.ledger.apparatus import CASE_TILT, CLOCK_STEPS, SCALE, ZERO, Part
-from pipeline.ledger.entry import MGAL, Case, Change, Entry, absent
+from pipeline.ledger.entry import ASSUMED, MGAL, Case, Change, Entry, absent
 
 Correction = ModuleType | Part
 
@@ -117,12 +119,14 @@ def _balance(case: Case, modules: Sequence[Correction], gravity: float) -> tuple
     for module in modules:
         missing = absent(constants, module.NEEDS)
         change: Change = Change(gravity, 0.0, missing, applied=False) if missing else module.change(case, gravity)
+        value, stated = (change.gravity - gravity) / MGAL, not np.isnan(change.sigma)
         ledger[module.NAME] = Entry(
-            value=(change.gravity - gravity) / MGAL,
-            sigma=change.sigma,
+            value=value,
+            sigma=change.sigma if stated else ASSUMED * abs(value),
             applied=change.applied,
-            reason=change.reason,
+            reason=change.reason + ("" if stated else f"; no uncertainty stated, {100.0 * ASSUMED:g} % assumed"),
             inputs=inputs(case, module) if change.applied else (),
+            stated=stated,
         )
         gravity = change.gravity
     return gravity, ledger

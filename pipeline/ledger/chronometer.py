@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.ledger.entry import DAY, Case, Change, absent, uncertainty_told
+from pipeline.ledger.entry import DAY, Case, Change, absent
 
 NAME = "chronometer"
 FORMULA = "T_true = T (1 + r/86400), r in s a day, losing positive"
@@ -21,4 +21,4 @@ def change(case: Case, gravity: float) -> Change:
     after = gravity / (1.0 + rate / DAY) ** 2
     own = case.uncertainty(RATE)
     sigma = case.sigma(rate=None if own is None else case.by_period * own / DAY)
-    return Change(after, sigma, f"rate {rate:+.3f} s/day{uncertainty_told(sigma)}")
+    return Change(after, sigma, f"rate {rate:+.3f} s/day")

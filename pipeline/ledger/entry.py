@@ -23,7 +23,7 @@ from pipeline.prepared import Prepared
 
 MGAL = 1e-5  # m s-2
 DAY = 86400.0  # s
-SQUARE = 0.01  # of a mean square that states no uncertainty, 1 sigma
+ASSUMED = 0.01  # of a correction whose inputs state no uncertainty, 1 sigma
 UNKNOWN = float("nan")  # uncertainty of a correction whose input states none
 
 
@@ -31,7 +31,8 @@ UNKNOWN = float("nan")  # uncertainty of a correction whose input states none
 class Entry:
     """One correction as the result lists it, ADDED to gravity; mGal.
 
-    `sigma` is NaN where an input states no uncertainty, `inputs` names the record's variables that were used.
+    Where no input states its uncertainty (`stated` is false), `sigma` is `ASSUMED` of the value; `inputs` names the
+    record's variables that were used.
     """
 
     value: float
@@ -39,6 +40,7 @@ class Entry:
     applied: bool
     reason: str
     inputs: tuple[str, ...] = ()
+    stated: bool = True
 
     @property
     def input_names(self) -> str:
@@ -48,7 +50,8 @@ class Entry:
 
 @dataclass(frozen=True)
 class Change:
-    """What a correction does: gravity after it (m s-2), its 1 sigma (mGal), why, and whether it was applied."""
+    """What a correction does: gravity after it (m s-2), its 1 sigma (mGal, NaN = not stated), why, and whether it was
+    applied."""
 
     gravity: float
     sigma: float
@@ -124,13 +127,6 @@ class Case:
         stated = f"{name}_uncertainty"
         return self.scalar(stated) if stated in self.prepared.observation.constants else None
 
-    def of_square(self, name: str, per_square: float) -> tuple[float, str]:
-        """1 sigma, mGal, of what a mean square of /instrument does, m s-2 of it; and how it is known, in words."""
-        own = self.uncertainty(name)
-        if own is None:
-            return per_square * SQUARE * self.scalar(name) / MGAL, f"; {100.0 * SQUARE:g} % of it assumed uncertain"
-        return per_square * own / MGAL, ""
-
     def uncertainties(self, name: str) -> Floats | None:
         """The same for each of the two pendulums."""
         stated = f"{name}_uncertainty"
@@ -158,11 +154,6 @@ def absent(constants: Constants, needs: tuple[str, ...]) -> str:
     """Which inputs the record lacks, as a reason; empty where it lacks none."""
     missing = [name for name in needs if name not in constants]
     return f"no instrument/{', '.join(missing)} in the record" if missing else ""
-
-
-def uncertainty_told(sigma: float) -> str:
-    """End of a reason: nothing, or that the inputs state no uncertainty."""
-    return "; no uncertainty stated" if np.isnan(sigma) else ""
 
 
 @dataclass(frozen=True)

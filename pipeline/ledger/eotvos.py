@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.ledger.entry import MGAL, Case, Change, uncertainty_told
+from pipeline.ledger.entry import MGAL, Case, Change
 
 if TYPE_CHECKING:
     from pipeline.conditions import Constants
@@ -37,7 +37,7 @@ def change(case: Case, gravity: float) -> Change:
     sigma = case.sigma(**parts)
     latitude, speed, course = (_span(x) for x in given)
     told = f"{speed} m/s on {course} deg at {latitude} deg"
-    return Change(gravity + case.mean_over_record(eotvos(*given)), sigma, told + uncertainty_told(sigma))
+    return Change(gravity + case.mean_over_record(eotvos(*given)), sigma, told)
 
 
 def navigation(constants: Constants) -> list[Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pipeline.conditions import TEMPERATURE
-from pipeline.ledger.entry import Case, Change, uncertainty_told
+from pipeline.ledger.entry import Case, Change
 
 NAME = "temperature"
 FORMULA = "T_ref = T - c (t - t_ref), c = expansion coefficient times T/2"
@@ -28,7 +28,7 @@ def change(case: Case, gravity: float) -> Change:
     period = case.period
     after = gravity * (1.0 + case.pair("temperature_coefficient")[1] * warm / period) ** 2
     sigma = case.sigma(common=_common(case), coefficients=_coefficients(case, warm))
-    return Change(after, sigma, f"{told}, {warm:+.2f} K from the reference{uncertainty_told(sigma)}")
+    return Change(after, sigma, f"{told}, {warm:+.2f} K from the reference")
 
 
 def _common(case: Case) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.ledger.entry import Case, Change
+from pipeline.ledger.entry import MGAL, Case, Change
 
 NAME = "tilt"
 FORMULA = "g <b^2>/2, b the angle of the plane of swing out of the vertical"
@@ -15,5 +15,6 @@ def change(case: Case, gravity: float) -> Change:
     """Divide by the mean cosine, 1 - <b^2>/2."""
     square = case.scalar("tilt_mean_square")
     after = gravity / (1.0 - 0.5 * square)
-    sigma, known = case.of_square(NEEDS[0], 0.5 * gravity)
-    return Change(after, sigma, f"rms {1e3 * square**0.5:.3f} mrad{known}")
+    own = case.uncertainty(NEEDS[0])
+    sigma = case.sigma(square=None if own is None else 0.5 * gravity * own / MGAL)
+    return Change(after, sigma, f"rms {1e3 * square**0.5:.3f} mrad")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.ledger.entry import Case, Change
+from pipeline.ledger.entry import MGAL, Case, Change
 
 NAME = "transverse_acceleration"
 FORMULA = "-<y''^2>/(2g), where the plane of swing follows the apparent vertical"
@@ -15,5 +15,6 @@ def change(case: Case, gravity: float) -> Change:
     """Take away what the apparent vertical is stronger by; no trace shows it, so it must be stated."""
     square = case.scalar(NEEDS[0])
     after = gravity - square / (2.0 * gravity)
-    sigma, known = case.of_square(NEEDS[0], 1.0 / (2.0 * gravity))
-    return Change(after, sigma, f"rms {square**0.5:.4f} m/s2{known}")
+    own = case.uncertainty(NEEDS[0])
+    sigma = case.sigma(square=None if own is None else own / (2.0 * gravity) / MGAL)
+    return Change(after, sigma, f"rms {square**0.5:.4f} m/s2")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.ledger.entry import DAY, MGAL, Case, Change, uncertainty_told
+from pipeline.ledger.entry import DAY, MGAL, Case, Change
 
 NAME = "yaw"
 FORMULA = "g W^2/n^2, W the rate of turn of the plane, held by the case"
@@ -18,4 +18,4 @@ def change(case: Case, gravity: float) -> Change:
     after = gravity * (1.0 + rate**2 / true**2)
     own = case.uncertainty(NEEDS[0])
     sigma = case.sigma(rate=None if own is None else 2.0 * gravity * rate * own / true**2 / MGAL)
-    return Change(after, sigma, f"{rate:+.5f} rad/s{uncertainty_told(sigma)}")
+    return Change(after, sigma, f"{rate:+.5f} rad/s")

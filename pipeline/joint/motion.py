@@ -140,7 +140,7 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
             near.append(line)
             lines.append(line)
     steady = _steady(fit) if upright and not model.problem.steps.any() else None
-    known = [each for each in near if isinstance(each, Engine)]
+    known = [each for each in ship[len(model.begun) :] if isinstance(each, Engine)]
     if steady and not any(abs(steady.peak - each.peak) < 2.0 * each.damping for each in known):
         yield of(replace(model.assumed, ship=(*ship, steady)))
     shown = Shown.of(fit, tuple(lines))
@@ -312,7 +312,7 @@ def _steady(fit: Fitted) -> Engine | None:
     if gain[at] < COMPONENT:
         return None
     return Engine(
-        float(frequency[at]), np.pi / lattice.duration, float(np.sqrt(2.0 * gain[at] / square[at])), "vertical"
+        float(frequency[at]), 1.0 / lattice.duration, float(np.sqrt(2.0 * gain[at] / square[at])), "vertical"
     )
 
 

@@ -30,14 +30,11 @@ def by_periods(prepared: Prepared, frequency: float) -> Floats:
     return integrated(model_speed(prepared, frequency, arc=False), prepared.sliding.hop)
 
 
-def of_real_pendulums(prepared: Prepared, frequency: float, *, accelerated: bool = True) -> dict[str, Floats]:
-    """All parts of real pendulums, rad; without what the support's acceleration does unless `accelerated`."""
+def of_real_pendulums(prepared: Prepared, frequency: float) -> dict[str, Floats]:
+    """All parts of real pendulums, rad."""
     plain, bent = (model_speed(prepared, frequency, arc=arc) for arc in (False, True))
-    hop = prepared.sliding.hop
-    found = {NON_ISOCHRONISM: integrated(plain, hop), ARC: integrated(bent - plain, hop)}
-    if accelerated:
-        found[ACCELERATION] = _through_window(prepared, frequency)
-    return found
+    hop, accelerated = prepared.sliding.hop, _through_window(prepared, frequency)
+    return {NON_ISOCHRONISM: integrated(plain, hop), ARC: integrated(bent - plain, hop), ACCELERATION: accelerated}
 
 
 def _through_window(prepared: Prepared, frequency: float) -> Floats:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.estimate import COLOUR_SECONDS, Estimate
+from pipeline.estimate import Estimate
 from pipeline.flag_words import OF_GRAVITY
-from pipeline.gravity import MGAL, Gravity
+from pipeline.gravity import MGAL, Gravity, structured
 from pipeline.methods.phases import passes_zero
 from pipeline.prepared import Prepared
 
 SHORT_SECONDS = 300.0  # below it the near-resonant beat and the damping are not told from the frequency
 NOISE_ABOVE, NOISE_BELOW = 1.3, 0.7  # found over stated
-COLOUR = 1.6  # power near the pendulum's frequency over white
-COLOUR_FLOOR = 3e-4  # of the amplitude: a residual below it is the method's, not the readings'
 LEAST_BROWNE = 0.05  # mGal of horizontal acceleration
 IMPLAUSIBLE = (9.75, 9.85)  # m s-2; at sea gravity lies between 9.77 and 9.84
 
@@ -38,7 +36,7 @@ def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
         "correction-without-uncertainty": any(
             entry.applied and not entry.stated and abs(entry.value) > value.noise for entry in value.given.values()
         ),
-        **_noise(prepared, estimate, float(np.nanmedian(amplitude))),
+        **_noise(prepared, estimate),
     }
     return [name for name in OF_GRAVITY if raised.get(name)]
 
@@ -56,7 +54,7 @@ def _accelerated(prepared: Prepared, estimate: Estimate, value: Gravity) -> bool
     if prepared.observation.restoring != "sine" and estimate.finite_arc == 0.0:
         return False
     size = 0.5 * value.gravity * prepared.slow_square / MGAL
-    return size > max(value.sigma, LEAST_BROWNE)
+    return size > max(value.noise, LEAST_BROWNE)
 
 
 def _decays(prepared: Prepared, estimate: Estimate) -> bool:
@@ -64,15 +62,12 @@ def _decays(prepared: Prepared, estimate: Estimate) -> bool:
     return estimate.damping_rate > max(_DECAY, 5.0 * uncertainty)
 
 
-def _noise(prepared: Prepared, estimate: Estimate, amplitude: float) -> dict[str, bool]:
+def _noise(prepared: Prepared, estimate: Estimate) -> dict[str, bool]:
     stated = prepared.observation.sigma_difference
     allowance = 5.0 / np.sqrt(2.0 * estimate.samples)  # of the estimate itself
     found = estimate.noise if stated is None else estimate.noise / stated
-    colour = estimate.residual_colour
-    rises = colour > COLOUR + 5.0 / np.sqrt(prepared.observation.time[-1] / COLOUR_SECONDS)
-    visible = estimate.noise * np.sqrt(max(colour, 1.0)) > COLOUR_FLOOR * amplitude
     return {
         "noise-above-stated": stated is not None and found > NOISE_ABOVE + allowance,
         "noise-below-stated": stated is not None and found < NOISE_BELOW - allowance,
-        "residual-not-white": rises and visible,
+        "residual-not-white": structured(prepared, estimate),
     }

@@ -7,14 +7,20 @@ from functools import cached_property
 
 import numpy as np
 
-from pipeline.estimate import Estimate
+from pipeline.correction import NON_ISOCHRONISM
+from pipeline.estimate import COLOUR_SECONDS, Estimate
+from pipeline.harmonics.envelope import fill
 from pipeline.ledger import book, non_isochronism
-from pipeline.ledger.entry import DAY, MGAL, Case, Entry
+from pipeline.ledger.entry import DAY, MGAL, Case, Entry, arc_answer
 from pipeline.prepared import Prepared
 
 SOURCES = {"chronometer": "clock", "base_tie": "ratio"}
 """Of the ledger's entries that bear another name in the budget."""
 HALVED = 0.75  # of the variance, which must go
+COLOUR = 1.6  # power near the pendulum's frequency over white
+COLOUR_FLOOR = 3e-4  # of the amplitude: a residual below it is the method's, not the readings'
+SPARSE = 2.0 * np.pi / 8.0  # rad of the swing between readings, from which the residual does not show it
+LEFT_OUT = "terms that the method leaves out"
 
 __all__ = ["DAY", "MGAL", "Entry", "Gravity", "gravity"]
 
@@ -35,6 +41,8 @@ class Gravity:
         n1, n2 after all corrections, rad s-1: `gravity = g_ref (n2/n2_ref)^2`.
     per_ratio : float
         Change of gravity, mGal, for n1/n2 larger by 1e-7.
+    left_out : float
+        1-sigma, mGal, of what acts on the pendulums and the method leaves as it is.
     given : dict
         Entries of the ledger that the record states, name to `Entry`.
     """
@@ -44,6 +52,7 @@ class Gravity:
     noise: float
     frequency: tuple[float, float]
     per_ratio: float
+    left_out: float
     given: dict[str, Entry] = field(repr=False)
     _case: Case = field(repr=False)
 
@@ -59,7 +68,8 @@ class Gravity:
     def budget(self) -> dict[str, float]:
         """Shares of the variance by source, the largest first: of the method's own, and of the ledger's entries."""
         found = {name: share * self.noise**2 for name, share in self._case.estimate.shares.items()}
-        for name, sigma in (("scale", self._case.by_gain_uncertainty), *((n, e.sigma) for n, e in self.given.items())):
+        parts = (("scale", self._case.by_gain_uncertainty), (LEFT_OUT, self.left_out))
+        for name, sigma in (*parts, *((name, entry.sigma) for name, entry in self.given.items())):
             if sigma > 0.0:
                 source = SOURCES.get(name, name)
                 found[source] = found.get(source, 0.0) + sigma**2
@@ -75,6 +85,8 @@ class Gravity:
             needed.append(name)
             together += share
             if together > HALVED:
+                if LEFT_OUT in needed:
+                    return "to halve sigma, take joint"
                 factor = np.sqrt(together / (together - HALVED))
                 return f"to halve sigma, make the uncertainty of {' and '.join(needed)} {factor:.2g} times smaller"
         return ""
@@ -104,8 +116,8 @@ def gravity(estimate: Estimate, prepared: Prepared, gain_uncertainty: float = 0.
     by_ratio = scale * prepared.fine_budget.by_ratio
     case = Case(estimate, prepared, gain_uncertainty, scale, by_ratio * seen.frequency_ratio, 2.0 * plain / MGAL)
     value, given = book.given(case)
-    noise = scale * estimate.sigma
-    parts = [noise, non_isochronism.uncertainty(case), *(entry.sigma for entry in given.values())]
+    noise, left = scale * estimate.sigma, left_out(case)
+    parts = [noise, left, non_isochronism.uncertainty(case), *(entry.sigma for entry in given.values())]
     n2 = prepared.nominal * float(np.sqrt(value / seen.reference_gravity))
     return Gravity(
         gravity=value,
@@ -113,6 +125,36 @@ def gravity(estimate: Estimate, prepared: Prepared, gain_uncertainty: float = 0.
         noise=noise,
         frequency=(n2 * float(seen.frequency_reference[0] / seen.frequency_reference[1]), n2),
         per_ratio=by_ratio * 1e-7,
+        left_out=left,
         given=given,
         _case=case,
     )
+
+
+def left_out(case: Case) -> float:
+    """Size of what acts on the pendulums and the method leaves as it is, mGal.
+
+    Non-isochronism where it takes nothing off; arcs and accelerations of real pendulums (Browne's terms) where it takes
+    them as linear. Where no law is stated the residual tells whether they are, if there are readings enough.
+    """
+    estimate, prepared = case.estimate, case.prepared
+    seen, parts = prepared.observation, [0.0]
+    if estimate.shifts is not None and NON_ISOCHRONISM not in estimate.shifts:
+        parts.append(case.scale * (prepared.fine.frequency - estimate.frequency))
+    shown = structured(prepared, estimate) or seen.step * prepared.nominal > SPARSE
+    real = seen.restoring == "sine" or (seen.restoring != "linear" and shown)
+    if real and not estimate.acceleration_reduced:
+        parts.append(0.5 * seen.reference_gravity * prepared.slow_square / MGAL)
+        if seen.vertical is not None:
+            parts.append(0.25 * float(np.nanmean(seen.vertical**2)) / seen.reference_gravity / MGAL)
+        if not estimate.finite_arc:
+            swings = fill(prepared.sliding.first), fill(prepared.sliding.difference)
+            parts.append(case.scale * arc_answer(prepared, *swings, estimate.frequency))
+    return float(np.linalg.norm(parts))
+
+
+def structured(prepared: Prepared, estimate: Estimate) -> bool:
+    """Whether the residual has structure near the pendulum's frequency that the readings' noise does not have."""
+    rises = estimate.residual_colour > COLOUR + 5.0 / np.sqrt(prepared.observation.time[-1] / COLOUR_SECONDS)
+    amplitude = float(np.nanmedian(np.abs(prepared.sliding.difference)))
+    return bool(rises and estimate.noise * np.sqrt(max(estimate.residual_colour, 1.0)) > COLOUR_FLOOR * amplitude)

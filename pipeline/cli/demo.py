@@ -11,7 +11,7 @@ import data_schemas
 import synth
 from data_schemas.errors import FileError, UsageError
 from pipeline.cli.parser import whole_number
-from pipeline.cli.tables import columns, print_header, print_row
+from pipeline.cli.tables import columns, print_header, print_row, print_text
 from pipeline.methods import DECLARED, METHODS
 
 if TYPE_CHECKING:
@@ -63,16 +63,16 @@ def run(options: argparse.Namespace) -> int:
     rows = summaries(result)
     _print_table(rows, gravity)
     _print_flags(rows)
-    print(f"\n{_alone(result)}")
-    print(_EXPLANATION)
+    print()
+    print_text(f"{_alone(result)} {_EXPLANATION}", 0)
     _draw(record, result, gravity, folder)
     return 0
 
 
 _EXPLANATION = (
-    "The difference of two pendulums in one frame sheds the ship's motion; what is left of it, as their\n"
-    "periods differ, is the non-isochronism that the paper's formula (27) removes. Real arcs and the ship's\n"
-    "acceleration shift the period as well: only `general`, `shooting` and `joint` reduce them."
+    "The difference of two pendulums in one frame sheds the ship's motion; what is left of it, as their periods "
+    "differ, is the non-isochronism that the paper's formula (27) removes. Real arcs and the ship's acceleration "
+    "shift the period as well: only `general`, `shooting` and `joint` reduce them."
 )
 
 
@@ -87,7 +87,7 @@ def _folder(name: str) -> Path:
     return folder
 
 
-_COLUMNS = columns("method <14", "what it is <26", "gravity m/s2 >12", "error mGal >12", "sigma mGal >10", "time ms >8")
+_COLUMNS = columns("method <14", "what it is <23", "g m/s2 >10", "error mGal >10", "sigma >6", "ms >6")
 
 
 def _print_table(rows: list[dict[str, Any]], gravity: float) -> None:
@@ -95,12 +95,12 @@ def _print_table(rows: list[dict[str, Any]], gravity: float) -> None:
     for row in rows:
         if row["status"] != "ok":
             print_row(_COLUMNS[:1], [row["method"]])
-            print(f"    {row['status']}: {row['error']}")
+            print_text(f"{row['status']}: {row['error']}", more=2)
             continue
         error = (row["gravity_m_s2"] - gravity) / _MILLIGAL
         cells = (
             DECLARED[row["method"]].short, f"{row['gravity_m_s2']:.8f}", f"{error:+.4f}",
-            f"{row['gravity_sigma_mgal']:.4f}", f"{1e3 * row['elapsed_s']:.1f}",
+            f"{row['gravity_sigma_mgal']:.4f}", f"{1e3 * row['elapsed_s']:.0f}",
         )  # fmt: skip
         print_row(_COLUMNS, [row["method"], *cells])
 
@@ -114,7 +114,7 @@ def _print_flags(rows: list[dict[str, Any]]) -> None:
     if raised:
         print("\nflags that the results carry:")
         for flag, methods in raised.items():
-            print(f"  {flag}: {', '.join(methods)}")
+            print_text(f"{flag}: {', '.join(methods)}", 2, more=2)
 
 
 def _alone(result: DataTree) -> str:

@@ -6,11 +6,10 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from textwrap import fill
 from typing import Any
 
 from pipeline.cli.outputs import stem
-from pipeline.cli.tables import Column, columns, print_header, print_json, print_row
+from pipeline.cli.tables import LINE, Column, blocks, columns, print_header, print_json, print_row, print_text, width_of
 from pipeline.flag_words import told
 
 _KEYS = (
@@ -18,20 +17,8 @@ _KEYS = (
     "gravity_sigma_mgal", "frequency_rad_s", "difference_frequency_rad_s", "corrections_mgal",
     "sensitivity_mgal", "flags", "samples_used", "elapsed_s",
 )  # fmt: skip
-_MOST_SHOWN = 4  # corrections on the line of a record; more are added up
-_SHORT = {
-    "non_isochronism": "non-isochronism",
-    "finite_arc": "arc",
-    "horizontal_acceleration": "horizontal",
-    "vertical_acceleration": "vertical",
-    "transverse_acceleration": "transverse",
-    "air_density": "air",
-    "base_tie": "base",
-}
-_LINE = 120  # columns
 _WIDTH = 26  # of the names of corrections
-_ONE = columns(f"  correction <{_WIDTH}", "mGal >12", "sigma >9", "1e-7 s >10", "made from <0")
-_TAIL = columns("time ms >0", "flags <0")
+_ONE = columns(f"  correction <{_WIDTH}", "mGal >12", "sigma >9", "1e-7 s >10")
 
 
 def failure(path: Path, requested: str, status: str, error: str) -> dict[str, Any]:
@@ -59,6 +46,7 @@ class SummaryPrinter:
         self._with_ledger = with_ledger and not as_json
         self._width = max(len(stem(path)) for path in inputs)
         self._headed: list[Column] = []
+        self._named = ""
 
     def show(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Print the summaries of one record; what failed goes to stderr as one line."""
@@ -75,19 +63,26 @@ class SummaryPrinter:
 
     def _show_line(self, row: Mapping[str, Any]) -> None:
         own, cells = _KINDS["synchrony" if row.get("synchrony") else "period" if "period_s" in row else "gravity"]
-        shown = [Column("record", self._width, right=False), *columns("method <14"), *own, *_TAIL]
+        shown, name = [*own], stem(Path(str(row["input"])))
+        beside = width_of([Column("record", self._width), *own]) <= LINE
+        if beside:
+            shown.insert(0, Column("record", self._width, right=False))
         if shown != self._headed:
             print_header(shown)
             self._headed = shown
-        lead = [stem(Path(str(row["input"]))), str(row["method"])]
+        if not beside and name != self._named:
+            print(f"{name}:")
+        self._named = name
+        lead = [name] if beside else []
         if row["status"] != "ok":
-            print_row(shown, lead)
-            print(f"    {row['status']}: {row['error']}", flush=True)
+            print_row(shown, [*lead, str(row["method"])])
+            print_text(f"{row['status']}: {row['error']}", more=2)
             return
-        flags = ", ".join(row["flags"]) or "none"
-        print_row(shown, [*lead, *cells(row), _number(1e3 * row["elapsed_s"], ".1f"), flags])
+        print_row(shown, [*lead, *cells(row)])
         if row.get("choice_reason"):
-            print(f"    {row['choice_reason']}", flush=True)
+            print_text(row["choice_reason"], more=2)
+        if row["flags"]:
+            print_text("flags: " + ", ".join(row["flags"]), more=2)
 
 
 def _number(value: float | None, form: str) -> str:
@@ -95,12 +90,13 @@ def _number(value: float | None, form: str) -> str:
 
 
 def _gravity(row: Mapping[str, Any]) -> list[str]:
+    added = sum(value or 0.0 for value in row["corrections_mgal"].values())
     sigma = _small(row["gravity_sigma_mgal"])
-    return [_number(row["gravity_m_s2"], ".8f"), sigma, _corrections(row["corrections_mgal"])]
+    return [row["method"], _number(row["gravity_m_s2"], ".8f"), sigma, _number(added, "+.4f")]
 
 
 def _period(row: Mapping[str, Any]) -> list[str]:
-    return [_number(row["period_s"], ".8f"), _number(row["period_sigma_s"], ".2g")]
+    return [row["method"], _number(row["period_s"], ".8f"), _number(row["period_sigma_s"], ".2g")]
 
 
 def _synchrony(row: Mapping[str, Any]) -> list[str]:
@@ -113,11 +109,11 @@ def _synchrony(row: Mapping[str, Any]) -> list[str]:
 
 
 _KINDS: Mapping[str, tuple[Sequence[Column], Callable[[Mapping[str, Any]], list[str]]]] = {
-    "gravity": (columns("gravity m/s2 >12", "sigma mGal >10", "corrections mGal <38"), _gravity),
-    "period": (columns("period s >11", "sigma s >8"), _period),
+    "gravity": (columns("method <14", "gravity m/s2 >12", "sigma mGal >10", "corrected mGal >14"), _gravity),
+    "period": (columns("method <14", "period s >11", "sigma s >8"), _period),
     "synchrony": (
         columns(
-            "pair <6", "verdict <12", "sure >5", "angle deg >9", "locked s >9", "slips >5", "swings/day >11", "sigma >8"
+            "pair <6", "verdict <12", "sure >5", "angle deg >9", "locked s >9", "slips >5", "swings/day >10", "sigma >7"
         ),
         _synchrony,
     ),
@@ -128,13 +124,6 @@ _KINDS: Mapping[str, tuple[Sequence[Column], Callable[[Mapping[str, Any]], list[
 def _small(value: float | None) -> str:
     """Four decimals, or two digits where four decimals would show none."""
     return _number(value, ".4f" if value is None or abs(value) >= 1e-3 else ".1e")
-
-
-def _corrections(entries: Mapping[str, float | None]) -> str:
-    parts = [f"{_SHORT.get(name, name)} {_number(value, '+.4f')}" for name, value in entries.items() if value]
-    if len(parts) > _MOST_SHOWN:
-        return f"{sum(value or 0.0 for value in entries.values()):+.4f} in {len(parts)} corrections"
-    return ", ".join(parts) or "none"
 
 
 LEAST_SHARE = 0.005  # of the variance, that is printed
@@ -156,7 +145,7 @@ def print_ledger(rows: Sequence[Mapping[str, Any]]) -> None:
         _several(good)
     _not_applied(good)
     for flag in dict.fromkeys(flag for row in good for flag in row["flags"]):
-        print(fill(f"{flag}: {told(flag)}", _LINE, initial_indent="  ", subsequent_indent="    "))
+        print_text(f"{flag}: {told(flag)}", 2, more=2)
 
 
 def _one(row: Mapping[str, Any]) -> None:
@@ -165,19 +154,19 @@ def _one(row: Mapping[str, Any]) -> None:
     for entry in row["ledger"]:
         if entry["applied"]:
             value = [f"{entry['value_mgal']:+.4f}", _sigma(entry["sigma_mgal"]), f"{entry['period_1e-7_s']:+.3f}"]
-            print_row(_ONE, [f"  {entry['entry']}", *value, entry["reason"]])
+            print_row(_ONE, [f"  {entry['entry']}", *value])
+            print_text(entry["reason"], 6)
     total = sum(entry["value_mgal"] for entry in row["ledger"])
     period = sum(entry["period_1e-7_s"] for entry in row["ledger"])
     print_row(_ONE, ["  sum", f"{total:+.4f}", "", f"{period:+.3f}"])
     noise = _sigma(row["noise_sigma_mgal"])
-    print_row(_ONE, ["  reading noise", "", noise, "", "1 sigma of gravity from the readings"])
-    print(f"  uncorrected {row['uncorrected_m_s2']:.8f} m/s2, gravity {row['gravity_m_s2']:.8f} m/s2", end="")
-    print(f", sigma {_sigma(row['gravity_sigma_mgal'])} mGal")
+    print_row(_ONE, ["  reading noise", "", noise])
+    print(f"  uncorrected {row['uncorrected_m_s2']:.8f} m/s2, gravity {row['gravity_m_s2']:.8f} m/s2")
     if row["budget"]:
         shares = ", ".join(
             f"{name} {100.0 * share:.0f} %" for name, share in row["budget"].items() if share >= LEAST_SHARE
         )
-        print(f"  variance: {shares}; {row['advice']}")
+        print_text(f"variance: {shares}; {row['advice']}", 2, more=2)
     for name in ("free_air_anomaly", "bouguer_anomaly"):
         if f"{name}_mgal" in row:
             print(f"  {name.replace('_', ' ')} {row[f'{name}_mgal']:+.3f} mGal")
@@ -186,21 +175,28 @@ def _one(row: Mapping[str, Any]) -> None:
 def _several(rows: Sequence[Mapping[str, Any]]) -> None:
     print("ledger: corrections, added to gravity, mGal")
     shown = [_ONE[0], *(Column(str(row["method"]), 12) for row in rows)]
-    print_header(shown)
-    for k, entry in enumerate(rows[0]["ledger"]):
-        given = [row["ledger"][k] for row in rows]
-        if any(each["applied"] for each in given):
-            cells = [f"{each['value_mgal']:+.4f}" if each["applied"] else "-" for each in given]
-            print_row(shown, [f"  {entry['entry']}", *cells])
-    totals = [sum(entry["value_mgal"] for entry in row["ledger"]) for row in rows]
-    print_row(shown, ["  sum", *(f"{total:+.4f}" for total in totals)])
+    for places in blocks(shown):
+        print_header([shown[each] for each in places])
+        some = [rows[each - 1] for each in places[1:]]
+        for k, entry in enumerate(rows[0]["ledger"]):
+            if any(row["ledger"][k]["applied"] for row in rows):
+                given = [row["ledger"][k] for row in some]
+                cells = [f"{each['value_mgal']:+.4f}" if each["applied"] else "-" for each in given]
+                print_row(shown, [f"  {entry['entry']}", *cells])
+        totals = [sum(entry["value_mgal"] for entry in row["ledger"]) for row in some]
+        print_row(shown, ["  sum", *(f"{total:+.4f}" for total in totals)])
 
 
 def _not_applied(rows: Sequence[Mapping[str, Any]]) -> None:
-    """What no method applied, one line each."""
+    """What no method applied, those of one reason together."""
+    reasons: dict[str, list[str]] = {}
     for k, entry in enumerate(rows[0]["ledger"]):
         if not any(row["ledger"][k]["applied"] for row in rows):
-            print(f"  {entry['entry']:<{_WIDTH - 2}}  not applied: {entry['reason']}")
+            reasons.setdefault(entry["reason"], []).append(entry["entry"])
+    if reasons:
+        print("  not applied:")
+    for reason, names in reasons.items():
+        print_text(f"{', '.join(names)}: {reason}", more=2)
 
 
 def _sigma(value: float) -> str:

@@ -6,7 +6,11 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import fill
 from typing import Any
+
+LINE = 80  # columns
+SPACE = 2  # between columns
 
 
 @dataclass(frozen=True)
@@ -37,11 +41,33 @@ def print_header(columns: Sequence[Column]) -> None:
 def print_row(columns: Sequence[Column], cells: Sequence[str]) -> None:
     """Print one line of a table at once: a long run shows each row when it is done."""
     padded = (column.cell(text) for column, text in zip(columns, cells, strict=False))
-    print("  ".join(padded).rstrip(), flush=True)
+    print((" " * SPACE).join(padded).rstrip(), flush=True)
+
+
+def print_text(text: str, indent: int = 4, more: int = 0) -> None:
+    """Print a sentence below a row, in lines that no terminal breaks; those after the first stand `more` deeper."""
+    kept = {"break_long_words": False, "break_on_hyphens": False}
+    print(fill(text, LINE, initial_indent=" " * indent, subsequent_indent=" " * (indent + more), **kept), flush=True)
+
+
+def width_of(columns: Sequence[Column]) -> int:
+    """Of a table."""
+    return sum(max(column.width, len(column.heading)) + SPACE for column in columns) - SPACE
+
+
+def blocks(columns: Sequence[Column]) -> list[list[int]]:
+    """Places of the columns of each part of a table that a line of a terminal holds; the first column leads each."""
+    found, part = [], [0]
+    for place in range(1, len(columns)):
+        if len(part) > 1 and width_of([columns[each] for each in (*part, place)]) > LINE:
+            found.append(part)
+            part = [0]
+        part.append(place)
+    return [*found, part]
 
 
 def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print rows that share their keys as a table whose columns are as wide as they need be."""
+    """Print rows that share their keys as a table whose columns are as wide as they need be, in parts if need be."""
     if not rows:
         return
     keys = list(dict.fromkeys(key for row in rows for key in row))
@@ -50,9 +76,11 @@ def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
         Column(key, max(len(line[index]) for line in cells), _is_number([row.get(key) for row in rows]))
         for index, key in enumerate(keys)
     ]
-    print_header(columns)
-    for line in cells:
-        print_row(columns, line)
+    for number, places in enumerate(blocks(columns)):
+        if number:
+            print()
+        for line in ([column.heading for column in columns], *cells):
+            print_row([columns[each] for each in places], [line[each] for each in places])
 
 
 def print_json(row: Mapping[str, Any]) -> None:

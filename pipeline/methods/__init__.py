@@ -66,7 +66,7 @@ DECLARED: dict[str, Method] = {
     ),
     "projection": Method(
         "pipeline.methods.projection:estimate",
-        "exact for linear pendulums",
+        "exact if it is linear",
         "exact identity of linear pendulums, clean uniform records",
     ),
     "shooting": Method(
@@ -76,7 +76,7 @@ DECLARED: dict[str, Method] = {
     ),
     "joint": Method(
         "",
-        "all at once, by likelihood",
+        "all, by likelihood",
         "state-space model of all pendulums, ship and instrument, by likelihood; gravity along the track",
     ),
     "auto": Method("", "", "joint (default); of a single trace its period"),

@@ -18,19 +18,20 @@ from pipeline.prepared import Prepared
 
 ROUNDS = 2  # the acceleration's phase turns with n2, which it shifts by 1e-3 at most
 INEXACT = 2e-3  # of what horizontal and vertical acceleration do: they act slowly but for that
-DENIED = 0.5  # residual power without the acceleration over that with it, below which the record denies it
+DENIED = 0.5  # residual power by one law over that by the other, below which the record denies this
 
 
 def estimate(prepared: Prepared) -> Estimate:
-    """Correct by (38) with model speeds; arc terms are left out where the record says `restoring = linear`.
+    """Correct by (38) with model speeds, arcs and the support's acceleration as they act on real pendulums.
 
-    The support's acceleration is reduced as it acts on real pendulums, unless the record does not state `restoring`
-    and its residual is far smaller without: linear pendulums do not feel it.
+    Of linear pendulums, which feel neither, (27) is left: where the record says `restoring = linear`, and where it
+    states no law and the residual is far smaller so; where it is alike, sigma holds both.
     """
     found = phases(prepared)
     envelope, restoring, frequency = found.envelope, prepared.observation.restoring, prepared.fine.frequency
+    linear = corrected(prepared, found, {NON_ISOCHRONISM: by_periods(prepared, frequency)})
     if restoring == "linear":
-        return corrected(prepared, found, {NON_ISOCHRONISM: by_periods(prepared, frequency)})
+        return linear
     slow = prepared.slow_motion
     told = (envelope.time >= slow.time[0]) & (envelope.time <= slow.time[-1])
     found = replace(found, weight=np.where(told, found.weight, 0.0))
@@ -40,8 +41,10 @@ def estimate(prepared: Prepared) -> Estimate:
     motions = (replace(slow, zeta=None), slow)
     level, both = (regression(envelope.time, each.phase(frequency, envelope.time), found.weight) for each in motions)
     made = replace(made, sigma=float(np.hypot(made.sigma, INEXACT * (abs(level) + abs(both - level)))))
-    if restoring is None:
-        still = corrected(prepared, found, of_real_pendulums(prepared, prepared.fine.frequency, accelerated=False))
-        if still.noise**2 * still.residual_colour < DENIED * made.noise**2 * made.residual_colour:
-            return still
-    return made
+    if restoring is not None:
+        return made
+    power, powers = (each.noise**2 * each.residual_colour for each in (linear, made))
+    if power < DENIED * powers:
+        return linear
+    apart = abs(made.frequency - linear.frequency) if powers > DENIED * power else 0.0  # the record denies neither
+    return replace(made, sigma=float(np.hypot(made.sigma, apart)))

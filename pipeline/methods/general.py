@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.correction import NON_ISOCHRONISM, by_periods, of_real_pendulums
+from pipeline.correction import ACCELERATION, NON_ISOCHRONISM, by_periods, of_real_pendulums
 from pipeline.estimate import Estimate
 from pipeline.harmonics.narrowband import regression
 from pipeline.methods.phases import corrected, phases
@@ -24,8 +24,9 @@ DENIED = 0.5  # residual power by one law over that by the other, below which th
 def estimate(prepared: Prepared) -> Estimate:
     """Correct by (38) with model speeds, arcs and the support's acceleration as they act on real pendulums.
 
-    Of linear pendulums, which feel neither, (27) is left: where the record says `restoring = linear`, and where it
-    states no law and the residual is far smaller so; where it is alike, sigma holds both.
+    Of linear pendulums, which feel neither, (27) is left where the record says `restoring = linear`. Where it states
+    no law and the residual denies the acceleration, that is left out and sigma holds the arcs; where the residual is
+    alike by both laws, sigma holds both.
     """
     found = phases(prepared)
     envelope, restoring, frequency = found.envelope, prepared.observation.restoring, prepared.fine.frequency
@@ -45,6 +46,8 @@ def estimate(prepared: Prepared) -> Estimate:
         return made
     power, powers = (each.noise**2 * each.residual_colour for each in (linear, made))
     if power < DENIED * powers:
-        return linear
-    apart = abs(made.frequency - linear.frequency) if powers > DENIED * power else 0.0  # the record denies neither
-    return replace(made, sigma=float(np.hypot(made.sigma, apart)))
+        real = of_real_pendulums(prepared, prepared.fine.frequency)
+        made = corrected(prepared, found, {name: shift for name, shift in real.items() if name != ACCELERATION})
+    elif powers < DENIED * power:
+        return made
+    return replace(made, sigma=float(np.hypot(made.sigma, made.frequency - linear.frequency)))

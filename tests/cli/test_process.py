@@ -48,12 +48,13 @@ def test_a_record_gives_a_table_and_a_result_beside_it(run, tmp_path, record_pat
     before = record_path.read_bytes()
     outcome = run("process", record_path, "--method", "projection")
     assert outcome.status == 0, outcome.err
-    heading, row, blank, *ledger = outcome.out.splitlines()
-    headings = ["record", "method", "gravity m/s2", "sigma mGal", "corrections mGal", "time ms", "flags"]
+    heading, row, flags, blank, *ledger = outcome.out.splitlines()
+    headings = ["record", "method", "gravity m/s2", "sigma mGal", "corrected mGal"]
     assert re.split("  +", heading) == headings
     assert row.split()[:2] == ["ship", "projection"]
     # the swing is made at GRAVITY without noise: the table's last digit is 1e-8 m/s2, a thousandth of a mGal
     assert abs(float(row.split()[2]) - GRAVITY) < 2e-8
+    assert flags.strip() == "flags: short-record"
     assert blank == ""
     assert ledger[0].startswith("ledger of projection")
     assert data_schemas.validate(tmp_path / "ship.result.nc") == []
@@ -88,7 +89,7 @@ def test_the_default_is_the_joint_fit_and_says_what_it_assumed(run, record_path)
     assert row["method"] == "joint"
     assert row["output"] is None
     outcome = run("process", record_path, "--no-output")
-    assert f"    {row['choice_reason']}" in outcome.out.splitlines()
+    assert row["choice_reason"] in " ".join(outcome.out.split())
     assert not record_path.with_name("ship.result.nc").exists()
 
 
@@ -130,7 +131,7 @@ def test_no_usable_record_is_3(run, tmp_path, three):
 def test_a_table_of_several_records_has_one_heading(run, three):
     outcome = run("process", *three, "--method", "projection", "--no-output")
     lines = outcome.out.splitlines()
-    assert [line.split()[0] for line in lines] == ["record", "a", "c"]
+    assert [line.split()[0] for line in lines if line[0] != " "] == ["record", "a", "c"]
 
 
 def test_a_method_that_refuses_says_so_and_the_others_go_on(run, tmp_path):

@@ -156,5 +156,5 @@ def test_a_cruise_adds_up_to_the_truth_within_its_uncertainty(
     assert main(["process", str(path), "--method", "shooting"]) == 0
     shown = capsys.readouterr().out
     assert "ledger of shooting" in shown
-    assert "not applied: no instrument/support_stiffness" in shown
+    assert "flexure: no instrument/support_stiffness" in shown
     assert data_schemas.validate(tmp_path / "cruise.result.nc") == []

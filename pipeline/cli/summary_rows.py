@@ -149,7 +149,7 @@ def print_ledger(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _one(row: Mapping[str, Any]) -> None:
-    print(f"ledger of {row['method']}: corrections, added to gravity and (1e-7 s) to the full period")
+    print(f"ledger of {row['method']}: corrections, added to gravity and to the full period")
     print_header(_ONE)
     for entry in row["ledger"]:
         if entry["applied"]:

@@ -127,7 +127,7 @@ def test_the_shipped_scene_gives_its_gravity_within_two_sigma_where_arcs_and_acc
     assert all(abs(error[name]) < 2 * sigma[name] for name in error)  # and sigma holds them
     warned = " ".join(out.split()).partition("acceleration-not-reduced: ")[2]
     assert {"panteleev", "projection"} <= set(re.split("[, ]+", warned)[:6])
-    assert max(map(len, out.splitlines())) <= 80
+    assert max(map(len, out.splitlines()[:-1])) <= 80  # the last names a file
 
 
 @pytest.mark.compiled

@@ -39,7 +39,7 @@ def _number(name: str, required: bool) -> Any:
     """Field for a variable of the instrument."""
     row = INSTRUMENT[name]
     kind = Number if required else Number | None
-    return kind, quantity(... if required else None, row.units, row.long_name, **LIMITS[row.limit])
+    return kind, quantity(... if required else None, row.units, row.long_name, **dict[str, Any](LIMITS[row.limit]))
 
 
 def _each(name: str, required: bool) -> Any:

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from data_schemas.scene_gravity import LARGEST_CHANGE, LinearCourse, SineCourse
-from data_schemas.scene_pendulum import FreeStart, Pendulum
+from data_schemas.scene_pendulum import RESISTANCES, FreeStart, Pendulum
 from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ def _check_reduced(scene: Scene) -> None:
     for each in scene.pendulums:
         if each.escapement is None or each.escapement.kind != "van-der-pol":
             raise ValueError(f"{what} clocks with a van-der-pol escapement; give {each.label!r} one, {remedy}")
-        if each.damping_rate or each.quadratic_damping or each.knife_edge:
+        if any(getattr(each, name) for name in RESISTANCES):
             raise ValueError(f"{what} no resistance; take that of {each.label!r} away, {remedy}")
 
 

@@ -14,7 +14,7 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-def quantity(default: Any, unit: str, description: str, **limits: Any) -> Any:
+def quantity(default: Any, unit: str, description: str, *, resistance: str = "", **limits: Any) -> Any:
     """Field of a scene; `default=...` makes it required.
 
     Parameters
@@ -25,10 +25,19 @@ def quantity(default: Any, unit: str, description: str, **limits: Any) -> Any:
         Unit of the numbers, "1" for pure numbers, "" for words and lists of sections.
     description
         Meaning, one sentence.
+    resistance
+        Name of the resistance to the swing that the field brings; `synth.systems.resistance` has its kernels.
     limits
         Range, as pydantic knows it: gt, ge, lt, le, min_length, pattern.
     """
-    return Field(default, description=description, json_schema_extra={"unit": unit}, **limits)
+    words: dict[str, Any] = {"unit": unit} | ({"resistance": resistance} if resistance else {})
+    return Field(default, description=description, json_schema_extra=words, **limits)
+
+
+def extra(section: type[Section], name: str) -> dict[str, str]:
+    """Unit of a field, and the name of the resistance that it brings."""
+    words = section.model_fields[name].json_schema_extra
+    return {key: str(value) for key, value in words.items()} if isinstance(words, dict) else {}
 
 
 Number = Annotated[float, Field(strict=True)]

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from data_schemas.scene_fields import Label, Number, Section, quantity
+from data_schemas.scene_fields import Label, Number, Section, extra, quantity
 
 
 class FreeStart(Section):
@@ -88,16 +88,20 @@ class Pendulum(Section):
         ge=-1e-2, le=1e-2,
     )  # fmt: skip
     damping_rate: Number = quantity(
-        0.0, "s-1", "rate gamma at which the free amplitude decays, exp(-gamma t)", ge=0, le=1e4
-    )
+        0.0, "s-1", "rate gamma at which the free amplitude decays, exp(-gamma t)",
+        resistance="viscous damping", ge=0, le=1e4,
+    )  # fmt: skip
     quadratic_damping: Number = quantity(
-        0.0, "rad-1", "c of the resistance of turbulent air, theta'' gains -c |theta'| theta'", ge=0, le=1e4
-    )
+        0.0, "rad-1", "c of the resistance of turbulent air, theta'' gains -c |theta'| theta'",
+        resistance="quadratic damping", ge=0, le=1e4,
+    )  # fmt: skip
     kick_intensity: Number = quantity(
         0.0, "rad s-1/2", "k of random kicks by air and knife edge, d theta' = n k dW; white, and each pendulum's own",
         ge=0, le=1e-2,
     )  # fmt: skip
-    knife_edge: KnifeEdge | None = quantity(None, "", "dry friction of the knife edge; left out: none")
+    knife_edge: KnifeEdge | None = quantity(
+        None, "", "dry friction of the knife edge; left out: none", resistance="knife edge"
+    )
     escapement: Escapement | None = quantity(
         None, "", "what keeps the pendulum going, kind = 'van-der-pol' or 'impulse'; left out: nothing"
     )
@@ -105,3 +109,9 @@ class Pendulum(Section):
         0.0, "rad", "angle of its plane of swing about the vertical from that of the record", ge=-1.6, le=1.6
     )
     start: Start = quantity(..., "", "how the pendulum starts: kind = 'free' or 'state'")
+
+
+RESISTANCES: dict[str, str] = {
+    name: extra(Pendulum, name)["resistance"] for name in Pendulum.model_fields if "resistance" in extra(Pendulum, name)
+}
+"""Fields of a pendulum that resist its swing, and their names."""

@@ -21,7 +21,7 @@ from synth.pendulums.linear import respond, start_state
 from synth.phase import Floats
 from synth.systems.driven_pendulums import Linear, Sine
 from synth.systems.harmonic_motion import Harmonics, harmonics
-from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive, Viscous
+from synth.systems.resistance import VanDerPolDrive, resistances
 from synth.systems.terms import Impulses, together
 
 _DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
@@ -151,20 +151,9 @@ def assemble(
 def _terms(pendulums: Sequence[Pendulum]) -> Any:
     """What resists or drives, only what some pendulum has."""
     drives = [each.escapement if isinstance(each.escapement, VanDerPolEscapement) else None for each in pendulums]
-    viscous = np.array([each.damping_rate for each in pendulums])
-    quadratic = np.array([each.quadratic_damping for each in pendulums])
-    edges = [each.knife_edge for each in pendulums]
-    return together(
-        Viscous(viscous) if viscous.any() else None,
-        Quadratic(quadratic) if quadratic.any() else None,
-        # a pendulum without the term that another has: nothing of it, at any rate or angle
-        KnifeEdge(*_columns([(each.friction, each.rate) if each else (0.0, 1.0) for each in edges]))
-        if any(edges)
-        else None,
-        VanDerPolDrive(*_columns([(each.rate, each.angle) if each else (0.0, 1.0) for each in drives]))
-        if any(drives)
-        else None,
-    )
+    # one without the drive that another has: nothing of it, at any angle
+    rows = [(each.rate, each.angle) if each else (0.0, 1.0) for each in drives]
+    return together(*resistances(pendulums), VanDerPolDrive(*_columns(rows)) if any(drives) else None)
 
 
 def _impulses(kicks: Kicks | None, own: Floats, end: float) -> Impulses | None:

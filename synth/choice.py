@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from data_schemas.errors import SceneError
+from data_schemas.scene_pendulum import RESISTANCES
 from data_schemas.scene_simulation import Propagator
 from synth.needs import (
     BEAM,
@@ -16,11 +17,9 @@ from synth.needs import (
     HANDLING,
     IMPULSE,
     KICKS,
-    KNIFE_EDGE,
     LINEAR,
     OVERDAMPED,
     PLANES,
-    QUADRATIC,
     REDUCED_BEAM,
     SINE,
     UNEVEN,
@@ -37,7 +36,8 @@ NAMES: dict[Propagator, str] = {
 }
 """Propagators by their names in a scene, and as the truth calls them."""
 
-_SMOOTH = {LINEAR, SINE, OVERDAMPED, VERTICAL, QUADRATIC, KNIFE_EDGE, VAN_DER_POL, UNEVEN, CHANGING}
+_KINKED = {*RESISTANCES.values()}
+_SMOOTH = {LINEAR, SINE, OVERDAMPED, VERTICAL, VAN_DER_POL, UNEVEN, CHANGING} | _KINKED
 _YIELDING = {BEAM, REDUCED_BEAM, FRAME, BOARD}
 _KNOWN: dict[Propagator, frozenset[str]] = {
     "closed-form": frozenset({FIXED, LINEAR, UNEVEN, PLANES}),
@@ -54,7 +54,6 @@ _REACHED: dict[Propagator, float] = {
     "radau": 1e-12,
 }
 """Usual error of an hour without a tolerance, of the largest angle."""
-_KINKED = {QUADRATIC, KNIFE_EDGE}
 _SMOOTH_AIM, _KINKED_AIM = 1e-13, 1e-11  # a kink in the forces costs ever more steps the less error is allowed
 _STIFF = 100.0  # rates of the equations above the fastest swing from which Radau's few costly steps are the cheaper
 
@@ -94,6 +93,9 @@ def chosen_at_sight(named: Propagator, asked: Sequence[str]) -> Choice | None:
     SceneError
         If the scene names a propagator that cannot do it.
     """
+    unknown = [name for name in asked if not any(name in known for known in _KNOWN.values())]
+    if unknown:
+        raise SceneError(f"pendulums: no propagator knows {_and(unknown)}")
     if named != "auto":
         return _insisted(named, asked)
     if _can("closed-form", asked):

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from data_schemas.scene import Scene
-from data_schemas.scene_pendulum import ImpulseEscapement, Pendulum, VanDerPolEscapement
+from data_schemas.scene_fields import Section, extra
+from data_schemas.scene_pendulum import RESISTANCES, ImpulseEscapement, Pendulum, VanDerPolEscapement
 from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
 from synth.choice import NAMES, expected_error
 from synth.plan import Plan, plan
 from synth.recording.clock import Clock, set_clock
 
 _TERMS = (
-    "restoring", "viscous damping", "quadratic damping", "knife edge", "escapement", "yielding support",
+    "restoring", *RESISTANCES.values(), "escapement", "yielding support",
     "horizontal motion", "vertical motion", "random kicks", "changing gravity",
     "tide", "tilting case", "planes of swing", "handling",
 )  # fmt: skip
@@ -96,13 +98,11 @@ def explain(scene: Scene) -> Explanation:
 def _terms(scene: Scene, made: Plan) -> Iterator[tuple[str, str]]:
     pendulums = scene.pendulums
     yield "restoring", "the full sine" if scene.restoring == "sine" else "linear, for small arcs"
-    for name, said in (
-        ("viscous damping", lambda each: each.damping_rate and f"{each.damping_rate:g} 1/s"),
-        ("quadratic damping", lambda each: each.quadratic_damping and f"{each.quadratic_damping:g} 1/rad"),
-        ("knife edge", _knife_edge),
-        ("escapement", _escapement),
-    ):
-        found = _each(pendulums, said)
+    said: dict[str, Callable[[Pendulum], Any]] = {
+        name: partial(_resistance, field) for field, name in RESISTANCES.items()
+    }
+    for name, words in (said | {"escapement": _escapement}).items():
+        found = _each(pendulums, words)
         if found:
             yield name, found
     if scene.support.kind != "fixed":
@@ -151,9 +151,18 @@ def _each(pendulums: Sequence[Pendulum], said: Callable[[Pendulum], Any]) -> str
     return "; ".join(f"{_and(labels)}: {words}" for words, labels in by_words.items())
 
 
-def _knife_edge(pendulum: Pendulum) -> str | None:
-    edge = pendulum.knife_edge
-    return None if edge is None else f"{edge.friction:g} rad/s2 beyond {edge.rate:g} rad/s"
+def _resistance(field: str, pendulum: Pendulum) -> str:
+    """Its numbers with their units; empty where there is none."""
+    value = getattr(pendulum, field)
+    if not value:
+        return ""
+    of = type(value) if isinstance(value, Section) else Pendulum
+    numbers = value.model_dump() if isinstance(value, Section) else {field: value}
+    units = {name: extra(of, name)["unit"] for name in numbers}
+    return ", ".join(
+        f"{name} {number:g} {units[name]}" if len(numbers) > 1 else f"{number:g} {units[name]}"
+        for name, number in numbers.items()
+    )
 
 
 def _escapement(pendulum: Pendulum) -> str | None:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from data_schemas.scene import Scene
 from data_schemas.scene_checks import frequency
+from data_schemas.scene_pendulum import RESISTANCES, Pendulum
 
 LINEAR, SINE = "the linear law", "the sine law"
 OVERDAMPED = "overdamping"
 VERTICAL = "vertical motion"
-QUADRATIC = "quadratic damping"
-KNIFE_EDGE = "a knife edge"
 VAN_DER_POL = "a van der Pol escapement"
 IMPULSE = "an impulse escapement"
 KICKS = "random kicks"
@@ -20,6 +19,10 @@ FIXED, BEAM, REDUCED_BEAM = "a fixed support", "an elastic beam", "the reduced b
 FRAME, BOARD = "a flexible frame", "a rolling board"
 UNEVEN = "uneven times"
 
+_LOOKED_AFTER = {
+    "label", "period", "mass", "temperature_coefficient", "density_coefficient", "drift", "start", "damping_rate",
+    "kick_intensity", "escapement", "plane",
+}  # fmt: skip
 _HARDLY_SWINGS = 0.5  # of the frequency: from this damping rate on, the closed form would lose digits
 _SUPPORTS = {"fixed": FIXED, "beam": BEAM, "frame": FRAME, "board": BOARD}
 
@@ -43,8 +46,7 @@ def needs(scene: Scene) -> tuple[str, ...]:
         LINEAR if scene.restoring == "linear" else SINE: True,
         OVERDAMPED: any(each.damping_rate >= _HARDLY_SWINGS * frequency(scene, each) for each in pendulums),
         VERTICAL: vertical,
-        QUADRATIC: any(each.quadratic_damping for each in pendulums),
-        KNIFE_EDGE: any(each.knife_edge is not None for each in pendulums),
+        **{name: True for each in pendulums for name in _own_terms(each)},
         VAN_DER_POL: "van-der-pol" in drives,
         IMPULSE: "impulse" in drives,
         KICKS: any(each.kick_intensity for each in pendulums),
@@ -55,6 +57,12 @@ def needs(scene: Scene) -> tuple[str, ...]:
         UNEVEN: scene.recording.jitter > 0,
     }
     return tuple(name for name, is_asked in asked.items() if is_asked)
+
+
+def _own_terms(pendulum: Pendulum) -> list[str]:
+    """What resists its swing beside viscous damping; any field that nothing looks after is a term too."""
+    fields = {name: field for name, field in type(pendulum).model_fields.items() if name not in _LOOKED_AFTER}
+    return [RESISTANCES.get(name, name) for name, field in fields.items() if getattr(pendulum, name) != field.default]
 
 
 def _support(scene: Scene) -> str:

@@ -87,7 +87,7 @@ def _folder(name: str) -> Path:
     return folder
 
 
-_COLUMNS = columns("method <14", "what it is <23", "g m/s2 >10", "error mGal >10", "sigma >6", "ms >6")
+_COLUMNS = columns("method <14", "what it is <23", "g m/s2 >10", "error mGal >10", "sigma >8", "ms >5")
 
 
 def _print_table(rows: list[dict[str, Any]], gravity: float) -> None:

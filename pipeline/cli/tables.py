@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from textwrap import fill
+from textwrap import TextWrapper
 from typing import Any
 
 LINE = 80  # columns
@@ -46,8 +46,9 @@ def print_row(columns: Sequence[Column], cells: Sequence[str]) -> None:
 
 def print_text(text: str, indent: int = 4, more: int = 0) -> None:
     """Print a sentence below a row, in lines that no terminal breaks; those after the first stand `more` deeper."""
-    kept = {"break_long_words": False, "break_on_hyphens": False}
-    print(fill(text, LINE, initial_indent=" " * indent, subsequent_indent=" " * (indent + more), **kept), flush=True)
+    first, others = " " * indent, " " * (indent + more)
+    words = TextWrapper(LINE, first, others, break_long_words=False, break_on_hyphens=False)
+    print(words.fill(text), flush=True)
 
 
 def width_of(columns: Sequence[Column]) -> int:

@@ -7,14 +7,55 @@ added; beside it stands the kernel of the partial derivatives by angle and rate.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from data_schemas.errors import SceneError
+from data_schemas.scene_fields import Section
+from data_schemas.scene_pendulum import RESISTANCES, Pendulum
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import registered
 from synth.systems.terms import Slopes
 
+LAWS: dict[str, type] = {}
+"""Kinds of terms by the field of a scene's pendulum that brings them."""
 
+
+def law(field: str) -> Callable[[type], type]:
+    """Decorator: the class holds the numbers of a field, one array each; a number, or those of a section in order."""
+
+    def declared(kind: type) -> type:
+        LAWS[field] = kind
+        return kind
+
+    return declared
+
+
+def resistances(pendulums: Sequence[Pendulum]) -> list[Any]:
+    """What resists, only what some pendulum has; one without it has a strength of zero.
+
+    Raises
+    ------
+    SceneError
+        A field of a pendulum resists by its declaration, and no law is declared for it.
+    """
+    found = []
+    for field, name in RESISTANCES.items():
+        values = [getattr(each, field) for each in pendulums]
+        if not any(values):
+            continue
+        if field not in LAWS:
+            raise SceneError(f"pendulums.{field}: no propagator knows {name}")
+        rows = [[*each.model_dump().values()] if isinstance(each, Section) else [each or 0.0] for each in values]
+        most = max(map(len, rows))
+        found.append(LAWS[field](*np.array([(*row, *[1.0] * (most - len(row))) for row in rows]).T.copy()))
+    return found
+
+
+@law("damping_rate")
 class Viscous(NamedTuple):
     """Damping `-2 gamma theta'`."""
 
@@ -34,6 +75,7 @@ def _viscous_slope(slopes: Slopes, index: int, angle: float, rate: float, term: 
     return slopes[0], slopes[1] - 2.0 * term.damping_rate[index]
 
 
+@law("quadratic_damping")
 class Quadratic(NamedTuple):
     """Turbulent air: `-c |theta'| theta'`."""
 
@@ -53,6 +95,7 @@ def _quadratic_slope(slopes: Slopes, index: int, angle: float, rate: float, term
     return slopes[0], slopes[1] - 2.0 * term.coefficient[index] * abs(rate)
 
 
+@law("knife_edge")
 class KnifeEdge(NamedTuple):
     """Dry friction of a knife edge, smoothed: `-f tanh(theta' / scale)`."""
 

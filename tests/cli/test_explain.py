@@ -36,7 +36,7 @@ def test_explain_tells_and_writes_nothing(run, scene, tmp_path):
     for heading in ("scene", "terms", "propagator"):
         assert heading in lines
     told = {line[:21].strip(): line[21:] for line in lines if line.startswith("  ")}
-    assert told["quadratic damping"] == "0.1 1/rad"
+    assert told["quadratic damping"] == "0.1 rad-1"
     assert told["left out"].startswith("viscous damping, knife edge, escapement")
     assert told["chosen"] == "explicit, order 8"
     assert told["why"].startswith("quadratic damping: not stiff")
@@ -50,7 +50,7 @@ def test_explain_in_json(run, scene):
     (line,) = outcome.out.splitlines()
     told = json.loads(line)
     assert told["record_id"] == "clock"
-    assert told["terms"] == {"restoring": "the full sine", "quadratic damping": "0.1 1/rad"}
+    assert told["terms"] == {"restoring": "the full sine", "quadratic damping": "0.1 rad-1"}
     assert told["tolerance"] == told["expected_error"] == 2e-8
 
 

@@ -10,11 +10,13 @@ import synth
 from data_schemas import load_scene
 from data_schemas.errors import SceneError
 from data_schemas.scene import Scene
+from data_schemas.scene_pendulum import RESISTANCES, Pendulum
 from synth.choice import NAMES, chosen_at_sight
 from synth.explanation import explain
 from synth.needs import needs
 from synth.plan import plan
 from synth.recording.clock import set_clock
+from synth.systems.resistance import LAWS
 
 STATE = {"kind": "state", "angle": 0.1}
 VAN_DER_POL = {"kind": "van-der-pol", "rate": 0.06, "angle": 0.05}
@@ -101,6 +103,27 @@ def test_a_name_that_cannot_says_who_can(
     assert "\n" not in str(caught.value)
 
 
+class Oiled(Pendulum):
+    """A pendulum whose friction somebody added to the schema and to nothing else."""
+
+    friction: float = 0.0
+
+
+def test_a_term_that_no_propagator_claims_is_an_error() -> None:
+    for name in ("auto", "explicit"):
+        given = scene({}, name)
+        pendulum = Oiled(**given.pendulums[0].model_dump(), friction=0.1)
+        with pytest.raises(SceneError, match="no propagator knows friction"):
+            synth.simulate(given.model_copy(update={"pendulums": (pendulum,)}))
+
+
+def test_every_resistance_has_its_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert set(LAWS) == set(RESISTANCES)
+    monkeypatch.delitem(LAWS, "quadratic_damping")
+    with pytest.raises(SceneError, match="no propagator knows quadratic damping"):
+        synth.simulate(scene({"quadratic_damping": 0.1}))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_name_is_taken_at_its_word(name: str) -> None:
     """Each propagator is the choice of a scene that names it and that it knows; nobody stands in for it."""
@@ -137,10 +160,10 @@ def test_words_of_an_explanation() -> None:
     assert told.readings == "50, one every 0.04 s, off by 0.01 s, for 2 s"
     assert told.terms == {
         "restoring": "the full sine",
-        "knife edge": "2: 0.1 rad/s2 beyond 0.02 rad/s",
+        "knife edge": "2: friction 0.1 rad s-2, rate 0.02 rad s-1",
         "escapement": "1: van der Pol, 0.06 1/s up to 0.05 rad",
         "yielding support": "elastic beam, system (1), 50 kg on 8000 N/m",
         "vertical motion": "1 harmonic",
     }
-    assert told.why.startswith("vertical motion, a knife edge, a van der Pol escapement and an elastic beam: not stiff")
+    assert told.why.startswith("vertical motion, knife edge, a van der Pol escapement and an elastic beam: not stiff")
     assert told.instead == ("Radau IIA, orders 5 to 13",)

@@ -51,7 +51,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--latitude", type=number("--latitude", above=-90.0), metavar="DEG", help="geodetic latitude, degrees north")
     add("--scale", type=number("--scale"), metavar="X", help="relative 1 sigma of the scale of the angles")
     add("--zero-known", action="store_true", help="angles are absolute: their zeros need not be found")
-    add("--instrument", metavar="TOML", help="further constants of /instrument by name; of pendulums {1 = .., 2 = ..}")
+    add(
+        "--instrument",
+        metavar="TOML",
+        help="constants of /instrument by name, period too; of pendulums {1 = .., 2 = ..}",
+    )
     add("-o", dest="out", metavar="PATH", help="record file, or folder (ends with /); default beside the table")
     add("--force", action="store_true", help="overwrite an existing record")
 
@@ -63,13 +67,15 @@ def run(options: argparse.Namespace) -> int:
     path = Path(options.table)
     output = place([path], options.out, ".record.nc")[0]
     refuse_clashes([path], [output], force=options.force)
+    constants = _instrument(options)
+    stated, gravity = constants.pop("period", {}), constants.pop("reference_gravity", None)
     meaning = ImportOptions(
         time=options.time,
         columns=tuple(options.column),
         unit=options.unit or "",
         lever=options.lever,
-        periods=periods("import", options.period),
-        gravity=options.gravity,
+        periods=(stated if isinstance(stated, dict) else {"": stated}) | periods("import", options.period),
+        gravity=gravity if options.gravity is None else options.gravity,
         combinations=pairs("import", "--combination", options.combination),
         accelerations={
             name: of
@@ -81,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
         },
         position=options.xy,
         noise=options.noise,
-        instrument=_instrument(options),
+        instrument=constants,
     )
     record = import_csv(path, meaning)
     make_folder(output)

@@ -54,7 +54,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--instrument",
         metavar="TOML",
-        help="constants of /instrument by name, period too; of pendulums {1 = .., 2 = ..}",
+        help="constants of /instrument by name, period too; {1 = .., 2 = ..}",
     )
     add("-o", dest="out", metavar="PATH", help="record file, or folder (ends with /); default beside the table")
     add("--force", action="store_true", help="overwrite an existing record")

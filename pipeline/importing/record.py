@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 NETCDF = (".nc", ".nc4", ".cdf")
 ANGLES = {"rad": "rad", "mrad": "mrad", "deg": "deg", "°": "deg", "degrees": "deg", "degree": "deg", "mm": "mm"}
+NO_ANGLES = ("m", "cm", "px", "rad/s", "deg/s", "°/s", "m/s", "m/s2", "m/s^2", "m/s²", "V", "Hz")
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}
 MOST_ANGLE = 10.0  # rad, of an elongation whose unit nobody says
 LEAST_PLACES = 8
@@ -68,6 +69,13 @@ def import_csv(path: str | os.PathLike[str], options: ImportOptions | None = Non
     else:
         beside = {time_column, *(find_column(table, name) for name in options.accelerations.values())}
         chosen = choose_columns(table, beside, options.columns)
+    for column in () if options.unit else chosen.values():
+        unit = unit_in(table.names[column], {each: each for each in NO_ANGLES})
+        if unit and table.names[column].rstrip()[-1] in ")]":
+            raise RecordError(
+                f"{table.source}: column '{table.names[column]}' is in {unit}, which is no angle; choose others with "
+                "--column, or say --xy X,Y where they are a bob's position"
+            )
     scale = np.array([options.radians_per_unit(unit_in(table.names[column], ANGLES)) for column in chosen.values()])
     angles = _elongation(table, chosen) * scale[:, None]
     if not options.unit and np.nanmax(np.abs(angles), initial=0.0) > MOST_ANGLE:

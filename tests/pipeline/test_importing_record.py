@@ -217,6 +217,13 @@ def test_positions_become_the_angle_about_the_centre_of_their_circle(write):
         import_csv(write("t,x,y\n" + "\n".join(f"{k},{k},{2 * k}" for k in range(20))), ImportOptions(position="x,y"))
 
 
+@pytest.mark.parametrize("name", ["x (m)", "Gyroscope x (rad/s)", "left [V]"])
+def test_what_is_no_angle_is_refused_by_its_unit(write, name):
+    table = write(f"Time (s),{name}\n" + "\n".join(f"{k},{0.01 * k}" for k in range(9)))
+    with pytest.raises(RecordError, match="is no angle; choose others with --column, or say --xy"):
+        import_csv(table, ImportOptions())
+
+
 def test_constants_of_the_instrument_are_kept_and_unknown_ones_named(write):
     table = write("t,1,1-2\n0,1,2\n1,3,4\n")
     given = {"damping_rate": {"1": 1e-4, "2": 2e-4}, "latitude": 54.0, "period_uncertainty": 1e-7, "restoring": "sine"}

@@ -169,13 +169,13 @@ def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted) -> tup
     law, least = of_the_law(tilted), TILTS + HELPS * max(better, 0.0)
     # kicks follow the differences wherever they go: what they make of all traces is compared
     against = better > TILTS if "kicks" in fit.model.words else law > of_the_law(fit) + least
-    if against and law > of_the_law(plain) + least:
+    if against and law > of_the_law(plain) + least and better > 0.0:  # what helps the differences alone is no tilt
         raise RefusedError(
             "record/elongation: the slow motion acts on the differences as the tilt of a case does from which all is "
             "measured; give record/case_tilt, or attribute reference = 'case' and record/horizontal_acceleration in "
             "the earth's frame"
         )
-    ahead = law - of_the_law(fit)
+    ahead = min(law - of_the_law(fit), better)
     share = 1.0 / (1.0 + np.exp(np.clip((0.0 if fit.model.words else SELDOM) - ahead, -FAR, FAR)))
     if share < UNLIKELY:
         return 0.0, 0.0

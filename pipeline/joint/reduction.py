@@ -160,7 +160,7 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
 
 def _tilt(record: DataTree, gathered: Gathered, outcome: Outcome, first: int) -> dict[str, tuple[float, float, str]]:
     """The ledger's entry of a case from which the record measures."""
-    stored, lattice, path = record["record"].dataset, gathered.problem.lattice, outcome.fit.path
+    stored, lattice, path = record["record"].dataset, outcome.fit.model.problem.lattice, outcome.fit.path
     if gathered.tilts:
         tilt = path[:, 2 * gathered.problem.pendulums :] @ Ship.of(outcome.fit.model.assumed.ship).tilt
     elif "case_tilt" in stored and stored.attrs.get("reference") != "vertical":

@@ -254,6 +254,9 @@ def test_a_knock_is_found_and_named_not_taken_for_kicks() -> None:
         ("kicks of one pendulum", "strong", 8003, 3.0),  # 17 mGal: motion and a delay in place of large kicks
         ("change of speed", "strong", 9002, 0.1),  # -4.5 +- 1 mGal: a minute of the first trace taken for wild
         ("gain of the first trace", "middle", 8003, 0.3),  # -.22 +- .03 mGal: kicks in place of a gain
+        ("engine at 8 Hz", "weak", 9407, 0.1),  # .064 +- .005 mGal: a steady line gave way to a rougher guess
+        ("heave with gaps", "weak", 9502, 0.1),  # refused: what helps the differences alone was taken for a tilt
+        ("case tilts, recorded", "middle", 9502, 0.1),  # an internal error: laid on a denser lattice
     ],
 )
 def test_gravity_survives_what_feigns_another_record(kind: str, strength: str, seed: int, most: float) -> None:

@@ -14,12 +14,14 @@ could not read the index any more.
 
 from __future__ import annotations
 
+import atexit
 import functools
 import hashlib
 import os
 import shutil
+import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -30,6 +32,7 @@ from numba.core import caching, types
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _KEPT_GENERATIONS = 4  # older cache folders are removed, so that upgrades do not fill the disk
+_INHERITED = "ISOCHRONY_CACHE"  # variable of the environment: where the process that started this one keeps kernels
 _PACKAGES = ("synth", "pipeline")
 _COMPILED = (b"kernel\n", b"numba", b"@registered(", b"@taken_in")
 """What files hold whose code is compiled."""
@@ -45,25 +48,49 @@ def cache_folder() -> Path:
             text = source.read_bytes()
             if any(mark in text for mark in _COMPILED):
                 digest.update(source.relative_to(root).as_posix().encode() + b"\0" + text)
-    base = _writable_base()
+    base = next((each for each in _bases() if _made(each)), None) or _fresh()
     folder = base / digest.hexdigest()[:16]
     if not folder.exists():
         _prune(base)
-    folder.mkdir(parents=True, exist_ok=True)
+    if not _made(folder) or not all(_is_own_folder(each) for each in folder.iterdir() if each.is_dir()):
+        folder = _fresh() / folder.name
+        folder.mkdir(mode=0o700, exist_ok=True)
     return folder
 
 
-def _writable_base() -> Path:
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
-    for base in (Path(home) / "isochrony", Path(tempfile.gettempdir()) / f"isochrony-{user}"):
-        try:
-            base.mkdir(parents=True, exist_ok=True, mode=0o700)
-            with tempfile.TemporaryFile(dir=base):
-                return base
-        except OSError:
-            continue
-    return Path(tempfile.mkdtemp(prefix="isochrony-"))
+def _bases() -> Iterator[Path]:
+    """Where kernels may be kept: what is loaded from there is run, so never a place that others may make."""
+    for home in (os.environ.get(_INHERITED), os.environ.get("XDG_CACHE_HOME"), os.path.expanduser("~/.cache")):
+        if home and os.path.isabs(home):
+            yield Path(home) / "isochrony"
+
+
+def _made(folder: Path) -> bool:
+    """Whether a folder is there, or can be made, that nobody else can write to and this process can."""
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return _is_own_folder(folder)
+    except OSError:
+        return False
+
+
+def _is_own_folder(folder: Path) -> bool:
+    """Whether it is a folder itself, no link to one, of this user, that others may not write to."""
+    status = folder.lstat()
+    own = not hasattr(os, "getuid") or (status.st_uid == os.getuid() and not status.st_mode & 0o022)
+    return stat.S_ISDIR(status.st_mode) and own
+
+
+def _fresh() -> Path:
+    """A private folder for as long as this process lives, which those that it starts take too."""
+    home = tempfile.mkdtemp(prefix="isochrony-")
+    atexit.register(shutil.rmtree, home, ignore_errors=True)
+    os.environ[_INHERITED] = home
+    base = Path(home) / "isochrony"
+    base.mkdir(mode=0o700)
+    return base
 
 
 def _prune(base: Path) -> None:

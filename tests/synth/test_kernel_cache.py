@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,6 +14,86 @@ import pytest
 
 from synth.kernels import compiled
 from synth.systems.resistance import Viscous
+
+
+@pytest.fixture
+def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Home without a cache, and its own folder for temporary files."""
+    compiled.cache_folder.cache_clear()
+    for name in ("ISOCHRONY_CACHE", "XDG_CACHE_HOME"):
+        monkeypatch.setenv(name, "")  # so that what the product sets is taken back
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "common"))
+    for name in ("home", "common", "work"):
+        (tmp_path / name).mkdir(mode=0o700)
+    monkeypatch.chdir(tmp_path / "work")
+    yield tmp_path
+    compiled.cache_folder.cache_clear()
+
+
+def test_kernels_are_kept_at_home(kept: Path) -> None:
+    folder = compiled.cache_folder()
+    assert folder.parent == kept / "home/.cache/isochrony"
+    assert folder.stat().st_mode & 0o777 == folder.parent.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_link_of_the_cache_to_a_safe_place_is_followed(kept: Path) -> None:
+    (kept / "scratch").mkdir()
+    (kept / "home/.cache").symlink_to(kept / "scratch")
+    assert compiled.cache_folder().resolve().parent == kept / "scratch/isochrony"
+
+
+@pytest.mark.parametrize("home", ["", "relative"])
+def test_no_cache_is_made_beside_the_data(home: str, kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", home)
+    monkeypatch.setenv("HOME", home)
+    assert compiled.cache_folder().is_absolute()
+    assert list((kept / "work").iterdir()) == []
+
+
+@pytest.mark.parametrize("planted", ["a link", "open to all", "a link below"])
+def test_kernels_of_a_folder_that_others_may_write_to_are_never_loaded(planted: str, kept: Path) -> None:
+    name = compiled.cache_folder().name
+    compiled.cache_folder.cache_clear()
+    base, foreign = kept / "home/.cache/isochrony", kept / "foreign"
+    foreign.mkdir()
+    match planted:
+        case "a link":
+            base.rename(kept / "elsewhere")
+            base.symlink_to(kept / "elsewhere")
+        case "open to all":
+            base.chmod(0o777)
+        case _:
+            (base / name / "below").symlink_to(foreign)
+    folder = compiled.cache_folder()
+    assert folder.is_relative_to(kept / "common")
+    assert folder.stat().st_mode & 0o777 == 0o700
+    # whoever is started from here finds it
+    compiled.cache_folder.cache_clear()
+    assert compiled.cache_folder() == folder
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root can be two users")
+def test_another_users_folder_in_the_common_place_is_left_alone(tmp_path: Path) -> None:
+    """A home that cannot be written, and a planted folder of the name that was guessed."""
+    common = tmp_path / "common"
+    common.mkdir()
+    for each in (common, *common.parents[: len(common.parents) - 2]):
+        each.chmod(each.stat().st_mode | 0o055)
+    common.chmod(0o1777)
+    planted = common / "isochrony-65534"
+    planted.mkdir()
+    planted.chmod(0o777)
+    code = (
+        "import os; from synth.kernels import compiled; compiled._PACKAGES = (); os.setuid(65534); "
+        "print(compiled.cache_folder())"
+    )
+    given = {**os.environ, "HOME": "/nonexistent", "XDG_CACHE_HOME": "", "TMPDIR": str(common), "ISOCHRONY_CACHE": ""}
+    ran = subprocess.run([sys.executable, "-c", code], env=given, capture_output=True, text=True, check=True)
+    folder = Path(ran.stdout.strip())
+    assert folder.is_relative_to(common)
+    assert not folder.is_relative_to(planted)
+    assert list(planted.iterdir()) == []
 
 
 class Foreign(NamedTuple):

@@ -78,8 +78,8 @@ class Survey:
     heap: int = 0
 
 
-def ordinary(path: str | os.PathLike[str]) -> int:
-    """Size of a file that is safe to open: an ordinary file that starts like HDF5.
+def ordinary(path: str | os.PathLike[str], most: int = Budget().file) -> int:
+    """Size of a file that is safe to open: an ordinary file of at most so many bytes that starts like HDF5.
 
     Raises
     ------
@@ -94,6 +94,8 @@ def ordinary(path: str | os.PathLike[str]) -> int:
     if not stat.S_ISREG(status.st_mode):
         kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not an ordinary file"
         raise FileError(f"{shown(path, 400)}: is {kind}; give a netCDF-4 file")
+    if status.st_size > most:
+        raise FileError(f"{shown(path, 400)}: has {status.st_size} bytes, more than {most}; split it")
     try:
         with Path(path).open("rb") as file:
             start = file.read(len(SIGNATURE))
@@ -149,6 +151,11 @@ def survey(file: h5py.File, size: int, budget: Budget) -> Survey:
             attributes = _attributes(child, where, budget)
             found.arrays.append(Found(path, name, child, attributes, address))
             _within(len(found.arrays), budget.arrays, where, "variables")
+    if found.declared > budget.always + budget.packed * size:
+        raise FileError(
+            f"declares {found.declared >> 20} MiB of values in {size} bytes, hardly a measurement; split it, or write "
+            "it less compressed"
+        )
     found.heap = max(size - stored, 0)
     _within(found.heap, budget.heap, "file", "bytes outside its arrays")
     return found

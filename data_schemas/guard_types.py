@@ -16,11 +16,15 @@ _MIB = 1 << 20
 class Budget:
     """Limits of one file.
 
-    The largest honest file is the result of a day at 100 Hz by all methods: 2.5 GiB; the others are far
-    smaller. `chunks` allows an unlimited dimension written a sample at a time for half a day at 25 Hz.
+    The largest honest file is the result of a day at 100 Hz by all methods: 2.5 GiB; the others are far smaller.
+    Values may take `always` bytes and `packed` times those of their file. `chunks` allows an unlimited dimension
+    written a sample at a time for half a day at 25 Hz.
     """
 
+    file: int = 5120 * _MIB
     bytes: int = 4096 * _MIB
+    packed: int = 50
+    always: int = 256 * _MIB
     unwritten: int = 64 * _MIB
     heap: int = 64 * _MIB
     chunk: int = 256 * _MIB

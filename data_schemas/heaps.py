@@ -14,7 +14,6 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Iterator
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +23,7 @@ from .errors import FileError
 
 _START = b"GCOL\x01\0\0\0"
 _WINDOW = 1 << 18  # bytes
+MOST_BYTES = 1 << 26  # of a collection
 _LENGTH = struct.Struct("<Q")
 _OBJECT = struct.Struct("<HHIQ")
 _POINTER = np.dtype([("length", "<u4"), ("address", "<u8"), ("index", "<u4")])
@@ -33,50 +33,64 @@ Heaps = dict[int, dict[int, int]]
 
 
 def sound_heaps(path: str | os.PathLike[str]) -> Heaps:
-    """Step through every heap collection of a file as the library would.
+    """Step through every heap collection of a file as the library would, each byte once.
+
+    Collections never overlap: what looks like one within another, or claims bytes that are another's, is a trap.
 
     Raises
     ------
     FileError
         In one of them the library would stand still or leave it.
     """
-    starts = list(_starts(path))
-    with Path(path).open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
-        return {start: _objects(data, start) for start in starts}
-
-
-def _starts(path: str | os.PathLike[str]) -> Iterator[int]:
-    """Where collections begin; the file is read window by window, for the pages of a map would count as memory."""
+    found: Heaps = {}
+    end = 0
     with Path(path).open("rb") as file:
-        offset, window = 0, b""
-        while more := file.read(_WINDOW):
-            window += more
-            found = window.find(_START)
-            while found >= 0:
-                yield offset + found
-                found = window.find(_START, found + 1)
-            offset, window = offset + len(window) - len(_START) + 1, window[-len(_START) + 1 :]
+        for start in _starts(file.fileno()):
+            if start < end:
+                raise _damaged(start)
+            end, found[start] = _objects(file.fileno(), start)
+    return found
 
 
-def _objects(data: mmap, start: int) -> dict[int, int]:
-    damaged = FileError(f"its text storage is damaged at byte {start}; restore it, or copy it with h5repack")
-    position = start + len(_START)
-    if position + _LENGTH.size > len(data):
-        raise damaged
-    (length,) = _LENGTH.unpack_from(data, position)
-    position, end = position + _LENGTH.size, start + length
-    if end > len(data):
-        raise damaged
+def _starts(descriptor: int) -> Iterator[int]:
+    """Where collections begin; read window by window, for the pages of a map would count as memory."""
+    offset, window = 0, b""
+    while more := os.pread(descriptor, _WINDOW, offset + len(window)):
+        window += more
+        found = window.find(_START)
+        while found >= 0:
+            yield offset + found
+            found = window.find(_START, found + 1)
+        offset, window = offset + len(window) - len(_START) + 1, window[-len(_START) + 1 :]
+
+
+def _damaged(start: int) -> FileError:
+    return FileError(f"its text storage is damaged at byte {start}; restore it, or copy it with h5repack")
+
+
+def _objects(descriptor: int, start: int) -> tuple[int, dict[int, int]]:
+    """Where a collection ends, and the length of each object by index."""
+    head = len(_START) + _LENGTH.size
+    begun = os.pread(descriptor, head, start)
+    if len(begun) < head:
+        raise _damaged(start)
+    (length,) = _LENGTH.unpack_from(begun, len(_START))
+    if length > MOST_BYTES and start + length <= os.fstat(descriptor).st_size:
+        raise FileError(f"file: more than {MOST_BYTES} bytes outside its arrays; split the file, or shorten its texts")
+    data = os.pread(descriptor, min(length, MOST_BYTES), start)
+    if len(data) < length or length < head:
+        raise _damaged(start)
     found = {}
-    while position + _OBJECT.size <= end:
+    position = head
+    while position + _OBJECT.size <= length:
         index, _, _, size = _OBJECT.unpack_from(data, position)
         step = size if index == 0 else _OBJECT.size + -(-size // 8) * 8
-        if step < _OBJECT.size or position + step > end:
-            raise damaged
+        if step < _OBJECT.size or position + step > length:
+            raise _damaged(start)
         if index:
             found[index] = size
         position += step
-    return found
+    return start + length, found
 
 
 def text_bytes(path: str | os.PathLike[str], array: h5d.DatasetID, heaps: Heaps, where: str) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from h5py import h5d, h5f, h5p, h5s, h5t
 
-from data_schemas import read, validate, write
+from data_schemas import heaps, read, validate, write
 from data_schemas.errors import FileError
 from data_schemas.guard_types import Budget
 from data_schemas.reading import load
@@ -389,4 +389,53 @@ def test_a_name_that_is_there_twice_is_refused(tmp_path):
     with h5py.File(path, "w") as file:
         file["a"], file["_nc4_non_coord_a"] = [1.0], [2.0]
     with pytest.raises(FileError, match="a: is there twice; keep one"):
+        read(path)
+
+
+def test_marks_of_text_storage_in_an_array_are_each_read_once(tmp_path, monkeypatch):
+    """Each of 16,000 would be walked to its end, 4 kB of it: two minutes and 6 GB."""
+    path = tmp_path / "file.nc"
+    one = b"GCOL\x01\0\0\0" + (4096).to_bytes(8, "little") + b"\x01\0" + bytes(14)
+    with h5py.File(path, "w") as file:
+        file.create_dataset("values", data=np.frombuffer(one * 13_000, dtype="u1"))
+    taken, seen = [], os.pread
+    monkeypatch.setattr(os, "pread", lambda *given: taken.append(given[1]) or seen(*given))
+    with pytest.raises(FileError, match="text storage is damaged at byte"):
+        read(path)
+    assert sum(taken) < 3 * path.stat().st_size
+
+
+def test_a_file_that_is_cut_while_it_is_looked_over_is_damaged(tmp_path, record, monkeypatch):
+    """It ended the process with SIGBUS."""
+    path = tmp_path / "file.nc"
+    write(record, path)
+    seen = heaps._starts
+
+    def cutting(descriptor):
+        for start in seen(descriptor):
+            os.truncate(path, start + 20)
+            yield start
+
+    monkeypatch.setattr(heaps, "_starts", cutting)
+    with pytest.raises(FileError, match="text storage is damaged at byte"):
+        read(path)
+
+
+def test_much_in_little_is_refused(tmp_path):
+    """3.5 MB that unpack to gigabytes."""
+    path = tmp_path / "file.nc"
+    with h5py.File(path, "w") as file:
+        values = file.create_dataset("values", (1 << 26,), dtype="f8", compression="gzip", chunks=(1 << 22,))
+        for start in range(0, 1 << 26, 1 << 22):
+            values[start : start + (1 << 22)] = 0.0
+    with pytest.raises(FileError, match="declares 512 MiB of values in"):
+        read(path)
+
+
+def test_a_file_larger_than_any_is_refused_unread(tmp_path):
+    path = tmp_path / "file.nc"
+    with path.open("wb") as file:
+        file.write(b"\x89HDF\r\n\x1a\n")
+        file.truncate(1 << 40)
+    with pytest.raises(FileError, match="has 1099511627776 bytes, more than 5368709120; split it"):
         read(path)

@@ -9,7 +9,6 @@ the same `survey`.
 from __future__ import annotations
 
 import os
-import stat
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +19,7 @@ from h5py import h5a, h5d, h5g, h5l, h5o, h5s, h5z
 from .contents import key, shown
 from .errors import FileError
 from .guard_types import Budget, is_text, plain_type
+from .ordinary import ordinary_size
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 BOOKKEEPING = frozenset(
@@ -86,25 +86,17 @@ def ordinary(path: str | os.PathLike[str], most: int = Budget().file) -> int:
     FileError
         Missing, unreadable, a folder, a FIFO, a device, empty, or something other than HDF5.
     """
-    try:
-        status = os.stat(path)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise FileError(f"{shown(path, 400)}: {reason}; give the path of an existing file") from None
-    if not stat.S_ISREG(status.st_mode):
-        kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not an ordinary file"
-        raise FileError(f"{shown(path, 400)}: is {kind}; give a netCDF-4 file")
-    if status.st_size > most:
-        raise FileError(f"{shown(path, 400)}: has {status.st_size} bytes, more than {most}; split it")
+    size = ordinary_size(path, most, "give a netCDF-4 file, made with simulate or import")
     try:
         with Path(path).open("rb") as file:
             start = file.read(len(SIGNATURE))
     except OSError as error:
         raise FileError(f"{shown(path, 400)}: {error.strerror}; make the file readable") from None
     if start != SIGNATURE:
-        kind = "is empty" if not start else "is not netCDF-4 (HDF5)"
-        raise FileError(f"{shown(path, 400)}: {kind}; make it with simulate or import, or save it as netCDF-4")
-    return status.st_size
+        raise FileError(
+            f"{shown(path, 400)}: is not netCDF-4 (HDF5); make it with simulate or import, or save it as netCDF-4"
+        )
+    return size
 
 
 def survey(file: h5py.File, size: int, budget: Budget) -> Survey:

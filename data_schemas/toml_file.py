@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-import stat
 from pathlib import Path
 from typing import Any
+
+from .errors import IsochronyError
+from .ordinary import ordinary_size
 
 MOST_BYTES = 1 << 24
 
 
-def load_toml(path: str | os.PathLike[str], what: str, error: type[Exception]) -> dict[str, Any]:
+def load_toml(path: str | os.PathLike[str], what: str, error: type[IsochronyError]) -> dict[str, Any]:
     """Content of a TOML file: nothing that could hang, or fill the memory.
 
     Parameters
@@ -32,11 +34,7 @@ def load_toml(path: str | os.PathLike[str], what: str, error: type[Exception]) -
     path = Path(path)
     remedy = f"give the path of {what} in TOML"
     try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            raise error(f"{path}: cannot be read (not an ordinary file); {remedy}")
-        if status.st_size > MOST_BYTES:
-            raise error(f"{path}: is larger than {MOST_BYTES} bytes, as {what.replace('a ', 'no ', 1)} is; {remedy}")
+        ordinary_size(path, MOST_BYTES, remedy, error)
         return tomllib.loads(path.read_bytes().decode("utf-8"))
     except OSError as failure:
         raise error(f"{path}: cannot be read ({failure.strerror}); {remedy}") from None

@@ -7,10 +7,10 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from data_schemas.contents import shown
-from data_schemas.errors import FileError, RecordError, UsageError
+from data_schemas.errors import RecordError, UsageError
+from data_schemas.ordinary import text_of
 
 _MISSING = frozenset({"", "-", "nan", "na", "n/a", "null", "none"})
 _UNIT = re.compile(r"\(([^()]+)\)\s*$|\[([^\[\]]+)\]\s*$|_([a-zµ]+)$")
@@ -138,7 +138,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     source = os.fspath(path)
     numbered: list[tuple[int, str]] = []
     comment = ""
-    for index, line in enumerate(_text(source).splitlines(), start=1):
+    for index, line in enumerate(text_of(source, "give a table of numbers as CSV").splitlines(), start=1):
         if line.lstrip().startswith("#"):
             if not numbered:
                 comment = line.lstrip("# \t")
@@ -167,22 +167,6 @@ def read_table(path: str | os.PathLike[str]) -> Table:
                 "write every row with the same delimiters"
             )
     return Table(source, tuple(names), tuple(lines), tuple(tuple(row) for row in rows))
-
-
-def _text(source: str) -> str:
-    try:
-        raw = Path(source).read_bytes()
-    except IsADirectoryError:
-        raise FileError(f"{source}: is a folder; name a file") from None
-    except OSError as fault:
-        raise FileError(f"{source}: cannot be read ({fault.strerror}); check the name and the rights") from None
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = "\0"
-    if "\0" in text:
-        raise FileError(f"{source}: is not UTF-8 text; export it as CSV (UTF-8)")
-    return text
 
 
 def _splitter(line: str) -> Callable[[str], list[str]]:

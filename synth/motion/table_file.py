@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import csv
+import io
 from array import array
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
-from data_schemas.errors import SceneError
+from data_schemas.errors import FileError, SceneError
+from data_schemas.ordinary import text_of
 from data_schemas.scene_motion import Table
 from synth.phase import Floats
 
@@ -39,7 +41,7 @@ def read_table(term: Table) -> tuple[Floats, Floats]:
 
 def _csv(path: Path, term: Table) -> tuple[Floats, Floats]:
     numbers = array("d")  # row by row: a list of a million rows would take half a gigabyte
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+    with io.StringIO(text_of(path, f"mend {term.section}.file", SceneError), newline="") as file:
         first_line = file.readline()
         separator = ";" if ";" in first_line else ","
         rows = (row for row in csv.reader(chain([first_line], file), delimiter=separator) if row)
@@ -79,10 +81,13 @@ def _place(path: Path, names: list[str], width: int, column: int | str) -> int:
 
 
 def _netcdf(path: Path, term: Table) -> tuple[Floats, Floats]:
-    import xarray
+    from data_schemas.reading import load
 
-    with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as table:
-        names = [str(name) for name in table.variables]
-        found = [names[_place(path, names, len(names), column)] for column in (term.time, term.value)]
-        seconds, values = (np.asarray(table[name].values, dtype=np.float64) for name in found)
+    try:
+        variables = load(path)[""].variables
+    except FileError as fault:
+        raise SceneError(str(fault)) from None
+    names = list(variables)
+    found = [names[_place(path, names, len(names), column)] for column in (term.time, term.value)]
+    seconds, values = (np.asarray(variables[name].values, dtype=np.float64) for name in found)
     return seconds, values

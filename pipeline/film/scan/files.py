@@ -8,8 +8,11 @@ import io
 from pathlib import Path
 
 from data_schemas.errors import FileError, UsageError
+from data_schemas.ordinary import ordinary_size
 from pipeline.film.scan.image import ImageFile
 
+MOST_BYTES = 1 << 35
+REMEDY = "give a scan of a film as TIFF, PNG or JPEG"
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
@@ -38,8 +41,7 @@ def open_image(path: Path) -> ImageFile:
         from pipeline.film.scan.whole import open_whole
 
         return open_whole(path, "PNG" if magic == _PNG else "JPEG")
-    what = "is empty" if not magic else "is no image that can be read"
-    raise FileError(f"{path}: {what}; give a scan of a film as TIFF, PNG or JPEG")
+    raise FileError(f"{path}: is no image that can be read; {REMEDY}")
 
 
 def open_binary(path: Path) -> io.BufferedReader:
@@ -50,14 +52,11 @@ def open_binary(path: Path) -> io.BufferedReader:
     FileError
         It is not there, no file, or may not be read.
     """
+    ordinary_size(path, MOST_BYTES, REMEDY)
     try:
-        if path.exists() and not path.is_file():
-            raise FileError(f"{path}: is no file; give a scan of a film as TIFF, PNG or JPEG")
         return path.open("rb")
     except OSError as fault:
-        raise FileError(f"{path}: cannot be read ({fault.strerror}); give a scan of a film") from fault
-    except ValueError as fault:  # a name with a null character
-        raise FileError(f"{str(path)!r}: is no file name; give a scan of a film") from fault
+        raise FileError(f"{path}: cannot be read ({fault.strerror}); make the file readable") from fault
 
 
 def sha256(path: Path) -> str:

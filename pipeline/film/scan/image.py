@@ -14,7 +14,7 @@ from data_schemas.errors import FileError
 Pixels = NDArray[Any]  # uint8 or uint16, (rows, columns)
 
 MOST_PIXELS = 2**36
-MOST_BYTES_AT_ONCE = 2**30  # of a file that can only be decoded whole
+MOST_BYTES_AT_ONCE = 2**29  # of a file that can only be decoded whole
 
 
 class Image(Protocol):

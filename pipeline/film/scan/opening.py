@@ -87,7 +87,10 @@ def open_scan(
     if any(isinstance(image, WithoutBorder) for image in covered):
         notes.append("a border beside the film was found and overlaid")
     images = covered
-    if options.lines == "light" or (options.lines == "auto" and lines_are_light(images[0])):
+    light = lines_are_light(images[0])
+    if light is None:
+        raise FileError(f"{named[0]}: no line stands out on it anywhere, it is blank; scan the film with more contrast")
+    if options.lines == "light" or (options.lines == "auto" and light):
         images = [Inverted(image) for image in images]
         notes += ["lines are light on dark film"] * (options.lines == "auto")
     scale = _scale(files, options, notes)
@@ -140,8 +143,8 @@ def sample_rows(image: Image) -> list[tuple[int, int]]:
     return [(int(start), int(start) + height) for start in starts]
 
 
-def lines_are_light(image: Image) -> bool:
-    """Whether what departs from the blank film is lighter than it; film is mostly blank.
+def lines_are_light(image: Image) -> bool | None:
+    """Whether what departs from the blank film is lighter than it; film is mostly blank. None: nothing departs.
 
     Dust and scratches depart both ways; lines are the most of what departs.
     """
@@ -150,7 +153,7 @@ def lines_are_light(image: Image) -> bool:
         departure = _departures(image.read(first, stop))
         darker += float(-departure[departure < 0.0].sum())
         lighter += float(departure[departure > 0.0].sum())
-    return lighter > darker
+    return lighter > darker if lighter or darker else None
 
 
 def _departures(pixels: Pixels) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:

@@ -22,10 +22,9 @@ import data_schemas
 import synth
 from pipeline.batch import ledger, log
 from pipeline.batch.summary import NAMES
-from pipeline.benchmarks.bar import at_least, at_most, holds, not_measured
 from pipeline.benchmarks.clock import median_ratio, tree_environment
 from pipeline.benchmarks.scenes import linear
-from pipeline.benchmarks.tables import Row, progress
+from pipeline.benchmarks.tables import Row, at_least, at_most, holds, not_measured, progress
 
 Way = Callable[[Path, Path], list[float]]
 """From a folder of records and one for results to the instants, s, at which records were done."""
@@ -90,13 +89,8 @@ def _by_dask(records: Path, out: Path) -> list[float]:
     """A scheduler here, and two workers of one thread as separate processes on the loopback."""
     from distributed import LocalCluster
 
-    work = {
-        "n_workers": 2,
-        "threads_per_worker": 1,
-        "env": _environment(),
-        "local_directory": str(out.with_name("dask")),
-    }
-    with LocalCluster(**work, dashboard_address=None) as cluster:
+    work = {"n_workers": 2, "threads_per_worker": 1, "env": _environment(), "dashboard_address": None}
+    with LocalCluster(**work, local_directory=str(out.with_name("dask"))) as cluster:
         return _batch(records, out, ("--scheduler", cluster.scheduler_address))
 
 

@@ -13,8 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.benchmarks.bar import at_most
-from pipeline.benchmarks.tables import Row
+from pipeline.benchmarks.tables import Row, at_most
 
 Call = Callable[[], Any]
 Given = TypeVar("Given")

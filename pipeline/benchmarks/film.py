@@ -21,9 +21,8 @@ from data_schemas.errors import IsochronyError
 from data_schemas.scene import Scene, load_scene
 from data_schemas.scene_film import Dimming, Film
 from data_schemas.scene_recording import Stretch
-from pipeline.benchmarks.bar import at_least, at_most, holds, not_measured
 from pipeline.benchmarks.film_scores import Truth, order, own_reading, places, readings
-from pipeline.benchmarks.tables import Row, progress
+from pipeline.benchmarks.tables import Row, at_least, at_most, holds, not_measured, progress
 from pipeline.film.digitise import digitise, open_film
 from pipeline.film.knowledge import FilmOptions
 from pipeline.gravity import MGAL

@@ -80,15 +80,10 @@ def places(position: Floats, flagged: Flags | None, truth: Truth) -> Row:
     silent = read if flagged is None else read & ~flagged
     flat = read & (np.abs(slope) < _FLAT)
     crossed, swapped = crossings(position, column)
-    return {
-        "normal_px": rms(error[read]),
-        "flat_px": rms(error[flat]),
-        "accepted": ratio(read.sum(), lit.sum()),
-        "wrong_unflagged": ratio((np.abs(error[silent]) > WRONG).sum(), lit.sum()),
-        "amplitude_bias": bias(position, column, read),
-        "crossings": crossed,
-        "swaps": swapped,
-    }
+    wrong = ratio((np.abs(error[silent]) > WRONG).sum(), lit.sum())
+    accuracy = {"normal_px": rms(error[read]), "flat_px": rms(error[flat]), "accepted": ratio(read.sum(), lit.sum())}
+    more = {"wrong_unflagged": wrong, "amplitude_bias": bias(position, column, read)}
+    return {**accuracy, **more, "crossings": crossed, "swaps": swapped}
 
 
 def rms(values: Floats) -> float:

@@ -16,13 +16,11 @@ from typing import Any
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.benchmarks.kept import Kept
 from pipeline.benchmarks.pictures import draw_locking, draw_regime
-from pipeline.benchmarks.tables import Row, progress
+from pipeline.benchmarks.tables import Kept, Row, progress
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks
-from synth.huygens.locking import edge, edge_of_balance
-from synth.huygens.offset import orbit_slope, slope
+from synth.huygens.locking import edge, edge_of_balance, orbit_slope, slope
 from synth.huygens.orbit import orbit, orbits, start_of
 from synth.huygens.paper import COUPLING, DAMPING, Chain, corrected, printed
 from synth.huygens.slow_flow import stability

@@ -17,13 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.benchmarks.bar import at_least, not_measured, reported
 from pipeline.benchmarks.clock import rounds, timed
 from pipeline.benchmarks.peers import PEERS
 from pipeline.benchmarks.pictures import draw_integrators
 from pipeline.benchmarks.problems import AS_EXACT_AS_CAN_BE, OWN, Answer, Problem, raced
 from pipeline.benchmarks.references import Reference, reference
-from pipeline.benchmarks.tables import Row, progress
+from pipeline.benchmarks.tables import Row, at_least, not_measured, progress, reported
 
 ABSENT = "not installed, or did not reach it: extra 'peers'"
 ANY = math.nan
@@ -102,18 +101,10 @@ class Point:
 
     def row(self, reference: str) -> Row:
         """As the suite yields it."""
-        return {
-            "problem": self.problem,
-            "method": self.method,
-            "tolerance": self.tolerance,
-            "error": self.error,
-            "estimate": self.estimate,
-            "ms": self.ms,
-            "ms_least": 1e3 * min(self.seconds, default=math.nan),
-            "ms_most": 1e3 * max(self.seconds, default=math.nan),
-            "reference": reference,
-            "note": self.note,
-        }
+        named = {"problem": self.problem, "method": self.method, "tolerance": self.tolerance}
+        errors = {"error": self.error, "estimate": self.estimate, "ms": self.ms}
+        least, most = (1e3 * end(self.seconds, default=math.nan) for end in (min, max))
+        return {**named, **errors, "ms_least": least, "ms_most": most, "reference": reference, "note": self.note}
 
 
 def contenders(problem: Problem) -> tuple[str, ...]:
@@ -185,15 +176,10 @@ def estimates(points: Sequence[Point]) -> Iterator[Row]:
     """One row for each point at which one of the project's propagators gave a value."""
     for point in points:
         if point.own and point.seconds and not math.isnan(point.estimate):
-            yield {
-                "honesty": point.problem,
-                "method": point.method,
-                "tolerance": point.tolerance,
-                "error": point.whole_error,
-                "estimate": point.estimate,
-                "error_over_estimate": point.whole_error / point.estimate,
-                "pass": honest(point.whole_error, point.estimate),
-            }
+            error, estimate = point.whole_error, point.estimate
+            named = {"honesty": point.problem, "method": point.method, "tolerance": point.tolerance}
+            sizes = {"error": error, "estimate": estimate, "error_over_estimate": error / estimate}
+            yield {**named, **sizes, "pass": honest(error, estimate)}
 
 
 def judged(found: Mapping[str, Sequence[Point]]) -> Iterator[Row]:

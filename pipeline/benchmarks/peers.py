@@ -81,76 +81,34 @@ def cyrk(problem: Problem, tolerance: float, method: str) -> Call:
 
 def scipy(problem: Problem, tolerance: float, method: str) -> Call:
     """scipy's `solve_ivp`."""
+    from numba import njit
     from scipy.integrate import solve_ivp
 
     integrate: Any = solve_ivp  # whose stubs want to know the method beforehand
-    right, size = compiled_right_side(problem.system), problem.start.size
+    system, size = problem.system, problem.start.size
 
     def slopes(time: float, state: Floats) -> Floats:
         out = np.empty(size)
-        right(time, state, out)
+        derivative(time, state, system, out)
         return out
 
-    options = {"rtol": max(tolerance, 1e-13), "atol": ABSOLUTE * tolerance}
-    options |= {"jac": compiled_jacobian(problem.system, size)} if problem.stiff else {}
+    def matrix(time: float, state: Floats) -> Floats:
+        out = np.empty((size, size))
+        jacobian(time, state, system, out)
+        return out
+
+    right: Any = njit(slopes)
+    options: dict[str, Any] = {"rtol": max(tolerance, 1e-13), "atol": ABSOLUTE * tolerance}
+    options |= {"jac": njit(matrix)} if problem.stiff else {}
     span = (float(problem.times[0]), float(problem.times[-1]))
 
     def call() -> Floats:
-        found: Any = integrate(slopes, span, problem.start, method, problem.times, **options)
+        found: Any = integrate(right, span, problem.start, method, problem.times, **options)
         if not found.success:
             raise RefusedError(f"scipy {method}: {found.message}")
         return np.asarray(found.y).T
 
     return call
-
-
-def cvode(problem: Problem, tolerance: float, method: str) -> Call:
-    """SUNDIALS CVODE by scikit-sundae."""
-    from sksundae.cvode import CVODE
-
-    options: dict[str, Any] = {"rtol": tolerance, "atol": ABSOLUTE * tolerance, "max_num_steps": 10_000_000}
-    if problem.stiff:
-        matrix = compiled_jacobian(problem.system, problem.start.size)
-
-        def slope_matrix(time: float, state: Floats, rates: Floats, out: Floats) -> None:
-            out[:] = matrix(time, state)
-
-        options["jacfn"] = slope_matrix
-    right = compiled_right_side(problem.system)
-    solver = CVODE(lambda time, state, out: right(time, state, out), method=method, **options)
-
-    def call() -> Floats:
-        found = solver.solve(problem.times, problem.start)
-        states = np.asarray(found.y)
-        if found.success and problem.times.size == 2:
-            return states[[0, -1]]  # two instants mean every step to it
-        if not found.success or len(found.t) != problem.times.size:
-            raise RefusedError(f"CVODE {method}: {found.message}")
-        return states
-
-    return call
-
-
-def compiled_right_side(system: Any) -> Any:
-    """`(time, state, out)` with the parameters compiled in."""
-    import numba
-
-    def slopes(time: float, state: Floats, out: Floats) -> None:
-        derivative(time, state, system, out)
-
-    return numba.njit(slopes)
-
-
-def compiled_jacobian(system: Any, size: int) -> Any:
-    """`(time, state) -> matrix`."""
-    import numba
-
-    def slopes(time: float, state: Floats) -> Floats:
-        out = np.empty((size, size))
-        jacobian(time, state, system, out)
-        return out
-
-    return numba.njit(slopes)
 
 
 PEERS: Mapping[str, Peer] = {
@@ -159,7 +117,5 @@ PEERS: Mapping[str, Peer] = {
     "CyRK RADAU": Peer("CyRK", partial(cyrk, method="RADAU"), True),
     "scipy DOP853": Peer("scipy", partial(scipy, method="DOP853"), False),
     "scipy Radau": Peer("scipy", partial(scipy, method="Radau"), True),
-    "CVODE Adams": Peer("sksundae", partial(cvode, method="Adams"), False),
-    "CVODE BDF": Peer("sksundae", partial(cvode, method="BDF"), True),
 }
 """All of them, by the names under which rows and pictures show them."""

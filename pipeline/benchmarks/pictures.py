@@ -42,8 +42,6 @@ LOOKS: Mapping[str, tuple[str, str]] = {
     "CyRK RADAU": (GREY, "s"),
     "scipy DOP853": ("#8c8c8c", "^"),
     "scipy Radau": ("#8c8c8c", "v"),
-    "CVODE Adams": ("#b0b0b0", "P"),
-    "CVODE BDF": ("#b0b0b0", "X"),
 }
 """Method -> colour and mark; the project's are coloured, peers grey."""
 _COLUMNS = 3

@@ -1,13 +1,22 @@
-"""A suite's rows: as files, and a progress bar for as long as they are made."""
+"""A suite's rows: bars (promised, measured, allowed, held or not), files, a progress bar, and points that are kept.
+
+A finished point is found again by what it is and by what computed it: the hash of its configuration and of every source
+that may move its numbers. An interrupted run goes on where it stopped; changed code is computed anew, never mixed with
+old results.
+"""
 
 from __future__ import annotations
 
 import csv
+import functools
+import hashlib
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+from data_schemas.writing import write_text
 from pipeline.cli.tables import plain
 
 Row = dict[str, Any]
@@ -33,3 +42,100 @@ def progress(items: Iterable[Item], what: str, total: int | None = None) -> Iter
     from tqdm import tqdm
 
     yield from tqdm(items, desc=what, total=total, disable=None, leave=False)
+
+
+def at_most(bar: str, value: float, limit: float, unit: str = "") -> Row:
+    """A bar that holds where the value is not above the limit; NaN never holds."""
+    return _row(bar, value, f"<= {limit:.4g}", unit, value <= limit)
+
+
+def at_least(bar: str, value: float, limit: float, unit: str = "") -> Row:
+    """A bar that holds where the value is not below the limit."""
+    return _row(bar, value, f">= {limit:.4g}", unit, value >= limit)
+
+
+def between(bar: str, value: float, low: float, high: float, unit: str = "") -> Row:
+    """A bar with two limits."""
+    return _row(bar, value, f"{low:.4g} to {high:.4g}", unit, low <= value <= high)
+
+
+def holds(bar: str, fact: bool, limit: str) -> Row:
+    """A bar that is a fact or not."""
+    return _row(bar, 1.0 if fact else 0.0, limit, "", fact)
+
+
+def reported(bar: str, value: float, unit: str = "") -> Row:
+    """A figure beside a bar, which promises nothing and decides nothing."""
+    return _row(bar, value, "reported", unit, None)
+
+
+def not_measured(bar: str, limit: str, why: str) -> Row:
+    """A bar that cannot be judged here, such as a peer that is not installed; it decides nothing."""
+    return _row(bar, math.nan, limit, why, None)
+
+
+def of_few(limit: float, count: int, full: int) -> float:
+    """A limit on a ratio of root mean squares from fewer records than the promise names.
+
+    The scatter of such a ratio is 1/sqrt(2 count); the limit grows by three times what it gains over the full count.
+
+    >>> of_few(1.1, 400, 400)
+    1.1
+    """
+    return limit * (1.0 + 3.0 * max(math.sqrt(0.5 / count) - math.sqrt(0.5 / full), 0.0))
+
+
+def _row(bar: str, value: float, limit: str, unit: str, passed: bool | None) -> Row:
+    verdict = None if passed is None else bool(passed)
+    return {"bar": bar, "value": float(value), "limit": limit, "unit": unit, "pass": verdict}
+
+
+_PACKAGES = ("data_schemas", "synth", "pipeline")
+_NO_NUMBERS = ("cli", "plots")  # parts of `pipeline` that present what others compute
+
+
+class Kept:
+    """Results by configuration: in memory while the suite runs, and in `points/` of a folder if one is named."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = None if folder is None else folder / "points"
+        self._known: dict[str, list[dict[str, Any]]] = {}
+
+    def get(self, configuration: Mapping[str, Any]) -> list[dict[str, Any]] | None:
+        """Rows of a point that was finished before; None if it was not, or if its file cannot be understood."""
+        name = _name(configuration)
+        if self._folder is not None and name not in self._known:
+            try:
+                self._known[name] = json.loads((self._folder / name).read_text(encoding="utf-8"))["rows"]
+            except (OSError, ValueError, KeyError):
+                return None
+        return self._known.get(name)
+
+    def put(self, configuration: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:
+        """Keep a finished point: whole, or not at all."""
+        name = _name(configuration)
+        self._known[name] = rows
+        if self._folder is None:
+            return
+        self._folder.mkdir(exist_ok=True)
+        text = json.dumps({"configuration": configuration, "rows": rows}, indent=1)
+        write_text(text, self._folder / name, overwrite=True)
+
+
+def _name(configuration: Mapping[str, Any]) -> str:
+    said = json.dumps([sources(), configuration], sort_keys=True)
+    return f"{hashlib.sha256(said.encode()).hexdigest()[:24]}.json"
+
+
+@functools.cache
+def sources() -> str:
+    """SHA-256 of the code that simulates and reduces."""
+    digest = hashlib.sha256()
+    root = Path(__file__).parents[2]
+    for package in _PACKAGES:
+        for path in sorted((root / package).rglob("*.py")):
+            place = path.relative_to(root)
+            if package == "pipeline" and place.parts[1] in _NO_NUMBERS:
+                continue
+            digest.update(place.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()

@@ -127,19 +127,13 @@ def _steps(time: np.ndarray, elongation: np.ndarray) -> dict[str, float]:
 def period_summaries(result: DataTree) -> list[dict[str, Any]]:
     """The one dictionary of a single trace; keys of the contract, gravity null."""
     table = result["period"].dataset
-    return [
-        {
-            **without_gravity(result, str(result.attrs.get("requested_method", "auto")), "period"),
-            **({"gravity_m_s2": float(table["gravity"])} if "gravity" in table else {}),
-            **({"gravity_sigma_mgal": float(table["gravity_sigma"])} if "gravity" in table else {}),
-            "period_s": float(table["period"]),
-            "period_sigma_s": float(table["period_sigma"]),
-            "amplitude_scale": float(table["amplitude_scale"]),
-            "amplitude_scale_sigma": float(table["amplitude_scale_sigma"]),
-            "rest_position_rad": float(table["rest_position"]),
-            "friction": str(table["friction"].values),
-            "flags": [str(flag) for flag in table["flag"].values] if "flag" in table else [],
-            "samples_used": int(table.sizes["cycle"]),
-            "elapsed_s": float(table["elapsed"]),
-        }
-    ]
+    given = {
+        "gravity_m_s2": "gravity", "gravity_sigma_mgal": "gravity_sigma", "period_s": "period",
+        "period_sigma_s": "period_sigma", "amplitude_scale": "amplitude_scale",
+        "amplitude_scale_sigma": "amplitude_scale_sigma", "rest_position_rad": "rest_position",
+    }  # fmt: skip
+    values = {key: float(table[name]) for key, name in given.items() if name in table}
+    flags = [str(flag) for flag in table["flag"].values] if "flag" in table else []
+    more = {"friction": str(table["friction"].values), "flags": flags, "samples_used": int(table.sizes["cycle"])}
+    none = without_gravity(result, str(result.attrs.get("requested_method", "auto")), "period")
+    return [none | values | more | {"elapsed_s": float(table["elapsed"])}]

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from data_schemas.errors import UsageError
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.arrays import row_means_present
+from pipeline.arrays import Floats, row_means_present
 from pipeline.plots.canvas import GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, panel, sheet
-from pipeline.plots.series import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

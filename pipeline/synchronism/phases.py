@@ -51,10 +51,6 @@ def phases(time: Floats, elongation: Floats) -> Phases:
     elongation : (pendulums, n) array
         rad, NaN = missing.
 
-    Returns
-    -------
-    Phases
-
     Raises
     ------
     RefusedError

@@ -8,8 +8,7 @@ import numpy as np
 
 from data_schemas.errors import UsageError
 from data_schemas.scene_film import Film
-from synth.film.geometry import Geometry
-from synth.film.pixels import STRIP, Pixels
+from synth.film.layout import STRIP, Geometry, Pixels
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.seeds import generator

@@ -1,14 +1,18 @@
 """Periodic orbits of two clocks on a beam by shooting, and their Floquet multipliers.
 
 After half a swing of the clocks the beam is where it was and the clocks are on the other side: with R that mirror,
-`R flow(x, T/2) = x`. Newton's method solves it for x and T/2 with the exact tangents of `flow.carried`; the phase is
+`R flow(x, T/2) = x`. Newton's method solves it for x and T/2 with the exact tangents of `carried`; the phase is
 anchored where the first clock turns back (its rate is zero). The multipliers are those of R d flow/dx; of a whole
 swing, their squares.
+
+A motion is carried by the Runge-Kutta formula of order 8 together with its tangents, which are those of the formula
+itself, to the last bit: Newton's method converges quadratically down to rounding.
 """
 
 from __future__ import annotations
 
 import cmath
+import functools
 import math
 from typing import Any, NamedTuple
 
@@ -17,9 +21,94 @@ import numpy as np
 from data_schemas.errors import RefusedError, UsageError
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks, mirrored
-from synth.huygens.flow import carried
+from synth.integrators.explicit_tableau import NODES, WEIGHTS
+from synth.kernels.compiled import kernel
 from synth.phase import Floats
-from synth.systems.dispatch import derivative
+from synth.systems.dispatch import derivative, jacobian
+
+_STAGES = 12
+
+
+def carried(system: Any, start: Floats, duration: float, steps: int) -> tuple[Floats, Floats]:
+    """States at evenly spaced instants, and the derivative of the last by the first.
+
+    Parameters
+    ----------
+    system : NamedTuple
+        Registered with derivative and jacobian.
+    start : (n,) array
+    duration : float
+        Of the whole way, in the system's unit of time.
+    steps : int
+        Even.
+
+    Returns
+    -------
+    states : (steps + 1, n)
+    tangents : (n, n)
+        d states[-1]/d start.
+
+    Examples
+    --------
+    >>> from synth.systems.resistance import VanDerPol
+    >>> states, tangents = carried(VanDerPol(0.0), np.array([1.0, 0.0]), 0.5 * np.pi, 20)
+    >>> np.round(states[-1], 9) + 0.0, np.round(tangents, 9) + 0.0
+    (array([ 0., -1.]), array([[ 0.,  1.],
+           [-1.,  0.]]))
+    """
+    nodes, weights = _formula()
+    states = np.empty((steps + 1, start.size))
+    rows = np.vstack([start, np.eye(start.size)])
+    _march(system, rows, duration / steps, nodes, weights, states)
+    return states, rows[1:].T.copy()
+
+
+@functools.cache
+def _formula() -> tuple[Floats, Floats]:
+    """Nodes (12,), and weights (13, 12): a row for each stage, the last for the step."""
+    weights = np.zeros((_STAGES + 1, _STAGES))
+    for row, values in enumerate(WEIGHTS[: _STAGES + 1]):
+        weights[row, : len(values)] = values
+    weights[0] = 0.0
+    return np.array(NODES[:_STAGES]), weights
+
+
+@kernel
+def _march(system: Any, rows: Floats, step: float, nodes: Floats, weights: Floats, states: Floats) -> None:
+    """`rows` (1 + n, n): the state, and a row for each tangent; moves on. `states` (steps + 1, n) is filled."""
+    count, size = rows.shape
+    slopes = np.empty((nodes.size, count, size))
+    place = np.empty((count, size))
+    matrix = np.zeros((size, size))
+    for i in range(size):
+        states[0, i] = rows[0, i]
+    for index in range(states.shape[0] - 1):
+        for stage in range(nodes.size):
+            _add(place, rows, step, weights[stage], slopes, stage)
+            time = (index + nodes[stage]) * step
+            derivative(time, place[0], system, slopes[stage, 0])
+            jacobian(time, place[0], system, matrix)
+            for j in range(1, count):
+                for i in range(size):
+                    total = 0.0
+                    for k in range(size):
+                        total += matrix[i, k] * place[j, k]
+                    slopes[stage, j, i] = total
+        _add(rows, rows, step, weights[nodes.size], slopes, nodes.size)
+        for i in range(size):
+            states[index + 1, i] = rows[0, i]
+
+
+@kernel
+def _add(out: Floats, rows: Floats, step: float, weights: Floats, slopes: Floats, stages: int) -> None:
+    """Rows and what the slopes of these stages add to them."""
+    for j in range(rows.shape[0]):
+        for i in range(rows.shape[1]):
+            total = 0.0
+            for stage in range(stages):
+                total += weights[stage] * slopes[stage, j, i]
+            out[j, i] = rows[j, i] + step * total
+
 
 STEPS = 48
 """Of half a swing: the beam turns by 0.13 rad in each, which order 8 resolves to 1e-13."""

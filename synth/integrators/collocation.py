@@ -87,15 +87,7 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
 def stream(
     system: Any, start: ArrayLike, chunks: Iterable[Floats], span: tuple[float, float], *, tolerance: float = 1e-10
 ) -> Stream:
-    """As `integrate`, for times that come in chunks (`trajectory.streamed`): the motion is marched once more.
-
-    Examples
-    --------
-    >>> frame = FlexibleFrame(2.0, np.full(2, 0.2), np.array([0.25, 0.24]), 150.0, 0.0, 9.81)
-    >>> pieces = stream(frame, [0, 0, 0.1, 0, -0.1, 0], [np.array([0.0, 0.5]), np.array([1.0])], (0.0, 1.0))
-    >>> [states.shape for states in pieces]
-    [(2, 6), (1, 6)]
-    """
+    """As `integrate`, for times that come in chunks (`trajectory.streamed`): the motion is marched once more."""
     return streamed(_solve(system, start, np.linspace(*span, FEW), tolerance), chunks, span)
 
 

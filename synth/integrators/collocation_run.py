@@ -45,30 +45,20 @@ COMPANION: Ladder = (Fraction(4, 5), Fraction(3, 5))
 
 @dataclass(frozen=True)
 class Problem:
-    """A system with the linear part that is carried exactly.
-
-    Attributes
-    ----------
-    system : NamedTuple
-    square, loss : (components,) float64
-        Of the linear part carried, 1/s^2 and 1/s.
-    excess : (components, 2) float64
-        What these have more than the system's own.
-    mirror : (components,) float64
-        What half a swing does to the remainder, 1 or -1.
-    longest : float
-        Length of the longest intervals to try, s: half a swing.
-    levels : dict
-        Lengths used so far.
-    """
+    """A system with the linear part that is carried exactly."""
 
     system: Any
     square: Floats
     loss: Floats
+    """(components,) of the linear part carried, 1/s^2 and 1/s."""
     excess: Floats
+    """(components, 2) what these have more than the system's own."""
     mirror: Floats
+    """(components,) what half a swing does to the remainder, 1 or -1."""
     longest: float
+    """Length of the longest intervals to try, s: half a swing."""
     levels: dict[Fraction, Level] = field(default_factory=dict)
+    """Lengths used so far."""
 
     @classmethod
     def of(cls, system: Any, carried: tuple[Floats, Floats] | None = None, longest: float | None = None) -> Problem:

@@ -93,19 +93,10 @@ def memory(event: Escapement | None, size: int, capacity: int = 1024) -> Memory 
         return None
     kicks = event.level.size
     capacity = max(capacity, kicks)
-    return Memory(
-        sides=np.zeros(kicks, dtype=np.int64),
-        margins=np.full(kicks, np.inf),
-        shares=np.full(kicks, NONE),
-        coefficients=np.zeros((60, DEGREE + 1)),
-        lefts=np.zeros((60, 2)),
-        work=np.zeros(DEGREE + 1),
-        impulse=np.zeros(size),
-        noted=np.zeros(1, dtype=np.int64),
-        times=np.zeros(capacity),
-        lows=np.zeros(capacity),
-        which=np.zeros(capacity, dtype=np.int64),
-    )
+    watched = np.zeros(kicks, dtype=np.int64), np.full(kicks, np.inf), np.full(kicks, NONE)
+    spaces = np.zeros((60, DEGREE + 1)), np.zeros((60, 2)), np.zeros(DEGREE + 1), np.zeros(size)
+    noted = np.zeros(capacity), np.zeros(capacity), np.zeros(capacity, dtype=np.int64)
+    return Memory(*watched, *spaces, np.zeros(1, dtype=np.int64), *noted)
 
 
 def roomier(notes: Memory) -> Memory:

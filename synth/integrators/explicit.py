@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike
 
 from data_schemas.errors import RefusedError
 from synth.integrators.events import Escapement
-from synth.integrators.explicit_march import MOST_STEPS
-from synth.integrators.explicit_run import Run, StiffError, Walk
+from synth.integrators.explicit_march import MOST_STEPS, Run, StiffError, Walk
 from synth.integrators.trajectory import Onward, Stream, Trajectory, checked, difference, relative_error, streamed
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
@@ -77,10 +76,6 @@ def integrate(
         cannot miss one (`events_roots`), the step is then made anew up to the crossing, and the rest removed along
         the tangent: instants are as good as the states.
 
-    Returns
-    -------
-    Trajectory
-
     Raises
     ------
     RefusedError
@@ -108,15 +103,7 @@ def stream(
     tolerance: float = 1e-10,
     event: Escapement | None = None,
 ) -> Stream:
-    """As `integrate`, for times that come in chunks (`trajectory.streamed`); how they are cut changes no bit.
-
-    Examples
-    --------
-    >>> from synth.systems.driven_pendulums import plain
-    >>> pieces = stream(plain(2.0), [0.1, 0.0], [np.array([0.0, 0.5]), np.array([1.0])], (0.0, 1.0))
-    >>> [round(float(states[-1, 0]), 6) for states in pieces]
-    [0.054091, -0.041508]
-    """
+    """As `integrate`, for times that come in chunks (`trajectory.streamed`); how they are cut changes no bit."""
     return streamed(_solve(system, start, span, tolerance, event), chunks, span)
 
 

@@ -76,10 +76,6 @@ def integrate(
     stages : tuple, optional
         Fewest and most stages (3, 5 or 7); by default chosen from 3 up to what the tolerance is worth.
 
-    Returns
-    -------
-    Trajectory
-
     Raises
     ------
     UsageError
@@ -105,15 +101,7 @@ def integrate(
 def stream(
     system: Any, start: ArrayLike, chunks: Iterable[Floats], span: tuple[float, float], *, tolerance: float = 1e-10
 ) -> Stream:
-    """As `integrate`, for times that come in chunks (`trajectory.streamed`): the motion is marched once more.
-
-    Examples
-    --------
-    >>> from synth.systems.resistance import VanDerPol
-    >>> pieces = stream(VanDerPol(1000.0), [2.0, 0.0], [np.array([0.5]), np.array([1.0])], (0.0, 1.0), tolerance=1e-9)
-    >>> [round(float(states[-1, 0]), 9) for states in pieces]
-    [1.999666843, 1.999333371]
-    """
+    """As `integrate`, for times that come in chunks (`trajectory.streamed`): the motion is marched once more."""
     return streamed(_solve(system, start, np.linspace(*span, FEW), tolerance, None), chunks, span)
 
 

@@ -45,15 +45,8 @@ def _tableau(nodes: Any, rates: Any, inverse: Any, error: Any, modes: Any, proje
     points = np.array([*nodes[::-1], 0.0])
     distance = points[:, None] - points[None, :]
     np.fill_diagonal(distance, np.inf)
-    return Tableau(
-        np.array(nodes),
-        np.array(rates, dtype=np.complex128),
-        np.array(inverse).reshape(square),
-        np.array(modes).reshape(square),
-        np.array(projection).reshape(square),
-        np.array(error),
-        1.0 / distance,
-    )
+    a, m, p = (np.array(each).reshape(square) for each in (inverse, modes, projection))
+    return Tableau(np.array(nodes), np.array(rates, np.complex128), a, m, p, np.array(error), 1.0 / distance)
 
 
 # fmt: off

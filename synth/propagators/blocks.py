@@ -26,15 +26,10 @@ FEWEST_ROWS = 8
 
 @dataclass(frozen=True)
 class Ticks:
-    """Moments t = index * step.
-
-    Attributes
-    ----------
-    index : (moments,) int64
-        Evenly spaced or not.
-    """
+    """Moments t = index * step."""
 
     index: Integers
+    """(moments,) evenly spaced or not."""
 
     @property
     def count(self) -> int:
@@ -78,21 +73,15 @@ class Blocks:
     """Moments t_b + tau and t_b - tau: every block lies evenly about its centre.
 
     The moments of a block run from the farthest before the centre to the farthest after it.
-
-    Attributes
-    ----------
-    centres : Ticks or EvenTicks
-        t_b
-    reaches : Ticks or EvenTicks
-        tau, positive and increasing.
-    centre_step, reach_step : Fraction
-        Their steps, s; exact.
     """
 
     centres: Ticks | EvenTicks
+    """t_b"""
     reaches: Ticks | EvenTicks
+    """tau, positive and increasing."""
     centre_step: Fraction
     reach_step: Fraction
+    """Their steps, s; exact."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -110,6 +99,12 @@ class Blocks:
         """Return t_b and tau in s, each rounded once."""
         centres, reaches = (each.index.astype(np.float64) for each in (self.centres, self.reaches))
         return centres * float(self.centre_step), reaches * float(self.reach_step)
+
+    @property
+    def last(self) -> float:
+        """Largest time before or after t = 0, s."""
+        centres, reaches = self.seconds
+        return float(np.abs(centres).max(initial=0.0) + reaches[-1])
 
 
 @dataclass(frozen=True)

@@ -37,17 +37,12 @@ Places = NDArray[np.uint64]
 
 @dataclass(frozen=True)
 class PeriodicSums:
-    """Real parts of several sums of coefficient * exp(2 pi i k t/period).
-
-    Attributes
-    ----------
-    period : Fraction
-        s
-    coefficients : (sums, K) complex128
-    """
+    """Real parts of several sums of coefficient * exp(2 pi i k t/period)."""
 
     period: Fraction
+    """s"""
     coefficients: Phasors
+    """(sums, K)."""
 
     @cached_property
     def _digits(self) -> int:

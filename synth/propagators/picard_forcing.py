@@ -33,20 +33,14 @@ Evaluator = Callable[[slice], Floats]
 
 @dataclass(frozen=True)
 class Sums:
-    """Several sums over the same harmonics.
-
-    Attributes
-    ----------
-    angular_frequency : (harmonics,) float64
-        rad/s
-    coefficients : (sums, harmonics) complex128
-    combs : tuple of Comb
-        The last harmonics, if they are many multiples of one frequency.
-    """
+    """Several sums over the same harmonics."""
 
     angular_frequency: Floats
+    """(harmonics,) rad/s"""
     coefficients: Phasors
+    """(sums, harmonics)."""
     combs: tuple[Comb, ...] = ()
+    """The last harmonics, if they are many multiples of one frequency."""
 
     def some(self, which: slice) -> Sums:
         """Some of the sums."""
@@ -123,21 +117,14 @@ def node_grid(sums: Sums, interval: Fraction, group: int, most: int) -> Grid:
 
 @dataclass(frozen=True)
 class EvenReadings:
-    """Readings 0, step, 2 step ... among intervals of steps/parts steps.
-
-    Attributes
-    ----------
-    step : Fraction
-        s
-    count : int
-    steps, parts : int
-        An interval is `steps` steps long, divided by `parts`.
-    """
+    """Readings 0, step, 2 step ... among intervals of steps/parts steps."""
 
     step: Fraction
+    """s"""
     count: int
     steps: int
     parts: int
+    """An interval is `steps` steps long, divided by `parts`."""
 
     @classmethod
     def among(cls, step: Fraction, count: int, longest: float) -> EvenReadings:
@@ -202,20 +189,14 @@ class EvenReadings:
 
 @dataclass(frozen=True)
 class UnevenReadings:
-    """Readings at increasing times of a chronometer, not negative.
-
-    Attributes
-    ----------
-    seconds : (readings,) float64
-    scale : Fraction
-        True time over the chronometer's.
-    length : float
-        Length of an interval in the chronometer's seconds: a power of two, so that intervals begin at exact times.
-    """
+    """Readings at increasing times of a chronometer, not negative."""
 
     seconds: Floats
+    """(readings,)."""
     scale: Fraction
+    """True time over the chronometer's."""
     length: float
+    """Length of an interval in the chronometer's seconds: a power of two, so that intervals begin at exact times."""
 
     @classmethod
     def among(cls, seconds: Floats, scale: Fraction, longest: float) -> UnevenReadings:

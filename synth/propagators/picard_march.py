@@ -36,31 +36,21 @@ _STOP = 1e-15  # change of r, relative to the angle, that no longer matters even
 
 @dataclass(frozen=True)
 class Equations:
-    """Pendulums and forcing, as collocation wants them.
-
-    Attributes
-    ----------
-    frequencies, damping_rates : (pendulums,)
-        n in rad/s, gamma in 1/s.
-    start : (2, pendulums)
-        y and y'/n at t = 0, rad.
-    horizontal : Sums
-        Steady answers of all pendulums, u, and that part of u which they leave out, if any.
-    vertical : Sums
-        zeta.
-    linear : bool
-        Whether the law is linear.
-    kicks : Kicks or None
-        Whose step every interval is, or a whole part of it.
-    """
+    """Pendulums and forcing, as collocation wants them."""
 
     frequencies: Floats
     damping_rates: Floats
+    """(pendulums,) n in rad/s, gamma in 1/s."""
     start: Floats
+    """(2, pendulums) y and y'/n at t = 0, rad."""
     horizontal: Sums
+    """Steady answers of all pendulums, u, and that part of u which they leave out, if any."""
     vertical: Sums
+    """zeta."""
     linear: bool = False
+    """Whether the law is linear."""
     kicks: Kicks | None = None
+    """Whose step every interval is, or a whole part of it."""
 
     def shadowed(self) -> Equations:
         """Every pendulum twice."""

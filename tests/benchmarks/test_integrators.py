@@ -87,7 +87,7 @@ def test_peers_solve_the_beam(method: str) -> None:
     answer = set_up(problem, method, 1e-9)()
     exact = set_up(problem, "explicit", 1e-12)()
     assert answer.states.shape == (problem.times.size, 6)
-    assert np.abs(answer.states - exact.states).max() < 1e-6  # two swings at 1e-9, CVODE's error is not global
+    assert np.abs(answer.states - exact.states).max() < 1e-6  # two swings at 1e-9
 
 
 @pytest.mark.compiled

@@ -32,7 +32,7 @@ def draw(table: Sequence[Row], method: str, path: str | os.PathLike[str]) -> Non
     Parameters
     ----------
     table : sequence of dict
-        Rows of `score.by_kind`.
+        Rows of `suite.by_kind`.
     method : str
         Its name, for the heading.
     path : path

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.benchmarks.honesty.case import Case
+from pipeline.benchmarks.honesty.kinds import Case
 from pipeline.benchmarks.honesty.plain import Floats
 
 _BURST = 2.0  # s

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pipeline.benchmarks.honesty import plain, sea
-from pipeline.benchmarks.honesty.case import Case
-from pipeline.benchmarks.honesty.kinds import MIXABLE, case_of
+from pipeline.benchmarks.honesty import plain
+from pipeline.benchmarks.honesty.kinds import MIXABLE, Case, case_of
 from pipeline.benchmarks.honesty.plain import Floats
 from pipeline.benchmarks.honesty.reading import read, sample_times
 
@@ -50,10 +49,6 @@ def record(kind: str, strength: str, seed: int, *, duration: float | None = None
     seed : int
     duration : float, optional
         s, instead of the kind's own.
-
-    Returns
-    -------
-    Made
     """
     digest = hashlib.sha256(f"{kind}/{strength}/{seed}".encode()).digest()
     random = np.random.default_rng(np.frombuffer(digest, dtype="<u4"))
@@ -74,13 +69,7 @@ def of_case(case: Case, random: np.random.Generator, label: str) -> Made:
     slope, wave = case.gravity_change * _MGAL / case.duration, case.gravity_wave * _MGAL
     value, phase = random.uniform(9.78, 9.83), random.uniform(0.0, 2.0 * np.pi)
     law = np.array([value, slope * random.choice([-1, 1]), 0.5 * case.duration, wave, 2.0 * np.pi / 1200.0, phase])
-    support = plain.Support(
-        motion.rate,
-        np.array([motion.across.real, motion.across.imag]),
-        np.array([motion.along.real, motion.along.imag]),
-        _pulses(case, random),
-        law,
-    )
+    support = plain.Support(*motion, _pulses(case, random), law)
     every = np.ones(case.pendulums)
     own = plain.Pendulums(REFERENCE / frequency**2, damping, case.quadratic * every, case.friction * every, case.linear)
     times = sample_times(case, random)
@@ -96,10 +85,10 @@ def of_case(case: Case, random: np.random.Generator, label: str) -> Made:
     else:
         angles = _swing(both, own, support, case, frequency, random)
     first, shifted = angles[0, np.searchsorted(both, prompt)], angles[:, np.searchsorted(both, late)]
-    sway = sea.at(prompt, motion.rate, motion.across)
+    sway = plain.at(prompt, motion.rate, motion.across)
     leans = -case.follows * sway / REFERENCE
     traces, tilt = read(np.vstack([first, shifted[:-1] - shifted[1:]]), leans, times, case, random)
-    heave = sea.at(prompt - case.heave_delay, motion.rate, motion.along) * case.heave_scale
+    heave = plain.at(prompt - case.heave_delay, motion.rate, motion.along) * case.heave_scale
     heave += case.heave_bias * _MGAL * random.choice([-1, 1]) + case.heave_noise * random.normal(size=times.size)
     if case.heave_lost:
         heave[(times / case.duration * 10.0) % 1.0 < case.heave_lost] = np.nan
@@ -118,16 +107,16 @@ def of_case(case: Case, random: np.random.Generator, label: str) -> Made:
     return Made(_tree(label, stamped, traces, states, frequency, damping, case, random), gravity, case, law)
 
 
-def _motion(case: Case, swing: float, random: np.random.Generator) -> sea.Motion:
-    parts = [sea.sea(random, case.swell_period, *case.swell), sea.sea(random, case.wind_period, *case.wind_sea)]
+def _motion(case: Case, swing: float, random: np.random.Generator) -> plain.Motion:
+    parts = [plain.sea(random, case.swell_period, *case.swell), plain.sea(random, case.wind_period, *case.wind_sea)]
     beat = random.choice([-1, 1]) / random.uniform(60.0, 300.0)
-    parts.append(sea.line(random, swing + beat, case.resonant, 0.0))
+    parts.append(plain.line(random, swing + beat, case.resonant, 0.0))
     if case.vibration:
-        parts.append(sea.line(random, case.vibration_frequency, case.vibration, 0.0))
-    parts.append(sea.line(random, case.engine_frequency or 2.0 * swing + beat, 0.0, case.engine))
-    motion = sea.total(parts)
+        parts.append(plain.line(random, case.vibration_frequency, case.vibration, 0.0))
+    parts.append(plain.line(random, case.engine_frequency or 2.0 * swing + beat, 0.0, case.engine))
+    motion = plain.total(parts)
     felt = (motion.across != 0.0) | (motion.along != 0.0)
-    return sea.Motion(*(column[felt] for column in motion))
+    return plain.Motion(*(column[felt] for column in motion))
 
 
 def _rocking(support: plain.Support, case: Case, length: float) -> plain.Support:
@@ -137,18 +126,16 @@ def _rocking(support: plain.Support, case: Case, length: float) -> plain.Support
     apparent, turning = 0.25 * case.rocking**2 / gravity, 0.5 * length * (case.rocking * rate / gravity) ** 2
     return support._replace(
         rate=np.append(support.rate, 2.0 * rate),
-        across=np.append(support.across, [[0.0], [0.0]], axis=1),
-        along=np.append(support.along, [[apparent - turning], [0.0]], axis=1),
+        across=np.append(support.across, 0.0),
+        along=np.append(support.along, apparent - turning),
         gravity=np.append(support.gravity[0] + apparent + turning, support.gravity[1:]),
     )
 
 
 def _turned(support: plain.Support, case: Case, random: np.random.Generator) -> plain.Support:
     """What a plane of swing at an angle to the first feels: some of a sea across, whose phases are its own."""
-    phasor = support.across[0] + 1j * support.across[1]
-    other = phasor * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, phasor.size))
-    across = np.cos(case.plane) * phasor + np.sin(case.plane) * other
-    return support._replace(across=np.array([across.real, across.imag]))
+    other = support.across * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, support.across.size))
+    return support._replace(across=np.cos(case.plane) * support.across + np.sin(case.plane) * other)
 
 
 def _pulses(case: Case, random: np.random.Generator) -> Floats:

@@ -71,8 +71,7 @@ def _environment() -> dict[str, str]:
 def _bare(records: Path, out: Path) -> list[float]:
     words = [sys.executable, "-c", _BARE, str(records), str(out), METHOD]
     done = subprocess.run(words, env=_environment(), check=True, capture_output=True, text=True)
-    ends: list[float] = json.loads(done.stdout)
-    return ends
+    return list(json.loads(done.stdout))
 
 
 def _command(records: Path, out: Path, *words: str) -> list[str]:

@@ -135,10 +135,8 @@ def claims(curves: Sequence[Row], edges: Sequence[Row], step: float) -> list[Row
     moved = _apart(motion, orbit, "beta")
     share = float(np.mean([row["stable"] is False for row in orbit]))
     near = [row for row in edges if abs(row["tau"]) < 0.03]
-    edge = max(
-        max(0.0, abs(row["edge_by_motion"] / row["edge_by_theory"] - 1.0) - step / row["edge_by_theory"])
-        for row in near
-    )
+    pairs = [(row["edge_by_motion"], row["edge_by_theory"]) for row in near]
+    edge = max(max(0.0, abs(moved / theory - 1.0) - step / theory) for moved, theory in pairs)
     three = orbits(Clocks(0.002, 0.2, COUPLING, (0.005, 0.005)))
     in_phase = sum(abs(each.regime.offset) < 1e-6 for each in three)
     return [

@@ -151,13 +151,8 @@ def sweep(problem: Problem, truth: Reference, *, quick: bool, names: Sequence[st
                 absent = isinstance(why, ImportError)
                 points.append(replace(point, note="not installed: extra 'peers'" if absent else f"refused: {why}"))
                 break
-            point = replace(
-                point,
-                error=truth.error(problem, answer, problem.judged),
-                whole_error=truth.error(problem, answer, range(problem.start.size)),
-                estimate=answer.estimated_error,
-                seconds=(took,),
-            )
+            error, whole = (truth.error(problem, answer, of) for of in (problem.judged, range(problem.start.size)))
+            point = replace(point, error=error, whole_error=whole, estimate=answer.estimated_error, seconds=(took,))
             if took > (QUICK_ONCE if quick else ONCE):
                 points.append(point)
             else:

@@ -122,12 +122,8 @@ def heave() -> dict[str, Any]:
 
 def real(relative_difference: float = 1e-4, **changes: Any) -> Scene:
     """Real pendulums swayed by swell; damped, the record states their damping and their law."""
-    given: dict[str, Any] = {
-        "motion": [swell(SWAY)],
-        "damping_rates": (2e-5, 3e-5),
-        "amplitudes": (0.012, 0.010),
-        "restoring": "sine",
-    }
+    given: dict[str, Any] = {"motion": [swell(SWAY)], "damping_rates": (2e-5, 3e-5), "amplitudes": (0.012, 0.010)}
+    given["restoring"] = "sine"
     return two_pendulums("real", relative_difference, **(given | changes))
 
 

@@ -67,9 +67,7 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
         "period": fit.period * true,
         "period_sigma": fit.sigma * true,
         "rest_position": fit.rest,
-        "amplitude_scale": fit.amplitude_scale,
-        "amplitude_scale_sigma": fit.amplitude_scale_sigma,
-        "trend": fit.trend,
+        **{name: getattr(fit, name) for name in ("amplitude_scale", "amplitude_scale_sigma", "trend")},
         "rest_drift": fit.drift,
         "rest_drift_sigma": fit.drift_sigma,
         "damping_rate": fit.friction.damping_rate,
@@ -88,12 +86,8 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
         "cycle_period_infinitesimal": fit.reduced,
     }
     values = scalars | series | {"flag": np.array(flags, dtype=object)}
-    tree = DataTree.from_dict(
-        {
-            "/": Dataset(coords={"time": ("time", time[[0, -1]], dict(record.dataset["time"].attrs))}),
-            "/period": dataset("period", values, {}, _EXTRA),
-        }
-    )
+    root = Dataset(coords={"time": ("time", time[[0, -1]], dict(record.dataset["time"].attrs))})
+    tree = DataTree.from_dict({"/": root, "/period": dataset("period", values, {}, _EXTRA)})
     trace = str(record["record"].dataset["trace"].values[0])
     tree.attrs.update(result_attributes(record, {"trace": trace, "methods": ["period"]}, started))
     tree.attrs["requested_method"] = ",".join(requested)
@@ -117,11 +111,8 @@ def _steps(time: np.ndarray, elongation: np.ndarray) -> dict[str, float]:
     changes = changes[changes > 0.0]
     steps = np.diff(time)
     usual = steps[steps < 5.0 * np.median(steps)]
-    return {
-        "angle_step": float(changes.min()) if changes.size else 0.0,
-        "time_step_least": float(usual.min()),
-        "time_step_most": float(usual.max()),
-    }
+    least = float(changes.min()) if changes.size else 0.0
+    return {"angle_step": least, "time_step_least": float(usual.min()), "time_step_most": float(usual.max())}
 
 
 def period_summaries(result: DataTree) -> list[dict[str, Any]]:

@@ -84,9 +84,7 @@ def panel(figure: Figure, place: Any, title: str, across: str = "", up: str = ""
 
     with rc_context(_STYLE):
         axes: Axes = figure.add_subplot(place, **settings)
-        axes.set_title(title)
-        axes.set_xlabel(across)
-        axes.set_ylabel(up)
+        axes.set(title=title, xlabel=across, ylabel=up)
     return axes
 
 
@@ -98,8 +96,7 @@ def legend(axes: Axes, **settings: Any) -> None:
 def note(axes: Axes, text: str) -> None:
     """Write a remark in the middle of a panel that has nothing to show."""
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY)
-    axes.set_xticks([])
-    axes.set_yticks([])
+    axes.set(xticks=[], yticks=[])
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:
@@ -144,9 +141,7 @@ def time_scale(longest: float) -> tuple[float, str]:
 def over_time(axes: Axes, time: Floats, up: str) -> Floats:
     """Label both axes of a panel over the time from the start, s; return that time in the unit that suits."""
     factor, unit = time_scale(float(time[-1]))
-    axes.set_xlim(0.0, time[-1] * factor)
-    axes.set_xlabel(f"time from the start, {unit}")
-    axes.set_ylabel(up)
+    axes.set(xlim=(0.0, time[-1] * factor), xlabel=f"time from the start, {unit}", ylabel=up)
     return np.asarray(time * factor)
 
 

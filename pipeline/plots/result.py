@@ -37,8 +37,7 @@ _MOST_TRACES = 8
 
 def record_figure(record: DataTree) -> Figure:
     """Draw each trace of a valid record in a row: the whole at the left, twenty seconds at the right."""
-    time = np.asarray(record.dataset["time"].values, dtype=np.float64)
-    time = time - time[0]
+    time = _seconds(record)
     traces = record["record"].dataset["elongation"]
     labels = [str(label) for label in record["record"].dataset["trace"].values][:_MOST_TRACES]
     values = np.asarray(traces.values, dtype=np.float64)[: len(labels)]
@@ -61,8 +60,7 @@ def _draw_zoom(axes: Axes, time: Floats, values: Floats, color: str) -> None:
     start = max(0.0, 0.5 * time[-1] - 0.5 * _ZOOM)
     shown = (time >= start) & (time <= start + _ZOOM)
     angle, unit = angle_scale(float(np.nanmax(np.abs(values), initial=0.0)))
-    axes.set_xlabel(f"seconds after {start:.0f} s")
-    axes.set_ylabel(f"elongation, {unit}")
+    axes.set(xlabel=f"seconds after {start:.0f} s", ylabel=f"elongation, {unit}")
     if not np.isfinite(values[shown]).any():
         note(axes, "no reading here")
         return
@@ -111,9 +109,9 @@ def subtitle(result: DataTree) -> str:
 
 def of_method(result: DataTree, group: str, name: str, method: str) -> Floats:
     """Values of a variable for one method."""
-    row = [str(label) for label in result[group].dataset["estimator"].values].index(method)
-    values: Floats = np.asarray(result[group].dataset[name].values, dtype=np.float64)[row]
-    return values
+    table = result[group].dataset
+    row = [str(label) for label in table["estimator"].values].index(method)
+    return np.asarray(table[name].values[row], dtype=np.float64)
 
 
 def best_method(result: DataTree) -> str | None:
@@ -153,7 +151,8 @@ def draw_track(axes: Axes, result: DataTree) -> None:
     measured = np.asarray(phases["phase_speed"].values, dtype=np.float64)[row]
     gravity, frequency = (of_method(result, "gravity", name, best) for name in ("gravity", "frequency"))
     time = _seconds(result)
-    width = _mean_width(float(time[-1]))
+    # short against the beats of the swing, long against the reading noise
+    width = float(np.clip(round(float(time[-1]) / 450.0) * 10.0, 5.0, 60.0))
     across = over_time(axes, time, f"mGal from {float(gravity):.7f} m/s²\n(means of {width:g} s, twice)")
     lines = {
         "phase speed as measured": (gravity * (measured / frequency[-1]) ** 2, VERMILION),
@@ -207,13 +206,7 @@ def draw_spectrum(axes: Axes, result: DataTree) -> None:
         swing = float(of_method(result, "gravity", "frequency", best)[-1]) / (2.0 * np.pi)
         axes.axvline(swing, color=VERMILION, linewidth=1.0, linestyle="--", label=f"swing, {swing:.3f} Hz")
         legend(axes, loc="best")
-    axes.set_xlabel("frequency, Hz")
-    axes.set_ylabel("power density, rad²/Hz")
-
-
-def _mean_width(longest: float) -> float:
-    """Width of the running mean: short against the beats of the swing, long against the reading noise."""
-    return float(np.clip(round(longest / 450.0) * 10.0, 5.0, 60.0))
+    axes.set(xlabel="frequency, Hz", ylabel="power density, rad²/Hz")
 
 
 def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> None:
@@ -234,17 +227,13 @@ def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> No
     good = np.isfinite(offset)
     bars = np.where(np.isfinite(sigma), sigma, 0.0)
     axes.errorbar(offset[good], rows[good], xerr=bars[good], fmt="o", color=BLUE, ecolor=BLUE, capsize=3, markersize=5)
-    labels = [
-        f"{name}\n{_signed(offset[row])} ± {_minus(f'{sigma[row]:.2g}')}" if good[row] else f"{name}\nrefused"
-        for row, name in enumerate(methods)
-    ]
+    values = [f"{_signed(shift)} ± {_minus(f'{size:.2g}')}" for shift, size in zip(offset, sigma, strict=True)]
+    labels = [f"{name}\n{values[row] if good[row] else 'refused'}" for row, name in enumerate(methods)]
     axes.set_yticks(rows, labels)
-    axes.set_ylim(-0.6, len(methods) - 0.4)
     largest = float(np.max(np.abs(offset[good]) + bars[good], initial=smallest))
-    axes.set_xlim(-2.0 * largest, 2.0 * largest)
+    axes.set(xlim=(-2.0 * largest, 2.0 * largest), ylim=(-0.6, len(methods) - 0.4))
     _tick_decades(axes, smallest, largest)
     axes.grid(visible=False, axis="y")
-    axes.set_ylabel("")
     axes.set_xlabel("error, mGal (log scale)" if true_gravity is not None else f"mGal from {best} (log scale)")
 
 
@@ -277,14 +266,13 @@ def _linear_part(offset: Floats, sigma: Floats) -> float:
 
 
 def _seconds(result: DataTree) -> Floats:
-    time: Floats = np.asarray(result.dataset["time"].values, dtype=np.float64)
+    time = np.asarray(result.dataset["time"].values, dtype=np.float64)
     return np.asarray(time - time[0])
 
 
 def demo_figure(record: DataTree, result: DataTree, true_gravity: float) -> Figure:
     """Draw a record and its result on one sheet; the methods' errors are counted from the true gravity, m s-2."""
-    time = np.asarray(record.dataset["time"].values, dtype=np.float64)
-    time = time - time[0]
+    time = _seconds(record)
     labels = [str(label) for label in record["record"].dataset["trace"].values][:2]
     figure = sheet("From a ship's record to gravity", subtitle(result), 12.0, 10.0)
     grid = figure.add_gridspec(3, 2)

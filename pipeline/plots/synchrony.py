@@ -21,12 +21,8 @@ def period_figure(result: DataTree) -> Figure:
     table = result.children["period"].to_dataset(inherit=False)
     period, sigma = float(table["period"]), float(table["period_sigma"])
     name = result.attrs.get("record_id", "without a name")
-    figure = sheet(
-        "Period of a single pendulum against its arc",
-        f"record {name} · at infinitesimal arc {period:.6f} s ± {sigma:.2g} s · {table.sizes['cycle']} cycles",
-        11.0,
-        7.2,
-    )
+    words = f"at infinitesimal arc {period:.6f} s ± {sigma:.2g} s · {table.sizes['cycle']} cycles"
+    figure = sheet("Period of a single pendulum against its arc", f"record {name} · {words}", 11.0, 7.2)
     grid = figure.add_gridspec(2, 1, height_ratios=(1.5, 1))
     _draw_periods(panel(figure, grid[0], "Cycle by cycle", "", "full period, s"), table, period)
     left = panel(figure, grid[1], "What the law leaves", "amplitude, rad", "period / law − 1, %")
@@ -42,8 +38,7 @@ def _draw_periods(axes: Axes, table: Dataset, period: float) -> None:
     arc = np.linspace(0.0, 1.03 * float(np.nanmax(amplitude)), 300)
     law = period * arc_factor(arc)
     axes.plot(arc, law, "--", color=VERMILION, label="finite-arc law (elliptic integral)")
-    axes.set_ylim(*robust_limits(np.concatenate([cycles, law])))
-    axes.set_xlim(0.0, arc[-1])
+    axes.set(xlim=(0.0, arc[-1]), ylim=robust_limits(np.concatenate([cycles, law])))
     legend(axes, loc="upper left")
 
 
@@ -65,9 +60,8 @@ def _draw_remainder(axes: Axes, table: Dataset, period: float) -> None:
     low, high = robust_limits(np.concatenate(shown), hidden=4.0)
     low, high = min(low, -0.25), max(high, 0.25)
     outside = int(sum(((values < low) | (values > high)).sum() for values in shown))
-    axes.set_ylim(low, high)
-    axes.set_xlim(0.0, 1.03 * float(np.nanmax(amplitude)))
-    axes.set_xlabel("amplitude, rad" + (f" ({outside} points lie beyond the frame)" if outside else ""))
+    words = "amplitude, rad" + (f" ({outside} points lie beyond the frame)" if outside else "")
+    axes.set(xlim=(0.0, 1.03 * float(np.nanmax(amplitude))), ylim=(low, high), xlabel=words)
     legend(axes, loc="lower right", ncols=2)
 
 

@@ -116,11 +116,8 @@ def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
 def _beam(record: DataTree, time: Floats, seen: Phases) -> tuple[dict[str, Any], str]:
     """Motion of the support in the second half, and its direction, where an acceleration was recorded."""
     traces = record["record"].dataset
-    accelerations = {
-        name: np.asarray(traces[name].values, dtype=np.float64)
-        for name in ("vertical_acceleration", "horizontal_acceleration")
-        if name in traces
-    }
+    recorded = [name for name in ("vertical_acceleration", "horizontal_acceleration") if name in traces]
+    accelerations = {name: np.asarray(traces[name].values, dtype=np.float64) for name in recorded}
     size = row_means_present(seen.amplitude[:, seen.time >= 0.5 * seen.time[-1]])
     moved = beam(time, accelerations, float(seen.frequency.mean()), size, 0.5 * float(time[-1]))
     return ({"beam_amplitude": moved.amplitude, "beam_ratio": moved.ratio}, moved.direction) if moved else ({}, "")

@@ -73,8 +73,7 @@ class Geometry:
             right = np.where((down >= 0.0) & (down < self.length), right, left)
         right = np.maximum(right, left)
         shift = self.corner[1]
-        edges: tuple[Floats, Floats] = (left + shift, right + shift)
-        return edges
+        return (left + shift, right + shift)
 
 
 def geometry_of(film: Film, travel: float, offsets: Floats) -> Geometry:

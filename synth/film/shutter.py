@@ -151,8 +151,7 @@ class Transport:
             rise = (self._walk[cell + 1] - self._walk[cell]) / (self._knots[cell + 1] - self._knots[cell])
             run += self._walked_off[cell] + within * (self._walk[cell] + 0.5 * rise * within)
         beyond = (time - self._begin) - since
-        travelled: Floats = film.speed * run + beyond * self.speed(time)
-        return travelled
+        return film.speed * run + beyond * self.speed(time)
 
     def speed(self, time: Floats) -> Floats:
         """Speed at a time, mm/s."""
@@ -163,8 +162,7 @@ class Transport:
             rate += film.wow * np.sin(2 * np.pi / film.wow_period * since + self._phase)
         if film.walk:
             rate += np.interp(since, self._knots, self._walk)
-        speed: Floats = film.speed * rate
-        return speed
+        return film.speed * rate
 
     def time_at(self, travel: Floats) -> Floats:
         """Time at a travel, s; to 1e-12 of the record's length, by Newton's steps kept in a shrinking bracket."""

@@ -28,25 +28,17 @@ from synth.recording.observe import described, label_array
 def description_of(plan: FilmPlan) -> FilmDescription:
     """What the observer knows: the camera as it is meant to be, and the instrument as the record states it."""
     source, film, layout = plan.source, plan.film, plan.layout
-    traces = [
-        {
-            "name": name,
-            "combination": {
-                label: float(weight) for label, weight in zip(source.pendulums, weights, strict=True) if weight
-            },
-            "lever": float(layout.lever[k]),
-            "position": float(layout.position[k]),
-        }
-        for k, (name, weights) in enumerate(zip(source.traces, source.combination, strict=True))
-    ]
+    traces = []
+    for name, weights, lever, place in zip(
+        source.traces, source.combination, layout.lever, layout.position, strict=True
+    ):
+        own = {label: float(weight) for label, weight in zip(source.pendulums, weights, strict=True) if weight}
+        traces.append({"name": name, "combination": own, "lever": float(lever), "position": float(place)})
     known = source.instrument
     labels = [str(each) for each in known.get("pendulum", source.pendulums)]
-    own = [name for name in DescribedPendulum.model_fields if name in known]
-    pendulums = [
-        {"label": label, **{name: float(known[name][k]) for name in own}}
-        for k, label in enumerate(labels)
-        if label in source.pendulums
-    ]
+    stated = [name for name in DescribedPendulum.model_fields if name in known]
+    shown = [(k, label) for k, label in enumerate(labels) if label in source.pendulums]
+    pendulums = [{"label": label, **{name: float(known[name][k]) for name in stated}} for k, label in shown]
     stated = [name for name in DescribedInstrument.model_fields if name in known]
     scalars = {name: float(known[name]) for name in stated if np.ndim(known[name]) == 0}
     return FilmDescription.model_validate(
@@ -62,18 +54,13 @@ def description_of(plan: FilmPlan) -> FilmDescription:
 
 def _bases(known: dict[str, Any], labels: list[str], shown: tuple[str, ...]) -> list[dict[str, Any]]:
     """Occupations of base stations, as the record states them."""
-    return [
-        {
-            "label": str(label),
-            **{key: float(known[name][k]) for name, key in BASES.items() if name in known},
-            **{
-                key: {own: float(value) for own, value in zip(labels, known[name][k], strict=True) if own in shown}
-                for name, key in PERIODS.items()
-                if name in known
-            },
-        }
-        for k, label in enumerate(known.get(BASE, ()))
-    ]
+    bases = []
+    for k, label in enumerate(known.get(BASE, ())):
+        values = {key: float(known[name][k]) for name, key in BASES.items() if name in known}
+        rows = {key: zip(labels, known[name][k], strict=True) for name, key in PERIODS.items() if name in known}
+        periods = {key: {own: float(value) for own, value in row if own in shown} for key, row in rows.items()}
+        bases.append({"label": str(label), **values, **periods})
+    return bases
 
 
 class TruthOfFilm:

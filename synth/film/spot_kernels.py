@@ -46,16 +46,14 @@ def spot_table(sigma: float) -> Floats:
     from scipy.special import ndtr
 
     half = int((REACH + 2.0 / sigma) * FINE) + 2
-    table: Floats = ndtr(np.arange(-half, half + 1) / FINE)
-    return table
+    return ndtr(np.arange(-half, half + 1) / FINE)
 
 
 @kernel
 def below(table: Floats, place: float) -> float:
     """The table between its entries, at a place counted in entries."""
     i = int(place)
-    share: float = table[i] + (place - i) * (table[i + 1] - table[i])
-    return share
+    return float(table[i] + (place - i) * (table[i + 1] - table[i]))
 
 
 @kernel

@@ -133,8 +133,7 @@ def blurred(strips: Iterator[Pixels], sigma: float) -> Iterator[Pixels]:
     radius = math.ceil(4.0 * sigma)
 
     def along(image: Pixels, axis: int) -> Pixels:
-        done: Pixels = gaussian_filter1d(image, sigma, axis=axis, mode="nearest", radius=radius)
-        return done
+        return gaussian_filter1d(image, sigma, axis=axis, mode="nearest", radius=radius)
 
     above: Pixels | None = None
     here = along(next(strips), 1)

@@ -117,8 +117,7 @@ def of_beam(beam: ElasticBeam, *, full: bool = True) -> Clocks:
 
 def mirrored(states: Floats) -> Floats:
     """States with both clocks on the other side, y_i -> -y_i; the beam stays."""
-    result: Floats = states * np.array([1.0, 1.0, -1.0, -1.0, -1.0, -1.0])
-    return result
+    return np.asarray(states * np.array([1.0, 1.0, -1.0, -1.0, -1.0, -1.0]))
 
 
 LIKELY = 1e-6

@@ -159,14 +159,9 @@ def chosen(here: Run, ladder: Ladder = LADDER) -> int:
 
 
 def run(
-    problem: Problem,
-    start: Floats,
-    times: Floats,
-    limits: tuple[float, float],
-    ladder: Ladder = LADDER,
-    depth: int | None = None,
-    out: Floats | None = None,
-) -> tuple[Floats, Run]:
+    problem: Problem, start: Floats, times: Floats, limits: tuple[float, float], ladder: Ladder = LADDER,
+    depth: int | None = None, out: Floats | None = None,
+) -> tuple[Floats, Run]:  # fmt: skip
     """States (k, n) at the times, and the run that found them.
 
     Parameters

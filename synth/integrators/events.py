@@ -122,14 +122,9 @@ def begin(event: Any, memory: Any, state: Floats) -> None:
 
 @kernel
 def locate(
-    event: Escapement,
-    memory: Memory,
-    state: Floats,
-    low: Floats,
-    following: Floats,
-    left_over: Floats,
+    event: Escapement, memory: Memory, state: Floats, low: Floats, following: Floats, left_over: Floats,
     polynomial: Floats,
-) -> float:
+) -> float:  # fmt: skip
     """Share of the step at the first crossing, or 2.0; remembers the crossing of each kick, and the sides if none."""
     earliest = NONE
     for j in range(event.level.size):

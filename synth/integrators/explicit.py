@@ -95,14 +95,9 @@ def integrate(
 
 
 def stream(
-    system: Any,
-    start: ArrayLike,
-    chunks: Iterable[Floats],
-    span: tuple[float, float],
-    *,
-    tolerance: float = 1e-10,
+    system: Any, start: ArrayLike, chunks: Iterable[Floats], span: tuple[float, float], *, tolerance: float = 1e-10,
     event: Escapement | None = None,
-) -> Stream:
+) -> Stream:  # fmt: skip
     """As `integrate`, for times that come in chunks (`trajectory.streamed`); how they are cut changes no bit."""
     return streamed(_solve(system, start, span, tolerance, event), chunks, span)
 
@@ -154,8 +149,7 @@ class Refinement:
     def costs(self) -> list[int]:
         """Steps, rejected steps and evaluations of all marches."""
         runs = self.runs if self.probe is None else [*self.runs, self.probe.noisy]
-        costs: list[int] = np.sum([each.counts for each in runs], axis=0).tolist()
-        return costs
+        return np.sum([each.counts for each in runs], axis=0).tolist()
 
 
 def refine(system: Any, event: Escapement | None, start: Floats, times: Floats, tolerance: float) -> Refinement:

@@ -107,32 +107,9 @@ class Blocks:
         return float(np.abs(centres).max(initial=0.0) + reaches[-1])
 
 
-@dataclass(frozen=True)
-class Halves:
-    """Weights and tables of some functions: (rows, blocks) and (rows, reaches); odd as before minus after."""
-
-    even_weights: Floats
-    even_table: Floats
-    odd_weights: Floats
-    odd_table: Floats
-
-
-def general_halves(weights: Phasors, after: Phasors, before: Phasors) -> Halves:
-    """Any functions, given on both sides of the centre.
-
-    Parameters
-    ----------
-    weights : (functions, blocks)
-        W
-    after, before : (functions, reaches)
-        f(tau) and f(-tau)
-    """
-    rows = np.concatenate([weights.real, -weights.imag])
-    even, odd = (before + after) / 2, (before - after) / 2
-    return Halves(rows, np.concatenate([even.real, even.imag]), rows, np.concatenate([odd.real, odd.imag]))
-
-
-def product(parts: Sequence[Halves], result: Floats, *, begun: bool) -> None:
+def product(
+    even: Sequence[tuple[Floats, Floats]], odd: Sequence[tuple[Floats, Floats]], result: Floats, *, begun: bool
+) -> None:
     """Evaluate some functions and put their sum into a result, or add it to one that is begun.
 
     Rows are taken in strips small enough for the BLAS to keep to one thread: a product of a tenth of a millisecond
@@ -141,16 +118,15 @@ def product(parts: Sequence[Halves], result: Floats, *, begun: bool) -> None:
 
     Parameters
     ----------
-    parts
-        At least one.
+    even, odd
+        Weights (rows, blocks) and tables (rows, reaches) of some functions, at least of one; odd is before minus after.
     result : (blocks, moments) float64
     """
-    even = np.concatenate([each.even_weights for each in parts]).T, np.concatenate([each.even_table for each in parts])
-    odd = np.concatenate([each.odd_weights for each in parts]).T, np.concatenate([each.odd_table for each in parts])
-    rows = ONE_THREAD // max(even[1].size, 1)
+    evens, odds = ([np.concatenate(column) for column in zip(*each, strict=True)] for each in (even, odd))
+    rows = ONE_THREAD // max(evens[1].size, 1)
     rows = len(result) if rows < FEWEST_ROWS else min(rows, len(result))
-    space = np.empty((2, max(rows, 1), even[1].shape[1]))
-    halves(even, odd, result, space, begun=begun)
+    space = np.empty((2, max(rows, 1), evens[1].shape[1]))
+    halves((evens[0].T, evens[1]), (odds[0].T, odds[1]), result, space, begun=begun)
 
 
 def halves(

@@ -107,10 +107,8 @@ def _inverse_transform(angle: Floats) -> Floats:
     """1/Phi at angles theta."""
     root = np.sqrt(_SHAPE**2 - (_HALF * angle) ** 2)
     growth = np.exp((_HALF * angle) ** 2 / (_SHAPE + root))
-    inverse: Floats = root * growth / (_HALF * -np.expm1(-2 * root)) * _scaled_bessel(np.array(_SHAPE))
-    return inverse
+    return np.asarray(root * growth / (_HALF * -np.expm1(-2 * root)) * _scaled_bessel(np.array(_SHAPE)))
 
 
 def _scaled_bessel(argument: Floats) -> Floats:
-    scaled: Floats = np.i0(argument) * np.exp(-argument)
-    return scaled
+    return np.i0(argument) * np.exp(-argument)

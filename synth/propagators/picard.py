@@ -134,13 +134,11 @@ class PicardPlan:
 
     def _reversed(self) -> PicardPlan:
         """The same motion with time running backwards."""
-        return replace(
-            self,
-            damping_rates=-self.damping_rates,
-            starts=self.starts * [1.0, -1.0],
-            horizontal=replace(self.horizontal, acceleration=self.horizontal.acceleration.conj()),
-            vertical=replace(self.vertical, acceleration=self.vertical.acceleration.conj()),
+        across, along = (
+            replace(each, acceleration=each.acceleration.conj()) for each in (self.horizontal, self.vertical)
         )
+        turned, starts = -self.damping_rates, self.starts * [1.0, -1.0]
+        return replace(self, damping_rates=turned, starts=starts, horizontal=across, vertical=along)
 
     def _equations(self) -> Equations:
         horizontal, vertical = _at_least_one(self.horizontal), _at_least_one(self.vertical)

@@ -56,12 +56,9 @@ class Equations:
         """Every pendulum twice."""
         answers = self.horizontal.coefficients
         count = len(self.frequencies)
-        return replace(
-            self,
-            frequencies=np.tile(self.frequencies, 2),
-            damping_rates=np.tile(self.damping_rates, 2),
-            horizontal=replace(self.horizontal, coefficients=np.vstack([answers[:count], answers])),
-        )
+        horizontal = replace(self.horizontal, coefficients=np.vstack([answers[:count], answers]))
+        frequencies, damping_rates = np.tile(self.frequencies, 2), np.tile(self.damping_rates, 2)
+        return replace(self, frequencies=frequencies, damping_rates=damping_rates, horizontal=horizontal)
 
 
 class Swing(NamedTuple):

@@ -29,7 +29,7 @@ import numpy as np
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import Response
 from synth.phase import Floats, Integers, Phasors, rational_turns
-from synth.propagators.blocks import PORTION, Blocks, EvenTicks, Halves, Ticks, general_halves, product
+from synth.propagators.blocks import PORTION, Blocks, EvenTicks, Ticks, product
 from synth.propagators.periodic import PeriodicSums, Places
 
 Seconds = tuple[Floats, Floats]
@@ -53,23 +53,25 @@ class _Free:
     split: Phasors
     """(slow beats,) G and mu."""
 
-    def halves(self, head: Phasors, table: Phasors, seconds: Seconds) -> Halves:
-        """Weights and functions, from exp(i omega t_b), exp(i omega tau), t_b and tau."""
+    def halves(self, head: Phasors, table: Phasors, seconds: Seconds) -> tuple[Floats, Floats, Floats]:
+        """Weights, and functions even and odd, from exp(i omega t_b), exp(i omega tau), t_b and tau."""
         centres, reaches = seconds
         rate = self.owner.damping_rate
         longest = reaches[-1]  # borrowed from the centres, so that nothing grows beyond bounds
-        weights = head * np.exp(-rate * (centres - longest))
-        after = table * np.exp(-rate * (longest + reaches))
-        before = table.conj() * np.exp(-rate * (longest - reaches))
-        if not self.gain.size:
-            return general_halves(self.start * weights[None], after[None], before[None])
-        split, gain = self.split[:, None], self.gain[:, None]
-        own = self.start + np.sum(gain * growth(split, centres), axis=0)
-        return general_halves(
-            weights * np.vstack([own, gain * np.exp(split * centres)]),
-            after * np.vstack([np.ones_like(after), growth(split, reaches)]),
-            before * np.vstack([np.ones_like(before), growth(split, -reaches)]),
-        )
+        weights = (head * np.exp(-rate * (centres - longest)))[None]
+        after = (table * np.exp(-rate * (longest + reaches)))[None]
+        before = (table.conj() * np.exp(-rate * (longest - reaches)))[None]
+        if self.gain.size:
+            split, gain = self.split[:, None], self.gain[:, None]
+            own = self.start + np.sum(gain * growth(split, centres), axis=0)
+            weights = weights * np.vstack([own, gain * np.exp(split * centres)])
+            after = after * np.vstack([np.ones_like(after), growth(split, reaches)])
+            before = before * np.vstack([np.ones_like(before), growth(split, -reaches)])
+        else:
+            weights = self.start * weights
+        even, odd = (before + after) / 2, (before - after) / 2
+        even, odd = (np.concatenate([each.real, each.imag]) for each in (even, odd))
+        return np.concatenate([weights.real, -weights.imag]), even, odd
 
 
 def _pendulum(response: Response, steady: Phasors, last: float) -> tuple[Phasors, _Free]:
@@ -96,10 +98,12 @@ def _evaluate(sums: Sequence[tuple[Phasors, _Free | None]], angular_frequency: F
         for index, ((steady, free), total) in enumerate(zip(sums, result, strict=True)):
             weights = steady[portion, None] * head[:count]
             # Re(W exp(i w tau)) = Re W cos(w tau) - Im W sin(w tau)
-            parts = [Halves(weights.real, table[:count].real, weights.imag, table[:count].imag)]
+            even, odd = [(weights.real, table[:count].real)], [(weights.imag, table[:count].imag)]
             if free and begin == 0:
-                parts.append(free.halves(head[count + index], table[count + index], seconds))
-            product(parts, total, begun=begin > 0)
+                own_weights, own_even, own_odd = free.halves(head[count + index], table[count + index], seconds)
+                even.append((own_weights, own_even))
+                odd.append((own_weights, own_odd))
+            product(even, odd, total, begun=begin > 0)
     return result
 
 
@@ -162,8 +166,7 @@ class Times(ABC):
         """Acceleration of the support, (count,), m/s^2."""
         alone = motion.alone
         result = self.series(motion.angular_frequency[:alone], motion.acceleration[None, :alone])
-        moved: Floats = self._with(result, [motion.transforms])[0]
-        return moved
+        return np.asarray(self._with(result, [motion.transforms])[0])
 
     def slow(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
         """Steady answers to the harmonics away from n, (pendulums, count), rad."""
@@ -222,8 +225,7 @@ class EvenTimes(Times):
     def places(self, period: Fraction) -> Places:
         """See `Times.places`."""
         index = np.arange(self.first, self.first + self.count, dtype=np.int64)
-        places: Places = rational_turns(self.step / period).wrapped(index)[0]
-        return places
+        return np.asarray(rational_turns(self.step / period).wrapped(index)[0])
 
     def _layout(self, fastest: float) -> tuple[Blocks, Interpolate]:
         """Fewer moments a block than blocks: few sines, and shapes that suit the matrix product.
@@ -260,8 +262,7 @@ class UnevenTimes(Times):
         number = np.floor(self.seconds / length)
         left = (self.seconds - number * length) * float(self.scale / period * 2**64)
         whole = rational_turns(Fraction(length) * self.scale / period).wrapped(number.astype(np.int64))[0]
-        places: Places = whole + np.rint(left).astype(np.uint64)
-        return places
+        return np.asarray(whole + np.rint(left).astype(np.uint64))
 
     def _layout(self, fastest: float) -> tuple[Blocks, Interpolate]:
         """Blocks that hold the moments; half their length is a power of two, so that they start at exact times."""

@@ -45,12 +45,9 @@ def draw(table: Sequence[Row], method: str, path: str | os.PathLike[str]) -> Non
     half = (len(lines) + 1) // 2
     columns = [part for part in (lines[:half], lines[half:]) if part]
     records = max(row["records"] for row in table)
-    figure = sheet(
-        f"Whether the stated uncertainty holds: {method}",
-        f"in each cell: median sigma in mGal, and z, the largest |error|/sigma; records a cell: {records}",
-        len(columns) * (_LABEL + len(STRENGTHS) * _CELL) + 0.3,
-        half * _ROW + _MARGIN,
-    )
+    words = f"in each cell: median sigma in mGal, and z, the largest |error|/sigma; records a cell: {records}"
+    size = len(columns) * (_LABEL + len(STRENGTHS) * _CELL) + 0.3, half * _ROW + _MARGIN
+    figure = sheet(f"Whether the stated uncertainty holds: {method}", words, *size)
     grid = figure.add_gridspec(2, len(columns), height_ratios=[half * _ROW, 0.3])
     cells = {(row["kind"], row["strength"]): row for row in table}
     for place, part in enumerate(columns):
@@ -70,8 +67,7 @@ def _column(axes: Axes, kinds: Sequence[str], height: int, cells: dict[tuple[str
             axes.add_patch(Rectangle((across, down), 1, 1, facecolor=_colour(row), edgecolor="white", linewidth=1.5))
             for x, text, side in _words(row):
                 axes.text(across + x, down + 0.54, text, ha=side, va="center", fontsize=7.8)
-    axes.set_xlim(0, len(STRENGTHS))
-    axes.set_ylim(height, 0)
+    axes.set(xlim=(0, len(STRENGTHS)), ylim=(height, 0))
     axes.set_yticks([k + 0.5 for k in range(len(kinds))], kinds, fontsize=8.5)
     for words, label in zip(kinds, axes.get_yticklabels(), strict=True):
         label.set_fontweight("bold" if words in _HEADINGS.values() else "normal")
@@ -94,10 +90,8 @@ def _words(row: Row) -> list[tuple[float, str, str]]:
     if row["refused"] == row["records"]:
         return [(0.5, "refused", "center")]
     size = row["worst_z"]
-    found = [
-        (0.06, f"±{number(row['sigma_median_mgal'])}", "left"),
-        (0.94, f"z {size:.1f}" if size < 9.95 else f"z {size:.0f}" if size < 1e5 else f"z {size:.0e}", "right"),
-    ]
+    z = f"z {size:.1f}" if size < 9.95 else f"z {size:.0f}" if size < 1e5 else f"z {size:.0e}"
+    found = [(0.06, f"±{number(row['sigma_median_mgal'])}", "left"), (0.94, z, "right")]
     if row["refused"]:
         found.append((0.56, f"{row['refused']} ref.", "center"))
     return found

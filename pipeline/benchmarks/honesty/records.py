@@ -23,6 +23,7 @@ REFERENCE = 9.81
 _MGAL = 1e-5  # m/s^2
 _SLOW = 10.0  # s, of an acceleration that planes of swing follow
 _WAY = 5.0  # m/s, of a ship that turns
+Random = np.random.Generator
 
 
 class Made(NamedTuple):
@@ -59,7 +60,7 @@ def record(kind: str, strength: str, seed: int, *, duration: float | None = None
     return of_case(case if duration is None else replace(case, duration=duration), random, f"{kind}-{strength}-{seed}")
 
 
-def of_case(case: Case, random: np.random.Generator, label: str) -> Made:
+def of_case(case: Case, random: Random, label: str) -> Made:
     """Make a record of a case; what the case leaves open is drawn."""
     period = random.uniform(0.95, 1.05)
     splits = [case.split or random.choice([-1, 1]) * 10.0 ** random.uniform(-4.3, -3.3) for _ in range(2)]
@@ -107,7 +108,7 @@ def of_case(case: Case, random: np.random.Generator, label: str) -> Made:
     return Made(_tree(label, stamped, traces, states, frequency, damping, case, random), gravity, case, law)
 
 
-def _motion(case: Case, swing: float, random: np.random.Generator) -> plain.Motion:
+def _motion(case: Case, swing: float, random: Random) -> plain.Motion:
     parts = [plain.sea(random, case.swell_period, *case.swell), plain.sea(random, case.wind_period, *case.wind_sea)]
     beat = random.choice([-1, 1]) / random.uniform(60.0, 300.0)
     parts.append(plain.line(random, swing + beat, case.resonant, 0.0))
@@ -132,13 +133,13 @@ def _rocking(support: plain.Support, case: Case, length: float) -> plain.Support
     )
 
 
-def _turned(support: plain.Support, case: Case, random: np.random.Generator) -> plain.Support:
+def _turned(support: plain.Support, case: Case, random: Random) -> plain.Support:
     """What a plane of swing at an angle to the first feels: some of a sea across, whose phases are its own."""
     other = support.across * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, support.across.size))
     return support._replace(across=np.cos(case.plane) * support.across + np.sin(case.plane) * other)
 
 
-def _pulses(case: Case, random: np.random.Generator) -> Floats:
+def _pulses(case: Case, random: Random) -> Floats:
     """Slow accelerations: a turn, across the ship; a change of speed, along it."""
     rows = []
     for size, span in (
@@ -152,12 +153,7 @@ def _pulses(case: Case, random: np.random.Generator) -> Floats:
 
 
 def _swing(
-    times: Floats,
-    own: plain.Pendulums,
-    support: plain.Support,
-    case: Case,
-    frequency: Floats,
-    random: np.random.Generator,
+    times: Floats, own: plain.Pendulums, support: plain.Support, case: Case, frequency: Floats, random: Random
 ) -> Floats:
     """Elongations, (pendulums, samples), with the knocks and restarts that part the record in two."""
     # phases that keep the difference from vanishing, as an observer releases them
@@ -191,7 +187,7 @@ def _tree(
     frequency: Floats,
     damping: Floats,
     case: Case,
-    random: np.random.Generator,
+    random: Random,
 ) -> DataTree:
     """The record in its layout, with what it states."""
     import xarray as xr
@@ -212,11 +208,8 @@ def _tree(
     if case.noise and case.states_noise:
         read_values["elongation_uncertainty"] = (("trace",), np.full(count, case.noise))
     read_values |= {name: (("time",), values) for name, values in states.items()}
-    instrument: dict[str, Any] = {
-        "pendulum": (("pendulum",), labels),
-        "period": (("pendulum",), period),
-        "reference_gravity": ((), REFERENCE),
-    }
+    instrument: dict[str, Any] = {"pendulum": (("pendulum",), labels), "period": (("pendulum",), period)}
+    instrument["reference_gravity"] = ((), REFERENCE)
     if case.states_damping:
         instrument["damping_rate"] = (("pendulum",), damping * (1.0 + case.damping_error))
     if case.rocking:
@@ -229,13 +222,12 @@ def _tree(
     reference = {"reference": "case"} if (case.tilt or case.follows) and case.states_tilt else {}
     root = {"Conventions": CONVENTIONS, "schema": "isochrony-record", "schema_version": VERSION}
     root |= {"record_id": label, "title": f"benchmark record {label}", "history": "", "source": "model"}
-    return xr.DataTree.from_dict(
-        {
-            "/": _dataset("", {"time": (("time",), times)}).assign_attrs(root),
-            "/record": _dataset("record/", read_values).assign_attrs(reference),
-            "/instrument": _dataset("instrument/", instrument).assign_attrs(law),
-        }
-    )
+    groups = {
+        "/": _dataset("", {"time": (("time",), times)}).assign_attrs(root),
+        "/record": _dataset("record/", read_values).assign_attrs(reference),
+        "/instrument": _dataset("instrument/", instrument).assign_attrs(law),
+    }
+    return xr.DataTree.from_dict(groups)
 
 
 def _dataset(group: str, values: dict[str, Any]) -> Dataset:

@@ -141,12 +141,7 @@ DURATION: float | None = None
 
 
 def run(
-    *,
-    quick: bool,
-    folder: Path | None,
-    methods: Sequence[str] = ("auto",),
-    only: str = "",
-    seeds: int | None = None,
+    *, quick: bool, folder: Path | None, methods: Sequence[str] = ("auto",), only: str = "", seeds: int | None = None
 ) -> Iterator[Row]:
     """Yield a row a kind and strength, then sums by strength, then the promises.
 

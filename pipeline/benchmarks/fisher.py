@@ -90,15 +90,9 @@ def jacobian(pair: Pair, theta: Floats, step: float, every: int = 1, *, damping_
 
 
 def bound(
-    pair: Pair,
-    theta: Floats,
-    step: float,
-    sigma_theta: float,
-    sigma_difference: float,
-    *,
-    every: int = 1,
+    pair: Pair, theta: Floats, step: float, sigma_theta: float, sigma_difference: float, *, every: int = 1,
     damping_known: bool = True,
-) -> float:
+) -> float:  # fmt: skip
     """Least standard deviation of n2 that an unbiased estimator can have, rad s-1.
 
     Parameters

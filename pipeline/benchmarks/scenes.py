@@ -57,19 +57,11 @@ def resonant(share_of_gravity: float = 4e-5, detuning: float = 0.026, phase: flo
 
 
 def two_pendulums(
-    record_id: str,
-    relative_difference: float,
-    *,
-    motion: Motion | None = None,
-    amplitudes: tuple[float, float] = (0.006, 0.012),
-    phases: tuple[float, float] = (0.4, 2.2),
-    damping_rates: tuple[float, float] = (0.0, 0.0),
-    gravity: float = GRAVITY,
-    duration: float | None = None,
-    restoring: str = "linear",
-    seed: int = 0,
-    **recording: Any,
-) -> Scene:
+    record_id: str, relative_difference: float, *, motion: Motion | None = None,
+    amplitudes: tuple[float, float] = (0.006, 0.012), phases: tuple[float, float] = (0.4, 2.2),
+    damping_rates: tuple[float, float] = (0.0, 0.0), gravity: float = GRAVITY, duration: float | None = None,
+    restoring: str = "linear", seed: int = 0, **recording: Any,
+) -> Scene:  # fmt: skip
     """Two pendulums on a moving support.
 
     Parameters

@@ -93,13 +93,9 @@ def _moved(swell: Swell, axis: str) -> list[dict[str, Any]]:
 
 def _linear() -> tuple[Motion, ...]:
     def made(
-        name: str,
-        start: tuple[float, ...] = (0.01, 0.02),
-        step: Fraction = Fraction(1, 10),
-        count: int = 6001,
-        damping: float = 0.0,
-        swell: Swell = STILL,
-    ) -> Motion:
+        name: str, start: tuple[float, ...] = (0.01, 0.02), step: Fraction = Fraction(1, 10), count: int = 6001,
+        damping: float = 0.0, swell: Swell = STILL,
+    ) -> Motion:  # fmt: skip
         frequency = (N,) * (len(start) // 2)
         periods = [2.0 * np.pi / n for n in frequency]
         scene = _scene(periods, start, step, count, {"damping_rate": damping}, motion=_moved(swell, "horizontal"))
@@ -139,16 +135,10 @@ def _linear() -> tuple[Motion, ...]:
 
 def _sine() -> tuple[Motion, ...]:
     def made(
-        name: str,
-        start: tuple[float, float],
-        count: int,
-        true: Callable[[Sequence[Fraction]], Floats] | None = None,
-        source: str = ANOTHER,
-        solvers: tuple[Propagator, ...] = VIOLENT,
-        step: Fraction = Fraction(1, 20),
-        horizontal: Swell = STILL,
-        vertical: Swell = STILL,
-    ) -> Motion:
+        name: str, start: tuple[float, float], count: int, true: Callable[[Sequence[Fraction]], Floats] | None = None,
+        source: str = ANOTHER, solvers: tuple[Propagator, ...] = VIOLENT, step: Fraction = Fraction(1, 20),
+        horizontal: Swell = STILL, vertical: Swell = STILL,
+    ) -> Motion:  # fmt: skip
         motion = [*_moved(horizontal, "horizontal"), *_moved(vertical, "vertical")]
         scene = _scene([2.0 * np.pi / N], start, step, count, {}, restoring="sine", motion=motion)
         return Motion(name, scene, step, count, true, source, solvers)

@@ -65,17 +65,14 @@ class Cycles:
 def find_cycles(time: Floats, theta: Floats) -> Cycles:
     """Find crossings and turning points by local polynomial fits.
 
+    `RefusedError`: fewer than `LEAST_CYCLES` cycles, or fewer than `LEAST_SAMPLES` samples a swing.
+
     Parameters
     ----------
     time : (n,) array
         Strictly increasing, s.
     theta : (n,) array
         rad, NaN = missing; need not be uniform.
-
-    Raises
-    ------
-    RefusedError
-        Fewer than `LEAST_CYCLES` cycles, or fewer than `LEAST_SAMPLES` samples a swing.
     """
     present = np.isfinite(theta)
     time, theta = time[present], theta[present]

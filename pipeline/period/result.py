@@ -41,10 +41,7 @@ _EXTRA = {
 def period_result(record: DataTree, requested: Sequence[str], started: float) -> DataTree:
     """Analyse the only trace of a record and lay the result out.
 
-    Raises
-    ------
-    RefusedError
-        Too few swings or samples.
+    `RefusedError`: too few swings or samples.
     """
     from xarray import Dataset, DataTree
 

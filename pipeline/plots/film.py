@@ -31,13 +31,9 @@ _IMAGE: Any = {"origin": "lower", "aspect": "auto", "interpolation": "none"}
 _FINE = 2.0  # rows to a dot up to which single readings are drawn
 _TRACES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 _FLAGS = {
-    "ambiguous": VERMILION,
-    "lost": PURPLE,
-    "single_direction": ORANGE,
-    "overlap": SKY,
-    "gap": GREY,
+    "ambiguous": VERMILION, "lost": PURPLE, "single_direction": ORANGE, "overlap": SKY, "gap": GREY,
     "saturated": GREEN,
-}
+}  # fmt: skip
 
 
 class Strip(NamedTuple):

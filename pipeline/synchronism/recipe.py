@@ -139,10 +139,7 @@ def _refuse_rare(record: DataTree, spacing: float) -> None:
 def pendulums_of(record: DataTree) -> tuple[list[str], Floats]:
     """Labels and elongations (pendulums, time) of the pendulums that the traces tell apart, rad.
 
-    Raises
-    ------
-    RecordError
-        If these are fewer than two.
+    `RecordError` if these are fewer than two.
     """
     traces = record["record"].dataset
     labels = [str(label) for label in traces["pendulum"].values]

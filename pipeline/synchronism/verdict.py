@@ -30,6 +30,8 @@ def available() -> bool:
 def allan_deviation(time: Floats, phase: Floats) -> tuple[Floats, Floats]:
     """Overlapping Allan deviation of clocks.
 
+    `UsageError` if allantools is not installed.
+
     Parameters
     ----------
     time : (k,) array
@@ -41,11 +43,6 @@ def allan_deviation(time: Floats, phase: Floats) -> tuple[Floats, Floats]:
     -------
     averaging_time : (m,) s, one octave apart
     deviation : (clocks, m), relative rate
-
-    Raises
-    ------
-    UsageError
-        If allantools is not installed.
     """
     if not available():
         raise UsageError(f"the Allan deviation needs allantools; {REMEDY}")

@@ -20,16 +20,13 @@ _INK, _SCRAPED, _SPECK = 1.0, 0.03, 1.2  # densities
 class Dirt:
     """All dirt of a film.
 
+    `UsageError`: more of the film is torn off than there is.
+
     Parameters
     ----------
     film : Film
     geometry : Geometry
     seed : int
-
-    Raises
-    ------
-    UsageError
-        More of the film is torn off than there is.
     """
 
     def __init__(self, film: Film, geometry: Geometry, seed: int) -> None:

@@ -54,14 +54,9 @@ def film_truth_path(film: str | os.PathLike[str]) -> Path:
 
 
 def expose(
-    source: xr.DataTree | Scene,
-    film: Film | str | None,
-    path: str | os.PathLike[str],
-    *,
-    seed: int | None = None,
-    overwrite: bool = False,
-    progress: Callable[[int, int], object] | None = None,
-) -> xr.DataTree:
+    source: xr.DataTree | Scene, film: Film | str | None, path: str | os.PathLike[str], *, seed: int | None = None,
+    overwrite: bool = False, progress: Callable[[int, int], object] | None = None,
+) -> xr.DataTree:  # fmt: skip
     """Expose a film to a record or a scene, develop and scan it.
 
     Three files are made: the image (BigTIFF in strips of 1024 rows, along the film), NAME.film.toml, what an observer
@@ -114,14 +109,9 @@ def expose(
 
 
 def expose_to(
-    source: xr.DataTree | Scene,
-    film: Film | str | None,
-    path: str | os.PathLike[str],
-    *,
-    seed: int | None = None,
-    overwrite: bool = False,
-    progress: Callable[[int, int], object] | None = None,
-) -> Exposed:
+    source: xr.DataTree | Scene, film: Film | str | None, path: str | os.PathLike[str], *, seed: int | None = None,
+    overwrite: bool = False, progress: Callable[[int, int], object] | None = None,
+) -> Exposed:  # fmt: skip
     """As `expose`, in memory that does not grow with the film: the truth is not read back.
 
     Some tens of bytes a mark grow all the same, and what `synth.simulate_to` says of scenes.

@@ -79,10 +79,7 @@ class Geometry:
 def geometry_of(film: Film, travel: float, offsets: Floats) -> Geometry:
     """Lay a film of some travel, mm, out on the scanner.
 
-    Raises
-    ------
-    UsageError
-        The paper lies so crooked that the image would be mostly empty, or the image would have too many rows.
+    `UsageError`: the paper lies so crooked that the image would be mostly empty, or the image would have too many rows.
     """
     pixels = film.dpi / INCH
     along, across = pixels * (1.0 + film.stretch_along), pixels * (1.0 + film.stretch_across)
@@ -148,10 +145,7 @@ class FilmPlan:
 def plan_film(source: Source, film: Film, seed: int) -> FilmPlan:
     """Lay a film out.
 
-    Raises
-    ------
-    UsageError
-        The swing does not fit on the paper, or the film lies too crooked.
+    `UsageError`: the swing does not fit on the paper, or the film lies too crooked.
     """
     layout = lay_out(source, film)
     transport = Transport(film, source.begin, source.end, seed)
@@ -165,10 +159,7 @@ def plan_film(source: Source, film: Film, seed: int) -> FilmPlan:
 def lay_out(source: Source, film: Film) -> Layout:
     """Place the traces as the film says, or evenly.
 
-    Raises
-    ------
-    UsageError
-        The film names a trace that the record has not, or a trace does not fit on the paper.
+    `UsageError`: the film names a trace that the record has not, or a trace does not fit on the paper.
     """
     named = {each.name: each for each in film.traces}
     for name in named:
@@ -220,9 +211,7 @@ def _refuse_overhang(source: Source, film: Film, layout: Layout) -> None:
 def refuse_doubling(source: Source, film: Film, layout: Layout, geometry: Geometry) -> None:
     """Refuse a skew or rotation so large that a line would run backwards along the film.
 
-    Raises
-    ------
-    UsageError
+    Raises `UsageError`.
     """
     forwards = geometry.row[1] * film.speed * (1.0 - max(-film.drift, 0.0) - film.wow - 4.0 * film.walk)
     for k, name in enumerate(source.traces):

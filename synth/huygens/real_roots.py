@@ -22,6 +22,8 @@ Polynomial = list[int]  # coefficients, lowest power first, the last not zero; [
 def real_roots(values: Sequence[Fraction], low: Fraction, high: Fraction, width: Fraction) -> list[Fraction]:
     """Different real roots of a polynomial in (low, high], increasing.
 
+    `ValueError` if the polynomial is zero everywhere.
+
     Parameters
     ----------
     values : sequence of Fraction
@@ -30,11 +32,6 @@ def real_roots(values: Sequence[Fraction], low: Fraction, high: Fraction, width:
         Ends of the interval.
     width : Fraction
         Each root is the middle of an interval no wider than this that holds it and no other.
-
-    Raises
-    ------
-    ValueError
-        If the polynomial is zero everywhere.
 
     Examples
     --------

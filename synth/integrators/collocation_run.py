@@ -164,6 +164,8 @@ def run(
 ) -> tuple[Floats, Run]:  # fmt: skip
     """States (k, n) at the times, and the run that found them.
 
+    `RefusedError` where no interval is short enough.
+
     Parameters
     ----------
     problem : Problem
@@ -178,11 +180,6 @@ def run(
         Of the intervals to begin with; by default tried out.
     out : (k, n), optional
         Receives the states.
-
-    Raises
-    ------
-    RefusedError
-        Where no interval is short enough.
     """
     states = np.empty((times.size, start.size)) if out is None else out
     here = Run.begin(problem, start, float(times[0]), limits)

@@ -75,17 +75,14 @@ class PicardPlan:
     def elongation(self) -> tuple[Floats, float]:
         """Angles at all readings.
 
+        `RefusedError` if the motion is too violent for intervals of any sensible length.
+
         Returns
         -------
         theta : (pendulums, readings) float64
             rad
         estimated_error : float
             Largest error, relative to the largest angle of the pendulum.
-
-        Raises
-        ------
-        RefusedError
-            If the motion is too violent for intervals of any sensible length.
         """
         theta = np.empty((len(self.frequencies), self.times.count))
         error = 0.0
@@ -97,10 +94,7 @@ class PicardPlan:
     def stream(self) -> Iterator[Swing]:
         """Angles portion by portion, in bounded memory; by time, those before t = 0 first and backwards.
 
-        Raises
-        ------
-        RefusedError
-            As `elongation`.
+        `RefusedError`: as `elongation`.
         """
         times = self.times
         # a clock's come in order: no copies

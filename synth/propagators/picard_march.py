@@ -139,10 +139,7 @@ def march(equations: Equations, readings: Sequence[EvenReadings | UnevenReadings
 
     The first stride is tried in intervals of several lengths, longest first; later ones halve what it took.
 
-    Raises
-    ------
-    RefusedError
-        If intervals of a thousandth of the planned length are still too long.
+    `RefusedError` if intervals of a thousandth of the planned length are still too long.
     """
     shown = len(equations.frequencies)
     lengths = list(readings)

@@ -74,7 +74,7 @@ def test_integrator_agrees_with_dop853(terms: dict[str, Any]) -> None:
 
 def test_forced_start_leaves_no_free_swing() -> None:
     moved = support()._replace(pulses=np.empty((0, 3)), gravity=np.array([9.81, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    moved = moved._replace(rate=np.array([0.7]), across=np.array([[0.01], [0.02]]), along=np.zeros((2, 1)))
+    moved = moved._replace(rate=np.array([0.7]), across=np.array([0.01 + 0.02j]), along=np.zeros(1, dtype=complex))
     own = pendulums(linear=True)
     times = np.array([0.0, 2.0 * np.pi / 0.7])
     angles, _ = plain.integrate(times, plain.forced(own, moved), own, moved, np.zeros((2, 2)))

@@ -22,7 +22,6 @@ import numpy as np
 import data_schemas
 from data_schemas.scene import Scene
 from pipeline.benchmarks import bars_joint
-from pipeline.benchmarks.clock import command, hilbert, rounds, times
 from pipeline.benchmarks.paper import marks_error, neglected_terms, plain_error
 from pipeline.benchmarks.scenes import (
     beats_through_zero,
@@ -35,7 +34,7 @@ from pipeline.benchmarks.scenes import (
     resonant,
     swell,
 )
-from pipeline.benchmarks.tables import Row, at_most, holds, reported
+from pipeline.benchmarks.tables import Row, at_most, command, hilbert, holds, reported, rounds, times
 from pipeline.methods import PAIR_METHODS, method
 from pipeline.observation import Observation, observe
 from pipeline.prepared import prepare

@@ -22,9 +22,17 @@ import data_schemas
 import synth
 from pipeline.batch import ledger, log
 from pipeline.batch.summary import NAMES
-from pipeline.benchmarks.clock import median_ratio, tree_environment
 from pipeline.benchmarks.scenes import linear
-from pipeline.benchmarks.tables import Row, at_least, at_most, holds, not_measured, progress
+from pipeline.benchmarks.tables import (
+    Row,
+    at_least,
+    at_most,
+    holds,
+    median_ratio,
+    not_measured,
+    progress,
+    tree_environment,
+)
 
 Way = Callable[[Path, Path], list[float]]
 """From a folder of records and one for results to the instants, s, at which records were done."""

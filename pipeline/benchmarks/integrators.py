@@ -17,12 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.benchmarks.clock import rounds, timed
 from pipeline.benchmarks.peers import PEERS
 from pipeline.benchmarks.pictures import draw_integrators
 from pipeline.benchmarks.problems import AS_EXACT_AS_CAN_BE, OWN, Answer, Problem, raced
 from pipeline.benchmarks.references import Reference, reference
-from pipeline.benchmarks.tables import Row, at_least, not_measured, progress, reported
+from pipeline.benchmarks.tables import Row, at_least, not_measured, progress, reported, rounds, timed
 
 ABSENT = "not installed, or did not reach it: extra 'peers'"
 ANY = math.nan

@@ -133,20 +133,11 @@ def sliding_envelope(time: Floats, step: float, first: Floats, difference: Float
     carrier = np.exp(-1j * frequency * centres)
     amplitude: Complexes = (fit[:, 0] - 1j * fit[:, 1]) * carrier
     speed: Complexes = (fit[:, 4] - 1j * fit[:, 5]) * carrier / (half * step)
-    taps = weighted_inverse(basis, weight)[:2]
-    return Envelope(
-        time=centres,
-        carrier=frequency,
-        first=amplitude[0],
-        difference=amplitude[1],
-        first_speed=speed[0],
-        difference_speed=speed[1],
-        slow=fit[:, 2],
-        coverage=coverage[1],
-        samples=coverage.mean(axis=1) * every,
-        noise_gain=float(0.5 * np.sum(taps**2)),
-        taps=taps[0] - 1j * taps[1],
-    )
+    slow, samples = fit[:, 2], coverage.mean(axis=1) * every
+    real, imaginary = weighted_inverse(basis, weight)[:2]
+    noise, taps = float(0.5 * np.sum(np.square([real, imaginary]))), real - 1j * imaginary
+    both = amplitude[0], amplitude[1], speed[0], speed[1]
+    return Envelope(centres, frequency, *both, slow, coverage[1], samples, noise, taps)
 
 
 def window(half: int, step: float, frequency: float) -> tuple[Floats, Floats]:

@@ -90,22 +90,13 @@ def fit_period(cycles: Cycles, *, linear: bool = False, scale_uncertainty: float
     window = np.ones(min(SMOOTHING, length.size))
     smooth_reduced = _running_mean(np.where(whole, reduced, np.nan), window)
     return PeriodFit(
-        period=period,
-        sigma=sigma[PERIOD],
-        amplitude_scale=scale,
-        amplitude_scale_sigma=sigma[SCALED],
+        period=period, sigma=sigma[PERIOD], amplitude_scale=scale, amplitude_scale_sigma=sigma[SCALED],
         scaled=not linear and abs(scale) > max(SIGNIFICANT * sigma[SCALED], LEAST_SCALE),
-        time=middle[order],
-        amplitude=size,
-        cycle_period=np.where(whole, length, np.nan),
-        smoothed=smooth_reduced * mean_factor,
-        reduced=np.where(whole, reduced, np.nan),
-        rest=cycles.rest,
+        time=middle[order], amplitude=size, cycle_period=np.where(whole, length, np.nan),
+        smoothed=smooth_reduced * mean_factor, reduced=np.where(whole, reduced, np.nan), rest=cycles.rest,
         trend=float((np.nanmax(smooth_reduced) - np.nanmin(smooth_reduced)) / period),
-        drift=drift,
-        drift_sigma=sigma[DRIFT],
-        friction=friction,
-    )
+        drift=drift, drift_sigma=sigma[DRIFT], friction=friction,
+    )  # fmt: skip
 
 
 PERIOD, SCALED, DRIFT = 2, 3, 5  # columns of the regression, behind those of the two sides' first crossings

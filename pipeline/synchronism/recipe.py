@@ -88,22 +88,15 @@ def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
         verdict = judge(seen.time, psi, sigma)
         mean, mean_sigma = mean_rate(seen.time, psi)
         slips += [(when + start, name) for when in verdict.slips]
+        rates = {"mean_rate_difference": mean, "mean_rate_difference_sigma": mean_sigma}
+        locked = {"locked_angle": verdict.angle, "locked_angle_sigma": verdict.angle_sigma}
+        locked["lock_time"] = verdict.lock_time + start + float(seen.time[0])  # counted from the first instant
+        ratio = float(np.nanmedian(seen.amplitude[one] / seen.amplitude[two]))
         rows.append(
-            {
-                "pair": name,
-                "phase_difference": psi,
-                "phase_difference_sigma": sigma,
-                "rate_difference": instantaneous(seen.time, psi),
-                "mean_rate_difference": mean,
-                "mean_rate_difference_sigma": mean_sigma,
-                "verdict": verdict.state,
-                "confidence": verdict.confidence,
-                "locked_angle": verdict.angle,
-                "locked_angle_sigma": verdict.angle_sigma,
-                "lock_time": verdict.lock_time + start + float(seen.time[0]),  # counted from the first instant
-                "slips": float(len(verdict.slips)),
-                "amplitude_ratio": float(np.nanmedian(seen.amplitude[one] / seen.amplitude[two])),
-            }
+            {"pair": name, "phase_difference": psi, "phase_difference_sigma": sigma}
+            | {"rate_difference": instantaneous(seen.time, psi), **rates}
+            | {"verdict": verdict.state, "confidence": verdict.confidence, **locked}
+            | {"slips": float(len(verdict.slips)), "amplitude_ratio": ratio}
         )
     values: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
     values = {name: _texts(each) if isinstance(each[0], str) else np.stack(each) for name, each in values.items()}

@@ -118,24 +118,18 @@ class Transport:
         self._phase = float(generator(seed, "film wow").uniform(0.0, 2 * np.pi)) if film.wow else 0.0
         self._knots, self._walk = np.array([0.0, self._length]), np.zeros(2)
         if film.walk:
-            self._knots, self._walk = self._walked(seed)
+            from scipy.signal import lfilter
+
+            count = int(np.ceil(self._length / (film.walk_time / _KNOTS))) + 1
+            keep = np.exp(-1.0 / _KNOTS)
+            draws = generator(seed, "film walk").standard_normal(count)
+            draws[1:] *= np.sqrt(1.0 - keep**2)
+            self._walk = film.walk * np.clip(lfilter([1.0], [1.0, -keep], draws), -_MOST, _MOST)
+            self._knots = np.arange(count, dtype=np.float64) * (film.walk_time / _KNOTS)
         spans = np.diff(self._knots)
         self._walked_off = np.concatenate([[0.0], np.cumsum(0.5 * spans * (self._walk[1:] + self._walk[:-1]))])
         self.length = float(self.travel(np.array([end]))[0])
         """Travel at the end, mm."""
-
-    def _walked(self, seed: int) -> tuple[Floats, Floats]:
-        film = self._film
-        span = film.walk_time / _KNOTS
-        count = int(np.ceil(self._length / span)) + 1
-        keep = np.exp(-1.0 / _KNOTS)
-        draws = generator(seed, "film walk").standard_normal(count)
-        draws[1:] *= np.sqrt(1.0 - keep**2)
-        from scipy.signal import lfilter
-
-        walk: Floats = film.walk * np.clip(lfilter([1.0], [1.0, -keep], draws), -_MOST, _MOST)
-        knots: Floats = np.arange(count, dtype=np.float64) * span
-        return knots, walk
 
     def travel(self, time: Floats) -> Floats:
         """Travel at a time, mm."""

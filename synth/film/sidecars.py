@@ -69,18 +69,10 @@ class TruthOfFilm:
     def __init__(self, plan: FilmPlan) -> None:
         source, layout, marks = plan.source, plan.layout, plan.marks
         scene = {} if source.scene is None else {"scene": source.scene.model_dump_json()}
-        self._attrs = {
-            "Conventions": CONVENTIONS,
-            "schema": LAYOUTS["film-truth"].schema,
-            "schema_version": VERSION,
-            "record_id": source.record_id,
-            "title": source.title,
-            "history": f"exposed with seed {plan.seed}",
-            "source": "model",
-            "film": plan.film.model_dump_json(),
-            "seed": plan.seed,
-            **scene,
-        }
+        layer = {"schema": LAYOUTS["film-truth"].schema, "schema_version": VERSION, "record_id": source.record_id}
+        told = {"title": source.title, "history": f"exposed with seed {plan.seed}", "source": "model"}
+        made = {"film": plan.film.model_dump_json(), "seed": plan.seed, **scene}
+        self._attrs = {"Conventions": CONVENTIONS, **layer, **told, **made}
         self._units = f"seconds since {source.start_time}"
         self._labels = {"trace": label_array(source.traces)}
         one = ("trace",)

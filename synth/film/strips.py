@@ -118,13 +118,7 @@ class Development:
 
 
 def blurred(strips: Iterator[Pixels], sigma: float) -> Iterator[Pixels]:
-    """Blur an image that comes strip by strip, px; its edges go on as they are.
-
-    Yields
-    ------
-    (rows, columns) float32
-        Strips of the same sizes.
-    """
+    """Blur an image that comes strip by strip, px, into strips of the same sizes; its edges go on as they are."""
     if not sigma:
         yield from strips
         return

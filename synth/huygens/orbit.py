@@ -12,7 +12,6 @@ itself, to the last bit: Newton's method converges quadratically down to roundin
 from __future__ import annotations
 
 import cmath
-import functools
 import math
 from typing import Any, NamedTuple
 
@@ -21,12 +20,15 @@ import numpy as np
 from data_schemas.errors import RefusedError, UsageError
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks, mirrored
-from synth.integrators.explicit_tableau import NODES, WEIGHTS
+from synth.integrators.explicit_step import INSIDE
+from synth.integrators.explicit_tableau import NODES
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative, jacobian
 
 _STAGES = 12
+_NODES, _WEIGHTS = np.array(NODES[:_STAGES]), np.ascontiguousarray(INSIDE[: _STAGES + 1, :_STAGES])
+"""A row of weights for each stage, the last for the step."""
 
 
 def carried(system: Any, start: Floats, duration: float, steps: int) -> tuple[Floats, Floats]:
@@ -56,21 +58,10 @@ def carried(system: Any, start: Floats, duration: float, steps: int) -> tuple[Fl
     (array([ 0., -1.]), array([[ 0.,  1.],
            [-1.,  0.]]))
     """
-    nodes, weights = _formula()
     states = np.empty((steps + 1, start.size))
     rows = np.vstack([start, np.eye(start.size)])
-    _march(system, rows, duration / steps, nodes, weights, states)
+    _march(system, rows, duration / steps, _NODES, _WEIGHTS, states)
     return states, rows[1:].T.copy()
-
-
-@functools.cache
-def _formula() -> tuple[Floats, Floats]:
-    """Nodes (12,), and weights (13, 12): a row for each stage, the last for the step."""
-    weights = np.zeros((_STAGES + 1, _STAGES))
-    for row, values in enumerate(WEIGHTS[: _STAGES + 1]):
-        weights[row, : len(values)] = values
-    weights[0] = 0.0
-    return np.array(NODES[:_STAGES]), weights
 
 
 @kernel

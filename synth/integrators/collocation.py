@@ -149,7 +149,7 @@ def _check_collocates(system: Any) -> None:
 def integrate_ensemble(
     systems: Sequence[Any], starts: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-9, workers: int | None = None
 ) -> Floats:
-    """Integrate many members to the same times.
+    """Integrate many members to the same times; their states, (members, k, n).
 
     Parameters
     ----------
@@ -163,10 +163,6 @@ def integrate_ensemble(
         Error wanted, relative to the size of each component. It is not estimated here: integrate a member alone.
     workers : int, optional
         Threads; by default one a processor.
-
-    Returns
-    -------
-    (members, k, n) float64
 
     Raises
     ------

@@ -96,18 +96,7 @@ class Problem:
 
 
 class Run:
-    """Where a run is, and what it has done.
-
-    Attributes
-    ----------
-    time : float
-        Reached so far, s.
-    work : Work
-    report : (5,) int64
-        As for `march`.
-    rejected, depth : int
-        Lengths of intervals that failed, and the one in use.
-    """
+    """Where a run is: the `time` reached, s, its `work`, a `report` (5,) as for `march`, lengths that failed, the `depth`."""
 
     def __init__(self, problem: Problem, limits: tuple[float, float], time: float, state: Floats, amplitude: Floats):
         self.problem, self.limits, self.time = problem, limits, time

@@ -50,13 +50,8 @@ class Stream:
 
     pieces: Iterator[Floats]
     """States (k, n) at one chunk of times after the other."""
-    rehearsal: Trajectory
-    """The march made beforehand, with the error of what is streamed."""
-
-    @property
-    def estimated_error(self) -> float:
-        """As of a `Trajectory`."""
-        return self.rehearsal.estimated_error
+    estimated_error: float
+    """As of a `Trajectory`: of the march made beforehand."""
 
     def __iter__(self) -> Iterator[Floats]:
         return self.pieces
@@ -77,7 +72,7 @@ def streamed(
         Time of the start, and a time that no chunk goes beyond.
     """
     made, begin = solved
-    return Stream(_pieces(begin(), chunks, *map(float, span)), made)
+    return Stream(_pieces(begin(), chunks, *map(float, span)), made.estimated_error)
 
 
 def _pieces(onward: Onward, chunks: Iterable[Floats], reached: float, end: float) -> Iterator[Floats]:

@@ -20,8 +20,7 @@ from synth.kernels.collocation_weights import FINE, gauss_nodes, interpolation
 from synth.kernels.picard import read
 from synth.motion.harmonic_sum import Comb
 from synth.phase import Floats, Integers, Phasors, rational_turns, turns
-from synth.propagators.blocks import FEWEST_ROWS, ONE_THREAD, EvenTicks, halves
-from synth.propagators.periodic import PeriodicSums
+from synth.propagators.blocks import FEWEST_ROWS, ONE_THREAD, EvenTicks, PeriodicSums, halves
 from synth.propagators.times import UnevenTimes
 
 _MOST_STEPS = 4096  # in an interval: bounds the table of weights

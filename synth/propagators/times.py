@@ -29,8 +29,7 @@ import numpy as np
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import Response
 from synth.phase import Floats, Integers, Phasors, rational_turns
-from synth.propagators.blocks import PORTION, Blocks, EvenTicks, Ticks, product
-from synth.propagators.periodic import PeriodicSums, Places
+from synth.propagators.blocks import PORTION, Blocks, EvenTicks, PeriodicSums, Places, Ticks, product
 
 Seconds = tuple[Floats, Floats]
 """t_b and tau, s."""
@@ -108,7 +107,7 @@ def _evaluate(sums: Sequence[tuple[Phasors, _Free | None]], angular_frequency: F
 
 
 def growth(split: Phasors, seconds: Floats) -> Phasors:
-    """Return (exp(mu t) - 1)/mu without cancellation; at mu = 0, exact resonance, its limit t.
+    """Return (exp(mu t) - 1)/mu, (beats, moments), without cancellation; at mu = 0, exact resonance, its limit t.
 
     Parameters
     ----------
@@ -116,10 +115,6 @@ def growth(split: Phasors, seconds: Floats) -> Phasors:
         mu
     seconds : (moments,)
         t
-
-    Returns
-    -------
-    (beats, moments) complex128
     """
     turn = split * seconds
     grown = np.ones_like(turn)

@@ -77,12 +77,8 @@ def _cell(method: str, kind: str, strength: str, rows: Sequence[Row]) -> Row:
     sizes = _sizes(read)
     errors = np.array([row["error_mgal"] for row in read])
     sigmas = [row["sigma_mgal"] for row in read]
-    return {
-        "method": method,
-        "group": KINDS[kind].group,
-        "kind": kind,
-        "strength": strength,
-        "records": len(rows),
+    cell = {"method": method, "group": KINDS[kind].group, "kind": kind, "strength": strength, "records": len(rows)}
+    return cell | {
         "refused": len(rows) - len(read),
         "error_rms_mgal": float(np.sqrt(np.mean(errors**2))) if read else math.nan,
         "sigma_median_mgal": float(np.median(sigmas)) if read else math.nan,

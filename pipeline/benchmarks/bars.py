@@ -36,7 +36,7 @@ from pipeline.benchmarks.scenes import (
 )
 from pipeline.benchmarks.tables import Row, at_most, command, hilbert, holds, reported, rounds, times
 from pipeline.methods import PAIR_METHODS, method
-from pipeline.observation import Observation, observe
+from pipeline.observation import observe
 from pipeline.prepared import prepare
 from pipeline.reduction import reduce_by
 from synth import simulate
@@ -137,7 +137,9 @@ def costs(*, quick: bool) -> Iterator[Row]:
 def _estimation(scene: Scene, limits: dict[str, float], exact: float, repeats: int) -> Iterator[Row]:
     """Methods against hilbert + unwrap + polyfit on the same samples; the first must be exact besides."""
     seen = observe(simulate(scene)[0])
-    calls: dict[str, Callable[[], Any]] = {name: partial(_estimate, seen, name) for name in limits}
+    calls: dict[str, Callable[[], Any]] = {
+        name: partial(lambda name: method(name)(prepare(seen)), name) for name in limits
+    }
     taken = rounds({"hilbert": partial(hilbert, seen.difference)} | calls, repeats, batch=5)
     words = f"{seen.time.size} samples"
     for name, limit in limits.items():
@@ -145,10 +147,6 @@ def _estimation(scene: Scene, limits: dict[str, float], exact: float, repeats: i
     first = next(iter(limits))
     error = outcome(reduce_by(first, prepare(seen), 0.0), scene.gravity).error
     yield at_most(f"{first}, {words}: error, noise-free", abs(error), exact, "mGal")
-
-
-def _estimate(seen: Observation, name: str) -> Any:
-    return method(name)(prepare(seen))
 
 
 def _start_up(path: Path, repeats: int) -> Iterator[Row]:

@@ -50,17 +50,12 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """
     seconds = _QUICK_SECONDS if quick else _SECONDS
     with tempfile.TemporaryDirectory() as temporary:
-        _warm_up(Path(temporary) / "case.film.tif")
+        short = next(cases(_WARM_SECONDS, quick=True))  # no film is charged with what is compiled at first use
+        synth.expose(short.scene, short.film, Path(temporary) / "case.film.tif")
+        digitise(Path(temporary) / "case.film.tif")
         for case in progress(list(cases(seconds, quick=quick)), "film"):
             yield from rows_of(case, Path(temporary) / "case.film.tif")
         yield from rows(Path(temporary), quick=quick)
-
-
-def _warm_up(path: Path) -> None:
-    """Read a short film once, so that no film is charged with what is compiled at first use."""
-    case = next(cases(_WARM_SECONDS, quick=True))
-    synth.expose(case.scene, case.film, path, overwrite=True)
-    digitise(path)
 
 
 def rows_of(case: Case, path: Path) -> Iterator[Row]:

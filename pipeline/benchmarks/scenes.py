@@ -28,11 +28,6 @@ SWAY = 0.03  # rad, largest slow elongation of the real pendulums
 Motion = list[dict[str, Any]]
 
 
-def own_frequency(gravity: float = GRAVITY) -> float:
-    """n2 at a gravity, rad s-1."""
-    return float(2.0 * np.pi / PERIOD * np.sqrt(gravity / REFERENCE))
-
-
 def swell(
     peak: float = SWELL, seed: int = 24, gravity: float = GRAVITY, periods: tuple[float, float] = SWELL_PERIODS
 ) -> dict[str, Any]:
@@ -45,7 +40,8 @@ def swell(
     unit = np.cos(rate[:, None] * time + phase[:, None]).sum(axis=0)
     elongation = peak / np.abs(unit).max()  # of each harmonic, rad
     # psi = -u / (1 - m^2/n^2): what acceleration makes this elongation
-    acceleration = gravity * elongation * (1.0 - (rate / own_frequency(gravity)) ** 2)
+    own = 2.0 * np.pi / PERIOD * np.sqrt(gravity / REFERENCE)  # of the second pendulum, rad s-1
+    acceleration = gravity * elongation * (1.0 - (rate / own) ** 2)
     values = {"amplitude": acceleration, "period": period, "phase": phase}
     return {"kind": "harmonics", **{name: value.tolist() for name, value in values.items()}}
 

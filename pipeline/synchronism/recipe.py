@@ -61,7 +61,9 @@ def synchrony(record: DataTree) -> DataTree:
     seen = phases(time, elongation)
     moved, direction = _beam(record, time, seen)
     values = {"clock": _texts(labels), "phase": seen.phase, "amplitude": seen.amplitude, "frequency": seen.frequency}
-    values |= {**_pairs(labels, seen, float(recorded[0])), **moved, **_stability(seen)}
+    values |= {**_pairs(labels, seen, float(recorded[0])), **moved}
+    averaging, deviation = allan_deviation(seen.time, seen.phase) if available() else (np.empty(0), None)
+    values |= {"averaging_time": averaging, "allan_deviation": deviation} if averaging.size else {}
     group = dataset("synchrony", values, {}, {})
     group.attrs["allan_deviation_absent"] = "" if available() else REMEDY
     group.attrs["beam_direction"] = direction
@@ -114,11 +116,6 @@ def _beam(record: DataTree, time: Floats, seen: Phases) -> tuple[dict[str, Any],
     size = row_means_present(seen.amplitude[:, seen.time >= 0.5 * seen.time[-1]])
     moved = beam(time, accelerations, float(seen.frequency.mean()), size, 0.5 * float(time[-1]))
     return ({"beam_amplitude": moved.amplitude, "beam_ratio": moved.ratio}, moved.direction) if moved else ({}, "")
-
-
-def _stability(seen: Phases) -> dict[str, Any]:
-    averaging, deviation = allan_deviation(seen.time, seen.phase) if available() else (np.empty(0), None)
-    return {"averaging_time": averaging, "allan_deviation": deviation} if averaging.size else {}
 
 
 def _refuse_rare(record: DataTree, spacing: float) -> None:

@@ -148,7 +148,9 @@ def symmetric(system: Any, state: Floats) -> bool:
     False
     """
     pairs = np.asarray(state, dtype=np.float64)[system.first_angle :].reshape(-1, 2)
-    if len(pairs) != 2 or not _alike(system):
+    own = [np.asarray(getattr(system, name)) for name in _OWN if hasattr(system, name)]
+    own += _arrays(getattr(system, "terms", None))
+    if len(pairs) != 2 or not all(np.all(each == each.flat[0]) for each in own):
         return False
     return bool(np.array_equal(pairs[0], pairs[1]) or np.array_equal(pairs[0], -pairs[1]))
 
@@ -179,11 +181,6 @@ def perturbed(system: Any, state: Floats, seed: int, share: float = LIKELY) -> F
         raise UsageError("both clocks are at rest, and van der Pol's drive cannot start them; give one a swing")
     last += share * size * generator(seed, "off the symmetric set").uniform(0.5, 1.0, size=last.size)
     return moved
-
-
-def _alike(system: Any) -> bool:
-    values = [np.asarray(getattr(system, name)) for name in _OWN if hasattr(system, name)]
-    return all(np.all(each == each.flat[0]) for each in values + _arrays(getattr(system, "terms", None)))
 
 
 def _arrays(term: Any) -> list[Floats]:

@@ -35,12 +35,7 @@ def edge(clocks: Clocks) -> float:
     """chi_c to leading order in nu/(delta delta0): `(1 + beta) chi_c = nu delta0/(beta^2 + delta0^2)`.
 
     1 + beta = 1/(1 + tau - delta^2/8), with Phi0^2/2 less too in the full system. Within 7 % of the slow flow's own
-    edge (`edge_of_balance`) at delta = delta0 = 0.02 and nu = 5.7e-5.
-
-    Parameters
-    ----------
-    clocks : Clocks
-        Their mean detuning counts.
+    edge (`edge_of_balance`) at delta = delta0 = 0.02 and nu = 5.7e-5. Of the clocks their mean detuning counts.
 
     Examples
     --------

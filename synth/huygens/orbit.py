@@ -32,23 +32,9 @@ _NODES, _WEIGHTS = np.array(NODES[:_STAGES]), np.ascontiguousarray(INSIDE[: _STA
 
 
 def carried(system: Any, start: Floats, duration: float, steps: int) -> tuple[Floats, Floats]:
-    """States at evenly spaced instants, and the derivative of the last by the first.
+    """States (steps + 1, n) at evenly spaced instants, and the derivative (n, n) of the last by the first.
 
-    Parameters
-    ----------
-    system : NamedTuple
-        Registered with derivative and jacobian.
-    start : (n,) array
-    duration : float
-        Of the whole way, in the system's unit of time.
-    steps : int
-        Even.
-
-    Returns
-    -------
-    states : (steps + 1, n)
-    tangents : (n, n)
-        d states[-1]/d start.
+    The system has a derivative and a jacobian; the duration of the whole way is in its unit of time; steps are even.
 
     Examples
     --------

@@ -49,30 +49,10 @@ _BITS = 10  # of the linear part that the members of an ensemble carry
 
 
 def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10) -> Trajectory:
-    """Integrate clocks on a yielding support and return their states at `times`.
+    """Integrate clocks on a yielding support and return their states at `times`; see `trajectory`.
 
-    Parameters
-    ----------
-    system : NamedTuple
-        One of `SYSTEMS`; terms may be `Viscous` and `VanDerPolDrive`.
-    start : (n,) array
-        State at the first of `times`.
-    times : (k,) array
-        Increasing, s. They do not change the intervals.
-    tolerance : float
-        Error wanted at the end, relative to the size of each component.
-
-    Returns
-    -------
-    Trajectory
-        Steps are intervals; evaluations are accelerations at single nodes.
-
-    Raises
-    ------
-    RefusedError
-        A system that cannot be collocated, or a motion that is too violent or too stiff.
-    UsageError
-        Arguments that cannot be meant.
+    The system is one of `SYSTEMS`; terms may be `Viscous` and `VanDerPolDrive`. Steps are intervals; evaluations are
+    accelerations at single nodes. Refused is what cannot be collocated, or is too violent or too stiff.
 
     Examples
     --------

@@ -59,18 +59,10 @@ March = Callable[..., Run]
 def integrate(
     system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10, event: Escapement | None = None
 ) -> Trajectory:
-    """Integrate a system and return its states at `times`.
+    """Integrate a system and return its states at `times`; see `trajectory`.
 
     Parameters
     ----------
-    system : NamedTuple
-        Registered with a derivative (`synth.systems`).
-    start : (n,) array
-        State at the first of `times`.
-    times : (k,) array
-        Increasing, s. They do not change the steps.
-    tolerance : float
-        Error wanted at the end, relative to the size of each component.
     event : Escapement, optional
         Kicks to give; the motion restarts after each. Crossings are found on the dense polynomial by a method that
         cannot miss one (`events_roots`), the step is then made anew up to the crossing, and the rest removed along
@@ -81,8 +73,6 @@ def integrate(
     RefusedError
         Stiff motion, a singularity, numbers that are not finite; a crossing so near to a touch that the tolerance does
         not decide whether the escapement fires.
-    UsageError
-        Arguments that cannot be meant.
 
     Examples
     --------

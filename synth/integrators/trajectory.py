@@ -1,5 +1,15 @@
 """What every integrator takes and returns: checked arguments, trajectories whole or in pieces, one definition of the error.
 
+All have one face, `integrate(system, start, times, *, tolerance) -> Trajectory` (and `stream`, for times in chunks):
+
+    system : NamedTuple    registered with a derivative (`synth.systems`), and whatever else the integrator says
+    start : (n,)           state at the first of the times
+    times : (k,)           increasing, s; they change neither steps nor intervals
+    tolerance : float      error wanted, relative to the largest size of each component
+
+`UsageError` names arguments that cannot be meant; `RefusedError` says when and why an integration came to a stop, or that
+the integrator is not made for the system.
+
 Long motions come piece by piece, in memory that does not grow with their length. How they are to be marched, and how good
 they will be, is found first, by marches that keep few states; so every refusal is made before the first piece is written.
 """

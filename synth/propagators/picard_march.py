@@ -174,7 +174,11 @@ def march(equations: Equations, readings: Sequence[EvenReadings | UnevenReadings
             remainder = np.zeros_like(remainder)
         else:
             if depth == _MOST_HALVINGS:
-                raise _refused(done * float(level.readings.interval), float(level.readings.interval))
+                interval = float(level.readings.interval)
+                raise RefusedError(
+                    f"motion: too violent for Picard collocation at t = {done * interval:.6g} s, even in intervals of"
+                    f" {interval:.3g} s; choose the explicit method"
+                )
             patience = 2 * patience if calm == 0 and depth + 1 < len(levels) else patience
             depth, done, calm = depth + 1, 2 * done, 0
             remainder = np.zeros_like(remainder)
@@ -212,10 +216,3 @@ def _stride(
 
 def _largest(values: Floats) -> float:
     return max(float(values.max()), -float(values.min()))
-
-
-def _refused(time: float, interval: float) -> RefusedError:
-    return RefusedError(
-        f"motion: too violent for Picard collocation at t = {time:.6g} s, even in intervals of {interval:.3g} s;"
-        " choose the explicit method"
-    )

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from pipeline.benchmarks import integrators
-from pipeline.benchmarks.integrators import Point, contenders, set_up, time_at, tolerances
-from pipeline.benchmarks.peers import PEERS
+from pipeline.benchmarks.integrators import PEERS, Point, contenders, set_up, time_at, tolerances
 from pipeline.benchmarks.problems import OWN, Answer, Problem, beam, hour, raced, stiff_beam, van_der_pol
 from pipeline.benchmarks.references import reference
 from synth.systems.dispatch import derivative

@@ -208,10 +208,7 @@ def hilbert(values: Floats) -> float:
 def command(*words: str) -> Call:
     """A call that runs a program from start to exit in the folder-independent environment of this tree; its output.
 
-    Raises
-    ------
-    subprocess.CalledProcessError
-        The program fails: its time would mean nothing.
+    `CalledProcessError` where the program fails: its time would mean nothing.
     """
     environment = tree_environment()
     return lambda: subprocess.run(words, env=environment, check=True, capture_output=True, text=True).stdout

@@ -73,14 +73,7 @@ def _longest(known: np.ndarray) -> slice:
 
 
 def instantaneous(time: Floats, psi: Floats) -> Floats:
-    """Rate difference at each instant, swings a day; NaN beside what is missing.
-
-    Examples
-    --------
-    >>> t = np.arange(5.0)
-    >>> instantaneous(t, 2.0 * np.pi * t / 86400.0).round(9).tolist()
-    [1.0, 1.0, 1.0, 1.0, 1.0]
-    """
+    """Rate difference at each instant, swings a day; NaN beside what is missing."""
     return np.asarray(np.gradient(psi, time) * (DAY / _TWO_PI))
 
 

@@ -18,16 +18,7 @@ _INK, _SCRAPED, _SPECK = 1.0, 0.03, 1.2  # densities
 
 
 class Dirt:
-    """All dirt of a film.
-
-    `UsageError`: more of the film is torn off than there is.
-
-    Parameters
-    ----------
-    film : Film
-    geometry : Geometry
-    seed : int
-    """
+    """All dirt of a film; `UsageError` where more of it is torn off than there is."""
 
     def __init__(self, film: Film, geometry: Geometry, seed: int) -> None:
         if film.torn_end and film.torn_end * geometry.pixels >= geometry.length:

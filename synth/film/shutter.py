@@ -64,15 +64,9 @@ def set_marks(film: Film, begin: float, end: float, seed: int) -> Marks:
 
 
 def light_of(film: Film, marks: Marks, begin: float, end: float, dark: list[tuple[float, float]]) -> Light:
-    """What falls on the film of one trace.
+    """What falls on the film of one trace of a record from begin to end, s: before and after, the lamp is off.
 
-    Parameters
-    ----------
-    film, marks
-    begin, end : float
-        Of the record, s: before and after, the lamp is off.
-    dark : list of (begin, end)
-        Stretches without a record, s.
+    `dark` are stretches without a record, s.
     """
     shut = marks.time[marks.missing == 0]
     closed = [(at - 0.5 * film.gap, at + 0.5 * film.gap) for at in shut.tolist()]
@@ -104,13 +98,6 @@ class Transport:
     With x = t - begin the speed is v (1 + drift x / (end - begin) + wow sin(2 pi x / period + phase) + walk(x)); before
     the begin and after the end it stays what it is there. The walk is a stationary Markov sequence, straight between
     its knots, so that the travel is exact.
-
-    Parameters
-    ----------
-    film : Film
-    begin, end : float
-        Of the record, s.
-    seed : int
     """
 
     def __init__(self, film: Film, begin: float, end: float, seed: int) -> None:

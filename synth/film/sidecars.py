@@ -98,21 +98,8 @@ class TruthOfFilm:
 class ImageFile:
     """An image of known size; a context manager, whose end without `publish` leaves nothing behind.
 
-    Parameters
-    ----------
-    path : path
-        Of the file to make; its folder must exist.
-    rows, columns, bits : int
-    dpi : float
-    overwrite : bool
-        Whether an existing file may be replaced.
-
-    Raises
-    ------
-    FileError
-        As `data_schemas.write`, from any method.
-    UsageError
-        The package tifffile is not there.
+    The file's folder must exist. `FileError` as `data_schemas.write`, from any method; `UsageError` where the package
+    tifffile is not there.
     """
 
     def __init__(

@@ -267,13 +267,7 @@ class Course:
 
 
 def runs(time: Floats, values: Floats, longest: float) -> list[NDArray[np.intp]]:
-    """Indices of samples that follow each other without a NaN or a long pause between them.
-
-    Examples
-    --------
-    >>> [run.tolist() for run in runs(np.arange(6.0), np.array([1, 2, np.nan, 3, 4, 5]), 1.5)]
-    [[0, 1], [3, 4, 5]]
-    """
+    """Indices of samples that follow each other without a NaN or a long pause between them."""
     good = np.flatnonzero(np.isfinite(values))
     broken = (np.diff(good) > 1) | (np.diff(time[good]) > longest)
     return [run for run in np.split(good, np.flatnonzero(broken) + 1) if run.size]

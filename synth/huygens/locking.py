@@ -56,14 +56,8 @@ def mean_beta(clocks: Clocks) -> float:
 def slip(clocks: Clocks, chi: float) -> float:
     """Mean |d psi/dz| beyond the edge, rad a unit of z; 0 below it: Adler's equation with `p(psi)` and chi(psi).
 
-    First order in psi', so good while the slip is slow against delta0 and delta.
-
-    Parameters
-    ----------
-    clocks : Clocks
-        Their mean detuning counts.
-    chi : float
-        Difference of the detunings.
+    First order in psi', so good while the slip is slow against delta0 and delta. chi is the difference of the
+    detunings; of the clocks their mean detuning counts.
 
     Raises
     ------
@@ -241,16 +235,8 @@ def orbit_slope(regime: Regime, clocks: Clocks, *, full: bool = False) -> float:
 def chi_of_daily(swings: float, period: float, tau: float) -> float:
     """chi of clocks of which the first makes n swings a day more when each is alone: 2 (1 + tau) n T/day.
 
-    The printed formula lacks the 2: it expands w_i with w0/4 where w0/8 stands.
-
-    Parameters
-    ----------
-    swings : float
-        n, whole swings a day.
-    period : float
-        Mean full period, s.
-    tau : float
-        Mean detuning.
+    The printed formula lacks the 2: it expands w_i with w0/4 where w0/8 stands. T is the mean full period, s; n counts
+    whole swings a day; tau is the mean detuning.
 
     Examples
     --------

@@ -35,14 +35,6 @@ def carried(system: Any, start: Floats, duration: float, steps: int) -> tuple[Fl
     """States (steps + 1, n) at evenly spaced instants, and the derivative (n, n) of the last by the first.
 
     The system has a derivative and a jacobian; the duration of the whole way is in its unit of time; steps are even.
-
-    Examples
-    --------
-    >>> from synth.systems.resistance import VanDerPol
-    >>> states, tangents = carried(VanDerPol(0.0), np.array([1.0, 0.0]), 0.5 * np.pi, 20)
-    >>> np.round(states[-1], 9) + 0.0, np.round(tangents, 9) + 0.0
-    (array([ 0., -1.]), array([[ 0.,  1.],
-           [-1.,  0.]]))
     """
     states = np.empty((steps + 1, start.size))
     rows = np.vstack([start, np.eye(start.size)])
@@ -125,18 +117,9 @@ class Orbit(NamedTuple):
 
 
 def orbits(clocks: Clocks, *, full: bool = False, steps: int = STEPS) -> list[Orbit]:
-    """Orbits that grow out of the synchronous regimes of the slow flow, in the same order.
+    """Orbits that grow out of the synchronous regimes of the slow flow, in the same order; see `orbit`.
 
-    Parameters
-    ----------
-    clocks : Clocks
-    full : bool
-        Of the full system (1) instead of (2); `clocks.swing` is then its arc.
-
-    Raises
-    ------
-    RefusedError
-        A regime near which no orbit is found.
+    Of the full system (1) `clocks.swing` is the arc.
     """
     seen = clocks if full else clocks._replace(swing=0.0)
     return [orbit(each, seen, full=full, steps=steps) for each in solutions(seen, shifts=True)]
@@ -172,7 +155,8 @@ def orbit(regime: Regime, clocks: Clocks, *, full: bool = False, steps: int = ST
     if steps < 8 or steps % 4:
         raise UsageError(f"steps = {steps}: give a multiple of 4, 8 or more, such as {STEPS}")
     system: Any = clocks.full() if full else clocks.small()
-    units = _units(clocks, full=full)
+    arcs = np.repeat([clocks.swing * (1.0 + each) for each in clocks.detuning], 2)
+    units = np.array([1.0, 1.0, *arcs]) if full else np.ones(6)  # the state of the system over that of (2)
     guess = start_of(regime) * units
     state, half, residual = _shot(system, guess, math.pi * math.sqrt(1.0 + regime.beta), steps)
     states, tangents = carried(system, state, half, steps)
@@ -191,14 +175,6 @@ def start_of(regime: Regime) -> Floats:
     for angle, size in zip(regime.alpha, regime.amplitude, strict=True):
         beam += [size * math.cos(z - angle), -size * math.sin(z - angle) * per_s]
     return np.array(beam)
-
-
-def _units(clocks: Clocks, *, full: bool) -> Floats:
-    """State of the system over that of (2)."""
-    if not full:
-        return np.ones(6)
-    arcs = [clocks.swing * (1.0 + each) for each in clocks.detuning]
-    return np.array([1.0, 1.0, arcs[0], arcs[0], arcs[1], arcs[1]])
 
 
 def _shot(system: Any, guess: Floats, half: float, steps: int) -> tuple[Floats, float, float]:

@@ -131,19 +131,7 @@ _POWERS = ((2, 0), (1, 1), (0, 2), (1, 0), (0, 1), (0, 0))
 
 
 def resultant(conics: Sequence[Conic]) -> Fraction:
-    """Number that is zero if and only if three conics have a point in common, real or not, finite or not.
-
-    Examples
-    --------
-    The circle x^2 + y^2 = 2, the hyperbola x y = 1 and the line pair x^2 = y^2 meet in (1, 1).
-
-    >>> one, none = Fraction(1), Fraction(0)
-    >>> circle, hyperbola = (one, none, one, none, none, -2 * one), (none, one, none, none, none, -one)
-    >>> resultant([circle, hyperbola, (one, none, -one, none, none, none)])
-    Fraction(0, 1)
-    >>> resultant([circle, hyperbola, (one, none, -one, none, none, one)]) != 0
-    True
-    """
+    """Number that is zero if and only if three conics have a point in common, real or not, finite or not."""
     forms: list[_Terms] = [dict(zip(_POWERS, conic, strict=True)) for conic in conics]
     slopes = [[_slope(form, variable, 2) for variable in range(3)] for form in forms]
     jacobian: _Terms = {}

@@ -189,15 +189,9 @@ def full(event: Any, memory: Any) -> bool:
 
 @kernel
 def strike(
-    event: Any,
-    memory: Any,
-    share: float,
-    time: float,
-    time_low: float,
-    following: Floats,
-    left_over: Floats,
+    event: Any, memory: Any, share: float, time: float, time_low: float, following: Floats, left_over: Floats,
     system: Any,
-) -> None:
+) -> None:  # fmt: skip
     """Note what crosses at this instant, and give the kicks."""
     if event is not None:
         for j in range(event.level.size):

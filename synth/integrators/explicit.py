@@ -100,7 +100,8 @@ def _solve(
     if event is not None:
         decided(made, event)
     best = made.runs[-1]
-    steps, rejected, evaluations = made.costs
+    marched = made.runs if made.probe is None else [*made.runs, made.probe.noisy]
+    steps, rejected, evaluations = np.sum([each.counts for each in marched], axis=0).tolist()
     states = best.states[np.searchsorted(best.times, instants)]
     found = Trajectory(instants, states, made.estimated_error, steps, evaluations, rejected)
     return found, lambda: Walk(system, event, first, float(instants[0]), float(instants[-1]), best.tolerance).onward
@@ -134,12 +135,6 @@ class Refinement:
     def estimated_error(self) -> float:
         """Of the last run, relative, see `synth.integrators.trajectory`."""
         return self.truncation + self.rounding
-
-    @property
-    def costs(self) -> list[int]:
-        """Steps, rejected steps and evaluations of all marches."""
-        runs = self.runs if self.probe is None else [*self.runs, self.probe.noisy]
-        return np.sum([each.counts for each in runs], axis=0).tolist()
 
 
 def refine(system: Any, event: Escapement | None, start: Floats, times: Floats, tolerance: float) -> Refinement:

@@ -46,20 +46,10 @@ def jonswap(frequency: Floats, peak: float) -> Floats:
 
 
 def sea(random: np.random.Generator, period: float, across: float, along: float) -> Motion:
-    """A sea of given peak period, with harmonics at random frequencies, amplitudes and phases.
+    """A sea of given peak period, s, with harmonics at random frequencies, amplitudes and phases.
 
-    Parameters
-    ----------
-    random : Generator
-    period : float
-        Of the peak, s.
-    across, along : float
-        Root mean square of x'' and z'', m/s^2.
-
-    Returns
-    -------
-    Motion
-        Particles move in circles, x'' a quarter of a swing from z'', but for what a hull adds to each harmonic.
+    `across` and `along` are root mean squares of x'' and z'', m/s^2. Particles move in circles, x'' a quarter of a
+    swing from z'', but for what a hull adds to each harmonic.
     """
     edges = np.linspace(_LOW, _HIGH, _HARMONICS + 1) / period
     frequency = random.uniform(edges[:-1], edges[1:])

@@ -40,14 +40,7 @@ def sample_times(case: Case, random: np.random.Generator) -> Floats:
 def read(traces: Floats, tilt: Floats, times: Floats, case: Case, random: np.random.Generator) -> tuple[Floats, Floats]:
     """Traces as they are read, NaN where nothing is; and the tilt of the case, rad.
 
-    Parameters
-    ----------
-    traces : (traces, samples) float64
-        The first pendulum's elongation and the differences, rad.
-    tilt : (samples,) float64
-        Of the case, beside its roll, rad.
-    times : (samples,) float64
-        s.
+    Of elongations (traces, samples) of the first pendulum and the differences, rad, and the case's tilt but its roll.
     """
     out, roll = _scaled(traces + case.cubic * traces**3, times, case, random)
     tilt = tilt + roll
@@ -126,16 +119,9 @@ class Made(NamedTuple):
 
 
 def record(kind: str, strength: str, seed: int, *, duration: float | None = None) -> Made:
-    """Make the record of that kind, strength and number; always the same.
+    """Make the record of that kind, strength ("weak", "middle", "strong") and number; always the same.
 
-    Parameters
-    ----------
-    kind : str
-        From `kinds.KINDS`.
-    strength : {"weak", "middle", "strong"}
-    seed : int
-    duration : float, optional
-        s, instead of the kind's own.
+    With a duration, s, instead of the kind's own if that is given.
     """
     digest = hashlib.sha256(f"{kind}/{strength}/{seed}".encode()).digest()
     random = np.random.default_rng(np.frombuffer(digest, dtype="<u4"))

@@ -209,17 +209,7 @@ _ROW, _CELL, _LABEL, _MARGIN = 0.215, 1.42, 2.35, 1.75  # inches
 
 
 def draw(table: Sequence[Row], method: str, path: str | os.PathLike[str]) -> None:
-    """Draw the table of one method.
-
-    Parameters
-    ----------
-    table : sequence of dict
-        Rows of `suite.by_kind`.
-    method : str
-        Its name, for the heading.
-    path : path
-        PNG.
-    """
+    """Draw the table (rows of `by_kind`) of one method, named in the heading, as PNG."""
     lines: list[str] = []
     for group, heading in _HEADINGS.items():
         kinds = list(dict.fromkeys(row["kind"] for row in table if row["group"] == group))

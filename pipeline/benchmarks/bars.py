@@ -41,6 +41,22 @@ from pipeline.prepared import prepare
 from pipeline.reduction import reduce_by
 from synth import simulate
 
+DURATION = 1800.0
+"""s, at 25 Hz."""
+FORBIDDEN = ("scipy.signal", "matplotlib", "dask", "pydantic")
+"""What no method of one difference may import."""
+OF_OTHER_TERMS = ("numba", "scipy", "synth.assembly", "synth.integrators", "synth.systems", "synth.propagators.picard")
+"""What a scene of linear pendulums under harmonics may not import."""
+# xarray imports dask wherever it is installed, so it is hidden: ours must not
+_PROBE = """\
+import sys; sys.modules['dask'] = None; {}; \
+import json; print(json.dumps([name for name, module in sys.modules.items() if module]))"""
+_SIMULATE = "from data_schemas.scene import Scene; import synth; synth.simulate(Scene.model_validate_json(sys.argv[1]))"
+_PROCESS = """\
+import data_schemas; from pipeline.processing import process; from pipeline.summary import summaries; \
+result = process(data_schemas.read(sys.argv[1]), method=sys.argv[2].split(',')); summaries(result); \
+data_schemas.write(result, sys.argv[1] + '.result.nc', overwrite=True)"""
+
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """Yield every bar. Quick: fewer seeds, with limits as much wider as chance asks."""
@@ -100,23 +116,6 @@ def _browne() -> Iterator[Row]:
         shift, bar = float(np.mean(shifts)), f"Browne, 0.1 m/s2 at 10 s, {axis}"
         yield at_most(f"{bar}: seen {shift:.3f} mGal, off {expected} by", abs(shift - expected), 0.02, "mGal")
         yield at_most(f"{bar}: left by shooting", max(left), 0.02, "mGal")
-
-
-DURATION = 1800.0
-"""s, at 25 Hz."""
-FORBIDDEN = ("scipy.signal", "matplotlib", "dask", "pydantic")
-"""What no method of one difference may import."""
-OF_OTHER_TERMS = ("numba", "scipy", "synth.assembly", "synth.integrators", "synth.systems", "synth.propagators.picard")
-"""What a scene of linear pendulums under harmonics may not import."""
-# xarray imports dask wherever it is installed, so it is hidden: ours must not
-_PROBE = """\
-import sys; sys.modules['dask'] = None; {}; \
-import json; print(json.dumps([name for name, module in sys.modules.items() if module]))"""
-_SIMULATE = "from data_schemas.scene import Scene; import synth; synth.simulate(Scene.model_validate_json(sys.argv[1]))"
-_PROCESS = """\
-import data_schemas; from pipeline.processing import process; from pipeline.summary import summaries; \
-result = process(data_schemas.read(sys.argv[1]), method=sys.argv[2].split(',')); summaries(result); \
-data_schemas.write(result, sys.argv[1] + '.result.nc', overwrite=True)"""
 
 
 def costs(*, quick: bool) -> Iterator[Row]:

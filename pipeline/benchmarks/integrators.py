@@ -34,6 +34,37 @@ Call = Callable[[], Floats]
 """One integration from start to end: states (k, n)."""
 ABSOLUTE = 1e-3
 """Absolute tolerance over the relative one: angles are of 0.01 to 1 rad."""
+ABSENT = "not installed, or did not reach it: extra 'peers'"
+ANY = math.nan
+_STIFF = ((1e-6, 1.4), (1e-9, 1.4), (1e-12, 3.0))
+BARS: tuple[tuple[str, str, float, float, float | None], ...] = (
+    ("linear", "heyoka", ANY, 1e-14, 50.0),
+    ("linear", "CyRK DOP853", 1e-6, 1e-14, None),
+    ("linear", "scipy DOP853", 1e-9, 1e-14, None),
+    ("nonlinear", "heyoka", 1e-12, 1e-11, 8.0),
+    ("nonlinear", "CyRK DOP853", 1e-9, 1e-11, None),
+    ("nonlinear", "scipy DOP853", 1e-9, 1e-11, None),
+    ("beam", "heyoka", 1e-9, math.inf, 1.5),
+    ("beam", "scipy DOP853", 1e-9, math.inf, None),
+    *(("van der Pol", "scipy Radau", tolerance, math.inf, 300.0) for tolerance in (1e-6, 1e-9, 1e-12)),
+    *((name, "CyRK RADAU", tolerance, math.inf, limit) for name in ("van der Pol", "stiff beam")
+      for tolerance, limit in _STIFF),
+)  # fmt: skip
+"""Problem, peer, its tolerance (`ANY`: its fastest point), the largest error of ours, and how many times faster ours
+must be at that error and not above the peer's; None is reported only."""
+UNDER = 10.0
+"""The true error may be so many times the estimate."""
+OVER = 1000.0
+"""The estimate may be so many times the true error."""
+EXACT = 1e-15
+"""An estimate of a few roundings is not asked to be met from below: an error may vanish by chance."""
+TOLERANCES = (1e-6, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14)
+STIFF_TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15)
+PEER_TOLERANCES = (1e-6, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
+QUICK_TOLERANCES = (1e-6, 1e-9, 1e-12)
+REPEATS = 5
+ONCE, QUICK_ONCE = 5.0, 0.25  # s: whoever takes longer is timed once
+LONG = 20.0  # s: whoever takes longer is not called again to be timed: what it compiled is within 5 % of that
 
 
 class Peer(NamedTuple):
@@ -131,40 +162,6 @@ PEERS: Mapping[str, Peer] = {
     "scipy Radau": Peer("scipy", partial(scipy, method="Radau"), True),
 }
 """All of them, by the names under which rows and pictures show them."""
-
-
-ABSENT = "not installed, or did not reach it: extra 'peers'"
-ANY = math.nan
-_STIFF = ((1e-6, 1.4), (1e-9, 1.4), (1e-12, 3.0))
-
-BARS: tuple[tuple[str, str, float, float, float | None], ...] = (
-    ("linear", "heyoka", ANY, 1e-14, 50.0),
-    ("linear", "CyRK DOP853", 1e-6, 1e-14, None),
-    ("linear", "scipy DOP853", 1e-9, 1e-14, None),
-    ("nonlinear", "heyoka", 1e-12, 1e-11, 8.0),
-    ("nonlinear", "CyRK DOP853", 1e-9, 1e-11, None),
-    ("nonlinear", "scipy DOP853", 1e-9, 1e-11, None),
-    ("beam", "heyoka", 1e-9, math.inf, 1.5),
-    ("beam", "scipy DOP853", 1e-9, math.inf, None),
-    *(("van der Pol", "scipy Radau", tolerance, math.inf, 300.0) for tolerance in (1e-6, 1e-9, 1e-12)),
-    *((name, "CyRK RADAU", tolerance, math.inf, limit) for name in ("van der Pol", "stiff beam")
-      for tolerance, limit in _STIFF),
-)  # fmt: skip
-"""Problem, peer, its tolerance (`ANY`: its fastest point), the largest error of ours, and how many times faster ours
-must be at that error and not above the peer's; None is reported only."""
-UNDER = 10.0
-"""The true error may be so many times the estimate."""
-OVER = 1000.0
-"""The estimate may be so many times the true error."""
-EXACT = 1e-15
-"""An estimate of a few roundings is not asked to be met from below: an error may vanish by chance."""
-TOLERANCES = (1e-6, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14)
-STIFF_TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15)
-PEER_TOLERANCES = (1e-6, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
-QUICK_TOLERANCES = (1e-6, 1e-9, 1e-12)
-REPEATS = 5
-ONCE, QUICK_ONCE = 5.0, 0.25  # s: whoever takes longer is timed once
-LONG = 20.0  # s: whoever takes longer is not called again to be timed: what it compiled is within 5 % of that
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:

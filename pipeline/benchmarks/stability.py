@@ -41,6 +41,18 @@ N = 6.25  # rad/s, of the pendulums
 BOUND = 1e-8
 """Largest error, relative to the largest angle, of a cell that must be solved."""
 DIGITS, ANOTHER = "elliptic function, 40 digits", "another propagator, tighter"
+PROPAGATORS: tuple[Propagator, ...] = get_args(Propagator)
+TOLERANCE = 1e-10
+"""What is asked of propagators that take a tolerance."""
+HONEST = 10.0
+"""The error may be so many times the propagator's estimate."""
+ROUNDING = 1e-13
+"""Errors below it are rounding."""
+ROUNDED = 4e-16
+"""Of a phase: scenes give periods, whose reciprocals are rounded."""
+MOST = 400
+"""Readings that are compared with the truth."""
+_TIGHTER = 1e-2
 
 
 @dataclass(frozen=True)
@@ -198,20 +210,6 @@ def _beams() -> tuple[Motion, ...]:
     heavy = ElasticBeam(1e-3, np.array([1.0, 1.0]), np.array([1.0, 0.9]), 150.0, 0.0, GRAVITY)
     last = made("light beam, M/m = 1e-3", heavy, (0.05, 0.0, 0.3, 0.0, -0.2, 0.0), Fraction(1, 20), 101)
     return (*out, replace(last, solvers=VIOLENT))
-
-
-PROPAGATORS: tuple[Propagator, ...] = get_args(Propagator)
-TOLERANCE = 1e-10
-"""What is asked of propagators that take a tolerance."""
-HONEST = 10.0
-"""The error may be so many times the propagator's estimate."""
-ROUNDING = 1e-13
-"""Errors below it are rounding."""
-ROUNDED = 4e-16
-"""Of a phase: scenes give periods, whose reciprocals are rounded."""
-MOST = 400
-"""Readings that are compared with the truth."""
-_TIGHTER = 1e-2
 
 
 class Found(NamedTuple):

@@ -30,6 +30,10 @@ from pipeline.cli.tables import plain
 
 Row = dict[str, Any]
 Item = TypeVar("Item")
+_PACKAGES = ("data_schemas", "synth", "pipeline")
+_NO_NUMBERS = ("cli", "plots")  # parts of `pipeline` that present what others compute
+Call = Callable[[], Any]
+Given = TypeVar("Given")
 
 
 def write(path: Path, table: Sequence[Mapping[str, Any]]) -> None:
@@ -99,10 +103,6 @@ def _row(bar: str, value: float, limit: str, unit: str, passed: bool | None) -> 
     return {"bar": bar, "value": float(value), "limit": limit, "unit": unit, "pass": verdict}
 
 
-_PACKAGES = ("data_schemas", "synth", "pipeline")
-_NO_NUMBERS = ("cli", "plots")  # parts of `pipeline` that present what others compute
-
-
 class Kept:
     """Results by configuration: in memory while the suite runs, and in `points/` of a folder if one is named."""
 
@@ -148,10 +148,6 @@ def sources() -> str:
                 continue
             digest.update(place.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
-
-
-Call = Callable[[], Any]
-Given = TypeVar("Given")
 
 
 def timed(call: Callable[[], Given]) -> tuple[Given, float]:

@@ -28,6 +28,9 @@ WINDOW_SECONDS = 16.0
 HOP_SECONDS = 1.0
 KAISER_SHAPE = 14.0
 LEAST_COVERAGE = 0.7  # of a window's weight; an instant with less has no value
+PASS, STOP = 0.5, 0.85  # of the swing's frequency
+REJECTION = 80.0  # dB, of the swing: what is left of it is 1e-6 rad
+COARSE = 6.0  # samples a swing that the slow motion needs
 
 
 @dataclass(frozen=True)
@@ -173,11 +176,6 @@ def fit_windows(series: Floats, basis: Floats, weight: Floats, every: int) -> tu
         if coverage[k] >= LEAST_COVERAGE and present.sum() >= 2 * terms:
             out[:, k] = weighted_inverse(basis[present], weight[present]) @ values[present]
     return out, coverage
-
-
-PASS, STOP = 0.5, 0.85  # of the swing's frequency
-REJECTION = 80.0  # dB, of the swing: what is left of it is 1e-6 rad
-COARSE = 6.0  # samples a swing that the slow motion needs
 
 
 @dataclass(frozen=True)

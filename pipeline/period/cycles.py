@@ -24,6 +24,7 @@ _ROUNDS = 8  # the mean converges quadratically: five suffice below 3.14159 rad
 LEAST_SAMPLES = 6  # a swing
 LEAST_CYCLES = 5
 CROSSING_SHARE = 0.125  # of a period, on each side of a crossing or turning point, that its fit takes in
+LAWS = ("viscous", "quadratic", "knife-edge")
 
 
 def arc_factor(amplitude: ArrayLike) -> NDArray[np.float64]:
@@ -156,9 +157,6 @@ def _turning_points(time: Floats, theta: Floats, crossings: Floats, period: floa
         times.append(centre + top * period)
         values.append(float(polynomial.polyval(top, fit)))
     return np.asarray(times), np.asarray(values)
-
-
-LAWS = ("viscous", "quadratic", "knife-edge")
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,7 @@ _STYLE: dict[Any, Any] = {
     "grid.color": "#e3e3e3", "grid.linewidth": 0.7,
 }  # fmt: skip
 _DOTS_PER_INCH = 130
+_BINS = 700  # about one a pixel column
 
 
 def require_matplotlib() -> None:
@@ -100,9 +101,6 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
     finally:
         with contextlib.suppress(OSError):  # gone already when it was renamed
             temporary.unlink()
-
-
-_BINS = 700  # about one a pixel column
 
 
 def angle_scale(largest: float) -> tuple[float, str]:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 _ZOOM = 20.0  # s
 _MOST_TRACES = 8
+_MILLIGAL = 1e-5  # m s-2
 
 
 def record_figure(record: DataTree) -> Figure:
@@ -78,9 +79,6 @@ def _subtitle(record: DataTree, time: Floats, elongation: Floats) -> str:
         f"record {record.attrs.get('record_id', 'without a name')} · {time.size} samples, {step:.4g} s apart"
         f" · {missing:.2g} % missing"
     )
-
-
-_MILLIGAL = 1e-5  # m s-2
 
 
 def result_figure(result: DataTree, *, true_gravity: float | None = None) -> Figure:

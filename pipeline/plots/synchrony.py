@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset, DataTree
 
+_MARKS = {0.0: "in phase", 0.25: "quadrature", 0.5: "antiphase", 0.75: "quadrature"}
+_LEAST_REACH = 0.3  # turns either side: so that a named angle is always in sight
+
 
 def period_figure(result: DataTree) -> Figure:
     """Draw a result with the group `period`: period against amplitude above, what the law leaves of it below."""
@@ -67,10 +70,6 @@ def _draw_remainder(axes: Axes, table: Dataset, period: float) -> None:
 
 def _values(table: Dataset, name: str) -> Floats:
     return np.asarray(table[name].values, dtype=np.float64)
-
-
-_MARKS = {0.0: "in phase", 0.25: "quadrature", 0.5: "antiphase", 0.75: "quadrature"}
-_LEAST_REACH = 0.3  # turns either side: so that a named angle is always in sight
 
 
 def synchrony_figure(result: DataTree) -> Figure:

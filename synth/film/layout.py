@@ -20,6 +20,8 @@ STRIP = 1024
 INCH = 25.4  # mm
 _WIDEST = 4.0  # times the paper: a canvas wider than that is mostly empty
 _MOST_ROWS = 2**31 - 1
+_SPOTS = 3.0  # sigmas that must be left to the edge
+_ROOM = 1.05  # between the steepest slope met at samples and that where a line would double back
 
 
 @dataclass(frozen=True)
@@ -107,10 +109,6 @@ def geometry_of(film: Film, travel: float, offsets: Floats) -> Geometry:
         max(rows, 1), max(columns, 1), (row[0] + corner[0], row[1], row[2]),
         (column[0] + corner[1], column[1], column[2]), turn, corner, length, width, pixels,
     )  # fmt: skip
-
-
-_SPOTS = 3.0  # sigmas that must be left to the edge
-_ROOM = 1.05  # between the steepest slope met at samples and that where a line would double back
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ from synth.phase import Floats
 from synth.seeds import generator
 
 _MINUTE = 60.0
+_KNOTS = 8  # of the random error of the speed, in its correlation time
+_MOST = 4.0  # sigmas: a wilder error is cut off, so that the film never stands
 
 
 @dataclass(frozen=True)
@@ -86,10 +88,6 @@ def light_of(film: Film, marks: Marks, begin: float, end: float, dark: list[tupl
         factor[(middle > first) & (middle < last)] *= part
     lit = is_open & (factor > 0.0)
     return Light(edges[:-1][lit], edges[1:][lit], factor[lit])
-
-
-_KNOTS = 8  # of the random error of the speed, in its correlation time
-_MOST = 4.0  # sigmas: a wilder error is cut off, so that the film never stands
 
 
 class Transport:

@@ -37,6 +37,8 @@ BLOCK = 8192
 _KEPT = 1 << 20  # values of a scene that are kept rather than simulated twice
 
 Blocks = Iterator[tuple[Floats, Floats]]
+_BESIDE = 64  # samples beyond a block that its spline sees: what lies further away counts 0.43^64 = 1e-23
+_DEGREE = 5
 
 
 @dataclass(frozen=True)
@@ -183,10 +185,6 @@ def _shortest_period(instrument: dict[str, Any], time: Floats, elongation: Float
         if passages.size > 2:
             shortest = min(shortest, float(np.median(passages[2:] - passages[:-2])))
     return shortest
-
-
-_BESIDE = 64  # samples beyond a block that its spline sees: what lies further away counts 0.43^64 = 1e-23
-_DEGREE = 5
 
 
 class _Curve:

@@ -19,6 +19,14 @@ from synth.systems.reduced_beam import ReducedBeam, reduced
 from synth.systems.resistance import VanDerPolDrive
 from synth.systems.yielding import ElasticBeam
 
+LIKELY = 1e-6
+"""Share of the swing by which a start is moved: far above rounding, far below any reading."""
+CAUTION = (
+    "the clocks are alike and begin alike: they stay so to the last bit, on a motion that may be unstable; start one "
+    "of them a little off, such as 1e-6 of its swing"
+)
+_OWN = ("mass", "length", "detuning", "natural_frequency")
+
 
 class Clocks(NamedTuple):
     """Kanunnikov and Lamper's system (2), and what the full system (1) has beyond it.
@@ -118,15 +126,6 @@ def of_beam(beam: ElasticBeam, *, full: bool = True) -> Clocks:
 def mirrored(states: Floats) -> Floats:
     """States with both clocks on the other side, y_i -> -y_i; the beam stays."""
     return np.asarray(states * np.array([1.0, 1.0, -1.0, -1.0, -1.0, -1.0]))
-
-
-LIKELY = 1e-6
-"""Share of the swing by which a start is moved: far above rounding, far below any reading."""
-CAUTION = (
-    "the clocks are alike and begin alike: they stay so to the last bit, on a motion that may be unstable; start one "
-    "of them a little off, such as 1e-6 of its swing"
-)
-_OWN = ("mass", "length", "detuning", "natural_frequency")
 
 
 def symmetric(system: Any, state: Floats) -> bool:

@@ -29,6 +29,13 @@ from synth.systems.dispatch import derivative, jacobian
 _STAGES = 12
 _NODES, _WEIGHTS = np.array(NODES[:_STAGES]), np.ascontiguousarray(INSIDE[: _STAGES + 1, :_STAGES])
 """A row of weights for each stage, the last for the step."""
+STEPS = 48
+"""Of half a swing: the beam turns by 0.13 rad in each, which order 8 resolves to 1e-13."""
+_ORDER = 8
+_MOST_TURNS = 30
+_SETTLED = 3e-14  # change of a turn, of the state's size
+_NEUTRAL = 1e-9  # |multiplier| - 1 below which nothing is said
+_RATE = 3  # place of the first clock's rate in the state
 
 
 def carried(system: Any, start: Floats, duration: float, steps: int) -> tuple[Floats, Floats]:
@@ -77,15 +84,6 @@ def _add(out: Floats, rows: Floats, step: float, weights: Floats, slopes: Floats
             for stage in range(stages):
                 total += weights[stage] * slopes[stage, j, i]
             out[j, i] = rows[j, i] + step * total
-
-
-STEPS = 48
-"""Of half a swing: the beam turns by 0.13 rad in each, which order 8 resolves to 1e-13."""
-_ORDER = 8
-_MOST_TURNS = 30
-_SETTLED = 3e-14  # change of a turn, of the state's size
-_NEUTRAL = 1e-9  # |multiplier| - 1 below which nothing is said
-_RATE = 3  # place of the first clock's rate in the state
 
 
 class Orbit(NamedTuple):

@@ -17,6 +17,10 @@ from itertools import pairwise
 from math import gcd
 
 Polynomial = list[int]  # coefficients, lowest power first, the last not zero; [] is zero
+Conic = tuple[Fraction, Fraction, Fraction, Fraction, Fraction, Fraction]
+"""Coefficients of x^2, x y, y^2, x, y, 1."""
+_Terms = dict[tuple[int, int], Fraction]  # by powers of x and y; the third unknown makes up the degree
+_POWERS = ((2, 0), (1, 1), (0, 2), (1, 0), (0, 1), (0, 0))
 
 
 def real_roots(values: Sequence[Fraction], low: Fraction, high: Fraction, width: Fraction) -> list[Fraction]:
@@ -122,12 +126,6 @@ def _sign(values: Polynomial, place: Fraction) -> int:
         total = total * top + each * scale
         scale *= bottom
     return (total > 0) - (total < 0)
-
-
-Conic = tuple[Fraction, Fraction, Fraction, Fraction, Fraction, Fraction]
-"""Coefficients of x^2, x y, y^2, x, y, 1."""
-_Terms = dict[tuple[int, int], Fraction]  # by powers of x and y; the third unknown makes up the degree
-_POWERS = ((2, 0), (1, 1), (0, 2), (1, 0), (0, 1), (0, 0))
 
 
 def resultant(conics: Sequence[Conic]) -> Fraction:

@@ -37,6 +37,14 @@ PORTION = 512
 ONE_THREAD = 1 << 18
 """Multiplications up to which OpenBLAS keeps to one thread."""
 FEWEST_ROWS = 8
+_POINTS = 16  # of the grid under the kernel
+_HALF = _POINTS // 2
+_SHAPE = 1.5 * math.pi * _HALF  # beta: the kernel's transform ends where the aliases of K = M/4 begin
+_TERMS = 16  # of the polynomials: 1e-16 of the largest
+_STRIP = 512  # moments of one matrix product, which then keeps to one thread
+_STRIPS = 8  # at a time: in the processor's cache
+Places = NDArray[np.uint64]
+"""Where in the period, in 2^-64 of it."""
 
 
 @dataclass(frozen=True)
@@ -171,17 +179,6 @@ def halves(
         else:
             np.add(evens, odds, out=before[strip])
             np.subtract(evens, odds, out=some)
-
-
-_POINTS = 16  # of the grid under the kernel
-_HALF = _POINTS // 2
-_SHAPE = 1.5 * math.pi * _HALF  # beta: the kernel's transform ends where the aliases of K = M/4 begin
-_TERMS = 16  # of the polynomials: 1e-16 of the largest
-_STRIP = 512  # moments of one matrix product, which then keeps to one thread
-_STRIPS = 8  # at a time: in the processor's cache
-
-Places = NDArray[np.uint64]
-"""Where in the period, in 2^-64 of it."""
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,11 @@ _SLOW = 1.0
 
 _TINY = 1e-100
 """Of |mu t|: here the growth is t, and a quotient of still smaller numbers might not be."""
+_NODES = 28
+_REACH = 4.0  # largest angle of any harmonic within half a block, rad
+_CLOSE = 26  # binary orders of what is split off a period
+_FINE = 1 << 40  # nodes and starts are multiples of 2^-40 of a block's half-length: exact integers
+Interpolate = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True)
@@ -121,15 +126,6 @@ def growth(split: Phasors, seconds: Floats) -> Phasors:
     np.divide(np.expm1(turn), turn, out=grown, where=np.abs(turn) > _TINY)
     grown *= seconds
     return grown
-
-
-_NODES = 28
-_REACH = 4.0  # largest angle of any harmonic within half a block, rad
-_CLOSE = 26  # binary orders of what is split off a period
-_FINE = 1 << 40  # nodes and starts are multiples of 2^-40 of a block's half-length: exact integers
-
-
-Interpolate = Callable[[Floats], Floats]
 
 
 class Times(ABC):

@@ -25,6 +25,16 @@ _LOW, _HIGH = 0.6, 2.6
 """Of the peak's frequency: below there is nothing; depth, or a hull longer than the waves, cuts above."""
 _PEAK_FACTOR = 3.3  # Hasselmann and others, JONSWAP, 1973
 _HULL = 0.5  # rad: how far from 90 degrees a hull turns sway against heave
+Floats = NDArray[np.float64]
+LONGEST = 0.05
+"""s; the longest step: a third of a radian of a one-second pendulum, which errs by 1e-11 rad in five minutes."""
+_KINKED = 0.01  # s, the longest step where a drag has a kink at each turn of the swing
+_RATE = 1e-2  # rad/s, below which knife-edge friction fades: a tenth of the swing's speed
+_RAMP = 5.0  # s, in which the ship's rate of turn or thrust changes
+_SUBSTEPS = np.array([2, 4, 6, 8, 10])
+_GRID = 120  # the least common multiple of the substeps: a node is a whole number of 1/120 of a step
+_NODES = np.array(sorted({m * _GRID // n for n in (2, 4, 6, 8, 10) for m in range(n)}))
+_PLACE = np.searchsorted(_NODES, np.arange(_GRID))
 
 
 class Motion(NamedTuple):
@@ -78,19 +88,6 @@ def at(times: Floats, rate: Floats, amplitude: Complexes) -> Floats:
     for speed, size in zip(rate, amplitude, strict=True):
         out += (size * np.exp(1j * speed * times)).real
     return out
-
-
-Floats = NDArray[np.float64]
-
-LONGEST = 0.05
-"""s; the longest step: a third of a radian of a one-second pendulum, which errs by 1e-11 rad in five minutes."""
-_KINKED = 0.01  # s, the longest step where a drag has a kink at each turn of the swing
-_RATE = 1e-2  # rad/s, below which knife-edge friction fades: a tenth of the swing's speed
-_RAMP = 5.0  # s, in which the ship's rate of turn or thrust changes
-_SUBSTEPS = np.array([2, 4, 6, 8, 10])
-_GRID = 120  # the least common multiple of the substeps: a node is a whole number of 1/120 of a step
-_NODES = np.array(sorted({m * _GRID // n for n in (2, 4, 6, 8, 10) for m in range(n)}))
-_PLACE = np.searchsorted(_NODES, np.arange(_GRID))
 
 
 class Support(NamedTuple):

@@ -25,6 +25,12 @@ _BURST = 2.0  # s
 _BAD = 3e-3  # rad: outliers and bursts
 _ROLL = 8.0  # s
 _ROUND = 120.0  # s
+REFERENCE = 9.81
+"""m/s^2, at which the periods are stated."""
+_MGAL = 1e-5  # m/s^2
+_SLOW = 10.0  # s, of an acceleration that planes of swing follow
+_WAY = 5.0  # m/s, of a ship that turns
+Random = np.random.Generator
 
 
 def sample_times(case: Case, random: np.random.Generator) -> Floats:
@@ -95,14 +101,6 @@ def _lose(out: Floats, times: Floats, case: Case, random: np.random.Generator) -
     begin = random.uniform(0.1, 0.6) * case.duration
     out[0, (times >= begin) & (times < begin + case.first_gap)] = np.nan
     out[:, times % _ROUND >= _ROUND - case.lost_of_two_minutes] = np.nan
-
-
-REFERENCE = 9.81
-"""m/s^2, at which the periods are stated."""
-_MGAL = 1e-5  # m/s^2
-_SLOW = 10.0  # s, of an acceleration that planes of swing follow
-_WAY = 5.0  # m/s, of a ship that turns
-Random = np.random.Generator
 
 
 class Made(NamedTuple):

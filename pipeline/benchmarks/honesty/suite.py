@@ -30,6 +30,20 @@ EXACT = 1e-3
 """mGal; a smaller error is right whatever sigma says."""
 _95 = 1.96  # sigma
 _CRASHED = "crashed: "
+SEEDS, QUICK_SEEDS = 5, 2
+QUICK = ("swell", "heave not recorded", "one gap", "outliers", "half-second marks", "zero of the first trace")
+DURATION: float | None = None
+"""s, instead of each kind's own."""
+_STEPS = (
+    (2.0, "#cfe8dc", "worst error below 2 sigma"),
+    (3.0, "#e8f1c8", "2 to 3"),
+    (4.0, "#fbe7a1", "3 to 4"),
+    (5.0, "#f6b26b", "4 to 5"),
+    (math.inf, "#e0703c", "above 5: sigma does not hold"),
+)
+_REFUSED = "#dcdcdc"
+_HEADINGS = {"sea": "Ship, pendulums, reading", "instrument": "Instrument"}
+_ROW, _CELL, _LABEL, _MARGIN = 0.215, 1.42, 2.35, 1.75  # inches
 
 
 def reduced(made: Made, method: str) -> Row:
@@ -136,12 +150,6 @@ def _sizes(rows: Iterable[Row]) -> list[float]:
     return [abs(row["z"]) for row in rows]
 
 
-SEEDS, QUICK_SEEDS = 5, 2
-QUICK = ("swell", "heave not recorded", "one gap", "outliers", "half-second marks", "zero of the first trace")
-DURATION: float | None = None
-"""s, instead of each kind's own."""
-
-
 def run(
     *, quick: bool, folder: Path | None, methods: Sequence[str] = ("auto",), only: str = "", seeds: int | None = None
 ) -> Iterator[Row]:
@@ -194,18 +202,6 @@ def _one(kind: str, strength: str, seed: int, methods: Sequence[str], kept: Kept
             kept.put(configuration, found)
         rows += found
     return rows
-
-
-_STEPS = (
-    (2.0, "#cfe8dc", "worst error below 2 sigma"),
-    (3.0, "#e8f1c8", "2 to 3"),
-    (4.0, "#fbe7a1", "3 to 4"),
-    (5.0, "#f6b26b", "4 to 5"),
-    (math.inf, "#e0703c", "above 5: sigma does not hold"),
-)
-_REFUSED = "#dcdcdc"
-_HEADINGS = {"sea": "Ship, pendulums, reading", "instrument": "Instrument"}
-_ROW, _CELL, _LABEL, _MARGIN = 0.215, 1.42, 2.35, 1.75  # inches
 
 
 def draw(table: Sequence[Row], method: str, path: str | os.PathLike[str]) -> None:

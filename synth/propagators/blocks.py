@@ -117,7 +117,7 @@ class Blocks:
         inner = rate if self.reach_step == self.centre_step else turns(frequencies, self.reach_step)
         return self.centres.phasors(rate), self.reaches.phasors(inner)
 
-    @property
+    @cached_property
     def seconds(self) -> tuple[Floats, Floats]:
         """Return t_b and tau in s, each rounded once."""
         centres, reaches = (each.index.astype(np.float64) for each in (self.centres, self.reaches))

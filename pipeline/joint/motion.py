@@ -311,7 +311,9 @@ def _steady(fit: Fitted) -> Engine | None:
     at = int(np.argmax(gain))
     if gain[at] < COMPONENT:
         return None
-    return Engine(float(frequency[at]), 1.0 / lattice.duration, float(np.sqrt(2.0 * gain[at] / square[at])), "vertical")
+    return Engine(
+        float(frequency[at]), 1.0 / lattice.duration, float(np.sqrt(2.0 * gain[at] / square[at])), "vertical"
+    )
 
 
 def is_white(fit: Fitted, traces: list[int]) -> bool:

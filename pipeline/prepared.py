@@ -20,7 +20,7 @@ from pipeline.harmonics.narrowband import NarrowbandFit, complex_form, fit_narro
 from pipeline.observation import Observation
 
 if TYPE_CHECKING:
-    from pipeline.harmonics.slow_motion import SlowMotion
+    from pipeline.harmonics.envelope import SlowMotion
 
 PLACES = 2000  # from which the scale is taken, at least
 REACH_SECONDS = 0.5
@@ -76,7 +76,7 @@ class Prepared:
     @cached_property
     def slow_motion(self) -> SlowMotion:
         """Slow part of the first pendulum and recorded heave."""
-        from pipeline.harmonics.slow_motion import slow_motion
+        from pipeline.harmonics.envelope import slow_motion
 
         seen = self.observation
         self.require_whole("theta", "vertical")

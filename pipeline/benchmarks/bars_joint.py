@@ -14,15 +14,12 @@ import numpy as np
 
 from data_schemas.errors import IsochronyError
 from data_schemas.scene import Scene
-from pipeline.benchmarks.bar import at_most, between, of_few, reported
-from pipeline.benchmarks.clock import hilbert, rounds, times
 from pipeline.benchmarks.fisher import gravity_bound
-from pipeline.benchmarks.honesty.case import Case
+from pipeline.benchmarks.honesty.kinds import Case
 from pipeline.benchmarks.honesty.plain import gravity_at
 from pipeline.benchmarks.honesty.records import Made, of_case
-from pipeline.benchmarks.scenes import linear, real
-from pipeline.benchmarks.tables import Row, progress
-from pipeline.benchmarks.trials import made
+from pipeline.benchmarks.scenes import linear, made, real
+from pipeline.benchmarks.tables import Row, at_most, between, hilbert, of_few, progress, reported, rounds, times
 from pipeline.joint.fit import reduce
 from pipeline.joint.gather import gather
 from pipeline.processing import process

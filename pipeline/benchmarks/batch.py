@@ -22,10 +22,17 @@ import data_schemas
 import synth
 from pipeline.batch import ledger, log
 from pipeline.batch.summary import NAMES
-from pipeline.benchmarks.bar import at_least, at_most, holds, not_measured
-from pipeline.benchmarks.clock import median_ratio, tree_environment
 from pipeline.benchmarks.scenes import linear
-from pipeline.benchmarks.tables import Row, progress
+from pipeline.benchmarks.tables import (
+    Row,
+    at_least,
+    at_most,
+    holds,
+    median_ratio,
+    not_measured,
+    progress,
+    tree_environment,
+)
 
 Way = Callable[[Path, Path], list[float]]
 """From a folder of records and one for results to the instants, s, at which records were done."""
@@ -72,8 +79,7 @@ def _environment() -> dict[str, str]:
 def _bare(records: Path, out: Path) -> list[float]:
     words = [sys.executable, "-c", _BARE, str(records), str(out), METHOD]
     done = subprocess.run(words, env=_environment(), check=True, capture_output=True, text=True)
-    ends: list[float] = json.loads(done.stdout)
-    return ends
+    return list(json.loads(done.stdout))
 
 
 def _command(records: Path, out: Path, *words: str) -> list[str]:
@@ -90,13 +96,8 @@ def _by_dask(records: Path, out: Path) -> list[float]:
     """A scheduler here, and two workers of one thread as separate processes on the loopback."""
     from distributed import LocalCluster
 
-    work = {
-        "n_workers": 2,
-        "threads_per_worker": 1,
-        "env": _environment(),
-        "local_directory": str(out.with_name("dask")),
-    }
-    with LocalCluster(**work, dashboard_address=None) as cluster:
+    work = {"n_workers": 2, "threads_per_worker": 1, "env": _environment(), "dashboard_address": None}
+    with LocalCluster(**work, local_directory=str(out.with_name("dask"))) as cluster:
         return _batch(records, out, ("--scheduler", cluster.scheduler_address))
 
 
@@ -104,14 +105,11 @@ def killed_and_resumed(records: Path, out: Path, after: int) -> None:
     """Kill a batch of two processes with -9 once so many records are in its ledger, and resume it."""
     words = _command(records, out, "--jobs", "2")
     with subprocess.Popen(words, env=_environment(), stderr=subprocess.DEVNULL) as begun:
-        while begun.poll() is None and _lines(out / ledger.NAME) < after:
+        kept = out / ledger.NAME
+        while begun.poll() is None and (not kept.exists() or kept.read_bytes().count(b"\n") < after):
             time.sleep(0.01)
         begun.kill()
     subprocess.run([*words, "--resume"], env=_environment(), check=True, capture_output=True)
-
-
-def _lines(path: Path) -> int:
-    return path.read_bytes().count(b"\n") if path.exists() else 0
 
 
 WAYS: Mapping[str, Way] = {

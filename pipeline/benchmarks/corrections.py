@@ -23,12 +23,10 @@ from typing import Any
 import numpy as np
 
 from pipeline.benchmarks.honesty.records import Made, record
-from pipeline.benchmarks.honesty.score import reduced
-from pipeline.benchmarks.kept import Kept
+from pipeline.benchmarks.honesty.suite import reduced
 from pipeline.benchmarks.pictures import draw_corrections
-from pipeline.benchmarks.scenes import real_heave, resonant, swell, two_pendulums
-from pipeline.benchmarks.tables import Row, progress, write
-from pipeline.benchmarks.trials import made
+from pipeline.benchmarks.scenes import made, real_heave, resonant, swell, two_pendulums
+from pipeline.benchmarks.tables import Kept, Row, progress, write
 from pipeline.methods import PAIR_METHODS
 from pipeline.processing import process
 from synth import simulate
@@ -133,17 +131,13 @@ def summary(points: Sequence[Row]) -> list[Row]:
     for name in METHODS:
         rows = [row for row in points if row["method"] == name]
         errors = [abs(row["error_mgal"]) for row in rows if not row["refused"]]
-        table.append(
-            {
-                "method": name,
-                "median_ms": statistics.median([row["ms"] for row in rows if not row["refused"]] or [math.nan]),
-                "median_error_mgal": statistics.median(errors or [math.nan]),
-                "worst_error_mgal": max(errors, default=math.nan),
-                "flagged": sum(bool(row["flags"]) for row in rows),
-                "declined": sum(bool(row["refused"]) for row in rows),
-                "records": len(rows),
-            }
-        )
+        times = [row["ms"] for row in rows if not row["refused"]]
+        middle = {"median_ms": times, "median_error_mgal": errors}
+        medians = {key: statistics.median(values or [math.nan]) for key, values in middle.items()}
+        counts = {"flagged": "flags", "declined": "refused"}
+        counted = {key: sum(bool(row[of]) for row in rows) for key, of in counts.items()}
+        worst = {"worst_error_mgal": max(errors, default=math.nan)}
+        table.append({"method": name, **medians, **worst, **counted, "records": len(rows)})
     return table
 
 

@@ -21,9 +21,8 @@ from data_schemas.errors import IsochronyError
 from data_schemas.scene import Scene, load_scene
 from data_schemas.scene_film import Dimming, Film
 from data_schemas.scene_recording import Stretch
-from pipeline.benchmarks.bar import at_least, at_most, holds, not_measured
 from pipeline.benchmarks.film_scores import Truth, order, own_reading, places, readings
-from pipeline.benchmarks.tables import Row, progress
+from pipeline.benchmarks.tables import Row, at_least, at_most, holds, not_measured, progress
 from pipeline.film.digitise import digitise, open_film
 from pipeline.film.knowledge import FilmOptions
 from pipeline.gravity import MGAL
@@ -51,17 +50,12 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """
     seconds = _QUICK_SECONDS if quick else _SECONDS
     with tempfile.TemporaryDirectory() as temporary:
-        _warm_up(Path(temporary) / "case.film.tif")
+        short = next(cases(_WARM_SECONDS, quick=True))  # no film is charged with what is compiled at first use
+        synth.expose(short.scene, short.film, Path(temporary) / "case.film.tif")
+        digitise(Path(temporary) / "case.film.tif")
         for case in progress(list(cases(seconds, quick=quick)), "film"):
             yield from rows_of(case, Path(temporary) / "case.film.tif")
         yield from rows(Path(temporary), quick=quick)
-
-
-def _warm_up(path: Path) -> None:
-    """Read a short film once, so that no film is charged with what is compiled at first use."""
-    case = next(cases(_WARM_SECONDS, quick=True))
-    synth.expose(case.scene, case.film, path, overwrite=True)
-    digitise(path)
 
 
 def rows_of(case: Case, path: Path) -> Iterator[Row]:

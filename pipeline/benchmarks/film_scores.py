@@ -51,10 +51,8 @@ class Truth(NamedTuple):
         """Of the film-truth."""
         slices, marks = tree["slices"].dataset, tree["marks"].dataset
         mark = (marks["minute"].values == 0) & (marks["spurious"].values == 0)
-        return cls(
-            slices["column"].values, slices["slope"].values, slices["exposure_time"].values,
-            tree.dataset["time"].values, marks["mark_time"].values[mark],
-        )  # fmt: skip
+        column, slope, exposed = (slices[name].values for name in ("column", "slope", "exposure_time"))
+        return cls(column, slope, exposed, tree.dataset["time"].values, marks["mark_time"].values[mark])
 
 
 def order(position: Floats, truth: Truth) -> list[int]:
@@ -80,15 +78,10 @@ def places(position: Floats, flagged: Flags | None, truth: Truth) -> Row:
     silent = read if flagged is None else read & ~flagged
     flat = read & (np.abs(slope) < _FLAT)
     crossed, swapped = crossings(position, column)
-    return {
-        "normal_px": rms(error[read]),
-        "flat_px": rms(error[flat]),
-        "accepted": ratio(read.sum(), lit.sum()),
-        "wrong_unflagged": ratio((np.abs(error[silent]) > WRONG).sum(), lit.sum()),
-        "amplitude_bias": bias(position, column, read),
-        "crossings": crossed,
-        "swaps": swapped,
-    }
+    wrong = ratio((np.abs(error[silent]) > WRONG).sum(), lit.sum())
+    accuracy = {"normal_px": rms(error[read]), "flat_px": rms(error[flat]), "accepted": ratio(read.sum(), lit.sum())}
+    more = {"wrong_unflagged": wrong, "amplitude_bias": bias(position, column, read)}
+    return {**accuracy, **more, "crossings": crossed, "swaps": swapped}
 
 
 def rms(values: Floats) -> float:
@@ -103,11 +96,9 @@ def ratio(part: Any, whole: Any) -> float:
 
 def bias(position: Floats, column: Floats, read: Flags) -> float:
     """Largest relative error of a trace's amplitude: the slope of its readings over the truth, less 1."""
-    slopes = [
-        np.polyfit(true[good] - true[good].mean(), seen[good], 1)[0] - 1.0
-        for seen, true, good in zip(position, column, read, strict=True)
-        if good.sum() > 2
-    ]
+    pairs = zip(position, column, read, strict=True)
+    some = [(seen[good], true[good]) for seen, true, good in pairs if good.sum() > 2]
+    slopes = [np.polyfit(true - true.mean(), seen, 1)[0] - 1.0 for seen, true in some]
     return float(max(slopes, key=abs)) if slopes else math.nan
 
 
@@ -184,10 +175,8 @@ def own_reading(path: str | os.PathLike[str], truth: Truth, interval: float) -> 
 
 def readings(scan: Any, truth: Truth) -> Iterator[tuple[str, Floats]]:
     """Every peer's name and the columns it reads, (traces, rows) px."""
-    windows = [
-        slice(max(0, int(np.nanmin(line)) - _BESIDE), min(scan.columns, int(np.nanmax(line)) + _BESIDE))
-        for line in truth.column
-    ]
+    ends = [(int(np.nanmin(line)) - _BESIDE, int(np.nanmax(line)) + _BESIDE) for line in truth.column]
+    windows = [slice(max(0, first), min(scan.columns, last)) for first, last in ends]
     for name, reader in (("column argmax", _darkest), ("centroid", _centroid)):
         position = np.full((len(windows), scan.rows), np.nan)
         for first in range(0, scan.rows, _STRIP):
@@ -200,8 +189,7 @@ def readings(scan: Any, truth: Truth) -> Iterator[tuple[str, Floats]]:
 
 
 def _darkest(light: Floats) -> Floats:
-    place: Floats = np.argmax(light, axis=1) + 0.5
-    return place
+    return np.asarray(np.argmax(light, axis=1) + 0.5)
 
 
 def _centroid(light: Floats) -> Floats:

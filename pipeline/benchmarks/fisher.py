@@ -90,15 +90,9 @@ def jacobian(pair: Pair, theta: Floats, step: float, every: int = 1, *, damping_
 
 
 def bound(
-    pair: Pair,
-    theta: Floats,
-    step: float,
-    sigma_theta: float,
-    sigma_difference: float,
-    *,
-    every: int = 1,
+    pair: Pair, theta: Floats, step: float, sigma_theta: float, sigma_difference: float, *, every: int = 1,
     damping_known: bool = True,
-) -> float:
+) -> float:  # fmt: skip
     """Least standard deviation of n2 that an unbiased estimator can have, rad s-1.
 
     Parameters
@@ -140,15 +134,11 @@ def gravity_bound(scene: Scene) -> float:
     theta = np.asarray(known["theta"].values)
     n1, n2 = (float(each) for each in known["frequency"].values)
     gamma1, gamma2 = (float(each) for each in known["damping_rate"].values)
-    pair = Pair(n2, n1 / n2, gamma2, gamma1 - gamma2, _swing(theta[0] - theta[1], n2, step / every))
+    difference, time = theta[0] - theta[1], np.arange(int(4.0 * np.pi / n2 / (step / every))) * (step / every)
+    # A - iB at t = 0, by least squares over two swings: the bound needs it to a per cent
+    basis = np.stack([np.cos(n2 * time), np.sin(n2 * time)], axis=-1)
+    a, b = np.linalg.lstsq(basis, difference[: time.size], rcond=None)[0]
+    pair = Pair(n2, n1 / n2, gamma2, gamma1 - gamma2, complex(a, -b))
     known_damping = scene.recording.write_damping
     sigma = bound(pair, theta[0], step / every, noise, noise, every=every, damping_known=known_damping)
     return 2.0 * scene.gravity * sigma / n2 / MGAL
-
-
-def _swing(difference: np.ndarray, frequency: float, step: float) -> complex:
-    """A - iB of the difference at t = 0, by least squares over two swings: the bound needs it to a per cent."""
-    time = np.arange(int(4.0 * np.pi / frequency / step)) * step
-    basis = np.stack([np.cos(frequency * time), np.sin(frequency * time)], axis=-1)
-    a, b = np.linalg.lstsq(basis, difference[: time.size], rcond=None)[0]
-    return complex(a, -b)

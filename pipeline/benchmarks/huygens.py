@@ -16,13 +16,11 @@ from typing import Any
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.benchmarks.kept import Kept
 from pipeline.benchmarks.pictures import draw_locking, draw_regime
-from pipeline.benchmarks.tables import Row, progress
+from pipeline.benchmarks.tables import Kept, Row, progress
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks
-from synth.huygens.locking import edge, edge_of_balance
-from synth.huygens.offset import orbit_slope, slope
+from synth.huygens.locking import edge, edge_of_balance, orbit_slope, slope
 from synth.huygens.orbit import orbit, orbits, start_of
 from synth.huygens.paper import COUPLING, DAMPING, Chain, corrected, printed
 from synth.huygens.slow_flow import stability
@@ -137,10 +135,8 @@ def claims(curves: Sequence[Row], edges: Sequence[Row], step: float) -> list[Row
     moved = _apart(motion, orbit, "beta")
     share = float(np.mean([row["stable"] is False for row in orbit]))
     near = [row for row in edges if abs(row["tau"]) < 0.03]
-    edge = max(
-        max(0.0, abs(row["edge_by_motion"] / row["edge_by_theory"] - 1.0) - step / row["edge_by_theory"])
-        for row in near
-    )
+    pairs = [(row["edge_by_motion"], row["edge_by_theory"]) for row in near]
+    edge = max(max(0.0, abs(moved / theory - 1.0) - step / theory) for moved, theory in pairs)
     three = orbits(Clocks(0.002, 0.2, COUPLING, (0.005, 0.005)))
     in_phase = sum(abs(each.regime.offset) < 1e-6 for each in three)
     return [

@@ -3,6 +3,10 @@
 Times are processor times of all threads, warm, medians of five rounds in which the rivals take turns; whoever takes
 longer than a few seconds is timed once, and whoever takes longer than twenty in the run that gives the answer. Bars:
 times faster than peers at equal or smaller error, on points of one run. With a folder: a picture.
+
+Peers are general integrators, each by its fastest face. Every right-hand side is compiled by Numba (heyoka's from
+formulas); Jacobians are given to whoever takes them. None of these libraries is needed to use the package; they are the
+extra `peers`.
 """
 
 from __future__ import annotations
@@ -12,23 +16,27 @@ import math
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.benchmarks.bar import at_least, not_measured, reported
-from pipeline.benchmarks.clock import rounds, timed
-from pipeline.benchmarks.peers import PEERS
 from pipeline.benchmarks.pictures import draw_integrators
 from pipeline.benchmarks.problems import AS_EXACT_AS_CAN_BE, OWN, Answer, Problem, raced
-from pipeline.benchmarks.references import Reference, reference
-from pipeline.benchmarks.tables import Row, progress
+from pipeline.benchmarks.references import Reference, equations, reference
+from pipeline.benchmarks.tables import Row, at_least, not_measured, progress, reported, rounds, timed
+from synth.phase import Floats
+from synth.systems.dispatch import derivative, jacobian
 
+Call = Callable[[], Floats]
+"""One integration from start to end: states (k, n)."""
+ABSOLUTE = 1e-3
+"""Absolute tolerance over the relative one: angles are of 0.01 to 1 rad."""
 ABSENT = "not installed, or did not reach it: extra 'peers'"
 ANY = math.nan
 _STIFF = ((1e-6, 1.4), (1e-9, 1.4), (1e-12, 3.0))
-
 BARS: tuple[tuple[str, str, float, float, float | None], ...] = (
     ("linear", "heyoka", ANY, 1e-14, 50.0),
     ("linear", "CyRK DOP853", 1e-6, 1e-14, None),
@@ -57,6 +65,103 @@ QUICK_TOLERANCES = (1e-6, 1e-9, 1e-12)
 REPEATS = 5
 ONCE, QUICK_ONCE = 5.0, 0.25  # s: whoever takes longer is timed once
 LONG = 20.0  # s: whoever takes longer is not called again to be timed: what it compiled is within 5 % of that
+
+
+class Peer(NamedTuple):
+    """A way to call a library: its name to import, and (problem, tolerance) -> call, compiling done.
+
+    `stiff`: sensible for stiff problems alone, for others alone, or for both (None).
+    """
+
+    library: str
+    make: Callable[[Problem, float], Call]
+    stiff: bool | None
+
+
+def heyoka(problem: Problem, tolerance: float) -> Call:
+    """Adaptive Taylor integration, non-compact mode, in double."""
+    import heyoka as hy
+
+    start, times = problem.start, problem.times
+    integrator = hy.taylor_adaptive(equations(problem, float), start, tol=tolerance, compact_mode=False)
+
+    def call() -> Floats:
+        integrator.time = times[0]
+        integrator.state[:] = start
+        outcome, *_, states = integrator.propagate_grid(times)
+        if outcome != hy.taylor_outcome.time_limit:
+            raise RefusedError(f"heyoka: {outcome}")
+        return np.asarray(states)
+
+    return call
+
+
+def cyrk(problem: Problem, tolerance: float, method: str) -> Call:
+    """CyRK called from compiled code with a C callback: its fastest face."""
+    from CyRK import cyjit, nbsolve2_ivp
+    from numba import carray  # type: ignore[attr-defined]  # its stubs forget it
+
+    system, size = problem.system, problem.start.size
+
+    def slopes(out: Any, time: float, state: Any, parameters: Any) -> None:
+        derivative(time, carray(state, size), system, carray(out, size))
+
+    compiled = cyjit(slopes)
+    start, times = problem.start, problem.times
+    span, tolerances = (float(times[0]), float(times[-1])), {"rtol": tolerance, "atol": ABSOLUTE * tolerance}
+
+    def call() -> Floats:
+        assert compiled.address  # keeps the callback alive
+        found = nbsolve2_ivp(compiled.address, span, start, method, times, **tolerances)
+        good, states = bool(found.success), np.array(found.y).T.copy()
+        found.free()
+        if not good or states.shape[0] != times.size:
+            raise RefusedError(f"CyRK {method}: it says that it did not succeed")
+        return states
+
+    return call
+
+
+def scipy(problem: Problem, tolerance: float, method: str) -> Call:
+    """scipy's `solve_ivp`."""
+    from numba import njit
+    from scipy.integrate import solve_ivp
+
+    integrate: Any = solve_ivp  # whose stubs want to know the method beforehand
+    system, size = problem.system, problem.start.size
+
+    def slopes(time: float, state: Floats) -> Floats:
+        out = np.empty(size)
+        derivative(time, state, system, out)
+        return out
+
+    def matrix(time: float, state: Floats) -> Floats:
+        out = np.empty((size, size))
+        jacobian(time, state, system, out)
+        return out
+
+    right: Any = njit(slopes)
+    options: dict[str, Any] = {"rtol": max(tolerance, 1e-13), "atol": ABSOLUTE * tolerance}
+    options |= {"jac": njit(matrix)} if problem.stiff else {}
+    span = (float(problem.times[0]), float(problem.times[-1]))
+
+    def call() -> Floats:
+        found: Any = integrate(right, span, problem.start, method, problem.times, **options)
+        if not found.success:
+            raise RefusedError(f"scipy {method}: {found.message}")
+        return np.asarray(found.y).T
+
+    return call
+
+
+PEERS: Mapping[str, Peer] = {
+    "heyoka": Peer("heyoka", heyoka, None),
+    "CyRK DOP853": Peer("CyRK", partial(cyrk, method="DOP853"), False),
+    "CyRK RADAU": Peer("CyRK", partial(cyrk, method="RADAU"), True),
+    "scipy DOP853": Peer("scipy", partial(scipy, method="DOP853"), False),
+    "scipy Radau": Peer("scipy", partial(scipy, method="Radau"), True),
+}
+"""All of them, by the names under which rows and pictures show them."""
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
@@ -102,18 +207,10 @@ class Point:
 
     def row(self, reference: str) -> Row:
         """As the suite yields it."""
-        return {
-            "problem": self.problem,
-            "method": self.method,
-            "tolerance": self.tolerance,
-            "error": self.error,
-            "estimate": self.estimate,
-            "ms": self.ms,
-            "ms_least": 1e3 * min(self.seconds, default=math.nan),
-            "ms_most": 1e3 * max(self.seconds, default=math.nan),
-            "reference": reference,
-            "note": self.note,
-        }
+        named = {"problem": self.problem, "method": self.method, "tolerance": self.tolerance}
+        errors = {"error": self.error, "estimate": self.estimate, "ms": self.ms}
+        least, most = (1e3 * end(self.seconds, default=math.nan) for end in (min, max))
+        return {**named, **errors, "ms_least": least, "ms_most": most, "reference": reference, "note": self.note}
 
 
 def contenders(problem: Problem) -> tuple[str, ...]:
@@ -160,13 +257,8 @@ def sweep(problem: Problem, truth: Reference, *, quick: bool, names: Sequence[st
                 absent = isinstance(why, ImportError)
                 points.append(replace(point, note="not installed: extra 'peers'" if absent else f"refused: {why}"))
                 break
-            point = replace(
-                point,
-                error=truth.error(problem, answer, problem.judged),
-                whole_error=truth.error(problem, answer, range(problem.start.size)),
-                estimate=answer.estimated_error,
-                seconds=(took,),
-            )
+            error, whole = (truth.error(problem, answer, of) for of in (problem.judged, range(problem.start.size)))
+            point = replace(point, error=error, whole_error=whole, estimate=answer.estimated_error, seconds=(took,))
             if took > (QUICK_ONCE if quick else ONCE):
                 points.append(point)
             else:
@@ -185,15 +277,10 @@ def estimates(points: Sequence[Point]) -> Iterator[Row]:
     """One row for each point at which one of the project's propagators gave a value."""
     for point in points:
         if point.own and point.seconds and not math.isnan(point.estimate):
-            yield {
-                "honesty": point.problem,
-                "method": point.method,
-                "tolerance": point.tolerance,
-                "error": point.whole_error,
-                "estimate": point.estimate,
-                "error_over_estimate": point.whole_error / point.estimate,
-                "pass": honest(point.whole_error, point.estimate),
-            }
+            error, estimate = point.whole_error, point.estimate
+            named = {"honesty": point.problem, "method": point.method, "tolerance": point.tolerance}
+            sizes = {"error": error, "estimate": estimate, "error_over_estimate": error / estimate}
+            yield {**named, **sizes, "pass": honest(error, estimate)}
 
 
 def judged(found: Mapping[str, Sequence[Point]]) -> Iterator[Row]:

@@ -24,9 +24,8 @@ import numpy as np
 
 from data_schemas.scene import Scene
 from pipeline.arrays import Complexes, Floats
-from pipeline.benchmarks.scenes import PERIOD, REFERENCE, SWELL, swell, two_pendulums
+from pipeline.benchmarks.scenes import PERIOD, REFERENCE, SWELL, outcome, prepared, reduce_all, swell, two_pendulums
 from pipeline.benchmarks.tables import Row
-from pipeline.benchmarks.trials import outcome, prepared, reduce_all
 from pipeline.correction import integrated, model_speed
 from pipeline.gravity import MGAL
 from pipeline.harmonics.envelope import Envelope, fill

@@ -21,30 +21,15 @@ if TYPE_CHECKING:
 Row = Mapping[str, Any]
 FLOOR, TOP = 1e-9, 1e5  # mGal; below the floor lies rounding
 MARKS: Mapping[str, tuple[str, str]] = {
-    "uncorrected": (SKY, "v"),
-    "vening-meinesz": (VERMILION, "^"),
-    "panteleev": (ORANGE, "s"),
-    "general": (BLUE, "D"),
-    "complex": (PURPLE, "P"),
-    "projection": (GREEN, "X"),
-    "shooting": ("#000000", "o"),
-    "joint": ("#8c510a", "H"),
-}
+    "uncorrected": (SKY, "v"), "vening-meinesz": (VERMILION, "^"), "panteleev": (ORANGE, "s"), "general": (BLUE, "D"),
+    "complex": (PURPLE, "P"), "projection": (GREEN, "X"), "shooting": ("#000000", "o"), "joint": ("#8c510a", "H"),
+}  # fmt: skip
 """Method -> colour, mark."""
 LOOKS: Mapping[str, tuple[str, str]] = {
-    CLOSED: (BLUE, "o"),
-    PICARD: (GREEN, "o"),
-    COLLOCATION: (ORANGE, "o"),
-    RADAU: (VERMILION, "o"),
-    EXPLICIT: (PURPLE, "o"),
-    "heyoka": ("#000000", "D"),
-    "CyRK DOP853": (GREY, "s"),
-    "CyRK RADAU": (GREY, "s"),
-    "scipy DOP853": ("#8c8c8c", "^"),
-    "scipy Radau": ("#8c8c8c", "v"),
-    "CVODE Adams": ("#b0b0b0", "P"),
-    "CVODE BDF": ("#b0b0b0", "X"),
-}
+    CLOSED: (BLUE, "o"), PICARD: (GREEN, "o"), COLLOCATION: (ORANGE, "o"), RADAU: (VERMILION, "o"),
+    EXPLICIT: (PURPLE, "o"), "heyoka": ("#000000", "D"), "CyRK DOP853": (GREY, "s"), "CyRK RADAU": (GREY, "s"),
+    "scipy DOP853": ("#8c8c8c", "^"), "scipy Radau": ("#8c8c8c", "v"),
+}  # fmt: skip
 """Method -> colour and mark; the project's are coloured, peers grey."""
 _COLUMNS = 3
 _LEAST_ERROR = 1e-17

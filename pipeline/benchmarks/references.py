@@ -31,6 +31,7 @@ from synth.systems.yielding import ElasticBeam
 
 Number = Callable[[Any], Any]
 Equations = list[tuple[Any, Any]]
+Instants = Sequence[Fraction]
 TIGHT = 1e-18
 OWN_TIGHT = 1e-14
 _SAMPLED = 200  # readings of which many digits are made
@@ -38,11 +39,7 @@ _BETWEEN = 400  # instants besides, closer towards the start, which show how lar
 
 
 def linear(
-    frequency: Iterable[float],
-    damping: Iterable[float],
-    start: Sequence[float],
-    swell: Swell,
-    instants: Sequence[Fraction],
+    frequency: Iterable[float], damping: Iterable[float], start: Sequence[float], swell: Swell, instants: Instants
 ) -> Floats:
     """Linear pendulums under harmonics, however damped, at resonance too; (instants, pendulums), rad.
 
@@ -71,7 +68,7 @@ def linear(
     return found
 
 
-def swing(frequency: float, amplitude: float, instants: Sequence[Fraction]) -> Floats:
+def swing(frequency: float, amplitude: float, instants: Instants) -> Floats:
     """A pendulum released at rest: `sin(theta/2) = k cd(n t, k)`; (instants, 1), rad."""
     mpmath: Any = import_module("mpmath")
     with mpmath.mp.workdps(40):
@@ -81,7 +78,7 @@ def swing(frequency: float, amplitude: float, instants: Sequence[Fraction]) -> F
         return np.array([[float(value)] for value in values])
 
 
-def separatrix(frequency: float, instants: Sequence[Fraction]) -> Floats:
+def separatrix(frequency: float, instants: Instants) -> Floats:
     """Through the bottom with 2 n exactly: `4 atan(tanh(n t/2))`, towards the top for ever; (instants, 1), rad."""
     times = np.array([float(each) for each in instants])
     return 4.0 * np.arctan(np.tanh(0.5 * frequency * times))[:, None]

@@ -1,12 +1,20 @@
-"""The benchmarks' own scenes: two pendulums, linear or real (sine), in a seaway; one function a kind."""
+"""The benchmarks' own scenes, two pendulums in a seaway, one function a kind; what methods make of their records."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from data_schemas.scene import Scene
+from pipeline.benchmarks.honesty.kinds import Case
+from pipeline.benchmarks.honesty.records import Made
+from pipeline.gravity import MGAL
+from pipeline.observation import observe
+from pipeline.prepared import Prepared, prepare
+from pipeline.reduction import Reduction, reduce_by
+from synth import simulate
 
 REFERENCE = 9.81  # m s-2, where the periods hold
 GRAVITY = 9.8123456  # m s-2, what processing must find
@@ -18,11 +26,6 @@ SWELL_PERIODS = (4.0, 20.0)  # s
 SWAY = 0.03  # rad, largest slow elongation of the real pendulums
 
 Motion = list[dict[str, Any]]
-
-
-def own_frequency(gravity: float = GRAVITY) -> float:
-    """n2 at a gravity, rad s-1."""
-    return float(2.0 * np.pi / PERIOD * np.sqrt(gravity / REFERENCE))
 
 
 def swell(
@@ -37,7 +40,8 @@ def swell(
     unit = np.cos(rate[:, None] * time + phase[:, None]).sum(axis=0)
     elongation = peak / np.abs(unit).max()  # of each harmonic, rad
     # psi = -u / (1 - m^2/n^2): what acceleration makes this elongation
-    acceleration = gravity * elongation * (1.0 - (rate / own_frequency(gravity)) ** 2)
+    own = 2.0 * np.pi / PERIOD * np.sqrt(gravity / REFERENCE)  # of the second pendulum, rad s-1
+    acceleration = gravity * elongation * (1.0 - (rate / own) ** 2)
     values = {"amplitude": acceleration, "period": period, "phase": phase}
     return {"kind": "harmonics", **{name: value.tolist() for name, value in values.items()}}
 
@@ -49,19 +53,11 @@ def resonant(share_of_gravity: float = 4e-5, detuning: float = 0.026, phase: flo
 
 
 def two_pendulums(
-    record_id: str,
-    relative_difference: float,
-    *,
-    motion: Motion | None = None,
-    amplitudes: tuple[float, float] = (0.006, 0.012),
-    phases: tuple[float, float] = (0.4, 2.2),
-    damping_rates: tuple[float, float] = (0.0, 0.0),
-    gravity: float = GRAVITY,
-    duration: float | None = None,
-    restoring: str = "linear",
-    seed: int = 0,
-    **recording: Any,
-) -> Scene:
+    record_id: str, relative_difference: float, *, motion: Motion | None = None,
+    amplitudes: tuple[float, float] = (0.006, 0.012), phases: tuple[float, float] = (0.4, 2.2),
+    damping_rates: tuple[float, float] = (0.0, 0.0), gravity: float = GRAVITY, duration: float | None = None,
+    restoring: str = "linear", seed: int = 0, **recording: Any,
+) -> Scene:  # fmt: skip
     """Two pendulums on a moving support.
 
     Parameters
@@ -84,19 +80,13 @@ def two_pendulums(
     starts = [
         {"kind": "free", "amplitude": size, "phase": phase} for size, phase in zip(amplitudes, phases, strict=True)
     ]
+    names = ("label", "period", "damping_rate", "start")
     rows = zip(("1", "2"), periods, damping_rates, starts, strict=True)
+    world = {"restoring": restoring, "gravity": gravity, "reference_gravity": REFERENCE}
     return Scene.model_validate(
-        {
-            "record_id": record_id,
-            "seed": seed,
-            "restoring": restoring,
-            "duration": DURATION if duration is None else duration,
-            "gravity": gravity,
-            "reference_gravity": REFERENCE,
-            "pendulums": [dict(zip(("label", "period", "damping_rate", "start"), row, strict=True)) for row in rows],
-            "motion": [swell()] if motion is None else motion,
-            "recording": recording,
-        }
+        {"record_id": record_id, "seed": seed, "duration": DURATION if duration is None else duration, **world}
+        | {"pendulums": [dict(zip(names, row, strict=True)) for row in rows]}
+        | {"motion": [swell()] if motion is None else motion, "recording": recording}
     )
 
 
@@ -120,12 +110,8 @@ def heave() -> dict[str, Any]:
 
 def real(relative_difference: float = 1e-4, **changes: Any) -> Scene:
     """Real pendulums swayed by swell; damped, the record states their damping and their law."""
-    given: dict[str, Any] = {
-        "motion": [swell(SWAY)],
-        "damping_rates": (2e-5, 3e-5),
-        "amplitudes": (0.012, 0.010),
-        "restoring": "sine",
-    }
+    given: dict[str, Any] = {"motion": [swell(SWAY)], "damping_rates": (2e-5, 3e-5), "amplitudes": (0.012, 0.010)}
+    given["restoring"] = "sine"
     return two_pendulums("real", relative_difference, **(given | changes))
 
 
@@ -133,3 +119,35 @@ def real_heave(relative_difference: float = 1e-4, **changes: Any) -> Scene:
     """As `real`, in heavier swell and in heave, which the record holds."""
     given: dict[str, Any] = {"motion": [swell(2.0 * SWAY), heave()], "vertical_acceleration": True}
     return real(relative_difference, **(given | changes))
+
+
+class Outcome(NamedTuple):
+    """What one method made of one record; mGal, NaN where it refused."""
+
+    error: float
+    flags: tuple[str, ...]
+    refusal: str
+
+
+def outcome(reduction: Reduction, gravity: float) -> Outcome:
+    """Compare a reduction with the truth."""
+    value = reduction.gravity
+    if value is None:
+        return Outcome(float("nan"), (), reduction.error)
+    return Outcome((value.gravity - gravity) / MGAL, reduction.flags, "")
+
+
+def prepared(scene: Scene) -> Prepared:
+    """A scene's record, simulated and made ready."""
+    return prepare(observe(simulate(scene)[0]))
+
+
+def reduce_all(scene: Scene, methods: Sequence[str]) -> dict[str, Outcome]:
+    """Every method on a scene's record."""
+    ready = prepared(scene)
+    return {name: outcome(reduce_by(name, ready, 0.0), scene.gravity) for name in methods}
+
+
+def made(scene: Scene) -> Made:
+    """A scene's record as the suite `honesty` has its own; gravity does not change."""
+    return Made(simulate(scene)[0], scene.gravity, Case(), scene.gravity * np.eye(6)[0])

@@ -1,17 +1,39 @@
-"""A suite's rows: as files, and a progress bar for as long as they are made."""
+"""A suite's rows: bars (promised, measured, allowed, held or not), files, a progress bar, points that are kept, times.
+
+A finished point is found again by what it is and by what computed it: the hash of its configuration and of every source
+that may move its numbers. An interrupted run goes on where it stopped; changed code is computed anew, never mixed with
+old results.
+
+Processor time is measured so that it can be compared: warm, rivals taking turns in one run, medians with ranges.
+"""
 
 from __future__ import annotations
 
 import csv
+import functools
+import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import math
+import os
+import statistics
+import subprocess
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
+from data_schemas.writing import write_text
+from pipeline.arrays import Floats
 from pipeline.cli.tables import plain
 
 Row = dict[str, Any]
 Item = TypeVar("Item")
+_PACKAGES = ("data_schemas", "synth", "pipeline")
+_NO_NUMBERS = ("cli", "plots")  # parts of `pipeline` that present what others compute
+Call = Callable[[], Any]
+Given = TypeVar("Given")
 
 
 def write(path: Path, table: Sequence[Mapping[str, Any]]) -> None:
@@ -33,3 +55,163 @@ def progress(items: Iterable[Item], what: str, total: int | None = None) -> Iter
     from tqdm import tqdm
 
     yield from tqdm(items, desc=what, total=total, disable=None, leave=False)
+
+
+def at_most(bar: str, value: float, limit: float, unit: str = "") -> Row:
+    """A bar that holds where the value is not above the limit; NaN never holds."""
+    return _row(bar, value, f"<= {limit:.4g}", unit, value <= limit)
+
+
+def at_least(bar: str, value: float, limit: float, unit: str = "") -> Row:
+    """A bar that holds where the value is not below the limit."""
+    return _row(bar, value, f">= {limit:.4g}", unit, value >= limit)
+
+
+def between(bar: str, value: float, low: float, high: float, unit: str = "") -> Row:
+    """A bar with two limits."""
+    return _row(bar, value, f"{low:.4g} to {high:.4g}", unit, low <= value <= high)
+
+
+def holds(bar: str, fact: bool, limit: str) -> Row:
+    """A bar that is a fact or not."""
+    return _row(bar, 1.0 if fact else 0.0, limit, "", fact)
+
+
+def reported(bar: str, value: float, unit: str = "") -> Row:
+    """A figure beside a bar, which promises nothing and decides nothing."""
+    return _row(bar, value, "reported", unit, None)
+
+
+def not_measured(bar: str, limit: str, why: str) -> Row:
+    """A bar that cannot be judged here, such as a peer that is not installed; it decides nothing."""
+    return _row(bar, math.nan, limit, why, None)
+
+
+def of_few(limit: float, count: int, full: int) -> float:
+    """A limit on a ratio of root mean squares from fewer records than the promise names.
+
+    The scatter of such a ratio is 1/sqrt(2 count); the limit grows by three times what it gains over the full count.
+
+    >>> of_few(1.1, 400, 400)
+    1.1
+    """
+    return limit * (1.0 + 3.0 * max(math.sqrt(0.5 / count) - math.sqrt(0.5 / full), 0.0))
+
+
+def _row(bar: str, value: float, limit: str, unit: str, passed: bool | None) -> Row:
+    verdict = None if passed is None else bool(passed)
+    return {"bar": bar, "value": float(value), "limit": limit, "unit": unit, "pass": verdict}
+
+
+class Kept:
+    """Results by configuration: in memory while the suite runs, and in `points/` of a folder if one is named."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = None if folder is None else folder / "points"
+        self._known: dict[str, list[dict[str, Any]]] = {}
+
+    def get(self, configuration: Mapping[str, Any]) -> list[dict[str, Any]] | None:
+        """Rows of a point that was finished before; None if it was not, or if its file cannot be understood."""
+        name = _name(configuration)
+        if self._folder is not None and name not in self._known:
+            try:
+                self._known[name] = json.loads((self._folder / name).read_text(encoding="utf-8"))["rows"]
+            except (OSError, ValueError, KeyError):
+                return None
+        return self._known.get(name)
+
+    def put(self, configuration: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:
+        """Keep a finished point: whole, or not at all."""
+        name = _name(configuration)
+        self._known[name] = rows
+        if self._folder is None:
+            return
+        self._folder.mkdir(exist_ok=True)
+        text = json.dumps({"configuration": configuration, "rows": rows}, indent=1)
+        write_text(text, self._folder / name, overwrite=True)
+
+
+def _name(configuration: Mapping[str, Any]) -> str:
+    said = json.dumps([sources(), configuration], sort_keys=True)
+    return f"{hashlib.sha256(said.encode()).hexdigest()[:24]}.json"
+
+
+@functools.cache
+def sources() -> str:
+    """SHA-256 of the code that simulates and reduces."""
+    digest = hashlib.sha256()
+    root = Path(__file__).parents[2]
+    for package in _PACKAGES:
+        for path in sorted((root / package).rglob("*.py")):
+            place = path.relative_to(root)
+            if package == "pipeline" and place.parts[1] in _NO_NUMBERS:
+                continue
+            digest.update(place.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def timed(call: Callable[[], Given]) -> tuple[Given, float]:
+    """What a call gives, and its processor time, all threads and finished child processes, s."""
+    started = _spent()
+    given = call()
+    return given, _spent() - started
+
+
+def _spent() -> float:
+    children = os.times()  # which counts in hundredths of a second: process_time does not know children
+    return time.process_time() + children.children_user + children.children_system
+
+
+def rounds(calls: Mapping[str, Call], repeats: int = 5, batch: int = 1) -> dict[str, list[float]]:
+    """Times of rivals that take turns, s a call: a busy machine slows all of them alike.
+
+    Parameters
+    ----------
+    calls : mapping of str to callable
+        The rivals; one call of each goes before and is not counted.
+    repeats : int
+        Rounds.
+    batch : int
+        Calls in a row of one rival within a round, for calls of a few ms.
+    """
+    for call in calls.values():
+        call()
+    taken: dict[str, list[float]] = {name: [] for name in calls}
+    for _ in range(repeats):
+        for name, call in calls.items():
+            taken[name].append(statistics.median(timed(call)[1] for _ in range(batch)))
+    return taken
+
+
+def median_ratio(slow: Sequence[float], fast: Sequence[float]) -> float:
+    """Median of the ratios of times that were taken in the same rounds."""
+    return statistics.median(one / other for one, other in zip(slow, fast, strict=True))
+
+
+def times(bar: str, own: Sequence[float], rival: Sequence[float], limit: float) -> Row:
+    """A bar on the median of these ratios, with their range."""
+    every = [one / other for one, other in zip(own, rival, strict=True)]
+    return at_most(bar, median_ratio(own, rival), limit, f"{min(every):.3g} to {max(every):.3g}")
+
+
+def hilbert(values: Floats) -> float:
+    """Slope of the phase, rad a sample, as a user of scipy would have it: the yardstick of methods' times."""
+    from scipy.signal import hilbert as analytic
+
+    return float(np.polyfit(np.arange(values.size), np.unwrap(np.angle(analytic(values))), 1)[0])
+
+
+def command(*words: str) -> Call:
+    """A call that runs a program from start to exit in the folder-independent environment of this tree; its output.
+
+    `CalledProcessError` where the program fails: its time would mean nothing.
+    """
+    environment = tree_environment()
+    return lambda: subprocess.run(words, env=environment, check=True, capture_output=True, text=True).stdout
+
+
+def tree_environment() -> dict[str, str]:
+    """Environment in which a child process finds the same packages, installed or not."""
+    root = str(Path(__file__).parents[2])
+    before = os.environ.get("PYTHONPATH")
+    return os.environ | {"PYTHONPATH": root if before is None else f"{root}{os.pathsep}{before}"}

@@ -56,10 +56,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Draw the file and write the picture."""
     from pipeline.plots.canvas import require_matplotlib, save
-    from pipeline.plots.period import period_figure
-    from pipeline.plots.record import record_figure
-    from pipeline.plots.result import result_figure
-    from pipeline.plots.synchrony import synchrony_figure
+    from pipeline.plots.result import record_figure, result_figure
+    from pipeline.plots.synchrony import period_figure, synchrony_figure
 
     require_matplotlib()
     path = Path(options.file)

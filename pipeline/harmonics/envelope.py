@@ -1,9 +1,18 @@
-"""The envelope of a near-resonant harmonic and the slow part beside it, by weighted least squares in windows.
+"""The envelope of a near-resonant harmonic, and the slow motion of the first pendulum beside it.
 
-In a window, weighted by Kaiser, the series is fitted by {1, t} and {1, t, t^2} x {cos, sin}: a harmonic with an
-amplitude and phase that may change quadratically, on a slow part. Where all samples are there the fit is one set of
-filter taps, for all windows a few small matrix products; where samples are missing the same fit is solved on those
-present, so a gap is never filled.
+Of the envelope, by weighted least squares in windows: weighted by Kaiser, the series is fitted by {1, t} and
+{1, t, t^2} x {cos, sin}: a harmonic with an amplitude and phase that may change quadratically, on a slow part. Where
+all samples are there the fit is one set of filter taps, for all windows a few small matrix products; where samples are
+missing the same fit is solved on those present, so a gap is never filled.
+
+Of the slow motion, what it does to the phase speed of a swing. A support accelerated sideways turns the apparent
+vertical by psi and strengthens it; heave changes it too. In the slow limit the swing about psi has the stiffness
+`n^2 Gamma`,
+
+    Gamma = (1 + zeta) / cos psi + tan psi psi''/n^2
+
+(section 1.2 of the formula sheet). Its phase speed follows from Milne's equation to second order in the modulation,
+`n [sqrt(Gamma) - (Gamma'/n)^2/32]`.
 """
 
 from __future__ import annotations
@@ -19,45 +28,36 @@ WINDOW_SECONDS = 16.0
 HOP_SECONDS = 1.0
 KAISER_SHAPE = 14.0
 LEAST_COVERAGE = 0.7  # of a window's weight; an instant with less has no value
+PASS, STOP = 0.5, 0.85  # of the swing's frequency
+REJECTION = 80.0  # dB, of the swing: what is left of it is 1e-6 rad
+COARSE = 6.0  # samples a swing that the slow motion needs
 
 
 @dataclass(frozen=True)
 class Envelope:
-    """`theta(t) = Re[Z(t) exp(i n0 t)] + slow(t)` for the first pendulum and for the difference.
-
-    Attributes
-    ----------
-    time : (k,) array
-        Uniform instants, s from the first sample of the record.
-    carrier : float
-        n0, rad s-1.
-    first, difference : (k,) complex arrays
-        Z1 and D relative to the carrier, rad; NaN where the window holds too few samples.
-    first_speed, difference_speed : (k,) complex arrays
-        Their time derivatives, rad s-1.
-    slow : (2, k) array
-        Slow part of first pendulum and difference, rad.
-    coverage : (k,) array
-        Share of the window's weight that held samples of the difference, 0..1.
-    samples : (2,) array
-        Number of samples of first pendulum and difference that each instant stands for (hop x rate x coverage).
-    noise_gain : float
-        Variance of one component of an envelope (mean of the two) per variance of white reading noise, complete window.
-    taps : (m,) complex array
-        Weights of a complete window's samples in the amplitude, counted from its own centre.
-    """
+    """`theta(t) = Re[Z(t) exp(i n0 t)] + slow(t)` for the first pendulum and for the difference."""
 
     time: Floats
+    """(k,) uniform instants, s from the first sample of the record."""
     carrier: float
+    """n0, rad s-1."""
     first: Complexes
     difference: Complexes
+    """(k,) Z1 and D relative to the carrier, rad; NaN where the window holds too few samples."""
     first_speed: Complexes
     difference_speed: Complexes
+    """(k,) their time derivatives, rad s-1."""
     slow: Floats
+    """(2, k) slow part of first pendulum and difference, rad."""
     coverage: Floats
+    """(k,) share of the window's weight that held samples of the difference, 0..1."""
     samples: Floats
+    """(2,) number of samples of first pendulum and difference that each instant stands for (hop x rate x coverage)."""
     noise_gain: float
+    """Variance of one component of an envelope (mean of the two) per variance of white reading noise, complete
+    window."""
     taps: Complexes
+    """(m,) weights of a complete window's samples in the amplitude, counted from its own centre."""
 
     def influence(self, by_instant: Complexes, count: int, every: int) -> Floats:
         """Influence of every sample of the difference on `Re sum conj(by_instant) D`, (count,).
@@ -108,10 +108,8 @@ def fill(values: Complexes) -> Complexes:
     if present.all():
         return values
     where = np.arange(values.size)
-    return np.asarray(
-        np.interp(where, where[present], values.real[present])
-        + 1j * np.interp(where, where[present], values.imag[present])
-    )
+    real, imaginary = (np.interp(where, where[present], part[present]) for part in (values.real, values.imag))
+    return np.asarray(real + 1j * imaginary)
 
 
 def sliding_envelope(time: Floats, step: float, first: Floats, difference: Floats, frequency: float) -> Envelope:
@@ -138,20 +136,11 @@ def sliding_envelope(time: Floats, step: float, first: Floats, difference: Float
     carrier = np.exp(-1j * frequency * centres)
     amplitude: Complexes = (fit[:, 0] - 1j * fit[:, 1]) * carrier
     speed: Complexes = (fit[:, 4] - 1j * fit[:, 5]) * carrier / (half * step)
-    taps = weighted_inverse(basis, weight)[:2]
-    return Envelope(
-        time=centres,
-        carrier=frequency,
-        first=amplitude[0],
-        difference=amplitude[1],
-        first_speed=speed[0],
-        difference_speed=speed[1],
-        slow=fit[:, 2],
-        coverage=coverage[1],
-        samples=coverage.mean(axis=1) * every,
-        noise_gain=float(0.5 * np.sum(taps**2)),
-        taps=taps[0] - 1j * taps[1],
-    )
+    slow, samples = fit[:, 2], coverage.mean(axis=1) * every
+    real, imaginary = weighted_inverse(basis, weight)[:2]
+    noise, taps = float(0.5 * np.sum(np.square([real, imaginary]))), real - 1j * imaginary
+    both = amplitude[0], amplitude[1], speed[0], speed[1]
+    return Envelope(centres, frequency, *both, slow, coverage[1], samples, noise, taps)
 
 
 def window(half: int, step: float, frequency: float) -> tuple[Floats, Floats]:
@@ -187,3 +176,90 @@ def fit_windows(series: Floats, basis: Floats, weight: Floats, every: int) -> tu
         if coverage[k] >= LEAST_COVERAGE and present.sum() >= 2 * terms:
             out[:, k] = weighted_inverse(basis[present], weight[present]) @ values[present]
     return out, coverage
+
+
+@dataclass(frozen=True)
+class SlowMotion:
+    """psi and zeta at uniform instants."""
+
+    begin: float
+    step: float
+    """First instant and distance, s."""
+    angle: Floats
+    curvature: Floats
+    """(k,) psi, rad; psi'', s-2."""
+    zeta: Floats | None
+    """(k,) z''/g in the same band; None where none is recorded."""
+
+    @property
+    def time(self) -> Floats:
+        """The instants, s."""
+        return self.begin + self.step * np.arange(self.angle.size)
+
+    def gamma(self, frequency: float) -> Floats:
+        """Gamma at the instants."""
+        up = 1.0 if self.zeta is None else 1.0 + self.zeta
+        return np.asarray(up / np.cos(self.angle) + np.tan(self.angle) * self.curvature / frequency**2)
+
+    def phase(self, frequency: float, time: Floats) -> Floats:
+        """Phase that a swing of n = `frequency` gains over n t, rad, at other times; steady beyond the ends."""
+        gamma = self.gamma(frequency)
+        speed = frequency * (np.sqrt(gamma) - 1.0) - np.gradient(gamma, self.step) ** 2 / (32.0 * frequency)
+        mean = float(speed.mean())
+        gained = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) - mean) * self.step))
+        return np.asarray(np.interp(time, self.time, gained) + mean * time)
+
+
+def kaiser(count: int, rejection: float) -> Floats:
+    """Kaiser's window with that rejection, dB > 50 (Kaiser 1974)."""
+    return np.kaiser(count, 0.1102 * (rejection - 8.7))
+
+
+def reach_of(width: float, step: float, rejection: float) -> int:
+    """Half the length, in samples, of a Kaiser window with a transition of `width` rad s-1 (Kaiser 1974)."""
+    return int(np.ceil((rejection - 8.0) / (2.285 * width * step) / 2.0))
+
+
+def windowed(cut: float, reach: int, step: float, rejection: float) -> tuple[Floats, Floats, Floats]:
+    """Taps of the low-pass at `cut` rad s-1, of its first derivative (s-1) and of its second (s-2), Kaiser-windowed."""
+    time = step * np.arange(-reach, reach + 1, dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sine, cosine = np.sin(cut * time), np.cos(cut * time)
+        low = sine / time
+        slope = (cut * cosine - sine / time) / time
+        bend = -(cut**2 * sine + 2.0 * cut * cosine / time - 2.0 * sine / time**2) / time
+    low[reach], slope[reach], bend[reach] = cut, 0.0, -(cut**3) / 3.0
+    window = kaiser(time.size, rejection) * step / np.pi
+    return low * window, slope * window, bend * window
+
+
+def slow_motion(theta: Floats, vertical: Floats | None, step: float, frequency: float, gravity: float) -> SlowMotion:
+    """Separate the slow motion.
+
+    Parameters
+    ----------
+    theta : (n,) array
+        First pendulum, rad, whole.
+    vertical : (n,) array or None
+        z'', m s-2.
+    step, frequency, gravity : float
+        s, rad s-1, m s-2.
+    """
+    every = max(1, int(2.0 * np.pi / (frequency * step) / COARSE))
+    edge, stop, coarse = PASS * frequency, STOP * frequency, every * step
+    # what folds onto the pass band where samples are left out must be gone
+    before = reach_of(2.0 * np.pi / coarse - 2.0 * edge, step, REJECTION)
+    first = windowed(np.pi / coarse, before, step, REJECTION)[0]
+    after = reach_of(stop - edge, coarse, REJECTION)
+    low, _, bend = windowed(0.5 * (edge + stop), after, coarse, REJECTION)
+
+    def filtered(series: Floats, taps: Floats) -> Floats:
+        return np.correlate(np.correlate(series, first / first.sum(), "valid")[::every], taps, "valid")
+
+    return SlowMotion(
+        begin=before * step + after * coarse,
+        step=coarse,
+        angle=filtered(theta, low / low.sum()),
+        curvature=filtered(theta, bend - bend.sum() / low.sum() * low),
+        zeta=None if vertical is None else filtered(vertical, low / low.sum()) / gravity,
+    )

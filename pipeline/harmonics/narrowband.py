@@ -79,29 +79,22 @@ def phase_slope(time: Floats, envelope: Complexes, weight: Floats) -> float:
 
 @dataclass(frozen=True)
 class ComplexForm:
-    """What is held while the complex form is fitted.
-
-    Attributes
-    ----------
-    time : (k,) array
-        Uniform instants, s.
-    difference, first, first_speed : (k,) complex arrays
-        Envelopes of the difference and of the first pendulum relative to the carrier, rad, and the derivative of the
-        latter, rad s-1; without gaps, but that instants of the difference without weight may hold anything finite.
-    weight : (k,) array
-        Of the instants (0 = missing).
-    carrier, ratio, damping_difference : float
-        n0, rad s-1; n1/n2; gamma1 - gamma2, s-1.
-    """
+    """What is held while the complex form is fitted."""
 
     time: Floats
+    """(k,) uniform instants, s."""
     difference: Complexes
     first: Complexes
     first_speed: Complexes
+    """(k,) envelopes of the difference and of the first pendulum relative to the carrier, rad, and the derivative of
+    the latter, rad s-1; without gaps, but that instants of the difference without weight may hold anything
+    finite."""
     weight: Floats
+    """(k,) of the instants (0 = missing)."""
     carrier: float
     ratio: float
     damping_difference: float
+    """n0, rad s-1; n1/n2; gamma1 - gamma2, s-1."""
 
     def model(self, frequency: float, gamma: float) -> tuple[Complexes, Complexes]:
         """The model (k,) of a trial (n2, gamma2) from the best start D0, and growth `e^{mu t}` (k,)."""
@@ -128,14 +121,8 @@ class ComplexForm:
         """Derivatives of the model by (Re D0, Im D0, n2, gamma2), (4, k), unweighted."""
         hop = float(self.time[1] - self.time[0])
         by_frequency = 1j * (model + (self.ratio - 1.0) * self.first)
-        return np.stack(
-            [
-                growth,
-                1j * growth,
-                growth * running_integral(by_frequency / growth, hop),
-                -growth * running_integral(model / growth, hop),
-            ]
-        )
+        by_frequency, by_damping = (growth * running_integral(each / growth, hop) for each in (by_frequency, -model))
+        return np.stack([growth, 1j * growth, by_frequency, by_damping])
 
 
 def complex_form(envelope: Envelope, ratio: float, damping_difference: float) -> ComplexForm:
@@ -175,12 +162,4 @@ def fit_narrowband(form: ComplexForm, damping_rate: float | None) -> NarrowbandF
         if abs(change[2]) < SETTLED * form.carrier:
             break
         frequency, gamma = frequency + float(change[2]), gamma + float(change[3])
-    return NarrowbandFit(
-        frequency=frequency,
-        slope=slope,
-        damping_rate=gamma,
-        model=model,
-        jacobian=jacobian,
-        influence=inverse[2],
-        squares=form.squares(model),
-    )
+    return NarrowbandFit(frequency, slope, gamma, model, jacobian, influence=inverse[2], squares=form.squares(model))

@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.harmonics.envelope import Envelope, fill
-from pipeline.harmonics.slow_motion import kaiser, reach_of, windowed
+from pipeline.harmonics.envelope import Envelope, fill, kaiser, reach_of, windowed
 from pipeline.identity.fit import Fit
 from pipeline.observation import Observation
 

@@ -16,9 +16,8 @@ import numpy as np
 from pipeline.arrays import Complexes, Floats
 from pipeline.conditions import Constants
 from pipeline.estimate import Estimate
-from pipeline.harmonics.envelope import fill
+from pipeline.harmonics.envelope import SlowMotion, fill
 from pipeline.harmonics.narrowband import running_integral
-from pipeline.harmonics.slow_motion import SlowMotion
 from pipeline.prepared import Prepared
 
 MGAL = 1e-5  # m s-2

@@ -1,4 +1,12 @@
-"""Cycle by cycle: crossings of the rest position, turning points, and what they say of amplitude and period."""
+"""Cycle by cycle: crossings of the rest position, turning points, and what they say of amplitude, period and friction.
+
+A half swing of amplitude A loses energy to viscous, quadratic (turbulent air) and dry (knife edge) friction,
+
+    sin A dA = 2 (gamma/n) int sqrt(2 (cos x - cos A)) dx + c int 2 (cos x - cos A) dx + 2 delta A,    delta = f/n^2
+
+which at small arcs is `dA = pi (gamma/n) A + (4/3) c A^2 + 2 delta`; by least squares, each only where the likelihood
+pays for it.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +24,7 @@ _ROUNDS = 8  # the mean converges quadratically: five suffice below 3.14159 rad
 LEAST_SAMPLES = 6  # a swing
 LEAST_CYCLES = 5
 CROSSING_SHARE = 0.125  # of a period, on each side of a crossing or turning point, that its fit takes in
+LAWS = ("viscous", "quadratic", "knife-edge")
 
 
 def arc_factor(amplitude: ArrayLike) -> NDArray[np.float64]:
@@ -40,30 +49,24 @@ def arc_factor(amplitude: ArrayLike) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Cycles:
-    """Rising and falling crossings of the rest position and the turning points between them.
-
-    Attributes
-    ----------
-    rising, falling : (k,) arrays
-        Times of the crossings, s.
-    turning_time, turning : (m,) arrays
-        Time (s) and elongation (rad) of each extreme, maxima and minima in turn.
-    rest : float
-        Rest position, rad.
-    rough_period : float
-        Median distance of rising crossings, s.
-    """
+    """Rising and falling crossings of the rest position and the turning points between them."""
 
     rising: Floats
     falling: Floats
+    """(k,) times of the crossings, s."""
     turning_time: Floats
     turning: Floats
+    """(m,) time (s) and elongation (rad) of each extreme, maxima and minima in turn."""
     rest: float
+    """Rest position, rad."""
     rough_period: float
+    """Median distance of rising crossings, s."""
 
 
 def find_cycles(time: Floats, theta: Floats) -> Cycles:
     """Find crossings and turning points by local polynomial fits.
+
+    `RefusedError`: fewer than `LEAST_CYCLES` cycles, or fewer than `LEAST_SAMPLES` samples a swing.
 
     Parameters
     ----------
@@ -71,11 +74,6 @@ def find_cycles(time: Floats, theta: Floats) -> Cycles:
         Strictly increasing, s.
     theta : (n,) array
         rad, NaN = missing; need not be uniform.
-
-    Raises
-    ------
-    RefusedError
-        Fewer than `LEAST_CYCLES` cycles, or fewer than `LEAST_SAMPLES` samples a swing.
     """
     present = np.isfinite(theta)
     time, theta = time[present], theta[present]
@@ -159,3 +157,64 @@ def _turning_points(time: Floats, theta: Floats, crossings: Floats, period: floa
         times.append(centre + top * period)
         values.append(float(polynomial.polyval(top, fit)))
     return np.asarray(times), np.asarray(values)
+
+
+@dataclass(frozen=True)
+class Decay:
+    """Friction of one pendulum."""
+
+    damping_rate: float
+    """gamma, s-1."""
+    quadratic: float
+    """c of theta'' = -c |theta'| theta'."""
+    dry: float
+    """delta, rad: by so much the middle of a half swing lies behind the rest."""
+
+    @property
+    def words(self) -> str:
+        """The laws that pay, or that nothing brakes."""
+        found = [law for law, size in zip(LAWS, (self.damping_rate, self.quadratic, self.dry), strict=True) if size]
+        return ", ".join(found) or "none"
+
+
+def decay(time: Floats, amplitude: Floats, smooth: Floats, period: float) -> Decay:
+    """Laws of friction by the likelihood of the turning points.
+
+    Parameters
+    ----------
+    time, amplitude, smooth : (m,) arrays
+        Of successive turning points, s and rad; the amplitude smoothed, from which losses follow.
+    period : float
+        s.
+    """
+    from scipy.optimize import nnls
+
+    middle = 0.5 * (smooth[1:] + smooth[:-1])
+    swings = np.maximum(1.0, np.rint(2.0 * np.diff(time) / period))  # in a gap there are more
+    losses = swings[:, None] * _losses(np.clip(middle, 1e-9, 3.1))
+    # the first amplitude less what is lost since
+    lost = -np.concatenate([np.zeros((1, 3)), np.cumsum(losses, axis=0)])
+    best, found = np.inf, np.zeros(3)
+    for count in range(4):
+        for some in itertools.combinations(range(3), count):
+            matrix = np.concatenate([np.ones((amplitude.size, 1)), lost[:, some]], axis=1)
+            size = np.linalg.norm(matrix, axis=0)
+            solution, rest = nnls(matrix / size, amplitude)
+            noise = max(rest, 1e-12 * float(amplitude.max())) / np.sqrt(amplitude.size)
+            price = amplitude.size * np.log(noise) + 0.5 * count * np.log(amplitude.size)
+            if price < best:
+                best, found = price, np.zeros(3)
+                found[list(some)] = solution[1:] / size[1:]
+    viscous, quadratic, dry = found.tolist()
+    return Decay(2.0 * np.pi / period * viscous, quadratic, dry)
+
+
+def _losses(amplitude: Floats) -> Floats:
+    """Of amplitude in a half swing, (m, 3), for gamma/n, c and delta of one."""
+    point, weight = np.polynomial.legendre.leggauss(24)
+    turn = 0.5 * np.pi * point  # x = A sin(turn), where the root is smooth
+    across = amplitude[:, None] * np.sin(turn)
+    root = np.sqrt(np.maximum(2.0 * (np.cos(across) - np.cos(amplitude)[:, None]), 0.0))
+    viscous = 2.0 * (root * np.cos(turn)) @ weight * 0.5 * np.pi * amplitude
+    quadratic = 4.0 * (np.sin(amplitude) - amplitude * np.cos(amplitude))
+    return np.stack([viscous, quadratic, 2.0 * amplitude], axis=1) / np.sin(amplitude)[:, None]

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.period.cycles import Cycles, arc_factor
-from pipeline.period.decay import Decay, decay
+from pipeline.period.cycles import Cycles, Decay, arc_factor, decay
 
 Factor = Callable[[Floats], Floats]
 
@@ -32,42 +31,31 @@ ROUNDS = 8
 
 @dataclass(frozen=True)
 class PeriodFit:
-    """Period of a single pendulum.
-
-    Attributes
-    ----------
-    period, sigma : float
-        Full period at infinitesimal arc and its 1-sigma uncertainty, s.
-    amplitude_scale, amplitude_scale_sigma : float
-        Relative departure of the true amplitude from the recorded one that the period's trend with amplitude asks for.
-    scaled : bool
-        Whether that scale is significant.
-    time, amplitude, cycle_period, smoothed, reduced : (k,) arrays
-        Middle of each cycle (s), amplitude (rad), full period, the same smoothed (the running mean of the
-        reduced period times the arc factor), and period over elliptic factor (s).
-    rest : float
-        Rest position, rad.
-    trend : float
-        Spread of the reduced period's running mean over the record, relative.
-    drift, drift_sigma : float
-        Change of the rest position over the record, rad.
-    friction : Decay
-    """
+    """Period of a single pendulum."""
 
     period: float
     sigma: float
+    """Full period at infinitesimal arc and its 1-sigma uncertainty, s."""
     amplitude_scale: float
     amplitude_scale_sigma: float
+    """Relative departure of the true amplitude from the recorded one that the period's trend with amplitude asks
+    for."""
     scaled: bool
+    """Whether that scale is significant."""
     time: Floats
     amplitude: Floats
     cycle_period: Floats
     smoothed: Floats
     reduced: Floats
+    """(k,) middle of each cycle (s), amplitude (rad), full period, the same smoothed (the running mean of the
+    reduced period times the arc factor), and period over elliptic factor (s)."""
     rest: float
+    """Rest position, rad."""
     trend: float
+    """Spread of the reduced period's running mean over the record, relative."""
     drift: float
     drift_sigma: float
+    """Change of the rest position over the record, rad."""
     friction: Decay
 
 
@@ -97,37 +85,21 @@ def fit_period(cycles: Cycles, *, linear: bool = False, scale_uncertainty: float
     reduced = length / mean_factor
     whole = np.abs(length / cycles.rough_period - 1.0) < 0.5  # a missing crossing makes a double cycle
     friction = decay(extremes.time, np.abs(cycles.turning), extremes.size, cycles.rough_period)
-    found = _regress(cycles, extremes, factor, friction.dry, max(scale_uncertainty, 1e-9))
+    prior = max(scale_uncertainty, 1e-9)
+    period, scale, drift, sigma = _regress(cycles, extremes, factor, friction.dry, prior)
     window = np.ones(min(SMOOTHING, length.size))
     smooth_reduced = _running_mean(np.where(whole, reduced, np.nan), window)
     return PeriodFit(
-        period=found.period,
-        sigma=found.sigma[PERIOD],
-        amplitude_scale=found.scale,
-        amplitude_scale_sigma=found.sigma[SCALED],
-        scaled=not linear and abs(found.scale) > max(SIGNIFICANT * found.sigma[SCALED], LEAST_SCALE),
-        time=middle[order],
-        amplitude=size,
-        cycle_period=np.where(whole, length, np.nan),
-        smoothed=smooth_reduced * mean_factor,
-        reduced=np.where(whole, reduced, np.nan),
-        rest=cycles.rest,
-        trend=float((np.nanmax(smooth_reduced) - np.nanmin(smooth_reduced)) / found.period),
-        drift=found.drift,
-        drift_sigma=found.sigma[DRIFT],
-        friction=friction,
-    )
+        period=period, sigma=sigma[PERIOD], amplitude_scale=scale, amplitude_scale_sigma=sigma[SCALED],
+        scaled=not linear and abs(scale) > max(SIGNIFICANT * sigma[SCALED], LEAST_SCALE),
+        time=middle[order], amplitude=size, cycle_period=np.where(whole, length, np.nan),
+        smoothed=smooth_reduced * mean_factor, reduced=np.where(whole, reduced, np.nan), rest=cycles.rest,
+        trend=float((np.nanmax(smooth_reduced) - np.nanmin(smooth_reduced)) / period),
+        drift=drift, drift_sigma=sigma[DRIFT], friction=friction,
+    )  # fmt: skip
 
 
 PERIOD, SCALED, DRIFT = 2, 3, 5  # columns of the regression, behind those of the two sides' first crossings
-
-
-@dataclass(frozen=True)
-class _Regression:
-    period: float
-    scale: float
-    drift: float
-    sigma: list[float]
 
 
 def _mean_factor(amplitude: Floats, scale: float, factor: Factor) -> Floats:
@@ -135,8 +107,10 @@ def _mean_factor(amplitude: Floats, scale: float, factor: Factor) -> Floats:
     return np.asarray(0.5 * (factor(scaled[1:]) + factor(scaled[:-1])))
 
 
-def _regress(cycles: Cycles, extremes: Extremes, factor: Factor, dry: float, scale_prior: float) -> _Regression:
-    """Weighted least squares on the crossing times; each crossing's error goes as 1/v.
+def _regress(
+    cycles: Cycles, extremes: Extremes, factor: Factor, dry: float, scale_prior: float
+) -> tuple[float, float, float, list[float]]:
+    """Period, scale and drift, and sigma by column: weighted least squares on the crossing times; errors go as 1/v.
 
     A missed crossing shifts a whole number of cycles and is counted from the rough period.
     """
@@ -190,7 +164,7 @@ def _regress(cycles: Cycles, extremes: Extremes, factor: Factor, dry: float, sca
     shifts = 0.5 * period * slope[:, None] * later * extremes.noise
     formal = np.linalg.norm(inverse, axis=1)
     sigma = np.hypot(np.maximum(jackknife, formal), np.sqrt(np.sum(shifts**2, axis=0)))
-    return _Regression(period, scale, float(solution[DRIFT]), sigma.tolist())
+    return period, scale, float(solution[DRIFT]), sigma.tolist()
 
 
 def _solved(matrix: Floats, value: Floats, weight: Floats, known: tuple[Floats, Floats]) -> Floats:

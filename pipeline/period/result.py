@@ -41,10 +41,7 @@ _EXTRA = {
 def period_result(record: DataTree, requested: Sequence[str], started: float) -> DataTree:
     """Analyse the only trace of a record and lay the result out.
 
-    Raises
-    ------
-    RefusedError
-        Too few swings or samples.
+    `RefusedError`: too few swings or samples.
     """
     from xarray import Dataset, DataTree
 
@@ -67,9 +64,7 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
         "period": fit.period * true,
         "period_sigma": fit.sigma * true,
         "rest_position": fit.rest,
-        "amplitude_scale": fit.amplitude_scale,
-        "amplitude_scale_sigma": fit.amplitude_scale_sigma,
-        "trend": fit.trend,
+        **{name: getattr(fit, name) for name in ("amplitude_scale", "amplitude_scale_sigma", "trend")},
         "rest_drift": fit.drift,
         "rest_drift_sigma": fit.drift_sigma,
         "damping_rate": fit.friction.damping_rate,
@@ -88,12 +83,8 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
         "cycle_period_infinitesimal": fit.reduced,
     }
     values = scalars | series | {"flag": np.array(flags, dtype=object)}
-    tree = DataTree.from_dict(
-        {
-            "/": Dataset(coords={"time": ("time", time[[0, -1]], dict(record.dataset["time"].attrs))}),
-            "/period": dataset("period", values, {}, _EXTRA),
-        }
-    )
+    root = Dataset(coords={"time": ("time", time[[0, -1]], dict(record.dataset["time"].attrs))})
+    tree = DataTree.from_dict({"/": root, "/period": dataset("period", values, {}, _EXTRA)})
     trace = str(record["record"].dataset["trace"].values[0])
     tree.attrs.update(result_attributes(record, {"trace": trace, "methods": ["period"]}, started))
     tree.attrs["requested_method"] = ",".join(requested)
@@ -117,29 +108,20 @@ def _steps(time: np.ndarray, elongation: np.ndarray) -> dict[str, float]:
     changes = changes[changes > 0.0]
     steps = np.diff(time)
     usual = steps[steps < 5.0 * np.median(steps)]
-    return {
-        "angle_step": float(changes.min()) if changes.size else 0.0,
-        "time_step_least": float(usual.min()),
-        "time_step_most": float(usual.max()),
-    }
+    least = float(changes.min()) if changes.size else 0.0
+    return {"angle_step": least, "time_step_least": float(usual.min()), "time_step_most": float(usual.max())}
 
 
 def period_summaries(result: DataTree) -> list[dict[str, Any]]:
     """The one dictionary of a single trace; keys of the contract, gravity null."""
     table = result["period"].dataset
-    return [
-        {
-            **without_gravity(result, str(result.attrs.get("requested_method", "auto")), "period"),
-            **({"gravity_m_s2": float(table["gravity"])} if "gravity" in table else {}),
-            **({"gravity_sigma_mgal": float(table["gravity_sigma"])} if "gravity" in table else {}),
-            "period_s": float(table["period"]),
-            "period_sigma_s": float(table["period_sigma"]),
-            "amplitude_scale": float(table["amplitude_scale"]),
-            "amplitude_scale_sigma": float(table["amplitude_scale_sigma"]),
-            "rest_position_rad": float(table["rest_position"]),
-            "friction": str(table["friction"].values),
-            "flags": [str(flag) for flag in table["flag"].values] if "flag" in table else [],
-            "samples_used": int(table.sizes["cycle"]),
-            "elapsed_s": float(table["elapsed"]),
-        }
-    ]
+    given = {
+        "gravity_m_s2": "gravity", "gravity_sigma_mgal": "gravity_sigma", "period_s": "period",
+        "period_sigma_s": "period_sigma", "amplitude_scale": "amplitude_scale",
+        "amplitude_scale_sigma": "amplitude_scale_sigma", "rest_position_rad": "rest_position",
+    }  # fmt: skip
+    values = {key: float(table[name]) for key, name in given.items() if name in table}
+    flags = [str(flag) for flag in table["flag"].values] if "flag" in table else []
+    more = {"friction": str(table["friction"].values), "flags": flags, "samples_used": int(table.sizes["cycle"])}
+    none = without_gravity(result, str(result.attrs.get("requested_method", "auto")), "period")
+    return [none | values | more | {"elapsed_s": float(table["elapsed"])}]

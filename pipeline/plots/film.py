@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from data_schemas.errors import UsageError
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.arrays import row_means_present
+from pipeline.arrays import Floats, row_means_present
 from pipeline.plots.canvas import GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, panel, sheet
-from pipeline.plots.series import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,13 +31,9 @@ _IMAGE: Any = {"origin": "lower", "aspect": "auto", "interpolation": "none"}
 _FINE = 2.0  # rows to a dot up to which single readings are drawn
 _TRACES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 _FLAGS = {
-    "ambiguous": VERMILION,
-    "lost": PURPLE,
-    "single_direction": ORANGE,
-    "overlap": SKY,
-    "gap": GREY,
+    "ambiguous": VERMILION, "lost": PURPLE, "single_direction": ORANGE, "overlap": SKY, "gap": GREY,
     "saturated": GREEN,
-}
+}  # fmt: skip
 
 
 class Strip(NamedTuple):
@@ -83,8 +78,8 @@ def unread_figure(scan: Scan, why: str) -> Figure:
 
 def _frame(axes: Axes, strip: Strip) -> None:
     """Show the strip, with room for the flags below it."""
-    axes.set_xlim(strip.first, strip.stop)
-    axes.set_ylim(strip.left - 0.06 * (strip.right - strip.left), strip.right)
+    low = strip.left - 0.06 * (strip.right - strip.left)
+    axes.set(xlim=(strip.first, strip.stop), ylim=(low, strip.right))
 
 
 def _rows(reading: Reading, start: float | None, stop: float | None) -> tuple[int, int]:
@@ -258,11 +253,8 @@ def _legend(figure: Figure, reading: Reading) -> None:
         for trace in np.argsort(row_means_present(reading.tracks.course))
     ]
     raised = int(np.bitwise_or.reduce(row_flags(reading), axis=None))
-    handles += [
-        Patch(color=color, label=name.replace("_", " "))
-        for name, color in _FLAGS.items()
-        if raised & ELONGATION_FLAGS[name]
-    ]
+    flags = {name: color for name, color in _FLAGS.items() if raised & ELONGATION_FLAGS[name]}
+    handles += [Patch(color=color, label=name.replace("_", " ")) for name, color in flags.items()]
     # at most five to a row: they share the height with the heading
     columns = -(-len(handles) // 2) if len(handles) > 5 else len(handles)
     figure.legend(handles=handles, loc="upper right", ncols=columns, fontsize=8.5, frameon=False, borderaxespad=0.4)

@@ -1,4 +1,4 @@
-"""A result: amplitudes, gravity by method and along the record, residual and its spectrum."""
+"""A record as it was read, and its result: amplitudes, gravity by method and along the record, residual, spectrum."""
 
 from __future__ import annotations
 
@@ -6,17 +6,79 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.arrays import Floats
 from pipeline.methods import BEST_FIRST
-from pipeline.plots.canvas import BLUE, GREEN, PALETTE, VERMILION, legend, note, panel, sheet
-from pipeline.plots.record import draw_whole
-from pipeline.plots.series import Floats, angle_scale, draw_band, over_time, robust_limits, running_mean, thin
+from pipeline.plots.canvas import (
+    BLUE,
+    GREEN,
+    PALETTE,
+    VERMILION,
+    angle_scale,
+    draw_band,
+    legend,
+    note,
+    over_time,
+    panel,
+    robust_limits,
+    running_mean,
+    sheet,
+    thin,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from xarray import DataTree
 
+
+_ZOOM = 20.0  # s
+_MOST_TRACES = 8
 _MILLIGAL = 1e-5  # m s-2
+
+
+def record_figure(record: DataTree) -> Figure:
+    """Draw each trace of a valid record in a row: the whole at the left, twenty seconds at the right."""
+    time = _seconds(record)
+    traces = record["record"].dataset["elongation"]
+    labels = [str(label) for label in record["record"].dataset["trace"].values][:_MOST_TRACES]
+    values = np.asarray(traces.values, dtype=np.float64)[: len(labels)]
+    figure = sheet("Elongations of the record", _subtitle(record, time, traces.values), 11.0, 0.9 + 2.3 * len(labels))
+    grid = figure.add_gridspec(len(labels), 2, width_ratios=(2.4, 1))
+    for row, label in enumerate(labels):
+        color = PALETTE[row % len(PALETTE)]
+        draw_whole(panel(figure, grid[row, 0], f"trace {label}"), time, values[row], color)
+        _draw_zoom(panel(figure, grid[row, 1], f"{_ZOOM:g} s of it"), time, values[row], color)
+    return figure
+
+
+def draw_whole(axes: Axes, time: Floats, values: Floats, color: str) -> None:
+    """Draw one trace from end to end, with its missing stretches open and both labels."""
+    angle, unit = angle_scale(float(np.nanmax(np.abs(values), initial=0.0)))
+    draw_band(axes, over_time(axes, time, f"elongation, {unit}"), values * angle, color=color, label="")
+
+
+def _draw_zoom(axes: Axes, time: Floats, values: Floats, color: str) -> None:
+    start = max(0.0, 0.5 * time[-1] - 0.5 * _ZOOM)
+    shown = (time >= start) & (time <= start + _ZOOM)
+    angle, unit = angle_scale(float(np.nanmax(np.abs(values), initial=0.0)))
+    axes.set(xlabel=f"seconds after {start:.0f} s", ylabel=f"elongation, {unit}")
+    if not np.isfinite(values[shown]).any():
+        note(axes, "no reading here")
+        return
+    # With few readings a line between them would suggest a motion that was not seen.
+    dense = shown.sum() > 8 * _ZOOM
+    line, marker, size = ("-", "", 0) if dense else ("", "o", 2.5)
+    axes.plot(time[shown] - start, values[shown] * angle, line + marker, markersize=size, color=color)
+    axes.set_xlim(0.0, min(_ZOOM, float(time[-1])))
+
+
+def _subtitle(record: DataTree, time: Floats, elongation: Floats) -> str:
+    missing = 100.0 * float(np.isnan(elongation).mean())
+    step = float(np.median(np.diff(time)))
+    return (
+        f"record {record.attrs.get('record_id', 'without a name')} · {time.size} samples, {step:.4g} s apart"
+        f" · {missing:.2g} % missing"
+    )
 
 
 def result_figure(result: DataTree, *, true_gravity: float | None = None) -> Figure:
@@ -45,9 +107,9 @@ def subtitle(result: DataTree) -> str:
 
 def of_method(result: DataTree, group: str, name: str, method: str) -> Floats:
     """Values of a variable for one method."""
-    row = [str(label) for label in result[group].dataset["estimator"].values].index(method)
-    values: Floats = np.asarray(result[group].dataset[name].values, dtype=np.float64)[row]
-    return values
+    table = result[group].dataset
+    row = [str(label) for label in table["estimator"].values].index(method)
+    return np.asarray(table[name].values[row], dtype=np.float64)
 
 
 def best_method(result: DataTree) -> str | None:
@@ -87,7 +149,8 @@ def draw_track(axes: Axes, result: DataTree) -> None:
     measured = np.asarray(phases["phase_speed"].values, dtype=np.float64)[row]
     gravity, frequency = (of_method(result, "gravity", name, best) for name in ("gravity", "frequency"))
     time = _seconds(result)
-    width = _mean_width(float(time[-1]))
+    # short against the beats of the swing, long against the reading noise
+    width = float(np.clip(round(float(time[-1]) / 450.0) * 10.0, 5.0, 60.0))
     across = over_time(axes, time, f"mGal from {float(gravity):.7f} m/s²\n(means of {width:g} s, twice)")
     lines = {
         "phase speed as measured": (gravity * (measured / frequency[-1]) ** 2, VERMILION),
@@ -141,13 +204,7 @@ def draw_spectrum(axes: Axes, result: DataTree) -> None:
         swing = float(of_method(result, "gravity", "frequency", best)[-1]) / (2.0 * np.pi)
         axes.axvline(swing, color=VERMILION, linewidth=1.0, linestyle="--", label=f"swing, {swing:.3f} Hz")
         legend(axes, loc="best")
-    axes.set_xlabel("frequency, Hz")
-    axes.set_ylabel("power density, rad²/Hz")
-
-
-def _mean_width(longest: float) -> float:
-    """Width of the running mean: short against the beats of the swing, long against the reading noise."""
-    return float(np.clip(round(longest / 450.0) * 10.0, 5.0, 60.0))
+    axes.set(xlabel="frequency, Hz", ylabel="power density, rad²/Hz")
 
 
 def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> None:
@@ -168,17 +225,13 @@ def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> No
     good = np.isfinite(offset)
     bars = np.where(np.isfinite(sigma), sigma, 0.0)
     axes.errorbar(offset[good], rows[good], xerr=bars[good], fmt="o", color=BLUE, ecolor=BLUE, capsize=3, markersize=5)
-    labels = [
-        f"{name}\n{_signed(offset[row])} ± {_minus(f'{sigma[row]:.2g}')}" if good[row] else f"{name}\nrefused"
-        for row, name in enumerate(methods)
-    ]
+    values = [f"{_signed(shift)} ± {_minus(f'{size:.2g}')}" for shift, size in zip(offset, sigma, strict=True)]
+    labels = [f"{name}\n{values[row] if good[row] else 'refused'}" for row, name in enumerate(methods)]
     axes.set_yticks(rows, labels)
-    axes.set_ylim(-0.6, len(methods) - 0.4)
     largest = float(np.max(np.abs(offset[good]) + bars[good], initial=smallest))
-    axes.set_xlim(-2.0 * largest, 2.0 * largest)
+    axes.set(xlim=(-2.0 * largest, 2.0 * largest), ylim=(-0.6, len(methods) - 0.4))
     _tick_decades(axes, smallest, largest)
     axes.grid(visible=False, axis="y")
-    axes.set_ylabel("")
     axes.set_xlabel("error, mGal (log scale)" if true_gravity is not None else f"mGal from {best} (log scale)")
 
 
@@ -211,14 +264,13 @@ def _linear_part(offset: Floats, sigma: Floats) -> float:
 
 
 def _seconds(result: DataTree) -> Floats:
-    time: Floats = np.asarray(result.dataset["time"].values, dtype=np.float64)
+    time = np.asarray(result.dataset["time"].values, dtype=np.float64)
     return np.asarray(time - time[0])
 
 
 def demo_figure(record: DataTree, result: DataTree, true_gravity: float) -> Figure:
     """Draw a record and its result on one sheet; the methods' errors are counted from the true gravity, m s-2."""
-    time = np.asarray(record.dataset["time"].values, dtype=np.float64)
-    time = time - time[0]
+    time = _seconds(record)
     labels = [str(label) for label in record["record"].dataset["trace"].values][:2]
     figure = sheet("From a ship's record to gravity", subtitle(result), 12.0, 10.0)
     grid = figure.add_gridspec(3, 2)

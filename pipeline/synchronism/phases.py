@@ -44,21 +44,14 @@ class Phases(NamedTuple):
 def phases(time: Floats, elongation: Floats) -> Phases:
     """Follow the phases of pendulums.
 
+    `RefusedError` if a pendulum does not swing, or there are too few swings or readings.
+
     Parameters
     ----------
     time : (n,) array
         s, increasing, evenly or not; begins at 0.
     elongation : (pendulums, n) array
         rad, NaN = missing.
-
-    Returns
-    -------
-    Phases
-
-    Raises
-    ------
-    RefusedError
-        If a pendulum does not swing, or there are too few swings or readings.
 
     Examples
     --------

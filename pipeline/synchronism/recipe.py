@@ -5,20 +5,26 @@ from __future__ import annotations
 import math
 import time as stopwatch
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from xarray import Dataset, DataTree
 
+from data_schemas import check
 from data_schemas.errors import RecordError, RefusedError
 from pipeline.arrays import Floats, row_means_present
-
-if TYPE_CHECKING:
-    from xarray import DataTree
-
-    from pipeline.synchronism.phases import Phases
+from pipeline.result import dataset, result_attributes
+from pipeline.summary import without_gravity
+from pipeline.synchronism.phases import Phases, beam, phases
+from pipeline.synchronism.verdict import REMEDY, allan_deviation, available, instantaneous, judge, mean_rate
 
 _LEAST_INSTANTS = 16
 UNSURE = 0.95
+_SUMMED = {
+    "confidence": "confidence", "angle_rad": "locked_angle", "angle_sigma_rad": "locked_angle_sigma",
+    "lock_time_s": "lock_time", "slips": "slips", "rate_difference_per_day": "mean_rate_difference",
+    "rate_difference_sigma_per_day": "mean_rate_difference_sigma", "amplitude_ratio": "amplitude_ratio",
+}  # fmt: skip
 
 
 def synchrony(record: DataTree) -> DataTree:
@@ -44,13 +50,6 @@ def synchrony(record: DataTree) -> DataTree:
     RefusedError
         Too short, too rarely read, or a pendulum that does not swing.
     """
-    from xarray import Dataset, DataTree
-
-    from data_schemas import check
-    from pipeline.result import dataset, result_attributes
-    from pipeline.synchronism.allan import REMEDY, available
-    from pipeline.synchronism.phases import phases
-
     started = stopwatch.perf_counter()
     faults = check(record, "record")
     if faults:
@@ -60,16 +59,11 @@ def synchrony(record: DataTree) -> DataTree:
     time = recorded - recorded[0]
     _refuse_rare(record, float(np.median(np.diff(time))))
     seen = phases(time, elongation)
-    beam, direction = _beam(record, time, seen)
-    values = {
-        "clock": _texts(labels),
-        "phase": seen.phase,
-        "amplitude": seen.amplitude,
-        "frequency": seen.frequency,
-        **_pairs(labels, seen, float(recorded[0])),
-        **beam,
-        **_stability(seen),
-    }
+    moved, direction = _beam(record, time, seen)
+    values = {"clock": _texts(labels), "phase": seen.phase, "amplitude": seen.amplitude, "frequency": seen.frequency}
+    values |= {**_pairs(labels, seen, float(recorded[0])), **moved}
+    averaging, deviation = allan_deviation(seen.time, seen.phase) if available() else (np.empty(0), None)
+    values |= {"averaging_time": averaging, "allan_deviation": deviation} if averaging.size else {}
     group = dataset("synchrony", values, {}, {})
     group.attrs["allan_deviation_absent"] = "" if available() else REMEDY
     group.attrs["beam_direction"] = direction
@@ -83,9 +77,6 @@ def synchrony(record: DataTree) -> DataTree:
 
 def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
     """Verdict, rates and slips of every two clocks; `start` is the time of the first reading, s."""
-    from pipeline.synchronism import allan
-    from pipeline.synchronism.verdict import judge
-
     rows: list[dict[str, Any]] = []
     slips: list[tuple[float, str]] = []
     for one, two in combinations(range(len(labels)), 2):
@@ -97,24 +88,17 @@ def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
             said = f"{labels[one]} and {labels[two]} were read together in {known} swings"
             raise RefusedError(f"synchrony: {said}; a verdict needs {_LEAST_INSTANTS}")
         verdict = judge(seen.time, psi, sigma)
-        mean, mean_sigma = allan.mean(seen.time, psi)
+        mean, mean_sigma = mean_rate(seen.time, psi)
         slips += [(when + start, name) for when in verdict.slips]
+        rates = {"mean_rate_difference": mean, "mean_rate_difference_sigma": mean_sigma}
+        locked = {"locked_angle": verdict.angle, "locked_angle_sigma": verdict.angle_sigma}
+        locked["lock_time"] = verdict.lock_time + start + float(seen.time[0])  # counted from the first instant
+        ratio = float(np.nanmedian(seen.amplitude[one] / seen.amplitude[two]))
         rows.append(
-            {
-                "pair": name,
-                "phase_difference": psi,
-                "phase_difference_sigma": sigma,
-                "rate_difference": allan.instantaneous(seen.time, psi),
-                "mean_rate_difference": mean,
-                "mean_rate_difference_sigma": mean_sigma,
-                "verdict": verdict.state,
-                "confidence": verdict.confidence,
-                "locked_angle": verdict.angle,
-                "locked_angle_sigma": verdict.angle_sigma,
-                "lock_time": verdict.lock_time + start + float(seen.time[0]),  # counted from the first instant
-                "slips": float(len(verdict.slips)),
-                "amplitude_ratio": float(np.nanmedian(seen.amplitude[one] / seen.amplitude[two])),
-            }
+            {"pair": name, "phase_difference": psi, "phase_difference_sigma": sigma}
+            | {"rate_difference": instantaneous(seen.time, psi), **rates}
+            | {"verdict": verdict.state, "confidence": verdict.confidence, **locked}
+            | {"slips": float(len(verdict.slips)), "amplitude_ratio": ratio}
         )
     values: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
     values = {name: _texts(each) if isinstance(each[0], str) else np.stack(each) for name, each in values.items()}
@@ -126,24 +110,12 @@ def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
 
 def _beam(record: DataTree, time: Floats, seen: Phases) -> tuple[dict[str, Any], str]:
     """Motion of the support in the second half, and its direction, where an acceleration was recorded."""
-    from pipeline.synchronism.phases import beam
-
     traces = record["record"].dataset
-    accelerations = {
-        name: np.asarray(traces[name].values, dtype=np.float64)
-        for name in ("vertical_acceleration", "horizontal_acceleration")
-        if name in traces
-    }
+    recorded = [name for name in ("vertical_acceleration", "horizontal_acceleration") if name in traces]
+    accelerations = {name: np.asarray(traces[name].values, dtype=np.float64) for name in recorded}
     size = row_means_present(seen.amplitude[:, seen.time >= 0.5 * seen.time[-1]])
     moved = beam(time, accelerations, float(seen.frequency.mean()), size, 0.5 * float(time[-1]))
     return ({"beam_amplitude": moved.amplitude, "beam_ratio": moved.ratio}, moved.direction) if moved else ({}, "")
-
-
-def _stability(seen: Phases) -> dict[str, Any]:
-    from pipeline.synchronism.allan import allan_deviation, available
-
-    averaging, deviation = allan_deviation(seen.time, seen.phase) if available() else (np.empty(0), None)
-    return {"averaging_time": averaging, "allan_deviation": deviation} if averaging.size else {}
 
 
 def _refuse_rare(record: DataTree, spacing: float) -> None:
@@ -157,10 +129,7 @@ def _refuse_rare(record: DataTree, spacing: float) -> None:
 def pendulums_of(record: DataTree) -> tuple[list[str], Floats]:
     """Labels and elongations (pendulums, time) of the pendulums that the traces tell apart, rad.
 
-    Raises
-    ------
-    RecordError
-        If these are fewer than two.
+    `RecordError` if these are fewer than two.
     """
     traces = record["record"].dataset
     labels = [str(label) for label in traces["pendulum"].values]
@@ -183,38 +152,22 @@ def _texts(values: list[str]) -> Any:
 
 def synchrony_summaries(result: DataTree) -> list[dict[str, Any]]:
     """One dictionary a pair; keys of the contract, gravity null, and `synchrony` with what was found."""
-    from pipeline.summary import without_gravity
-
     table = result["synchrony"].dataset
     clocks = [str(label) for label in table["clock"].values]
     rows = []
     for k, name in enumerate(str(pair) for pair in table["pair"].values):
         one = table.isel(pair=k)
-        found = {
-            "pair": name,
-            "verdict": str(one["verdict"].values),
-            "confidence": float(one["confidence"]),
-            "angle_rad": _known(float(one["locked_angle"])),
-            "angle_sigma_rad": _known(float(one["locked_angle_sigma"])),
-            "lock_time_s": _known(float(one["lock_time"])),
-            "slips": int(one["slips"]),
-            "rate_difference_per_day": float(one["mean_rate_difference"]),
-            "rate_difference_sigma_per_day": float(one["mean_rate_difference_sigma"]),
-            "amplitude_ratio": float(one["amplitude_ratio"]),
-            "beam_amplitude_m": float(table["beam_amplitude"]) if "beam_amplitude" in table else None,
+        seen = {key: float(one[own]) for key, own in _SUMMED.items()}
+        found: dict[str, Any] = {"pair": name, "verdict": str(one["verdict"].values)}
+        found |= {key: None if math.isnan(value) else value for key, value in seen.items()}
+        found["slips"] = int(one["slips"])
+        found["beam_amplitude_m"] = float(table["beam_amplitude"]) if "beam_amplitude" in table else None
+        more = {
+            "frequency_rad_s": dict(zip(clocks, map(float, table["frequency"].values), strict=True)),
+            "synchrony": found,
+            "flags": ["unsure-verdict"] if float(one["confidence"]) < UNSURE else [],
+            "samples_used": int(np.isfinite(one["phase_difference"].values).sum()),
+            "elapsed_s": float(result.attrs["elapsed_s"]),
         }
-        rows.append(
-            without_gravity(result, "synchrony", "synchrony")
-            | {
-                "frequency_rad_s": dict(zip(clocks, map(float, table["frequency"].values), strict=True)),
-                "synchrony": found,
-                "flags": ["unsure-verdict"] if float(one["confidence"]) < UNSURE else [],
-                "samples_used": int(np.isfinite(one["phase_difference"].values).sum()),
-                "elapsed_s": float(result.attrs["elapsed_s"]),
-            }
-        )
+        rows.append(without_gravity(result, "synchrony", "synchrony") | more)
     return rows
-
-
-def _known(value: float) -> float | None:
-    return None if math.isnan(value) else value

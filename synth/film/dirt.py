@@ -8,8 +8,7 @@ import numpy as np
 
 from data_schemas.errors import UsageError
 from data_schemas.scene_film import Film
-from synth.film.geometry import Geometry
-from synth.film.pixels import STRIP, Pixels
+from synth.film.layout import STRIP, Geometry, Pixels
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.seeds import generator
@@ -19,19 +18,7 @@ _INK, _SCRAPED, _SPECK = 1.0, 0.03, 1.2  # densities
 
 
 class Dirt:
-    """All dirt of a film.
-
-    Parameters
-    ----------
-    film : Film
-    geometry : Geometry
-    seed : int
-
-    Raises
-    ------
-    UsageError
-        More of the film is torn off than there is.
-    """
+    """All dirt of a film; `UsageError` where more of it is torn off than there is."""
 
     def __init__(self, film: Film, geometry: Geometry, seed: int) -> None:
         if film.torn_end and film.torn_end * geometry.pixels >= geometry.length:
@@ -40,8 +27,7 @@ class Dirt:
                 f" {geometry.length / geometry.pixels:.4g} mm; make it shorter"
             )
         self._film, self._geometry, self._seed = film, geometry, seed
-        strokes = [_scratches(film, geometry, seed), _handwriting(film, geometry, seed)]
-        self._strokes = np.concatenate([each for each in strokes if each is not None] or [np.empty((0, 6))])
+        self._strokes = np.concatenate([_scratches(film, geometry, seed), _handwriting(film, geometry, seed)])
         reach = self._strokes[:, 4] + 1.0
         self._top = self._strokes[:, [0, 2]].min(axis=1) - reach
         self._bottom = self._strokes[:, [0, 2]].max(axis=1) + reach
@@ -91,10 +77,8 @@ class Dirt:
         image[along > np.interp(across, np.arange(tear.size), tear)] = 0.0
 
 
-def _scratches(film: Film, geometry: Geometry, seed: int) -> Floats | None:
+def _scratches(film: Film, geometry: Geometry, seed: int) -> Floats:
     """Thin strokes along the film, a little bent; most scrape silver off."""
-    if not film.scratches:
-        return None
     chance = generator(seed, "film scratches")
     pixels = geometry.pixels
     count = int(chance.poisson(film.scratches * geometry.length / pixels / 1000.0))
@@ -109,20 +93,17 @@ def _scratches(film: Film, geometry: Geometry, seed: int) -> Floats | None:
     return np.stack([*(each.ravel() for each in ends), radius, density], axis=1)
 
 
-def _handwriting(film: Film, geometry: Geometry, seed: int) -> Floats | None:
+def _handwriting(film: Film, geometry: Geometry, seed: int) -> Floats:
     """Notes in ink: loops that run on, of chance heights, somewhere on the film and nearly across it."""
-    if not film.handwriting:
-        return None
     chance = generator(seed, "film handwriting")
     pixels = geometry.pixels
-    notes = []
+    notes = [np.empty((0, 6))]
     for _ in range(film.handwriting):
         loops = int(chance.integers(8, 24))
         turns = np.linspace(0.0, loops, 16 * loops + 1)
         height = np.interp(turns, np.arange(loops + 1), chance.choice([1.0, 1.2, 2.2], loops + 1)) * 1.5
-        right = 1.6 * turns + 0.8 * np.sin(2 * np.pi * turns) * np.interp(
-            turns, np.arange(loops + 1), chance.uniform(0.5, 1.5, loops + 1)
-        )
+        width = np.interp(turns, np.arange(loops + 1), chance.uniform(0.5, 1.5, loops + 1))
+        right = 1.6 * turns + 0.8 * np.sin(2 * np.pi * turns) * width
         up = height * np.cos(2 * np.pi * turns)
         angle = chance.normal(0.0, 0.1)
         row = chance.random() * geometry.rows + pixels * (right * math.sin(angle) - up * math.cos(angle))
@@ -140,8 +121,7 @@ def _tear(film: Film, geometry: Geometry, seed: int) -> Floats:
     walk -= np.max(walk)  # what is left is nowhere longer than is said
     across = np.linspace(0.0, geometry.width, points)
     end = geometry.length - (film.torn_end - walk) * geometry.pixels
-    edge: Floats = np.interp(np.arange(int(geometry.width) + 1), across, end)
-    return edge
+    return np.interp(np.arange(int(geometry.width) + 1), across, end)
 
 
 @kernel

@@ -18,13 +18,11 @@ from data_schemas.scene_film import Film
 from data_schemas.shield import shielded
 from data_schemas.toml_text import toml_text
 from data_schemas.writing import may_write, reason, write_text
-from synth.film.image_file import ImageFile
+from synth.film.layout import STRIP, Pixels, plan_film
 from synth.film.named import film_of
-from synth.film.pixels import STRIP, Pixels
-from synth.film.plan import plan_film
-from synth.film.sidecars import TruthOfFilm, description_of
+from synth.film.sidecars import ImageFile, TruthOfFilm, description_of
 from synth.film.source import source_of
-from synth.film.strips import blurred, quantised
+from synth.film.strips import Development, Exposure, blurred, quantised
 from synth.phase import Floats
 
 if TYPE_CHECKING:
@@ -56,14 +54,9 @@ def film_truth_path(film: str | os.PathLike[str]) -> Path:
 
 
 def expose(
-    source: xr.DataTree | Scene,
-    film: Film | str | None,
-    path: str | os.PathLike[str],
-    *,
-    seed: int | None = None,
-    overwrite: bool = False,
-    progress: Callable[[int, int], object] | None = None,
-) -> xr.DataTree:
+    source: xr.DataTree | Scene, film: Film | str | None, path: str | os.PathLike[str], *, seed: int | None = None,
+    overwrite: bool = False, progress: Callable[[int, int], object] | None = None,
+) -> xr.DataTree:  # fmt: skip
     """Expose a film to a record or a scene, develop and scan it.
 
     Three files are made: the image (BigTIFF in strips of 1024 rows, along the film), NAME.film.toml, what an observer
@@ -116,14 +109,9 @@ def expose(
 
 
 def expose_to(
-    source: xr.DataTree | Scene,
-    film: Film | str | None,
-    path: str | os.PathLike[str],
-    *,
-    seed: int | None = None,
-    overwrite: bool = False,
-    progress: Callable[[int, int], object] | None = None,
-) -> Exposed:
+    source: xr.DataTree | Scene, film: Film | str | None, path: str | os.PathLike[str], *, seed: int | None = None,
+    overwrite: bool = False, progress: Callable[[int, int], object] | None = None,
+) -> Exposed:  # fmt: skip
     """As `expose`, in memory that does not grow with the film: the truth is not read back.
 
     Some tens of bytes a mark grow all the same, and what `synth.simulate_to` says of scenes.
@@ -131,14 +119,17 @@ def expose_to(
     target = Path(path)
     if target.suffix.lower() not in (".tif", ".tiff"):
         raise UsageError(f"{target}: films are written as TIFF; end the name with .tif")
-    for one in (target, description_path(target), film_truth_path(target)):
-        _refuse_existing(one, overwrite)
+    for one in (target, description_path(target), film_truth_path(target)):  # refused before the work, not after it
+        try:
+            may_write(Path(os.path.realpath(one)), one, overwrite)
+        except OSError as error:
+            raise FileError(f"{one}: cannot be written, {reason(error)}") from error
     film = film_of(film, source)
     if seed is None:
         seed = film.seed if film.seed is not None else source.seed if isinstance(source, Scene) else 0
     given = source_of(source)
     plan = plan_film(given, film, seed)
-    exposure, development = plan.exposure(), plan.development()
+    exposure, development = Exposure(plan), Development(plan)
     truth, transport, geometry = TruthOfFilm(plan), plan.transport, plan.geometry
     text = toml_text(description_of(plan).model_dump())
     made = Exposed(
@@ -175,16 +166,3 @@ def expose_to(
             kept.publish()
             image.publish()
     return made
-
-
-def _refuse_existing(path: Path, overwrite: bool) -> None:
-    """Refuse before the work what would be refused after it.
-
-    Raises
-    ------
-    FileError
-    """
-    try:
-        may_write(Path(os.path.realpath(path)), path, overwrite)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written, {reason(error)}") from error

@@ -1,4 +1,4 @@
-"""Where the traces lie on the paper, and whether they fit."""
+"""Everything about a film that is settled before its first row: where the traces lie, whether they fit, when."""
 
 from __future__ import annotations
 
@@ -6,53 +6,158 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_schemas.errors import UsageError
 from data_schemas.scene_film import Film
-from synth.film.geometry import Geometry
-from synth.film.shutter import Light, Marks, light_of
+from synth.film.shutter import Light, Marks, Transport, light_of, set_marks
 from synth.film.source import Source
 from synth.phase import Floats
 
+Pixels = NDArray[np.float32]
+STRIP = 1024
+"""Rows of a strip, of the image file and of all chance."""
+INCH = 25.4  # mm
+_WIDEST = 4.0  # times the paper: a canvas wider than that is mostly empty
+_MOST_ROWS = 2**31 - 1
 _SPOTS = 3.0  # sigmas that must be left to the edge
 _ROOM = 1.05  # between the steepest slope met at samples and that where a line would double back
 
 
 @dataclass(frozen=True)
-class Layout:
-    """Place of each trace.
+class Geometry:
+    """The affine map from along and across the film, mm, to row and column, px; pixel i has its centre at i + 0.5."""
 
-    Attributes
-    ----------
-    position, offset, lever : (traces,) array
-        Across at rest, mm; later along the film, mm; mm/rad.
-    swing : (traces, 2) array
-        Smallest and largest elongation, rad.
-    rate : (traces,) array
-        Largest rate of the elongation, rad/s.
-    light : tuple of Light
-        When each is lit.
+    rows: int
+    columns: int
+    """Of the image."""
+    row: tuple[float, float, float]
+    column: tuple[float, float, float]
+    """(constant, per mm along, per mm across)."""
+    turn: float
+    """Rotation of the paper, rad."""
+    corner: tuple[float, float]
+    """(row, column) of the paper's corner where along and left edge begin, px."""
+    length: float
+    width: float
+    """Of the paper, px."""
+    pixels: float
+    """Pixels to the millimetre of the scan."""
+
+    def rows_of(self, along: Floats, across: Floats) -> Floats:
+        """Row of places, px."""
+        return self.row[0] + self.row[1] * along + self.row[2] * across
+
+    def columns_of(self, along: Floats, across: Floats) -> Floats:
+        """Column of places, px."""
+        return self.column[0] + self.column[1] * along + self.column[2] * across
+
+    def row_at_left(self, along: Floats) -> Floats:
+        """Row at the image's column 0 of the line that is lit at once, px."""
+        across = -(self.column[0] + self.column[1] * along) / self.column[2]
+        return self.rows_of(along, across)
+
+    def along_at_left(self, row: Floats) -> Floats:
+        """Inverse of `row_at_left`, mm."""
+        slant = self.row[2] / self.column[2]
+        return (row - self.row[0] + slant * self.column[0]) / (self.row[1] - slant * self.column[1])
+
+    def paper_edges(self, first: int, stop: int) -> tuple[Floats, Floats]:
+        """First and last column of the paper in each row, at its centre line, (rows,) px; equal where there is none."""
+        down = np.arange(first, stop, dtype=np.float64) + 0.5 - self.corner[0]
+        cosine, sine = math.cos(self.turn), math.sin(self.turn)
+        left, right = down * sine / cosine, (down * sine + self.width) / cosine  # the long edges
+        if self.turn:
+            ends = (0.0, self.length) if self.turn > 0.0 else (self.length, 0.0)
+            left = np.maximum(left, (ends[0] - down * cosine) / sine)
+            right = np.minimum(right, (ends[1] - down * cosine) / sine)
+        else:
+            right = np.where((down >= 0.0) & (down < self.length), right, left)
+        right = np.maximum(right, left)
+        shift = self.corner[1]
+        return (left + shift, right + shift)
+
+
+def geometry_of(film: Film, travel: float, offsets: Floats) -> Geometry:
+    """Lay a film of some travel, mm, out on the scanner.
+
+    `UsageError`: the paper lies so crooked that the image would be mostly empty, or the image would have too many rows.
     """
+    pixels = film.dpi / INCH
+    along, across = pixels * (1.0 + film.stretch_along), pixels * (1.0 + film.stretch_across)
+    width = film.paper_width * across
+    lean, turn = math.tan(math.radians(film.skew)), math.radians(film.rotation)
+    before = (film.margin - min(0.0, float(np.min(offsets)))) * along - min(0.0, lean * width)
+    after = (film.margin + max(0.0, float(np.max(offsets)))) * along + max(0.0, lean * width)
+    length = before + travel * along + after
+    cosine, sine = math.cos(turn), math.sin(turn)
+    columns = round(width * cosine + length * abs(sine))
+    rows = round(length * cosine + width * abs(sine))
+    if columns > _WIDEST * width and film.rotation:
+        raise UsageError(
+            f"film.rotation = {film.rotation:g} degrees would spread a film of {length / pixels / 1000:.3g} m over"
+            f" {columns} columns; give less than {math.degrees((_WIDEST - 1) * width / length):.2g} degrees"
+        )
+    if rows > _MOST_ROWS:
+        raise UsageError(f"film: the image would have {rows} rows; make the record shorter, or speed or dpi smaller")
+    corner = (max(0.0, sine) * width, max(0.0, -sine) * length)
+    # on the paper: down = before + along * s + lean * (across * u), right = across * u; then turned
+    down, right = (before, along, lean * across), (0.0, 0.0, across)
+    row = tuple(a * cosine - b * sine for a, b in zip(down, right, strict=True))
+    column = tuple(b * cosine + a * sine for a, b in zip(down, right, strict=True))
+    return Geometry(
+        max(rows, 1), max(columns, 1), (row[0] + corner[0], row[1], row[2]),
+        (column[0] + corner[1], column[1], column[2]), turn, corner, length, width, pixels,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Place of each trace."""
 
     position: Floats
     offset: Floats
     lever: Floats
+    """(traces,) across at rest, mm; later along the film, mm; mm/rad."""
     swing: Floats
+    """(traces, 2) smallest and largest elongation, rad."""
     rate: Floats
+    """(traces,) largest rate of the elongation, rad/s."""
     light: tuple[Light, ...] = ()
+    """When each is lit."""
 
-    def lit(self, film: Film, marks: Marks, begin: float, end: float, dark: list[list[tuple[float, float]]]) -> Layout:
-        """The same with light."""
-        return replace(self, light=tuple(light_of(film, marks, begin, end, each) for each in dark))
+
+@dataclass(frozen=True)
+class FilmPlan:
+    """What is exposed, on what, where and when."""
+
+    source: Source
+    film: Film
+    seed: int
+    layout: Layout
+    transport: Transport
+    geometry: Geometry
+    marks: Marks
+
+
+def plan_film(source: Source, film: Film, seed: int) -> FilmPlan:
+    """Lay a film out.
+
+    `UsageError`: the swing does not fit on the paper, or the film lies too crooked.
+    """
+    layout = lay_out(source, film)
+    transport = Transport(film, source.begin, source.end, seed)
+    geometry = geometry_of(film, transport.length, layout.offset)
+    refuse_doubling(source, film, layout, geometry)
+    marks = set_marks(film, source.begin, source.end, seed)
+    light = tuple(light_of(film, marks, source.begin, source.end, dark) for dark in dark_stretches(source))
+    return FilmPlan(source, film, seed, replace(layout, light=light), transport, geometry, marks)
 
 
 def lay_out(source: Source, film: Film) -> Layout:
     """Place the traces as the film says, or evenly.
 
-    Raises
-    ------
-    UsageError
-        The film names a trace that the record has not, or a trace does not fit on the paper.
+    `UsageError`: the film names a trace that the record has not, or a trace does not fit on the paper.
     """
     named = {each.name: each for each in film.traces}
     for name in named:
@@ -104,9 +209,7 @@ def _refuse_overhang(source: Source, film: Film, layout: Layout) -> None:
 def refuse_doubling(source: Source, film: Film, layout: Layout, geometry: Geometry) -> None:
     """Refuse a skew or rotation so large that a line would run backwards along the film.
 
-    Raises
-    ------
-    UsageError
+    Raises `UsageError`.
     """
     forwards = geometry.row[1] * film.speed * (1.0 - max(-film.drift, 0.0) - film.wow - 4.0 * film.walk)
     for k, name in enumerate(source.traces):

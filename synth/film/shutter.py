@@ -1,8 +1,9 @@
-"""When light falls on the film: the chronometer's shutter, the lamp, and stretches without a record."""
+"""The camera in time: how the film runs, and when light falls on it (the chronometer's shutter, the lamp, gaps)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,28 +13,23 @@ from synth.phase import Floats
 from synth.seeds import generator
 
 _MINUTE = 60.0
+_KNOTS = 8  # of the random error of the speed, in its correlation time
+_MOST = 4.0  # sigmas: a wilder error is cut off, so that the film never stands
 
 
 @dataclass(frozen=True)
 class Marks:
-    """Every gap of the shutter, and those that were left out, in order of time.
-
-    Attributes
-    ----------
-    time : (marks,) array
-        Their middle, s.
-    minute, missing, spurious : (marks,) array of uint8
-        Second gap of a full minute; left out; no mark at all.
-    """
+    """Every gap of the shutter, and those that were left out, in order of time."""
 
     time: Floats
+    """(marks,) their middle, s."""
     minute: NDArray[np.uint8]
     missing: NDArray[np.uint8]
     spurious: NDArray[np.uint8]
+    """(marks,) second gap of a full minute; left out; no mark at all."""
 
 
-@dataclass(frozen=True)
-class Light:
+class Light(NamedTuple):
     """Stretches of constant light, in order and apart: begin, end, s, and factor of the lamp, (stretches,) each."""
 
     begin: Floats
@@ -70,15 +66,9 @@ def set_marks(film: Film, begin: float, end: float, seed: int) -> Marks:
 
 
 def light_of(film: Film, marks: Marks, begin: float, end: float, dark: list[tuple[float, float]]) -> Light:
-    """What falls on the film of one trace.
+    """What falls on the film of one trace of a record from begin to end, s: before and after, the lamp is off.
 
-    Parameters
-    ----------
-    film, marks
-    begin, end : float
-        Of the record, s: before and after, the lamp is off.
-    dark : list of (begin, end)
-        Stretches without a record, s.
+    `dark` are stretches without a record, s.
     """
     shut = marks.time[marks.missing == 0]
     closed = [(at - 0.5 * film.gap, at + 0.5 * film.gap) for at in shut.tolist()]
@@ -98,3 +88,75 @@ def light_of(film: Film, marks: Marks, begin: float, end: float, dark: list[tupl
         factor[(middle > first) & (middle < last)] *= part
     lit = is_open & (factor > 0.0)
     return Light(edges[:-1][lit], edges[1:][lit], factor[lit])
+
+
+class Transport:
+    """Travel of the film from the begin of the record, mm.
+
+    With x = t - begin the speed is v (1 + drift x / (end - begin) + wow sin(2 pi x / period + phase) + walk(x)); before
+    the begin and after the end it stays what it is there. The walk is a stationary Markov sequence, straight between
+    its knots, so that the travel is exact.
+    """
+
+    def __init__(self, film: Film, begin: float, end: float, seed: int) -> None:
+        self._film, self._begin, self._length = film, begin, end - begin
+        self._phase = float(generator(seed, "film wow").uniform(0.0, 2 * np.pi)) if film.wow else 0.0
+        self._knots, self._walk = np.array([0.0, self._length]), np.zeros(2)
+        if film.walk:
+            from scipy.signal import lfilter
+
+            count = int(np.ceil(self._length / (film.walk_time / _KNOTS))) + 1
+            keep = np.exp(-1.0 / _KNOTS)
+            draws = generator(seed, "film walk").standard_normal(count)
+            draws[1:] *= np.sqrt(1.0 - keep**2)
+            self._walk = film.walk * np.clip(lfilter([1.0], [1.0, -keep], draws), -_MOST, _MOST)
+            self._knots = np.arange(count, dtype=np.float64) * (film.walk_time / _KNOTS)
+        spans = np.diff(self._knots)
+        self._walked_off = np.concatenate([[0.0], np.cumsum(0.5 * spans * (self._walk[1:] + self._walk[:-1]))])
+        self.length = float(self.travel(np.array([end]))[0])
+        """Travel at the end, mm."""
+
+    def travel(self, time: Floats) -> Floats:
+        """Travel at a time, mm."""
+        film = self._film
+        since = np.clip(time - self._begin, 0.0, self._length)
+        run = since + 0.5 * film.drift * since**2 / self._length
+        if film.wow:
+            turn = 2 * np.pi / film.wow_period
+            run += film.wow / turn * (np.cos(self._phase) - np.cos(turn * since + self._phase))
+        if film.walk:
+            cell = np.clip(np.searchsorted(self._knots, since, side="right") - 1, 0, self._knots.size - 2)
+            within = since - self._knots[cell]
+            rise = (self._walk[cell + 1] - self._walk[cell]) / (self._knots[cell + 1] - self._knots[cell])
+            run += self._walked_off[cell] + within * (self._walk[cell] + 0.5 * rise * within)
+        beyond = (time - self._begin) - since
+        return film.speed * run + beyond * self.speed(time)
+
+    def speed(self, time: Floats) -> Floats:
+        """Speed at a time, mm/s."""
+        film = self._film
+        since = np.clip(time - self._begin, 0.0, self._length)
+        rate = 1.0 + film.drift * since / self._length
+        if film.wow:
+            rate += film.wow * np.sin(2 * np.pi / film.wow_period * since + self._phase)
+        if film.walk:
+            rate += np.interp(since, self._knots, self._walk)
+        return film.speed * rate
+
+    def time_at(self, travel: Floats) -> Floats:
+        """Time at a travel, s; to 1e-12 of the record's length, by Newton's steps kept in a shrinking bracket."""
+        low = np.full(travel.shape, self._begin + float(np.min(travel, initial=0.0)) / (0.1 * self._film.speed) - 1.0)
+        most = (
+            self._begin + self._length + (float(np.max(travel, initial=0.0)) - self.length) / (0.1 * self._film.speed)
+        )
+        high = np.full(travel.shape, max(most, self._begin + self._length) + 1.0)
+        time = np.clip(self._begin + travel / self._film.speed, low, high)
+        for _ in range(80):
+            error = self.travel(time) - travel
+            low, high = np.where(error <= 0, time, low), np.where(error >= 0, time, high)
+            step = time - error / self.speed(time)
+            step = np.where((step > low) & (step < high), step, 0.5 * (low + high))
+            if np.max(np.abs(step - time), initial=0.0) <= 1e-12 * (1.0 + self._length):
+                return step
+            time = step
+        return time

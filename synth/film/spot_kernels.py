@@ -1,4 +1,5 @@
-"""Compiled: the spot of light drawn over the image, and where the line crosses the centre line of every row.
+"""Compiled: the spot of light drawn over the image, where the line crosses the centre line of every row, and what
+light becomes: silver (characteristic curve, grain), and the scanner's light.
 
 Between nodes the line is a cubic in time through places and rates at both.
 """
@@ -6,18 +7,34 @@ Between nodes the line is a cubic in time through places and rates at both.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from synth.film.pixels import Pixels
+from synth.film.layout import Pixels
+from synth.film.shutter import Light
 from synth.kernels.compiled import kernel
-from synth.phase import Floats
+from synth.phase import Floats, Integers
 
 REACH = 5.0  # sigmas: 3e-7 of the light falls further away on each side
 STEP = 1.0  # sigmas of a step along the line: in each, the spot is put down at two places
 FINE = 256  # entries of the table to the sigma: straight lines between them err by 5e-7
 _EARLY = 0.5 - 0.5 / math.sqrt(3.0)  # the two places of Gauss in a step
 _NEWTON = 6
+SCANNER_RANGE = 2.2
+"""The scanner shows a density as the value 10^(-density / 2.2) of its full scale."""
+
+
+class Line(NamedTuple):
+    """A trace on the image by its nodes, (nodes,) each: s, px, px/s, px, px/s, rad, rad/s."""
+
+    time: Floats
+    row: Floats
+    row_rate: Floats
+    column: Floats
+    column_rate: Floats
+    swing: Floats
+    swing_rate: Floats
 
 
 def spot_table(sigma: float) -> Floats:
@@ -31,16 +48,14 @@ def spot_table(sigma: float) -> Floats:
     from scipy.special import ndtr
 
     half = int((REACH + 2.0 / sigma) * FINE) + 2
-    table: Floats = ndtr(np.arange(-half, half + 1) / FINE)
-    return table
+    return ndtr(np.arange(-half, half + 1) / FINE)
 
 
 @kernel
 def below(table: Floats, place: float) -> float:
     """The table between its entries, at a place counted in entries."""
     i = int(place)
-    share: float = table[i] + (place - i) * (table[i + 1] - table[i])
-    return share
+    return float(table[i] + (place - i) * (table[i + 1] - table[i]))
 
 
 @kernel
@@ -56,20 +71,7 @@ def cubic(x: float, start: float, rate: float, stop: float, end_rate: float, spa
 
 @kernel
 def draw_line(
-    image: Pixels,
-    first: int,
-    time: Floats,
-    row: Floats,
-    row_rate: Floats,
-    column: Floats,
-    column_rate: Floats,
-    begin: Floats,
-    end: Floats,
-    light: Floats,
-    sigma: float,
-    weight: float,
-    table: Floats,
-    across: Floats,
+    image: Pixels, first: int, line: Line, lit: Light, sigma: float, weight: float, table: Floats, across: Floats
 ) -> None:
     """Add the light of one trace to some rows of the image.
 
@@ -80,10 +82,8 @@ def draw_line(
     ----------
     image : (rows, columns) float32
         Added to; its first row is number `first` of the film.
-    time, row, row_rate, column, column_rate : (nodes,)
-        The line: s, px, px/s.
-    begin, end, light : (stretches,)
-        When light falls, s, in order and apart, and how much.
+    line : Line
+    lit : Light
     sigma : float
         Of the spot, px.
     weight : float
@@ -93,6 +93,8 @@ def draw_line(
     across : (places,) work space
         At least 2 REACH sigma + 3 long.
     """
+    time, row, row_rate, column, column_rate, _, _ = line
+    begin, end, light = lit
     rows, columns = image.shape
     reach = REACH * sigma
     grid, middle = FINE / sigma, table.size // 2
@@ -138,31 +140,18 @@ def draw_line(
 
 
 @kernel
-def cross_rows(
-    first: int,
-    time: Floats,
-    row: Floats,
-    row_rate: Floats,
-    column: Floats,
-    column_rate: Floats,
-    swing: Floats,
-    swing_rate: Floats,
-    moment: Floats,
-    place: Floats,
-    slope: Floats,
-    elongation: Floats,
-) -> None:
+def cross_rows(first: int, line: Line, moment: Floats, place: Floats, slope: Floats, elongation: Floats) -> None:
     """Find where a line that runs forwards crosses the centre lines of rows.
 
     Parameters
     ----------
     first : int
         Number of the first row.
-    time, row, row_rate, column, column_rate, swing, swing_rate : (nodes,)
-        The line and its elongation: s, px, px/s, rad, rad/s.
+    line : Line
     moment, place, slope, elongation : (rows,)
         Filled: s, px, px/px, rad; left as they are in rows that the line does not reach.
     """
+    time, row, row_rate, column, column_rate, swing, swing_rate = line
     j = 0
     for i in range(moment.size):
         level = first + i + 0.5
@@ -180,3 +169,60 @@ def cross_rows(
         elongation[i], _ = cubic(x, swing[j], swing_rate[j], swing[j + 1], swing_rate[j + 1], span)
         moment[i] = time[j] + x * span
         slope[i] = across / along
+
+
+@kernel
+def develop(
+    image: Pixels, left: Integers, right: Integers, fog: Floats, fog_rise: float, density_max: float,
+    half_exposure: float, gamma: float,
+) -> None:  # fmt: skip
+    """Turn exposure into density, in place; what is not paper gets none.
+
+    Parameters
+    ----------
+    image : (rows, columns) float32
+    left, right : (rows,) int64
+        First column of the paper and the one after its last.
+    fog : (rows,) float64
+        At column 0.
+    fog_rise : float
+        From column to column.
+    density_max, half_exposure, gamma : float
+        Of the characteristic curve.
+    """
+    rows, columns = image.shape
+    least = 1e-6 * half_exposure
+    for y in range(rows):
+        for x in range(columns):
+            if x < left[y] or x >= right[y]:
+                image[y, x] = 0.0
+                continue
+            veil = fog[y] + fog_rise * x
+            light = image[y, x]
+            if light > least:
+                veil += (density_max - veil) / (1.0 + math.exp(gamma * math.log(half_exposure / light)))
+            image[y, x] = veil
+
+
+@kernel
+def scan(image: Pixels, noise: Pixels, grain: np.float32, scale: np.float32, brightness: Pixels) -> None:
+    """Turn density into the light that the scanner sees, 0 to 1, in place.
+
+    Parameters
+    ----------
+    image : (rows, columns) float32
+    noise : (rows, columns) float32
+        Standard normal.
+    grain : float32
+        1 sigma of the density where it is 1.
+    scale : float32
+        Natural logarithm of the light per density, negative.
+    brightness : (columns,) float32
+        Of the scanner's lamp.
+    """
+    rows, columns = image.shape
+    for y in range(rows):
+        for x in range(columns):
+            density = image[y, x]
+            density += grain * np.sqrt(density) * noise[y, x]
+            image[y, x] = brightness[x] * np.exp(scale * max(density, np.float32(0.0)))

@@ -9,15 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schemas.scene_film import Film
-from synth.film.course import Course
 from synth.film.dirt import Dirt
-from synth.film.emulsion import SCANNER_RANGE, develop, scan
-from synth.film.geometry import Geometry
-from synth.film.layout import Layout
-from synth.film.pixels import STRIP, Pixels
-from synth.film.spot_kernels import REACH, cross_rows, draw_line, spot_table
-from synth.film.transport import Transport
+from synth.film.layout import STRIP, FilmPlan, Pixels
+from synth.film.source import Course
+from synth.film.spot_kernels import REACH, SCANNER_RANGE, Line, cross_rows, develop, draw_line, scan, spot_table
 from synth.phase import Floats
 from synth.seeds import generator
 
@@ -35,26 +30,15 @@ class Crossings:
 
 
 class Exposure:
-    """The latent image of a film, strip by strip in order.
+    """The latent image of a film, strip by strip in order."""
 
-    Parameters
-    ----------
-    film, geometry, transport, layout
-    course : Course
-        Asked for in order of time.
-    begin, end : float
-        Of the source, s.
-    node : float
-        Time between the nodes of the line, s.
-    """
-
-    def __init__(
-        self, film: Film, geometry: Geometry, transport: Transport, layout: Layout, course: Course,
-        begin: float, end: float, node: float,
-    ) -> None:  # fmt: skip
-        self._geometry, self._transport, self._layout, self._course = geometry, transport, layout, course
-        self._begin, self._end, self._node = begin, end, node
-        self._last_node = math.ceil((end - begin) / node)
+    def __init__(self, plan: FilmPlan) -> None:
+        film, geometry, layout, source = plan.film, plan.geometry, plan.layout, plan.source
+        self._geometry, self._transport, self._layout = geometry, plan.transport, layout
+        self._begin, self._end = source.begin, source.end
+        self._node = min(NODE, source.step)
+        self._course = Course(source, self._node)
+        self._last_node = math.ceil((source.end - source.begin) / self._node)
         self._sigma = film.spot * geometry.pixels
         self._weight = film.speed * geometry.pixels * math.sqrt(2 * math.pi) * self._sigma
         span = int(2 * REACH * self._sigma) + 4
@@ -82,15 +66,10 @@ class Exposure:
             row, column = map_.rows_of(along, across), map_.columns_of(along, across)
             row_rate = map_.row[1] * speed + map_.row[2] * across_rate
             column_rate = map_.column[1] * speed + map_.column[2] * across_rate
+            line = Line(nodes, row, row_rate, column, column_rate, swing[k], swing_rate[k])
             light = place.light[k].between(float(nodes[0]), float(nodes[-1]))
-            draw_line(
-                image, first, nodes, row, row_rate, column, column_rate, light.begin, light.end, light.factor,
-                self._sigma, self._weight, self._table, self._across,
-            )  # fmt: skip
-            cross_rows(
-                first, nodes, row, row_rate, column, column_rate, swing[k], swing_rate[k],
-                found.time[k], found.column[k], found.slope[k], found.elongation[k],
-            )  # fmt: skip
+            draw_line(image, first, line, light, self._sigma, self._weight, self._table, self._across)
+            cross_rows(first, line, found.time[k], found.column[k], found.slope[k], found.elongation[k])
         return image, found
 
     def _nodes(self, first: int, stop: int) -> Floats:
@@ -107,8 +86,9 @@ class Exposure:
 class Development:
     """What a latent image becomes, strip by strip: silver, dirt, grain, the scanner's light; before its blur."""
 
-    def __init__(self, film: Film, geometry: Geometry, dirt: Dirt, seed: int) -> None:
-        self._film, self._geometry, self._dirt, self._seed = film, geometry, dirt, seed
+    def __init__(self, plan: FilmPlan) -> None:
+        film, geometry, self._seed = plan.film, plan.geometry, plan.seed
+        self._film, self._geometry, self._dirt = film, geometry, Dirt(film, geometry, plan.seed)
         middle = (np.arange(geometry.columns) + 0.5) / geometry.columns * 2.0 - 1.0
         self._brightness = (1.0 - film.vignette * middle**2).astype(np.float32)
         self._noise = np.zeros((min(STRIP, geometry.rows), geometry.columns), np.float32)
@@ -138,13 +118,7 @@ class Development:
 
 
 def blurred(strips: Iterator[Pixels], sigma: float) -> Iterator[Pixels]:
-    """Blur an image that comes strip by strip, px; its edges go on as they are.
-
-    Yields
-    ------
-    (rows, columns) float32
-        Strips of the same sizes.
-    """
+    """Blur an image that comes strip by strip, px, into strips of the same sizes; its edges go on as they are."""
     if not sigma:
         yield from strips
         return
@@ -153,8 +127,7 @@ def blurred(strips: Iterator[Pixels], sigma: float) -> Iterator[Pixels]:
     radius = math.ceil(4.0 * sigma)
 
     def along(image: Pixels, axis: int) -> Pixels:
-        done: Pixels = gaussian_filter1d(image, sigma, axis=axis, mode="nearest", radius=radius)
-        return done
+        return gaussian_filter1d(image, sigma, axis=axis, mode="nearest", radius=radius)
 
     above: Pixels | None = None
     here = along(next(strips), 1)

@@ -1,8 +1,8 @@
 """Theory of two clocks on an elastic beam (Kanunnikov and Lamper), and past it: what locks, where, and what is stable.
 
 `paper` the printed and corrected chain (10)-(14); `balance` every solution of (7)-(8); `slow_flow` their stability;
-`orbit` the true periodic motions with Floquet multipliers; `locking` edge and slip; `offset` k, n and chi;
-`symmetry`. Nothing is imported before it is used.
+`orbit` the true periodic motions with Floquet multipliers; `locking` k, n and chi, edge and slip; `clocks` what theory
+speaks of, and symmetry. Nothing is imported before it is used.
 """
 
 from __future__ import annotations
@@ -12,23 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from synth.huygens.balance import Regime, residuals, solutions
-    from synth.huygens.clocks import Clocks, of_beam
-    from synth.huygens.locking import edge, edge_of_balance, slip
-    from synth.huygens.offset import chi_of_daily, daily_of_chi, orbit_slope, slope
+    from synth.huygens.clocks import Clocks, of_beam, perturbed, symmetric
+    from synth.huygens.locking import chi_of_daily, daily_of_chi, edge, edge_of_balance, orbit_slope, slip, slope
     from synth.huygens.orbit import Orbit, orbits
     from synth.huygens.paper import corrected, printed
     from synth.huygens.slow_flow import stability
-    from synth.huygens.symmetry import perturbed, symmetric
 
 _HOMES = {
     "balance": ("Regime", "residuals", "solutions"),
-    "clocks": ("Clocks", "of_beam"),
-    "locking": ("edge", "edge_of_balance", "slip"),
-    "offset": ("chi_of_daily", "daily_of_chi", "orbit_slope", "slope"),
+    "clocks": ("Clocks", "of_beam", "perturbed", "symmetric"),
+    "locking": ("chi_of_daily", "daily_of_chi", "edge", "edge_of_balance", "orbit_slope", "slip", "slope"),
     "orbit": ("Orbit", "orbits"),
     "paper": ("corrected", "printed"),
     "slow_flow": ("stability",),
-    "symmetry": ("perturbed", "symmetric"),
 }
 _WHERE = {name: f"synth.huygens.{home}" for home, names in _HOMES.items() for name in names}
 

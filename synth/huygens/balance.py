@@ -18,13 +18,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from synth.huygens.clocks import Clocks, checked
-from synth.huygens.conics import Conic, interpolated, resultant
-from synth.huygens.real_roots import real_roots
+from synth.huygens.real_roots import Conic, interpolated, real_roots, resultant
 from synth.phase import Floats
 
 DEGREE = 20
@@ -34,6 +33,7 @@ _LARGEST_SHARE = Fraction(12072, 10000)  # of A^2/4: (g, g) lies within a circle
 _ALIKE = 1e-9  # solutions nearer than this share of their size are one
 _SETTLED, _ROUNDED = 1e-13, 1e-7  # of a step: small enough; small enough if it no longer shrinks
 _LEAST = 1e-300
+_STEP = 1e-30
 
 
 class Regime(NamedTuple):
@@ -104,11 +104,8 @@ def residuals(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> Floats
         left.append((own + regime.q) * math.sin(angle) + loss * math.cos(angle))
     cosines = sum(a * a * math.cos(2.0 * x) for a, x in zip(regime.amplitude, regime.alpha, strict=True))
     sines = sum(a * a * math.sin(2.0 * x) for a, x in zip(regime.amplitude, regime.alpha, strict=True))
-    beam = [
-        -regime.beta * regime.q + clocks.coupling / 8.0 * cosines,
-        delta0 * regime.q + clocks.coupling / 8.0 * sines,
-    ]
-    return np.array(left + beam)
+    feed = clocks.coupling / 8.0
+    return np.array([*left, -regime.beta * regime.q + feed * cosines, delta0 * regime.q + feed * sines])
 
 
 def followed(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> Regime | None:
@@ -168,20 +165,14 @@ class _Equations:
         one, two = ((1 + beta) * tuning - 1 - arc for tuning in self._tuning)
         square = arc**2 + loss
         half = self._coupling / 2
+        even, first, second = half * arc - beta * feed, half * (arc - one), half * (arc - two)
         return [
             (square + feed, none, feed, 2 * arc * one - feed, -feed, one**2),
             (feed, none, square + feed, -feed, 2 * arc * two - feed, two**2),
-            (
-                half * arc - beta * feed,
-                none,
-                half * arc - beta * feed,
-                beta * feed - half * (arc - one),
-                beta * feed - half * (arc - two),
-                -half * (one + two),
-            ),
+            (even, none, even, beta * feed - first, beta * feed - second, -half * (one + two)),
         ]
 
-    def _values(self, point: Floats) -> Floats:
+    def _values(self, point: Any) -> Any:
         """The three conics, each divided by its own size, at (beta, g_1, g_2)."""
         beta, first, second = point
         d1, d2, arc, loss = self._detunings(beta)
@@ -195,26 +186,10 @@ class _Equations:
         )
 
     def _slopes(self, point: Floats) -> Floats:
-        """Jacobian of `_values`."""
-        beta, first, second = point
-        d1, d2, arc, loss = self._detunings(beta)
-        e1, e2 = d1 + arc * first, d2 + arc * second
-        r1, r2 = (float(tuning) for tuning in self._tuning)
-        feed, half, drive = float(self._feed), 0.5 * self.clocks.coupling, self.clocks.drive**2
-        s = feed * (first * (1.0 - first) + second * (1.0 - second))
-        s1, s2 = feed * (1.0 - 2.0 * first), feed * (1.0 - 2.0 * second)
-        top = np.array([2.0 * e1 * r1 + drive * first**2, 2.0 * e1 * arc + 2.0 * loss * first - s1, -s2]) / feed
-        middle = np.array([2.0 * e2 * r2 + drive * second**2, -s1, 2.0 * e2 * arc + 2.0 * loss * second - s2]) / feed
-        bottom = np.array(
-            [
-                s - half * ((1.0 - first) * r1 + (1.0 - second) * r2),
-                beta * s1 - half * (arc * (1.0 - first) - e1),
-                beta * s2 - half * (arc * (1.0 - second) - e2),
-            ]
-        )
-        return np.stack([top, middle, bottom / half])
+        """Jacobian of `_values`, by steps into the complex plane that are too short to err."""
+        return np.stack([self._values(each).imag / _STEP for each in point + 1j * _STEP * np.eye(3)], axis=1)
 
-    def _detunings(self, beta: float) -> tuple[float, float, float, float]:
+    def _detunings(self, beta: Any) -> tuple[Any, Any, float, Any]:
         """D_1, D_2, arc and delta^2."""
         arc = float(self._arc)
         one, two = ((1.0 + beta) * float(tuning) - 1.0 - arc for tuning in self._tuning)
@@ -244,7 +219,8 @@ class _Equations:
 
     def polished(self, point: Floats) -> Floats | None:
         """Newton from a candidate; None where it leads nowhere, or away from this root."""
-        place, before = point.copy(), math.inf
+        place: Floats = point.copy()
+        before = math.inf
         with np.errstate(all="ignore"):
             for _ in range(40):
                 matrix = self._slopes(place)

@@ -1,9 +1,12 @@
-"""How unlike two clocks of system (2) may be and still lock, and how they slip past each other beyond.
+"""How unlike two clocks may be: how far that turns them apart, whether they still lock, how they slip beyond.
 
 To leading order in nu/(delta delta0) amplitudes and beam follow psi = alpha_1 - alpha_2 at once, and the slow flow is
 Adler's equation `psi' = [(1 + beta)/2] (chi - chi_c sin 2 psi)`, signs apart. What follows late or far is put right
 in two steps: the regimes psi is led through have a chi(psi) of their own, whose height is the edge (`edge_of_balance`);
 and psi answers an excess of chi by `p(psi)`, somewhat more than (1 + beta)/2, since amplitudes and beam help.
+
+A clock that is alone n swings a day faster keeps, once synchronised, an advance eta of phase instead: `chi` is the
+difference tau_1 - tau_2 of the clocks when each is alone, `eta` that of their alpha, k = d eta/d chi.
 """
 
 from __future__ import annotations
@@ -12,12 +15,16 @@ import math
 
 import numpy as np
 
-from data_schemas.errors import RefusedError
-from synth.huygens.balance import Regime
+from data_schemas.errors import RefusedError, UsageError
+from synth.huygens.balance import Regime, followed
 from synth.huygens.clocks import Clocks, checked
+from synth.huygens.orbit import orbit
 from synth.huygens.slow_flow import rates, slopes, stability
 from synth.phase import Floats
 
+DAY = 86400.0
+_BALANCE_STEP, _ORBIT_STEP = 1e-7, 1e-6
+"""chi: large against rounding over k, small against what makes k change."""
 _PLACES = 48  # over a quarter of psi's turn: the integrand is smooth and repeats
 _NEAR = 1e-4
 _SCAN = 24
@@ -28,12 +35,7 @@ def edge(clocks: Clocks) -> float:
     """chi_c to leading order in nu/(delta delta0): `(1 + beta) chi_c = nu delta0/(beta^2 + delta0^2)`.
 
     1 + beta = 1/(1 + tau - delta^2/8), with Phi0^2/2 less too in the full system. Within 7 % of the slow flow's own
-    edge (`edge_of_balance`) at delta = delta0 = 0.02 and nu = 5.7e-5.
-
-    Parameters
-    ----------
-    clocks : Clocks
-        Their mean detuning counts.
+    edge (`edge_of_balance`) at delta = delta0 = 0.02 and nu = 5.7e-5. Of the clocks their mean detuning counts.
 
     Examples
     --------
@@ -54,14 +56,8 @@ def mean_beta(clocks: Clocks) -> float:
 def slip(clocks: Clocks, chi: float) -> float:
     """Mean |d psi/dz| beyond the edge, rad a unit of z; 0 below it: Adler's equation with `p(psi)` and chi(psi).
 
-    First order in psi', so good while the slip is slow against delta0 and delta.
-
-    Parameters
-    ----------
-    clocks : Clocks
-        Their mean detuning counts.
-    chi : float
-        Difference of the detunings.
+    First order in psi', so good while the slip is slow against delta0 and delta. chi is the difference of the
+    detunings; of the clocks their mean detuning counts.
 
     Raises
     ------
@@ -112,12 +108,8 @@ def edge_of_balance(clocks: Clocks) -> float:
     top = int(np.argmax(heights))
     if top in (0, len(places) - 1):
         raise RefusedError("the regimes between quadrature and in phase do not fold; look at `solutions` at each chi")
-    best = minimize_scalar(
-        lambda psi: -abs(family.chi(float(psi))),
-        bounds=(places[top - 1], places[top + 1]),
-        method="bounded",
-        options={"xatol": 1e-7},
-    )
+    bounds = places[top - 1], places[top + 1]
+    best = minimize_scalar(lambda psi: -abs(family.chi(float(psi))), bounds=bounds, options={"xatol": 1e-7})
     before = [psi for psi in places if psi < best.x - _BESIDE] + [float(best.x) - _BESIDE]
     unstable = next((index for index, psi in enumerate(before) if family.growth(psi) > 0.0), None)
     if unstable is None:
@@ -183,27 +175,84 @@ class _Family:
     def _fixed(self, psi: float) -> tuple[Floats, float]:
         """The fixed point (6,) of the slow flow, and its beta."""
         self.chi(psi)
-        mean, first, second, beta, _, q = (float(each) for each in self._known[psi])
+        return self._place(self._known[psi], psi)
+
+    def _place(self, unknown: Floats, psi: float) -> tuple[Floats, float]:
+        """State (6,) of the slow flow and beta that the unknowns stand for."""
+        mean, first, second, beta, _, q = unknown.tolist()
         state = np.array([mean + 0.5 * psi, mean - 0.5 * psi, first, second, q * self._swing, 0.0])
         return state, self._beta + self.clocks.beam_damping * beta
 
     def _left(self, unknown: Floats, psi: float) -> Floats:
-        """The six equations with shifts, in units of what they hold."""
-        clocks = self.clocks
-        mean, *sizes = unknown[:3]
-        beta = self._beta + clocks.beam_damping * unknown[3]
-        chi, q = self._edge * unknown[4], self._swing * unknown[5]
-        stretch = math.sqrt(abs(1.0 + beta))
-        delta, damping = clocks.drive * stretch, clocks.beam_damping * stretch
-        angles = (mean + 0.5 * psi, mean - 0.5 * psi)
-        left, cosines, sines = [], 0.0, 0.0
-        for angle, size, sign in zip(angles, sizes, (0.5, -0.5), strict=True):
-            tau = clocks.mean_detuning + sign * chi
-            own = (1.0 + beta) * (1.0 + tau) - 1.0 - delta**2 / 8.0 - (clocks.swing * size) ** 2 / 8.0
-            left.append((own - q * math.cos(2.0 * angle)) / self._swing)
-            left.append((delta * (1.0 - 0.25 * size**2) + q * math.sin(2.0 * angle)) / delta)
-            cosines += 0.25 * size**2 * math.cos(2.0 * angle)
-            sines += 0.25 * size**2 * math.sin(2.0 * angle)
-        left.append(beta * unknown[5] / clocks.beam_damping - 0.5 * cosines)
-        left.append(damping * unknown[5] / clocks.beam_damping + 0.5 * sines)
-        return np.array(left)
+        """Rates of the slow flow, in units of what they hold."""
+        state, beta = self._place(unknown, psi)
+        own = 0.5 * self.clocks.drive * unknown[1:3]
+        units = np.array([0.5 * self._swing, 0.5 * self._swing, *own, self.clocks.coupling, self.clocks.coupling])
+        return np.asarray(rates(state, beta, self.clocks.detuned(self._edge * unknown[4])) / units)
+
+
+def slope(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> float:
+    """k of the six equations (7)-(8), by following a regime to both sides.
+
+    Parameters
+    ----------
+    regime : Regime
+        Of these clocks, from `balance.solutions` with the same `shifts`.
+    clocks : Clocks
+        Their mean tau and chi are where k is taken.
+
+    Raises
+    ------
+    RefusedError
+        If the regime ends right here.
+
+    Examples
+    --------
+    >>> from synth.huygens.balance import solutions
+    >>> pair = Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))
+    >>> round(slope(solutions(pair)[1], pair), 1)
+    274.6
+    """
+    apart = clocks.detuning[0] - clocks.detuning[1]
+    ends = []
+    for step in (_BALANCE_STEP, -_BALANCE_STEP):
+        found = followed(regime, clocks.detuned(apart + step), shifts=shifts)
+        if found is None:
+            raise RefusedError("the regime ends at this difference of rates; take k at a smaller one")
+        ends.append(found.offset)
+    return math.remainder(ends[0] - ends[1], math.pi) / (2.0 * _BALANCE_STEP)
+
+
+def orbit_slope(regime: Regime, clocks: Clocks, *, full: bool = False) -> float:
+    """k of the true orbits near a regime (from `balance.solutions` with shifts), of system (2) or the full one."""
+    apart = clocks.detuning[0] - clocks.detuning[1]
+    ends = [
+        orbit(regime, clocks.detuned(apart + step), full=full).regime.offset for step in (_ORBIT_STEP, -_ORBIT_STEP)
+    ]
+    return math.remainder(ends[0] - ends[1], math.pi) / (2.0 * _ORBIT_STEP)
+
+
+def chi_of_daily(swings: float, period: float, tau: float) -> float:
+    """chi of clocks of which the first makes n swings a day more when each is alone: 2 (1 + tau) n T/day.
+
+    The printed formula lacks the 2: it expands w_i with w0/4 where w0/8 stands. T is the mean full period, s; n counts
+    whole swings a day; tau is the mean detuning.
+
+    Examples
+    --------
+    >>> round(chi_of_daily(1.0, 1.0, 0.0), 9)
+    2.3148e-05
+    """
+    _positive(period, tau)
+    return 2.0 * (1.0 + tau) * swings * period / DAY
+
+
+def daily_of_chi(chi: float, period: float, tau: float) -> float:
+    """Swings a day that the first clock makes more when each is alone; inverse of `chi_of_daily`."""
+    _positive(period, tau)
+    return chi * DAY / (2.0 * (1.0 + tau) * period)
+
+
+def _positive(period: float, tau: float) -> None:
+    if not (0.0 < period < math.inf and -1.0 < tau < math.inf):
+        raise UsageError(f"period = {period:g} s, tau = {tau:g}: give a period above 0 and a tau above -1")

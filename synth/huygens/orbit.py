@@ -1,9 +1,12 @@
 """Periodic orbits of two clocks on a beam by shooting, and their Floquet multipliers.
 
 After half a swing of the clocks the beam is where it was and the clocks are on the other side: with R that mirror,
-`R flow(x, T/2) = x`. Newton's method solves it for x and T/2 with the exact tangents of `flow.carried`; the phase is
+`R flow(x, T/2) = x`. Newton's method solves it for x and T/2 with the exact tangents of `carried`; the phase is
 anchored where the first clock turns back (its rate is zero). The multipliers are those of R d flow/dx; of a whole
 swing, their squares.
+
+A motion is carried by the Runge-Kutta formula of order 8 together with its tangents, which are those of the formula
+itself, to the last bit: Newton's method converges quadratically down to rounding.
 """
 
 from __future__ import annotations
@@ -17,10 +20,15 @@ import numpy as np
 from data_schemas.errors import RefusedError, UsageError
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks, mirrored
-from synth.huygens.flow import carried
+from synth.integrators.explicit_step import INSIDE
+from synth.integrators.explicit_tableau import NODES
+from synth.kernels.compiled import kernel
 from synth.phase import Floats
-from synth.systems.dispatch import derivative
+from synth.systems.dispatch import derivative, jacobian
 
+_STAGES = 12
+_NODES, _WEIGHTS = np.array(NODES[:_STAGES]), np.ascontiguousarray(INSIDE[: _STAGES + 1, :_STAGES])
+"""A row of weights for each stage, the last for the step."""
 STEPS = 48
 """Of half a swing: the beam turns by 0.13 rad in each, which order 8 resolves to 1e-13."""
 _ORDER = 8
@@ -28,6 +36,54 @@ _MOST_TURNS = 30
 _SETTLED = 3e-14  # change of a turn, of the state's size
 _NEUTRAL = 1e-9  # |multiplier| - 1 below which nothing is said
 _RATE = 3  # place of the first clock's rate in the state
+
+
+def carried(system: Any, start: Floats, duration: float, steps: int) -> tuple[Floats, Floats]:
+    """States (steps + 1, n) at evenly spaced instants, and the derivative (n, n) of the last by the first.
+
+    The system has a derivative and a jacobian; the duration of the whole way is in its unit of time; steps are even.
+    """
+    states = np.empty((steps + 1, start.size))
+    rows = np.vstack([start, np.eye(start.size)])
+    _march(system, rows, duration / steps, _NODES, _WEIGHTS, states)
+    return states, rows[1:].T.copy()
+
+
+@kernel
+def _march(system: Any, rows: Floats, step: float, nodes: Floats, weights: Floats, states: Floats) -> None:
+    """`rows` (1 + n, n): the state, and a row for each tangent; moves on. `states` (steps + 1, n) is filled."""
+    count, size = rows.shape
+    slopes = np.empty((nodes.size, count, size))
+    place = np.empty((count, size))
+    matrix = np.zeros((size, size))
+    for i in range(size):
+        states[0, i] = rows[0, i]
+    for index in range(states.shape[0] - 1):
+        for stage in range(nodes.size):
+            _add(place, rows, step, weights[stage], slopes, stage)
+            time = (index + nodes[stage]) * step
+            derivative(time, place[0], system, slopes[stage, 0])
+            jacobian(time, place[0], system, matrix)
+            for j in range(1, count):
+                for i in range(size):
+                    total = 0.0
+                    for k in range(size):
+                        total += matrix[i, k] * place[j, k]
+                    slopes[stage, j, i] = total
+        _add(rows, rows, step, weights[nodes.size], slopes, nodes.size)
+        for i in range(size):
+            states[index + 1, i] = rows[0, i]
+
+
+@kernel
+def _add(out: Floats, rows: Floats, step: float, weights: Floats, slopes: Floats, stages: int) -> None:
+    """Rows and what the slopes of these stages add to them."""
+    for j in range(rows.shape[0]):
+        for i in range(rows.shape[1]):
+            total = 0.0
+            for stage in range(stages):
+                total += weights[stage] * slopes[stage, j, i]
+            out[j, i] = rows[j, i] + step * total
 
 
 class Orbit(NamedTuple):
@@ -59,18 +115,9 @@ class Orbit(NamedTuple):
 
 
 def orbits(clocks: Clocks, *, full: bool = False, steps: int = STEPS) -> list[Orbit]:
-    """Orbits that grow out of the synchronous regimes of the slow flow, in the same order.
+    """Orbits that grow out of the synchronous regimes of the slow flow, in the same order; see `orbit`.
 
-    Parameters
-    ----------
-    clocks : Clocks
-    full : bool
-        Of the full system (1) instead of (2); `clocks.swing` is then its arc.
-
-    Raises
-    ------
-    RefusedError
-        A regime near which no orbit is found.
+    Of the full system (1) `clocks.swing` is the arc.
     """
     seen = clocks if full else clocks._replace(swing=0.0)
     return [orbit(each, seen, full=full, steps=steps) for each in solutions(seen, shifts=True)]
@@ -106,7 +153,8 @@ def orbit(regime: Regime, clocks: Clocks, *, full: bool = False, steps: int = ST
     if steps < 8 or steps % 4:
         raise UsageError(f"steps = {steps}: give a multiple of 4, 8 or more, such as {STEPS}")
     system: Any = clocks.full() if full else clocks.small()
-    units = _units(clocks, full=full)
+    arcs = np.repeat([clocks.swing * (1.0 + each) for each in clocks.detuning], 2)
+    units = np.array([1.0, 1.0, *arcs]) if full else np.ones(6)  # the state of the system over that of (2)
     guess = start_of(regime) * units
     state, half, residual = _shot(system, guess, math.pi * math.sqrt(1.0 + regime.beta), steps)
     states, tangents = carried(system, state, half, steps)
@@ -125,14 +173,6 @@ def start_of(regime: Regime) -> Floats:
     for angle, size in zip(regime.alpha, regime.amplitude, strict=True):
         beam += [size * math.cos(z - angle), -size * math.sin(z - angle) * per_s]
     return np.array(beam)
-
-
-def _units(clocks: Clocks, *, full: bool) -> Floats:
-    """State of the system over that of (2)."""
-    if not full:
-        return np.ones(6)
-    arcs = [clocks.swing * (1.0 + each) for each in clocks.detuning]
-    return np.array([1.0, 1.0, arcs[0], arcs[0], arcs[1], arcs[1]])
 
 
 def _shot(system: Any, guess: Floats, half: float, steps: int) -> tuple[Floats, float, float]:

@@ -49,30 +49,10 @@ _BITS = 10  # of the linear part that the members of an ensemble carry
 
 
 def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10) -> Trajectory:
-    """Integrate clocks on a yielding support and return their states at `times`.
+    """Integrate clocks on a yielding support and return their states at `times`; see `trajectory`.
 
-    Parameters
-    ----------
-    system : NamedTuple
-        One of `SYSTEMS`; terms may be `Viscous` and `VanDerPolDrive`.
-    start : (n,) array
-        State at the first of `times`.
-    times : (k,) array
-        Increasing, s. They do not change the intervals.
-    tolerance : float
-        Error wanted at the end, relative to the size of each component.
-
-    Returns
-    -------
-    Trajectory
-        Steps are intervals; evaluations are accelerations at single nodes.
-
-    Raises
-    ------
-    RefusedError
-        A system that cannot be collocated, or a motion that is too violent or too stiff.
-    UsageError
-        Arguments that cannot be meant.
+    The system is one of `SYSTEMS`; terms may be `Viscous` and `VanDerPolDrive`. Steps are intervals; evaluations are
+    accelerations at single nodes. Refused is what cannot be collocated, or is too violent or too stiff.
 
     Examples
     --------
@@ -87,15 +67,7 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
 def stream(
     system: Any, start: ArrayLike, chunks: Iterable[Floats], span: tuple[float, float], *, tolerance: float = 1e-10
 ) -> Stream:
-    """As `integrate`, for times that come in chunks (`trajectory.streamed`): the motion is marched once more.
-
-    Examples
-    --------
-    >>> frame = FlexibleFrame(2.0, np.full(2, 0.2), np.array([0.25, 0.24]), 150.0, 0.0, 9.81)
-    >>> pieces = stream(frame, [0, 0, 0.1, 0, -0.1, 0], [np.array([0.0, 0.5]), np.array([1.0])], (0.0, 1.0))
-    >>> [states.shape for states in pieces]
-    [(2, 6), (1, 6)]
-    """
+    """As `integrate`, for times that come in chunks (`trajectory.streamed`): the motion is marched once more."""
     return streamed(_solve(system, start, np.linspace(*span, FEW), tolerance), chunks, span)
 
 
@@ -157,7 +129,7 @@ def _check_collocates(system: Any) -> None:
 def integrate_ensemble(
     systems: Sequence[Any], starts: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-9, workers: int | None = None
 ) -> Floats:
-    """Integrate many members to the same times.
+    """Integrate many members to the same times; their states, (members, k, n).
 
     Parameters
     ----------
@@ -171,10 +143,6 @@ def integrate_ensemble(
         Error wanted, relative to the size of each component. It is not estimated here: integrate a member alone.
     workers : int, optional
         Threads; by default one a processor.
-
-    Returns
-    -------
-    (members, k, n) float64
 
     Raises
     ------

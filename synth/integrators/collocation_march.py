@@ -61,7 +61,7 @@ def march(
     system: Any, horizontal: Any, vertical: Any, level: Level, plan: Any, work: Work, limits: Any, begin: float,
     count: int, times: Floats, states: Floats, report: Integers,
 ) -> int:  # fmt: skip
-    """Carry the system through consecutive intervals and read it on the way.
+    """Carry the system through consecutive intervals and read it on the way; the number of intervals done.
 
     Parameters
     ----------
@@ -87,11 +87,6 @@ def march(
         Readings; those inside these intervals are filled.
     report : (5,) int64
         Readings filled so far, turns, intervals done (all raised), why the march ended, and the guess in use.
-
-    Returns
-    -------
-    int
-        Number of intervals done.
     """
     interval, mirror, reach = level.interval, level.mirror, level.reach
     state, amplitude, memory, known = work.state, work.amplitude, work.memory, work.known

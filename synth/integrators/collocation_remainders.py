@@ -203,12 +203,9 @@ def _metronomes(work: Work, sideways: Any, upwards: Any, system: Metronomes, now
 
 def excess_of(parts: Exact, square: Floats, loss: Floats) -> Floats:
     """What a carried linear part has more than the system's own, (components, 2)."""
-    return np.array(
-        [
-            [float(Fraction(float(s)) - own), float(Fraction(float(g)) - lost)]
-            for (own, lost), s, g in zip(parts, square, loss, strict=True)
-        ]
-    )
+    carried = [(Fraction(float(s)), Fraction(float(g))) for s, g in zip(square, loss, strict=True)]
+    more = [(float(s - own), float(g - lost)) for (s, g), (own, lost) in zip(carried, parts, strict=True)]
+    return np.array(more)
 
 
 def mirror_of(system: Any, components: int) -> Floats:

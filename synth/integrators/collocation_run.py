@@ -45,30 +45,20 @@ COMPANION: Ladder = (Fraction(4, 5), Fraction(3, 5))
 
 @dataclass(frozen=True)
 class Problem:
-    """A system with the linear part that is carried exactly.
-
-    Attributes
-    ----------
-    system : NamedTuple
-    square, loss : (components,) float64
-        Of the linear part carried, 1/s^2 and 1/s.
-    excess : (components, 2) float64
-        What these have more than the system's own.
-    mirror : (components,) float64
-        What half a swing does to the remainder, 1 or -1.
-    longest : float
-        Length of the longest intervals to try, s: half a swing.
-    levels : dict
-        Lengths used so far.
-    """
+    """A system with the linear part that is carried exactly."""
 
     system: Any
     square: Floats
     loss: Floats
+    """(components,) of the linear part carried, 1/s^2 and 1/s."""
     excess: Floats
+    """(components, 2) what these have more than the system's own."""
     mirror: Floats
+    """(components,) what half a swing does to the remainder, 1 or -1."""
     longest: float
+    """Length of the longest intervals to try, s: half a swing."""
     levels: dict[Fraction, Level] = field(default_factory=dict)
+    """Lengths used so far."""
 
     @classmethod
     def of(cls, system: Any, carried: tuple[Floats, Floats] | None = None, longest: float | None = None) -> Problem:
@@ -106,18 +96,7 @@ class Problem:
 
 
 class Run:
-    """Where a run is, and what it has done.
-
-    Attributes
-    ----------
-    time : float
-        Reached so far, s.
-    work : Work
-    report : (5,) int64
-        As for `march`.
-    rejected, depth : int
-        Lengths of intervals that failed, and the one in use.
-    """
+    """Where a run is: the `time` reached, s, its `work`, a `report` (5,) as for `march`, lengths that failed, the `depth`."""
 
     def __init__(self, problem: Problem, limits: tuple[float, float], time: float, state: Floats, amplitude: Floats):
         self.problem, self.limits, self.time = problem, limits, time
@@ -169,15 +148,12 @@ def chosen(here: Run, ladder: Ladder = LADDER) -> int:
 
 
 def run(
-    problem: Problem,
-    start: Floats,
-    times: Floats,
-    limits: tuple[float, float],
-    ladder: Ladder = LADDER,
-    depth: int | None = None,
-    out: Floats | None = None,
-) -> tuple[Floats, Run]:
+    problem: Problem, start: Floats, times: Floats, limits: tuple[float, float], ladder: Ladder = LADDER,
+    depth: int | None = None, out: Floats | None = None,
+) -> tuple[Floats, Run]:  # fmt: skip
     """States (k, n) at the times, and the run that found them.
+
+    `RefusedError` where no interval is short enough.
 
     Parameters
     ----------
@@ -193,11 +169,6 @@ def run(
         Of the intervals to begin with; by default tried out.
     out : (k, n), optional
         Receives the states.
-
-    Raises
-    ------
-    RefusedError
-        Where no interval is short enough.
     """
     states = np.empty((times.size, start.size)) if out is None else out
     here = Run.begin(problem, start, float(times[0]), limits)

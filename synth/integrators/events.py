@@ -93,19 +93,10 @@ def memory(event: Escapement | None, size: int, capacity: int = 1024) -> Memory 
         return None
     kicks = event.level.size
     capacity = max(capacity, kicks)
-    return Memory(
-        sides=np.zeros(kicks, dtype=np.int64),
-        margins=np.full(kicks, np.inf),
-        shares=np.full(kicks, NONE),
-        coefficients=np.zeros((60, DEGREE + 1)),
-        lefts=np.zeros((60, 2)),
-        work=np.zeros(DEGREE + 1),
-        impulse=np.zeros(size),
-        noted=np.zeros(1, dtype=np.int64),
-        times=np.zeros(capacity),
-        lows=np.zeros(capacity),
-        which=np.zeros(capacity, dtype=np.int64),
-    )
+    watched = np.zeros(kicks, dtype=np.int64), np.full(kicks, np.inf), np.full(kicks, NONE)
+    spaces = np.zeros((60, DEGREE + 1)), np.zeros((60, 2)), np.zeros(DEGREE + 1), np.zeros(size)
+    noted = np.zeros(capacity), np.zeros(capacity), np.zeros(capacity, dtype=np.int64)
+    return Memory(*watched, *spaces, np.zeros(1, dtype=np.int64), *noted)
 
 
 def roomier(notes: Memory) -> Memory:
@@ -131,14 +122,9 @@ def begin(event: Any, memory: Any, state: Floats) -> None:
 
 @kernel
 def locate(
-    event: Escapement,
-    memory: Memory,
-    state: Floats,
-    low: Floats,
-    following: Floats,
-    left_over: Floats,
+    event: Escapement, memory: Memory, state: Floats, low: Floats, following: Floats, left_over: Floats,
     polynomial: Floats,
-) -> float:
+) -> float:  # fmt: skip
     """Share of the step at the first crossing, or 2.0; remembers the crossing of each kick, and the sides if none."""
     earliest = NONE
     for j in range(event.level.size):
@@ -203,15 +189,9 @@ def full(event: Any, memory: Any) -> bool:
 
 @kernel
 def strike(
-    event: Any,
-    memory: Any,
-    share: float,
-    time: float,
-    time_low: float,
-    following: Floats,
-    left_over: Floats,
+    event: Any, memory: Any, share: float, time: float, time_low: float, following: Floats, left_over: Floats,
     system: Any,
-) -> None:
+) -> None:  # fmt: skip
     """Note what crosses at this instant, and give the kicks."""
     if event is not None:
         for j in range(event.level.size):

@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike
 
 from data_schemas.errors import RefusedError
 from synth.integrators.events import Escapement
-from synth.integrators.explicit_march import MOST_STEPS
-from synth.integrators.explicit_run import Run, StiffError, Walk
+from synth.integrators.explicit_march import MOST_STEPS, Run, StiffError, Walk
 from synth.integrators.trajectory import Onward, Stream, Trajectory, checked, difference, relative_error, streamed
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
@@ -60,34 +59,20 @@ March = Callable[..., Run]
 def integrate(
     system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10, event: Escapement | None = None
 ) -> Trajectory:
-    """Integrate a system and return its states at `times`.
+    """Integrate a system and return its states at `times`; see `trajectory`.
 
     Parameters
     ----------
-    system : NamedTuple
-        Registered with a derivative (`synth.systems`).
-    start : (n,) array
-        State at the first of `times`.
-    times : (k,) array
-        Increasing, s. They do not change the steps.
-    tolerance : float
-        Error wanted at the end, relative to the size of each component.
     event : Escapement, optional
         Kicks to give; the motion restarts after each. Crossings are found on the dense polynomial by a method that
         cannot miss one (`events_roots`), the step is then made anew up to the crossing, and the rest removed along
         the tangent: instants are as good as the states.
-
-    Returns
-    -------
-    Trajectory
 
     Raises
     ------
     RefusedError
         Stiff motion, a singularity, numbers that are not finite; a crossing so near to a touch that the tolerance does
         not decide whether the escapement fires.
-    UsageError
-        Arguments that cannot be meant.
 
     Examples
     --------
@@ -100,23 +85,10 @@ def integrate(
 
 
 def stream(
-    system: Any,
-    start: ArrayLike,
-    chunks: Iterable[Floats],
-    span: tuple[float, float],
-    *,
-    tolerance: float = 1e-10,
+    system: Any, start: ArrayLike, chunks: Iterable[Floats], span: tuple[float, float], *, tolerance: float = 1e-10,
     event: Escapement | None = None,
-) -> Stream:
-    """As `integrate`, for times that come in chunks (`trajectory.streamed`); how they are cut changes no bit.
-
-    Examples
-    --------
-    >>> from synth.systems.driven_pendulums import plain
-    >>> pieces = stream(plain(2.0), [0.1, 0.0], [np.array([0.0, 0.5]), np.array([1.0])], (0.0, 1.0))
-    >>> [round(float(states[-1, 0]), 6) for states in pieces]
-    [0.054091, -0.041508]
-    """
+) -> Stream:  # fmt: skip
+    """As `integrate`, for times that come in chunks (`trajectory.streamed`); how they are cut changes no bit."""
     return streamed(_solve(system, start, span, tolerance, event), chunks, span)
 
 
@@ -128,7 +100,8 @@ def _solve(
     if event is not None:
         decided(made, event)
     best = made.runs[-1]
-    steps, rejected, evaluations = made.costs
+    marched = made.runs if made.probe is None else [*made.runs, made.probe.noisy]
+    steps, rejected, evaluations = np.sum([each.counts for each in marched], axis=0).tolist()
     states = best.states[np.searchsorted(best.times, instants)]
     found = Trajectory(instants, states, made.estimated_error, steps, evaluations, rejected)
     return found, lambda: Walk(system, event, first, float(instants[0]), float(instants[-1]), best.tolerance).onward
@@ -162,13 +135,6 @@ class Refinement:
     def estimated_error(self) -> float:
         """Of the last run, relative, see `synth.integrators.trajectory`."""
         return self.truncation + self.rounding
-
-    @property
-    def costs(self) -> list[int]:
-        """Steps, rejected steps and evaluations of all marches."""
-        runs = self.runs if self.probe is None else [*self.runs, self.probe.noisy]
-        costs: list[int] = np.sum([each.counts for each in runs], axis=0).tolist()
-        return costs
 
 
 def refine(system: Any, event: Escapement | None, start: Floats, times: Floats, tolerance: float) -> Refinement:

@@ -7,11 +7,13 @@ nor does a halt, since a march goes on with the step that it has in hand.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from synth.integrators.events import begin, full, locate, miss, strike
+from data_schemas.errors import RefusedError
+from synth.integrators.events import Escapement, Memory, begin, full, happenings, locate, memory, miss, roomier, strike
 from synth.integrators.explicit_step import (
     Progress,
     add,
@@ -26,8 +28,9 @@ from synth.integrators.explicit_step import (
     local_error,
     noise,
 )
+from synth.integrators.trajectory import reason
 from synth.kernels.compiled import kernel
-from synth.phase import Floats
+from synth.phase import Floats, Integers
 from synth.systems.dispatch import derivative
 from synth.systems.terms import halt, jolt, kicks_of
 
@@ -111,14 +114,8 @@ def march(
         `states` filled in `progress.counts[WRITTEN]`; or why it ended before.
     """
     state, low, following, left_over = progress.state, progress.low, progress.following, progress.left_over
-    increment, scale, slope, k, polynomial = (
-        progress.increment,
-        progress.scale,
-        progress.slope,
-        progress.k,
-        progress.polynomial,
-    )
-    allowed, expected = progress.allowed, progress.expected
+    increment, slope, k, polynomial = progress.increment, progress.slope, progress.k, progress.polynomial
+    scale, allowed, expected = progress.scale, progress.allowed, progress.expected
     point, spare, clock, counts, n = progress.point, progress.spare, progress.clock, progress.counts, slope.size
     time, time_low, step, proposed = clock[TIME], clock[TIME_LOW], clock[STEP], clock[PROPOSED]
     error, share, ready, final = clock[ERROR], clock[SHARE], counts[READY] != 0, counts[FINAL] != 0
@@ -229,3 +226,87 @@ def march(
     clock[ERROR], clock[SHARE] = error, share
     counts[READY], counts[FINAL], counts[WRITTEN], counts[HALTED] = int(ready), int(final), written, int(halted)
     return status
+
+
+_REASONS = {
+    TOO_STIFF: "the motion is stiff (use the propagator radau), or it stands at the top of a swing where rounding"
+    " decides (move the start)",
+    NOT_FINITE: "the acceleration is not finite; look for a singular state or NaN in parameters",
+    TOO_LONG: "more steps than can be counted; shorten the record or loosen the tolerance",
+    UNDERFLOW: "the step shrank to the rounding of time, as at a jump or in stiff motion; use the propagator radau",
+}
+
+
+class StiffError(RefusedError):
+    """Refused since the motion is stiff."""
+
+
+@dataclass
+class Walk:
+    """A march that goes on from call to call."""
+
+    system: Any
+    event: Escapement | None
+    start: Floats
+    """(n,)."""
+    begin: float
+    end: float
+    """Times of the start and of the last output that will be asked for, s."""
+    tolerance: float
+    """Local error allowed, relative to the largest size of each component so far."""
+    patience: int = STIFF_STEPS
+    """Steps at the edge of stability after which the motion counts as stiff."""
+    amiss: float = 0.0
+    """See `march`."""
+
+    def __post_init__(self) -> None:
+        self._progress = begin_at(self.start, self.begin)
+        self.events: Memory | None = memory(self.event, self.start.size)
+        self._judge(start_march(self.system, self.event, self.events, self._progress, self.end, self.tolerance))
+
+    @property
+    def scale(self) -> Floats:
+        """(n,) largest size of each component so far."""
+        return self._progress.scale
+
+    @property
+    def counts(self) -> Integers:
+        """Steps, rejected steps, evaluations so far."""
+        return self._progress.counts[:3]
+
+    def onward(self, times: Floats) -> Floats:
+        """States (k, n) at increasing times, none before the last asked for; RefusedError names why there are none."""
+        states = np.empty((times.size, self._progress.slope.size))
+        written = 0
+        if self.events is not None:
+            self.events.noted[0] = 0  # kicks of the call before: memory does not grow with the motion
+        while True:
+            status = march(
+                self.system, self.event, self.events, self._progress, times[written:], self.end, self.tolerance,
+                states[written:], self.patience, self.amiss,
+            )  # fmt: skip
+            if status != FULL or self.events is None:
+                break
+            written += int(self._progress.counts[WRITTEN])
+            self.events = roomier(self.events)
+        self._judge(status)
+        return states
+
+    def happenings(self) -> tuple[Floats, Integers]:
+        """Times of the kicks of the last call, and the number of each."""
+        return happenings(self.events)
+
+    def _judge(self, status: int) -> None:
+        if status != DONE:
+            kind = StiffError if status == TOO_STIFF else RefusedError
+            why = reason(self.system, self._progress.state, _REASONS[status])
+            time = self._progress.clock[TIME]
+            raise kind(f"explicit, {type(self.system).__name__} at t = {time:.6g}: {why}")
+
+
+class Run(Walk):
+    """A march over `times` that is done; arguments as of `Walk`."""
+
+    def __init__(self, system: Any, event: Escapement | None, start: Floats, times: Floats, *how: Any) -> None:
+        super().__init__(system, event, start, float(times[0]), float(times[-1]), *how)
+        self.times, self.states = times, self.onward(times)

@@ -18,7 +18,8 @@ from synth.phase import Floats, Integers
 from synth.systems.dispatch import derivative
 
 _A, _B, _L, _C, _D, _E = WEIGHTS, WEIGHTS[12], CORRECTION, NODES, np.array(DENSE), np.array(ERRORS)
-_INSIDE = np.array([[*row, *[0.0] * (16 - len(row))] for row in WEIGHTS])
+INSIDE = np.array([[*row, *[0.0] * (16 - len(row))] for row in WEIGHTS])
+"""(16, 16) `WEIGHTS`, with zeros."""
 
 _FIRST = CORRECTION[0] + float(sum(map(Fraction, WEIGHTS[12])) - 1)  # the rest of the first slope's weight
 _STIFF_AT = 6.1  # |step x eigenvalue| at the edge of the stability region (Hairer, Norsett, Wanner)
@@ -163,7 +164,7 @@ def dense(
         for i in range(state.size):
             total = 0.0
             for j in range(stage):
-                total += _INSIDE[stage, j] * k[j, i]
+                total += INSIDE[stage, j] * k[j, i]
             point[i] = state[i] + step * total
         derivative(time + _C[stage] * step, point, system, spare)
         for i in range(state.size):

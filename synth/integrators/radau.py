@@ -55,7 +55,7 @@ _REASONS = {
 def integrate(
     system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10, stages: tuple[int, int] | None = None
 ) -> Trajectory:
-    """States of a stiff system at `times`.
+    """States of a stiff system of up to about 12 unknowns at `times`; see `trajectory`. It has a Jacobian too.
 
     Two marches, one at a tolerance ten times looser, are compared. The estimate is half of their difference, which is
     the error of the looser one, and as many roundings as the root of the number of steps. Steps are held to a tolerance
@@ -64,28 +64,11 @@ def integrate(
 
     Parameters
     ----------
-    system : NamedTuple
-        Of a type registered with a derivative and a Jacobian; see `synth.systems.dispatch`.
-    start : (n,) array
-        State at the first of `times`; n up to about 12.
-    times : (k,) increasing array
-        Instants to read at, s. They do not shorten steps.
     tolerance : float
         Error wanted anywhere, relative to the largest size of each component, from 1e-15 to 1e-2. That of a yielding
         support may be the share of the swing of the bobs (`swing_of_bobs`); the estimate is relative to its own.
     stages : tuple, optional
         Fewest and most stages (3, 5 or 7); by default chosen from 3 up to what the tolerance is worth.
-
-    Returns
-    -------
-    Trajectory
-
-    Raises
-    ------
-    UsageError
-        Arguments that cannot be meant.
-    RefusedError
-        The integration came to a stop; the message says when and why.
 
     Notes
     -----
@@ -105,15 +88,7 @@ def integrate(
 def stream(
     system: Any, start: ArrayLike, chunks: Iterable[Floats], span: tuple[float, float], *, tolerance: float = 1e-10
 ) -> Stream:
-    """As `integrate`, for times that come in chunks (`trajectory.streamed`): the motion is marched once more.
-
-    Examples
-    --------
-    >>> from synth.systems.resistance import VanDerPol
-    >>> pieces = stream(VanDerPol(1000.0), [2.0, 0.0], [np.array([0.5]), np.array([1.0])], (0.0, 1.0), tolerance=1e-9)
-    >>> [round(float(states[-1, 0]), 9) for states in pieces]
-    [1.999666843, 1.999333371]
-    """
+    """As `integrate`, for times that come in chunks (`trajectory.streamed`): the motion is marched once more."""
     return streamed(_solve(system, start, np.linspace(*span, FEW), tolerance, None), chunks, span)
 
 

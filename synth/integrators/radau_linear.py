@@ -47,7 +47,7 @@ overload(address, strict=False)(lambda array, start: lambda array, start: _addre
 
 @summing_kernel
 def factor(rate: float, jacobian: Any, size: Any, stack: Any, exchanges: Any) -> bool:
-    """Factor the real `rate - jacobian` in place 0.
+    """Factor the real `rate - jacobian` in place 0; False if it is singular or not finite.
 
     Parameters
     ----------
@@ -59,11 +59,6 @@ def factor(rate: float, jacobian: Any, size: Any, stack: Any, exchanges: Any) ->
         L below the diagonal, inverse pivots on it, U above.
     exchanges : (s, n) integer array
         Row exchanged with row k at stage k.
-
-    Returns
-    -------
-    bool
-        False if the matrix is singular or not finite.
     """
     n = len(size)
     for i in range(n):

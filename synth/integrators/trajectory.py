@@ -1,5 +1,15 @@
 """What every integrator takes and returns: checked arguments, trajectories whole or in pieces, one definition of the error.
 
+All have one face, `integrate(system, start, times, *, tolerance) -> Trajectory` (and `stream`, for times in chunks):
+
+    system : NamedTuple    registered with a derivative (`synth.systems`), and whatever else the integrator says
+    start : (n,)           state at the first of the times
+    times : (k,)           increasing, s; they change neither steps nor intervals
+    tolerance : float      error wanted, relative to the largest size of each component
+
+`UsageError` names arguments that cannot be meant; `RefusedError` says when and why an integration came to a stop, or that
+the integrator is not made for the system.
+
 Long motions come piece by piece, in memory that does not grow with their length. How they are to be marched, and how good
 they will be, is found first, by marches that keep few states; so every refusal is made before the first piece is written.
 """
@@ -50,13 +60,8 @@ class Stream:
 
     pieces: Iterator[Floats]
     """States (k, n) at one chunk of times after the other."""
-    rehearsal: Trajectory
-    """The march made beforehand, with the error of what is streamed."""
-
-    @property
-    def estimated_error(self) -> float:
-        """As of a `Trajectory`."""
-        return self.rehearsal.estimated_error
+    estimated_error: float
+    """As of a `Trajectory`: of the march made beforehand."""
 
     def __iter__(self) -> Iterator[Floats]:
         return self.pieces
@@ -77,7 +82,7 @@ def streamed(
         Time of the start, and a time that no chunk goes beyond.
     """
     made, begin = solved
-    return Stream(_pieces(begin(), chunks, *map(float, span)), made)
+    return Stream(_pieces(begin(), chunks, *map(float, span)), made.estimated_error)
 
 
 def _pieces(onward: Onward, chunks: Iterable[Floats], reached: float, end: float) -> Iterator[Floats]:
@@ -124,13 +129,7 @@ def reason(system: Any, state: Floats, otherwise: str) -> str:
 
 
 def relative_error(difference: Floats, largest: Floats) -> float:
-    """Largest of |difference| (k, n) over `largest` (n,); a component that never left zero counts as it is.
-
-    Examples
-    --------
-    >>> relative_error(np.array([[1e-9, -2e-9]]), np.array([1.0, 0.5]))
-    4e-09
-    """
+    """Largest of |difference| (k, n) over `largest` (n,); a component that never left zero counts as it is."""
     size = np.where(largest > 0.0, largest, 1.0)
     return float(np.max(np.abs(difference) / size, initial=0.0))
 

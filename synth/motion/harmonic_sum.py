@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from synth.phase import Floats, Integers, Phasors, full_turn
-from synth.propagators.periodic import PeriodicSums
+from synth.propagators.blocks import PeriodicSums
 
 _SPLITTER = (1 << 27) + 1  # leaves half of a double's digits (Dekker 1971)
 

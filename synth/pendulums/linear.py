@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from data_schemas.scene_pendulum import FreeStart, Start
 from synth.motion.harmonic_sum import Comb, HarmonicSum
 from synth.phase import Floats, Phasors, damped_frequency
-from synth.propagators.periodic import PeriodicSums
+from synth.propagators.blocks import PeriodicSums
 
 NEAR_RESONANT_BAND = (0.8, 1.25)
 """Harmonics between these multiples of n count to the free harmonic, all others to the slow part."""

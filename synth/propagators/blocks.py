@@ -1,18 +1,33 @@
-"""Moments as whole numbers of an exact step, blocks of them, and sums of functions of time at all of them.
+r"""Moments as whole numbers of an exact step, blocks of them, and sums of functions of time at all of them.
 
 A sum over functions f of Re(weight(t_b) f(tau)) splits into a part even in tau and a part odd in tau. Each is
 a product (blocks x functions) times (functions x reaches) over the positive half alone; one added to the other is the
 first half of the block, backwards, and one taken from the other is the second half. For f = exp(i w tau) the even part
 is a cosine and the odd part a sine, so that a harmonic costs one multiplication a sample.
+
+Many multiples of one frequency, at any moments: an inverse Fourier transform and short interpolation.
+A long recorded motion is tens of thousands of harmonics k = 0, 1 ... K - 1 of one period, and every moment of every
+pendulum is a sum over all of them. The transform gives these sums on a grid of M >= 4 K points a period; between the
+points a kernel phi of 16 points interpolates, and what it does to a harmonic is known and divided out beforehand,
+
+    sum_j phi(u - j) exp(i theta j) = Phi(theta) exp(i theta u) + aliases,    |theta| = 2 pi k/M <= pi/2
+
+For phi the Kaiser-Bessel window I0(beta sqrt(1 - (u/8)^2)), with Phi = 16 sinh(q)/q, q^2 = beta^2 - (8 theta)^2, the
+aliases are 1e-15 (Fourmont, J. Fourier Anal. Appl. 9, 431, 2003). Within a step of the grid the 16 values of phi are
+polynomials of the place. The place itself is a whole number of 2^-64 period: exact however late.
 """
 
 from __future__ import annotations
 
+import functools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from synth.phase import Floats, Integers, Phasors, Turns, turns
 
@@ -22,19 +37,22 @@ PORTION = 512
 ONE_THREAD = 1 << 18
 """Multiplications up to which OpenBLAS keeps to one thread."""
 FEWEST_ROWS = 8
+_POINTS = 16  # of the grid under the kernel
+_HALF = _POINTS // 2
+_SHAPE = 1.5 * math.pi * _HALF  # beta: the kernel's transform ends where the aliases of K = M/4 begin
+_TERMS = 16  # of the polynomials: 1e-16 of the largest
+_STRIP = 512  # moments of one matrix product, which then keeps to one thread
+_STRIPS = 8  # at a time: in the processor's cache
+Places = NDArray[np.uint64]
+"""Where in the period, in 2^-64 of it."""
 
 
 @dataclass(frozen=True)
 class Ticks:
-    """Moments t = index * step.
-
-    Attributes
-    ----------
-    index : (moments,) int64
-        Evenly spaced or not.
-    """
+    """Moments t = index * step."""
 
     index: Integers
+    """(moments,) evenly spaced or not."""
 
     @property
     def count(self) -> int:
@@ -78,21 +96,15 @@ class Blocks:
     """Moments t_b + tau and t_b - tau: every block lies evenly about its centre.
 
     The moments of a block run from the farthest before the centre to the farthest after it.
-
-    Attributes
-    ----------
-    centres : Ticks or EvenTicks
-        t_b
-    reaches : Ticks or EvenTicks
-        tau, positive and increasing.
-    centre_step, reach_step : Fraction
-        Their steps, s; exact.
     """
 
     centres: Ticks | EvenTicks
+    """t_b"""
     reaches: Ticks | EvenTicks
+    """tau, positive and increasing."""
     centre_step: Fraction
     reach_step: Fraction
+    """Their steps, s; exact."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -105,39 +117,22 @@ class Blocks:
         inner = rate if self.reach_step == self.centre_step else turns(frequencies, self.reach_step)
         return self.centres.phasors(rate), self.reaches.phasors(inner)
 
-    @property
+    @cached_property
     def seconds(self) -> tuple[Floats, Floats]:
         """Return t_b and tau in s, each rounded once."""
         centres, reaches = (each.index.astype(np.float64) for each in (self.centres, self.reaches))
         return centres * float(self.centre_step), reaches * float(self.reach_step)
 
-
-@dataclass(frozen=True)
-class Halves:
-    """Weights and tables of some functions: (rows, blocks) and (rows, reaches); odd as before minus after."""
-
-    even_weights: Floats
-    even_table: Floats
-    odd_weights: Floats
-    odd_table: Floats
+    @property
+    def last(self) -> float:
+        """Largest time before or after t = 0, s."""
+        centres, reaches = self.seconds
+        return float(np.abs(centres).max(initial=0.0) + reaches[-1])
 
 
-def general_halves(weights: Phasors, after: Phasors, before: Phasors) -> Halves:
-    """Any functions, given on both sides of the centre.
-
-    Parameters
-    ----------
-    weights : (functions, blocks)
-        W
-    after, before : (functions, reaches)
-        f(tau) and f(-tau)
-    """
-    rows = np.concatenate([weights.real, -weights.imag])
-    even, odd = (before + after) / 2, (before - after) / 2
-    return Halves(rows, np.concatenate([even.real, even.imag]), rows, np.concatenate([odd.real, odd.imag]))
-
-
-def product(parts: Sequence[Halves], result: Floats, *, begun: bool) -> None:
+def product(
+    even: Sequence[tuple[Floats, Floats]], odd: Sequence[tuple[Floats, Floats]], result: Floats, *, begun: bool
+) -> None:
     """Evaluate some functions and put their sum into a result, or add it to one that is begun.
 
     Rows are taken in strips small enough for the BLAS to keep to one thread: a product of a tenth of a millisecond
@@ -146,16 +141,15 @@ def product(parts: Sequence[Halves], result: Floats, *, begun: bool) -> None:
 
     Parameters
     ----------
-    parts
-        At least one.
+    even, odd
+        Weights (rows, blocks) and tables (rows, reaches) of some functions, at least of one; odd is before minus after.
     result : (blocks, moments) float64
     """
-    even = np.concatenate([each.even_weights for each in parts]).T, np.concatenate([each.even_table for each in parts])
-    odd = np.concatenate([each.odd_weights for each in parts]).T, np.concatenate([each.odd_table for each in parts])
-    rows = ONE_THREAD // max(even[1].size, 1)
+    evens, odds = ([np.concatenate(column) for column in zip(*each, strict=True)] for each in (even, odd))
+    rows = ONE_THREAD // max(evens[1].size, 1)
     rows = len(result) if rows < FEWEST_ROWS else min(rows, len(result))
-    space = np.empty((2, max(rows, 1), even[1].shape[1]))
-    halves(even, odd, result, space, begun=begun)
+    space = np.empty((2, max(rows, 1), evens[1].shape[1]))
+    halves((evens[0].T, evens[1]), (odds[0].T, odds[1]), result, space, begun=begun)
 
 
 def halves(
@@ -185,3 +179,82 @@ def halves(
         else:
             np.add(evens, odds, out=before[strip])
             np.subtract(evens, odds, out=some)
+
+
+@dataclass(frozen=True)
+class PeriodicSums:
+    """Real parts of several sums of coefficient * exp(2 pi i k t/period)."""
+
+    period: Fraction
+    """s"""
+    coefficients: Phasors
+    """(sums, K)."""
+
+    @cached_property
+    def _digits(self) -> int:
+        """M is two to this power."""
+        return max(4 * int(self.coefficients.shape[1]), 2 * _POINTS).bit_length()
+
+    @cached_property
+    def _windows(self) -> list[Floats]:
+        """Of each sum, the 16 points of the grid about every step, (M, 16)."""
+        size = 1 << self._digits
+        angle = np.arange(self.coefficients.shape[1], dtype=np.float64) * (2 * math.pi / size)
+        factor = _inverse_transform(angle) * (size / 2)
+        factor[0] *= 2
+        grids = (np.fft.irfft(each * factor, size) for each in self.coefficients)  # one at a time: they may be large
+        around = [np.concatenate([grid[1 - _HALF :], grid, grid[:_HALF]]) for grid in grids]
+        return [np.lib.stride_tricks.sliding_window_view(each, _POINTS) for each in around]
+
+    def at(self, places: Places) -> Floats:
+        """Values, (sums, moments).
+
+        Parameters
+        ----------
+        places : (moments,)
+        """
+        result = np.empty((len(self.coefficients), places.size))
+        strips = _STRIP * _STRIPS
+        for begin in range(0, places.size, strips):
+            some = places[begin : begin + strips]
+            cell = (some >> np.uint64(64 - self._digits)).astype(np.intp)
+            inside = (some << np.uint64(self._digits)).astype(np.float64) * 2.0**-64
+            kernel = _kernel(inside)
+            for each, windows in zip(result, self._windows, strict=True):
+                np.einsum("ij,ij->i", windows[cell], kernel, out=each[begin : begin + strips])
+        return result
+
+
+def _kernel(inside: Floats) -> Floats:
+    """The 16 values of phi at places within a step, 0 to 1, (moments, 16)."""
+    rows = -(-inside.size // _STRIP)
+    basis = np.ones((_TERMS, rows * _STRIP))
+    basis[1, : inside.size] = 2 * inside - 1
+    twice = 2 * basis[1]
+    for term in range(2, _TERMS):
+        np.multiply(twice, basis[term - 1], out=basis[term])
+        basis[term] -= basis[term - 2]
+    values: Floats = np.matmul(basis.reshape(_TERMS, rows, _STRIP).transpose(1, 2, 0), _polynomials())
+    return values.reshape(rows * _STRIP, _POINTS)[: inside.size]
+
+
+@functools.cache
+def _polynomials() -> Floats:
+    """Chebyshev coefficients of the values of phi in a step, (terms, 16)."""
+    nodes = np.cos((2 * np.arange(_TERMS) + 1) * (math.pi / (2 * _TERMS)))
+    away = ((nodes[:, None] + 1) / 2 + (_HALF - 1) - np.arange(_POINTS)) / _HALF
+    root = np.sqrt(1 - away**2)
+    # I0(z) is exp(z) times a slow function: the difference of the exponents is formed without their rounding
+    values = np.exp(-_SHAPE * away**2 / (1 + root)) * _scaled_bessel(_SHAPE * root) / _scaled_bessel(np.array(_SHAPE))
+    return np.linalg.solve(np.polynomial.chebyshev.chebvander(nodes, _TERMS - 1), values)
+
+
+def _inverse_transform(angle: Floats) -> Floats:
+    """1/Phi at angles theta."""
+    root = np.sqrt(_SHAPE**2 - (_HALF * angle) ** 2)
+    growth = np.exp((_HALF * angle) ** 2 / (_SHAPE + root))
+    return np.asarray(root * growth / (_HALF * -np.expm1(-2 * root)) * _scaled_bessel(np.array(_SHAPE)))
+
+
+def _scaled_bessel(argument: Floats) -> Floats:
+    return np.i0(argument) * np.exp(-argument)

@@ -42,23 +42,6 @@ _READ = 4.3
 class PicardPlan:
     """Independent pendulums on one support, and when to read them.
 
-    Attributes
-    ----------
-    frequencies, damping_rates : (pendulums,) float64
-        n > 0 in rad/s at infinitesimal arc, gamma in 1/s; taken as the doubles they are.
-    starts : (pendulums, 2) float64
-        Angle in rad and angular velocity in rad/s at t = 0.
-    horizontal, vertical : HarmonicSum
-        x'' and z'' (up), m/s^2.
-    gravity : float
-        m/s^2
-    times : EvenTimes or UnevenTimes
-        Readings. Uneven ones may come in any order and, without kicks, may be negative.
-    linear : bool
-        Whether the law is linear: r = -zeta theta - u_near.
-    kicks : Kicks or None
-        Impulses at ends of intervals.
-
     Examples
     --------
     A free pendulum of 0.1 rad is late by theta^2/16 of a turn each turn:
@@ -74,16 +57,25 @@ class PicardPlan:
 
     frequencies: Floats
     damping_rates: Floats
+    """(pendulums,) n > 0 in rad/s at infinitesimal arc, gamma in 1/s; taken as the doubles they are."""
     starts: Floats
+    """(pendulums, 2) angle in rad and angular velocity in rad/s at t = 0."""
     horizontal: HarmonicSum
     vertical: HarmonicSum
+    """x'' and z'' (up), m/s^2."""
     gravity: float
+    """m/s^2"""
     times: EvenTimes | UnevenTimes
+    """Readings. Uneven ones may come in any order and, without kicks, may be negative."""
     linear: bool = False
+    """Whether the law is linear: r = -zeta theta - u_near."""
     kicks: Kicks | None = None
+    """Impulses at ends of intervals."""
 
     def elongation(self) -> tuple[Floats, float]:
         """Angles at all readings.
+
+        `RefusedError` if the motion is too violent for intervals of any sensible length.
 
         Returns
         -------
@@ -91,11 +83,6 @@ class PicardPlan:
             rad
         estimated_error : float
             Largest error, relative to the largest angle of the pendulum.
-
-        Raises
-        ------
-        RefusedError
-            If the motion is too violent for intervals of any sensible length.
         """
         theta = np.empty((len(self.frequencies), self.times.count))
         error = 0.0
@@ -107,10 +94,7 @@ class PicardPlan:
     def stream(self) -> Iterator[Swing]:
         """Angles portion by portion, in bounded memory; by time, those before t = 0 first and backwards.
 
-        Raises
-        ------
-        RefusedError
-            As `elongation`.
+        `RefusedError`: as `elongation`.
         """
         times = self.times
         # a clock's come in order: no copies
@@ -144,39 +128,29 @@ class PicardPlan:
 
     def _reversed(self) -> PicardPlan:
         """The same motion with time running backwards."""
-        return replace(
-            self,
-            damping_rates=-self.damping_rates,
-            starts=self.starts * [1.0, -1.0],
-            horizontal=replace(self.horizontal, acceleration=self.horizontal.acceleration.conj()),
-            vertical=replace(self.vertical, acceleration=self.vertical.acceleration.conj()),
+        across, along = (
+            replace(each, acceleration=each.acceleration.conj()) for each in (self.horizontal, self.vertical)
         )
+        turned, starts = -self.damping_rates, self.starts * [1.0, -1.0]
+        return replace(self, damping_rates=turned, starts=starts, horizontal=across, vertical=along)
 
     def _equations(self) -> Equations:
         horizontal, vertical = _at_least_one(self.horizontal), _at_least_one(self.vertical)
         w = horizontal.angular_frequency
         u = horizontal.acceleration / self.gravity
         low, high = NEAR_RESONANT_BAND
-        near = np.zeros(w.size, dtype=bool)
-        for n in self.frequencies.tolist():
-            near |= (w > low * n) & (w < high * n)
-        steady = np.array(
-            [
-                np.where(near, 0.0, -(n**2) * u / np.where(near, 1.0, (n - w) * (n + w) + 2j * gamma * w))
-                for n, gamma in zip(self.frequencies.tolist(), self.damping_rates.tolist(), strict=True)
-            ]
-        )
+        n, gamma = self.frequencies[:, None], self.damping_rates[:, None]
+        near = ((w > low * n) & (w < high * n)).any(axis=0)
+        steady = np.where(near, 0.0, -(n**2) * u / np.where(near, 1.0, (n - w) * (n + w) + 2j * gamma * w))
         angle = self.starts[:, 0] - steady.real.sum(axis=1)
         speed = self.starts[:, 1] - (1j * w * steady).real.sum(axis=1)
+        sums = np.vstack([steady, u, np.where(near, u, 0.0)] if near.any() else [steady, u])
+        heave = vertical.acceleration[None, :] / self.gravity
         return Equations(
-            self.frequencies,
-            self.damping_rates,
-            np.array([angle, speed / self.frequencies]),
-            Sums(w, np.vstack([steady, u, np.where(near, u, 0.0)] if near.any() else [steady, u]), horizontal.combs),
-            Sums(vertical.angular_frequency, vertical.acceleration[None, :] / self.gravity, vertical.combs),
-            self.linear,
-            self.kicks,
-        )
+            self.frequencies, self.damping_rates, np.array([angle, speed / self.frequencies]),
+            Sums(w, sums, horizontal.combs), Sums(vertical.angular_frequency, heave, vertical.combs),
+            self.linear, self.kicks,
+        )  # fmt: skip
 
 
 def _at_least_one(motion: HarmonicSum) -> HarmonicSum:

@@ -35,13 +35,7 @@ _RESOLVED = 2e-14  # of the largest angle: what r beyond its last term may cost
 
 
 class Estimate:
-    """Running estimate for several pendulums, then their shadows if there are any.
-
-    Parameters
-    ----------
-    pendulums : int
-        How many, without shadows.
-    """
+    """Running estimate for several pendulums (so many without shadows), then their shadows if there are any."""
 
     def __init__(self, pendulums: int) -> None:
         self.shown = pendulums

@@ -20,8 +20,7 @@ from synth.kernels.collocation_weights import FINE, gauss_nodes, interpolation
 from synth.kernels.picard import read
 from synth.motion.harmonic_sum import Comb
 from synth.phase import Floats, Integers, Phasors, rational_turns, turns
-from synth.propagators.blocks import FEWEST_ROWS, ONE_THREAD, EvenTicks, halves
-from synth.propagators.periodic import PeriodicSums
+from synth.propagators.blocks import FEWEST_ROWS, ONE_THREAD, EvenTicks, PeriodicSums, halves
 from synth.propagators.times import UnevenTimes
 
 _MOST_STEPS = 4096  # in an interval: bounds the table of weights
@@ -33,20 +32,14 @@ Evaluator = Callable[[slice], Floats]
 
 @dataclass(frozen=True)
 class Sums:
-    """Several sums over the same harmonics.
-
-    Attributes
-    ----------
-    angular_frequency : (harmonics,) float64
-        rad/s
-    coefficients : (sums, harmonics) complex128
-    combs : tuple of Comb
-        The last harmonics, if they are many multiples of one frequency.
-    """
+    """Several sums over the same harmonics."""
 
     angular_frequency: Floats
+    """(harmonics,) rad/s"""
     coefficients: Phasors
+    """(sums, harmonics)."""
     combs: tuple[Comb, ...] = ()
+    """The last harmonics, if they are many multiples of one frequency."""
 
     def some(self, which: slice) -> Sums:
         """Some of the sums."""
@@ -123,21 +116,14 @@ def node_grid(sums: Sums, interval: Fraction, group: int, most: int) -> Grid:
 
 @dataclass(frozen=True)
 class EvenReadings:
-    """Readings 0, step, 2 step ... among intervals of steps/parts steps.
-
-    Attributes
-    ----------
-    step : Fraction
-        s
-    count : int
-    steps, parts : int
-        An interval is `steps` steps long, divided by `parts`.
-    """
+    """Readings 0, step, 2 step ... among intervals of steps/parts steps."""
 
     step: Fraction
+    """s"""
     count: int
     steps: int
     parts: int
+    """An interval is `steps` steps long, divided by `parts`."""
 
     @classmethod
     def among(cls, step: Fraction, count: int, longest: float) -> EvenReadings:
@@ -202,20 +188,14 @@ class EvenReadings:
 
 @dataclass(frozen=True)
 class UnevenReadings:
-    """Readings at increasing times of a chronometer, not negative.
-
-    Attributes
-    ----------
-    seconds : (readings,) float64
-    scale : Fraction
-        True time over the chronometer's.
-    length : float
-        Length of an interval in the chronometer's seconds: a power of two, so that intervals begin at exact times.
-    """
+    """Readings at increasing times of a chronometer, not negative."""
 
     seconds: Floats
+    """(readings,)."""
     scale: Fraction
+    """True time over the chronometer's."""
     length: float
+    """Length of an interval in the chronometer's seconds: a power of two, so that intervals begin at exact times."""
 
     @classmethod
     def among(cls, seconds: Floats, scale: Fraction, longest: float) -> UnevenReadings:

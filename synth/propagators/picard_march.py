@@ -36,42 +36,29 @@ _STOP = 1e-15  # change of r, relative to the angle, that no longer matters even
 
 @dataclass(frozen=True)
 class Equations:
-    """Pendulums and forcing, as collocation wants them.
-
-    Attributes
-    ----------
-    frequencies, damping_rates : (pendulums,)
-        n in rad/s, gamma in 1/s.
-    start : (2, pendulums)
-        y and y'/n at t = 0, rad.
-    horizontal : Sums
-        Steady answers of all pendulums, u, and that part of u which they leave out, if any.
-    vertical : Sums
-        zeta.
-    linear : bool
-        Whether the law is linear.
-    kicks : Kicks or None
-        Whose step every interval is, or a whole part of it.
-    """
+    """Pendulums and forcing, as collocation wants them."""
 
     frequencies: Floats
     damping_rates: Floats
+    """(pendulums,) n in rad/s, gamma in 1/s."""
     start: Floats
+    """(2, pendulums) y and y'/n at t = 0, rad."""
     horizontal: Sums
+    """Steady answers of all pendulums, u, and that part of u which they leave out, if any."""
     vertical: Sums
+    """zeta."""
     linear: bool = False
+    """Whether the law is linear."""
     kicks: Kicks | None = None
+    """Whose step every interval is, or a whole part of it."""
 
     def shadowed(self) -> Equations:
         """Every pendulum twice."""
         answers = self.horizontal.coefficients
         count = len(self.frequencies)
-        return replace(
-            self,
-            frequencies=np.tile(self.frequencies, 2),
-            damping_rates=np.tile(self.damping_rates, 2),
-            horizontal=replace(self.horizontal, coefficients=np.vstack([answers[:count], answers])),
-        )
+        horizontal = replace(self.horizontal, coefficients=np.vstack([answers[:count], answers]))
+        frequencies, damping_rates = np.tile(self.frequencies, 2), np.tile(self.damping_rates, 2)
+        return replace(self, frequencies=frequencies, damping_rates=damping_rates, horizontal=horizontal)
 
 
 class Swing(NamedTuple):
@@ -152,10 +139,7 @@ def march(equations: Equations, readings: Sequence[EvenReadings | UnevenReadings
 
     The first stride is tried in intervals of several lengths, longest first; later ones halve what it took.
 
-    Raises
-    ------
-    RefusedError
-        If intervals of a thousandth of the planned length are still too long.
+    `RefusedError` if intervals of a thousandth of the planned length are still too long.
     """
     shown = len(equations.frequencies)
     lengths = list(readings)
@@ -190,7 +174,11 @@ def march(equations: Equations, readings: Sequence[EvenReadings | UnevenReadings
             remainder = np.zeros_like(remainder)
         else:
             if depth == _MOST_HALVINGS:
-                raise _refused(done * float(level.readings.interval), float(level.readings.interval))
+                interval = float(level.readings.interval)
+                raise RefusedError(
+                    f"motion: too violent for Picard collocation at t = {done * interval:.6g} s, even in intervals of"
+                    f" {interval:.3g} s; choose the explicit method"
+                )
             patience = 2 * patience if calm == 0 and depth + 1 < len(levels) else patience
             depth, done, calm = depth + 1, 2 * done, 0
             remainder = np.zeros_like(remainder)
@@ -228,10 +216,3 @@ def _stride(
 
 def _largest(values: Floats) -> float:
     return max(float(values.max()), -float(values.min()))
-
-
-def _refused(time: float, interval: float) -> RefusedError:
-    return RefusedError(
-        f"motion: too violent for Picard collocation at t = {time:.6g} s, even in intervals of {interval:.3g} s;"
-        " choose the explicit method"
-    )

@@ -1,5 +1,15 @@
 """Moments, even or uneven, and what is asked of them: sums over harmonics, those of long tables by Fourier transform.
 
+The closed form at many moments is small matrix products. Every moment is a block's centre plus an offset inside the
+block, t = t_b + tau, and every function splits,
+
+    exp(i w t)    = exp(i w t_b) exp(i w tau)
+    exp(lambda t) = exp(lambda t_b) exp(lambda tau)
+    growth(t)     = growth(t_b) + exp(mu t_b) growth(tau),    growth(t) = (exp(mu t) - 1)/mu
+
+so that all moments are products (blocks x functions) times (functions x offsets), with sines only for the edges of the
+table. Nothing accumulates from block to block, so nothing drifts.
+
 Uneven moments: the closed form at Chebyshev nodes of short blocks, interpolated inside each. Over a block of length 2 r
 every harmonic with w r <= 4 is a polynomial of degree 27 to 1e-19 (its Chebyshev coefficients are Bessel functions of
 w r), so the interpolation is exact to rounding, and the cost does not grow with the product of moments and harmonics as
@@ -13,24 +23,109 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import Response
 from synth.phase import Floats, Integers, Phasors, rational_turns
-from synth.propagators import closed_form
-from synth.propagators.blocks import Blocks, EvenTicks, Ticks
-from synth.propagators.periodic import PeriodicSums, Places
+from synth.propagators.blocks import PORTION, Blocks, EvenTicks, PeriodicSums, Places, Ticks, product
 
+Seconds = tuple[Floats, Floats]
+"""t_b and tau, s."""
+
+_SLOW = 1.0
+"""Of |mu| times the last moment: a beat that turns less is told by its growth, any other is its two harmonics."""
+
+_TINY = 1e-100
+"""Of |mu t|: here the growth is t, and a quotient of still smaller numbers might not be."""
 _NODES = 28
 _REACH = 4.0  # largest angle of any harmonic within half a block, rad
 _CLOSE = 26  # binary orders of what is split off a period
 _FINE = 1 << 40  # nodes and starts are multiples of 2^-40 of a block's half-length: exact integers
+Interpolate = Callable[[Floats], Floats]
 
 
-Interpolate = Callable[[Any], Any]
+@dataclass(frozen=True)
+class _Free:
+    """exp(lambda t) (start + sum of gain * growth)."""
+
+    owner: Response
+    """Whose lambda."""
+    start: complex
+    gain: Phasors
+    split: Phasors
+    """(slow beats,) G and mu."""
+
+    def halves(self, head: Phasors, table: Phasors, seconds: Seconds) -> tuple[Floats, Floats, Floats]:
+        """Weights, and functions even and odd, from exp(i omega t_b), exp(i omega tau), t_b and tau."""
+        centres, reaches = seconds
+        rate = self.owner.damping_rate
+        longest = reaches[-1]  # borrowed from the centres, so that nothing grows beyond bounds
+        weights = (head * np.exp(-rate * (centres - longest)))[None]
+        after = (table * np.exp(-rate * (longest + reaches)))[None]
+        before = (table.conj() * np.exp(-rate * (longest - reaches)))[None]
+        if self.gain.size:
+            split, gain = self.split[:, None], self.gain[:, None]
+            own = self.start + np.sum(gain * growth(split, centres), axis=0)
+            weights = weights * np.vstack([own, gain * np.exp(split * centres)])
+            after = after * np.vstack([np.ones_like(after), growth(split, reaches)])
+            before = before * np.vstack([np.ones_like(before), growth(split, -reaches)])
+        else:
+            weights = self.start * weights
+        even, odd = (before + after) / 2, (before - after) / 2
+        even, odd = (np.concatenate([each.real, each.imag]) for each in (even, odd))
+        return np.concatenate([weights.real, -weights.imag]), even, odd
+
+
+def _pendulum(response: Response, steady: Phasors, last: float) -> tuple[Phasors, _Free]:
+    """Add all beats of a pendulum to its steady harmonics, but for those that hardly turn until the last moment."""
+    fast = np.abs(response.split) * last >= _SLOW
+    if response.combs:
+        fast = np.where(response.near < response.alone, fast, response.is_transformed)
+    where, gain, split = response.near[fast], response.gain[fast], response.split[fast]
+    ratio = gain / split
+    alone = np.searchsorted(where, response.alone)
+    steady[where[:alone]] = ratio[:alone]
+    return steady, _Free(response, response.start - complex(ratio.sum()), response.gain[~fast], response.split[~fast])
+
+
+def _evaluate(sums: Sequence[tuple[Phasors, _Free | None]], angular_frequency: Floats, blocks: Blocks) -> Floats:
+    """Real parts of sums of harmonics with these coefficients, and of free swings."""
+    result, seconds = np.empty((len(sums), *blocks.shape)), blocks.seconds
+    for begin in range(0, max(angular_frequency.size, 1), PORTION):
+        portion = slice(begin, begin + PORTION)
+        rates = angular_frequency[portion].tolist()
+        count = len(rates)
+        own = [free.owner.damped_frequency for _, free in sums if free] if begin == 0 else []
+        head, table = blocks.phasors(rates + own)
+        for index, ((steady, free), total) in enumerate(zip(sums, result, strict=True)):
+            weights = steady[portion, None] * head[:count]
+            # Re(W exp(i w tau)) = Re W cos(w tau) - Im W sin(w tau)
+            even, odd = [(weights.real, table[:count].real)], [(weights.imag, table[:count].imag)]
+            if free and begin == 0:
+                own_weights, own_even, own_odd = free.halves(head[count + index], table[count + index], seconds)
+                even.append((own_weights, own_even))
+                odd.append((own_weights, own_odd))
+            product(even, odd, total, begun=begin > 0)
+    return result
+
+
+def growth(split: Phasors, seconds: Floats) -> Phasors:
+    """Return (exp(mu t) - 1)/mu, (beats, moments), without cancellation; at mu = 0, exact resonance, its limit t.
+
+    Parameters
+    ----------
+    split : (beats, 1)
+        mu
+    seconds : (moments,)
+        t
+    """
+    turn = split * seconds
+    grown = np.ones_like(turn)
+    np.divide(np.expm1(turn), turn, out=grown, where=np.abs(turn) > _TINY)
+    grown *= seconds
+    return grown
 
 
 class Times(ABC):
@@ -43,20 +138,26 @@ class Times(ABC):
     @abstractmethod
     def _layout(self, fastest: float) -> tuple[Blocks, Interpolate]:
         """Blocks for frequencies up to the fastest, rad/s, and what gives (sums, count) at these moments from values
-        (sums, blocks, moments) there, real or complex."""
+        (sums, blocks, moments) there."""
 
     def series(self, angular_frequency: Floats, coefficients: Phasors) -> Floats:
-        """Real parts of sums of harmonics, (sums, count), one by one; see `closed_form.series`."""
+        """Real parts of sums of harmonics, (sums, count), one by one.
+
+        Parameters
+        ----------
+        angular_frequency : (harmonics,)
+            rad/s
+        coefficients : (sums, harmonics)
+            Complex amplitudes.
+        """
         blocks, at = self._layout(float(np.max(angular_frequency, initial=1.0)))
-        result: Floats = at(closed_form.series(angular_frequency, coefficients, blocks))
-        return result
+        return at(_evaluate([(each, None) for each in coefficients], angular_frequency, blocks))
 
     def acceleration(self, motion: HarmonicSum) -> Floats:
         """Acceleration of the support, (count,), m/s^2."""
         alone = motion.alone
         result = self.series(motion.angular_frequency[:alone], motion.acceleration[None, :alone])
-        moved: Floats = self._with(result, [motion.transforms])[0]
-        return moved
+        return np.asarray(self._with(result, [motion.transforms])[0])
 
     def slow(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
         """Steady answers to the harmonics away from n, (pendulums, count), rad."""
@@ -66,16 +167,23 @@ class Times(ABC):
 
     def elongation(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
         """Angles of the pendulums, (pendulums, count), rad."""
+        alone = responses[0].alone
         blocks, at = self._layout(_fastest(responses, angular_frequency))
-        result = at(closed_form.elongation(responses, angular_frequency, blocks))
+        sums = [_pendulum(each, each.forced[:alone].copy(), blocks.last) for each in responses]
+        result = at(_evaluate(sums, angular_frequency[:alone], blocks))
         return self._with(result, [each.transforms for each in responses])
 
     def free_harmonic(self, response: Response, angular_frequency: Floats) -> Phasors:
-        """Complex free harmonic of one pendulum, (count,), rad."""
+        """Complex free harmonic Z of one pendulum, near-resonant beats included, (count,), rad."""
         blocks, at = self._layout(_fastest([response], angular_frequency))
-        result: Phasors = at(closed_form.free_harmonic(response, angular_frequency, blocks)[None])[0]
-        for sums in response.beat_transforms:
-            real, imaginary = sums.at(self.places(sums.period))
+        steady, free = _pendulum(response, np.zeros(response.alone, dtype=np.complex128), blocks.last)
+        near = response.near[response.near < response.alone]
+        turned = _Free(response, -1j * free.start, -1j * free.gain, free.split)  # its real part is the imaginary one
+        sums = [(steady[near], free), (-1j * steady[near], turned)]
+        real, imaginary = at(_evaluate(sums, angular_frequency[near], blocks))
+        result: Phasors = real + 1j * imaginary
+        for each in response.beat_transforms:
+            real, imaginary = each.at(self.places(each.period))
             result += real + 1j * imaginary
         return result
 
@@ -93,20 +201,13 @@ def _fastest(responses: Sequence[Response], angular_frequency: Floats) -> float:
 
 @dataclass(frozen=True)
 class EvenTimes(Times):
-    """Even moments, as a propagator wants them.
-
-    Attributes
-    ----------
-    step : Fraction
-        s, of true time
-    count : int
-    first : int
-        Steps before the first of these moments.
-    """
+    """Even moments, as a propagator wants them."""
 
     step: Fraction
+    """s, of true time"""
     count: int
     first: int = 0
+    """Steps before the first of these moments."""
 
     def stretch(self, begin: int, end: int) -> EvenTimes:
         """The moments from number `begin` up to `end`, counted among these."""
@@ -115,8 +216,7 @@ class EvenTimes(Times):
     def places(self, period: Fraction) -> Places:
         """See `Times.places`."""
         index = np.arange(self.first, self.first + self.count, dtype=np.int64)
-        places: Places = rational_turns(self.step / period).wrapped(index)[0]
-        return places
+        return np.asarray(rational_turns(self.step / period).wrapped(index)[0])
 
     def _layout(self, fastest: float) -> tuple[Blocks, Interpolate]:
         """Fewer moments a block than blocks: few sines, and shapes that suit the matrix product.
@@ -131,18 +231,12 @@ class EvenTimes(Times):
 
 @dataclass(frozen=True)
 class UnevenTimes(Times):
-    """Moments in any order.
-
-    Attributes
-    ----------
-    seconds : (moments,) float64
-        Time of the chronometer, taken as exact.
-    scale : Fraction
-        True time over the chronometer's.
-    """
+    """Moments in any order."""
 
     seconds: Floats
+    """(moments,) time of the chronometer, taken as exact."""
     scale: Fraction
+    """True time over the chronometer's."""
 
     @property
     def count(self) -> int:
@@ -159,8 +253,7 @@ class UnevenTimes(Times):
         number = np.floor(self.seconds / length)
         left = (self.seconds - number * length) * float(self.scale / period * 2**64)
         whole = rational_turns(Fraction(length) * self.scale / period).wrapped(number.astype(np.int64))[0]
-        places: Places = whole + np.rint(left).astype(np.uint64)
-        return places
+        return np.asarray(whole + np.rint(left).astype(np.uint64))
 
     def _layout(self, fastest: float) -> tuple[Blocks, Interpolate]:
         """Blocks that hold the moments; half their length is a power of two, so that they start at exact times."""
@@ -171,9 +264,7 @@ class UnevenTimes(Times):
         blocks = Blocks(Ticks(2 * used + 1), Ticks(nodes[_NODES // 2 :]), unit, unit / _FINE)
         place = (self.seconds - (2 * number + 1) * half) / half
 
-        def interpolate(values: Any) -> Any:
-            if np.iscomplexobj(values):
-                return interpolate(values.real) + 1j * interpolate(values.imag)
+        def interpolate(values: Floats) -> Floats:
             polynomials = np.polynomial.chebyshev.chebvander(nodes / _FINE, _NODES - 1)
             coefficients = values @ np.linalg.inv(polynomials).T
             basis = np.polynomial.chebyshev.chebvander(place, _NODES - 1)

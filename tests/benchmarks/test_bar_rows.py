@@ -7,10 +7,21 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.benchmarks.bar import at_least, at_most, between, holds, not_measured, of_few, reported
-from pipeline.benchmarks.clock import command, median_ratio, rounds, timed
 from pipeline.benchmarks.scenes import SWELL, two_pendulums
-from pipeline.benchmarks.tables import progress
+from pipeline.benchmarks.tables import (
+    at_least,
+    at_most,
+    between,
+    command,
+    holds,
+    median_ratio,
+    not_measured,
+    of_few,
+    progress,
+    reported,
+    rounds,
+    timed,
+)
 from synth import simulate
 
 

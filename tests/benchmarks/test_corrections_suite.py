@@ -14,10 +14,10 @@ import pytest
 
 from data_schemas.errors import RecordError
 from data_schemas.scene import Scene
-from pipeline.benchmarks import corrections, scenes, trials
+from pipeline.benchmarks import corrections, scenes
 from pipeline.benchmarks.corrections import METHODS, REAL, SWELLS, Kind, _real, kinds
 from pipeline.benchmarks.honesty.records import Made
-from pipeline.benchmarks.kept import Kept
+from pipeline.benchmarks.tables import Kept
 
 
 @pytest.mark.parametrize("quick", [True, False])
@@ -99,7 +99,7 @@ def test_refusals_are_rows_and_the_summary_counts_them() -> None:
 
 
 def of(scene: Scene) -> Callable[[int], Made]:
-    return lambda seed: trials.made(scene)
+    return lambda seed: scenes.made(scene)
 
 
 @pytest.fixture

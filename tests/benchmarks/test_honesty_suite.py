@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import data_schemas
 from data_schemas.errors import UsageError
-from pipeline.benchmarks.honesty import plain, score, sea, suite
+from pipeline.benchmarks.honesty import plain, suite
 from pipeline.benchmarks.honesty.kinds import KINDS, MIXABLE, STRENGTHS
 from pipeline.benchmarks.honesty.records import record
 from pipeline.cli.main import main
@@ -25,9 +25,9 @@ SPAN = 60.0  # s
 def support() -> plain.Support:
     draw = np.random.default_rng(3)
     rate = np.append(draw.uniform(0.3, 3.0, 8), 2.0 * np.pi * 3.0)
-    waves = 0.03 * draw.normal(size=(2, 2, rate.size))
+    real, imaginary = 0.03 * draw.normal(size=(2, 2, rate.size)).swapaxes(0, 1)
     law = np.array([9.81, 1e-6, 20.0, 1e-4, 0.05, 0.3])
-    return plain.Support(rate, waves[0], waves[1], np.array([[10.0, 40.0, 0.08]]), law)
+    return plain.Support(rate, *(real + 1j * imaginary), np.array([[10.0, 40.0, 0.08]]), law)
 
 
 def pendulums(**terms: Any) -> plain.Pendulums:
@@ -38,7 +38,7 @@ def pendulums(**terms: Any) -> plain.Pendulums:
 def by_scipy(times: plain.Floats, start: plain.Floats, own: plain.Pendulums, moved: plain.Support) -> plain.Floats:
     """The same equations, written a second time."""
     (begin, end, pulse), (mean, slope, middle, wave, rate, phase) = moved.pulses[0], moved.gravity
-    across, along = moved.across[0] + 1j * moved.across[1], moved.along[0] + 1j * moved.along[1]
+    across, along = moved.across, moved.along
 
     def slopes(time: float, state: plain.Floats) -> plain.Floats:
         turning = np.exp(1j * moved.rate * time)
@@ -74,7 +74,7 @@ def test_integrator_agrees_with_dop853(terms: dict[str, Any]) -> None:
 
 def test_forced_start_leaves_no_free_swing() -> None:
     moved = support()._replace(pulses=np.empty((0, 3)), gravity=np.array([9.81, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    moved = moved._replace(rate=np.array([0.7]), across=np.array([[0.01], [0.02]]), along=np.zeros((2, 1)))
+    moved = moved._replace(rate=np.array([0.7]), across=np.array([0.01 + 0.02j]), along=np.zeros(1, dtype=complex))
     own = pendulums(linear=True)
     times = np.array([0.0, 2.0 * np.pi / 0.7])
     angles, _ = plain.integrate(times, plain.forced(own, moved), own, moved, np.zeros((2, 2)))
@@ -82,11 +82,11 @@ def test_forced_start_leaves_no_free_swing() -> None:
 
 
 def test_sea_has_the_rms_asked_for() -> None:
-    motion = sea.sea(np.random.default_rng(1), 10.0, 0.02, 0.05)
+    motion = plain.sea(np.random.default_rng(1), 10.0, 0.02, 0.05)
     times = np.arange(0.0, 20_000.0, 0.5)
     for amplitude, wanted in ((motion.across, 0.02), (motion.along, 0.05)):
         # hours of a random sea still scatter by a per cent or so
-        assert sea.at(times, motion.rate, amplitude).std() == pytest.approx(wanted, rel=0.05)
+        assert plain.at(times, motion.rate, amplitude).std() == pytest.approx(wanted, rel=0.05)
 
 
 def test_records_are_reproducible_by_seed() -> None:
@@ -121,12 +121,12 @@ ROWS = [
 
 
 def test_rows_are_summed_by_kind_and_strength() -> None:
-    weak, strong = score.by_kind(ROWS)
+    weak, strong = suite.by_kind(ROWS)
     assert (weak["records"], weak["refused"], weak["worst_z"], weak["flags"]) == (4, 1, 4.5, "a b")
     assert weak["error_rms_mgal"] == pytest.approx(math.sqrt(21.25 / 3.0))
     assert weak["within_95"] == pytest.approx(2.0 / 3.0)
     assert (strong["refused"], strong["why_refused"]) == (1, "crashed: x")
-    sums = {line["strength"]: line for line in score.by_strength(ROWS)}
+    sums = {line["strength"]: line for line in suite.by_strength(ROWS)}
     assert (sums["all"]["beyond_4_sigma"], sums["all"]["beyond_5_sigma"]) == (2, 1)
     assert sums["weak"]["share_beyond_4"] == pytest.approx(1.0 / 3.0)
     assert sums["strong"]["refused_share"] == 0.5
@@ -134,14 +134,14 @@ def test_rows_are_summed_by_kind_and_strength() -> None:
 
 
 def test_promises_fail_where_sigma_does_not_hold() -> None:
-    assert [bar["pass"] for bar in score.bars(ROWS)] == [False] * 5
-    assert [bar["pass"] for bar in score.bars([row(1.0), row(3.9, "strong")])] == [True] * 5
+    assert [bar["pass"] for bar in suite.bars(ROWS)] == [False] * 5
+    assert [bar["pass"] for bar in suite.bars([row(1.0), row(3.9, "strong")])] == [True] * 5
 
 
 def test_a_value_without_sigma_is_infinitely_far() -> None:
-    assert score.in_sigmas(-0.9e-3, 1e-9) == 0.0
-    assert score.in_sigmas(-0.3, 0.1) == pytest.approx(-3.0)
-    assert score.in_sigmas(0.3, math.nan) == score.in_sigmas(math.nan, 0.1) == math.inf
+    assert suite.in_sigmas(-0.9e-3, 1e-9) == 0.0
+    assert suite.in_sigmas(-0.3, 0.1) == pytest.approx(-3.0)
+    assert suite.in_sigmas(0.3, math.nan) == suite.in_sigmas(math.nan, 0.1) == math.inf
 
 
 @compiled
@@ -168,7 +168,7 @@ def test_unknown_kinds_and_misplaced_options_are_named() -> None:
 
 def test_crashes_and_refusals_are_rows(monkeypatch: pytest.MonkeyPatch) -> None:
     made = record("swell", "weak", 0, duration=2.0)
-    refused = score.reduced(made, "shooting")
+    refused = suite.reduced(made, "shooting")
     assert refused["refused"]
     assert not refused["refused"].startswith("crashed")
     assert math.isnan(refused["z"])
@@ -177,4 +177,4 @@ def test_crashes_and_refusals_are_rows(monkeypatch: pytest.MonkeyPatch) -> None:
         raise ZeroDivisionError
 
     monkeypatch.setattr("pipeline.processing.process", broken)
-    assert score.reduced(made, "auto")["refused"] == "crashed: ZeroDivisionError()"
+    assert suite.reduced(made, "auto")["refused"] == "crashed: ZeroDivisionError()"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.benchmarks import huygens
-from pipeline.benchmarks.kept import Kept
+from pipeline.benchmarks.tables import Kept
 
 
 @pytest.fixture

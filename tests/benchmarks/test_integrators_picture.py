@@ -40,7 +40,7 @@ def test_a_line_for_each_method(tmp_path: Path) -> None:
 
 
 def test_every_method_has_a_look() -> None:
-    from pipeline.benchmarks.peers import PEERS
+    from pipeline.benchmarks.integrators import PEERS
     from pipeline.benchmarks.pictures import LOOKS
     from pipeline.benchmarks.problems import OWN
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.benchmarks.kept import Kept, sources
+from pipeline.benchmarks.tables import Kept, sources
 
 
 def test_kept_points_are_found_by_what_they_are_and_by_what_made_them(
@@ -20,7 +20,7 @@ def test_kept_points_are_found_by_what_they_are_and_by_what_made_them(
     assert math.isnan(found[0]["error_mgal"])
     assert Kept(tmp_path).get({"noise": 2.0}) is None
     (path,) = (tmp_path / "points").iterdir()  # nothing half-written beside it
-    monkeypatch.setattr("pipeline.benchmarks.kept.sources", lambda: "other code")
+    monkeypatch.setattr("pipeline.benchmarks.tables.sources", lambda: "other code")
     assert Kept(tmp_path).get({"noise": 1.0}) is None
     monkeypatch.undo()
     path.write_text(path.read_text()[:-20])

@@ -12,8 +12,7 @@ from data_schemas.errors import RefusedError
 from data_schemas.scene import Scene
 from pipeline.benchmarks import references, stability
 from pipeline.benchmarks.problems import GRAVITY, Swell
-from pipeline.benchmarks.stability import PROPAGATORS, Found, attempt, judge
-from pipeline.benchmarks.stability_motions import N, motions
+from pipeline.benchmarks.stability import PROPAGATORS, Found, N, attempt, judge, motions
 
 pytest.importorskip("mpmath")
 MOTIONS = {motion.name: motion for motion in motions()}

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.benchmarks import bars, bars_joint, bars_speed, paper, scenes
+from pipeline.benchmarks import bars, bars_joint, paper, scenes
 from pipeline.cli.benchmark import SUITES, module_of
 
 
@@ -19,23 +19,23 @@ def test_registered_suite_can_be_run(suite: str) -> None:
 
 @pytest.mark.usefixtures("short")
 def test_bars_of_accuracy_are_yielded(monkeypatch: pytest.MonkeyPatch) -> None:
-    for each in (bars_joint, bars_speed):
-        monkeypatch.setattr(each, "rows", lambda *, quick: iter(()))
+    for module, name in ((bars_joint, "rows"), (bars, "costs")):
+        monkeypatch.setattr(module, name, lambda *, quick: iter(()))
     rows = list(bars.run(quick=True, folder=None))
     assert len({row["bar"] for row in rows}) == len(rows) > 12
     assert {tuple(row) for row in rows} == {("bar", "value", "limit", "unit", "pass")}
 
 
 def test_bars_of_speed_are_yielded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bars_speed, "DURATION", 30.0)
+    monkeypatch.setattr(bars, "DURATION", 30.0)
     asked: list[tuple[str, ...]] = []
 
     def command(*words: str) -> Any:
         return lambda: (asked.append(words), '["numpy", "scipy.signal._waveforms", "numba"]')[1]
 
-    monkeypatch.setattr(bars_speed, "command", command)
-    monkeypatch.setattr(bars_speed, "rounds", lambda calls, *_, **__: {name: [1.0, 2.0, 3.0] for name in calls})
-    rows = {row["bar"]: row for row in bars_speed.rows(quick=True)}
+    monkeypatch.setattr(bars, "command", command)
+    monkeypatch.setattr(bars, "rounds", lambda calls, *_, **__: {name: [1.0, 2.0, 3.0] for name in calls})
+    rows = {row["bar"]: row for row in bars.costs(quick=True)}
     assert len(rows) == 9
     shares = [row for bar, row in rows.items() if "times" in bar]
     assert [(row["value"], row["unit"]) for row in shares] == [(1.0, "1 to 1")] * 5
@@ -45,7 +45,7 @@ def test_bars_of_speed_are_yielded(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize(
     "methods",
-    [("projection",), pytest.param(bars_speed.PAIR_METHODS, marks=pytest.mark.campaign)],
+    [("projection",), pytest.param(bars.PAIR_METHODS, marks=pytest.mark.campaign)],
 )
 def test_process_leaves_out_what_it_does_not_use(methods: tuple[str, ...], tmp_path: Path) -> None:
     import data_schemas
@@ -53,16 +53,16 @@ def test_process_leaves_out_what_it_does_not_use(methods: tuple[str, ...], tmp_p
 
     path = tmp_path / "x.record.nc"
     data_schemas.write(simulate(scenes.linear(duration=30.0, noise=1e-5))[0], path)
-    loaded = bars_speed.modules(bars_speed._PROCESS, str(path), ",".join(methods))
-    assert bars_speed.in_vain(loaded, bars_speed.FORBIDDEN) == []
+    loaded = bars.modules(bars._PROCESS, str(path), ",".join(methods))
+    assert bars.in_vain(loaded, bars.FORBIDDEN) == []
     if methods == ("projection",):
         others = ("general", "vening_meinesz")
         assert loaded.isdisjoint(f"pipeline.methods.{name}" for name in others)
 
 
 def test_a_linear_scene_leaves_out_what_belongs_to_other_terms() -> None:
-    loaded = bars_speed.modules(bars_speed._SIMULATE, scenes.linear(duration=10.0).model_dump_json())
-    assert bars_speed.in_vain(loaded, bars_speed.OF_OTHER_TERMS) == []
+    loaded = bars.modules(bars._SIMULATE, scenes.linear(duration=10.0).model_dump_json())
+    assert bars.in_vain(loaded, bars.OF_OTHER_TERMS) == []
 
 
 def test_paper_yields_every_claim_on_short_records_too(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,11 +11,9 @@ from made_trees import ERRORS, GRAVITY, METHODS, made_period_result, made_record
 
 from data_schemas.errors import FileError
 from pipeline.period.cycles import arc_factor
-from pipeline.plots.canvas import PALETTE, save
-from pipeline.plots.period import period_figure
-from pipeline.plots.record import record_figure
-from pipeline.plots.result import best_method, demo_figure, result_figure
-from pipeline.plots.series import angle_scale, robust_limits, running_mean, thin, time_scale
+from pipeline.plots.canvas import PALETTE, angle_scale, robust_limits, running_mean, save, thin, time_scale
+from pipeline.plots.result import best_method, demo_figure, record_figure, result_figure
+from pipeline.plots.synchrony import period_figure
 
 FIGURES = {
     "record": lambda: record_figure(made_record(gap=10)),

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.benchmarks.paper import neglected_terms
-from pipeline.benchmarks.scenes import linear, resonant, swell, two_pendulums
-from pipeline.benchmarks.trials import outcome, prepared
+from pipeline.benchmarks.scenes import linear, outcome, prepared, resonant, swell, two_pendulums
 from pipeline.reduction import reduce_by
 
 TERMS = {"first_speed", "first_growth", "forcing", "slow_difference", "damping_difference", "finite_arc"}

@@ -9,7 +9,7 @@ import pytest
 
 from synth.huygens.balance import residuals, solutions
 from synth.huygens.clocks import Clocks
-from synth.huygens.offset import daily_of_chi
+from synth.huygens.locking import daily_of_chi
 from synth.huygens.orbit import orbit, start_of
 from synth.huygens.paper import COUPLING, DAMPING, corrected, printed
 from synth.systems.dispatch import plain_jacobian

@@ -1,11 +1,11 @@
-"""Pendulums on a moving support, integrated by extrapolation; shares no numerics with the simulator.
+"""A random ship and pendulums on it, integrated by extrapolation; shares no numerics with the simulator.
 
     theta'' = -2 gamma theta' - q |theta'| theta' - f theta'/hypot(theta', v)
               - (1/l) [(g(t) + z'') sin theta + x'' cos theta]
 
 Each step is Gragg's modified midpoint rule with 2, 4, 6, 8 and 10 substeps, extrapolated to order 10 (Hairer, Norsett
-and Wanner, Solving Ordinary Differential Equations I, II.9). The support's motion is a sum of harmonics and of slow
-pulses.
+and Wanner, Solving Ordinary Differential Equations I, II.9). The support's motion is a sum of harmonics (seas of a
+JONSWAP form, single lines of machinery) and of slow pulses.
 """
 
 from __future__ import annotations
@@ -18,8 +18,14 @@ from numpy.typing import NDArray
 
 from synth.kernels.compiled import kernel
 
-Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 
+_HARMONICS = 48
+_LOW, _HIGH = 0.6, 2.6
+"""Of the peak's frequency: below there is nothing; depth, or a hull longer than the waves, cuts above."""
+_PEAK_FACTOR = 3.3  # Hasselmann and others, JONSWAP, 1973
+_HULL = 0.5  # rad: how far from 90 degrees a hull turns sway against heave
+Floats = NDArray[np.float64]
 LONGEST = 0.05
 """s; the longest step: a third of a radian of a one-second pendulum, which errs by 1e-11 rad in five minutes."""
 _KINKED = 0.01  # s, the longest step where a drag has a kink at each turn of the swing
@@ -31,15 +37,67 @@ _NODES = np.array(sorted({m * _GRID // n for n in (2, 4, 6, 8, 10) for m in rang
 _PLACE = np.searchsorted(_NODES, np.arange(_GRID))
 
 
+class Motion(NamedTuple):
+    """Accelerations of the support, Re sum (amplitude e^{i rate t}), m/s^2."""
+
+    rate: Floats
+    """rad/s, (harmonics,)."""
+    across: Complexes
+    """x'', (harmonics,)."""
+    along: Complexes
+    """z'', up positive, (harmonics,)."""
+
+
+def jonswap(frequency: Floats, peak: float) -> Floats:
+    """Spectrum of the surface's elevation, in arbitrary units, by frequency in Hz."""
+    width = np.where(frequency <= peak, 0.07, 0.09)
+    bump = _PEAK_FACTOR ** np.exp(-0.5 * ((frequency / peak - 1.0) / width) ** 2)
+    return frequency**-5.0 * np.exp(-1.25 * (peak / frequency) ** 4) * bump
+
+
+def sea(random: np.random.Generator, period: float, across: float, along: float) -> Motion:
+    """A sea of given peak period, s, with harmonics at random frequencies, amplitudes and phases.
+
+    `across` and `along` are root mean squares of x'' and z'', m/s^2. Particles move in circles, x'' a quarter of a
+    swing from z'', but for what a hull adds to each harmonic.
+    """
+    edges = np.linspace(_LOW, _HIGH, _HARMONICS + 1) / period
+    frequency = random.uniform(edges[:-1], edges[1:])
+    # the acceleration's spectrum is w^4 times the elevation's; Rayleigh amplitudes make a Gaussian sea
+    size = np.sqrt(jonswap(frequency, 1.0 / period)) * frequency**2 * random.rayleigh(size=_HARMONICS)
+    size /= math.sqrt(0.5 * float(np.sum(size**2)))
+    phase = random.uniform(0.0, 2.0 * math.pi, _HARMONICS)
+    turned = phase + random.choice([-1, 1]) * 0.5 * math.pi + random.uniform(-_HULL, _HULL, _HARMONICS)
+    return Motion(2.0 * math.pi * frequency, across * size * np.exp(1j * turned), along * size * np.exp(1j * phase))
+
+
+def line(random: np.random.Generator, frequency: float, across: float, along: float) -> Motion:
+    """One harmonic of given frequency in Hz and amplitudes in m/s^2, of random phases."""
+    phases = np.exp(1j * random.uniform(0.0, 2.0 * math.pi, 2))
+    return Motion(np.array([2.0 * math.pi * frequency]), across * phases[:1], along * phases[1:])
+
+
+def total(parts: list[Motion]) -> Motion:
+    """All harmonics of several motions."""
+    return Motion(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def at(times: Floats, rate: Floats, amplitude: Complexes) -> Floats:
+    """The acceleration at given times."""
+    out = np.zeros(times.size)
+    for speed, size in zip(rate, amplitude, strict=True):
+        out += (size * np.exp(1j * speed * times)).real
+    return out
+
+
 class Support(NamedTuple):
     """What moves and attracts the pendulums; x'' = Re sum (across e^{i rate t}), z'' likewise by `along`."""
 
     rate: Floats
     """rad/s, (harmonics,)."""
-    across: Floats
-    """m/s^2, (2, harmonics): real and imaginary part."""
-    along: Floats
-    """m/s^2, (2, harmonics)."""
+    across: Complexes
+    along: Complexes
+    """m/s^2, (harmonics,)."""
     pulses: Floats
     """(pulses, 3): begin s, end s, and x'' m/s^2 between."""
     gravity: Floats
@@ -73,8 +131,8 @@ def _support_at(time: float, support: Support) -> tuple[float, float]:
     across, along = 0.0, gravity_at(time, support.gravity)
     for k in range(support.rate.size):
         cosine, sine = math.cos(support.rate[k] * time), math.sin(support.rate[k] * time)
-        across += support.across[0, k] * cosine - support.across[1, k] * sine
-        along += support.along[0, k] * cosine - support.along[1, k] * sine
+        across += support.across[k].real * cosine - support.across[k].imag * sine
+        along += support.along[k].real * cosine - support.along[k].imag * sine
     for k in range(support.pulses.shape[0]):
         begin, end = support.pulses[k, 0], support.pulses[k, 1]
         across += 0.5 * support.pulses[k, 2] * (math.tanh((time - begin) / _RAMP) - math.tanh((time - end) / _RAMP))
@@ -167,7 +225,7 @@ def forced(own: Pendulums, support: Support) -> Floats:
 
     A pendulum released at rest in a swell would carry another free harmonic of the swell's size.
     """
-    rate, across = support.rate, support.across[0] + 1j * support.across[1]
+    rate, across = support.rate, support.across
     square = support.gravity[0] / own.length[:, None]
     answer = -across / own.length[:, None] / (square - rate**2 + 2j * own.damping[:, None] * rate)
     return np.stack([answer.real.sum(axis=1), (1j * rate * answer).real.sum(axis=1)], axis=1)

@@ -1,4 +1,7 @@
-"""A record of the suite by kind, strength and seed alone, with the gravity that it should give."""
+"""A record of the suite by kind, strength and seed alone, with the gravity that it should give.
+
+What instrument and reading make of elongations comes first: each fault a few lines, in the order of nature.
+"""
 
 from __future__ import annotations
 
@@ -10,20 +13,94 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pipeline.benchmarks.honesty import plain, sea
-from pipeline.benchmarks.honesty.case import Case
-from pipeline.benchmarks.honesty.kinds import MIXABLE, case_of
+from pipeline.benchmarks.honesty import plain
+from pipeline.benchmarks.honesty.kinds import MIXABLE, Case, case_of
 from pipeline.benchmarks.honesty.plain import Floats
-from pipeline.benchmarks.honesty.reading import read, sample_times
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
 
+
+_BURST = 2.0  # s
+_BAD = 3e-3  # rad: outliers and bursts
+_ROLL = 8.0  # s
+_ROUND = 120.0  # s
 REFERENCE = 9.81
 """m/s^2, at which the periods are stated."""
 _MGAL = 1e-5  # m/s^2
 _SLOW = 10.0  # s, of an acceleration that planes of swing follow
 _WAY = 5.0  # m/s, of a ship that turns
+Random = np.random.Generator
+
+
+def sample_times(case: Case, random: np.random.Generator) -> Floats:
+    """Times of the samples, s: even, jittered or with samples missing."""
+    index = np.arange(int(case.duration * case.rate) + 1)
+    times = (index + case.jitter * random.uniform(-0.5, 0.5, index.size)) / case.rate
+    times -= times[0]
+    kept = random.random(index.size) >= case.lost
+    kept[[0, -1]] = True
+    return times[kept]
+
+
+def read(traces: Floats, tilt: Floats, times: Floats, case: Case, random: np.random.Generator) -> tuple[Floats, Floats]:
+    """Traces as they are read, NaN where nothing is; and the tilt of the case, rad.
+
+    Of elongations (traces, samples) of the first pendulum and the differences, rad, and the case's tilt but its roll.
+    """
+    out, roll = _scaled(traces + case.cubic * traces**3, times, case, random)
+    tilt = tilt + roll
+    out[0] -= tilt
+    out += case.noise * random.normal(size=out.shape)
+    _spoil(out, times, case, random)
+    largest = np.max(np.abs(out), axis=1, keepdims=True)
+    if case.clip < 1.0:
+        out = np.clip(out, -case.clip * largest, case.clip * largest)
+    if case.quantisation:
+        out = np.round(out / case.quantisation) * case.quantisation
+    _lose(out, times, case, random)
+    return out, tilt
+
+
+def _scaled(traces: Floats, times: Floats, case: Case, random: np.random.Generator) -> tuple[Floats, Floats]:
+    """Gains and zeros; and the case's roll, which drops out of differences."""
+    out: Floats = traces * (1.0 + case.gain_all * random.choice([-1, 1]))
+    later = times > case.duration * random.uniform(0.3, 0.7)
+    out[0] *= 1.0 + case.gain_first * random.choice([-1, 1])
+    out[0] += random.choice([-1, 1]) * (case.zero_first + case.zero_drift * (times / case.duration - 0.5))
+    out[0] += random.choice([-1, 1]) * case.zero_step_first * later
+    out[1] += random.choice([-1, 1]) * case.zero_step_difference * later
+    if case.zero_steps:
+        steps = [size * (times > case.duration * random.random()) for size in random.normal(size=6)]
+        out[0] += case.zero_steps * np.sum(steps, axis=0)
+    roll = 2.0 * np.pi * times / (_ROLL * random.uniform(0.9, 1.1)) + random.uniform(0.0, 2.0 * np.pi)
+    return out, np.radians(case.tilt) * np.cos(roll)
+
+
+def _spoil(out: Floats, times: Floats, case: Case, random: np.random.Generator) -> None:
+    """Outliers, bursts, and traces that are not what they are called."""
+    wrong = random.random(out.shape) < case.outliers
+    out[wrong] += _BAD * random.standard_t(3.0, size=int(wrong.sum()))
+    for begin in random.uniform(0.0, case.duration, case.bursts):
+        during = (times >= begin) & (times < begin + _BURST)
+        out[:, during] += _BAD * random.normal(size=(out.shape[0], int(during.sum())))
+    if case.copied:
+        during = times <= case.copied * case.duration
+        out[-1, during] = out[0, during]
+    if case.dead:
+        during = times >= (1.0 - case.dead) * case.duration
+        out[-1, during] = case.noise * random.normal(size=int(during.sum()))
+
+
+def _lose(out: Floats, times: Floats, case: Case, random: np.random.Generator) -> None:
+    """Gaps, never so near the ends that nothing is left outside."""
+    for k in range(case.gaps if case.gap else 0):
+        room = (0.9 * case.duration) / case.gaps
+        begin = 0.05 * case.duration + room * k + random.uniform(0.0, max(room - case.gap, 0.0))
+        out[:, (times >= begin) & (times < begin + case.gap)] = np.nan
+    begin = random.uniform(0.1, 0.6) * case.duration
+    out[0, (times >= begin) & (times < begin + case.first_gap)] = np.nan
+    out[:, times % _ROUND >= _ROUND - case.lost_of_two_minutes] = np.nan
 
 
 class Made(NamedTuple):
@@ -40,20 +117,9 @@ class Made(NamedTuple):
 
 
 def record(kind: str, strength: str, seed: int, *, duration: float | None = None) -> Made:
-    """Make the record of that kind, strength and number; always the same.
+    """Make the record of that kind, strength ("weak", "middle", "strong") and number; always the same.
 
-    Parameters
-    ----------
-    kind : str
-        From `kinds.KINDS`.
-    strength : {"weak", "middle", "strong"}
-    seed : int
-    duration : float, optional
-        s, instead of the kind's own.
-
-    Returns
-    -------
-    Made
+    With a duration, s, instead of the kind's own if that is given.
     """
     digest = hashlib.sha256(f"{kind}/{strength}/{seed}".encode()).digest()
     random = np.random.default_rng(np.frombuffer(digest, dtype="<u4"))
@@ -64,7 +130,7 @@ def record(kind: str, strength: str, seed: int, *, duration: float | None = None
     return of_case(case if duration is None else replace(case, duration=duration), random, f"{kind}-{strength}-{seed}")
 
 
-def of_case(case: Case, random: np.random.Generator, label: str) -> Made:
+def of_case(case: Case, random: Random, label: str) -> Made:
     """Make a record of a case; what the case leaves open is drawn."""
     period = random.uniform(0.95, 1.05)
     splits = [case.split or random.choice([-1, 1]) * 10.0 ** random.uniform(-4.3, -3.3) for _ in range(2)]
@@ -74,13 +140,7 @@ def of_case(case: Case, random: np.random.Generator, label: str) -> Made:
     slope, wave = case.gravity_change * _MGAL / case.duration, case.gravity_wave * _MGAL
     value, phase = random.uniform(9.78, 9.83), random.uniform(0.0, 2.0 * np.pi)
     law = np.array([value, slope * random.choice([-1, 1]), 0.5 * case.duration, wave, 2.0 * np.pi / 1200.0, phase])
-    support = plain.Support(
-        motion.rate,
-        np.array([motion.across.real, motion.across.imag]),
-        np.array([motion.along.real, motion.along.imag]),
-        _pulses(case, random),
-        law,
-    )
+    support = plain.Support(*motion, _pulses(case, random), law)
     every = np.ones(case.pendulums)
     own = plain.Pendulums(REFERENCE / frequency**2, damping, case.quadratic * every, case.friction * every, case.linear)
     times = sample_times(case, random)
@@ -96,10 +156,10 @@ def of_case(case: Case, random: np.random.Generator, label: str) -> Made:
     else:
         angles = _swing(both, own, support, case, frequency, random)
     first, shifted = angles[0, np.searchsorted(both, prompt)], angles[:, np.searchsorted(both, late)]
-    sway = sea.at(prompt, motion.rate, motion.across)
+    sway = plain.at(prompt, motion.rate, motion.across)
     leans = -case.follows * sway / REFERENCE
     traces, tilt = read(np.vstack([first, shifted[:-1] - shifted[1:]]), leans, times, case, random)
-    heave = sea.at(prompt - case.heave_delay, motion.rate, motion.along) * case.heave_scale
+    heave = plain.at(prompt - case.heave_delay, motion.rate, motion.along) * case.heave_scale
     heave += case.heave_bias * _MGAL * random.choice([-1, 1]) + case.heave_noise * random.normal(size=times.size)
     if case.heave_lost:
         heave[(times / case.duration * 10.0) % 1.0 < case.heave_lost] = np.nan
@@ -118,16 +178,16 @@ def of_case(case: Case, random: np.random.Generator, label: str) -> Made:
     return Made(_tree(label, stamped, traces, states, frequency, damping, case, random), gravity, case, law)
 
 
-def _motion(case: Case, swing: float, random: np.random.Generator) -> sea.Motion:
-    parts = [sea.sea(random, case.swell_period, *case.swell), sea.sea(random, case.wind_period, *case.wind_sea)]
+def _motion(case: Case, swing: float, random: Random) -> plain.Motion:
+    parts = [plain.sea(random, case.swell_period, *case.swell), plain.sea(random, case.wind_period, *case.wind_sea)]
     beat = random.choice([-1, 1]) / random.uniform(60.0, 300.0)
-    parts.append(sea.line(random, swing + beat, case.resonant, 0.0))
+    parts.append(plain.line(random, swing + beat, case.resonant, 0.0))
     if case.vibration:
-        parts.append(sea.line(random, case.vibration_frequency, case.vibration, 0.0))
-    parts.append(sea.line(random, case.engine_frequency or 2.0 * swing + beat, 0.0, case.engine))
-    motion = sea.total(parts)
+        parts.append(plain.line(random, case.vibration_frequency, case.vibration, 0.0))
+    parts.append(plain.line(random, case.engine_frequency or 2.0 * swing + beat, 0.0, case.engine))
+    motion = plain.total(parts)
     felt = (motion.across != 0.0) | (motion.along != 0.0)
-    return sea.Motion(*(column[felt] for column in motion))
+    return plain.Motion(*(column[felt] for column in motion))
 
 
 def _rocking(support: plain.Support, case: Case, length: float) -> plain.Support:
@@ -137,21 +197,19 @@ def _rocking(support: plain.Support, case: Case, length: float) -> plain.Support
     apparent, turning = 0.25 * case.rocking**2 / gravity, 0.5 * length * (case.rocking * rate / gravity) ** 2
     return support._replace(
         rate=np.append(support.rate, 2.0 * rate),
-        across=np.append(support.across, [[0.0], [0.0]], axis=1),
-        along=np.append(support.along, [[apparent - turning], [0.0]], axis=1),
+        across=np.append(support.across, 0.0),
+        along=np.append(support.along, apparent - turning),
         gravity=np.append(support.gravity[0] + apparent + turning, support.gravity[1:]),
     )
 
 
-def _turned(support: plain.Support, case: Case, random: np.random.Generator) -> plain.Support:
+def _turned(support: plain.Support, case: Case, random: Random) -> plain.Support:
     """What a plane of swing at an angle to the first feels: some of a sea across, whose phases are its own."""
-    phasor = support.across[0] + 1j * support.across[1]
-    other = phasor * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, phasor.size))
-    across = np.cos(case.plane) * phasor + np.sin(case.plane) * other
-    return support._replace(across=np.array([across.real, across.imag]))
+    other = support.across * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, support.across.size))
+    return support._replace(across=np.cos(case.plane) * support.across + np.sin(case.plane) * other)
 
 
-def _pulses(case: Case, random: np.random.Generator) -> Floats:
+def _pulses(case: Case, random: Random) -> Floats:
     """Slow accelerations: a turn, across the ship; a change of speed, along it."""
     rows = []
     for size, span in (
@@ -165,12 +223,7 @@ def _pulses(case: Case, random: np.random.Generator) -> Floats:
 
 
 def _swing(
-    times: Floats,
-    own: plain.Pendulums,
-    support: plain.Support,
-    case: Case,
-    frequency: Floats,
-    random: np.random.Generator,
+    times: Floats, own: plain.Pendulums, support: plain.Support, case: Case, frequency: Floats, random: Random
 ) -> Floats:
     """Elongations, (pendulums, samples), with the knocks and restarts that part the record in two."""
     # phases that keep the difference from vanishing, as an observer releases them
@@ -204,7 +257,7 @@ def _tree(
     frequency: Floats,
     damping: Floats,
     case: Case,
-    random: np.random.Generator,
+    random: Random,
 ) -> DataTree:
     """The record in its layout, with what it states."""
     import xarray as xr
@@ -225,11 +278,8 @@ def _tree(
     if case.noise and case.states_noise:
         read_values["elongation_uncertainty"] = (("trace",), np.full(count, case.noise))
     read_values |= {name: (("time",), values) for name, values in states.items()}
-    instrument: dict[str, Any] = {
-        "pendulum": (("pendulum",), labels),
-        "period": (("pendulum",), period),
-        "reference_gravity": ((), REFERENCE),
-    }
+    instrument: dict[str, Any] = {"pendulum": (("pendulum",), labels), "period": (("pendulum",), period)}
+    instrument["reference_gravity"] = ((), REFERENCE)
     if case.states_damping:
         instrument["damping_rate"] = (("pendulum",), damping * (1.0 + case.damping_error))
     if case.rocking:
@@ -242,13 +292,12 @@ def _tree(
     reference = {"reference": "case"} if (case.tilt or case.follows) and case.states_tilt else {}
     root = {"Conventions": CONVENTIONS, "schema": "isochrony-record", "schema_version": VERSION}
     root |= {"record_id": label, "title": f"benchmark record {label}", "history": "", "source": "model"}
-    return xr.DataTree.from_dict(
-        {
-            "/": _dataset("", {"time": (("time",), times)}).assign_attrs(root),
-            "/record": _dataset("record/", read_values).assign_attrs(reference),
-            "/instrument": _dataset("instrument/", instrument).assign_attrs(law),
-        }
-    )
+    groups = {
+        "/": _dataset("", {"time": (("time",), times)}).assign_attrs(root),
+        "/record": _dataset("record/", read_values).assign_attrs(reference),
+        "/instrument": _dataset("instrument/", instrument).assign_attrs(law),
+    }
+    return xr.DataTree.from_dict(groups)
 
 
 def _dataset(group: str, values: dict[str, Any]) -> Dataset:

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from test_method import in_sigmas, record, row
 
 from data_schemas.errors import RecordError, RefusedError
-from pipeline.benchmarks.honesty.case import Case
+from pipeline.benchmarks.honesty.kinds import Case
 from pipeline.benchmarks.honesty.records import of_case
 from pipeline.joint.fit import reduce
 from pipeline.joint.gather import _bias, _white, gather

@@ -11,7 +11,7 @@ import xarray as xr
 
 from data_schemas.variables import attributes
 from pipeline import process
-from pipeline.benchmarks.honesty.case import Case
+from pipeline.benchmarks.honesty.kinds import Case
 from pipeline.benchmarks.honesty.records import Made, of_case
 from pipeline.joint import budget, kinds
 from pipeline.joint.fit import reduce

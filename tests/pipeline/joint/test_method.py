@@ -15,7 +15,7 @@ from data_schemas.scene import Scene
 from data_schemas.scene_checks import lightening
 from pipeline import process, summaries
 from pipeline.benchmarks.bars_joint import GAPS
-from pipeline.benchmarks.honesty.case import Case
+from pipeline.benchmarks.honesty.kinds import Case
 from pipeline.benchmarks.honesty.records import of_case
 from pipeline.benchmarks.honesty.records import record as honesty_record
 from pipeline.joint import choice

@@ -11,11 +11,11 @@ from known_clocks import NAMED, STATES, adler, made, record_of, swings
 import data_schemas
 import pipeline
 from data_schemas.errors import RecordError, RefusedError, UsageError
-from pipeline.synchronism import allan
+from pipeline.synchronism import verdict
 from pipeline.synchronism.recipe import pendulums_of
 from pipeline.synchronism.verdict import judge, slip_times
 
-needs_allantools = pytest.mark.skipif(not allan.available(), reason="allantools is not installed")
+needs_allantools = pytest.mark.skipif(not verdict.available(), reason="allantools is not installed")
 
 
 def found(record):
@@ -129,7 +129,7 @@ def test_allan_deviation_of_white_phase_noise() -> None:
     """sqrt(3) x/tau for independent errors of x seconds: the definition, and -1 on a doubly logarithmic sheet."""
     time, spread = np.arange(4096) * 1.0, 1e-3
     phase = 2.0 * np.pi * (time + spread * np.random.default_rng(2).standard_normal((2, time.size)))
-    taus, deviation = allan.allan_deviation(time, phase)
+    taus, deviation = verdict.allan_deviation(time, phase)
     assert taus.tolist() == (2.0 ** np.arange(taus.size)).tolist()
     assert deviation[:, :8] == pytest.approx(np.tile(np.sqrt(3.0) * spread / taus[:8], (2, 1)), rel=0.12)
 
@@ -138,10 +138,10 @@ def test_allan_deviation_of_white_phase_noise() -> None:
 def test_allan_deviation_takes_the_longest_stretch() -> None:
     time, phase = np.arange(400.0), np.full((2, 400), np.nan)
     phase[:, :150], phase[:, 200:] = 2.0 * np.pi * time[:150], 2.0 * np.pi * time[200:]
-    taus, deviation = allan.allan_deviation(time, phase)
+    taus, deviation = verdict.allan_deviation(time, phase)
     assert taus[-1] <= 64.0
     assert np.abs(deviation).max() < 1e-12
-    assert allan.allan_deviation(time[:4], phase[:, :4])[0].size == 0
+    assert verdict.allan_deviation(time[:4], phase[:, :4])[0].size == 0
 
 
 def test_without_allantools_the_rest_is_there(monkeypatch) -> None:
@@ -152,7 +152,7 @@ def test_without_allantools_the_rest_is_there(monkeypatch) -> None:
     assert "allan_deviation" not in result["synchrony"].dataset
     assert "isochrony[clocks]" in result["synchrony"].attrs["allan_deviation_absent"]
     with pytest.raises(UsageError, match="install allantools"):
-        allan.allan_deviation(np.arange(9.0), np.zeros((2, 9)))
+        verdict.allan_deviation(np.arange(9.0), np.zeros((2, 9)))
 
 
 def test_exchanging_the_clocks_turns_the_signs() -> None:

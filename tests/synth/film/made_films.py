@@ -10,8 +10,9 @@ import xarray as xr
 
 from data_schemas.scene_film import Film
 from data_schemas.variables import attributes
-from synth.film.plan import FilmPlan, plan_film
+from synth.film.layout import FilmPlan, plan_film
 from synth.film.source import source_of
+from synth.film.strips import Exposure
 
 SMALL = {"paper_width": 25.0, "margin": 2.0, "lever": 500.0, "gap": 0.0}
 """A narrow film without marks: fast to make, also uncompiled."""
@@ -52,14 +53,14 @@ def planned(film: Film, *traces: Callable[[np.ndarray], np.ndarray], seed: int =
 
 def latent(plan: FilmPlan) -> np.ndarray:
     """The whole latent image: exposure of every pixel."""
-    exposure = plan.exposure()
+    exposure = Exposure(plan)
     strips = -(-plan.geometry.rows // 1024)
     return np.concatenate([exposure.strip(number)[0] for number in range(strips)])
 
 
 def crossings(plan: FilmPlan) -> list[np.ndarray]:
     """Time, elongation, column and slope of every row, (traces, rows) each."""
-    exposure = plan.exposure()
+    exposure = Exposure(plan)
     found = [exposure.strip(number)[1] for number in range(-(-plan.geometry.rows // 1024))]
     names = ("time", "elongation", "column", "slope")
     return [np.concatenate([getattr(each, name) for each in found], axis=1) for name in names]

@@ -15,7 +15,7 @@ from data_schemas.errors import FileError, SceneError, UsageError
 from data_schemas.film_description import description_path, load_description
 from data_schemas.scene import Scene
 from data_schemas.scene_film import Film
-from synth.film.image_file import ImageFile
+from synth.film.sidecars import ImageFile
 
 tifffile = pytest.importorskip("tifffile")
 

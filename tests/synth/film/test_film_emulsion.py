@@ -7,8 +7,8 @@ import pytest
 from made_films import SMALL, planned, rest
 
 from data_schemas.scene_film import Film
-from synth.film.emulsion import develop, scan
-from synth.film.strips import blurred, quantised
+from synth.film.spot_kernels import develop, scan
+from synth.film.strips import Development, blurred, quantised
 
 
 def developed(exposure, film):
@@ -51,7 +51,7 @@ def test_a_scan_shows_densities_as_powers_of_ten():
 
 def grainy(film):
     plan = planned(film, rest, seconds=1.0)
-    development = plan.development()
+    development = Development(plan)
     image = np.zeros((min(1024, plan.geometry.rows), plan.geometry.columns), np.float32)
     return development.strip(0, image)
 

@@ -9,9 +9,10 @@ import pytest
 from made_films import SMALL, crossings, latent, planned, ramp, record_of, rest, swing
 
 from data_schemas.scene_film import Film
-from synth.film.plan import plan_film
+from synth.film.layout import plan_film
 from synth.film.source import source_of
 from synth.film.spot_kernels import spot_table
+from synth.film.strips import Exposure
 
 
 def line_light(film):
@@ -118,7 +119,7 @@ def test_portions_do_not_change_a_bit(monkeypatch):
     whole = latent(plan_film(source_of(record), film, 1))
     monkeypatch.setattr("synth.film.strips.STRIP", 97)
     plan = plan_film(source_of(record), film, 1)
-    exposure = plan.exposure()
+    exposure = Exposure(plan)
     pieces = [exposure.strip(k)[0] for k in range(-(-plan.geometry.rows // 97))]
     np.testing.assert_array_equal(np.concatenate(pieces), whole)
 

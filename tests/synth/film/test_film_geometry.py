@@ -8,7 +8,7 @@ from made_films import SMALL, planned, ramp, rest, swing
 
 from data_schemas.errors import UsageError
 from data_schemas.scene_film import Film
-from synth.film.geometry import geometry_of
+from synth.film.layout import geometry_of
 
 NONE = np.zeros(1)
 

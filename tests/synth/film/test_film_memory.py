@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.benchmarks.clock import tree_environment
+from pipeline.benchmarks.tables import tree_environment
 
 
 @pytest.mark.campaign

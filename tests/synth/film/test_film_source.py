@@ -10,10 +10,8 @@ import data_schemas
 from data_schemas.errors import RecordError
 from data_schemas.scene_film import Film
 from synth import scene_path, simulate
-from synth.film.course import Course
-from synth.film.layout import dark_stretches
-from synth.film.plan import plan_film
-from synth.film.source import source_of
+from synth.film.layout import dark_stretches, plan_film
+from synth.film.source import Course, source_of
 
 
 def test_the_curve_between_samples():

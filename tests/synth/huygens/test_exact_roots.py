@@ -6,8 +6,7 @@ from fractions import Fraction
 
 import pytest
 
-from synth.huygens.conics import interpolated, resultant
-from synth.huygens.real_roots import real_roots
+from synth.huygens.real_roots import interpolated, real_roots, resultant
 
 ONE = Fraction(1)
 WIDTH = Fraction(1, 1 << 60)

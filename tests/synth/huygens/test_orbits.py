@@ -10,12 +10,10 @@ from paper_criterion import paper_regime_holds
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.huygens.balance import Regime, solutions
-from synth.huygens.clocks import Clocks, mirrored, of_beam
-from synth.huygens.flow import carried
-from synth.huygens.offset import chi_of_daily, daily_of_chi, orbit_slope, slope
-from synth.huygens.orbit import orbit, orbits, start_of
+from synth.huygens.clocks import Clocks, mirrored, of_beam, perturbed, symmetric
+from synth.huygens.locking import chi_of_daily, daily_of_chi, orbit_slope, slope
+from synth.huygens.orbit import carried, orbit, orbits, start_of
 from synth.huygens.paper import COUPLING, DAMPING, corrected
-from synth.huygens.symmetry import perturbed, symmetric
 from synth.integrators.collocation import integrate
 from synth.systems.reduced_beam import ReducedBeam
 

@@ -11,7 +11,7 @@ from scipy.optimize import root
 from data_schemas.errors import UsageError
 from synth.huygens.balance import Regime, followed, residuals, solutions
 from synth.huygens.clocks import Clocks
-from synth.huygens.offset import slope
+from synth.huygens.locking import slope
 from synth.huygens.paper import COUPLING, DAMPING, corrected, printed
 from synth.huygens.slow_flow import rates
 

@@ -12,7 +12,7 @@ from pantaleone_board import pantaleone
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.explicit import LOOSEST, integrate
-from synth.integrators.explicit_run import Run
+from synth.integrators.explicit_march import Run
 from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
 from synth.systems.harmonic_motion import harmonics
 from synth.systems.reduced_beam import ReducedBeam

@@ -12,7 +12,7 @@ from test_explicit import BEAM_A, BEAM_B, BEAM_C, START_A, START_B, START_C
 
 from data_schemas.errors import RefusedError
 from synth.integrators.explicit import TIGHTEST, instants, integrate, refine
-from synth.integrators.explicit_run import Run
+from synth.integrators.explicit_march import Run
 from synth.phase import Floats
 from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
 from synth.systems.harmonic_motion import harmonics

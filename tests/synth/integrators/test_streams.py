@@ -35,7 +35,6 @@ def test_streamed_as_in_one_piece(way: str, cuts: list[int]) -> None:
     error = np.max(np.abs(states - known.states) / np.abs(known.states).max(axis=0))
     assert error <= 10.0 * found.estimated_error + 1e-13
     assert found.estimated_error <= tolerance
-    assert found.rehearsal.steps > 0
 
 
 @pytest.mark.compiled

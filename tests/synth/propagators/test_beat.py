@@ -11,8 +11,7 @@ import pytest
 from data_schemas.scene_pendulum import FreeStart
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond
-from synth.propagators.closed_form import growth
-from synth.propagators.times import EvenTimes
+from synth.propagators.times import EvenTimes, growth
 
 OWN, GRAVITY = 6.0, 9.81
 STEP, COUNT = Fraction(1, 16), 57_601  # an hour

@@ -14,7 +14,7 @@ from synth.motion import tabulated
 from synth.motion.harmonic_sum import HarmonicSum, add
 from synth.motion.tabulated import continued
 from synth.pendulums.linear import respond
-from synth.propagators.periodic import PeriodicSums
+from synth.propagators.blocks import PeriodicSums
 from synth.propagators.times import EvenTimes, UnevenTimes
 
 N = 2 * math.pi / 1.01

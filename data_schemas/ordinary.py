@@ -35,7 +35,8 @@ def ordinary_size(path: str | os.PathLike[str], most: int, remedy: str, error: t
     try:
         status = os.stat(path)
     except (OSError, ValueError) as fault:  # a name with a null character is a ValueError
-        raise error(f"{name}: cannot be read ({getattr(fault, 'strerror', None) or fault}); {remedy}") from None
+        why = getattr(fault, "strerror", None) or fault
+        raise error(f"{name}: cannot be read ({why}); give the path of an existing file") from None
     if not stat.S_ISREG(status.st_mode):
         kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not an ordinary file"
         raise error(f"{name}: is {kind}; {remedy}")

@@ -167,7 +167,8 @@ def cvode(problem: Problem, tolerance: float, method: str) -> Call:
     def matrix(time: float, state: Floats, out: Floats) -> None:
         jacobian(time, state, system, out)
 
-    right, slope_matrix = njit(slopes), njit(matrix)
+    right: Any = njit(slopes)
+    slope_matrix: Any = njit(matrix)
     options: dict[str, Any] = {"rtol": tolerance, "atol": ABSOLUTE * tolerance, "max_num_steps": 10_000_000}
     if problem.stiff:
         options["jacfn"] = lambda time, state, rates, out: slope_matrix(time, state, out)

@@ -154,12 +154,13 @@ SCENES = {
         GOOD_SCENE.replace('label = "1"', 'label = "1"\ndamping_rate = -1e-4'), ["damping_rate", "-0.0001"]
     ),
     "not TOML": ("record_id = = 3", ["TOML"]),
-    "empty": ("", ["record_id"]),
+    "empty": ("", ["is empty", "scene in TOML"]),
     "not UTF-8": (b"\xff\xfe\x00", ["UTF-8"]),
 }  # fmt: skip
 
 TABLES = {
-    "empty": ("", ["holds no rows"]),
+    "empty": ("", ["is empty", "as CSV"]),
+    "blank": ("\n\n", ["holds no rows"]),
     "not text": (b"\x89HDF\r\n\x1a\n\0", ["UTF-8"]),
     "one sample": ("t,a\n0,1\n", ["1 sample", "at least two"]),
     "repeated times": ("t,a\n0,1\n0,2\n", ["line 3", "one row a time"]),

@@ -27,8 +27,8 @@ def large(path):
         (lambda path: path.write_text("a = 1\na = 2"), "is not TOML: "),
         (lambda path: path.symlink_to("/dev/zero"), "not an ordinary file"),
         (os.mkfifo, "not an ordinary file"),
-        (os.mkdir, "not an ordinary file"),
-        (large, "as no scene is"),
+        (os.mkdir, "is a folder"),
+        (large, "more than 16777216; give the path of a scene"),
         (lambda _: None, "No such file"),
     ],
 )

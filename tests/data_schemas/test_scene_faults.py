@@ -179,7 +179,7 @@ def test_too_many_readings(tmp_path: Path) -> None:
 def test_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="cannot be read"):
         load_scene(tmp_path / "absent.toml")
-    with pytest.raises(SceneError, match="cannot be read"):
+    with pytest.raises(SceneError, match="is a folder"):
         load_scene(tmp_path)
 
 

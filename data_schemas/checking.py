@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .checking_record import record_faults, result_faults
-from .contents import Contents, Entry, from_tree, key, shown, type_name
+from .contents import IDENTIFIER, Contents, Entry, from_tree, key, shown, type_name
 from .errors import FileError
 from .layouts import LAYOUTS, Kind
 from .units import same_unit
@@ -70,6 +70,9 @@ def _attribute_faults(attrs: dict[str, Any], schema: Kind) -> list[str]:
     for name, required in layout.attrs.items():
         if name not in attrs and required:
             found.append(f"attribute {name}: is missing at the root; add it")
+    own = attrs.get("record_id")
+    if own is not None and not (isinstance(own, str) and IDENTIFIER.fullmatch(own)):
+        found.append(f"attribute record_id: {shown(repr(own))} is no identifier; give 1 to 64 of A-Z a-z 0-9 . _ + -")
     for name, wanted, remedy in (
         ("schema", layout.schema, f"set it to {layout.schema!r} if this is a {schema}"),
         ("schema_version", layout.version, f"set it to {layout.version!r}, or use a newer isochrony"),

@@ -8,9 +8,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .contents import Contents, Entry, shown, type_name
+from .contents import Contents, Entry, key, shown, type_name
 from .variables import VARIABLES
 
+ABSURD = (
+    ("", "time", 0.0, 1e12, "s"),
+    ("record", "elongation", 0.0, 1e5, "rad"),
+    ("record", "combination", 0.0, 1e6, "1"),
+    ("record", "vertical_acceleration", 0.0, 1e5, "m s-2"),
+    ("record", "horizontal_acceleration", 0.0, 1e5, "m s-2"),
+    ("instrument", "period", 1e-3, 1e4, "s"),
+    ("instrument", "reference_gravity", 0.01, 1e3, "m s-2"),
+    ("instrument", "damping_rate", 0.0, 1e4, "s-1"),
+)
+"""Group, name, least and largest size, unit."""
+MOST_LABEL = 64
+MOST_SPAN = 100.0  # times the time that the readings take
 WORDS = {
     ("instrument", "restoring"): ("sine", "linear"),
     ("instrument", "acceleration_frame"): ("earth", "case"),
@@ -30,7 +43,7 @@ def record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> list
     if "record" not in contents:
         return []
     record = contents["record"].variables
-    found = _label_faults(contents)
+    found = _label_faults(contents) + _absurd_values(contents)
     combination = _numbers(record.get("combination"), ("trace", "pendulum"))
     if combination is not None:
         found += _combination_faults(combination, record.get("trace"))
@@ -89,6 +102,8 @@ def _label_faults(contents: Contents) -> list[str]:
             found.append(f"{path}/{name}: holds no label; give at least one {name}")
         if len(set(labels)) < len(labels):
             found.append(f"{path}/{name}: a label appears twice; give each {name} its own")
+        wrong = [shown(repr(each)) for each in labels if not each.isprintable() or not 0 < len(each) <= MOST_LABEL]
+        found += [f"{path}/{name}: {each} is no label; give 1 to {MOST_LABEL} printable letters" for each in wrong]
     recorded, described = _labels(contents, "record", "pendulum"), _labels(contents, "instrument", "pendulum")
     if recorded is not None and described is not None:
         absent = [shown(label) for label in recorded if label not in described]
@@ -138,6 +153,31 @@ def _label(trace: Entry | None, row: int) -> str:
     if trace is not None and trace.values.ndim == 1 and row < trace.values.size:
         return shown(repr(str(trace.values[row])))
     return f"number {row + 1}"
+
+
+def _absurd_values(contents: Contents) -> list[str]:
+    """Numbers that no pendulum has: arithmetic would end in infinities, or in more memory than there is."""
+    found = []
+    for path, name, least, most, unit in ABSURD:
+        entry = contents[path].variables.get(name) if path in contents else None
+        if entry is None or entry.values.dtype.kind != "f" or not entry.values.size:
+            continue
+        size = np.abs(entry.values)
+        low, high = float(np.fmin.reduce(size, axis=None)), float(np.fmax.reduce(size, axis=None))
+        if high > most or low < least:
+            told = high if high > most else low
+            found.append(
+                f"{key(path, name)}: {told:.3g} is no value in {unit}; correct it, its scale_factor or its unit"
+            )
+    time = contents[""].variables.get("time")
+    if time is not None and time.dims == ("time",) and time.values.dtype.kind == "f" and time.values.size > 2:
+        step, span = float(np.median(np.diff(time.values))), float(time.values[-1] - time.values[0])
+        if span > MOST_SPAN * step * time.values.size:
+            found.append(
+                f"time: {time.values.size} readings {step:.3g} s apart, as a rule, reach over {span:.3g} s; split the "
+                "record at its gaps"
+            )
+    return found
 
 
 def _unknown_constants(contents: Contents) -> list[str]:

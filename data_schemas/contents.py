@@ -6,6 +6,7 @@ same thing whether it came from memory or from a file.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -51,6 +52,19 @@ Contents = dict[str, Group]
 def key(path: str, name: str) -> str:
     """``group/name``; the bare name at the root."""
     return f"{path}/{name}" if path else name
+
+
+IDENTIFIER = re.compile(r"[A-Za-z0-9._+-]{1,64}")
+"""Of a record."""
+
+
+def identifier(text: str) -> str:
+    """Identifier of a record that reads like a text, a file's name as a rule.
+
+    >>> identifier("Ship 3, day 1"), identifier("")
+    ('Ship-3-day-1', 'record')
+    """
+    return re.sub(r"[^A-Za-z0-9._+-]+", "-", text).strip("-")[:64] or "record"
 
 
 def shown(text: object, most: int = 80) -> str:

@@ -50,7 +50,7 @@ class Scene(Section):
     """
 
     record_id: Annotated[str, Field(strict=True)] = quantity(
-        ..., "", "identifier of the record", pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$"
+        ..., "", "identifier of the record", pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+-]{0,58}$"
     )
     title: Annotated[str, Field(strict=True)] = quantity("", "", "what the record shows", max_length=400)
     seed: Seed = quantity(0, "1", "all chance in the scene comes from this number")

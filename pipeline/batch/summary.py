@@ -44,11 +44,16 @@ def write_summary(jobs: Sequence[tuple[Path, Config]], ledger: Index, folder: Pa
                 columns.add(row)
                 # numbers so that they read back as the same double
                 cells = (row.get(name) for name in columns.names)
-                table.writerow([storable(cell) if isinstance(cell, str) else cell for cell in cells])
+                table.writerow([defused(storable(cell)) if isinstance(cell, str) else cell for cell in cells])
     paths = [folder / name for name in NAMES]
     write_text(text.getvalue(), paths[0], overwrite=True)
     write(columns.tree(), paths[1], overwrite=True)
     return paths
+
+
+def defused(text: str) -> str:
+    """Text that no spreadsheet takes for a formula."""
+    return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
 
 
 def _rows(path: Path, config: Config, ledger: Index) -> list[dict[str, Any]]:

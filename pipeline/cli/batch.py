@@ -12,6 +12,7 @@ from typing import Any
 from data_schemas.errors import UsageError
 from pipeline.cli.parser import number, positive, processors
 from pipeline.cli.process import add_reduction_options
+from pipeline.cli.tables import complain
 
 HELP = "gravity from thousands of records"
 DESCRIPTION = """\
@@ -95,7 +96,7 @@ def run(options: argparse.Namespace) -> int:
         except (KeyboardInterrupt, SystemExit) as leaving:
             log.event("interrupted", done=tally.done, kept=tally.kept)
             told = f"{tally.done + tally.kept} of {tally.total} inputs are done; the same with --resume goes on"
-            print(f"isochrony: interrupted: {told}", file=sys.stderr)
+            complain(f"interrupted: {told}")
             return leaving.code if isinstance(leaving, SystemExit) and isinstance(leaving.code, int) else 130
         return tell_end(jobs, ledger, folder, tally, log, as_json=options.json)
 

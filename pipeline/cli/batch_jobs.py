@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,6 +22,7 @@ from pipeline.batch.resume import holds
 from pipeline.batch.sweep import MOST, Variant, grid, parse_sweep
 from pipeline.cli.batch_kinds import KINDS, member_of
 from pipeline.cli.faults import exit_status
+from pipeline.cli.tables import complain
 
 _MIB = 1 << 20
 _MOST_TOLD = 10  # faults on stderr; the summary has all
@@ -110,9 +110,9 @@ def tell_end(jobs: Sequence[Job], ledger: Index, folder: Path, tally: Tally, log
     done = {config.key: ledger.places[config.key].status for _, config in jobs if config.key in ledger.places}
     counts, bad = Counter(done.values()), [key for key, status in done.items() if status != "ok"]
     for key in bad[:_MOST_TOLD]:
-        print(f"isochrony: {ledger.line(key)['error']}", file=sys.stderr)
+        complain(ledger.line(key)["error"])
     if len(bad) > _MOST_TOLD:
-        print(f"isochrony: and {len(bad) - _MOST_TOLD} more, see {folder / 'summary.csv'}", file=sys.stderr)
+        complain(f"and {len(bad) - _MOST_TOLD} more, see {folder / 'summary.csv'}")
     left = tally.total - counts.total()
     text = ", ".join(f"{counts[status]} {status}" for status in ("ok", "refused", "failed") if counts[status])
     log.event("end", done=tally.done, kept=tally.kept, left=left, **counts)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from data_schemas.errors import IsochronyError, UsageError
 from pipeline.cli.faults import exit_status, naming, outcome_of
 from pipeline.cli.film_options import add_film_options, film_options, read_film
 from pipeline.cli.outputs import make_folder, place, refuse_clashes, stem
-from pipeline.cli.tables import print_json
+from pipeline.cli.tables import complain, print_json
 
 HELP = "read photographic films into records"
 DESCRIPTION = """\
@@ -122,10 +121,10 @@ def _show(row: dict[str, Any], *, as_json: bool) -> None:
     if as_json:
         print_json(row)
     if row["status"] != "ok":
-        print(f"isochrony: {' '.join(str(row['error']).split())}", file=sys.stderr, flush=True)
+        complain(row["error"])
         return
     for said in (*row["assumed"], *row["notes"]):
-        print(f"isochrony: {row['input']}: {said}", file=sys.stderr, flush=True)
+        complain(f"{row['input']}: {said}")
     if not as_json:
         flags = ", ".join(row["flags"]) or "no flags"
         from pipeline.film.summary import share_read

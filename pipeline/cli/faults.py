@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import data_schemas
 from data_schemas.errors import IsochronyError, RecordError, RefusedError
 from data_schemas.layouts import LAYOUTS, REWRITTEN
+from pipeline.cli.tables import complain
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -57,7 +57,7 @@ def read_checked(path: Path, kind: Kind) -> DataTree:
     """
     tree = data_schemas.read(path)
     if REWRITTEN in tree.attrs:
-        print(f"isochrony: {path}: was written again {tree.attrs[REWRITTEN]}", file=sys.stderr)
+        complain(f"{path}: was written again {tree.attrs[REWRITTEN]}")
     for other, layout in LAYOUTS.items():
         if other != kind and tree.attrs.get("schema") == layout.schema:
             wanted = f"a {kind} ({LAYOUTS[kind].schema!r})"

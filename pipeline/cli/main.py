@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import io
 import os
@@ -28,6 +29,7 @@ from pipeline.cli import (
     validate,
 )
 from pipeline.cli.parser import Parser, did_you_mean
+from pipeline.cli.tables import Printable, complain
 
 _VERBS = {
     module.__name__.rpartition(".")[2].removesuffix("_csv"): module
@@ -85,7 +87,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _use_streams()
     _calm_blas()
     try:
-        status = _dispatch(words)
+        with contextlib.redirect_stdout(Printable(sys.stdout)):
+            status = _dispatch(words)
         sys.stdout.flush()  # a reader that went away shows here and not at the interpreter's end
         return status
     except SystemExit as leaving:  # argparse, after --help or --version
@@ -137,7 +140,7 @@ def _version() -> str:
 
 def _say(message: str, status: int, fault: BaseException) -> int:
     """Print one line on stderr (and the traceback if it was asked for); return the status."""
-    print(f"isochrony: {' '.join(message.split())}", file=sys.stderr)
+    complain(message)
     if os.environ.get("ISOCHRONY_TRACEBACK"):
         import traceback
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +14,7 @@ from pipeline.cli.faults import naming, read_checked, refuse_faults
 from pipeline.cli.film_options import add_reading_options, description, read_film, reading_options
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
 from pipeline.cli.parser import number
+from pipeline.cli.tables import complain
 
 if TYPE_CHECKING:
     from data_schemas.layouts import Kind
@@ -114,7 +114,7 @@ def draw_film(path: Path, output: Path, options: argparse.Namespace) -> int:
     except (RefusedError, RecordError) as fault:
         scan, _ = open_film(path, description(options), said, orientation=options.orientation, lines=options.lines)
         told = naming(path, str(fault))
-        print(f"isochrony: {told}", file=sys.stderr)
+        complain(told)
         figure = unread_figure(scan, told)
         status = fault.exit_status
     make_folder(output)

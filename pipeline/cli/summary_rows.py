@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pipeline.cli.outputs import stem
-from pipeline.cli.tables import LINE, Column, blocks, columns, print_header, print_json, print_row, print_text, width_of
+from pipeline.cli.tables import (
+    LINE,
+    Column,
+    blocks,
+    columns,
+    complain,
+    print_header,
+    print_json,
+    print_row,
+    print_text,
+    width_of,
+)
 from pipeline.flag_words import told
 
 _KEYS = (
@@ -54,7 +64,7 @@ class SummaryPrinter:
             if self._as_json:
                 print_json(in_order(row))
             if row["method"] is None:  # the input as a whole gave nothing
-                print(f"isochrony: {' '.join(str(row['error']).split())}", file=sys.stderr, flush=True)
+                complain(row["error"])
             elif not self._as_json:
                 self._show_line(row)
         if self._with_ledger:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from textwrap import TextWrapper
-from typing import Any
+from typing import Any, TextIO
 
 LINE = 80  # columns
 SPACE = 2  # between columns
@@ -67,6 +68,34 @@ def blocks(columns: Sequence[Column]) -> list[list[int]]:
     return [*found, part]
 
 
+def complain(text: object) -> None:
+    """Say in one line on stderr what is wrong; nothing of it reaches the terminal as a command."""
+    print(f"isochrony: {printable(' '.join(str(text).split()))}", file=sys.stderr, flush=True)
+
+
+def printable(text: str, kept: str = "") -> str:
+    """Text whose control characters are question marks; those to be kept are named.
+
+    >>> printable("a\x1b[31m\n", kept="\n")
+    'a?[31m\n'
+    """
+    return "".join(letter if letter.isprintable() or letter in kept else "?" for letter in text)
+
+
+class Printable:
+    """A stream for people: letters and lines pass, commands to the terminal do not."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write what can be printed."""
+        return self._stream.write(printable(text, "\n\t"))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
 def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print rows that share their keys as a table whose columns are as wide as they need be, in parts if need be."""
     if not rows:
@@ -86,7 +115,8 @@ def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
 
 def print_json(row: Mapping[str, Any]) -> None:
     """Print one JSON object on one line; not-a-number and infinite become null."""
-    print(json.dumps(plain(row), ensure_ascii=False, allow_nan=False), flush=True)
+    text = json.dumps(plain(row), ensure_ascii=False, allow_nan=False)
+    print("".join(each if each.isprintable() else json.dumps(each)[1:-1] for each in text), flush=True)
 
 
 def plain(value: Any) -> Any:

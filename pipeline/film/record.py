@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from data_schemas.contents import identifier
 from data_schemas.errors import RecordError
 from data_schemas.film_description import DescribedTrace, FilmDescription
 from data_schemas.layouts import CONVENTIONS, VERSION
@@ -105,7 +106,7 @@ def _root(reading: Reading, known: Known, name: str) -> xr.Dataset:
             "Conventions": CONVENTIONS,
             "schema": "isochrony-record",
             "schema_version": VERSION,
-            "record_id": _stated(description, "record_id") or name,
+            "record_id": identifier(_stated(description, "record_id") or name),
             "title": _stated(description, "title") or f"pendulum record read from {files}",
             "history": f"read by isochrony from {files}: {reading.kind} reading",
             "source": f"{files}; seconds count from a full minute of the chronometer, which one the film does not say",

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schemas.contents import shown
+from data_schemas.contents import identifier, shown
 from data_schemas.errors import RecordError, UsageError
 from data_schemas.layouts import CONVENTIONS, VERSION
 from data_schemas.variables import attributes
@@ -124,7 +124,7 @@ def _root(table: Table, clock: Clock, chosen: Mapping[str, int], options: Import
             "Conventions": CONVENTIONS,
             "schema": "isochrony-record",
             "schema_version": VERSION,
-            "record_id": Path(name).stem,
+            "record_id": identifier(Path(name).stem),
             "title": f"pendulum record imported from {name}",
             "history": f"imported by isochrony: {columns}, in {options.unit or 'the units of the headers, else rad'}",
             "source": f"{name}, whose own clock reads {clock.reading} at the start",

@@ -91,8 +91,16 @@ def note(axes: Axes, text: str) -> None:
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write the figure as PNG, under a temporary name first: nothing half-written stays; `FileError` where it fails."""
+    from matplotlib.text import Text
+
     target = Path(os.path.realpath(path))
     temporary = beside(target)
+    axes = [axis for each in figure.axes for axis in (each.xaxis, each.yaxis)]
+    ticks = {id(label) for axis in axes for label in axis.get_ticklabels(which="both")}
+    for text in figure.findobj(Text):
+        if id(text) not in ticks:  # what files say is no formula
+            text.set_parse_math(False)
+            text.set_text("".join(each if each.isprintable() or each == "\n" else "?" for each in text.get_text()))
     try:
         figure.savefig(temporary, format="png", metadata={"Software": "isochrony"})
         give_name(temporary, target, path, overwrite=True)

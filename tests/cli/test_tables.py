@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 
-from pipeline.cli.tables import plain, print_json, print_table, text
+from pipeline.cli.tables import Printable, complain, plain, print_json, print_table, text
 
 
 def test_json_rows_are_one_line_with_null_for_what_is_not_finite(capsys):
@@ -46,3 +46,19 @@ def test_cells():
         "-", "-", "yes", "2.5", "7", "x",
     ]  # fmt: skip
     assert plain([np.bool_(True)]) == [True]
+
+
+def test_nothing_from_a_file_commands_the_terminal(capsys):
+    import contextlib
+    import sys
+
+    evil = "a\x1b[2Jb\x9bc\u202ed\r"
+    with contextlib.redirect_stdout(Printable(sys.stdout)):
+        print(f"{evil}\n\tä")
+    complain(evil)
+    print_json({"label": evil})
+    shown = capsys.readouterr()
+    assert shown.out.splitlines()[0] == "a?[2Jb?c?d?"
+    assert shown.out.splitlines()[1] == "\tä"
+    assert json.loads(shown.out.splitlines()[2]) == {"label": evil}
+    assert all(each.isprintable() or each in "\n\t" for each in shown.out + shown.err)

@@ -168,6 +168,6 @@ def test_table_that_jumps(tmp_path: Path, interpolation: str) -> None:
 @pytest.mark.parametrize("name", ["absent.csv", "absent.nc", "hollow.nc"])
 def test_table_that_is_not_there(tmp_path: Path, name: str) -> None:
     (tmp_path / "hollow.nc").write_bytes(b"not netCDF")
-    with pytest.raises(SceneError, match="cannot be read|is not netCDF") as caught:
+    with pytest.raises(SceneError, match=r"cannot be read|is not netCDF") as caught:
         tabulated(TabulatedMotion(file=str(tmp_path / name)), 1.0)
     assert "\n" not in str(caught.value)

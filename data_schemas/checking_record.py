@@ -160,10 +160,12 @@ def _absurd_values(contents: Contents) -> list[str]:
     found = []
     for path, name, least, most, unit in ABSURD:
         entry = contents[path].variables.get(name) if path in contents else None
-        if entry is None or entry.values.dtype.kind != "f" or not entry.values.size:
+        if entry is None or entry.values.dtype.kind != "f":
             continue
-        size = np.abs(entry.values)
-        low, high = float(np.fmin.reduce(size, axis=None)), float(np.fmax.reduce(size, axis=None))
+        size = np.abs(entry.values[np.isfinite(entry.values)], dtype=np.float64)
+        if not size.size:
+            continue
+        low, high = float(size.min()), float(size.max())
         if high > most or low < least:
             told = high if high > most else low
             found.append(

@@ -152,7 +152,8 @@ def opened(
 
 def _told(error: Exception, damage: str) -> str:
     """What stopped the reading: a lack of memory, or the given words of damage with the reason put in."""
-    if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
+    lacking = isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM
+    if lacking or "memory allocation failed" in str(error):
         return "takes more memory than this process may have; give it more"
     return damage.format(shown(" ".join(str(error).split()), 120))
 

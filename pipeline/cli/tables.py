@@ -74,12 +74,13 @@ def complain(text: object) -> None:
 
 
 def printable(text: str, kept: str = "") -> str:
-    """Text whose control characters are question marks; those to be kept are named.
+    """Text whose control characters are question marks; those to be kept are named, as are bytes that are no UTF-8.
 
     >>> printable("a\x1b[31m\n", kept="\n")
     'a?[31m\n'
     """
-    return "".join(letter if letter.isprintable() or letter in kept else "?" for letter in text)
+    escaped = range(0xD800, 0xE000)  # by the stream
+    return "".join(each if each.isprintable() or each in kept or ord(each) in escaped else "?" for each in text)
 
 
 class Printable:

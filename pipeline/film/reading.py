@@ -12,7 +12,7 @@ from pipeline.film.comparing import PhaseDifference, compare
 from pipeline.film.knowledge import Known
 from pipeline.film.normal_points import Samples, normal_points
 from pipeline.film.parts import Emulsion, Strobe, TimeAxis, Tracks
-from pipeline.film.scan.opening import OpenScan
+from pipeline.film.scan.opening import OpenScan, lines_are_light
 
 _MM_PER_INCH = 25.4
 Progress = Callable[[str, int, int], None]
@@ -137,6 +137,8 @@ def _read_time(
     from pipeline.film.tracking.track import track
 
     count, marking = known.count, known.marking(scan.scale)
+    if lines_are_light(scan.image) is None:
+        raise RefusedError("no line stands out anywhere, the film is blank; scan it with more contrast")
 
     def followed(scan: OpenScan, dense: bool) -> tuple[OpenScan, Emulsion, Tracks, TimeAxis]:
         if dense:

@@ -87,10 +87,7 @@ def open_scan(
     if any(isinstance(image, WithoutBorder) for image in covered):
         notes.append("a border beside the film was found and overlaid")
     images = covered
-    light = lines_are_light(images[0])
-    if light is None:
-        raise FileError(f"{named[0]}: no line stands out on it anywhere, it is blank; scan the film with more contrast")
-    if options.lines == "light" or (options.lines == "auto" and light):
+    if options.lines == "light" or (options.lines == "auto" and lines_are_light(images[0])):
         images = [Inverted(image) for image in images]
         notes += ["lines are light on dark film"] * (options.lines == "auto")
     scale = _scale(files, options, notes)

@@ -17,13 +17,15 @@ import numpy as np
 from pipeline.joint import apparatus, kicks, kinds, motion
 from pipeline.joint.constants import Constant, solve
 from pipeline.joint.course import best_course, is_knot, knots, mean_gravity, prior_root
-from pipeline.joint.explanation import PAYS, Candidate, Fitted, fitted, grown
+from pipeline.joint.explanation import PAYS, Candidate, Fitted, fitted, grown, priced, shifted
+from pipeline.joint.outliers import stretch
 from pipeline.joint.unresolved import unresolved
 from pipeline.joint.whiteness import LEAST_READINGS
 
 ROUNDS = 8
 STEPS, LEAST_STEP = 12, 0.3  # times tried at once; of the lattice's step
 FAULT, STEP_COST = 5.0, 9.0  # in log-likelihood: of what an apparatus seldom has; of a time that may be any
+GAP, MOST_GAPS = 5.0, 100  # s without readings, in which a knock would not be seen
 SMALL, LIKELIER = 0.1, 2.0  # of a scale's or period's prior; in log-likelihood
 FADES = (0.0, 0.05, 0.1, 0.25)  # of the mean speed, below which knife-edge friction fades
 SETTLED = 0.3  # of sigma: a step that is none
@@ -42,7 +44,7 @@ def candidates(fit: Fitted) -> Iterator[Candidate]:
     # steps and knocks show as the drift, the friction, the course, the kicks that they resemble, turns as the first of
     # these: what nothing feigns is not there
     steps = _steps(fit) if max(each[0] for each in [*found, *kicked]) > shown else []
-    yield from (*found, *kicked, *steps)
+    yield from (*found, *kicked, *steps, *_knocks_in_gaps(fit))
     yield from motion.components(fit, slow=max(each[0] for each in [*found, *steps]) > shown)
 
 
@@ -123,6 +125,25 @@ def _steps(fit: Fitted) -> list[Candidate]:
         at = best[0][1].constants[-1].centre
         low, high = max(0.0, at - (high - low) / STEPS), min(lattice.duration, at + (high - low) / STEPS)
     return best
+
+
+def _knocks_in_gaps(fit: Fitted) -> Iterator[Candidate]:
+    """The likeliest knock of one pendulum while nothing is read, after which it swings as it will."""
+    model, lattice = fit.model, fit.model.problem.lattice
+    best, found = STEP_COST, None
+    for last in np.flatnonzero(np.diff(lattice.time) > GAP)[:MOST_GAPS]:
+        node = int(lattice.node[last]) + 1
+        span = stretch(model.problem, node, int(lattice.node[last + 1]))
+        here = replace(model, constants=shifted(model.constants, fit.path, span[0]))
+        own = priced(here, fit.path, span=span)[0]
+        for i in range(model.problem.pendulums):
+            knocked = replace(here.assumed, breaks=(*here.assumed.breaks, (node, i)))
+            gain = priced(replace(here, assumed=knocked), fit.path, span=span)[0] - own
+            if gain > best:
+                best, found = gain, (knocked, f"knock of pendulum {i + 1} about {lattice.time[last]:.0f} s")
+    if found is not None:
+        trial = replace(model, words=(*model.words, found[1]), assumed=found[0])
+        yield priced(trial, fit.path, cost=STEP_COST)
 
 
 def _with_fade(fit: Fitted) -> Fitted:

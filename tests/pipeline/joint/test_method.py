@@ -256,6 +256,7 @@ def test_a_knock_is_found_and_named_not_taken_for_kicks() -> None:
         ("gain of the first trace", "middle", 8003, 0.3),  # -.22 +- .03 mGal: kicks in place of a gain
         ("engine at 8 Hz", "weak", 9407, 0.1),  # .064 +- .005 mGal: a steady line gave way to a rougher guess
         ("heave with gaps", "weak", 9502, 0.1),  # refused: what helps the differences alone was taken for a tilt
+        ("mixture", "strong", 9505, 0.5),  # 4.2 +- .2 mGal: a knock in a gap, where heave and a clock step feigned it
         ("case tilts, recorded", "middle", 9502, 0.1),  # an internal error: laid on a denser lattice
     ],
 )

@@ -87,6 +87,12 @@ class Tracks:
     rows_per_swing: float
     spot: float
 
+    @staticmethod
+    def empty(traces: int, rows: int, rows_per_swing: float, spot: float) -> Tracks:
+        """Nothing read yet."""
+        a, b, c, d, e, f = np.full((6, traces, rows), np.nan)
+        return Tracks(a, b, c, d, e, f, np.zeros((traces, rows), np.uint16), rows_per_swing, spot)
+
 
 @dataclass(frozen=True)
 class Marking:

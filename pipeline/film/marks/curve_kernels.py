@@ -11,7 +11,7 @@ REACH = 3.5  # spots, beyond which there is no light
 STRAIGHT = 4.0  # length of line a row, from which its bend within a spot is nothing
 PARAMETERS = 6
 STEP = 1.0  # spots between spots drawn: their sum is even to 1e-8
-FLANK = 8.0  # spots of line on either side of the gap
+FLANK = 9.0  # spots of line on either side of the gap
 
 
 @kernel
@@ -208,29 +208,6 @@ def shade(
 
 
 @kernel
-def solve(normal: Floats, right: Floats, size: int) -> bool:
-    """Gauss-Jordan in place: `normal` becomes its inverse, `right` the solution; False if singular."""
-    for i in range(size):
-        pivot = normal[i, i]
-        if not pivot > 0.0:
-            return False
-        for j in range(size):
-            if j != i:
-                factor = normal[j, i] / pivot
-                for k in range(size):
-                    if k != i:
-                        normal[j, k] -= factor * normal[i, k]
-                right[j] -= factor * right[i]
-                normal[j, i] = -factor
-        for k in range(size):
-            if k != i:
-                normal[i, k] /= pivot
-        right[i] /= pivot
-        normal[i, i] = 1.0 / pivot
-    return True
-
-
-@kernel
 def window(course: Floats, slope: Floats, mark: float, width: float, spot: float, box: Floats) -> bool:
     """Bounding box of a gap and its flanks: first row, last, first column, last; False where the curve ends."""
     box[0], box[1], box[2], box[3] = 1e9, -1e9, 1e9, -1e9
@@ -243,7 +220,7 @@ def window(course: Floats, slope: Floats, mark: float, width: float, spot: float
                 return False
             box[0], box[1] = min(box[0], row), max(box[1], row)
             box[2], box[3] = min(box[2], column), max(box[3], column)
-            if way >= FLANK * spot:
+            if way > (FLANK - 0.5) * spot:
                 break
             step = STEP * spot / math.sqrt(1.0 + lean * lean)
             if inside > 0.0:

@@ -9,13 +9,14 @@ are worse than they say.
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.film.marks.drive_kernels import filter_drive, smooth_drive
 from pipeline.film.parts import Floats
+from synth.kernels.compiled import kernel
 
 MOST_LINES = 3
 STANDS_OUT = 25.0  # power of a line over that of its surroundings
@@ -249,3 +250,91 @@ def holes_honest(rows: Floats, sigma: Floats, found: Drive) -> Drive:
     for begin, stop in itertools.pairwise(seen.tolist()):
         inside[begin + 1 : stop] = (stop - begin) * found.step >= HOLE
     return replace(found, row_sigma=np.where(inside, scale * found.row_sigma, found.row_sigma))
+
+
+@kernel
+def filter_drive(
+    step: Floats,
+    noise: Floats,
+    seen: Floats,
+    start: Floats,
+    start_variance: Floats,
+    rows: Floats,
+    variance: Floats,
+    state: Floats,
+    spread: Floats,
+    ahead: Floats,
+    ahead_spread: Floats,
+) -> float:
+    """Filter forward; returns -2 log likelihood.
+
+    Parameters
+    ----------
+    step, noise : (n, n) arrays
+        From one mark to the next.
+    seen : (n,) array
+        What of the state a row is the sum of.
+    start, start_variance : (n,), (n, n) arrays
+        Before the first mark is seen.
+    rows, variance : (traces, marks) arrays
+        Measured; NaN = missing.
+    state, spread, ahead, ahead_spread : (marks, n) and (marks, n, n) arrays
+        After each mark is seen, and before: results.
+    """
+    n = start.size
+    x, p = start.copy(), start_variance.copy()
+    gain, moved, half = np.empty(n), np.empty(n), np.empty((n, n))
+    total = 0.0
+    for k in range(rows.shape[1]):
+        if k > 0:
+            for i in range(n):
+                moved[i] = 0.0
+                for j in range(n):
+                    moved[i] += step[i, j] * x[j]
+                    half[i, j] = 0.0
+                    for m in range(n):
+                        half[i, j] += step[i, m] * p[m, j]
+            for i in range(n):
+                x[i] = moved[i]
+                for j in range(n):
+                    value = noise[i, j]
+                    for m in range(n):
+                        value += half[i, m] * step[j, m]
+                    p[i, j] = value
+        for i in range(n):
+            ahead[k, i] = x[i]
+            for j in range(n):
+                ahead_spread[k, i, j] = p[i, j]
+        for trace in range(rows.shape[0]):
+            away = rows[trace, k]
+            if math.isnan(away):
+                continue
+            room = variance[trace, k]
+            for i in range(n):
+                gain[i] = 0.0
+                for j in range(n):
+                    gain[i] += p[i, j] * seen[j]
+                away -= seen[i] * x[i]
+            for i in range(n):
+                room += seen[i] * gain[i]
+            for i in range(n):
+                x[i] += gain[i] * away / room
+            for i in range(n):
+                for j in range(n):
+                    p[i, j] -= gain[i] * gain[j] / room
+            total += away * away / room + math.log(room)
+        for i in range(n):
+            state[k, i] = x[i]
+            for j in range(n):
+                spread[k, i, j] = p[i, j]
+    return total
+
+
+@kernel
+def smooth_drive(step: Floats, state: Floats, spread: Floats, ahead: Floats, ahead_spread: Floats) -> None:
+    """Rauch, Tung and Striebel's smoother: `state` and `spread` become those given all marks."""
+    for k in range(state.shape[0] - 2, -1, -1):
+        gain = np.ascontiguousarray(np.linalg.solve(ahead_spread[k + 1], step @ spread[k]).T)
+        state[k] += gain @ (state[k + 1] - ahead[k + 1])
+        change = gain @ (spread[k + 1] - ahead_spread[k + 1]) @ gain.T
+        spread[k] += 0.5 * (change + change.T)

@@ -13,9 +13,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.marks.curve_kernels import PARAMETERS, REACH, clear, draw, place, shade, solve, window
+from pipeline.film.marks.curve_kernels import PARAMETERS, REACH, clear, draw, place, shade, window
+from pipeline.film.tracking.motion import solve
 from synth.kernels.compiled import kernel
 
 (
@@ -212,7 +214,7 @@ def fit_gaps(
     first: int,
     courses: Floats,
     slopes: Floats,
-    traces: Floats,
+    traces: NDArray[np.int64],
     guesses: Floats,
     widths: Floats,
     spot: float,
@@ -223,7 +225,7 @@ def fit_gaps(
     spacing: float,
     out: Floats,
 ) -> None:
-    """Fit gaps near the rows `guesses` of `traces` (int64), of `widths` rows, into `out` (gaps, RESULTS)."""
+    """Fit gaps near the rows `guesses` of `traces`, of `widths` rows, into `out` (gaps, RESULTS)."""
     wide = 0.0
     for k in range(widths.size):
         wide = max(wide, widths[k])

@@ -13,8 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion.film_emulsion import FilmEmulsion, ToneCurve
-from pipeline.film.emulsion.measure import plain_emulsion
+from pipeline.film.emulsion import FilmEmulsion, ToneCurve, plain_emulsion
 from pipeline.film.marks.pieces import exposed
 from pipeline.film.parts import Scan
 from pipeline.film.strobe.dense import Blocks, follow, line_light, spot_of, windows

@@ -14,7 +14,8 @@ import math
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.film.marks.curve_kernels import place, solve
+from pipeline.film.marks.curve_kernels import place
+from pipeline.film.tracking.motion import solve
 from synth.kernels.compiled import kernel
 
 CUBIC, QUADRATIC = 4, 3

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion.film_emulsion import ToneCurve
+from pipeline.film.emulsion import ToneCurve
 from pipeline.film.tracking.line_profile import MOST_NODES, Optics, nodes_of, profile
 from pipeline.film.tracking.section import Section
 from synth.kernels.compiled import kernel

@@ -11,7 +11,7 @@ from small_film import Film, film
 
 from pipeline.film.marks import gap_kernels
 from pipeline.film.marks.axis import axis_of
-from pipeline.film.marks.curve_kernels import brightness_along, draw, light_at_rest, place, solve
+from pipeline.film.marks.curve_kernels import brightness_along, draw, light_at_rest, place
 from pipeline.film.marks.search import fitted
 from pipeline.film.parts import Marking
 from pipeline.film.strobe.dense_kernels import SIZE, fit_block, nodes, swing
@@ -83,16 +83,6 @@ def test_a_curve_is_a_cubic_between_rows() -> None:
     assert column == pytest.approx(6.2**3, rel=1e-12)
     assert lean == pytest.approx(3.0 * 6.2**2, rel=1e-12)
     assert math.isnan(place(rows**3, 3.0 * rows**2, 12.1)[0])
-
-
-def test_small_equations_are_solved() -> None:
-    root = np.random.default_rng(0).normal(size=(5, 5))
-    matrix, right = root @ root.T + np.eye(5), np.arange(5.0)
-    inverse, solution = matrix.copy(), right.copy()
-    assert solve(inverse, solution, 5)
-    assert np.allclose(inverse, np.linalg.inv(matrix))
-    assert np.allclose(solution, np.linalg.solve(matrix, right))
-    assert not solve(np.zeros((2, 2)), np.zeros(2), 2)
 
 
 def test_a_block_of_swings_finds_its_line() -> None:

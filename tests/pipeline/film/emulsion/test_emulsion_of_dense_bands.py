@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from spot_film import CONTRAST, DENSEST, FOG, MIDDLE, SCANNER, SPOT, Sheet, Swinging, developed, exposure_of, shutter
 
-from pipeline.film.emulsion.blank import darkness_table, measure_blank
-from pipeline.film.emulsion.film_emulsion import FilmEmulsion, ToneCurve
+from pipeline.film.emulsion import FilmEmulsion, ToneCurve, measure_blank
 from pipeline.film.strobe.dense_emulsion import dense_emulsion, fitted_curve, grain_growth
 from pipeline.film.strobe.dense_kernels import NODES, SIZE, draw_curve, nodes, tabulate
 
@@ -66,7 +65,7 @@ def test_a_curve_is_drawn_as_a_spot_draws_it():
 
 def test_exposure_is_that_of_the_darkness():
     image = np.random.default_rng(3).integers(1, 256, (300, 200)).astype(np.uint8)
-    emulsion = FilmEmulsion(255, measure_blank(Sheet(image), darkness_table(255)), TRUE, np.array([5e-5, 1e-3]))
+    emulsion = FilmEmulsion(255, measure_blank(Sheet(image)), TRUE, np.array([5e-5, 1e-3]))
     expected = TRUE.exposure(emulsion.darkness(image, 0))
     seen = emulsion.exposure(image, 0)
     inside = expected < 1.0  # in the table's steps, which are wide where the film is saturated

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.parts import Scan
+from pipeline.film.scan.opening import OpenScan
 from synth.kernels.compiled import kernel
 
 HIGHEST_EXPOSURE = 4.0
@@ -152,7 +152,7 @@ UNTOLD = ToneCurve(0.6, 0.2, 1.5)
 """Where nothing swings on the film, from which its curve could be told."""
 
 
-def plain_emulsion(scan: Scan) -> FilmEmulsion:
+def plain_emulsion(scan: OpenScan) -> FilmEmulsion:
     """Blank film and its grain; the rest is untold."""
     blank = measure_blank(scan)
     sigma = max(blank.sigma, LEAST_SIGMA)
@@ -186,7 +186,7 @@ def darkness_table(full_scale: int) -> NDArray[np.float32]:
     return np.log10(full_scale / values).astype(np.float32)
 
 
-def measure_blank(scan: Scan) -> Blank:
+def measure_blank(scan: OpenScan) -> Blank:
     """Blank film from strips spread over the whole scan."""
     table = darkness_table(scan.full_scale)
     strips = int(np.clip(scan.rows // (4 * STRIP_ROWS), 1, MOST_STRIPS))

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
 from pipeline.film.marks.pieces import exposed
-from pipeline.film.parts import Emulsion, Floats, Scan, Tracks
+from pipeline.film.parts import Emulsion, Floats, Tracks
+from pipeline.film.scan.opening import OpenScan
 from pipeline.film.strobe.dense_kernels import CUBIC, SIZE, fit_block, nodes
 from pipeline.film.strobe.dense_survey import SHADE, Survey, first_shapes, light_of, saturation, survey
 
@@ -100,7 +101,7 @@ def blended(
     return out[0], out[1], out[2], out[3]
 
 
-def dense_tracks(scan: Scan, emulsion: Emulsion, count: int | None) -> Tracks:
+def dense_tracks(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Tracks:
     """Courses of all traces, `count` if known, of a slow film whose bands lie side by side; no readings by rows.
 
     Raises
@@ -123,7 +124,7 @@ def dense_tracks(scan: Scan, emulsion: Emulsion, count: int | None) -> Tracks:
     return _tracks(blocks, scan.rows, spot)
 
 
-def spot_of(scan: Scan) -> float:
+def spot_of(scan: OpenScan) -> float:
     """1 sigma of the usual spot, px."""
     return USUAL_SPOT if scan.scale is None else 0.1 / scan.scale
 
@@ -166,7 +167,7 @@ def windows(found: Survey, columns: int) -> list[tuple[int, int]]:
     return out
 
 
-def follow(scan: Scan, emulsion: Emulsion, found: Survey, spot: float, blocks: Blocks) -> None:
+def follow(scan: OpenScan, emulsion: Emulsion, found: Survey, spot: float, blocks: Blocks) -> None:
     """Fit every block, piece by piece of the film, and overwrite its shape and light."""
     period = found.period
     canvas = np.empty((int(2.0 * period + 12.0 * spot) + 8, scan.columns))

@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.film.emulsion import FilmEmulsion, ToneCurve, plain_emulsion
 from pipeline.film.marks.pieces import exposed
-from pipeline.film.parts import Scan
+from pipeline.film.scan.opening import OpenScan
 from pipeline.film.strobe.dense import Blocks, follow, line_light, spot_of, windows
 from pipeline.film.strobe.dense_kernels import NODES, draw_curve, nodes, tabulate
 from pipeline.film.strobe.dense_survey import SHADE, Survey, light_of, survey
@@ -33,7 +33,7 @@ TURNS, UNIT_TURNS = 12, 4
 SHADES = np.linspace(0.3, 1.0, 8)  # of the darkest pixel, between which grain is told
 
 
-def dense_emulsion(scan: Scan, count: int | None) -> FilmEmulsion:
+def dense_emulsion(scan: OpenScan, count: int | None) -> FilmEmulsion:
     """Blank film, grain and characteristic curve of a slow film with `count` traces, if known.
 
     Raises
@@ -56,7 +56,7 @@ def dense_emulsion(scan: Scan, count: int | None) -> FilmEmulsion:
     return emulsion
 
 
-def _guessed(scan: Scan) -> FilmEmulsion:
+def _guessed(scan: OpenScan) -> FilmEmulsion:
     """The emulsion as the darkest pixels of some sections suggest it: turning points of slow films are saturated."""
     plain = plain_emulsion(scan)
     darkest = [
@@ -66,14 +66,14 @@ def _guessed(scan: Scan) -> FilmEmulsion:
     return replace(plain, curve=replace(plain.curve, darkest=max(DARKEST * float(np.median(darkest)), least)))
 
 
-def _pieces(scan: Scan) -> list[tuple[int, int]]:
+def _pieces(scan: OpenScan) -> list[tuple[int, int]]:
     """First rows, and those behind the last, of some pieces."""
     height = min(ROWS, scan.rows)
     firsts = np.linspace(0, scan.rows - height, PIECES + 2).astype(int)[1:-1]
     return [(int(first), int(first) + height) for first in firsts]
 
 
-def _in_unit(scan: Scan, emulsion: FilmEmulsion, found: Survey, spot: float) -> FilmEmulsion:
+def _in_unit(scan: OpenScan, emulsion: FilmEmulsion, found: Survey, spot: float) -> FilmEmulsion:
     """The same, with about 1 as the exposure on the axis of a line at rest: every row of a trace has the same light."""
     for _ in range(UNIT_TURNS):
         least = SHADE * float(emulsion.noise(np.zeros(1, dtype=np.float32))[0])
@@ -87,7 +87,7 @@ def _in_unit(scan: Scan, emulsion: FilmEmulsion, found: Survey, spot: float) -> 
     return emulsion
 
 
-def lights(scan: Scan, emulsion: FilmEmulsion, found: Survey, spot: float) -> tuple[Floats, Floats]:
+def lights(scan: OpenScan, emulsion: FilmEmulsion, found: Survey, spot: float) -> tuple[Floats, Floats]:
     """Light that pixels of blocks here and there had, 1 on the axis of a line at rest, and their darkness."""
     whole = Blocks.empty(len(found.bands), scan.rows, found.period)
     firsts = np.linspace(0, max(whole.middle.size - RUN, 0), PLACES).astype(int)

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from data_schemas.errors import RefusedError
 from pipeline.arrays import row_means_present
 from pipeline.film.marks.pieces import exposed
-from pipeline.film.parts import Emulsion, Floats, Scan
+from pipeline.film.parts import Emulsion, Floats
+from pipeline.film.scan.opening import OpenScan
 from pipeline.film.strobe.dense_kernels import CUBIC, SIZE
 
 SHADE = 3.0  # sigmas of the grain, from which a pixel is light
@@ -167,7 +168,7 @@ class Survey:
     period: float
 
 
-def survey(scan: Scan, emulsion: Emulsion, count: int | None) -> Survey:
+def survey(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Survey:
     """Bands, `count` if known, and rows per swing of a film, as most of its sections show them.
 
     Raises

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
 from pipeline.film.emulsion import FilmEmulsion
-from pipeline.film.marks.gap_kernels import RESULTS, ROW, ROW_SIGMA, WIDTH, fit_gaps
+from pipeline.film.marks.gap_kernels import ROW, ROW_SIGMA, WIDTH, Known, fit_gaps
 from pipeline.film.marks.pieces import grain
 
 LEAST_LACK = 0.12
@@ -73,12 +73,8 @@ def fitted_gaps(
     """
     table, exposure = np.concatenate(gaps) - first, emulsion.lit(darkness)
     trace = np.repeat(np.arange(len(gaps)), [len(each) for each in gaps])
-    result = np.empty((len(table), RESULTS))
-    middle, width = table.mean(axis=1), table[:, 1] - table[:, 0]
-    fit_gaps(
-        exposure, 0, place, slope, trace, middle, width, emulsion.spot, *grain(emulsion), LATERAL, LENGTH_PRIOR,
-        0.5 * period, result,
-    )  # fmt: skip
+    known = Known(emulsion.spot, *grain(emulsion), LATERAL, LENGTH_PRIOR, 0.5 * period)
+    result = fit_gaps(exposure, 0, place, slope, trace, table.mean(axis=1), table[:, 1] - table[:, 0], known)
     good = result[:, ROW_SIGMA] < MOST_SIGMA
     table[good] = result[good, ROW, None] + result[good, WIDTH, None] * np.array([-0.5, 0.5])
     return [first + table[trace == k] for k in range(len(gaps))]

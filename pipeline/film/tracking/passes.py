@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from pipeline.arrays import Floats, median_present
 from pipeline.film.emulsion import FilmEmulsion
 from pipeline.film.marks.pieces import in_order
-from pipeline.film.parts import Scan, Tracks
+from pipeline.film.parts import Tracks
+from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.outcome import Both, read_both
 from pipeline.film.tracking.pieces import Filter, Piece, run, run_again
@@ -81,7 +82,7 @@ def _cost(
 class Film:
     """The film, and what is known of it as a whole."""
 
-    scan: Scan
+    scan: OpenScan
     emulsion: FilmEmulsion
     optics: Optics
     period: float

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.film.emulsion import FilmEmulsion, ToneCurve, plain_emulsion
-from pipeline.film.parts import Scan
+from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.calibrate import calibrate, measure_shear, open_rows
 from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.section import Section, read_section
@@ -25,7 +25,7 @@ ASKEW = (0.0, 0.009, -0.009, 0.018, -0.018, 0.027, -0.027)  # rows a column: hal
 Darkness = Callable[[int, int], NDArray[np.float32]]
 
 
-def measure_emulsion(scan: Scan) -> FilmEmulsion:
+def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
     """Blank film, grain, characteristic curve and spot, from strips spread over the film, dark lines on light."""
     plain = plain_emulsion(scan)
     sigma = float(np.sqrt(plain.grain[0]))

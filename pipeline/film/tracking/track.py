@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
 from pipeline.film.emulsion import FilmEmulsion
-from pipeline.film.parts import Scan, Tracks
+from pipeline.film.parts import Tracks
+from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.outcome import flag_lost
 from pipeline.film.tracking.passes import SECTION_SWINGS, Film, backward, forward
@@ -30,7 +31,7 @@ STRANGE = 4.0
 
 
 def track(
-    scan: Scan,
+    scan: OpenScan,
     emulsion: FilmEmulsion,
     *,
     count: int | None = None,

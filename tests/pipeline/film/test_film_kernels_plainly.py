@@ -11,7 +11,7 @@ from small_film import Film, film
 
 from pipeline.film.marks import gap_kernels
 from pipeline.film.marks.axis import axis_of
-from pipeline.film.marks.curve_kernels import brightness_along, draw, light_at_rest, place
+from pipeline.film.marks.curve_kernels import Patch, brightness_along, draw, light_at_rest, place
 from pipeline.film.marks.search import fitted
 from pipeline.film.parts import Marking
 from pipeline.film.strobe.dense_kernels import SIZE, fit_block, nodes, swing
@@ -62,12 +62,12 @@ def test_brightness_is_one_in_the_open_and_none_in_gaps(moment: Film) -> None:
 
 def test_a_spot_holds_its_light_and_its_derivatives() -> None:
     image, across, along = (np.zeros((15, 15)) for _ in range(3))
-    draw(image, across, along, 0, 0, 7.3, 7.9, -3.0, 1.0, 1.2, True)
+    draw(Patch(image, across, along, 0, 0), 7.3, 7.9, -3.0, 1.0, 1.2, True)
     assert image.sum() == pytest.approx(math.sqrt(2.0 * math.pi) * 1.2, rel=2e-3)
     assert (image.sum(axis=0) @ (np.arange(15) + 0.5)) / image.sum() == pytest.approx(7.9, abs=1e-2)
     moved = np.zeros((2, 15, 15))
     for k, by in enumerate((-1e-4, 1e-4)):
-        draw(moved[k], across, along, 0, 0, 7.3, 7.9 + by, -3.0, 1.0, 1.2, False)
+        draw(Patch(moved[k], across, along, 0, 0), 7.3, 7.9 + by, -3.0, 1.0, 1.2, False)
     assert np.allclose((moved[1] - moved[0]) / 2e-4, across, atol=1e-5)
     assert np.allclose(along, -3.0 * across)
 

@@ -17,7 +17,7 @@ from pipeline.film.emulsion import FilmEmulsion, ToneCurve, plain_emulsion
 from pipeline.film.marks.pieces import exposed
 from pipeline.film.scan.opening import OpenScan
 from pipeline.film.strobe.dense import Blocks, follow, line_light, spot_of, windows
-from pipeline.film.strobe.dense_kernels import NODES, draw_curve, nodes, tabulate
+from pipeline.film.strobe.dense_kernels import NODES, draw_curve, node_table
 from pipeline.film.strobe.dense_survey import SHADE, Survey, light_of, survey
 from pipeline.film.tracking.calibrate import LEAST_GROWTH, STEEPEST_GRAIN
 
@@ -29,7 +29,7 @@ STEPS, FAINTEST = 24, 0.01  # of light, over the brightest, at which darkness is
 LEAST_PIXELS, LEAST_STEPS = 30, 8
 PRIOR = np.array([0.1, 3.0, 0.15])  # 1 sigma of the guessed curve's darkest, middle and contrast, relative
 SURE = 0.02  # of darkness, and of the darkest, 1 sigma of a step's
-TURNS, UNIT_TURNS = 12, 4
+UNIT_TURNS = 4
 SHADES = np.linspace(0.3, 1.0, 8)  # of the darkest pixel, between which grain is told
 
 
@@ -94,10 +94,9 @@ def lights(scan: OpenScan, emulsion: FilmEmulsion, found: Survey, spot: float) -
     at = np.unique((firsts[:, None] + np.arange(RUN)).clip(max=whole.middle.size - 1))
     blocks = Blocks(whole.middle[at], whole.shape[:, at], whole.light[:, at], found.period)
     follow(scan, emulsion, found, spot, blocks)
-    course, slope = np.empty((2, nodes(found.period, spot)))
-    node = found.period / NODES
+    table, node = node_table(found.period, spot), found.period / NODES
     rows = int(found.period)
-    canvas, work = np.empty((rows, scan.columns)), np.empty(scan.columns)
+    canvas = np.empty((rows, scan.columns))
     light: list[Floats] = [np.empty(0)]
     dark: list[Floats] = [np.empty(0)]
     for trace, (left, right) in enumerate(windows(found, scan.columns)):
@@ -105,9 +104,9 @@ def lights(scan: OpenScan, emulsion: FilmEmulsion, found: Survey, spot: float) -
         usual = float(np.median(blocks.light[trace, good])) if good.size else 1.0
         for block in good:
             top = round(blocks.middle[block] - 0.5 * rows)
-            tabulate(blocks.shape[trace, block], found.period, 2.0 * np.pi / found.period, course, slope)
+            course, slope = table @ blocks.shape[trace, block]
             begin = blocks.middle[block] - 0.5 * (course.size - 1) * node - top
-            draw_curve(canvas, rows, scan.columns, begin, 0.0, node, course, slope, spot, work)
+            draw_curve(canvas, rows, scan.columns, begin, 0.0, node, course, slope, spot)
             drawn = blocks.light[trace, block] / usual * canvas[:, left:right]
             lit = drawn > FAINTEST * drawn.max()
             light.append(drawn[lit])
@@ -117,6 +116,8 @@ def lights(scan: OpenScan, emulsion: FilmEmulsion, found: Survey, spot: float) -
 
 def fitted_curve(light: Floats, dark: Floats, guess: ToneCurve) -> ToneCurve | None:
     """The curve that pixels' darkness follows, by the medians of steps of light; None if these are too few."""
+    from scipy.optimize import least_squares
+
     if light.size < LEAST_PIXELS * LEAST_STEPS:
         return None
     top = float(np.quantile(light, 1.0 - SHARE))
@@ -128,19 +129,12 @@ def fitted_curve(light: Floats, dark: Floats, guess: ToneCurve) -> ToneCurve | N
     # the unit of the light is another one than the guess had: where darkness is half of the darkest
     half = float(np.interp(0.5 * guess.darkest, shade, lit))
     start = np.log([guess.darkest, half, guess.contrast])
-    unknowns = start.copy()
-    weight = 1.0 / (SURE * (shade + guess.darkest)) ** 2
 
-    def model(at: Floats) -> Floats:
-        return ToneCurve(*(float(each) for each in np.exp(at))).darkness(lit)
+    def pulls(at: Floats) -> Floats:
+        away = (shade - ToneCurve(*np.exp(at)).darkness(lit)) / (SURE * (shade + guess.darkest))
+        return np.concatenate([away, (at - start) / PRIOR])
 
-    for _ in range(TURNS):
-        before = model(unknowns)
-        lean = np.stack([(model(unknowns + each) - before) / 1e-4 for each in 1e-4 * np.eye(3)], axis=1)
-        normal = lean.T @ (weight[:, None] * lean) + np.diag(PRIOR**-2.0)
-        right = lean.T @ (weight * (shade - before)) - (unknowns - start) / PRIOR**2
-        unknowns = unknowns + np.clip(np.linalg.solve(normal, right), -0.3, 0.3)
-    return ToneCurve(*(float(each) for each in np.exp(unknowns)))
+    return ToneCurve(*(float(each) for each in np.exp(least_squares(pulls, start).x)))
 
 
 def grain_growth(dark: Floats, shade: Floats, blank: float) -> float:

@@ -14,7 +14,7 @@ from pipeline.film.marks.axis import axis_of
 from pipeline.film.marks.curve_kernels import Patch, brightness_along, draw, light_at_rest, place
 from pipeline.film.marks.search import fitted
 from pipeline.film.parts import Marking
-from pipeline.film.strobe.dense_kernels import SIZE, fit_block, nodes, swing
+from pipeline.film.strobe.dense_kernels import SIZE, Known, fit_block, node_table, values
 
 
 @pytest.fixture(scope="module")
@@ -92,13 +92,10 @@ def test_a_block_of_swings_finds_its_line() -> None:
     phase = 2 * np.pi * np.interp(middle, *made_slowly.clock) / 1.00966 + 0.4
     shape = np.zeros(SIZE)
     shape[0], shape[4], shape[7] = 61.0, 29.0 * np.cos(phase + 0.15), -29.0 * np.sin(phase + 0.15)
-    quality, room = np.empty(3), np.full(SIZE, 10.0)
-    turn, half = 2 * np.pi / period, period
-    canvas, curve = np.empty((80, 120)), np.empty((2, nodes(half, 1.18)))
-    fit_block(exposure, 0, shape, middle, half, turn, 1.18, 1.0, 1.0, room, 8, canvas, *curve, quality)
-    assert quality[2] > 0.6
-    rows = middle + np.linspace(-0.7, 0.7, 60) * period
-    found = np.array([swing(shape, middle, half, turn, row) for row in rows])
-    true = np.interp(rows - 0.5, np.arange(made_slowly.scan.rows), made_slowly.tracks.course[0])
-    away = (found[:, 0] - true) / np.hypot(1.0, found[:, 1])
+    known = Known(period, 1.18, 1.0, 1.0, np.full(SIZE, 10.0), node_table(period, 1.18), np.empty((80, 120)))
+    assert fit_block(exposure, 0, shape, middle, known, 8)[1] > 0.6
+    away = np.linspace(-0.7, 0.7, 60) * period
+    column, slope, _ = values(shape, away, period)
+    true = np.interp(middle + away - 0.5, np.arange(made_slowly.scan.rows), made_slowly.tracks.course[0])
+    away = (column - true) / np.hypot(1.0, slope)
     assert np.median(np.abs(away)) < 0.15

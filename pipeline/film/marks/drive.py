@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,26 @@ GAINED = 10.0  # fall of -2 log likelihood that a line must bring
 
 Lines = tuple[tuple[float, float, float], ...]
 HOLE = 3.0  # s without marks
+
+
+class Motion(NamedTuple):
+    """The paper's motion from mark to mark, for the filter: n numbers make its state.
+
+    Attributes
+    ----------
+    step, noise : (n, n) arrays
+        From one mark to the next.
+    seen : (n,) array
+        What of the state a row is the sum of.
+    start, variance : (n,), (n, n) arrays
+        Before the first mark is seen.
+    """
+
+    step: Floats
+    noise: Floats
+    seen: Floats
+    start: Floats
+    variance: Floats
 
 
 @dataclass(frozen=True)
@@ -148,7 +169,7 @@ def run_drive(
     smooth: bool,
 ) -> Drive:
     """Filter, and if asked smooth, with given parameters."""
-    n, marks = 3 + 2 * len(lines), seen.shape[1]
+    n = 3 + 2 * len(lines)
     move, noise, sees = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
     move[:3, :3] = [[1.0, step, 0.5 * step**2], [0.0, 1.0, step], [0.0, 0.0, 1.0]]
     noise[:3, :3] = np.exp(2.0 * rough) * np.array(
@@ -175,11 +196,8 @@ def run_drive(
         noise[at, at] = 0.5 * size**2 * (1.0 - decay**2) * np.eye(2)
         before[at, at] = size**2 * np.eye(2)
         sees[3 + 2 * k] = 1.0
-    state, ahead = np.empty((marks, n)), np.empty((marks, n))
-    spread, ahead_spread = np.empty((marks, n, n)), np.empty((marks, n, n))
-    likelihood = filter_drive(
-        move, noise, sees, start, before, seen, sigma**2 + floor**2, state, spread, ahead, ahead_spread
-    )
+    motion = Motion(move, noise, sees, start, before)
+    likelihood, state, spread, ahead, ahead_spread = filter_drive(motion, seen, sigma**2 + floor**2)
     if smooth:
         smooth_drive(move, state, spread, ahead, ahead_spread)
     runs, acceleration = np.eye(n)[1], state[:, 2].copy()
@@ -253,35 +271,20 @@ def holes_honest(rows: Floats, sigma: Floats, found: Drive) -> Drive:
 
 
 @kernel
-def filter_drive(
-    step: Floats,
-    noise: Floats,
-    seen: Floats,
-    start: Floats,
-    start_variance: Floats,
-    rows: Floats,
-    variance: Floats,
-    state: Floats,
-    spread: Floats,
-    ahead: Floats,
-    ahead_spread: Floats,
-) -> float:
-    """Filter forward; returns -2 log likelihood.
+def filter_drive(motion: Motion, rows: Floats, variance: Floats) -> tuple[float, Floats, Floats, Floats, Floats]:
+    """Kalman filter forward over marks measured on any of the traces, (traces, marks); NaN = missing.
 
-    Parameters
-    ----------
-    step, noise : (n, n) arrays
-        From one mark to the next.
-    seen : (n,) array
-        What of the state a row is the sum of.
-    start, start_variance : (n,), (n, n) arrays
-        Before the first mark is seen.
-    rows, variance : (traces, marks) arrays
-        Measured; NaN = missing.
+    Returns
+    -------
+    likelihood : float
+        -2 log likelihood.
     state, spread, ahead, ahead_spread : (marks, n) and (marks, n, n) arrays
-        After each mark is seen, and before: results.
+        After each mark is seen, and before.
     """
-    n = start.size
+    step, noise, seen, start, start_variance = motion
+    marks, n = rows.shape[1], start.size
+    state, ahead = np.empty((marks, n)), np.empty((marks, n))
+    spread, ahead_spread = np.empty((marks, n, n)), np.empty((marks, n, n))
     x, p = start.copy(), start_variance.copy()
     gain, moved, half = np.empty(n), np.empty(n), np.empty((n, n))
     total = 0.0
@@ -301,10 +304,7 @@ def filter_drive(
                     for m in range(n):
                         value += half[i, m] * step[j, m]
                     p[i, j] = value
-        for i in range(n):
-            ahead[k, i] = x[i]
-            for j in range(n):
-                ahead_spread[k, i, j] = p[i, j]
+        ahead[k], ahead_spread[k] = x, p
         for trace in range(rows.shape[0]):
             away = rows[trace, k]
             if math.isnan(away):
@@ -323,11 +323,8 @@ def filter_drive(
                 for j in range(n):
                     p[i, j] -= gain[i] * gain[j] / room
             total += away * away / room + math.log(room)
-        for i in range(n):
-            state[k, i] = x[i]
-            for j in range(n):
-                spread[k, i, j] = p[i, j]
-    return total
+        state[k], spread[k] = x, p
+    return total, state, spread, ahead, ahead_spread
 
 
 @kernel

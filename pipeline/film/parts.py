@@ -12,32 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.film.scan.image import Image
-
 Floats = NDArray[np.float64]
-
-
-class Scan(Image, Protocol):
-    """An opened image of a film, turned so that rows run with time and lines are dark; read piece by piece.
-
-    Attributes
-    ----------
-    rows, columns : int
-        Size, px.
-    full_scale : int
-        Value of the lightest pixel: 255 or 65535.
-    scale : float or None
-        Size of a pixel on the film, mm; None if neither the file nor the user says.
-    """
-
-    @property
-    def scale(self) -> float | None:
-        """Size of a pixel on the film, mm."""
-        ...
-
-    def read(self, first: int, stop: int) -> NDArray[Any]:
-        """Rows `first` to `stop`, (stop - first, columns), uint8 or uint16; only what lies in the image."""
-        ...
 
 
 class Emulsion(Protocol):
@@ -86,6 +61,12 @@ class Tracks:
     qc: NDArray[np.uint16]
     rows_per_swing: float
     spot: float
+
+    @staticmethod
+    def empty(traces: int, rows: int, rows_per_swing: float, spot: float) -> Tracks:
+        """Nothing read yet."""
+        a, b, c, d, e, f = np.full((6, traces, rows), np.nan)
+        return Tracks(a, b, c, d, e, f, np.zeros((traces, rows), np.uint16), rows_per_swing, spot)
 
 
 @dataclass(frozen=True)

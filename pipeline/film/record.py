@@ -19,7 +19,7 @@ from pipeline.film.knowledge import Known, default_traces
 from pipeline.film.marks.checks import marks_flags, marks_seen
 from pipeline.film.parts import Floats, TimeAxis
 from pipeline.film.reading import Reading, accepted_fraction, rows_per_second
-from pipeline.film.scan.files import sha256
+from pipeline.film.scan.opening import sha256
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pipeline.film.parts import Scan
     from pipeline.film.reading import Reading
+    from pipeline.film.scan.opening import OpenScan
 
 _IMAGE_HEIGHT = 900  # dots across the film, at most
 _LEAST_CONTRAST = 0.1  # of full scale: the grain of blank film is not stretched to black and white
@@ -65,7 +65,7 @@ def film_figure(reading: Reading, start: float | None = None, stop: float | None
     return figure
 
 
-def unread_figure(scan: Scan, why: str) -> Figure:
+def unread_figure(scan: OpenScan, why: str) -> Figure:
     """Draw a film that could not be read, and say in one line why."""
     strips = _strips(scan, 0, scan.rows, (0, scan.columns), 0.0)
     figure, axes = _sheet("Film, not read", why if len(why) < 190 else why[:187] + "...", strips)
@@ -117,7 +117,7 @@ def _reach(reading: Reading, first: int, last: int) -> tuple[int, int]:
     return max(0, int(low - margin)), min(reading.scan.columns, int(high + margin))
 
 
-def _strips(scan: Scan, first: int, last: int, columns: tuple[int, int], seconds_per_row: float) -> list[Strip]:
+def _strips(scan: OpenScan, first: int, last: int, columns: tuple[int, int], seconds_per_row: float) -> list[Strip]:
     length = _STRIP / seconds_per_row if seconds_per_row > 0.0 else 1800.0
     count = int(np.clip(np.ceil((last - first) / length - 0.05), 1, _MOST_STRIPS))
     edges = np.linspace(first, last, count + 1).astype(int)
@@ -137,7 +137,7 @@ def _sheet(title: str, subtitle: str, strips: Sequence[Strip]) -> tuple[Figure, 
     return figure, axes
 
 
-def _draw_image(axes: Axes, scan: Scan, strip: Strip) -> None:
+def _draw_image(axes: Axes, scan: OpenScan, strip: Strip) -> None:
     grey = picture(scan, strip.first, strip.stop, strip.left, strip.right, _DOTS)
     extent = (strip.first, strip.stop, strip.left, strip.right)
     axes.imshow(grey.T, **_IMAGE, extent=extent, cmap="gray", vmin=0.0, vmax=1.0)
@@ -260,7 +260,7 @@ def _legend(figure: Figure, reading: Reading) -> None:
     figure.legend(handles=handles, loc="upper right", ncols=columns, fontsize=8.5, frameon=False, borderaxespad=0.4)
 
 
-def picture(scan: Scan, first: int, stop: int, left: int, right: int, dots: int) -> NDArray[np.float32]:
+def picture(scan: OpenScan, first: int, stop: int, left: int, right: int, dots: int) -> NDArray[np.float32]:
     """Grey from 0 (black) to 1 of rows `first` to `stop`, columns `left` to `right`, at most (dots, 900).
 
     A dot that covers several pixels is halfway between their mean and their darkest. The contrast is stretched from

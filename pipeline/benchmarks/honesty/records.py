@@ -291,7 +291,7 @@ def _tree(
     law = {"restoring": "linear" if case.linear else "sine"} if case.states_law else {}
     reference = {"reference": "case"} if (case.tilt or case.follows) and case.states_tilt else {}
     root = {"Conventions": CONVENTIONS, "schema": "isochrony-record", "schema_version": VERSION}
-    root |= {"record_id": label, "title": f"benchmark record {label}", "history": "", "source": "model"}
+    root |= {"record_id": identifier(label), "title": f"benchmark record {label}", "history": "", "source": "model"}
     groups = {
         "/": _dataset("", {"time": (("time",), times)}).assign_attrs(root),
         "/record": _dataset("record/", read_values).assign_attrs(reference),

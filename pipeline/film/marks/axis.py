@@ -14,7 +14,8 @@ from pipeline.film.marks.drive import Drive, drive, holes_honest
 from pipeline.film.marks.minutes import Minutes, code_marks, find_minutes, repaired
 from pipeline.film.marks.oblique import lasting, middles, refined
 from pipeline.film.marks.search import Gaps, find_gaps, learned_width
-from pipeline.film.parts import Emulsion, Floats, Marking, Scan, TimeAxis, Tracks
+from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks
+from pipeline.film.scan.opening import OpenScan
 
 ROUNDS = 2  # of drive and shear
 SPEED_TOLERANCE = 0.25  # of the stated speed
@@ -31,7 +32,7 @@ class Counted:
     alignment: Alignment
 
 
-def time_axis(scan: Scan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1) -> TimeAxis:
+def time_axis(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1) -> TimeAxis:
     """When each row of a film was exposed; `jobs` threads may work.
 
     Raises

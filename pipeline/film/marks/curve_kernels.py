@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from pipeline.arrays import Floats
 from synth.kernels.compiled import kernel
@@ -11,7 +12,20 @@ REACH = 3.5  # spots, beyond which there is no light
 STRAIGHT = 4.0  # length of line a row, from which its bend within a spot is nothing
 PARAMETERS = 6
 STEP = 1.0  # spots between spots drawn: their sum is even to 1e-8
-FLANK = 8.0  # spots of line on either side of the gap
+FLANK = 9.0  # spots of line on either side of the gap
+
+
+class Patch(NamedTuple):
+    """Light drawn on a piece of the film whose first pixel lies at row `top` and column `left`.
+
+    `across` and `along` are its derivatives by a shift of the curve across the film and by a lead along it.
+    """
+
+    image: Floats
+    across: Floats
+    along: Floats
+    top: int
+    left: int
 
 
 @kernel
@@ -29,24 +43,12 @@ def place(course: Floats, slope: Floats, row: float) -> tuple[float, float]:
 
 
 @kernel
-def draw(
-    image: Floats,
-    across: Floats,
-    along: Floats,
-    top: int,
-    left: int,
-    row: float,
-    column: float,
-    slope: float,
-    weight: float,
-    spot: float,
-    sloped: bool,
-) -> None:
+def draw(patch: Patch, row: float, column: float, slope: float, weight: float, spot: float, sloped: bool) -> None:
     """Add a Gaussian spot, of density 1/(sqrt(2 pi) spot) at its centre times `weight`, to a piece of the film.
 
-    If `sloped`, its derivative by the column is added to `across`, and `slope` times that to `along`: a curve that is
-    moved along the film moves across it as it is steep.
+    If `sloped`, its derivatives are added, too: a curve that is moved along the film moves across it by its `slope`.
     """
+    image, across, along, top, left = patch
     rows, columns = image.shape
     reach = REACH * spot
     first, last = max(0, math.ceil(row - reach - 0.5) - top), min(rows - 1, math.floor(row + reach - 0.5) - top)
@@ -157,21 +159,8 @@ def brightness_along(
 
 
 @kernel
-def clear(layers: Floats, first: int, stop: int, rows: int, columns: int) -> None:
-    """Blank the used part of some layers."""
-    for k in range(first, stop):
-        for y in range(rows):
-            for x in range(columns):
-                layers[k, y, x] = 0.0
-
-
-@kernel
 def shade(
-    image: Floats,
-    across: Floats,
-    along: Floats,
-    top: int,
-    left: int,
+    patch: Patch,
     course: Floats,
     slope: Floats,
     begin: float,
@@ -185,8 +174,7 @@ def shade(
 
     If `sloped`, the derivatives of its light by `shift` and `lead` are drawn too.
     """
-    _rows, columns = image.shape
-    reach = REACH * spot
+    left, right = patch.left - REACH * spot, patch.left + patch.image.shape[1] + REACH * spot
     row = begin
     while row < end:
         column, lean = place(course, slope, row)
@@ -202,32 +190,9 @@ def shade(
         column, lean = place(course, slope, middle)
         if not math.isnan(column):
             column += shift + lead * lean
-            if left - reach < column < left + columns + reach:
-                draw(image, across, along, top, left, middle, column, lean, step, spot, sloped)
+            if left < column < right:
+                draw(patch, middle, column, lean, step, spot, sloped)
         row += step
-
-
-@kernel
-def solve(normal: Floats, right: Floats, size: int) -> bool:
-    """Gauss-Jordan in place: `normal` becomes its inverse, `right` the solution; False if singular."""
-    for i in range(size):
-        pivot = normal[i, i]
-        if not pivot > 0.0:
-            return False
-        for j in range(size):
-            if j != i:
-                factor = normal[j, i] / pivot
-                for k in range(size):
-                    if k != i:
-                        normal[j, k] -= factor * normal[i, k]
-                right[j] -= factor * right[i]
-                normal[j, i] = -factor
-        for k in range(size):
-            if k != i:
-                normal[i, k] /= pivot
-        right[i] /= pivot
-        normal[i, i] = 1.0 / pivot
-    return True
 
 
 @kernel
@@ -243,7 +208,7 @@ def window(course: Floats, slope: Floats, mark: float, width: float, spot: float
                 return False
             box[0], box[1] = min(box[0], row), max(box[1], row)
             box[2], box[3] = min(box[2], column), max(box[3], column)
-            if way >= FLANK * spot:
+            if way > (FLANK - 0.5) * spot:
                 break
             step = STEP * spot / math.sqrt(1.0 + lean * lean)
             if inside > 0.0:

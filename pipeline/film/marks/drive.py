@@ -9,13 +9,15 @@ are worse than they say.
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.film.marks.drive_kernels import filter_drive, smooth_drive
 from pipeline.film.parts import Floats
+from synth.kernels.compiled import kernel
 
 MOST_LINES = 3
 STANDS_OUT = 25.0  # power of a line over that of its surroundings
@@ -29,6 +31,26 @@ GAINED = 10.0  # fall of -2 log likelihood that a line must bring
 
 Lines = tuple[tuple[float, float, float], ...]
 HOLE = 3.0  # s without marks
+
+
+class Motion(NamedTuple):
+    """The paper's motion from mark to mark, for the filter: n numbers make its state.
+
+    Attributes
+    ----------
+    step, noise : (n, n) arrays
+        From one mark to the next.
+    seen : (n,) array
+        What of the state a row is the sum of.
+    start, variance : (n,), (n, n) arrays
+        Before the first mark is seen.
+    """
+
+    step: Floats
+    noise: Floats
+    seen: Floats
+    start: Floats
+    variance: Floats
 
 
 @dataclass(frozen=True)
@@ -147,7 +169,7 @@ def run_drive(
     smooth: bool,
 ) -> Drive:
     """Filter, and if asked smooth, with given parameters."""
-    n, marks = 3 + 2 * len(lines), seen.shape[1]
+    n = 3 + 2 * len(lines)
     move, noise, sees = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
     move[:3, :3] = [[1.0, step, 0.5 * step**2], [0.0, 1.0, step], [0.0, 0.0, 1.0]]
     noise[:3, :3] = np.exp(2.0 * rough) * np.array(
@@ -174,11 +196,8 @@ def run_drive(
         noise[at, at] = 0.5 * size**2 * (1.0 - decay**2) * np.eye(2)
         before[at, at] = size**2 * np.eye(2)
         sees[3 + 2 * k] = 1.0
-    state, ahead = np.empty((marks, n)), np.empty((marks, n))
-    spread, ahead_spread = np.empty((marks, n, n)), np.empty((marks, n, n))
-    likelihood = filter_drive(
-        move, noise, sees, start, before, seen, sigma**2 + floor**2, state, spread, ahead, ahead_spread
-    )
+    motion = Motion(move, noise, sees, start, before)
+    likelihood, state, spread, ahead, ahead_spread = filter_drive(motion, seen, sigma**2 + floor**2)
     if smooth:
         smooth_drive(move, state, spread, ahead, ahead_spread)
     runs, acceleration = np.eye(n)[1], state[:, 2].copy()
@@ -249,3 +268,70 @@ def holes_honest(rows: Floats, sigma: Floats, found: Drive) -> Drive:
     for begin, stop in itertools.pairwise(seen.tolist()):
         inside[begin + 1 : stop] = (stop - begin) * found.step >= HOLE
     return replace(found, row_sigma=np.where(inside, scale * found.row_sigma, found.row_sigma))
+
+
+@kernel
+def filter_drive(motion: Motion, rows: Floats, variance: Floats) -> tuple[float, Floats, Floats, Floats, Floats]:
+    """Kalman filter forward over marks measured on any of the traces, (traces, marks); NaN = missing.
+
+    Returns
+    -------
+    likelihood : float
+        -2 log likelihood.
+    state, spread, ahead, ahead_spread : (marks, n) and (marks, n, n) arrays
+        After each mark is seen, and before.
+    """
+    step, noise, seen, start, start_variance = motion
+    marks, n = rows.shape[1], start.size
+    state, ahead = np.empty((marks, n)), np.empty((marks, n))
+    spread, ahead_spread = np.empty((marks, n, n)), np.empty((marks, n, n))
+    x, p = start.copy(), start_variance.copy()
+    gain, moved, half = np.empty(n), np.empty(n), np.empty((n, n))
+    total = 0.0
+    for k in range(rows.shape[1]):
+        if k > 0:
+            for i in range(n):
+                moved[i] = 0.0
+                for j in range(n):
+                    moved[i] += step[i, j] * x[j]
+                    half[i, j] = 0.0
+                    for m in range(n):
+                        half[i, j] += step[i, m] * p[m, j]
+            for i in range(n):
+                x[i] = moved[i]
+                for j in range(n):
+                    value = noise[i, j]
+                    for m in range(n):
+                        value += half[i, m] * step[j, m]
+                    p[i, j] = value
+        ahead[k], ahead_spread[k] = x, p
+        for trace in range(rows.shape[0]):
+            away = rows[trace, k]
+            if math.isnan(away):
+                continue
+            room = variance[trace, k]
+            for i in range(n):
+                gain[i] = 0.0
+                for j in range(n):
+                    gain[i] += p[i, j] * seen[j]
+                away -= seen[i] * x[i]
+            for i in range(n):
+                room += seen[i] * gain[i]
+            for i in range(n):
+                x[i] += gain[i] * away / room
+            for i in range(n):
+                for j in range(n):
+                    p[i, j] -= gain[i] * gain[j] / room
+            total += away * away / room + math.log(room)
+        state[k], spread[k] = x, p
+    return total, state, spread, ahead, ahead_spread
+
+
+@kernel
+def smooth_drive(step: Floats, state: Floats, spread: Floats, ahead: Floats, ahead_spread: Floats) -> None:
+    """Rauch, Tung and Striebel's smoother: `state` and `spread` become those given all marks."""
+    for k in range(state.shape[0] - 2, -1, -1):
+        gain = np.ascontiguousarray(np.linalg.solve(ahead_spread[k + 1], step @ spread[k]).T)
+        state[k] += gain @ (state[k + 1] - ahead[k + 1])
+        change = gain @ (spread[k + 1] - ahead_spread[k + 1]) @ gain.T
+        spread[k] += 0.5 * (change + change.T)

@@ -11,11 +11,14 @@ model), on steep strokes and in turning points alike.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.marks.curve_kernels import PARAMETERS, REACH, clear, draw, place, shade, solve, window
+from pipeline.film.marks.curve_kernels import PARAMETERS, REACH, Patch, draw, place, shade, window
+from pipeline.film.tracking.motion import solve
 from synth.kernels.compiled import kernel
 
 (
@@ -43,6 +46,29 @@ LEAD = 0.2  # rows, 1 sigma, by which a course may lie early or late
 CLIP = 4.0  # sigmas, of a pixel's residual
 
 
+class Known(NamedTuple):
+    """What is known of spot, grain and gaps.
+
+    Attributes
+    ----------
+    spot : float
+        1 sigma, px.
+    grain, grain_step : array, float
+        1 sigma of the exposure of a pixel at even steps of exposure from 0 on.
+    lateral, width_prior : float
+        1 sigma of the course across the line, px, and of a gap's width, relative.
+    spacing : float
+        Rows between marks.
+    """
+
+    spot: float
+    grain: Floats
+    grain_step: float
+    lateral: float
+    width_prior: float
+    spacing: float
+
+
 @kernel
 def fit_gap(
     exposure: Floats,
@@ -52,16 +78,12 @@ def fit_gap(
     trace: int,
     mark: float,
     width: float,
-    spot: float,
-    grain: Floats,
-    grain_step: float,
-    lateral: float,
-    width_prior: float,
-    spacing: float,
+    known: Known,
     layers: Floats,
     out: Floats,
 ) -> bool:
     """Fit one gap; False, with `out` NaN, where it cannot be done."""
+    spot, grain = known.spot, known.grain
     for k in range(out.size):
         out[k] = math.nan
     course, slope = courses[trace], slopes[trace]
@@ -73,20 +95,23 @@ def fit_gap(
     columns = min(math.ceil(box[3]), exposure.shape[1]) - left
     if rows < 4 or columns < 4 or rows > layers.shape[1] or columns > layers.shape[2]:
         return False
-    line, line_d = layers[0, :rows, :columns], layers[1, :rows, :columns]
-    gap, gap_d = layers[2, :rows, :columns], layers[3, :rows, :columns]
-    start, stop, far = layers[4, :rows, :columns], layers[5, :rows, :columns], layers[6, :rows, :columns]
-    line_h, gap_h = layers[7, :rows, :columns], layers[8, :rows, :columns]
+    layer = layers[:, :rows, :columns]
+    # light of the line, of what the shutter took, at its two edges, and of other lines
+    whole = Patch(layer[0], layer[1], layer[2], top, left)
+    lost = Patch(layer[3], layer[4], layer[5], top, left)
+    line, line_d, line_h, gap, gap_d, gap_h = layer[0], layer[1], layer[2], layer[3], layer[4], layer[5]
+    start, stop, far = layer[6], layer[7], layer[8]
     reach = REACH * spot
-    near = 0.45 * spacing  # rows: what the line draws later than that may lie in another gap
-    clear(layers, 6, 7, rows, columns)
+    near = 0.45 * known.spacing  # rows: what the line draws later than that may lie in another gap
+    far[:] = 0.0
+    others = Patch(far, far, far, top, left)
     for other in range(courses.shape[0] + 1):  # other traces, and before and after `near` this one
         which = other if other < courses.shape[0] else trace
         begin = mark + near if other == courses.shape[0] else top - reach
         end = mark - near if other == trace else top + rows + reach
-        shade(far, far, far, top, left, courses[which], slopes[which], begin, end, 0.0, 0.0, spot, False)
+        shade(others, courses[which], slopes[which], begin, end, 0.0, 0.0, spot, False)
     here, lean = place(course, slope, mark)
-    sideways = lateral * math.sqrt(1.0 + lean * lean)
+    sideways = known.lateral * math.sqrt(1.0 + lean * lean)
     m, w, d, h, a, b, drawn, led = mark, width, 0.0, 0.0, 1.0, 1.0, math.inf, 0.0
     w0 = width
     normal, right = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
@@ -94,15 +119,11 @@ def fit_gap(
     misfit, count, bright = 0.0, 0, 0.0
     for turn in range(ROUNDS):
         if abs(d - drawn) > 0.02 * math.sqrt(1.0 + lean * lean) or abs(h - led) > 0.02:
-            clear(layers, 0, 2, rows, columns)
-            clear(layers, 7, 8, rows, columns)
+            layer[:3] = 0.0
             begin, end = max(top - reach, mark - near), min(top + rows + reach, mark + near)
-            shade(line, line_d, line_h, top, left, course, slope, begin, end, d, h, spot, True)
+            shade(whole, course, slope, begin, end, d, h, spot, True)
             drawn, led = d, h
-            bright = 0.0
-            for y in range(rows):
-                for x in range(columns):
-                    bright = max(bright, line[y, x])
+            bright = line.max()
             if turn == 0:
                 over = under = 0.0
                 for y in range(rows):
@@ -111,16 +132,14 @@ def fit_gap(
                             over += exposure[top - first + y, left + x] * line[y, x]
                             under += line[y, x] ** 2
                 a = b = max(over / under if under > 0.0 else 1.0, 0.05)
-        clear(layers, 2, 6, rows, columns)
-        clear(layers, 8, 9, rows, columns)
-        shade(gap, gap_d, gap_h, top, left, course, slope, m - 0.5 * w, m + 0.5 * w, d, h, spot, True)
+        layer[3:8] = 0.0
+        shade(lost, course, slope, m - 0.5 * w, m + 0.5 * w, d, h, spot, True)
         for side in range(2):
             edge = m + (side - 0.5) * w
             at, steep = place(course, slope, edge)
             if math.isnan(at):
                 return False
-            into = layers[4 + side, :rows, :columns]
-            draw(into, far, far, top, left, edge, at + d + h * steep, 0.0, 1.0, spot, False)
+            draw(Patch(layer[6 + side], far, far, top, left), edge, at + d + h * steep, 0.0, 1.0, spot, False)
         for i in range(PARAMETERS):
             right[i] = 0.0
             for j in range(PARAMETERS):
@@ -134,7 +153,7 @@ def fit_gap(
                 if light < 0.01 * bright:
                     continue
                 expected = a * light - b * gap[y, x]
-                at_grain = max(expected, 0.0) / grain_step
+                at_grain = max(expected, 0.0) / known.grain_step
                 g = min(int(at_grain), grain.size - 2)
                 noise = (
                     grain[g] + (at_grain - g) * (grain[g + 1] - grain[g]) if at_grain < grain.size - 1 else grain[-1]
@@ -167,8 +186,8 @@ def fit_gap(
                 normal[j, i] = normal[i, j]
         normal[3, 3] += 1.0 / sideways**2
         right[3] -= d / sideways**2
-        normal[4, 4] += 1.0 / (width_prior * w0) ** 2
-        right[4] -= (w - w0) / (width_prior * w0) ** 2
+        normal[4, 4] += 1.0 / (known.width_prior * w0) ** 2
+        right[4] -= (w - w0) / (known.width_prior * w0) ** 2
         normal[5, 5] += 1.0 / LEAD**2
         right[5] -= h / LEAD**2
         # a weak hold on the depth where the gap has no pixels left
@@ -212,38 +231,17 @@ def fit_gaps(
     first: int,
     courses: Floats,
     slopes: Floats,
-    traces: Floats,
+    traces: NDArray[np.int64],
     guesses: Floats,
     widths: Floats,
-    spot: float,
-    grain: Floats,
-    grain_step: float,
-    lateral: float,
-    width_prior: float,
-    spacing: float,
-    out: Floats,
-) -> None:
-    """Fit gaps near the rows `guesses` of `traces` (int64), of `widths` rows, into `out` (gaps, RESULTS)."""
-    wide = 0.0
+    known: Known,
+) -> NDArray[np.float64]:
+    """Fit gaps near the rows `guesses` of `traces`, of `widths` rows, (gaps, RESULTS)."""
+    out, wide = np.empty((guesses.size, RESULTS)), 0.0
     for k in range(widths.size):
         wide = max(wide, widths[k])
-    room = int(28.0 * spot) + 8
+    room = int(28.0 * known.spot) + 8
     layers = np.empty((LAYERS, int(wide) + room, int(STEEPEST * wide) + room))
     for k in range(guesses.size):
-        fit_gap(
-            exposure,
-            first,
-            courses,
-            slopes,
-            traces[k],
-            guesses[k],
-            widths[k],
-            spot,
-            grain,
-            grain_step,
-            lateral,
-            width_prior,
-            spacing,
-            layers,
-            out[k],
-        )
+        fit_gap(exposure, first, courses, slopes, traces[k], guesses[k], widths[k], known, layers, out[k])
+    return out

@@ -10,7 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.film.parts import Emulsion, Floats, Scan
+from pipeline.film.parts import Emulsion, Floats
+from pipeline.film.scan.opening import OpenScan
 
 Item = TypeVar("Item")
 
@@ -58,7 +59,7 @@ def in_order(work: Callable[[Item], Result], items: Iterable[Item], jobs: int = 
 
 
 def over_pieces(
-    scan: Scan, emulsion: Emulsion, work: Callable[[int, int, int, NDArray[np.float32]], Result], jobs: int
+    scan: OpenScan, emulsion: Emulsion, work: Callable[[int, int, int, NDArray[np.float32]], Result], jobs: int
 ) -> list[Result]:
     """What `work` makes of each piece in its order: rows `begin` to `stop`, first row of the exposure, exposure."""
 
@@ -70,7 +71,7 @@ def over_pieces(
     return list(in_order(one, range(0, scan.rows, ROWS), jobs))
 
 
-def exposed(scan: Scan, emulsion: Emulsion, first: int, stop: int) -> NDArray[np.float32]:
+def exposed(scan: OpenScan, emulsion: Emulsion, first: int, stop: int) -> NDArray[np.float32]:
     """Exposure of some rows, (rows, columns), contiguous."""
     pixels: NDArray[Any] = scan.read(first, stop)
     return np.ascontiguousarray(emulsion.exposure(pixels, first), dtype=np.float32)

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from data_schemas.errors import RefusedError
 from pipeline.film.marks import gap_kernels
 from pipeline.film.marks.curve_kernels import brightness_along
-from pipeline.film.marks.gap_kernels import RESULTS, fit_gaps
+from pipeline.film.marks.gap_kernels import Known, fit_gaps
 from pipeline.film.marks.pieces import MARGIN, exposed, grain, over_pieces
-from pipeline.film.parts import Emulsion, Floats, Scan, Tracks
+from pipeline.film.parts import Emulsion, Floats, Tracks
+from pipeline.film.scan.opening import OpenScan
 
 LATERAL = 0.1  # px, 1 sigma of the tracker's course across the line
 WIDTH_PRIOR = 0.12  # of the width, 1 sigma: wow, drift and shear change it
@@ -43,7 +44,7 @@ def steps_a_row(tracks: Tracks, spot: float) -> int:
     return int(np.clip(np.ceil(steep / (1.3 * spot)), 4, 40))
 
 
-def find_gaps(scan: Scan, emulsion: Emulsion, tracks: Tracks, width: float, jobs: int = 1) -> Gaps:
+def find_gaps(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, width: float, jobs: int = 1) -> Gaps:
     """All gaps of about `width` rows on all traces, fitted and judged."""
     steps = steps_a_row(tracks, tracks.spot)
 
@@ -73,15 +74,9 @@ def fitted(
     lateral: float = LATERAL,
 ) -> Floats:
     """Gaps fitted near some rows of some traces of a piece of film, (gaps, RESULTS)."""
-    out = np.empty((guesses.size, RESULTS))
-    table, step = grain(emulsion)
     widths = np.broadcast_to(np.asarray(width, dtype=np.float64), guesses.shape).copy()
-    spacing = 0.5 * tracks.rows_per_swing
-    fit_gaps(
-        exposure, first, tracks.course, tracks.slope, traces.astype(np.int64), guesses, widths,
-        tracks.spot, table, step, lateral, prior, spacing, out,
-    )  # fmt: skip
-    return out
+    known = Known(tracks.spot, *grain(emulsion), lateral, prior, 0.5 * tracks.rows_per_swing)
+    return fit_gaps(exposure, first, tracks.course, tracks.slope, traces, guesses, widths, known)
 
 
 def relative_light(
@@ -217,7 +212,7 @@ class Gaps:
         return self.row.size
 
 
-def learned_width(scan: Scan, emulsion: Emulsion, tracks: Tracks) -> float:
+def learned_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks) -> float:
     """Rows for which the shutter closes, by the dark runs on steep strokes of some pieces of the film.
 
     Raises

@@ -33,7 +33,7 @@ class Edge(NamedTuple):
     level: float
 
 
-@dataclass(frozen=True)
+@dataclass
 class WithoutBorder(View):
     """An image whose borders show blank film.
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ MOST_PIXELS = 2**36
 MOST_BYTES_AT_ONCE = 2**29  # of a file that can only be decoded whole
 
 
-class Image(Protocol):
+class Image(ABC):
     """Rows of an image in grey, before it is turned.
 
     Attributes
@@ -25,58 +26,19 @@ class Image(Protocol):
     rows, columns : int
         Size, px.
     full_scale : int
-        255 or 65535.
+        Value of the lightest pixel: 255 or 65535.
     """
 
-    @property
-    def rows(self) -> int:
-        """Rows of the image."""
-        ...
+    rows: int
+    columns: int
+    full_scale: int
 
-    @property
-    def columns(self) -> int:
-        """Columns of the image."""
-        ...
-
-    @property
-    def full_scale(self) -> int:
-        """Value of the lightest pixel."""
-        ...
-
+    @abstractmethod
     def read(self, first: int, stop: int) -> Pixels:
         """Rows `first` to `stop`."""
-        ...
 
 
-@dataclass(frozen=True)
-class View:
-    """An image seen through something that keeps its size and its white; `read` is the heir's.
-
-    Attributes
-    ----------
-    image : Image
-        What is seen.
-    """
-
-    image: Image
-
-    @property
-    def rows(self) -> int:
-        """Rows of the image."""
-        return self.image.rows
-
-    @property
-    def columns(self) -> int:
-        """Columns of the image."""
-        return self.image.columns
-
-    @property
-    def full_scale(self) -> int:
-        """Value of the lightest pixel."""
-        return self.image.full_scale
-
-
-class ImageFile(Image, Protocol):
+class ImageFile(Image):
     """An image file.
 
     Attributes
@@ -88,20 +50,19 @@ class ImageFile(Image, Protocol):
         The orientation of TIFF and EXIF, 1 to 8: how the stored rows lie in the picture.
     """
 
-    @property
-    def path(self) -> Path:
-        """The file."""
-        ...
+    path: Path
+    resolution: tuple[float, float] | None
+    upright: int
 
-    @property
-    def resolution(self) -> tuple[float, float] | None:
-        """Pixels per inch down and across."""
-        ...
 
-    @property
-    def upright(self) -> int:
-        """How the stored rows lie in the picture."""
-        ...
+@dataclass
+class View(Image):
+    """An image seen through something that keeps its size and its white; `read` is the heir's."""
+
+    image: Image
+
+    def __post_init__(self) -> None:
+        self.rows, self.columns, self.full_scale = self.image.rows, self.image.columns, self.image.full_scale
 
 
 def refuse_absurd_size(path: Path, rows: int, columns: int) -> None:

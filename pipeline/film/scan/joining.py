@@ -75,22 +75,15 @@ class Part:
         return off + abs(self.turn) * max(self.image.rows, self.image.columns) < _EXACT
 
 
-@dataclass(frozen=True)
-class Joined:
+@dataclass
+class Joined(Image):
     """Strips as one image, as wide as the first."""
 
     parts: tuple[Part, ...]
     rows: int
 
-    @property
-    def columns(self) -> int:
-        """Columns of the image."""
-        return self.parts[0].image.columns
-
-    @property
-    def full_scale(self) -> int:
-        """Value of the lightest pixel."""
-        return self.parts[0].image.full_scale
+    def __post_init__(self) -> None:
+        self.columns, self.full_scale = self.parts[0].image.columns, self.parts[0].image.full_scale
 
     def read(self, first: int, stop: int) -> Pixels:
         """Rows `first` to `stop`."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import importlib.util
+import io
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from data_schemas.errors import FileError, UsageError
+from data_schemas.ordinary import ordinary_size
 from pipeline.film.scan.border import WithoutBorder, without_border
-from pipeline.film.scan.files import open_image
 from pipeline.film.scan.image import Image, ImageFile, Pixels, View
 from pipeline.film.scan.turning import CLOCKWISE, UPRIGHT, Turn, Turned, turned
 
@@ -25,10 +28,15 @@ _MM_PER_INCH = 25.4
 _UNSAID = (1.0, 72.0, 96.0)  # pixels per inch that programs write where they know nothing; no film is scanned so
 _SQUARE = 0.01  # largest relative difference of pixels' two sides
 
+MOST_BYTES = 1 << 35
+REMEDY = "give a scan of a film as TIFF, PNG or JPEG"
+_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
 
-@dataclass(frozen=True)
+
+@dataclass
 class OpenScan(View):
-    """A scan of a film (see `pipeline.film.parts.Scan`).
+    """An opened image of a film, turned so that rows run with time and lines are dark; read piece by piece.
 
     Attributes
     ----------
@@ -165,7 +173,7 @@ def _departures(pixels: Pixels) -> np.ndarray[tuple[int, ...], np.dtype[np.float
     return blocks
 
 
-@dataclass(frozen=True)
+@dataclass
 class Inverted(View):
     """An image whose light lines have become dark."""
 
@@ -201,3 +209,44 @@ class ScanOptions:
             value = getattr(self, name)
             if value not in known:
                 raise UsageError(f"{name} '{value}': give one of {', '.join(known)}")
+
+
+def open_image(path: Path) -> ImageFile:
+    """Open an image file of any kind that is known.
+
+    Raises
+    ------
+    FileError
+        It cannot be read, is no image, or is damaged.
+    UsageError
+        What reads images is not installed.
+    """
+    with open_binary(path) as stream:
+        magic = stream.read(8)
+    for needed in ("tifffile", "PIL"):
+        if importlib.util.find_spec(needed) is None:
+            raise UsageError(f"reading films needs {needed}, which is not installed; pip install 'isochrony[film]'")
+    if magic[:4] in _TIFF:
+        from pipeline.film.scan.tiff import open_tiff
+
+        return open_tiff(path)
+    if magic == _PNG or magic[:3] == _JPEG:
+        from pipeline.film.scan.whole import open_whole
+
+        return open_whole(path, "PNG" if magic == _PNG else "JPEG")
+    raise FileError(f"{path}: is no image that can be read; {REMEDY}")
+
+
+def open_binary(path: Path) -> io.BufferedReader:
+    """Open a file for reading; `FileError` where it is not there, no ordinary file, or may not be read."""
+    ordinary_size(path, MOST_BYTES, REMEDY)
+    try:
+        return path.open("rb")
+    except OSError as fault:
+        raise FileError(f"{path}: cannot be read ({fault.strerror}); make the file readable") from fault
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a file, read piece by piece."""
+    with open_binary(path) as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

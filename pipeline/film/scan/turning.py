@@ -57,7 +57,7 @@ UPRIGHT = {
 """What sets the rows of a file upright, by the orientation of TIFF and EXIF."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Turned(View):
     """An image seen with its rows, or columns, the other way round."""
 
@@ -73,7 +73,7 @@ class Turned(View):
         return np.ascontiguousarray(pixels[:, ::-1] if self.columns_reversed else pixels)
 
 
-class Transposed:
+class Transposed(Image):
     """An image whose columns have become rows, kept in a temporary file that goes with the process.
 
     The file holds slabs of rows one after the other, each transposed: it is written in order, and a row of the result

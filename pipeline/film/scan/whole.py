@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,15 +12,15 @@ from typing import Any
 import numpy as np
 
 from data_schemas.errors import FileError
-from pipeline.film.scan.image import MOST_BYTES_AT_ONCE, Pixels, refuse_absurd_size, to_grey
+from pipeline.film.scan.image import MOST_BYTES_AT_ONCE, ImageFile, Pixels, refuse_absurd_size, to_grey
 
 _ORIENTATION = 274  # tag of TIFF and EXIF
 _BYTES = {"1": 1, "L": 1, "LA": 4, "P": 4, "PA": 4, "RGB": 4, "RGBA": 4, "YCbCr": 4, "CMYK": 4, "I;16": 2, "I": 4}
 _SLAB = 1024  # rows turned to grey at a time
 
 
-@dataclass(frozen=True)
-class WholeImage:
+@dataclass
+class WholeImage(ImageFile):
     """An image in memory."""
 
     path: Path
@@ -27,20 +28,9 @@ class WholeImage:
     resolution: tuple[float, float] | None
     upright: int
 
-    @property
-    def rows(self) -> int:
-        """Rows of the image."""
-        return int(self.pixels.shape[0])
-
-    @property
-    def columns(self) -> int:
-        """Columns of the image."""
-        return int(self.pixels.shape[1])
-
-    @property
-    def full_scale(self) -> int:
-        """Value of the lightest pixel."""
-        return 255 if self.pixels.dtype == np.uint8 else 65535
+    def __post_init__(self) -> None:
+        self.rows, self.columns = self.pixels.shape
+        self.full_scale = 255 if self.pixels.dtype == np.uint8 else 65535
 
     def read(self, first: int, stop: int) -> Pixels:
         """Rows `first` to `stop`."""
@@ -82,17 +72,8 @@ def open_whole(path: Path, kind: str) -> WholeImage:
 
 def _opener(kind: str) -> Any:
     """The reader of one format: Pillow's general one refuses large images, which films are, by a global limit."""
-    if kind == "PNG":
-        from PIL.PngImagePlugin import PngImageFile
-
-        return PngImageFile
-    if kind == "JPEG":
-        from PIL.JpegImagePlugin import JpegImageFile
-
-        return JpegImageFile
-    from PIL.TiffImagePlugin import TiffImageFile
-
-    return TiffImageFile
+    name = {"PNG": "Png", "JPEG": "Jpeg", "TIFF": "Tiff"}[kind]
+    return getattr(importlib.import_module(f"PIL.{name}ImagePlugin"), f"{name}ImageFile")
 
 
 def _refuse_too_large(path: Path, kind: str, rows: int, columns: int, mode: str) -> None:

@@ -9,15 +9,15 @@ line, or not where their neighbours lead, are left out.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
 from pipeline.film.marks.pieces import exposed
-from pipeline.film.parts import Emulsion, Floats, Scan, Tracks
-from pipeline.film.strobe.dense_kernels import CUBIC, SIZE, fit_block, nodes
+from pipeline.film.parts import Emulsion, Floats, Tracks
+from pipeline.film.scan.opening import OpenScan
+from pipeline.film.strobe.dense_kernels import CUBIC, SIZE, Known, fit_block, node_table, values
 from pipeline.film.strobe.dense_survey import SHADE, Survey, first_shapes, light_of, saturation, survey
 
 APART = 1.0  # spots across the line, by which two blocks may differ in the middle between them
@@ -36,31 +36,6 @@ LEAST_READ = 0.5  # of the blocks
 USUAL_SPOT = 1.2  # px: 0.1 mm at 300 dpi
 
 
-def values(shape: Floats, away: NDArray[np.floating[Any]], half: float) -> Floats:
-    """Column, slope and curvature of blocks' curves at places `away` rows from their middles, (3, ...).
-
-    Parameters
-    ----------
-    shape : (..., SIZE) array
-    away : array
-        Of a shape that fits the shapes' leading ones.
-    half : float
-        Half of a block, and a swing, rows.
-    """
-    x, turn = away / half, 2.0 * np.pi / half
-    rotation = np.exp(1j * turn * away)
-    p0, p1, p2, p3 = (shape[..., k] for k in range(CUBIC))
-    z0, z1, z2 = (shape[..., CUBIC + k] - 1j * shape[..., CUBIC + 3 + k] for k in range(3))
-    z, dz, ddz = z0 + x * (z1 + x * z2), (z1 + 2.0 * x * z2) / half, 2.0 * z2 / half**2
-    return np.stack(
-        [
-            p0 + x * (p1 + x * (p2 + x * p3)) + (z * rotation).real,
-            (p1 + x * (2.0 * p2 + 3.0 * x * p3)) / half + ((dz + 1j * turn * z) * rotation).real,
-            (2.0 * p2 + 6.0 * x * p3) / half**2 + ((ddz + 2j * turn * dz - turn**2 * z) * rotation).real,
-        ]
-    )
-
-
 def joined(shape: Floats, light: Floats, period: float, spot: float) -> Floats:
     """Light of the blocks, 0 also for those that lie beside both their neighbours, or beside one and have no other."""
     away = np.linspace(0.25, 0.75, BETWEEN) * period
@@ -71,10 +46,8 @@ def joined(shape: Floats, light: Floats, period: float, spot: float) -> Floats:
     return np.where(good & (agree[:-1] | agree[1:]), light, 0.0)
 
 
-def blended(
-    middle: Floats, shape: Floats, light: Floats, period: float, rows: int
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Course, slope, curvature and light by rows; NaN where no block is good."""
+def blended(middle: Floats, shape: Floats, light: Floats, period: float, rows: int) -> Floats:
+    """Course, slope, curvature and light by rows, (4, rows); NaN where no block is good."""
     at = np.arange(rows) + 0.5
     before = np.floor((at - middle[0]) / period).astype(np.int64)  # the block whose middle is the last one passed
     first, second = np.clip(before, 0, middle.size - 1), np.clip(before + 1, 0, middle.size - 1)
@@ -97,10 +70,10 @@ def blended(
     )
     near = (known & (x <= 1.0)) | (next_known & (np.abs(at - middle[second]) <= period))
     out[:, ~near] = np.nan
-    return out[0], out[1], out[2], out[3]
+    return out
 
 
-def dense_tracks(scan: Scan, emulsion: Emulsion, count: int | None) -> Tracks:
+def dense_tracks(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Tracks:
     """Courses of all traces, `count` if known, of a slow film whose bands lie side by side; no readings by rows.
 
     Raises
@@ -123,7 +96,7 @@ def dense_tracks(scan: Scan, emulsion: Emulsion, count: int | None) -> Tracks:
     return _tracks(blocks, scan.rows, spot)
 
 
-def spot_of(scan: Scan) -> float:
+def spot_of(scan: OpenScan) -> float:
     """1 sigma of the usual spot, px."""
     return USUAL_SPOT if scan.scale is None else 0.1 / scan.scale
 
@@ -166,11 +139,11 @@ def windows(found: Survey, columns: int) -> list[tuple[int, int]]:
     return out
 
 
-def follow(scan: Scan, emulsion: Emulsion, found: Survey, spot: float, blocks: Blocks) -> None:
+def follow(scan: OpenScan, emulsion: Emulsion, found: Survey, spot: float, blocks: Blocks) -> None:
     """Fit every block, piece by piece of the film, and overwrite its shape and light."""
     period = found.period
     canvas = np.empty((int(2.0 * period + 12.0 * spot) + 8, scan.columns))
-    brightest = saturation(emulsion)
+    brightest, table = saturation(emulsion), node_table(period, spot)
     least = SHADE * float(emulsion.noise(np.zeros(1, dtype=np.float32))[0])
     margin = int(period + 8.0 * spot) + 2
     for begin in range(0, scan.rows, PIECE):
@@ -186,8 +159,8 @@ def follow(scan: Scan, emulsion: Emulsion, found: Survey, spot: float, blocks: B
             if at.size == 0:
                 continue
             blocks.shape[trace, at] = shapes[np.isfinite(residual)]
-            gain = line_light(light, spot)
-            _fit(piece, first, blocks, trace, at, spot, gain, brightest, canvas)
+            known = Known(period, spot, line_light(light, spot), brightest, ROOM, table, canvas)
+            _fit(piece, first, blocks, trace, at, known)
 
 
 def line_light(light: Floats, spot: float) -> float:
@@ -203,24 +176,19 @@ def line_light(light: Floats, spot: float) -> float:
 
 
 def _fit(
-    piece: NDArray[np.float32], first: int, blocks: Blocks, trace: int, at: NDArray[np.int64], spot: float,
-    gain: float, brightest: float, canvas: Floats,
-) -> None:  # fmt: skip
+    piece: NDArray[np.float32], first: int, blocks: Blocks, trace: int, at: NDArray[np.int64], known: Known
+) -> None:
     """Fit blocks of one trace to a piece of film; those that do not swing as their neighbours do a second time."""
     shapes, light = blocks.shape[trace], blocks.light[trace]
-    course, slope = np.empty((2, nodes(blocks.period, spot)))
 
     def fit(block: int) -> None:
-        quality = np.empty(3)
         tried = shapes[block].copy()
-        fit_block(
-            piece, first, tried, blocks.middle[block], blocks.period, 2.0 * np.pi / blocks.period, spot, gain,
-            brightest, ROOM, ROUNDS, canvas, course, slope, quality,
-        )  # fmt: skip
-        good = (
-            quality[2] > LIT and quality[0] > DIM * gain and np.hypot(tried[CUBIC], tried[CUBIC + 3]) > SMALLEST * spot
-        )
-        shapes[block], light[block] = (tried, quality[0]) if good else (shapes[block], 0.0)
+        lit, share = fit_block(piece, first, tried, blocks.middle[block], known, ROUNDS)
+        good = share > LIT and lit > DIM * known.gain
+        if good and np.hypot(tried[CUBIC], tried[CUBIC + 3]) > SMALLEST * known.spot:
+            shapes[block], light[block] = tried, lit
+        else:
+            light[block] = 0.0
 
     start = shapes[at].copy()
     for block in at:
@@ -258,19 +226,11 @@ def unlike(shapes: Floats, usual: Floats) -> NDArray[np.bool_]:
 
 
 def _tracks(blocks: Blocks, rows: int, spot: float) -> Tracks:
-    traces = len(blocks.shape)
-    course, slope, curvature, light = (np.full((traces, rows), np.nan) for _ in range(4))
-    for k in range(traces):
-        kept = joined(blocks.shape[k], blocks.light[k], blocks.period, spot)
-        course[k], slope[k], curvature[k], light[k] = blended(blocks.middle, blocks.shape[k], kept, blocks.period, rows)
-    return Tracks(
-        position=np.full_like(course, np.nan),
-        sigma=np.full_like(course, np.nan),
-        course=course,
-        slope=slope,
-        curvature=curvature,
-        brightness=light,
-        qc=np.where(np.isfinite(course), GAP, LOST).astype(np.uint16),
-        rows_per_swing=blocks.period,
-        spot=spot,
-    )
+    tracks = Tracks.empty(len(blocks.shape), rows, blocks.period, spot)
+    for k, shape in enumerate(blocks.shape):
+        kept = joined(shape, blocks.light[k], blocks.period, spot)
+        tracks.course[k], tracks.slope[k], tracks.curvature[k], tracks.brightness[k] = blended(
+            blocks.middle, shape, kept, blocks.period, rows
+        )
+    tracks.qc[:] = np.where(np.isfinite(tracks.course), GAP, LOST)
+    return tracks

@@ -13,12 +13,11 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion.film_emulsion import FilmEmulsion, ToneCurve
-from pipeline.film.emulsion.measure import plain_emulsion
+from pipeline.film.emulsion import FilmEmulsion, ToneCurve, plain_emulsion
 from pipeline.film.marks.pieces import exposed
-from pipeline.film.parts import Scan
+from pipeline.film.scan.opening import OpenScan
 from pipeline.film.strobe.dense import Blocks, follow, line_light, spot_of, windows
-from pipeline.film.strobe.dense_kernels import NODES, draw_curve, nodes, tabulate
+from pipeline.film.strobe.dense_kernels import NODES, draw_curve, node_table
 from pipeline.film.strobe.dense_survey import SHADE, Survey, light_of, survey
 from pipeline.film.tracking.calibrate import LEAST_GROWTH, STEEPEST_GRAIN
 
@@ -30,11 +29,11 @@ STEPS, FAINTEST = 24, 0.01  # of light, over the brightest, at which darkness is
 LEAST_PIXELS, LEAST_STEPS = 30, 8
 PRIOR = np.array([0.1, 3.0, 0.15])  # 1 sigma of the guessed curve's darkest, middle and contrast, relative
 SURE = 0.02  # of darkness, and of the darkest, 1 sigma of a step's
-TURNS, UNIT_TURNS = 12, 4
+UNIT_TURNS = 4
 SHADES = np.linspace(0.3, 1.0, 8)  # of the darkest pixel, between which grain is told
 
 
-def dense_emulsion(scan: Scan, count: int | None) -> FilmEmulsion:
+def dense_emulsion(scan: OpenScan, count: int | None) -> FilmEmulsion:
     """Blank film, grain and characteristic curve of a slow film with `count` traces, if known.
 
     Raises
@@ -57,7 +56,7 @@ def dense_emulsion(scan: Scan, count: int | None) -> FilmEmulsion:
     return emulsion
 
 
-def _guessed(scan: Scan) -> FilmEmulsion:
+def _guessed(scan: OpenScan) -> FilmEmulsion:
     """The emulsion as the darkest pixels of some sections suggest it: turning points of slow films are saturated."""
     plain = plain_emulsion(scan)
     darkest = [
@@ -67,14 +66,14 @@ def _guessed(scan: Scan) -> FilmEmulsion:
     return replace(plain, curve=replace(plain.curve, darkest=max(DARKEST * float(np.median(darkest)), least)))
 
 
-def _pieces(scan: Scan) -> list[tuple[int, int]]:
+def _pieces(scan: OpenScan) -> list[tuple[int, int]]:
     """First rows, and those behind the last, of some pieces."""
     height = min(ROWS, scan.rows)
     firsts = np.linspace(0, scan.rows - height, PIECES + 2).astype(int)[1:-1]
     return [(int(first), int(first) + height) for first in firsts]
 
 
-def _in_unit(scan: Scan, emulsion: FilmEmulsion, found: Survey, spot: float) -> FilmEmulsion:
+def _in_unit(scan: OpenScan, emulsion: FilmEmulsion, found: Survey, spot: float) -> FilmEmulsion:
     """The same, with about 1 as the exposure on the axis of a line at rest: every row of a trace has the same light."""
     for _ in range(UNIT_TURNS):
         least = SHADE * float(emulsion.noise(np.zeros(1, dtype=np.float32))[0])
@@ -88,17 +87,16 @@ def _in_unit(scan: Scan, emulsion: FilmEmulsion, found: Survey, spot: float) -> 
     return emulsion
 
 
-def lights(scan: Scan, emulsion: FilmEmulsion, found: Survey, spot: float) -> tuple[Floats, Floats]:
+def lights(scan: OpenScan, emulsion: FilmEmulsion, found: Survey, spot: float) -> tuple[Floats, Floats]:
     """Light that pixels of blocks here and there had, 1 on the axis of a line at rest, and their darkness."""
     whole = Blocks.empty(len(found.bands), scan.rows, found.period)
     firsts = np.linspace(0, max(whole.middle.size - RUN, 0), PLACES).astype(int)
     at = np.unique((firsts[:, None] + np.arange(RUN)).clip(max=whole.middle.size - 1))
     blocks = Blocks(whole.middle[at], whole.shape[:, at], whole.light[:, at], found.period)
     follow(scan, emulsion, found, spot, blocks)
-    course, slope = np.empty((2, nodes(found.period, spot)))
-    node = found.period / NODES
+    table, node = node_table(found.period, spot), found.period / NODES
     rows = int(found.period)
-    canvas, work = np.empty((rows, scan.columns)), np.empty(scan.columns)
+    canvas = np.empty((rows, scan.columns))
     light: list[Floats] = [np.empty(0)]
     dark: list[Floats] = [np.empty(0)]
     for trace, (left, right) in enumerate(windows(found, scan.columns)):
@@ -106,9 +104,9 @@ def lights(scan: Scan, emulsion: FilmEmulsion, found: Survey, spot: float) -> tu
         usual = float(np.median(blocks.light[trace, good])) if good.size else 1.0
         for block in good:
             top = round(blocks.middle[block] - 0.5 * rows)
-            tabulate(blocks.shape[trace, block], found.period, 2.0 * np.pi / found.period, course, slope)
+            course, slope = table @ blocks.shape[trace, block]
             begin = blocks.middle[block] - 0.5 * (course.size - 1) * node - top
-            draw_curve(canvas, rows, scan.columns, begin, 0.0, node, course, slope, spot, work)
+            draw_curve(canvas, rows, scan.columns, begin, 0.0, node, course, slope, spot)
             drawn = blocks.light[trace, block] / usual * canvas[:, left:right]
             lit = drawn > FAINTEST * drawn.max()
             light.append(drawn[lit])
@@ -118,6 +116,8 @@ def lights(scan: Scan, emulsion: FilmEmulsion, found: Survey, spot: float) -> tu
 
 def fitted_curve(light: Floats, dark: Floats, guess: ToneCurve) -> ToneCurve | None:
     """The curve that pixels' darkness follows, by the medians of steps of light; None if these are too few."""
+    from scipy.optimize import least_squares
+
     if light.size < LEAST_PIXELS * LEAST_STEPS:
         return None
     top = float(np.quantile(light, 1.0 - SHARE))
@@ -129,19 +129,12 @@ def fitted_curve(light: Floats, dark: Floats, guess: ToneCurve) -> ToneCurve | N
     # the unit of the light is another one than the guess had: where darkness is half of the darkest
     half = float(np.interp(0.5 * guess.darkest, shade, lit))
     start = np.log([guess.darkest, half, guess.contrast])
-    unknowns = start.copy()
-    weight = 1.0 / (SURE * (shade + guess.darkest)) ** 2
 
-    def model(at: Floats) -> Floats:
-        return ToneCurve(*(float(each) for each in np.exp(at))).darkness(lit)
+    def pulls(at: Floats) -> Floats:
+        away = (shade - ToneCurve(*np.exp(at)).darkness(lit)) / (SURE * (shade + guess.darkest))
+        return np.concatenate([away, (at - start) / PRIOR])
 
-    for _ in range(TURNS):
-        before = model(unknowns)
-        lean = np.stack([(model(unknowns + each) - before) / 1e-4 for each in 1e-4 * np.eye(3)], axis=1)
-        normal = lean.T @ (weight[:, None] * lean) + np.diag(PRIOR**-2.0)
-        right = lean.T @ (weight * (shade - before)) - (unknowns - start) / PRIOR**2
-        unknowns = unknowns + np.clip(np.linalg.solve(normal, right), -0.3, 0.3)
-    return ToneCurve(*(float(each) for each in np.exp(unknowns)))
+    return ToneCurve(*(float(each) for each in np.exp(least_squares(pulls, start).x)))
 
 
 def grain_growth(dark: Floats, shade: Floats, blank: float) -> float:

@@ -10,11 +10,14 @@ Hessian).
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pipeline.arrays import Floats
-from pipeline.film.marks.curve_kernels import place, solve
+from pipeline.film.marks.curve_kernels import place
+from pipeline.film.parts import Floats
+from pipeline.film.tracking.motion import solve
 from synth.kernels.compiled import kernel
 
 CUBIC, QUADRATIC = 4, 3
@@ -30,37 +33,76 @@ DIMMEST, BRIGHTEST = 0.5, 1.7  # of the block's light, of a point that counts: g
 FARTHEST = 2.0  # spots that a point may lie beside the line
 
 
-def nodes(half: float, spot: float) -> int:
-    """Number of nodes of a block's curve: from `EDGE` spots before its `half` rows to as far behind them."""
-    return 2 * math.ceil(NODES * (1.0 + EDGE * spot / half)) + 1
+def values(shape: Floats, away: NDArray[np.floating[Any]], half: float) -> Floats:
+    """Column, slope and curvature of blocks' curves at places `away` rows from their middles, (3, ...).
+
+    Parameters
+    ----------
+    shape : (..., SIZE) array
+    away : array
+        Of a shape that fits the shapes' leading ones.
+    half : float
+        Half of a block, and a swing, rows.
+    """
+    x, turn = away / half, 2.0 * np.pi / half
+    rotation = np.exp(1j * turn * away)
+    p0, p1, p2, p3 = (shape[..., k] for k in range(CUBIC))
+    z0, z1, z2 = (shape[..., CUBIC + k] - 1j * shape[..., CUBIC + 3 + k] for k in range(3))
+    z, dz, ddz = z0 + x * (z1 + x * z2), (z1 + 2.0 * x * z2) / half, 2.0 * z2 / half**2
+    return np.stack(
+        [
+            p0 + x * (p1 + x * (p2 + x * p3)) + (z * rotation).real,
+            (p1 + x * (2.0 * p2 + 3.0 * x * p3)) / half + ((dz + 1j * turn * z) * rotation).real,
+            (2.0 * p2 + 6.0 * x * p3) / half**2 + ((ddz + 2j * turn * dz - turn**2 * z) * rotation).real,
+        ]
+    )
 
 
-@kernel
-def swing(shape: Floats, middle: float, half: float, turn: float, row: float) -> tuple[float, float]:
-    """Column and slope of a block's curve."""
-    x = (row - middle) / half
-    cos, sin = math.cos(turn * (row - middle)), math.sin(turn * (row - middle))
-    p = shape[0] + x * (shape[1] + x * (shape[2] + x * shape[3]))
-    dp = shape[1] + x * (2.0 * shape[2] + x * 3.0 * shape[3])
-    c, dc = shape[4] + x * (shape[5] + x * shape[6]), shape[5] + x * 2.0 * shape[6]
-    s, ds = shape[7] + x * (shape[8] + x * shape[9]), shape[8] + x * 2.0 * shape[9]
-    slope = (dp + dc * cos + ds * sin) / half + turn * (s * cos - c * sin)
-    return p + c * cos + s * sin, slope
+def node_table(half: float, spot: float) -> Floats:
+    """What makes columns of a shape, and their growth from node to node, (2, nodes, SIZE).
+
+    Nodes lie evenly about a block's middle, from `EDGE` spots before its `half` rows to as far behind them.
+    """
+    number = math.ceil(NODES * (1.0 + EDGE * spot / half))
+    away = np.arange(-number, number + 1) * half / NODES
+    column, slope, _ = np.moveaxis(values(np.eye(SIZE)[:, None], away, half), 1, 2)
+    return np.ascontiguousarray(np.stack([column, slope * half / NODES]))
 
 
-@kernel
-def tabulate(shape: Floats, half: float, turn: float, course: Floats, slope: Floats) -> None:
-    """Columns of a block's curve, and their growth from node to node, at nodes evenly about its middle."""
-    for k in range(course.size):
-        away = (k - 0.5 * (course.size - 1)) * half / NODES
-        course[k], lean = swing(shape, 0.0, half, turn, away)
-        slope[k] = lean * half / NODES
+class Known(NamedTuple):
+    """What is known of the blocks of a piece of film.
+
+    Attributes
+    ----------
+    half : float
+        Rows of half a block, and of a swing.
+    spot : float
+        1 sigma, px.
+    gain : float
+        Exposure on the axis of a line at rest, about.
+    brightest : float
+        Exposure from which the film is saturated: what is brighter, there or drawn, counts as just as bright.
+    room : (SIZE,) array
+        1 sigma of what a shape may differ from where it began, px.
+    nodes : (2, nodes, SIZE) array
+        Of `node_table`.
+    canvas : (rows, columns) array
+        To draw on, at least as large as a block's surroundings.
+    """
+
+    half: float
+    spot: float
+    gain: float
+    brightest: float
+    room: Floats
+    nodes: Floats
+    canvas: Floats
 
 
 @kernel
 def draw_curve(
     canvas: Floats, rows: int, columns: int, row: float, left: float, scale: float, course: Floats, slope: Floats,
-    spot: float, across: Floats,
+    spot: float,
 ) -> None:  # fmt: skip
     """Draw the line of a tabulated curve on the first rows and columns of a canvas, which are blanked before.
 
@@ -68,12 +110,10 @@ def draw_curve(
     ----------
     row, left, scale : float
         Row of the first node and column of the film, on the canvas; rows from node to node.
-    across : (columns,) array
-        Work.
     """
     for k in range(rows):
         canvas[k, :columns] = 0.0
-    far = -0.5 / (spot * spot)
+    across, far = np.empty(columns), -0.5 / (spot * spot)
     turn, reach, at, last_node = math.exp(2.0 * far), REACH * spot, 0.5, course.size - 0.5
     while True:
         _column, lean = place(course, slope, at)
@@ -109,57 +149,38 @@ def draw_curve(
 
 @kernel
 def fit_block(
-    exposure: Floats,
-    first: int,
-    shape: Floats,
-    middle: float,
-    half: float,
-    turn: float,
-    spot: float,
-    gain: float,
-    brightest: float,
-    room: Floats,
-    rounds: int,
-    canvas: Floats,
-    course: Floats,
-    slope: Floats,
-    quality: Floats,
-) -> None:
+    exposure: NDArray[np.float32], first: int, shape: Floats, middle: float, known: Known, rounds: int
+) -> tuple[float, float]:
     """Better a block's curve.
 
     Parameters
     ----------
-    exposure : (rows, columns) float32 array
+    exposure : (rows, columns) array
         A piece of film that begins with row `first`.
     shape : (SIZE,) array
         P, C and S by powers of x; overwritten.
-    middle, half, turn : float
-        Row of the block's middle, half its rows, circular frequency of the swing by rows.
-    gain : float
-        Exposure on the axis of a line at rest, about.
-    brightest : float
-        Exposure from which the film is saturated: what is brighter, there or drawn, counts as just as bright.
-    room : (SIZE,) array
-        1 sigma of what the shape may differ from where it began, px.
-    canvas : (rows, columns) array
-        To draw on, at least as large as the block's surroundings.
-    course, slope : (nodes,) arrays
-        Overwritten by the curve (see `tabulate`).
-    quality : (3,) array
-        Overwritten: light of the line over that of its slope, mean square of the points' distances, px2, share of
-        points that count.
+    middle : float
+        Row of the block's middle.
+
+    Returns
+    -------
+    light : float
+        Of the line over that of its slope; 0 where the block cannot be fitted.
+    share : float
+        Of points that count.
     """
+    half, spot, gain, brightest, room, _, canvas = known
+    turn = 2.0 * math.pi / half
     start = shape.copy()
     normal, right, basis = np.empty((SIZE, SIZE)), np.empty(SIZE), np.empty(SIZE)
-    across, profiles = np.empty(canvas.shape[1]), np.empty(2 * ACROSS + 1)
+    profiles = np.empty(2 * ACROSS + 1)
     for k in range(profiles.size):
         profiles[k] = math.exp(-0.5 * (APART * (k - ACROSS)) ** 2)
-    light, reach, pace = gain, 4.0 * spot, COARSE
+    light, share_used, reach, pace = gain, 0.0, 4.0 * spot, COARSE
     node = half / NODES
-    begin = middle - 0.5 * (course.size - 1) * node
-    quality[:] = 0.0
+    begin = middle - 0.5 * (known.nodes.shape[1] - 1) * node
     for turned in range(rounds):
-        tabulate(shape, half, turn, course, slope)
+        course, slope = known.nodes[0] @ shape, known.nodes[1] @ shape
         low, high = 1e9, -1e9
         for k in range(course.size):
             if abs(begin + k * node - middle) <= half:
@@ -169,11 +190,10 @@ def fit_block(
         rows = min(math.ceil(middle + half + reach), first + exposure.shape[0]) - top
         columns = min(math.ceil(high + reach), exposure.shape[1]) - left
         if rows < 8 or columns < 8 or rows > canvas.shape[0] or columns > canvas.shape[1]:
-            quality[:] = 0.0
-            return
-        draw_curve(canvas, rows, columns, begin - top, left, node, course, slope, spot, across)
+            return 0.0, 0.0
+        draw_curve(canvas, rows, columns, begin - top, left, node, course, slope, spot)
         normal[:], right[:] = 0.0, 0.0
-        seen_light = drawn_light = away2 = 0.0
+        seen_light = drawn_light = 0.0
         used = count = 0
         row = middle - half
         while row < middle + half:
@@ -213,7 +233,6 @@ def fit_block(
                     if share > DIMMEST * light:
                         seen_light += seen * drawn
                         drawn_light += drawn * drawn
-                        away2 += away * away
                         used += 1
                     weight = min(max(share / light, 0.05), 1.0) / steep
                     x = (row - middle) / half
@@ -228,23 +247,22 @@ def fit_block(
                             normal[i, j] += scaled * basis[j] / steep
             row += pace * spot / steep
         if used < SIZE:
-            quality[0], quality[2] = 0.0, 0.0
-            return
+            return 0.0, 0.0
         for i in range(SIZE):
             for j in range(i):
                 normal[j, i] = normal[i, j]
             normal[i, i] += PRIOR * POINT / pace / room[i] ** 2
             right[i] -= PRIOR * POINT / pace * (shape[i] - start[i]) / room[i] ** 2
         if not solve(normal, right, SIZE):
-            quality[0], quality[2] = 0.0, 0.0
-            return
+            return 0.0, 0.0
         moved = 0.0
         for i in range(SIZE):
             shape[i] += right[i]
             moved = max(moved, abs(right[i]))
         light = max(seen_light / drawn_light, 0.05 * gain)
-        quality[0], quality[1], quality[2] = light, away2 / used, used / count
+        share_used = used / count
         if pace == POINT and moved < SETTLED:
             break
         if moved < NEAR or turned + 2 >= rounds:
             pace = POINT
+    return light, share_used

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from data_schemas.errors import RefusedError
 from pipeline.arrays import row_means_present
 from pipeline.film.marks.pieces import exposed
-from pipeline.film.parts import Emulsion, Floats, Scan
-from pipeline.film.strobe.dense_kernels import CUBIC, SIZE
+from pipeline.film.parts import Emulsion, Floats
+from pipeline.film.scan.opening import OpenScan
+from pipeline.film.strobe.dense_kernels import CUBIC, SIZE, values
 
 SHADE = 3.0  # sigmas of the grain, from which a pixel is light
 ROOM = np.array([1e3, 90.0, 45.0, 20.0, 1e3, 20.0, 5.0, 1e3, 20.0, 5.0])  # px, of a shape: swell as large as the swing
@@ -56,14 +57,6 @@ def light_of(exposure: NDArray[np.float32], left: int, right: int, least: float)
         return light, np.where(light > 0.0, (lit @ columns) / light, np.nan)
 
 
-def basis(away: Floats, half: float, turn: float) -> Floats:
-    """Values of a block's curve by its shape: (..., SIZE) for rows `away` from its middle."""
-    x = away / half
-    cos, sin = np.cos(turn * away), np.sin(turn * away)
-    slow = [x**k for k in range(CUBIC)]
-    return np.stack([*slow, *(cos * each for each in slow[:3]), *(sin * each for each in slow[:3])], axis=-1)
-
-
 def first_shapes(
     light: Floats, column: Floats, first: int, middles: Floats, period: float, spot: float
 ) -> tuple[Floats, Floats]:
@@ -94,7 +87,8 @@ def first_shapes(
     trust = np.where((shown > DARK * usual) & (usual > 0.0), 1.0, 0.0)
     value = np.nan_to_num(column[at])
     level = np.sum(trust * value, axis=1) / np.maximum(trust.sum(axis=1), 1.0)
-    design = basis(at + first + 0.5 - middles[:, None], period, turn)
+    away = at + first + 0.5 - middles[:, None]
+    design = np.moveaxis(values(np.eye(SIZE)[:, None, None], away, period)[0], 0, -1)
     shapes, residual = np.zeros((middles.size, SIZE)), np.zeros(middles.size)
     weight = trust
     for _ in range(ROUNDS):
@@ -102,10 +96,10 @@ def first_shapes(
         normal = np.swapaxes(weighed, 1, 2) @ design + np.diag((NOISE / ROOM) ** 2)
         right = np.swapaxes(weighed, 1, 2) @ (value - level[:, None])[:, :, None]
         shapes = np.linalg.solve(normal, right)[:, :, 0]
-        away = np.abs((design @ shapes[:, :, None])[:, :, 0] - value + level[:, None])
-        residual = 1.4826 * np.median(away, axis=1)
+        distance = np.abs((design @ shapes[:, :, None])[:, :, 0] - value + level[:, None])
+        residual = 1.4826 * np.median(distance, axis=1)
         limit = FARTHEST * np.maximum(residual, NOISE)[:, None]
-        weight = trust * np.minimum(1.0, limit / np.maximum(away, 1e-9)) ** 2
+        weight = trust * np.minimum(1.0, limit / np.maximum(distance, 1e-9)) ** 2
     shapes[:, 0] += level
     shapes[:, CUBIC:] *= np.exp(0.5 * (turn * spot) ** 2)  # the spot blurs the swing
     few = trust.sum(axis=1) < 0.7 * count
@@ -167,7 +161,7 @@ class Survey:
     period: float
 
 
-def survey(scan: Scan, emulsion: Emulsion, count: int | None) -> Survey:
+def survey(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Survey:
     """Bands, `count` if known, and rows per swing of a film, as most of its sections show them.
 
     Raises

@@ -14,7 +14,8 @@ from pipeline.arrays import median_present
 from pipeline.film.marks.pieces import over_pieces
 from pipeline.film.marks.search import CERTAIN, DEEPEST, LATERAL, LEAST_DEPTH, MOST_MISFIT, Gaps, fitted, learned_width
 from pipeline.film.normal_points import between_rows
-from pipeline.film.parts import Emulsion, Floats, Scan, Strobe, TimeAxis, Tracks
+from pipeline.film.parts import Emulsion, Floats, Strobe, TimeAxis, Tracks
+from pipeline.film.scan.opening import OpenScan
 
 GAP, AMBIGUOUS, LOST, OVERLAP = 1, 16, 32, 64  # of the record's flags
 WIDTH_PRIOR = 0.06  # of the gap's width, 1 sigma
@@ -29,7 +30,7 @@ FLOOR = 0.06  # px along the film, of courses that are a little wrong
 UNCERTAIN = 0.25  # of the depth, 1 sigma beyond which a gap cannot be told
 
 
-def read_at_marks(scan: Scan, emulsion: Emulsion, tracks: Tracks, axis: TimeAxis, jobs: int = 1) -> Strobe:
+def read_at_marks(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, axis: TimeAxis, jobs: int = 1) -> Strobe:
     """Place of every trace at every mark from the first to the last, also where the search had missed it.
 
     Parameters

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion.film_emulsion import ToneCurve
+from pipeline.film.emulsion import ToneCurve
 from pipeline.film.tracking.line_profile import MOST_NODES, Optics, nodes_of, profile
 from pipeline.film.tracking.section import Section
 from synth.kernels.compiled import kernel
@@ -37,10 +37,8 @@ def exposures(
     spot: float,
     window_spot: float,
     shear: float,
-    exposure: Floats,
-    seen: Floats,
-) -> int:
-    """Exposure that the model leaves on the pixels about some rows of some traces, and their darkness; their number.
+) -> tuple[Floats, Floats]:
+    """Exposure that the model leaves on the pixels about some rows of some traces, and their darkness.
 
     Parameters
     ----------
@@ -52,6 +50,7 @@ def exposures(
         Width of the spot for which the windows are chosen.
     """
     columns = darkness.shape[1]
+    exposure, seen = np.zeros(rows.size * columns), np.zeros(rows.size * columns)
     nodes, out, gaps = np.empty((3, MOST_NODES)), np.empty((3, columns)), np.empty((0, 2))
     count = 0
     for n in range(rows.size):
@@ -65,10 +64,9 @@ def exposures(
             continue
         first, stop = max(0, int(low - 4.0 * window_spot)), min(columns, int(high + 4.0 * window_spot))
         size = stop - first
-        if size < 4 or count + size > exposure.size:
+        if size < 4:
             continue
         for i in range(size):
-            exposure[count + i] = 0.0
             seen[count + i] = darkness[rows[n], first + i]
         for k in range(states.shape[1]):
             if lamp[n, k] > 0.0:
@@ -77,7 +75,7 @@ def exposures(
                 for i in range(size):
                     exposure[count + i] += lamp[n, k] * out[0, i]
         count += size
-    return count
+    return exposure[:count], seen[:count]
 
 
 def calibrate(section: Section, optics: Optics) -> Optics:
@@ -90,64 +88,41 @@ def calibrate(section: Section, optics: Optics) -> Optics:
     states[:, :, 0] += np.where(np.isfinite(read), read - states[:, :, 0] - states[:, :, 3], 0.0)
     curve = optics.curve
     optics = optics.with_(curve=ToneCurve(curve.darkest, curve.middle / typical, curve.contrast))
-    return _Fit(section.darkness, rows, traces, states, lamp, optics).solve()
+    return _fitted(section.darkness, rows, traces, states, lamp, optics)
 
 
-class _Fit:
+def _fitted(
+    darkness: NDArray[np.float32],
+    rows: NDArray[np.int64],
+    traces: NDArray[np.int64],
+    states: Floats,
+    lamp: Floats,
+    optics: Optics,
+) -> Optics:
     """Gauss-Newton for spot, darkest, middle and contrast (their logarithms), with pixels far off weighed down."""
+    curve, grain = optics.curve, optics.grain
 
-    def __init__(
-        self,
-        darkness: NDArray[np.float32],
-        rows: NDArray[np.int64],
-        traces: NDArray[np.int64],
-        states: Floats,
-        lamp: Floats,
-        optics: Optics,
-    ) -> None:
-        self.pixels, self.rows, self.traces, self.states, self.lamp = darkness, rows, traces, states, lamp
-        self.optics = optics
-        own = states[np.arange(rows.size), traces]
-        steep = np.abs(own[:, 1] - own[:, 5] * own[:, 4])
-        room = int(np.sum(np.minimum(darkness.shape[1], (8.0 * optics.spot + 8.0) * (4.0 + 2.0 * steep))))
-        self.exposure, self.seen = np.empty(room), np.empty(room)
-
-    def model(self, unknowns: Floats) -> Floats:
-        """Darkness of the chosen pixels."""
+    def model(unknowns: Floats) -> tuple[Floats, Floats]:
         spot, darkest, middle, contrast = np.exp(unknowns)
-        count = exposures(
-            self.pixels,
-            self.rows,
-            self.traces,
-            self.states,
-            self.lamp,
-            spot,
-            self.optics.spot,
-            self.optics.shear,
-            self.exposure,
-            self.seen,
-        )
-        return ToneCurve(darkest, middle, contrast).darkness(self.exposure[:count])
+        exposure, seen = exposures(darkness, rows, traces, states, lamp, spot, optics.spot, optics.shear)
+        return ToneCurve(darkest, middle, contrast).darkness(exposure), seen
 
-    def solve(self) -> Optics:
-        """Optics that fit best."""
-        curve, grain = self.optics.curve, self.optics.grain
-        unknowns = np.log([self.optics.spot, curve.darkest, curve.middle, curve.contrast])
-        for _ in range(ROUNDS):
-            dark = self.model(unknowns)
-            residual = self.seen[: dark.size] - dark
-            weight = 1.0 / (grain[0] + grain[1] * dark)
-            size = np.abs(residual) * np.sqrt(weight)
-            weight = weight * np.where(size > HUBER, HUBER / np.maximum(size, 1e-9), 1.0)
-            jacobian = np.stack([(self.model(unknowns + each) - dark) / 1e-4 for each in 1e-4 * np.eye(4)], axis=1)
-            normal = jacobian.T @ (weight[:, None] * jacobian) + 1e-3 * np.eye(4)
-            step = np.linalg.solve(normal, jacobian.T @ (weight * residual))
-            unknowns = unknowns + np.clip(step, -0.3, 0.3)
-            grain = _grain(residual, dark, self.optics.grain)
-            if np.max(np.abs(step)) < 1e-3:
-                break
-        spot, darkest, middle, contrast = (float(each) for each in np.exp(unknowns))
-        return self.optics.with_(spot=spot, curve=ToneCurve(darkest, middle, contrast), grain=grain)
+    unknowns = np.log([optics.spot, curve.darkest, curve.middle, curve.contrast])
+    for _ in range(ROUNDS):
+        dark, seen = model(unknowns)
+        residual = seen - dark
+        weight = 1.0 / (grain[0] + grain[1] * dark)
+        size = np.abs(residual) * np.sqrt(weight)
+        weight = weight * np.where(size > HUBER, HUBER / np.maximum(size, 1e-9), 1.0)
+        jacobian = np.stack([(model(unknowns + each)[0] - dark) / 1e-4 for each in 1e-4 * np.eye(4)], axis=1)
+        normal = jacobian.T @ (weight[:, None] * jacobian) + 1e-3 * np.eye(4)
+        step = np.linalg.solve(normal, jacobian.T @ (weight * residual))
+        unknowns = unknowns + np.clip(step, -0.3, 0.3)
+        grain = _grain(residual, dark, optics.grain)
+        if np.max(np.abs(step)) < 1e-3:
+            break
+    spot, darkest, middle, contrast = (float(each) for each in np.exp(unknowns))
+    return optics.with_(spot=spot, curve=ToneCurve(darkest, middle, contrast), grain=grain)
 
 
 def _grain(residual: Floats, dark: Floats, before: Floats) -> Floats:

@@ -14,11 +14,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-
-import numpy as np
+from typing import NamedTuple
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion.film_emulsion import HIGHEST_EXPOSURE, TABLE_SIZE, ToneCurve
+from pipeline.film.emulsion import HIGHEST_EXPOSURE, TABLE_SIZE, ToneCurve
 from synth.kernels.compiled import kernel
 
 REACH = 4.0  # spots: what lies farther leaves less than 3e-4
@@ -151,6 +150,23 @@ def profile(nodes: Floats, count: int, shift: float, tilt: float, spot: float, f
         out[2, i] *= 2.0 * scale
 
 
+class Lens(NamedTuple):
+    """Optics as the kernels take them: variance of the grain on blank film and its growth, and the curve as a table.
+
+    Attributes
+    ----------
+    table, step : (2, m) array, float
+        Darkness and its derivative at even steps of exposure.
+    """
+
+    spot: float
+    shear: float
+    blank: float
+    growth: float
+    table: Floats
+    step: float
+
+
 @dataclass(frozen=True)
 class Optics:
     """Spot, slit and emulsion.
@@ -172,9 +188,10 @@ class Optics:
     curve: ToneCurve
     grain: Floats
 
-    def numbers(self) -> Floats:
-        """For the kernels: spot, shear, step of the table, grain."""
-        return np.array([self.spot, self.shear, HIGHEST_EXPOSURE / (TABLE_SIZE - 1), *self.grain])
+    def lens(self) -> Lens:
+        """For the kernels."""
+        step = HIGHEST_EXPOSURE / (TABLE_SIZE - 1)
+        return Lens(self.spot, self.shear, float(self.grain[0]), float(self.grain[1]), self.curve.table(), step)
 
     def with_(self, **changes: object) -> Optics:
         """A copy with some numbers changed."""

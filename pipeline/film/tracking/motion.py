@@ -101,3 +101,24 @@ def correct(state: Floats, covariance: Floats, shift: float, variance: float, sh
     for i in range(6):
         for j in range(6):
             covariance[i, j] -= column[i] * column[j] / total
+
+
+@kernel
+def solve(matrix: Floats, right: Floats, n: int) -> bool:
+    """Inverse of the first n x n of a positive matrix, and its product with `right`, both in place (Gauss-Jordan)."""
+    for k in range(n):
+        pivot = matrix[k, k]
+        if not pivot > 0.0:
+            return False
+        matrix[k, k] = 1.0
+        for j in range(n):
+            matrix[k, j] /= pivot
+        right[k] /= pivot
+        for i in range(n):
+            if i != k:
+                factor = matrix[i, k]
+                matrix[i, k] = 0.0
+                for j in range(n):
+                    matrix[i, j] -= factor * matrix[k, j]
+                right[i] -= factor * right[k]
+    return True

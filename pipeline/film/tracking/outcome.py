@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats
+from pipeline.film.emulsion import FilmEmulsion
+from pipeline.film.parts import Tracks
 from pipeline.film.tracking.combine import BOTH, combined
-from pipeline.film.tracking.gap_fit import Gaps, as_table, find_gaps, fit_gaps, from_table, lamp_course
+from pipeline.film.tracking.gap_fit import find_gaps, fitted_gaps, lamp_course
 from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.pieces import Piece
-from pipeline.film.tracking.row_reading import FIELDS, read_piece
+from pipeline.film.tracking.row_reading import read_piece
 
 LEAST_OPEN = 0.7  # share of the light let through under which a row counts as lying in a gap
 SEEN = 4.0
@@ -67,87 +69,58 @@ class Both:
         return Both(first, darkness, forth, back, first - low, light[:, low:high].copy())
 
 
-def read_both(both: Both, optics: Optics, period: float, out: Outcome) -> None:
-    """Read the rows of a piece into their places; pieces do not touch each other's."""
+def read_both(
+    both: Both, emulsion: FilmEmulsion, optics: Optics, tracks: Tracks, misfit: NDArray[np.float32], blackest: float
+) -> None:
+    """Read the rows of a piece into their places; pieces do not touch each other's.
+
+    Parameters
+    ----------
+    misfit : (traces, rows) array
+        Mean square residual of each row's fit, of the whole film.
+    blackest : float
+        Darkness from which a pixel can be no darker.
+    """
     first, darkness, rows = both.first, both.darkness, both.darkness.shape[0]
-    traces = both.light.shape[0]
-    states, variance, slope_variance, disagreement, known = combined(both.forth, both.back, optics)
+    course = combined(both.forth, both.back, optics.spot, optics.shear)
+    states, known = course.states, course.known > 0
+    rate = np.where(known, (states[:, :, 1] - states[:, :, 5] * states[:, :, 4]).T, np.nan)
+    bend = (states[:, :, 2] - states[:, :, 5] ** 2 * states[:, :, 3]).T
+    gain = 1.0 + optics.shear * rate
+    place, slope = np.where(known, (states[:, :, 0] + states[:, :, 3]).T, np.nan), rate / gain
     margin = round(MARGIN_SPOTS * optics.spot)
     low, high = max(0, both.above - margin), min(both.light.shape[1], both.above + rows + margin)
-    lamps, gaps = [], []
-    for light in both.light:
-        lamp = lamp_course(light, period)
-        gaps.append(find_gaps(light[low:high], lamp[low:high], first - both.above + low, optics.spot))
-        lamps.append(lamp[both.above : both.above + rows])
-    lamp = np.stack(lamps)
-    table, gap_of = as_table(gaps)
-    numbers, curve = optics.numbers(), optics.curve.table()
-    fit_gaps(darkness, first, states, known, lamp, table, gap_of, numbers, curve, np.empty(table.shape[0]))
-    gaps = from_table(table, gap_of)
-    reading = np.empty((traces, rows, FIELDS))
-    read_piece(darkness, first, states, known, slope_variance, lamp, table, gap_of, numbers, curve, reading)
+    lamps = np.stack([lamp_course(light, tracks.rows_per_swing) for light in both.light])
+    gaps = [
+        find_gaps(light[low:high], lamp[low:high], first - both.above + low)
+        for light, lamp in zip(both.light, lamps, strict=True)
+    ]
+    gaps = fitted_gaps(darkness, first, place, slope, gaps, emulsion, tracks.rows_per_swing)
+    gap_of = np.concatenate([[0], np.cumsum([len(each) for each in gaps])])
     part, inside = slice(first, first + rows), slice(both.above, both.above + rows)
-    for k in range(traces):
+    lamp = np.ascontiguousarray(lamps[:, inside])
+    reading = read_piece(
+        darkness, first, states, course.known, course.slope_variance, lamp, np.concatenate(gaps), gap_of, optics.lens()
+    )
+    column = np.clip(np.nan_to_num(place), 0, darkness.shape[1] - 1).astype(int)
+    black = darkness[np.arange(rows), column] > blackest
+    for k in range(len(gaps)):
         share = openness(gaps[k], first, rows, optics.spot)
-        column = np.clip(np.nan_to_num(states[:, k, 0] + states[:, k, 3]), 0, darkness.shape[1] - 1).astype(int)
-        black = darkness[np.arange(rows), column] > out.blackest
-        position, sigma, qc = judge(
-            reading[k], states[:, k], variance[k], disagreement[k], known[k], share, lamp[k], black, optics
-        )
-        out.misfit[k, part] = np.where(known[k] > 0, reading[k, :, 4], np.nan)
-        out.keep(k, part, position, sigma, qc, states[:, k], known[k] > 0, both.light[k, inside] / lamp[k])
+        tracks.position[k, part], tracks.sigma[k, part], tracks.qc[k, part] = judge(
+            reading[k], place[k], course.variance[k], course.disagreement[k], course.known[k], share, lamp[k], black[k],
+            optics,
+        )  # fmt: skip
+    tracks.course[:, part], tracks.slope[:, part], tracks.curvature[:, part] = place, slope, bend / gain**3
+    tracks.brightness[:, part] = np.where(known, both.light[:, inside] / lamp, np.nan)
+    misfit[:, part] = np.where(known, reading[:, :, 4], np.nan)
 
 
-@dataclass
-class Outcome:
-    """The columns of `Tracks`, filled piece by piece, and the mean square residual of each row's fit."""
-
-    position: NDArray[np.float64]
-    sigma: NDArray[np.float64]
-    course: NDArray[np.float64]
-    slope: NDArray[np.float64]
-    curvature: NDArray[np.float64]
-    brightness: NDArray[np.float64]
-    qc: NDArray[np.uint16]
-    misfit: NDArray[np.float32]
-    shear: float
-    blackest: float
-
-    @staticmethod
-    def empty(traces: int, rows: int, shear: float, blackest: float) -> Outcome:
-        """Nothing read yet."""
-        position, sigma, course, slope, curvature, brightness = np.full((6, traces, rows), np.nan)
-        qc, misfit = np.zeros((traces, rows), np.uint16), np.full((traces, rows), np.nan, np.float32)
-        return Outcome(position, sigma, course, slope, curvature, brightness, qc, misfit, shear, blackest)
-
-    def keep(
-        self,
-        trace: int,
-        part: slice,
-        position: Floats,
-        sigma: Floats,
-        qc: NDArray[np.uint16],
-        states: Floats,
-        known: NDArray[np.bool_],
-        brightness: Floats,
-    ) -> None:
-        """One trace's rows of a piece."""
-        rate = states[:, 1] - states[:, 5] * states[:, 4]
-        bend = states[:, 2] - states[:, 5] ** 2 * states[:, 3]
-        gain = 1.0 + self.shear * rate
-        self.position[trace, part], self.sigma[trace, part], self.qc[trace, part] = position, sigma, qc
-        self.course[trace, part] = np.where(known, states[:, 0] + states[:, 3], np.nan)
-        self.slope[trace, part] = np.where(known, rate / gain, np.nan)
-        self.curvature[trace, part] = np.where(known, bend / gain**3, np.nan)
-        self.brightness[trace, part] = np.where(known, brightness, np.nan)
-
-
-def openness(gaps: Gaps, first: int, rows: int, spot: float) -> Floats:
-    """Share of a trace's light that the shutter let through to each row."""
+def openness(gaps: Floats, first: int, rows: int, spot: float) -> Floats:
+    """Share of a trace's light that the shutter let through to each row; `gaps` (n, 2) are first and last rows."""
     from scipy.special import ndtr
 
     share = np.ones(rows)
-    for middle, length in zip(gaps.middle, gaps.length, strict=True):
+    for middle, length in zip(gaps.mean(axis=1), gaps[:, 1] - gaps[:, 0], strict=True):
         a, b = int(max(0, middle - length - 5 * spot - first)), int(min(rows, middle + length + 5 * spot - first + 1))
         away = first + np.arange(a, b) + 0.5 - middle
         if a >= b:
@@ -158,7 +131,7 @@ def openness(gaps: Gaps, first: int, rows: int, spot: float) -> Floats:
 
 def judge(
     reading: Floats,
-    states: Floats,
+    place: Floats,
     course_variance: Floats,
     disagreement: Floats,
     known: NDArray[np.uint8],
@@ -173,7 +146,7 @@ def judge(
     ----------
     reading : (rows, 7) array
         Of `row_reading.read_piece`.
-    states, course_variance, disagreement, known : (rows, ...) arrays
+    place, course_variance, disagreement, known : (rows,) arrays
         Of `combine.combined`.
     open_share, lamp : (rows,) arrays
         Light let through by the shutter, and brightness in the open.
@@ -207,7 +180,7 @@ def judge(
     qc |= np.where(followed & shared, flag["overlap"], 0).astype(np.uint16)
     qc |= np.where(followed & (known != BOTH), flag["single_direction"], 0).astype(np.uint16)
     qc |= np.where(followed & ~gap & ~shared & ~accepted & ~unsure & ~black, flag["outlier"], 0).astype(np.uint16)
-    position = np.where(accepted, states[:, 0] + states[:, 3] + shift, np.nan)
+    position = np.where(accepted, place + shift, np.nan)
     sigma = np.sqrt(variance * np.maximum(1.0, misfit) + (FLOOR * optics.spot) ** 2 * stretch)
     return position, np.where(accepted, sigma, np.nan), qc
 

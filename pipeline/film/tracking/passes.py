@@ -10,6 +10,7 @@ are their amplitudes and the phase between them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from copy import deepcopy
 from dataclasses import dataclass, field
 from itertools import combinations, permutations
 
@@ -17,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats, median_present
-from pipeline.film.emulsion.film_emulsion import FilmEmulsion
+from pipeline.film.emulsion import FilmEmulsion
 from pipeline.film.marks.pieces import in_order
-from pipeline.film.parts import Scan
+from pipeline.film.parts import Tracks
+from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.line_profile import Optics
-from pipeline.film.tracking.outcome import Both, Outcome, read_both
+from pipeline.film.tracking.outcome import Both, read_both
 from pipeline.film.tracking.pieces import Filter, Piece, run, run_again
 from pipeline.film.tracking.probing import SURE
 from pipeline.film.tracking.section import Section, read_section
@@ -80,7 +82,7 @@ def _cost(
 class Film:
     """The film, and what is known of it as a whole."""
 
-    scan: Scan
+    scan: OpenScan
     emulsion: FilmEmulsion
     optics: Optics
     period: float
@@ -127,7 +129,7 @@ def forward(film: Film, first_section: Section, progress: Callable[[int], None],
         begins = np.full(traces, -1)
         if first >= first_section.first - (stop - first) and not begun.alive.all():
             _look_again(film, begun, begins, first, stop, first_section, last)
-        out.checkpoints.append(begun.copy())
+        out.checkpoints.append(deepcopy(begun))
         if begun.alive.any() or (begins >= 0).any():
             piece = run(begun, darkness, first, 1, film.optics, begins)
             out.place[:, first:stop], out.variance[:, first:stop] = piece.place, piece.variance
@@ -187,17 +189,31 @@ def _solid_from(read: NDArray[np.bool_], least: int, period: float) -> int | Non
     return int(solid[0]) if solid.size else None
 
 
-def backward(film: Film, ahead: Forward, progress: Callable[[int], None], out: Outcome, jobs: int = 1) -> None:
-    """Follow all traces back, join both ways piece by piece, and read every row."""
+def backward(
+    film: Film, ahead: Forward, progress: Callable[[int], None], jobs: int = 1
+) -> tuple[Tracks, NDArray[np.float32]]:
+    """Follow all traces back, join both ways piece by piece, and read every row.
+
+    Returns
+    -------
+    tracks : Tracks
+    misfit : (traces, rows) array
+        Mean square residual of each row's fit over that of the grain.
+    """
+    traces, rows = ahead.place.shape
+    tracks = Tracks.empty(traces, rows, film.period, film.optics.spot)
+    misfit = np.full((traces, rows), np.nan, np.float32)
+    blackest = float(np.log10(film.emulsion.full_scale / 0.75) - film.emulsion.blank.darkness.max())
 
     def read(piece: tuple[int, Both | None]) -> int:
         first, both = piece
         if both is not None:
-            read_both(both, film.optics, film.period, out)
+            read_both(both, film.emulsion, film.optics, tracks, misfit, blackest)
         return first
 
     for first in in_order(read, _followed_back(film, ahead, jobs), jobs):
         progress(2 * film.scan.rows - first)
+    return tracks, misfit
 
 
 def _followed_back(film: Film, ahead: Forward, jobs: int) -> Iterator[tuple[int, Both | None]]:

@@ -1,19 +1,30 @@
-"""The filter's state, started from seeds and run over pieces of film."""
+"""The harmonic Kalman filter, started from seeds and run over pieces of film in either direction."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.tracking.follow import follow, replay
-from pipeline.film.tracking.line_profile import Optics
-from pipeline.film.tracking.motion import STATES
+from pipeline.film.tracking.line_profile import Lens, Optics
+from pipeline.film.tracking.motion import STATES, advance, correct, place_variance, slope_of, slope_variance
+from pipeline.film.tracking.row_reading import read_row, work_space
 from pipeline.film.tracking.seeding import Swing
+from synth.kernels.compiled import kernel
 
+GATE = 5.0  # sigma
+SLACK = 0.3  # spots, of the line's normal: what the filter may lag behind where ship or paper speed up
+SEEN = 4.0  # sigma of the brightness from which on there is a line
+MISFIT = 30.0  # mean square residual from which on something else lies on the line; less makes a reading less sure
+LAMP_MEMORY = 0.03  # a row
+GIVEN_UP = 0.25  # share of good rows of late under which a trace is lost
+SETTLED = 0.08
+LEAST_SLOPE_VARIANCE = 1e-8
+DEGENERATE = 25.0  # growth of the variance by another trace from which on a row says nothing
 # Growth a swing of the variance of the slow part's bend (in amplitudes a swing squared), of the frequency (in radians a
 # swing) and of the pair (in amplitudes). The swell of a ship bends the slow part by up to 1.5 A/P^2 within a swing or
 # so, and wow of 3 % in 7 s changes the frequency by 0.16 rad/P a swing. A tenth of that is allowed for: both are slow
@@ -23,8 +34,7 @@ FIRST_PLACE, FIRST_RATE, FIRST_BEND, FIRST_FREQUENCY = 0.03, 0.3, 0.5, 0.03
 QUALITY_SWINGS = 0.5
 
 
-@dataclass
-class Filter:
+class Filter(NamedTuple):
     """State of the filter; arrays over traces, changed as it runs.
 
     Attributes
@@ -62,18 +72,6 @@ class Filter:
             min(0.5, 1.0 / (QUALITY_SWINGS * period)),
         )
 
-    def copy(self) -> Filter:
-        """Its own arrays."""
-        return replace(
-            self,
-            states=self.states.copy(),
-            covariances=self.covariances.copy(),
-            alive=self.alive.copy(),
-            lamp=self.lamp.copy(),
-            quality=self.quality.copy(),
-            noise=self.noise.copy(),
-        )
-
     def restart(self, trace: int, state: Floats, lamp: float = 1.0, alive: bool = True) -> None:
         """Follow a trace (again) from a state known about as well as a seed is, at once or when its row comes."""
         self.states[trace] = state
@@ -82,9 +80,11 @@ class Filter:
         self.noise[trace] = process_noise(state)
 
 
-@dataclass(frozen=True)
-class Piece:
-    """What the filter made of a piece: arrays (traces, rows), and (rows, traces, ...) of before each reading."""
+class Piece(NamedTuple):
+    """What the filter made of a piece: arrays (traces, rows), and (rows, traces, ...) of before each reading.
+
+    Readings have an infinite variance where they were not used.
+    """
 
     place: Floats
     variance: Floats
@@ -96,28 +96,15 @@ class Piece:
     @staticmethod
     def empty(traces: int, rows: int) -> Piece:
         """Room for a piece."""
-        return Piece(
-            np.empty((traces, rows)),
-            np.empty((traces, rows)),
-            np.empty((traces, rows)),
-            np.zeros((traces, rows), np.uint8),
-            np.zeros((rows, traces, STATES)),
-            np.zeros((rows, traces, STATES, STATES)),
-        )
+        place, variance, brightness = np.empty((3, traces, rows))
+        states, covariances = np.zeros((rows, traces, STATES)), np.zeros((rows, traces, STATES, STATES))
+        return Piece(place, variance, brightness, np.zeros((traces, rows), np.uint8), states, covariances)
 
-    def of(self, trace: int, rows_behind: int = 0) -> Piece:
-        """One trace of the piece, with rows added behind that were not followed."""
-        more = Piece.empty(1, rows_behind)
-        more.variance[:] = np.inf
+    def of(self, trace: int) -> Piece:
+        """One trace of the piece."""
         one = slice(trace, trace + 1)
-        return Piece(
-            np.concatenate([self.place[one], more.place], axis=1),
-            np.concatenate([self.variance[one], more.variance], axis=1),
-            np.concatenate([self.brightness[one], more.brightness], axis=1),
-            np.concatenate([self.followed[one], more.followed], axis=1),
-            np.concatenate([self.states[:, one], more.states]),
-            np.concatenate([self.covariances[:, one], more.covariances]),
-        )
+        parts: Any = [*(each[one] for each in self[:4]), self.states[:, one], self.covariances[:, one]]
+        return Piece(*parts)
 
 
 def process_noise(state: Floats) -> Floats:
@@ -144,7 +131,7 @@ def start(swings: Sequence[Swing], row: float) -> Filter:
 
 
 def run(
-    filter_: Filter,
+    begun: Filter,
     darkness: NDArray[np.float32],
     first: int,
     order: int,
@@ -155,46 +142,108 @@ def run(
 
     `begins` names rows of the piece from which on traces are followed that are not alive, -1 for none.
     """
-    piece = Piece.empty(filter_.states.shape[0], darkness.shape[0])
-    follow(
-        darkness,
-        first,
-        order,
-        filter_.states,
-        filter_.covariances,
-        filter_.alive,
-        np.full(filter_.alive.size, -1) if begins is None else begins,
-        filter_.lamp,
-        filter_.quality,
-        optics.numbers(),
-        optics.curve.table(),
-        filter_.noise,
-        filter_.memory,
-        piece.place,
-        piece.variance,
-        piece.brightness,
-        piece.followed,
-        piece.states,
-        piece.covariances,
-    )
+    piece = Piece.empty(begun.alive.size, darkness.shape[0])
+    begins = np.full(begun.alive.size, -1) if begins is None else begins
+    follow(darkness, first, order, begun, begins, optics.lens(), piece)
     return piece
 
 
-def run_again(filter_: Filter, place: Floats, variance: Floats, followed: NDArray[np.uint8], optics: Optics) -> Piece:
+def run_again(begun: Filter, place: Floats, variance: Floats, followed: NDArray[np.uint8], optics: Optics) -> Piece:
     """A piece once more from the readings that were kept of it, (traces, rows), without the film."""
     piece = Piece.empty(*place.shape)
-    place, variance = np.ascontiguousarray(place), np.ascontiguousarray(variance)
-    followed = np.ascontiguousarray(followed)
-    replay(
-        filter_.states,
-        filter_.covariances,
-        filter_.alive,
-        filter_.noise,
-        optics.shear,
-        place,
-        variance,
-        followed,
-        piece.states,
-        piece.covariances,
-    )
-    return Piece(place, variance, piece.brightness, followed, piece.states, piece.covariances)
+    piece.place[:], piece.variance[:], piece.followed[:] = place, variance, followed
+    replay(begun, optics.shear, piece)
+    return piece
+
+
+@kernel
+def follow(
+    darkness: NDArray[np.float32],
+    first: int,
+    order: int,
+    begun: Filter,
+    begins: NDArray[np.int64],
+    lens: Lens,
+    piece: Piece,
+) -> None:
+    """Read and follow all traces over the rows of a piece.
+
+    Parameters
+    ----------
+    darkness : (rows, columns) array
+        Above blank film.
+    first : int
+        Row of the film of the first.
+    order : int
+        1 along the film, -1 against it.
+    begun : Filter
+        Before the first row to be read; overwritten by that after the last.
+    begins : (traces,) array
+        Row of the piece from which on a trace that is not alive is to be followed; its state is that of this row.
+        -1 for none.
+    piece : Piece
+        Overwritten.
+    """
+    rows, columns = darkness.shape
+    states, covariances, alive, lamp, quality = begun.states, begun.covariances, begun.alive, begun.lamp, begun.quality
+    traces, spot, shear = alive.size, lens.spot, lens.shear
+    reading, work = work_space(traces, columns), np.empty((2, 6, 6))
+    found = reading.found
+    prior = np.ones((traces, 2))
+    gaps, gap_of = np.empty((0, 2)), np.zeros(traces + 1, np.int64)
+    for turn in range(rows):
+        i = turn if order > 0 else rows - 1 - turn
+        for k in range(traces):
+            if alive[k] != 0:
+                advance(states[k], covariances[k], begun.noise[k], float(order), shear, work)
+            elif begins[k] == i:
+                alive[k] = 1
+            if alive[k] != 0:
+                prior[k, 0] = place_variance(states[k], covariances[k], shear)
+                prior[k, 1] = max(slope_variance(states[k], covariances[k]), LEAST_SLOPE_VARIANCE)
+            piece.states[i, k] = states[k]
+            piece.covariances[i, k] = covariances[k]
+        read_row(darkness[i], first + i + 0.5, states, alive, lens, lamp, prior, gaps, gap_of, SETTLED, reading)
+        for k in range(traces):
+            piece.followed[k, i], piece.brightness[k, i] = alive[k], found[k, 2]
+            piece.place[k, i], piece.variance[k, i] = 0.0, np.inf
+            if alive[k] == 0:
+                continue
+            slope = slope_of(states[k], shear)
+            stretch = 1.0 + slope * slope
+            shift, spread, light, light_variance = found[k, 0], found[k, 1], found[k, 2], found[k, 3]
+            seen = light * light > SEEN * SEEN * light_variance and found[k, 4] < MISFIT
+            dim = max(0.0, 1.0 - light / lamp[k])
+            spread = spread * max(1.0, found[k, 4]) + spot * spot * stretch * (1e-3 + 2.25 * dim * dim)
+            limit = GATE * GATE * (prior[k, 0] + spread + SLACK * SLACK * spot * spot * stretch)
+            good = seen and shift * shift <= limit
+            if not found[k, 1] > DEGENERATE * found[k, 5]:
+                quality[k] += begun.memory * ((1.0 if good else 0.0) - quality[k])
+            if good:
+                piece.place[k, i], piece.variance[k, i] = states[k, 0] + states[k, 3] + shift, spread
+                correct(states[k], covariances[k], shift, spread, shear, work)
+            if seen:
+                doubt = math.sqrt(light_variance) / (0.1 * lamp[k])
+                lamp[k] = max(0.02, lamp[k] + LAMP_MEMORY / (1.0 + doubt * doubt) * (light - lamp[k]))
+            if quality[k] < GIVEN_UP:
+                alive[k] = 0
+
+
+@kernel
+def replay(begun: Filter, shear: float, piece: Piece) -> None:
+    """Once more along a piece that was followed before, from its readings alone; overwrites what `follow` kept."""
+    states, covariances, alive = begun.states, begun.covariances, begun.alive
+    work = np.empty((2, 6, 6))
+    for i in range(piece.states.shape[0]):
+        for k in range(alive.size):
+            if piece.followed[k, i] == 0:
+                continue
+            if alive[k] == 0:
+                alive[k] = 1
+            else:
+                advance(states[k], covariances[k], begun.noise[k], 1.0, shear, work)
+            piece.states[i, k] = states[k]
+            piece.covariances[i, k] = covariances[k]
+            if np.isfinite(piece.variance[k, i]):
+                shift = piece.place[k, i] - (states[k, 0] + states[k, 3])
+                correct(states[k], covariances[k], shift, piece.variance[k, i], shear, work)

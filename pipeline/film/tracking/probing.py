@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.film.emulsion.film_emulsion import ToneCurve
+from pipeline.film.emulsion import FilmEmulsion, ToneCurve, plain_emulsion
+from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.calibrate import calibrate, measure_shear, open_rows
 from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.section import Section, read_section
@@ -22,6 +23,17 @@ REFINEMENTS = 3
 SURE = 0.6  # share of rows read, with the film's own optics, by which a trace is one
 ASKEW = (0.0, 0.009, -0.009, 0.018, -0.018, 0.027, -0.027)  # rows a column: half a degree and its multiples
 Darkness = Callable[[int, int], NDArray[np.float32]]
+
+
+def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
+    """Blank film, grain, characteristic curve and spot, from strips spread over the film, dark lines on light."""
+    plain = plain_emulsion(scan)
+    sigma = float(np.sqrt(plain.grain[0]))
+    probed = probe(lambda first, stop: plain.darkness(scan.read(first, stop), first), scan.rows, sigma)
+    if probed is None:
+        return plain
+    _, optics = probed
+    return FilmEmulsion(scan.full_scale, plain.blank, optics.curve, optics.grain, optics.spot)
 
 
 def first_optics(darkness: NDArray[np.float32], sigma: float) -> Optics:

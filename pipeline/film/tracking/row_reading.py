@@ -1,26 +1,212 @@
-"""Reading of one row: windows about the traces, groups of those that overlap, a joint fit of each group."""
+"""Joint least squares of all traces that overlap on one row: windows about the traces, groups of those that overlap.
+
+Darkness is a known function f of exposure, exposures of several lines add up, and grain is known per darkness:
+
+    y(u) = background + f(sum_k brightness_k E_k(u - shift_k)) + noise of variance v0 + v1 f.
+
+Where a trace turns, what lies on a row depends as much on when it turned as on where: the slope of its course may be
+wrong by what the course is uncertain, and the fit allows for it.
+
+Fitted in darkness, where the grain is normal, and not in exposure, where the toe of the curve would bend it.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.tracking.line_profile import MOST_NODES, REACH, nodes_of
-from pipeline.film.tracking.motion import slope_of
-from pipeline.film.tracking.row_fit import fit_row
+from pipeline.film.tracking.line_profile import MOST_NODES, REACH, Lens, nodes_of, profile
+from pipeline.film.tracking.motion import slope_of, solve
 from synth.kernels.compiled import kernel
 
 Integers = NDArray[np.int64]
 Floats32 = NDArray[np.float32]
 
+OUTLIER = 3.5  # sigma from which on a pixel counts less
+FAINTEST = 0.02
+ROUNDS = 4
+BRIGHTNESS_PRIOR = 0.7  # 1 sigma of what is known of the brightness before, relative
 WINDOW = 3.5  # spots beyond the outermost light
-
-
 FIELDS = 7
 SETTLED = 0.03
+
+
+class Work(NamedTuple):
+    """What the fit of a row finds, and its work space.
+
+    Attributes
+    ----------
+    found : (traces, 6) array
+        Shift, its variance, brightness, its variance, mean square residual in units of the noise, variance of the
+        shift if the trace lay alone; variances are inf where a trace is not known or off the image.
+    nodes, counts : (traces, 3, MOST_NODES), (traces,) arrays
+        Of all traces (`line_profile.nodes_of`), and their numbers.
+    windows, profiles, matrices : arrays
+    """
+
+    found: Floats
+    nodes: Floats
+    counts: Integers
+    windows: Integers
+    profiles: Floats
+    matrices: Floats
+
+
+@kernel
+def work_space(traces: int, columns: int) -> Work:
+    """Room for the fit of rows."""
+    return Work(
+        np.empty((traces, 6)),
+        np.empty((traces, 3, MOST_NODES)),
+        np.empty(traces, np.int64),
+        np.empty((traces, 4), np.int64),
+        np.empty((traces, 3, columns)),
+        np.empty((3, 3 * traces + 8, 3 * traces + 8)),
+    )
+
+
+@kernel
+def fit_row(
+    darkness: Floats32,
+    first: int,
+    members: Integers,
+    lens: Lens,
+    lamp: Floats,
+    prior: Floats,
+    settled: float,
+    work: Work,
+) -> None:
+    """Shift and brightness of the traces of one group, into `work`.
+
+    Parameters
+    ----------
+    darkness : (n,) array
+        Of the pixels of the group's window.
+    first : int
+        Column of the first of them.
+    members : (g,) array
+        Which traces.
+    lamp : (traces,) array
+        Brightness to start from.
+    prior : (traces, 2) array
+        Variance of the shift as known before, for the sake of the OTHER traces of the group (inf for none), and of the
+        slope.
+    settled : float
+        Last step, over 1.5 spots of the normal, at which to stop.
+    """
+    spot, table, found, profiles = lens.spot, lens.table, work.found, work.profiles
+    size, g = darkness.size, members.size
+    n = 3 * g + 1
+    top = table.shape[1] - 2
+    normal, copy, rows = work.matrices[0], work.matrices[1], work.matrices[2]
+    value, right, other, start, misfit, weights, limit = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]
+    for a in range(g):
+        value[3 * a] = 0.0
+        value[3 * a + 1] = lamp[members[a]]
+        value[3 * a + 2] = 0.0
+    value[n - 1] = 0.0
+    offset_variance = 0.25 * lens.blank
+    for _ in range(ROUNDS):
+        for a in range(g):
+            k = members[a]
+            part = profiles[k, :, :size]
+            profile(work.nodes[k], work.counts[k], value[3 * a], value[3 * a + 2], spot, first, part)
+            peak = 0.02
+            for i in range(size):
+                peak = max(peak, profiles[k, 0, i])
+            limit[a] = 1.5 * spot / peak
+            misfit[a], weights[a] = 0.0, 1e-12
+        for i in range(n):
+            right[i] = 0.0
+            start[i] = value[i]
+            for j in range(n):
+                normal[i, j] = 0.0
+        for i in range(size):
+            exposure = 0.0
+            for a in range(g):
+                exposure += value[3 * a + 1] * profiles[members[a], 0, i]
+            place = exposure / lens.step
+            index = min(int(place), top)
+            share = min(place - index, 1.0)
+            dark = table[0, index] + share * (table[0, index + 1] - table[0, index])
+            rate = table[1, index] + share * (table[1, index + 1] - table[1, index])
+            residual = darkness[i] - value[n - 1] - dark
+            weight = 1.0 / (lens.blank + lens.growth * dark)
+            square = residual * residual * weight
+            if square > OUTLIER * OUTLIER:
+                weight *= OUTLIER / math.sqrt(square)
+            for a in range(g):
+                k = members[a]
+                misfit[a] += square * profiles[k, 0, i]
+                weights[a] += profiles[k, 0, i]
+                other[3 * a] = rate * value[3 * a + 1] * profiles[k, 1, i]
+                other[3 * a + 1] = rate * profiles[k, 0, i]
+                other[3 * a + 2] = rate * value[3 * a + 1] * profiles[k, 2, i]
+            other[n - 1] = 1.0
+            for a in range(n):
+                scaled = weight * other[a]
+                right[a] += scaled * residual
+                for b in range(a + 1):
+                    normal[a, b] += scaled * other[b]
+        for a in range(g):
+            wide = BRIGHTNESS_PRIOR * lamp[members[a]]
+            normal[3 * a + 1, 3 * a + 1] += 1.0 / (wide * wide)
+            right[3 * a + 1] += (lamp[members[a]] - value[3 * a + 1]) / (wide * wide)
+            normal[3 * a, 3 * a] += 1e-9
+            normal[3 * a + 2, 3 * a + 2] += 1.0 / prior[members[a], 1]
+            right[3 * a + 2] -= value[3 * a + 2] / prior[members[a], 1]
+        normal[n - 1, n - 1] += 1.0 / offset_variance
+        right[n - 1] -= value[n - 1] / offset_variance
+        for a in range(n):
+            for b in range(a):
+                normal[b, a] = normal[a, b]
+        for i in range(n):
+            other[i] = right[i]
+            for j in range(n):
+                copy[i, j] = normal[i, j]
+        for a in range(g):
+            copy[3 * a, 3 * a] += 1.0 / prior[members[a], 0]
+            other[3 * a] -= value[3 * a] / prior[members[a], 0]
+        if not solve(copy, other, n):
+            break
+        moved = 0.0
+        for a in range(g):
+            step = min(max(other[3 * a], -limit[a]), limit[a])
+            value[3 * a] += step
+            value[3 * a + 2] += other[3 * a + 2]
+            value[3 * a + 1] = max(value[3 * a + 1] + other[3 * a + 1], FAINTEST * lamp[members[a]])
+            moved = max(moved, abs(step) / limit[a], 0.3 * abs(other[3 * a + 1]) / lamp[members[a]])
+        value[n - 1] += other[n - 1]
+        if moved < settled:
+            break
+    for a in range(g):  # each trace's own reading: the others with what was known of them, itself without
+        k = members[a]
+        for i in range(n):
+            other[i] = right[i]
+            for j in range(n):
+                copy[i, j] = normal[i, j]
+        for b in range(g):
+            if b != a:
+                copy[3 * b, 3 * b] += 1.0 / prior[members[b], 0]
+                other[3 * b] -= start[3 * b] / prior[members[b], 0]
+        if not solve(copy, other, n):
+            found[k, 0], found[k, 1] = 0.0, np.inf
+        else:
+            found[k, 0] = start[3 * a] + min(max(other[3 * a], -limit[a]), limit[a])
+            found[k, 1] = copy[3 * a, 3 * a]
+        found[k, 2] = value[3 * a + 1]
+        found[k, 3] = copy[3 * a + 1, 3 * a + 1]
+        found[k, 4] = misfit[a] / weights[a]
+        found[k, 5] = found[k, 1]
+        if g > 1:
+            for i in range(4):
+                for j in range(4):
+                    copy[i, j] = normal[n - 1 if i == 3 else 3 * a + i, n - 1 if j == 3 else 3 * a + j]
+            found[k, 5] = copy[0, 0] if solve(copy, other, 4) else np.inf
 
 
 @kernel
@@ -29,21 +215,15 @@ def read_row(
     row: float,
     states: Floats,
     alive: Integers,
-    optics: Floats,
-    table: Floats,
+    lens: Lens,
     lamp: Floats,
     prior: Floats,
     gaps: Floats,
     gap_of: Integers,
     settled: float,
-    found: Floats,
-    nodes: Floats,
-    counts: Integers,
-    windows: Integers,
-    profiles: Floats,
-    matrices: Floats,
+    work: Work,
 ) -> None:
-    """Shift and brightness of all traces on one row (see `row_fit.fit_row`).
+    """Shift and brightness of all traces on one row (see `fit_row`), into `work`.
 
     Parameters
     ----------
@@ -55,16 +235,11 @@ def read_row(
         Of the motion at this row.
     alive : (traces,) array
         0 where a trace is not known.
-    optics : (5,) array
-        Spot (px), shear, step of the table, variance of the grain and its growth.
     gaps, gap_of : (n, 2), (traces + 1,) array
         Gaps of all traces; those of trace k from `gap_of[k]` to before `gap_of[k + 1]`.
-    found : (traces, 6) array
-        Overwritten; variance inf where a trace is not known or off the image.
-    nodes, counts, windows, profiles, matrices
-        Work: (traces, 3, MOST_NODES), (traces,), (traces, 4), (traces, 3, columns), (3, 3 traces + 8, 3 traces + 8).
     """
-    spot, shear = optics[0], optics[1]
+    found, nodes, counts, windows = work.found, work.nodes, work.counts, work.windows
+    spot = lens.spot
     traces, columns = states.shape[0], darkness.size
     for k in range(traces):
         found[k, 0], found[k, 1], found[k, 2], found[k, 3], found[k, 4] = 0.0, np.inf, 0.0, np.inf, 0.0
@@ -76,7 +251,7 @@ def read_row(
         near = gap_of[k]
         while near < last and gaps[near, 1] < row - 8.0 * spot:
             near += 1
-        counts[k] = nodes_of(states[k], spot, shear, gaps[near:last], row, nodes[k])
+        counts[k] = nodes_of(states[k], spot, lens.shear, gaps[near:last], row, nodes[k])
         low, high, least = 1e9, -1e9, 0.01 * nodes[k, 1, 0] * math.exp(0.5 * REACH * REACH)
         for i in range(counts[k]):
             if nodes[k, 1, i] >= least:
@@ -105,23 +280,8 @@ def read_row(
                 count += 1
                 low_pixel, high_pixel = min(low_pixel, windows[k, 0]), max(high_pixel, windows[k, 1])
         if count > 0:
-            fit_row(
-                darkness[low_pixel:high_pixel],
-                low_pixel,
-                nodes,
-                counts,
-                windows[:count, 3],
-                spot,
-                table,
-                optics[2],
-                optics[3:5],
-                lamp,
-                prior,
-                settled,
-                found,
-                profiles,
-                matrices,
-            )
+            pixels, members = darkness[low_pixel:high_pixel], windows[:count, 3]
+            fit_row(pixels, low_pixel, members, lens, lamp, prior, settled, work)
 
 
 @kernel
@@ -134,10 +294,8 @@ def read_piece(
     lamp: Floats,
     gaps: Floats,
     gap_of: Integers,
-    optics: Floats,
-    table: Floats,
-    out: Floats,
-) -> None:
+    lens: Lens,
+) -> Floats:
     """Read all traces row by row.
 
     Parameters
@@ -148,43 +306,25 @@ def read_piece(
         The course, and where there is one.
     slope_variance, lamp : (traces, rows) arrays
         Variance of the course's slope; brightness in the open.
-    gaps, gap_of, optics, table
-        As for `row_reading.read_row`.
-    out : (traces, rows, 7) array
-        Overwritten: shift from the course, its variance, brightness (of the light let through), its variance, mean
-        square residual, variance of the shift had the trace lain alone, slope.
+    gaps, gap_of
+        As for `read_row`.
+
+    Returns
+    -------
+    (traces, rows, 7) array
+        Shift from the course, its variance, brightness (of the light let through), its variance, mean square residual,
+        variance of the shift had the trace lain alone, slope.
     """
     rows, columns = darkness.shape
     traces = states.shape[1]
-    found, nodes = np.empty((traces, 6)), np.empty((traces, 3, MOST_NODES))
-    counts, windows = np.empty(traces, np.int64), np.empty((traces, 4), np.int64)
-    profiles = np.empty((traces, 3, columns))
-    matrices = np.empty((3, 3 * traces + 8, 3 * traces + 8))
+    work, out = work_space(traces, columns), np.empty((traces, rows, FIELDS))
     alive, now, prior = np.empty(traces, np.int64), np.empty(traces), np.full((traces, 2), math.inf)
     for i in range(rows):
         for k in range(traces):
             alive[k], now[k] = (1 if known[k, i] else 0), lamp[k, i]
             prior[k, 1] = max(slope_variance[k, i], 1e-8)
-        read_row(
-            darkness[i],
-            first + i + 0.5,
-            states[i],
-            alive,
-            optics,
-            table,
-            now,
-            prior,
-            gaps,
-            gap_of,
-            SETTLED,
-            found,
-            nodes,
-            counts,
-            windows,
-            profiles,
-            matrices,
-        )
+        read_row(darkness[i], first + i + 0.5, states[i], alive, lens, now, prior, gaps, gap_of, SETTLED, work)
         for k in range(traces):
-            for a in range(6):
-                out[k, i, a] = found[k, a]
-            out[k, i, 6] = slope_of(states[i, k], optics[1])
+            out[k, i, :6] = work.found[k]
+            out[k, i, 6] = slope_of(states[i, k], lens.shear)
+    return out

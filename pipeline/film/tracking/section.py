@@ -117,9 +117,15 @@ def follow_from(
     swings: Sequence[Swing], darkness: NDArray[np.float32], first: int, begin: int, optics: Optics, least: float
 ) -> Section:
     """Follow swings given at row `begin` both ways through a section; fewer rows than `least` count as so many."""
-    forward, backward, _ = both_ways(start(swings, first + begin - 0.5), darkness, first, begin, optics)
-    states, _, _, _, known = combined(forward, backward, optics)
-    used = np.isfinite(backward.variance) & (known > 0)
+    begun = start(swings, first + begin - 0.5)
+    run(begun, darkness[begin:], first + begin, 1, optics)
+    _turn(begun)
+    backward = run(begun, darkness, first, -1, optics)
+    _turn(begun)
+    forward = run(begun, darkness, first, 1, optics)
+    course = combined(forward, backward, optics.spot, optics.shear)
+    states, known = course.states, course.known > 0
+    used = np.isfinite(backward.variance) & known
     swings = [Swing(first + begin + 0.5, states[begin, k].copy(), 1.0) for k in range(len(swings))]
     return Section(
         first,
@@ -129,22 +135,14 @@ def follow_from(
         states,
         np.where(used, backward.place, np.nan),
         np.where(used, backward.brightness, np.nan),
-        used.sum(axis=1) / np.maximum((known > 0).sum(axis=1), least),
+        used.sum(axis=1) / np.maximum(known.sum(axis=1), least),
     )
 
 
-def both_ways(
-    begun: Filter, darkness: NDArray[np.float32], first: int, begin: int, optics: Optics
-) -> tuple[Piece, Piece, Filter]:
-    """From row `begin` to the end of a piece, back to its start and forward: forward, backward, filter at the end."""
-    run(begun, darkness[begin:], first + begin, 1, optics)
+def _turn(begun: Filter) -> None:
+    """Start again at the end of a piece, from where the traces are."""
     for k in np.flatnonzero(begun.alive):
-        begun.restart(int(k), begun.states[k], float(begun.lamp[k]))
-    backward = run(begun, darkness, first, -1, optics)
-    for k in np.flatnonzero(begun.alive):
-        begun.restart(int(k), begun.states[k], float(begun.lamp[k]))
-    forward = run(begun, darkness, first, 1, optics)
-    return forward, backward, begun
+        begun.restart(int(k), begun.states[k].copy(), float(begun.lamp[k]))
 
 
 def _prove(
@@ -155,13 +153,14 @@ def _prove(
     beside = [Swing(first + begin + 0.5, piece.states[begin, 0], 1.0) for piece in others if piece.followed[0, begin]]
     begun = start([seed, *beside], first + begin - 0.5)
     run(begun, darkness[begin:], first + begin, 1, optics)
-    if not begun.alive[0]:  # lost on the way, or the trace ends: back from where the seed was
-        begun = start([seed, *beside], first + begin + 0.5)
-        piece = run(begun, darkness[: begin + 1], first, -1, optics).of(0, darkness.shape[0] - begin - 1)
+    if not begun.alive[0]:  # lost on the way, or the trace ends: back from where the seed was, to a row
+        begun = start([seed, *beside], first + begin - 0.5)
+        begins = np.full(begun.alive.size, begin)
+        begun.alive[:] = 0
     else:
-        for k in np.flatnonzero(begun.alive):
-            begun.restart(int(k), begun.states[k], float(begun.lamp[k]))
-        piece = run(begun, darkness, first, -1, optics).of(0)
+        _turn(begun)
+        begins = None
+    piece = run(begun, darkness, first, -1, optics, begins).of(0)
     followed = piece.followed[0] > 0
     used = np.isfinite(piece.variance[0]) & followed
     if followed.sum() < LEAST_SWINGS * seed.period or used.sum() < LEAST_USED * followed.sum():

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.tracking.row_fit import solve
+from pipeline.film.tracking.motion import solve
 from synth.kernels.compiled import kernel
 
 DARKEST_SHARE = 0.35

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
-from pipeline.film.emulsion.film_emulsion import FilmEmulsion
-from pipeline.film.parts import Scan, Tracks
+from pipeline.film.emulsion import FilmEmulsion
+from pipeline.film.parts import Tracks
+from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.line_profile import Optics
-from pipeline.film.tracking.outcome import Outcome, flag_lost
+from pipeline.film.tracking.outcome import flag_lost
 from pipeline.film.tracking.passes import SECTION_SWINGS, Film, backward, forward
 from pipeline.film.tracking.pieces import run, start
 from pipeline.film.tracking.probing import SURE, probe
@@ -29,7 +31,7 @@ STRANGE = 4.0
 
 
 def track(
-    scan: Scan,
+    scan: OpenScan,
     emulsion: FilmEmulsion,
     *,
     count: int | None = None,
@@ -57,7 +59,7 @@ def track(
     sigma = float(np.sqrt(emulsion.grain[0]))
     given = Optics(emulsion.spot, 0.0, emulsion.curve, emulsion.grain) if emulsion.spot else None
 
-    def darkness(first: int, stop: int) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
+    def darkness(first: int, stop: int) -> NDArray[np.float32]:
         return emulsion.darkness(scan.read(first, stop), first)
 
     probed = probe(darkness, scan.rows, sigma, count, given)
@@ -74,40 +76,28 @@ def track(
     total = 2 * scan.rows
     tell = (lambda done: progress(done, total)) if progress is not None else (lambda done: None)
     ahead = forward(film, begin, tell, jobs)
-    blank = float(emulsion.blank.darkness.max())
-    out = Outcome.empty(traces, scan.rows, optics.shear, float(np.log10(emulsion.full_scale / 0.75)) - blank)
-    backward(film, ahead, tell, out, jobs)
+    tracks, misfit = backward(film, ahead, tell, jobs)
     for k in range(traces):
-        _refuse_strangers(out, k)
-        flag_lost(out.position[k], out.course[k], out.qc[k], film.period)
-    _refuse_unread(out)
-    _refuse_doubles(out, optics.spot)
-    return Tracks(
-        out.position,
-        out.sigma,
-        out.course,
-        out.slope,
-        out.curvature,
-        out.brightness,
-        out.qc,
-        film.period,
-        optics.spot,
-    )
+        _refuse_strangers(misfit[k], k)
+        flag_lost(tracks.position[k], tracks.course[k], tracks.qc[k], film.period)
+    _refuse_unread(tracks)
+    _refuse_doubles(tracks)
+    return tracks
 
 
-def _refuse_strangers(out: Outcome, trace: int) -> None:
+def _refuse_strangers(misfit: NDArray[np.float32], trace: int) -> None:
     """Refuse a film on which something else lies on a trace for most of its way."""
-    known = out.misfit[trace][np.isfinite(out.misfit[trace])]
-    misfit = float(np.quantile(known, 0.75)) if known.size else 0.0
-    if misfit > STRANGE:
+    known = misfit[np.isfinite(misfit)]
+    usual = float(np.quantile(known, 0.75)) if known.size else 0.0
+    if usual > STRANGE:
         raise RefusedError(
             f"trace {trace + 1} of the film does not look like one line: on a quarter of its rows the mean square"
-            f" residual is over {misfit:.1f} times the grain's, at most {STRANGE:g} is allowed; another trace may lie"
+            f" residual is over {usual:.1f} times the grain's, at most {STRANGE:g} is allowed; another trace may lie"
             " on it: give count, or cut the film where it can be read"
         )
 
 
-def _refuse_unread(out: Outcome) -> None:
+def _refuse_unread(out: Tracks) -> None:
     """Refuse a film on which a trace was found but not read."""
     read = np.isfinite(out.position).mean(axis=1)
     if read.max() < LEAST_READ:
@@ -120,13 +110,13 @@ def _refuse_unread(out: Outcome) -> None:
         )
 
 
-def _refuse_doubles(out: Outcome, spot: float) -> None:
+def _refuse_doubles(out: Tracks) -> None:
     """Refuse a film on which two traces are read as one line for most of their way."""
     for a in range(out.course.shape[0]):
         for b in range(a):
             away = np.abs(out.course[a] - out.course[b]) / np.sqrt(1.0 + out.slope[a] ** 2)
             away = away[np.isfinite(away)]
-            if away.size and float(np.mean(away < spot)) > 0.5:
+            if away.size and float(np.mean(away < out.spot)) > 0.5:
                 raise RefusedError(
                     f"traces {b + 1} and {a + 1} of the film lie on each other on more than half of the rows: give"
                     " count, or cut the film where they lie apart"

@@ -11,10 +11,10 @@ from small_film import Film, film
 
 from pipeline.film.marks import gap_kernels
 from pipeline.film.marks.axis import axis_of
-from pipeline.film.marks.curve_kernels import brightness_along, draw, light_at_rest, place, solve
+from pipeline.film.marks.curve_kernels import Patch, brightness_along, draw, light_at_rest, place
 from pipeline.film.marks.search import fitted
 from pipeline.film.parts import Marking
-from pipeline.film.strobe.dense_kernels import SIZE, fit_block, nodes, swing
+from pipeline.film.strobe.dense_kernels import SIZE, Known, fit_block, node_table, values
 
 
 @pytest.fixture(scope="module")
@@ -62,12 +62,12 @@ def test_brightness_is_one_in_the_open_and_none_in_gaps(moment: Film) -> None:
 
 def test_a_spot_holds_its_light_and_its_derivatives() -> None:
     image, across, along = (np.zeros((15, 15)) for _ in range(3))
-    draw(image, across, along, 0, 0, 7.3, 7.9, -3.0, 1.0, 1.2, True)
+    draw(Patch(image, across, along, 0, 0), 7.3, 7.9, -3.0, 1.0, 1.2, True)
     assert image.sum() == pytest.approx(math.sqrt(2.0 * math.pi) * 1.2, rel=2e-3)
     assert (image.sum(axis=0) @ (np.arange(15) + 0.5)) / image.sum() == pytest.approx(7.9, abs=1e-2)
     moved = np.zeros((2, 15, 15))
     for k, by in enumerate((-1e-4, 1e-4)):
-        draw(moved[k], across, along, 0, 0, 7.3, 7.9 + by, -3.0, 1.0, 1.2, False)
+        draw(Patch(moved[k], across, along, 0, 0), 7.3, 7.9 + by, -3.0, 1.0, 1.2, False)
     assert np.allclose((moved[1] - moved[0]) / 2e-4, across, atol=1e-5)
     assert np.allclose(along, -3.0 * across)
 
@@ -85,16 +85,6 @@ def test_a_curve_is_a_cubic_between_rows() -> None:
     assert math.isnan(place(rows**3, 3.0 * rows**2, 12.1)[0])
 
 
-def test_small_equations_are_solved() -> None:
-    root = np.random.default_rng(0).normal(size=(5, 5))
-    matrix, right = root @ root.T + np.eye(5), np.arange(5.0)
-    inverse, solution = matrix.copy(), right.copy()
-    assert solve(inverse, solution, 5)
-    assert np.allclose(inverse, np.linalg.inv(matrix))
-    assert np.allclose(solution, np.linalg.solve(matrix, right))
-    assert not solve(np.zeros((2, 2)), np.zeros(2), 2)
-
-
 def test_a_block_of_swings_finds_its_line() -> None:
     made_slowly = film(3.2, speed=17.717, columns=120, sizes=(30.0,), middles=(60.0,))
     exposure = made_slowly.emulsion.exposure(made_slowly.scan.image, 0)
@@ -102,13 +92,10 @@ def test_a_block_of_swings_finds_its_line() -> None:
     phase = 2 * np.pi * np.interp(middle, *made_slowly.clock) / 1.00966 + 0.4
     shape = np.zeros(SIZE)
     shape[0], shape[4], shape[7] = 61.0, 29.0 * np.cos(phase + 0.15), -29.0 * np.sin(phase + 0.15)
-    quality, room = np.empty(3), np.full(SIZE, 10.0)
-    turn, half = 2 * np.pi / period, period
-    canvas, curve = np.empty((80, 120)), np.empty((2, nodes(half, 1.18)))
-    fit_block(exposure, 0, shape, middle, half, turn, 1.18, 1.0, 1.0, room, 8, canvas, *curve, quality)
-    assert quality[2] > 0.6
-    rows = middle + np.linspace(-0.7, 0.7, 60) * period
-    found = np.array([swing(shape, middle, half, turn, row) for row in rows])
-    true = np.interp(rows - 0.5, np.arange(made_slowly.scan.rows), made_slowly.tracks.course[0])
-    away = (found[:, 0] - true) / np.hypot(1.0, found[:, 1])
+    known = Known(period, 1.18, 1.0, 1.0, np.full(SIZE, 10.0), node_table(period, 1.18), np.empty((80, 120)))
+    assert fit_block(exposure, 0, shape, middle, known, 8)[1] > 0.6
+    away = np.linspace(-0.7, 0.7, 60) * period
+    column, slope, _ = values(shape, away, period)
+    true = np.interp(middle + away - 0.5, np.arange(made_slowly.scan.rows), made_slowly.tracks.course[0])
+    away = (column - true) / np.hypot(1.0, slope)
     assert np.median(np.abs(away)) < 0.15

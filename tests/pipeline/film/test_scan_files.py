@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from data_schemas.errors import FileError, IsochronyError, UsageError
-from pipeline.film.scan import ScanOptions, open_scan
 from pipeline.film.scan.image import to_grey
+from pipeline.film.scan.opening import ScanOptions, open_scan
 from pipeline.film.scan.turning import CLOCKWISE, UPRIGHT, Turned, turned
 from pipeline.film.scan.whole import WholeImage
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from spot_film import CONTRAST, DENSEST, FOG, MIDDLE, SCANNER, SPOT, Sheet, Swinging, developed, exposure_of, shutter
 
-from pipeline.film.emulsion.blank import darkness_table, measure_blank
-from pipeline.film.emulsion.film_emulsion import FilmEmulsion, ToneCurve
+from pipeline.film.emulsion import FilmEmulsion, ToneCurve, measure_blank
 from pipeline.film.strobe.dense_emulsion import dense_emulsion, fitted_curve, grain_growth
-from pipeline.film.strobe.dense_kernels import NODES, SIZE, draw_curve, nodes, tabulate
+from pipeline.film.strobe.dense_kernels import NODES, SIZE, draw_curve, node_table
 
 PERIOD, LAMP = 17.9, 4.0
 TRUE = ToneCurve((DENSEST - FOG) / SCANNER, MIDDLE / LAMP, CONTRAST)
@@ -52,13 +51,12 @@ def test_a_curve_is_drawn_as_a_spot_draws_it():
     middle = 30.0
     angle = 2.0 * np.pi * middle / PERIOD
     shape[0], shape[4], shape[7] = 100.0, 45.0 * np.cos(angle), -45.0 * np.sin(angle)
-    course, slope = np.empty((2, nodes(PERIOD, SPOT)))
-    tabulate(shape, PERIOD, 2.0 * np.pi / PERIOD, course, slope)
+    course, slope = node_table(PERIOD, SPOT) @ shape
     node = PERIOD / NODES
     away = (np.arange(course.size) - 0.5 * (course.size - 1)) * node
     assert course == pytest.approx(trace.column(middle + away), abs=1e-9)
     canvas = np.ones((60, 200))
-    draw_curve(canvas, 60, 180, middle + away[0], 10.0, node, course, slope, SPOT, np.empty(200))
+    draw_curve(canvas, 60, 180, middle + away[0], 10.0, node, course, slope, SPOT)
     # a spot ends at 3 sigma, where 0.011 of its light is left
     assert canvas[20:40, :180] == pytest.approx(light[20:40, 10:190], abs=0.015 * light.max())
     assert np.all(canvas[:, 180:] == 1.0)
@@ -66,7 +64,7 @@ def test_a_curve_is_drawn_as_a_spot_draws_it():
 
 def test_exposure_is_that_of_the_darkness():
     image = np.random.default_rng(3).integers(1, 256, (300, 200)).astype(np.uint8)
-    emulsion = FilmEmulsion(255, measure_blank(Sheet(image), darkness_table(255)), TRUE, np.array([5e-5, 1e-3]))
+    emulsion = FilmEmulsion(255, measure_blank(Sheet(image)), TRUE, np.array([5e-5, 1e-3]))
     expected = TRUE.exposure(emulsion.darkness(image, 0))
     seen = emulsion.exposure(image, 0)
     inside = expected < 1.0  # in the table's steps, which are wide where the film is saturated

@@ -18,9 +18,8 @@ from spot_film import (
     shutter,
 )
 
-from pipeline.film.emulsion.blank import darkness_table, measure_blank
-from pipeline.film.emulsion.film_emulsion import HIGHEST_EXPOSURE, FilmEmulsion, ToneCurve
-from pipeline.film.emulsion.measure import measure_emulsion
+from pipeline.film.emulsion import HIGHEST_EXPOSURE, FilmEmulsion, ToneCurve, measure_blank
+from pipeline.film.tracking.probing import measure_emulsion
 
 
 def test_the_curve_and_its_inverse_are_one_another():
@@ -40,7 +39,7 @@ def test_blank_film_is_told_under_lines_and_vignette(kind):
     light = 0.8 * (1.0 - 0.3 * (np.linspace(-1, 1, 1000) ** 2))[None, :] * np.linspace(1.0, 0.9, 400)[:, None]
     image = light * 10.0 ** (-0.01 * rng.normal(size=(400, 1000)))
     image[::7, 40:700] *= 0.4  # a seventh of the film is line
-    blank = measure_blank(Sheet(np.round(top * image).astype(kind)), darkness_table(int(top)))
+    blank = measure_blank(Sheet(np.round(top * image).astype(kind)))
     expected = -np.log10(light[np.ix_(blank.rows.astype(int), blank.columns.astype(int))])
     assert np.abs(blank.darkness - expected).max() < 0.006
     assert blank.sigma == pytest.approx(0.01, rel=0.15)
@@ -49,7 +48,7 @@ def test_blank_film_is_told_under_lines_and_vignette(kind):
 def test_pixels_become_darkness_and_exposure():
     curve = ToneCurve(0.6, 0.2, 1.5)
     image = np.full((64, 128), 200, np.uint8)
-    blank = measure_blank(Sheet(image), darkness_table(255))
+    blank = measure_blank(Sheet(image))
     emulsion = FilmEmulsion(255, blank, curve, np.array([1e-4, 1e-3]))
     exposures = np.array([0.05, 0.3, 1.0])
     pixels = np.tile(np.round(200 * 10.0 ** -curve.darkness(exposures)), (2, 1)).astype(np.uint8)

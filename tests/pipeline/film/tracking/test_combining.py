@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.film.emulsion.film_emulsion import ToneCurve
 from pipeline.film.tracking.combine import combined
-from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.pieces import Piece
 
-OPTICS = Optics(1.2, 0.0, ToneCurve(0.6, 0.2, 1.5), np.array([5e-5, 1e-3]))
+SPOT = 1.2
 STATE = np.array([100.0, 0.2, 0.0, 30.0, -50.0, 0.11])
 
 
@@ -26,7 +24,7 @@ def a_piece(seed, followed=1):
 
 def test_two_estimates_are_weighed_by_their_information():
     one, other = a_piece(1), a_piece(2)
-    states, variance, slope_variance, apart, known = combined(one, other, OPTICS)
+    states, variance, slope_variance, apart, known = combined(one, other, SPOT, 0.0)
     a, b = np.linalg.inv(one.covariances[0, 0]), np.linalg.inv(other.covariances[0, 0])
     spread = np.linalg.inv(a + b)
     assert states[0, 0] == pytest.approx(spread @ (a @ one.states[0, 0] + b @ other.states[0, 0]), rel=1e-6)
@@ -42,13 +40,13 @@ def test_two_estimates_are_weighed_by_their_information():
 def test_a_trace_known_from_one_side_keeps_that_sides_course():
     one, other = a_piece(1), a_piece(2, followed=0)
     for forth, back, code in ((one, other, 1), (other, one, 2)):
-        states, _, _, apart, known = combined(forth, back, OPTICS)
+        states, _, _, apart, known = combined(forth, back, SPOT, 0.0)
         assert states[0, 0] == pytest.approx(one.states[0, 0])
         assert (known[0, 0], apart[0, 0]) == (code, 0.0)
-    assert combined(other, other, OPTICS)[4][0, 0] == 0
+    assert combined(other, other, SPOT, 0.0).known[0, 0] == 0
 
 
 def test_directions_that_disagree_say_so():
     one, other = a_piece(1), a_piece(2)
     other.states[0, 0, 0] += 40.0
-    assert combined(one, other, OPTICS)[3][0, 0] > 6.0
+    assert combined(one, other, SPOT, 0.0).disagreement[0, 0] > 6.0

@@ -6,37 +6,36 @@ import numpy as np
 import pytest
 
 from data_schemas.errors import RefusedError
+from pipeline.film.parts import Tracks
 from pipeline.film.tracking import track
-from pipeline.film.tracking.outcome import Outcome
 
 ROWS, SPOT = 60, 1.2
 
 
 @pytest.fixture
-def followed() -> Outcome:
+def followed() -> Tracks:
     """Two traces apart, read on every row."""
-    out = Outcome.empty(2, ROWS, 0.0, 1.0)
+    out = Tracks.empty(2, ROWS, 21.0, SPOT)
     out.course[:] = np.array([[100.0], [200.0]]) + 20.0 * np.sin(0.3 * np.arange(ROWS))
     out.slope[:] = 6.0 * np.cos(0.3 * np.arange(ROWS))
     out.position[:] = out.course
-    out.misfit[:] = 1.0
     return out
 
 
-def test_what_is_read_well_passes(followed: Outcome) -> None:
-    track._refuse_strangers(followed, 0)
+def test_what_is_read_well_passes(followed: Tracks) -> None:
     track._refuse_unread(followed)
-    track._refuse_doubles(followed, SPOT)
+    track._refuse_doubles(followed)
 
 
-def test_a_line_on_which_something_else_lies_is_refused(followed: Outcome) -> None:
-    followed.misfit[1, :20] = 9.0
-    track._refuse_strangers(followed, 0)
+def test_a_line_on_which_something_else_lies_is_refused() -> None:
+    misfit = np.ones(ROWS, np.float32)
+    track._refuse_strangers(misfit, 0)
+    misfit[:20] = 9.0
     with pytest.raises(RefusedError, match=r"trace 2 of the film does not look like one line.*at most 4"):
-        track._refuse_strangers(followed, 1)
+        track._refuse_strangers(misfit, 1)
 
 
-def test_a_trace_that_is_hardly_read_is_refused(followed: Outcome) -> None:
+def test_a_trace_that_is_hardly_read_is_refused(followed: Tracks) -> None:
     followed.position[1, 3:] = np.nan
     with pytest.raises(RefusedError, match="trace 2 of the film was found but read on 5 %"):
         track._refuse_unread(followed)
@@ -45,9 +44,9 @@ def test_a_trace_that_is_hardly_read_is_refused(followed: Outcome) -> None:
         track._refuse_unread(followed)
 
 
-def test_two_traces_on_one_line_are_refused(followed: Outcome) -> None:
+def test_two_traces_on_one_line_are_refused(followed: Tracks) -> None:
     followed.course[1] = followed.course[0] + 0.5 * SPOT
     with pytest.raises(RefusedError, match="traces 1 and 2 of the film lie on each other"):
-        track._refuse_doubles(followed, SPOT)
+        track._refuse_doubles(followed)
     followed.course[1] = np.nan
-    track._refuse_doubles(followed, SPOT)
+    track._refuse_doubles(followed)

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.film.emulsion.film_emulsion import ToneCurve
+from pipeline.film.emulsion import ToneCurve
 from pipeline.film.tracking.combine import BOTH, FORWARD
-from pipeline.film.tracking.gap_fit import Gaps
 from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.outcome import flag_lost, judge, openness
 
@@ -24,7 +23,6 @@ def judged(reading: dict[int, Any], **other: Any) -> Any:
     table = np.tile([0.0, 0.01, 1.0, 4e-4, 1.0, 0.01, 3.0], (ROWS, 1))
     for column, value in reading.items():
         table[AT if np.isscalar(value) else slice(None), column] = value
-    states = np.tile([100.0, 0.0, 0.0, 20.0, -15.0, 0.2], (ROWS, 1))
     rows: dict[str, Any] = {
         "disagreement": np.zeros(ROWS),
         "known": np.full(ROWS, BOTH, np.uint8),
@@ -34,8 +32,8 @@ def judged(reading: dict[int, Any], **other: Any) -> Any:
     for name, value in other.items():
         rows[name][AT] = value
     return judge(
-        table, states, np.full(ROWS, 1e-3), rows["disagreement"], rows["known"], rows["open"], np.ones(ROWS),
-        rows["black"], OPTICS,
+        table, np.full(ROWS, 120.0), np.full(ROWS, 1e-3), rows["disagreement"], rows["known"], rows["open"],
+        np.ones(ROWS), rows["black"], OPTICS,
     )  # fmt: skip
 
 
@@ -111,10 +109,10 @@ def test_two_rows_beside_each_other_that_lie_off_are_both_left_out() -> None:
 
 
 def test_a_gap_lets_no_light_through_and_takes_its_length_in_all() -> None:
-    share = openness(Gaps(np.array([20.5]), np.array([1.8])), 0, ROWS, 1.2)
+    share = openness(np.array([[19.6, 21.4]]), 0, ROWS, 1.2)
     assert np.sum(1.0 - share) == pytest.approx(1.8, abs=0.01)
     assert np.argmin(share) == AT
-    wide = openness(Gaps(np.array([20.5, 400.0]), np.array([12.0, 5.0])), 0, ROWS, 1.2)
+    wide = openness(np.array([[14.5, 26.5], [397.5, 402.5]]), 0, ROWS, 1.2)
     assert wide[AT] == pytest.approx(0.0, abs=1e-4)
     assert wide[[2, 38]] == pytest.approx(1.0, abs=1e-4)
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.film.emulsion.film_emulsion import HIGHEST_EXPOSURE, TABLE_SIZE, ToneCurve
-from pipeline.film.tracking.line_profile import MOST_NODES, nodes_of, profile
-from pipeline.film.tracking.row_fit import solve
-from pipeline.film.tracking.row_reading import read_row
+from pipeline.film.emulsion import ToneCurve
+from pipeline.film.tracking.line_profile import MOST_NODES, Optics, nodes_of, profile
+from pipeline.film.tracking.motion import solve
+from pipeline.film.tracking.row_reading import read_row, work_space
 
 SPOT, COLUMNS = 1.2, 200
 CURVE = ToneCurve(0.63, 0.2, 1.5)
@@ -29,29 +29,21 @@ def row_of(states, shifts, lamps):
 
 def read(darkness, states, prior=math.inf, slope_variance=1e-10):
     traces = len(states)
-    found = np.zeros((traces, 6))
-    optics = np.array([SPOT, 0.0, HIGHEST_EXPOSURE / (TABLE_SIZE - 1), *GRAIN])
-    size = 3 * traces + 8
+    work = work_space(traces, COLUMNS)
     read_row(
         darkness.astype(np.float32),
         10.5,
         np.array(states),
         np.ones(traces, np.int64),
-        optics,
-        CURVE.table(),
+        Optics(SPOT, 0.0, CURVE, GRAIN).lens(),
         np.ones(traces),
         np.tile([prior, slope_variance], (traces, 1)),
         np.empty((0, 2)),
         np.zeros(traces + 1, np.int64),
         1e-3,
-        found,
-        np.zeros((traces, 3, MOST_NODES)),
-        np.zeros(traces, np.int64),
-        np.zeros((traces, 4), np.int64),
-        np.zeros((traces, 3, COLUMNS)),
-        np.zeros((3, size, size)),
+        work,
     )
-    return found
+    return work.found
 
 
 FLAT = np.array([70.3, 0.1, 0.0, 20.0, 0.5, 0.2])
@@ -67,6 +59,7 @@ def test_a_matrix_times_its_inverse_is_one():
     assert solve(inverse, answer, 5)
     assert matrix @ inverse == pytest.approx(np.eye(5), abs=1e-9)
     assert matrix @ answer == pytest.approx(right)
+    assert not solve(np.zeros((2, 2)), np.zeros(2), 2)
 
 
 @pytest.mark.parametrize(

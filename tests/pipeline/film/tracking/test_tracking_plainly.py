@@ -11,11 +11,11 @@ from tiny_film import CURVE, EVERY, LENGTH, PERIOD, SPOT, Tiny, tiny
 
 from data_schemas.errors import RefusedError
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.film.emulsion.film_emulsion import ToneCurve
+from pipeline.film.emulsion import ToneCurve
 from pipeline.film.parts import Tracks
 from pipeline.film.tracking import calibrate as calibration
 from pipeline.film.tracking import probing
-from pipeline.film.tracking.gap_fit import fit_gaps
+from pipeline.film.tracking.gap_fit import fitted_gaps
 from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.passes import forward
 from pipeline.film.tracking.probing import SURE, sections
@@ -118,14 +118,12 @@ def test_a_chance_reading_on_blank_film_does_not_lose_the_trace(short: Tiny, sec
 def test_gaps_are_fitted_to_a_tenth_of_a_row(short: Tiny, section: Section) -> None:
     true = np.arange(5.0, ROWS, EVERY)
     true = true[(true > BEGIN + 10) & (true < ROWS - 10)]
-    gaps = np.stack([true + 0.4 - 0.5 * LENGTH, true + 0.4 + 0.5 * LENGTH], axis=1)
-    table, sigma = np.concatenate([gaps, gaps]), np.empty(2 * true.size)
-    known, lamp = np.full((2, ROWS), 3, np.uint8), np.ones((2, ROWS))
-    of = np.array([0, true.size, 2 * true.size])
-    numbers, curve = short.optics.numbers(), short.optics.curve.table()
-    fit_gaps(section.darkness, 0, section.states, known, lamp, table, of, numbers, curve, sigma)
-    assert np.abs(table.mean(axis=1) - np.tile(true, 2)).mean() < 0.1
-    assert np.mean(table[:, 1] - table[:, 0]) == pytest.approx(LENGTH, rel=0.1)
+    gaps = true[:, None] + 0.4 + 0.5 * LENGTH * np.array([-1.0, 1.0])
+    place = (section.states[:, :, 0] + section.states[:, :, 3]).T
+    slope = (section.states[:, :, 1] - section.states[:, :, 5] * section.states[:, :, 4]).T
+    for fitted in fitted_gaps(section.darkness, 0, place, slope, [gaps, gaps], short.emulsion, PERIOD):
+        assert np.abs(fitted.mean(axis=1) - true).mean() < 0.1
+        assert np.mean(fitted[:, 1] - fitted[:, 0]) == pytest.approx(LENGTH, rel=0.1)
 
 
 def test_a_film_with_a_blackout_is_read_on_both_sides(dark: tuple[Tiny, Tracks]) -> None:

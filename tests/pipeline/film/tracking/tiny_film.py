@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from spot_film import CONTRAST, DENSEST, FOG, MIDDLE, SCANNER, Sheet, Swinging, developed, exposure_of, shutter
 
-from pipeline.film.emulsion.blank import darkness_table, measure_blank
-from pipeline.film.emulsion.film_emulsion import FilmEmulsion, ToneCurve
+from pipeline.film.emulsion import FilmEmulsion, ToneCurve, measure_blank
 from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.passes import Film
 
@@ -63,5 +62,5 @@ def tiny(rows: int, lit: tuple[tuple[float, float], ...], traces: tuple[Swinging
     gaps = shutter(rows, EVERY, LENGTH)
     image = developed(exposure_of(list(traces), rows, COLUMNS, gaps, lamp, SPOT), GRAIN, seed)
     sheet = Sheet(image)
-    emulsion = FilmEmulsion(255, measure_blank(sheet, darkness_table(255)), CURVE, VARIANCE, SPOT)
+    emulsion = FilmEmulsion(255, measure_blank(sheet), CURVE, VARIANCE, SPOT)
     return Tiny(sheet, emulsion, traces, np.asarray(lamp(np.arange(rows) + 0.5)))

@@ -1,4 +1,9 @@
-"""The emulsion of one film: from pixels to darkness above blank, and from there to exposure."""
+"""The emulsion of one film: from pixels to darkness above blank, and from there to exposure; all measured on the film.
+
+Blank film shows fog, vignette and an uneven lamp of the scanner, place by place. Most pixels of a block are blank. The
+median of the lighter part would be drawn down and the plain median up by lines, so a mean is taken of what lies about
+the middle, clipped again and again.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +15,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion.blank import Blank, darkness_above, darkness_table, exposure_above
+from pipeline.film.scan.opening import OpenScan
+from synth.kernels.compiled import kernel
 
 HIGHEST_EXPOSURE = 4.0
 TABLE_SIZE = 4097
+STRIP_ROWS = 16
+MOST_STRIPS = 48
+BLOCK_COLUMNS = 64
+CLIP = 2.0  # sigma; a normal distribution cut there has this much smaller a sigma:
+CLIPPED_SIGMA = 0.8796
+ROUNDS = 4
+LEAST_SIGMA = 2.5e-3  # of a pixel of blank film: without grain it is rounded, and no background is known better
 Floats32 = NDArray[np.float32]
 
 
@@ -57,10 +70,12 @@ class FilmEmulsion:
 
     def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
         """Relative exposure of rows from `first` on, 0 on blank film, 1 on the axis of a line at rest."""
-        out = np.empty(pixels.shape, dtype=np.float32)
-        steps = np.float32((self._exposures.size - 1) / self.curve.darkest)
-        for rows, upper, lower, weight in self._between(first, *pixels.shape):
-            exposure_above(pixels[rows], self._table, upper, lower, weight, self._exposures, steps, out[rows])
+        return self.lit(self.darkness(pixels, first))
+
+    def lit(self, darkness: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Relative exposure of what is so dark above blank film."""
+        out = np.empty_like(darkness)
+        look_up(darkness, self._exposures, np.float32((self._exposures.size - 1) / self.curve.darkest), out)
         return out
 
     def noise(self, exposure: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -131,3 +146,108 @@ class ToneCurve:
         """Darkness and its derivative at even steps from 0 to the highest exposure, (2, size)."""
         grid = np.linspace(0.0, HIGHEST_EXPOSURE, TABLE_SIZE)
         return np.stack([self.darkness(grid), self.rate(np.maximum(grid, 0.25 * grid[1]))])
+
+
+UNTOLD = ToneCurve(0.6, 0.2, 1.5)
+"""Where nothing swings on the film, from which its curve could be told."""
+
+
+def plain_emulsion(scan: OpenScan) -> FilmEmulsion:
+    """Blank film and its grain; the rest is untold."""
+    blank = measure_blank(scan)
+    sigma = max(blank.sigma, LEAST_SIGMA)
+    return FilmEmulsion(scan.full_scale, blank, UNTOLD, np.array([sigma**2, 10.0 * sigma**2]))
+
+
+@dataclass(frozen=True)
+class Blank:
+    """Blank film at the centres of blocks.
+
+    Attributes
+    ----------
+    rows, columns : (m,), (n,) arrays
+        Centres of the blocks, px.
+    darkness : (m, n) array
+        Of the blank film, log10 units below full scale.
+    sigma : float
+        Of one pixel of blank film, same units.
+    """
+
+    rows: Floats
+    columns: Floats
+    darkness: Floats
+    sigma: float
+
+
+def darkness_table(full_scale: int) -> NDArray[np.float32]:
+    """Log10 of full scale over pixel, for every value a pixel can have."""
+    values = np.arange(full_scale + 1, dtype=np.float64)
+    values[0] = 0.5
+    return np.log10(full_scale / values).astype(np.float32)
+
+
+def measure_blank(scan: OpenScan) -> Blank:
+    """Blank film from strips spread over the whole scan."""
+    table = darkness_table(scan.full_scale)
+    strips = int(np.clip(scan.rows // (4 * STRIP_ROWS), 1, MOST_STRIPS))
+    height = min(STRIP_ROWS, scan.rows)
+    firsts = np.linspace(0, scan.rows - height, strips).astype(int)
+    edges = np.linspace(0, scan.columns, max(1, round(scan.columns / BLOCK_COLUMNS)) + 1).astype(int)
+    level, spread = np.empty((strips, edges.size - 1)), np.empty((strips, edges.size - 1))
+    for i, first in enumerate(firsts):
+        strip = table[scan.read(int(first), int(first) + height)]
+        for j in range(edges.size - 1):
+            level[i, j], spread[i, j] = _clipped_mean(strip[:, edges[j] : edges[j + 1]].ravel().astype(np.float64))
+    return Blank(firsts + 0.5 * height, 0.5 * (edges[1:] + edges[:-1]), _smoothed(level), float(np.median(spread)))
+
+
+def _clipped_mean(values: Floats) -> tuple[float, float]:
+    """Mean and sigma of the blank pixels among others that are darker."""
+    low, quarter, middle = np.quantile(values, [0.05, 0.25, 0.5])
+    sigma = max(1.1 * float(quarter - low), 1e-6)  # (1.645 - 0.674) sigma
+    mean = min(float(middle), float(quarter) + 0.674 * sigma)
+    for _ in range(ROUNDS):
+        kept = values[np.abs(values - mean) <= CLIP * sigma]
+        if kept.size < 8:
+            break
+        mean, sigma = float(kept.mean()), max(float(kept.std()) / CLIPPED_SIGMA, 1e-6)
+    return mean, sigma
+
+
+def _smoothed(level: Floats) -> Floats:
+    """Blocks that stand out of their neighbours (handwriting, dirt) take their neighbours' median."""
+    padded = np.pad(np.pad(level, ((1, 1), (0, 0)), **_edge(level.shape[0])), ((0, 0), (1, 1)), **_edge(level.shape[1]))
+    around = np.stack([padded[i : i + level.shape[0], j : j + level.shape[1]] for i in range(3) for j in range(3)])
+    median = np.median(around, axis=0)
+    away = np.abs(level - median)
+    return np.where(away > 4.0 * np.median(away) + 1e-4, median, level)
+
+
+def _edge(size: int) -> dict[str, Any]:
+    """How to go on beyond the edge: along the slope there, so that vignette does not stand out."""
+    return {"mode": "reflect", "reflect_type": "odd"} if size > 1 else {"mode": "edge"}
+
+
+@kernel
+def darkness_above(
+    pixels: NDArray[np.uint16],
+    table: NDArray[np.float32],
+    upper: NDArray[np.float32],
+    lower: NDArray[np.float32],
+    weight: NDArray[np.float32],
+    out: NDArray[np.float32],
+) -> None:
+    """Darkness above blank film, which lies between `upper` and `lower` (columns,) on a row, `weight` of the latter."""
+    for i in range(pixels.shape[0]):
+        share = weight[i]
+        for j in range(pixels.shape[1]):
+            out[i, j] = table[pixels[i, j]] - (upper[j] + share * (lower[j] - upper[j]))
+
+
+@kernel
+def look_up(darkness: Floats32, exposures: Floats32, steps: np.float32, out: Floats32) -> None:
+    """The `exposures` of darknesses that lie `steps` a unit."""
+    last = np.float32(exposures.size - 1)
+    for i in range(darkness.shape[0]):
+        for j in range(darkness.shape[1]):
+            out[i, j] = exposures[int(min(max(darkness[i, j] * steps, np.float32(0.0)), last))]

@@ -1,1 +1,0 @@
-"""How light became pixels on one film: blank paper, grain and characteristic curve, told from the film itself."""

@@ -18,7 +18,7 @@ ABSURD = (
     ("record", "vertical_acceleration", 0.0, 1e5, "m s-2"),
     ("record", "horizontal_acceleration", 0.0, 1e5, "m s-2"),
     ("instrument", "period", 1e-3, 1e4, "s"),
-    ("instrument", "reference_gravity", 0.01, 1e3, "m s-2"),
+    ("instrument", "reference_gravity", 1e-6, 1e8, "m s-2"),
     ("instrument", "damping_rate", 0.0, 1e4, "s-1"),
 )
 """Group, name, least and largest size, unit."""

@@ -82,10 +82,12 @@ def test_a_ragged_row_is_refused_with_its_line(table):
         table("t,a\n0,1\n1,2\n2,3,4\n")
 
 
-@pytest.mark.parametrize("text", ["", "\n\n", "# only a comment\n"])
+@pytest.mark.parametrize("text", ["\n\n", "# only a comment\n"])
 def test_an_empty_table_is_refused(table, text):
     with pytest.raises(RecordError, match=r"t\.csv: holds no rows"):
         table(text)
+    with pytest.raises(FileError, match=r"t\.csv: is empty"):
+        table("")
 
 
 @pytest.mark.parametrize("raw", [b"\x89HDF\r\n\x1a\n\0\0", "time,angle\n".encode("utf-16"), b"0,\xff\n"])

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from data_schemas.contents import identifier
 from pipeline.benchmarks.honesty import plain
 from pipeline.benchmarks.honesty.kinds import MIXABLE, Case, case_of
 from pipeline.benchmarks.honesty.plain import Floats

@@ -68,7 +68,7 @@ def test_several_cores_read_the_same_record(film):
 def test_light_lines_on_a_png_across_the_page_are_the_same_film(run, film, tmp_path):
     from PIL import Image
 
-    from pipeline.film.scan import open_scan
+    from pipeline.film.scan.opening import open_scan
 
     scan = open_scan(film)
     pixels = 255 - scan.read(0, scan.rows)
@@ -94,7 +94,7 @@ def test_a_film_upside_down_is_turned_by_its_minute_code(run, tmp_path, degrees)
     import tifffile
 
     import synth
-    from pipeline.film.scan import open_scan
+    from pipeline.film.scan.opening import open_scan
 
     (tmp_path / "night.toml").write_text(SCENE.replace("60.0", "200.0"))
     film = tmp_path / "night.film.tif"

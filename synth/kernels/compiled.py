@@ -18,6 +18,7 @@ import atexit
 import functools
 import hashlib
 import os
+import re
 import shutil
 import stat
 import tempfile
@@ -52,7 +53,7 @@ def cache_folder() -> Path:
     folder = base / digest.hexdigest()[:16]
     if not folder.exists():
         _prune(base)
-    if not _made(folder) or not all(_is_own_folder(each) for each in folder.iterdir() if each.is_dir()):
+    if not _made(folder) or not all(_is_own(each.lstat()) for each in folder.rglob("*")):
         folder = _fresh() / folder.name
         folder.mkdir(mode=0o700, exist_ok=True)
     return folder
@@ -60,27 +61,38 @@ def cache_folder() -> Path:
 
 def _bases() -> Iterator[Path]:
     """Where kernels may be kept: what is loaded from there is run, so never a place that others may make."""
-    for home in (os.environ.get(_INHERITED), os.environ.get("XDG_CACHE_HOME"), os.path.expanduser("~/.cache")):
+    own = os.path.expanduser("~/.cache") if os.environ.get("HOME", "unset") else ""
+    for home in (os.environ.get(_INHERITED), os.environ.get("XDG_CACHE_HOME"), own):
         if home and os.path.isabs(home):
-            yield Path(home) / "isochrony"
+            yield Path(os.path.realpath(home)) / "isochrony"
 
 
 def _made(folder: Path) -> bool:
-    """Whether a folder is there, or can be made, that nobody else can write to and this process can."""
+    """Whether a folder is there, or can be made, that nobody else can write to or replace and this process can use."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         folder.mkdir(mode=0o700, exist_ok=True)
+        status = folder.lstat()
+        if not (stat.S_ISDIR(status.st_mode) and _is_own(status) and all(map(_keeps, [folder, *folder.parents]))):
+            return False
+        folder.chmod(0o700)
         with tempfile.TemporaryFile(dir=folder):
-            return _is_own_folder(folder)
+            return True
     except OSError:
         return False
 
 
-def _is_own_folder(folder: Path) -> bool:
-    """Whether it is a folder itself, no link to one, of this user, that others may not write to."""
-    status = folder.lstat()
-    own = not hasattr(os, "getuid") or (status.st_uid == os.getuid() and not status.st_mode & 0o022)
-    return stat.S_ISDIR(status.st_mode) and own
+def _is_own(status: os.stat_result) -> bool:
+    """Whether it is this user's, and neither a link nor open to all for writing."""
+    mine = not hasattr(os, "getuid") or (status.st_uid == os.getuid() and not status.st_mode & stat.S_IWOTH)
+    return mine and not stat.S_ISLNK(status.st_mode)
+
+
+def _keeps(folder: Path) -> bool:
+    """Whether no other user can replace what a folder holds."""
+    status = folder.stat()
+    safe = not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) or bool(status.st_mode & stat.S_ISVTX)
+    return not hasattr(os, "getuid") or (safe and status.st_uid in (0, os.getuid()))
 
 
 def _fresh() -> Path:
@@ -94,7 +106,8 @@ def _fresh() -> Path:
 
 
 def _prune(base: Path) -> None:
-    generations = sorted((entry for entry in base.iterdir() if entry.is_dir()), key=lambda entry: entry.stat().st_mtime)
+    own = (each for each in base.iterdir() if re.fullmatch("[0-9a-f]{16}", each.name) and each.is_dir())
+    generations = sorted(own, key=lambda each: each.stat().st_mtime)
     for stale in generations[: max(0, len(generations) - _KEPT_GENERATIONS + 1)]:
         shutil.rmtree(stale, ignore_errors=True)
 
@@ -107,18 +120,18 @@ class _OwnCache(_Cache):  # type: ignore[misc]  # Numba is untyped
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the machine code of one signature, or not."""
-        if all(_is_own(argument) for argument in getattr(sig, "args", sig)):
+        if all(_is_known(argument) for argument in getattr(sig, "args", sig)):
             super().save_overload(sig, data)
 
 
-def _is_own(argument: Any) -> bool:
+def _is_known(argument: Any) -> bool:
     """Whether an argument's type can be named without anybody else's module."""
     kinds: Any = types
     if isinstance(argument, kinds.BaseNamedTuple):
         named = argument.instance_class.__module__.split(".")[0] in _PACKAGES
-        return named and all(_is_own(each) for each in argument.types)
+        return named and all(_is_known(each) for each in argument.types)
     if isinstance(argument, kinds.BaseTuple):
-        return all(_is_own(each) for each in argument.types)
+        return all(_is_known(each) for each in argument.types)
     return True
 
 

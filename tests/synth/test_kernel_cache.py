@@ -47,11 +47,14 @@ def test_a_link_of_the_cache_to_a_safe_place_is_followed(kept: Path) -> None:
 def test_no_cache_is_made_beside_the_data(home: str, kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", home)
     monkeypatch.setenv("HOME", home)
-    assert compiled.cache_folder().is_absolute()
+    assert compiled.cache_folder().is_relative_to(kept / "common")
     assert list((kept / "work").iterdir()) == []
 
 
-@pytest.mark.parametrize("planted", ["a link", "open to all", "a link below"])
+PLANTED = ["a link", "open to all", "open to a group", "a link below", "a parent open to all", "open to all below"]
+
+
+@pytest.mark.parametrize("planted", [*PLANTED, "of somebody else below", "under a home of somebody else"])
 def test_kernels_of_a_folder_that_others_may_write_to_are_never_loaded(planted: str, kept: Path) -> None:
     name = compiled.cache_folder().name
     compiled.cache_folder.cache_clear()
@@ -61,8 +64,19 @@ def test_kernels_of_a_folder_that_others_may_write_to_are_never_loaded(planted: 
         case "a link":
             base.rename(kept / "elsewhere")
             base.symlink_to(kept / "elsewhere")
-        case "open to all":
-            base.chmod(0o777)
+        case "open to all" | "open to a group":
+            base.chmod(0o777 if "all" in planted else 0o770)
+        case "a parent open to all":
+            base.parent.chmod(0o777)
+        case "open to all below":
+            (base / name / "below").mkdir()
+            (base / name / "below/kernel.nbi").touch()
+            (base / name / "below/kernel.nbi").chmod(0o666)
+        case "of somebody else below" | "under a home of somebody else":
+            if not hasattr(os, "getuid") or os.getuid() != 0:
+                pytest.skip("only root can give a file away")
+            (base / name / "below").mkdir()
+            os.chown(base / name / "below" if "below" in planted else kept / "home", 65534, 65534)
         case _:
             (base / name / "below").symlink_to(foreign)
     folder = compiled.cache_folder()
@@ -71,6 +85,17 @@ def test_kernels_of_a_folder_that_others_may_write_to_are_never_loaded(planted: 
     # whoever is started from here finds it
     compiled.cache_folder.cache_clear()
     assert compiled.cache_folder() == folder
+
+
+def test_only_kernels_of_older_sources_are_removed(kept: Path) -> None:
+    base = kept / "home/.cache/isochrony"
+    names = [f"{number:016x}" for number in range(6)]
+    for name in [*names, "notes"]:
+        (base / name).mkdir(parents=True)
+        os.utime(base / name, (0, int(name, 16) if name != "notes" else 0))
+    base.chmod(0o700)
+    folder = compiled.cache_folder()
+    assert {each.name for each in base.iterdir()} == {"notes", folder.name, *names[3:]}
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root can be two users")

@@ -69,6 +69,8 @@ class Survey:
         Bytes of all values, unpacked.
     heap : int
         Bytes that the rest of the file can hold of text at most.
+    text : int
+        Bytes of text that were read.
     """
 
     budget: Budget
@@ -76,6 +78,7 @@ class Survey:
     arrays: list[Found] = field(default_factory=list)
     declared: int = 0
     heap: int = 0
+    text: int = 0
 
 
 def ordinary(path: str | os.PathLike[str], most: int = Budget().file) -> int:

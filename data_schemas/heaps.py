@@ -12,6 +12,7 @@ here from the bytes, before the library looks.
 from __future__ import annotations
 
 import os
+import re
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,9 +22,12 @@ from h5py import h5d
 
 from .errors import FileError
 
-_START = b"GCOL\x01\0\0\0"
+_MARK = re.compile(rb"GCOL\x01\0{3}(?!.[\0-\x0f]\0{6})", re.DOTALL)
+"""Begins a collection; of less than 4096 bytes the library itself refuses it."""
+_HEAD = 16  # bytes of a collection's own
 _WINDOW = 1 << 18  # bytes
-MOST_BYTES = 1 << 26  # of a collection
+MOST_BYTES, MOST_OBJECTS = 1 << 26, 1 << 19  # of all collections
+MOST_POINTERS = 1 << 20  # bytes of an array of pointers
 _LENGTH = struct.Struct("<Q")
 _OBJECT = struct.Struct("<HHIQ")
 _POINTER = np.dtype([("length", "<u4"), ("address", "<u8"), ("index", "<u4")])
@@ -40,48 +44,56 @@ def sound_heaps(path: str | os.PathLike[str]) -> Heaps:
     Raises
     ------
     FileError
-        In one of them the library would stand still or leave it.
+        In one of them the library would stand still or leave it, or they are larger than any text is.
     """
     found: Heaps = {}
-    end = 0
+    end = total = objects = 0
     with Path(path).open("rb") as file:
         for start in _starts(file.fileno()):
             if start < end:
                 raise _damaged(start)
-            end, found[start] = _objects(file.fileno(), start)
+            data = _collection(file.fileno(), start, MOST_BYTES - total)
+            found[start] = _objects(data, start)
+            end, total, objects = start + len(data), total + len(data), objects + len(found[start])
+            if objects > MOST_OBJECTS:
+                raise FileError(f"file: more than {MOST_OBJECTS} texts; split the file, or join its texts")
     return found
 
 
 def _starts(descriptor: int) -> Iterator[int]:
     """Where collections begin; read window by window, for the pages of a map would count as memory."""
-    offset, window = 0, b""
-    while more := os.pread(descriptor, _WINDOW, offset + len(window)):
+    offset, window, more = 0, b"", b"more"
+    while more:
+        more = os.pread(descriptor, _WINDOW, offset + len(window))
         window += more
-        found = window.find(_START)
-        while found >= 0:
-            yield offset + found
-            found = window.find(_START, found + 1)
-        offset, window = offset + len(window) - len(_START) + 1, window[-len(_START) + 1 :]
+        whole = max(0, len(window) - _HEAD + 1) if more else len(window)  # of the others more must be seen
+        yield from (offset + mark.start() for mark in _MARK.finditer(window) if mark.start() < whole)
+        offset, window = offset + whole, window[whole:]
 
 
 def _damaged(start: int) -> FileError:
     return FileError(f"its text storage is damaged at byte {start}; restore it, or copy it with h5repack")
 
 
-def _objects(descriptor: int, start: int) -> tuple[int, dict[int, int]]:
-    """Where a collection ends, and the length of each object by index."""
-    head = len(_START) + _LENGTH.size
-    begun = os.pread(descriptor, head, start)
-    if len(begun) < head:
+def _collection(descriptor: int, start: int, most: int) -> bytes:
+    """Bytes of the collection that begins at a place."""
+    begun = os.pread(descriptor, _HEAD, start)
+    if len(begun) < _HEAD:
         raise _damaged(start)
-    (length,) = _LENGTH.unpack_from(begun, len(_START))
-    if length > MOST_BYTES and start + length <= os.fstat(descriptor).st_size:
+    (length,) = _LENGTH.unpack_from(begun, _HEAD - _LENGTH.size)
+    if start + length > os.fstat(descriptor).st_size:
+        raise _damaged(start)
+    if length > most:
         raise FileError(f"file: more than {MOST_BYTES} bytes outside its arrays; split the file, or shorten its texts")
-    data = os.pread(descriptor, min(length, MOST_BYTES), start)
-    if len(data) < length or length < head:
+    data = os.pread(descriptor, length, start)
+    if len(data) < length:
         raise _damaged(start)
-    found = {}
-    position = head
+    return data
+
+
+def _objects(data: bytes, start: int) -> dict[int, int]:
+    """Length of each object of a collection by index."""
+    found, position, length = {}, _HEAD, len(data)
     while position + _OBJECT.size <= length:
         index, _, _, size = _OBJECT.unpack_from(data, position)
         step = size if index == 0 else _OBJECT.size + -(-size // 8) * 8
@@ -90,7 +102,7 @@ def _objects(descriptor: int, start: int) -> tuple[int, dict[int, int]]:
         if index:
             found[index] = size
         position += step
-    return start + length, found
+    return found
 
 
 def text_bytes(path: str | os.PathLike[str], array: h5d.DatasetID, heaps: Heaps, where: str) -> int:
@@ -109,8 +121,10 @@ def text_bytes(path: str | os.PathLike[str], array: h5d.DatasetID, heaps: Heaps,
     if contiguous:
         blocks = [(array.get_offset(), array.get_storage_size())]
     else:
-        chunks = (array.get_chunk_info(index) for index in range(array.get_num_chunks()))
-        blocks = [(one.byte_offset, one.size) for one in chunks]
+        blocks = []
+        array.chunk_iter(lambda one: blocks.append((one.byte_offset, one.size)))
+    if sum(size for _, size in blocks) > MOST_POINTERS:
+        raise FileError(f"{where}: its texts take more than {MOST_POINTERS} bytes of pointers; store it in fewer chunks")
     total = 0
     with Path(path).open("rb") as file:
         for offset, size in blocks:

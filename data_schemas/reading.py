@@ -142,7 +142,7 @@ def opened(
             found = survey(file, size, budget)
             if declared is not None:
                 declared(found.declared)
-            yield lambda numbers: _contents(found, lambda one, where: _text(path, one, heaps, where, budget), numbers)
+            yield lambda numbers: _contents(found, lambda one, where: _text(path, one, heaps, where, found), numbers)
     except FileError as error:
         raise FileError(f"{shown(path, 400)}: {error}") from None
     except _DAMAGE as error:
@@ -185,15 +185,23 @@ def _numbers(array: h5d.DatasetID, _where: str) -> NDArray[Any]:
     return numbers
 
 
-def _text(path: str | os.PathLike[str], array: h5d.DatasetID, heaps: Heaps, where: str, budget: Budget) -> NDArray[Any]:
+def _text(path: str | os.PathLike[str], array: h5d.DatasetID, heaps: Heaps, where: str, found: Survey) -> NDArray[Any]:
     kind = array.get_type()
-    if kind.is_variable_str() and text_bytes(path, array, heaps, where) > budget.text_bytes:
-        raise FileError(f"{where}: more than {budget.text_bytes} bytes of text; shorten it")
+    size = text_bytes(path, array, heaps, where) if kind.is_variable_str() else 0
+    _counted(size, where, found)
     texts = np.empty(array.shape, dtype=kind.dtype)
     if texts.size:
         array.read(h5s.ALL, h5s.ALL, texts)
     decoded = [_decoded(one, where) for one in texts.ravel().tolist()]
+    _counted(len(decoded) * max(map(len, decoded), default=0) - size, where, found)  # each takes the longest one's room
     return np.array(decoded, dtype=np.str_).reshape(array.shape)
+
+
+def _counted(size: int, where: str, found: Survey) -> None:
+    """Text is counted over the whole file."""
+    found.text += max(size, 0)
+    if found.text > found.budget.text_bytes:
+        raise FileError(f"{where}: more than {found.budget.text_bytes} bytes of text; shorten it")
 
 
 def _attributes(owner: Found, where: str, found: Survey) -> dict[str, Any]:
@@ -210,11 +218,12 @@ def _attribute(attribute: h5a.AttrID, where: str, found: Survey) -> Any:
         return "" if is_text(kind) else np.empty(0, dtype=kind.dtype.newbyteorder("="))
     shape = space.shape
     if is_text(kind):
-        if kind.is_variable_str() and space.get_simple_extent_npoints() * found.heap > 16 * found.budget.text_bytes:
+        if kind.is_variable_str() and space.get_simple_extent_npoints() * found.heap > 4 * found.budget.text_bytes:
             raise FileError(f"{where}: too many texts; join them into one")
         texts = np.empty(shape, dtype=kind.dtype)
         attribute.read(texts)
         decoded = [_decoded(one, where) for one in texts.ravel().tolist()]
+        _counted(sum(map(len, decoded)), where, found)
         return decoded[0] if len(decoded) == 1 else decoded
     numbers: NDArray[Any] = np.empty(shape, dtype=kind.dtype.newbyteorder("="))
     attribute.read(numbers)

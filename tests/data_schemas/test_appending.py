@@ -223,7 +223,7 @@ def test_slabs_cover_an_array_in_order(shape, most):
     assert all(part.size <= most for part in parts)
 
 
-@pytest.mark.parametrize("window", [8, 9, 64, 4096])
+@pytest.mark.parametrize("window", [1, 8, 9, 16, 17, 64, 4096])
 def test_heaps_are_found_wherever_windows_end(tmp_path, record, monkeypatch, window):
     write(record, tmp_path / "file.nc")
     whole = heaps.sound_heaps(tmp_path / "file.nc")

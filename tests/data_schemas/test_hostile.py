@@ -318,6 +318,34 @@ def test_one_text_told_many_times_is_counted(tmp_path):
         load(path, Budget(text_bytes=40_000))
 
 
+def test_text_is_counted_over_the_whole_file(tmp_path):
+    path = tmp_path / "file.nc"
+    with h5py.File(path, "w") as file:
+        for name in "abc":
+            file[name] = name * 1000
+            file.attrs[name] = name * 1000
+    assert load(path, Budget(text_bytes=6000))
+    with pytest.raises(FileError, match="more than 5999 bytes of text"):
+        load(path, Budget(text_bytes=5999))
+
+
+def test_one_long_text_among_many_short_ones_is_refused(tmp_path):
+    """Each of them would take the room of the longest, 12 GB."""
+    path = tmp_path / "file.nc"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("texts", data=["x" * 300_000, *["y"] * 9_999], dtype=h5py.string_dtype())
+    with pytest.raises(FileError, match="texts: more than 67108864 bytes of text; shorten it"):
+        read(path)
+
+
+def test_pointers_in_chunks_of_millions_are_refused(tmp_path):
+    path = tmp_path / "file.nc"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("texts", data=["x"], dtype=h5py.string_dtype(), chunks=(100_000,), maxshape=(None,))
+    with pytest.raises(FileError, match="take more than 1048576 bytes of pointers; store it in fewer chunks"):
+        read(path)
+
+
 def test_a_dimension_that_points_astray_is_not_followed(tmp_path, record):
     """References to what is no scale of the file are passed over; names then come from the table."""
     path = tmp_path / "file.nc"
@@ -403,6 +431,37 @@ def test_marks_of_text_storage_in_an_array_are_each_read_once(tmp_path, monkeypa
     with pytest.raises(FileError, match="text storage is damaged at byte"):
         read(path)
     assert sum(taken) < 3 * path.stat().st_size
+
+
+def test_marks_that_the_library_refuses_itself_are_passed_over(tmp_path, record):
+    """Collections of less than 4096 bytes are none: of 8 million in an array each was looked at."""
+    path = tmp_path / "file.nc"
+    one = b"GCOL\x01\0\0\0" + (4095).to_bytes(8, "little") + bytes(16)
+    values = np.frombuffer(one * 13_000, dtype="u1")
+    with h5py.File(path, "w") as file:
+        file["values"] = values
+        file["text"] = ["label"]
+    assert len(heaps.sound_heaps(path)) == 1
+    assert np.array_equal(read(path)["values"], values)
+    raw = bytearray(path.read_bytes())
+    start = raw.rfind(b"GCOL")
+    raw[start + 8 : start + 16] = (4095).to_bytes(8, "little")
+    path.write_bytes(raw)
+    with pytest.raises(FileError, match="text: its text is damaged"):
+        read(path)
+    with h5py.File(path) as file, pytest.raises(OSError, match="global heap size is too small"):
+        file["text"][()]
+
+
+@pytest.mark.parametrize(("limit", "most"), [("MOST_OBJECTS", 1), ("MOST_BYTES", 4096)])
+def test_text_storage_is_bounded(limit, most, tmp_path, monkeypatch):
+    path = tmp_path / "file.nc"
+    with h5py.File(path, "w") as file:
+        file["texts"] = ["x" * 3000] * 3
+    assert heaps.sound_heaps(path)
+    monkeypatch.setattr(heaps, limit, most)
+    with pytest.raises(FileError, match=f"more than {most} "):
+        heaps.sound_heaps(path)
 
 
 def test_a_file_that_is_cut_while_it_is_looked_over_is_damaged(tmp_path, record, monkeypatch):

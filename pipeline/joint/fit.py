@@ -72,11 +72,11 @@ def reduce(gathered: Gathered) -> Outcome:
     RefusedError
         No explanation is left of which the readings do not deny the most part, or two that are close disagree.
     """
+    reference = float(gathered.constants["reference_gravity"])
     try:
         found = fitted(gathered)
         fit, close = choice.settle(found[0])
         if len(found) > 1 and (strained(fit) or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
-            reference = float(gathered.constants["reference_gravity"])
             fit, close = weighed([(fit, close), choice.settle(found[1])], reference)
     except motion.UnresolvedError:
         return reduce(gathered.denser())
@@ -85,7 +85,12 @@ def reduce(gathered: Gathered) -> Outcome:
             f"elongation: no swing at the stated period can be followed ({error}); check instrument/period, "
             "record/combination and the units (rad, s)"
         ) from None
-    tilt, tilt_doubt = (0.0, 0.0) if gathered.tilts else of_a_tilting_case(found[0], fit)
+    if any(each.rms > MOST_MOTION for each in fit.model.assumed.ship):
+        raise RefusedError(
+            "elongation: only motion that no ship makes would follow the readings; check instrument/period, "
+            "record/combination and the unit of the elongations (rad), or whether the planes of swing are parallel"
+        )
+    tilt, tilt_doubt = (0.0, 0.0) if gathered.tilts else of_a_tilting_case(found[0], fit, reference)
     mean, sigma = choice.averaged(fit, close)
     mean += tilt
     if not fit.model.assumed.sine:
@@ -130,16 +135,18 @@ def of_planes(plain: explanation.Fitted, fit: explanation.Fitted) -> float:
     return HALF * abs(own - other)
 
 
-def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted) -> tuple[float, float]:
+def of_a_tilting_case(
+    plain: explanation.Fitted, fit: explanation.Fitted, reference: float
+) -> tuple[float, float]:
     """What it adds to gravity, over itself, and to its 1 sigma, that some of what sways may be the case.
 
     Only what sways the pendulums themselves stiffens them, by half of its square. One pass about their free swing tells
-    it, unless a fit needs more than the plain one. Where the differences are likelier so, any part may be the case's.
+    it, unless a fit needs more than the plain one. Where it follows the differences better, any part may be the case's.
 
     Raises
     ------
     RefusedError
-        They are likelier beyond doubt.
+        It does beyond doubt, and more than 10 mGal hang on it; `reference` is the gravity of the periods, m s-2.
     """
     model, two, lattice = plain.model, 2 * plain.model.problem.pendulums, plain.model.problem.lattice
     slow = SLOWER * model.problem.swing
@@ -166,22 +173,35 @@ def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted) -> tup
         return 0.0, 0.0
     # a spectrum that meets the other traces better helps the differences a little too
     better = tilted.solution.log_likelihood - fit.solution.log_likelihood
-    law, least = of_the_law(tilted), TILTS + HELPS * max(better, 0.0)
+    gain, least = followed(tilted, fit), TILTS + HELPS * max(better, 0.0)
+    own, other = (mean_gravity(each.solution, lattice.duration)[0] for each in (fit, tilted))
+    apart = other - own
     # kicks follow the differences wherever they go: what they make of all traces is compared
-    against = better > TILTS if "kicks" in fit.model.words else law > of_the_law(fit) + least
-    if against and law > of_the_law(plain) + least and better > 0.0:  # what helps the differences alone is no tilt
+    against = better > TILTS if "kicks" in fit.model.words else gain > least
+    much = abs(apart) * reference > MOST_APART * MGAL
+    if much and against and followed(tilted, plain) > least and better > 0.0:  # what helps these alone is no tilt
         raise RefusedError(
             "record/elongation: the slow motion acts on the differences as the tilt of a case does from which all is "
             "measured; give record/case_tilt, or attribute reference = 'case' and record/horizontal_acceleration in "
             "the earth's frame"
         )
-    ahead = min(law - of_the_law(fit), better)
-    share = 1.0 / (1.0 + np.exp(np.clip((0.0 if fit.model.words else SELDOM) - ahead, -FAR, FAR)))
+    share = 1.0 / (1.0 + np.exp(np.clip((0.0 if fit.model.words else SELDOM) - min(gain, better), -FAR, FAR)))
     if share < UNLIKELY:
         return 0.0, 0.0
-    own, other = (mean_gravity(each.solution, lattice.duration)[0] for each in (fit, tilted))
-    apart = other - own
     return 0.5 * share * apart, abs(apart) * float(np.sqrt(share / 3.0 - 0.25 * share**2))
+
+
+def followed(fit: explanation.Fitted, other: explanation.Fitted) -> float:
+    """How much better one fit follows the differences than another, in log-likelihood.
+
+    How well it meets the size of what it does not foresee is the sea's spectrum; errors that exceed their noise count
+    for less.
+    """
+    some = np.isin(fit.model.problem.lattice.trace, fit.model.problem.differences)
+    squares = [float(np.nansum(each.of.whitened[some] ** 2, dtype=np.float64)) for each in (fit, other)]
+    left = [int(each.model.problem.left_out[some].sum()) for each in (fit, other)]
+    excess = max(1.0, squares[1] / max(1, np.isfinite(other.of.whitened[some]).sum()))
+    return OUTLIER * (left[0] - left[1]) + 0.5 * (squares[1] - squares[0]) / excess
 
 
 def of_the_law(fit: explanation.Fitted) -> float:
@@ -226,7 +246,7 @@ MOST_APART = 10.0  # mGal
 CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law explains the readings, and where it does not
 MOTION = "motion"  # in the words of a component of the ship
 DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
-MOST_SPREAD = 30.0
+MOST_SPREAD, MOST_MOTION = 30.0, 0.5  # of a ship, over gravity
 SELDOM, UNLIKELY, FAR = 6.0, 0.1, 50.0  # in log-likelihood, that a case tilts unsaid; share that is left out; any
 SLOWER, TILTS, HELPS = 0.4, 10.0, 0.02  # of the swing's frequency, up to which a case tilts; in log-likelihood; of it
 HALF = 0.5

@@ -10,7 +10,6 @@ import contextlib
 import os
 import zlib
 from collections.abc import Iterator
-from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -26,7 +25,7 @@ from .reading import CHUNK_CACHE
 from .shield import shielded
 from .sink import Sink
 from .slabs import skim
-from .writing import beside, give_name, may_write, reason
+from .writing import beside, give_name, may_write, place_of, reason
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -66,7 +65,7 @@ class Appended:
         self, path: str | os.PathLike[str], length: int, *, along: str = "time", overwrite: bool = False
     ) -> None:
         self._path, self._length, self._along, self._overwrite = path, length, along, overwrite
-        self._target = Path(os.path.realpath(path))
+        self._target = place_of(path)
         self._temporary = beside(self._target)
         self._sink: Sink | None = None
         self._file: h5py.File | None = None

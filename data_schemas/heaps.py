@@ -124,7 +124,7 @@ def text_bytes(path: str | os.PathLike[str], array: h5d.DatasetID, heaps: Heaps,
         blocks = []
         array.chunk_iter(lambda one: blocks.append((one.byte_offset, one.size)))
     if sum(size for _, size in blocks) > MOST_POINTERS:
-        raise FileError(f"{where}: its texts take more than {MOST_POINTERS} bytes of pointers; store it in fewer chunks")
+        raise FileError(f"{where}: has more than {MOST_POINTERS} bytes of pointers to text; use fewer chunks")
     total = 0
     with Path(path).open("rb") as file:
         for offset, size in blocks:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any
 
 from .errors import IsochronyError
 from .ordinary import ordinary_size
 
-MOST_BYTES = 1 << 24
+MOST_BYTES, MOST_PARTS = 1 << 24, 100
+_LONG_KEY = re.compile(rb"(?<![\w\"'-])(?:[\w\"'-]++[ \t]*+\.[ \t]*+){%d}" % MOST_PARTS)
 
 
 def load_toml(path: str | os.PathLike[str], what: str, error: type[IsochronyError]) -> dict[str, Any]:
@@ -35,7 +37,10 @@ def load_toml(path: str | os.PathLike[str], what: str, error: type[IsochronyErro
     remedy = f"give the path of {what} in TOML"
     try:
         ordinary_size(path, MOST_BYTES, remedy, error)
-        return tomllib.loads(path.read_bytes().decode("utf-8"))
+        raw = path.read_bytes()
+        if _LONG_KEY.search(raw):  # each part is looked up from the first on
+            raise error(f"{path}: is not TOML of {what}: a key of more than {MOST_PARTS} parts; {remedy}")
+        return tomllib.loads(raw.decode("utf-8"))
     except OSError as failure:
         raise error(f"{path}: cannot be read ({failure.strerror}); {remedy}") from None
     except UnicodeDecodeError:

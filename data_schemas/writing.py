@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = False, owner: str = "") -> None:
     """Write a record, truth or result.
 
     Parameters
@@ -34,6 +34,8 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
         Of the file to make; its folder must exist.
     overwrite : bool
         Whether an existing file may be replaced.
+    owner : str
+        Of the temporary file, part of its name.
 
     Raises
     ------
@@ -41,7 +43,7 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
         The file exists, the folder does not or cannot be written, the disk is full, or a variable has a type
         or name that no file can hold. Nothing is left behind, and an older file stays as it was.
     """
-    target = Path(os.path.realpath(path))
+    target = place_of(path)
     try:
         may_write(target, path, overwrite)
     except OSError as error:
@@ -53,7 +55,7 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
         image = encoded(contents)
     except FileError as error:
         raise FileError(f"{shown(path, 400)}: {error}") from None
-    temporary = beside(target)
+    temporary = beside(target, owner)
     try:
         _flushed(temporary, image)
         _verified(temporary, contents, path)
@@ -66,7 +68,7 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
             temporary.unlink()
 
 
-def write_text(text: str, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+def write_text(text: str, path: str | os.PathLike[str], *, overwrite: bool = False, owner: str = "") -> None:
     """Write a text file that is either whole or not there; UTF-8.
 
     Raises
@@ -74,8 +76,8 @@ def write_text(text: str, path: str | os.PathLike[str], *, overwrite: bool = Fal
     FileError
         As `write`.
     """
-    target = Path(os.path.realpath(path))
-    temporary = beside(target)
+    target = place_of(path)
+    temporary = beside(target, owner)
     try:
         may_write(target, path, overwrite)
         _flushed(temporary, memoryview(text.encode()))
@@ -85,6 +87,12 @@ def write_text(text: str, path: str | os.PathLike[str], *, overwrite: bool = Fal
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
+
+
+def place_of(path: str | os.PathLike[str]) -> Path:
+    """Where a file of that name goes: folders may be links, a link of the name itself is replaced, not followed."""
+    folder, name = os.path.split(os.fspath(path))
+    return Path(os.path.realpath(folder or os.curdir), name)
 
 
 def may_write(target: Path, path: str | os.PathLike[str], overwrite: bool) -> None:
@@ -98,15 +106,17 @@ def may_write(target: Path, path: str | os.PathLike[str], overwrite: bool) -> No
     """
     if not target.parent.is_dir():
         raise FileError(f"{shown(path, 400)}: its folder does not exist; make the folder first")
-    if target.is_dir() or (target.exists() and not target.is_file()):
+    if not os.path.lexists(target):
+        return
+    if target.is_dir() or not (target.is_file() or target.is_symlink()):
         raise FileError(f"{shown(path, 400)}: is not an ordinary file; give the path of a file")
-    if target.exists() and not overwrite:
+    if not overwrite:
         raise _exists(path)
 
 
-def beside(target: Path) -> Path:
+def beside(target: Path, owner: str = "") -> Path:
     """A temporary name of its own in the folder of the target."""
-    return target.with_name(f".isochrony-{secrets.token_hex(8)}.part")
+    return target.with_name(f".isochrony-{owner}{secrets.token_hex(8)}.part")
 
 
 def _exists(path: str | os.PathLike[str]) -> FileError:

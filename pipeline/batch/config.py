@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +16,11 @@ if TYPE_CHECKING:
 
 Allow = Callable[[int], None]
 """Told how many bytes of values an input declares, before they are read."""
+
+
+def owner_of(folder: Path) -> str:
+    """What the names of a batch's temporary files begin with: by its folder, so that one that goes on knows its own."""
+    return f"{hashlib.sha256(os.fsencode(os.path.realpath(folder))).hexdigest()[:12]}-"
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,11 @@ class Config:
             "variant": dict(self.variant),
         }
         return json.dumps(settings, sort_keys=True)
+
+    @property
+    def owner(self) -> str:
+        """Of the temporary files of its batch."""
+        return owner_of(Path(os.fspath(self.output).removesuffix(os.fspath(Path(self.key)))))
 
     @cached_property
     def sha256(self) -> str:

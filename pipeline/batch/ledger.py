@@ -10,20 +10,26 @@ from __future__ import annotations
 
 import json
 import os
+import stat
 import zlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, get_args
 
 from data_schemas.contents import shown
 from data_schemas.errors import FileError, UsageError
+from data_schemas.variables_summary import SUMMARY
 from data_schemas.writing import reason, sync_folder
 from pipeline.batch.config import Config
-from pipeline.batch.outcome import Outcome
+from pipeline.batch.outcome import Outcome, Status
 
 NAME = "ledger.jsonl"
 _CRC = ', "crc32": "'
+_FIRST = b'{"versions": "'
+"""How a ledger begins."""
+_MAY = ("error_class", "error", "input_sha256", "output_sha256")
+MOST_LINE = 1 << 20  # bytes
 
 
 class Place(NamedTuple):
@@ -64,29 +70,62 @@ class Index:
         self._told: set[str] = set()
         self._size = 0  # of the lines that are whole
         try:
+            _own(self.path)
             with self.path.open("rb") as file:
-                for line in file:
+                begun = file.readline(MOST_LINE)
+                self._see(begun)
+                while line := file.readline(MOST_LINE):
                     self._see(line)
         except OSError as error:
             raise FileError(f"{shown(self.path, 400)}: {error.strerror}; make it readable") from None
+        torn = not begun.endswith(b"\n") and _FIRST.startswith(begun[: len(_FIRST)])
+        if begun and not (self.places or self._told or torn):
+            raise _strange(self.path)
 
     def line(self, key: str) -> dict[str, Any]:
         """What the ledger says of a key; `FileError` where it cannot be read any more."""
         with self.path.open("rb") as file:
             file.seek(self.places[key].offset)
             content = content_of(file.readline())
-        if content is None:
+        if content is None or not _is_outcome(content):
             raise FileError(f"{shown(self.path, 400)}: the line of {shown(key)} was damaged meanwhile; use --resume")
         return content
 
     def _see(self, line: bytes) -> None:
         content = content_of(line)
-        if content is not None and "key" in content:
+        if content is not None and _is_outcome(content):
             self.places[content["key"]] = place(self._size, content)
-        elif content is not None:
+        elif content is not None and "key" not in content:
             self._told.add(str(content.get("versions")))
         if line.endswith(b"\n"):  # the last may be torn
             self._size += len(line)
+        elif len(line) == MOST_LINE:
+            raise _strange(self.path)
+
+
+def _own(path: Path) -> None:
+    """Refuse what is no ordinary file, or a link to one."""
+    if not stat.S_ISREG(os.lstat(path).st_mode):
+        raise _strange(path)
+
+
+def _strange(path: Path) -> FileError:
+    return FileError(f"{shown(path, 400)}: is no ledger of a batch; move it away, or choose another -o")
+
+
+def _is_outcome(content: dict[str, Any]) -> bool:
+    """Whether a line tells of an outcome, with all that is asked of it later."""
+    texts = all(isinstance(content.get(name), str) for name in ("key", "status", "configuration_sha256", "versions"))
+    may = all(isinstance(content.get(name, 0), str | None) for name in _MAY)
+    rows = content.get("rows")
+    return (
+        texts and may and content["status"] in get_args(Status) and isinstance(rows, list) and all(map(_is_row, rows))
+    )
+
+
+def _is_row(row: Any) -> bool:
+    kinds = {name: float | int | None if column.dtype == "f8" else str | None for name, column in SUMMARY.items()}
+    return isinstance(row, dict) and all(isinstance(row.get(name), kind) for name, kind in kinds.items())
 
 
 def line_of(content: Mapping[str, Any]) -> bytes:
@@ -104,12 +143,15 @@ def line_of(content: Mapping[str, Any]) -> bytes:
 
 
 def content_of(line: bytes) -> dict[str, Any] | None:
-    """The content of a line; None if it is torn or damaged."""
+    """The content of a line; None if it is torn, damaged, or never was one."""
     text, mark, crc = line.rpartition(_CRC.encode())
     if not mark or crc != f'{zlib.crc32(text):08x}"}}\n'.encode():
         return None
-    content: dict[str, Any] = json.loads(text + b"}")
-    return content
+    try:
+        content = json.loads(text + b"}")
+    except (ValueError, RecursionError):
+        return None
+    return content if isinstance(content, dict) else None
 
 
 def outcome_content(one: Outcome, configuration: str, versions: str) -> dict[str, Any]:
@@ -141,7 +183,9 @@ class Ledger(Index):
     def __init__(self, folder: Path, versions: str) -> None:
         path = folder / NAME
         try:
-            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+            if os.path.lexists(path):
+                _own(path)
+            self._file = open_to_append(path)
         except OSError as error:
             raise _fault(path, error) from None
         try:
@@ -188,6 +232,12 @@ class Ledger(Index):
             left = left[os.write(self._file, left) :]
         os.fsync(self._file)
         self._size += size
+
+
+def open_to_append(path: Path) -> int:
+    """A descriptor of a file, made where there is none; never what a link points to, nor a pipe that nobody reads."""
+    how = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    return os.open(path, how, 0o666)
 
 
 def _fault(path: Path, error: OSError) -> FileError:

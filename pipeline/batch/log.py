@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import json
+import os
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -11,6 +12,7 @@ from typing import Any, Self
 from data_schemas.contents import shown
 from data_schemas.errors import FileError
 from data_schemas.writing import reason
+from pipeline.batch.ledger import open_to_append
 
 NAME = "batch.log.jsonl"
 
@@ -24,7 +26,7 @@ class Log:
     def __init__(self, folder: Path) -> None:
         self._path = folder / NAME
         try:
-            self._file = self._path.open("a", encoding="utf-8")
+            self._file = os.fdopen(open_to_append(self._path), "a", encoding="utf-8")
         except OSError as error:
             raise FileError(f"{shown(self._path, 400)}: cannot be written, {reason(error)}") from None
 

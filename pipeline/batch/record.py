@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import os
-import stat
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import data_schemas
 from data_schemas.contents import shown
 from data_schemas.errors import FileError, IsochronyError, RefusedError
-from pipeline.batch.config import Allow, Config, Kind
+from data_schemas.guard_types import Budget
+from data_schemas.ordinary import ordinary_size
+from pipeline.batch.config import Config, Kind
 from pipeline.batch.outcome import Outcome, failure
+from pipeline.memory import bounded
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
-PER_DECLARED = 12
-"""Bytes allowed for each byte of values that an input declares."""
-
-_STATM = Path("/proc/self/statm")
 _KEPT = ("requested_method", "method", "status", "error", "gravity_m_s2", "gravity_sigma_mgal", "uncorrected_m_s2",
          "noise_sigma_mgal", "difference_frequency_rad_s", "period_s", "period_sigma_s", "samples_used")  # fmt: skip
 
@@ -65,17 +61,15 @@ def input_sha256(path: Path, kind: Kind) -> str:
 def file_sha256(path: str | os.PathLike[str]) -> str:
     """Hexadecimal SHA-256 of an ordinary file.
 
-    `FileError` where there is none, it may not be read, or is a folder, a FIFO, a device: nothing that could hang.
+    `FileError` where there is none, it may not be read, is larger than any that is read, or a folder, a FIFO, a device:
+    nothing that could hang.
     """
+    ordinary_size(path, Budget().file, "give one")
     try:
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-        with os.fdopen(descriptor, "rb", buffering=0) as file:
-            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise FileError(f"{shown(path, 400)}: is not an ordinary file; give one")
+        with open(path, "rb", buffering=0) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise FileError(f"{shown(path, 400)}: {reason}; give the path of a file that can be read") from None
+    except OSError as error:
+        raise FileError(f"{shown(path, 400)}: {error.strerror}; give the path of a file that can be read") from None
 
 
 def _made(config: Config, digest: str, record: DataTree) -> Outcome:
@@ -90,18 +84,19 @@ def _made(config: Config, digest: str, record: DataTree) -> Outcome:
     used = json.loads(result.attrs["configuration"])
     result.attrs["configuration"] = json.dumps(used | json.loads(config.meaning), sort_keys=True)
     result.attrs["command"] = config.command
-    _write(result, config.output)
+    _write(result, config)
     kept = tuple(_row(row) for row in rows)
     return Outcome(config.key, "ok", None, None, digest, file_sha256(config.output), kept)
 
 
-def _write(result: DataTree, output: Path) -> None:
+def _write(result: DataTree, config: Config) -> None:
+    folder = config.output.parent
     try:
-        output.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise FileError(f"{output.parent}: cannot be made, {error.strerror}; choose another folder with -o") from None
+        raise FileError(f"{folder}: cannot be made, {error.strerror}; choose another folder with -o") from None
     try:
-        data_schemas.write(result, output, overwrite=True)
+        data_schemas.write(result, config.output, overwrite=True, owner=config.owner)
     except FileError as error:
         raise FileError(f"{error}; then use --retry-failed") from None
 
@@ -122,36 +117,3 @@ def _number(value: Any) -> Any:
 def _refused(key: str, error: str, digest: str | None) -> Outcome:
     told = failure(key, RefusedError.__name__, error, digest)
     return Outcome(key, "refused", told.error_class, told.error, digest)
-
-
-@contextlib.contextmanager
-def bounded(fixed: int | None) -> Iterator[Allow]:
-    """Keep this process below `fixed` bytes; once the input says what it declares, `PER_DECLARED` times that is added.
-
-    What the system can limit is address space, of which a process that has compiled code maps hundreds of MiB that it
-    never touches. So the limit is what may be held in memory plus what is mapped and not held now: then an allocation
-    that would pass the bound fails, with a `MemoryError` or the end of the process. What an input declares may be a
-    bomb, a megabyte that unpacks to gigabytes: it never gives more than half of the machine's memory.
-
-    None, or a system without such a limit, is unbounded. What is yielded is told the bytes that the input declares.
-    """
-    if fixed is None or not _STATM.exists():
-        yield lambda _declared: None
-        return
-    import resource
-
-    before = resource.getrlimit(resource.RLIMIT_AS)
-    mapped, held = (int(word) * os.sysconf("SC_PAGE_SIZE") for word in _STATM.read_text().split()[:2])
-
-    half = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
-
-    def allow(declared: int) -> None:
-        limit = mapped - held + max(fixed, min(fixed + PER_DECLARED * declared, half))
-        hard = before[1]
-        resource.setrlimit(resource.RLIMIT_AS, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
-
-    try:
-        allow(0)
-        yield allow
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, before)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
 from data_schemas.errors import FileError
-from pipeline.batch.config import Config
-from pipeline.batch.ledger import Index
+from pipeline.batch.config import Config, owner_of
+from pipeline.batch.ledger import NAME, Index
 from pipeline.batch.record import file_sha256, input_sha256
-
-LEFTOVER = ".isochrony-*.part"
-"""What a killed process leaves of a file that it was writing."""
 
 
 def holds(path: Path, config: Config, ledger: Index, *, retry_failed: bool = False) -> bool:
@@ -30,17 +28,21 @@ def holds(path: Path, config: Config, ledger: Index, *, retry_failed: bool = Fal
 
 
 def remove_leftovers(folder: Path) -> int:
-    """Remove what killed processes left half-written in a folder and below, and say how many; nobody else may write.
+    """Remove what killed processes of a batch left half-written in its folder and below, and say how many.
 
-    `FileError` where one cannot be removed.
+    Folders with a ledger of their own are another batch's, and not entered. `FileError` where one cannot be removed.
     """
-    count = 0
-    for path in folder.rglob(LEFTOVER):
-        try:
-            path.unlink(missing_ok=True)
-        except OSError as error:
-            raise FileError(f"{path}: cannot be removed, {error.strerror}; remove it yourself") from None
-        count += 1
+    count, begins = 0, f".isochrony-{owner_of(folder)}"
+    for place, below, names in os.walk(folder):
+        below[:] = [name for name in below if not os.path.lexists(os.path.join(place, name, NAME))]
+        for name in names:
+            if name.startswith(begins) and name.endswith(".part"):
+                path = os.path.join(place, name)
+                try:
+                    os.unlink(path)
+                except OSError as error:
+                    raise FileError(f"{path}: cannot be removed, {error.strerror}; remove it yourself") from None
+                count += 1
     return count
 
 

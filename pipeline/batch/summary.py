@@ -14,7 +14,7 @@ import numpy as np
 from data_schemas.variables import attributes
 from data_schemas.variables_summary import SUMMARY
 from data_schemas.writing import write, write_text
-from pipeline.batch.config import Config
+from pipeline.batch.config import Config, owner_of
 from pipeline.batch.ledger import Index
 
 if TYPE_CHECKING:
@@ -46,8 +46,8 @@ def write_summary(jobs: Sequence[tuple[Path, Config]], ledger: Index, folder: Pa
                 cells = (row.get(name) for name in columns.names)
                 table.writerow([defused(storable(cell)) if isinstance(cell, str) else cell for cell in cells])
     paths = [folder / name for name in NAMES]
-    write_text(text.getvalue(), paths[0], overwrite=True)
-    write(columns.tree(), paths[1], overwrite=True)
+    write_text(text.getvalue(), paths[0], overwrite=True, owner=owner_of(folder))
+    write(columns.tree(), paths[1], overwrite=True, owner=owner_of(folder))
     return paths
 
 
@@ -121,10 +121,11 @@ class Columns:
 
 
 def storable(value: object) -> str:
-    """A value as text that any file can hold: what is no UTF-8, as in some names of files, is escaped.
+    """A value as text that any file can hold: what is no UTF-8 or does not print is escaped.
 
     >>> storable(None), storable(2.5), storable("a\\udcff")
     ('', '2.5', 'a\\\\udcff')
     """
     plain = "" if value is None else str(value)
-    return plain.encode("utf-8", "backslashreplace").decode().replace("\0", "?")
+    plain = plain.encode("utf-8", "backslashreplace").decode()
+    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in plain)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import functools
 import hashlib
+import io
 import json
 import math
 import os
@@ -38,16 +39,18 @@ Given = TypeVar("Given")
 
 def write(path: Path, table: Sequence[Mapping[str, Any]]) -> None:
     """Write rows that share their keys as CSV; no rows give an empty file."""
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        if table:
-            writer = csv.DictWriter(stream, list(table[0]))
-            writer.writeheader()
-            writer.writerows(table)
+    stream = io.StringIO(newline="")
+    if table:
+        writer = csv.DictWriter(stream, list(table[0]))
+        writer.writeheader()
+        writer.writerows(table)
+    write_text(stream.getvalue(), path, overwrite=True)
 
 
 def write_json(path: Path, tables: Mapping[str, Any]) -> None:
     """Write tables by name as one file; not-a-number becomes null."""
-    path.write_text(json.dumps(plain(tables), indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+    text = json.dumps(plain(tables), indent=1, ensure_ascii=False, allow_nan=False)
+    write_text(text + "\n", path, overwrite=True)
 
 
 def progress(items: Iterable[Item], what: str, total: int | None = None) -> Iterator[Item]:

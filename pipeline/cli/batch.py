@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from data_schemas.errors import UsageError
+from data_schemas.errors import FileError, UsageError
 from pipeline.cli.parser import number, positive, processors
 from pipeline.cli.process import add_reduction_options
 from pipeline.cli.tables import complain
@@ -42,6 +42,9 @@ examples:
 exit status: 0 every input gave a value; 1 some did; 3 none did; 2 usage; 130 interrupted"""
 
 
+_TLS = {"tls_ca": "tls_ca_file", "tls_cert": "tls_client_cert", "tls_key": "tls_client_key"}
+
+
 def add_options(parser: argparse.ArgumentParser) -> None:
     """List the options."""
     add = parser.add_argument
@@ -70,7 +73,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     work.add_argument("--memory", type=positive("--memory"), default=512, metavar="MIB", help="MiB a process (512)")
     work.add_argument("--trusted", action="store_true", help="do not limit memory")
     work.add_argument("--executor", choices=("pool", "serial"), default="pool", help="pool (default) or serial")
-    work.add_argument("--scheduler", metavar="ADDRESS", help="of a dask cluster, such as tcp://10.0.0.1:8786")
+    work.add_argument("--scheduler", metavar="ADDRESS", help="of a dask cluster, such as tls://10.0.0.1:8786")
+    work.add_argument("--tls-ca", metavar="FILE", help="certificate that the cluster's are signed with")
+    work.add_argument("--tls-cert", metavar="FILE", help="own certificate, for the cluster")
+    work.add_argument("--tls-key", metavar="FILE", help="own key, for the cluster")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -92,16 +98,18 @@ def run(options: argparse.Namespace) -> int:
     with folder_for_output(folder), Ledger(folder, versions()) as ledger, Log(folder) as log:
         log.event("begin", command=sys.argv, inputs=len(jobs), versions=versions())
         try:
-            _do(options, jobs, ledger, log, tally)
+            summary = _do(options, jobs, ledger, log, tally)
         except (KeyboardInterrupt, SystemExit) as leaving:
             log.event("interrupted", done=tally.done, kept=tally.kept)
             told = f"{tally.done + tally.kept} of {tally.total} inputs are done; the same with --resume goes on"
             complain(f"interrupted: {told}")
             return leaving.code if isinstance(leaving, SystemExit) and isinstance(leaving.code, int) else 130
-        return tell_end(jobs, ledger, folder, tally, log, as_json=options.json)
+        status = tell_end(jobs, ledger, folder, tally, log, as_json=options.json)
+        return status if summary else max(status, 1)
 
 
-def _do(options: argparse.Namespace, jobs: Any, ledger: Any, log: Any, tally: Any) -> None:
+def _do(options: argparse.Namespace, jobs: Any, ledger: Any, log: Any, tally: Any) -> bool:
+    """Do the work; whether the summary could be written."""
     from pipeline.batch import campaign
     from pipeline.batch.resume import remove_leftovers
     from pipeline.batch.summary import write_summary
@@ -125,7 +133,12 @@ def _do(options: argparse.Namespace, jobs: Any, ledger: Any, log: Any, tally: An
             )
         finally:
             remove_leftovers(folder)  # of processes that were ended
-        write_summary(jobs, ledger, folder)
+        try:
+            write_summary(jobs, ledger, folder)
+        except FileError as fault:  # the results are there all the same
+            complain(f"{fault}; then --resume writes it")
+            return False
+    return True
 
 
 def _executor(options: argparse.Namespace, jobs: Any) -> Any:
@@ -134,7 +147,15 @@ def _executor(options: argparse.Namespace, jobs: Any) -> Any:
     if options.scheduler is not None:
         from pipeline.batch.executors.cluster import clustered
 
-        return partial(clustered, address=options.scheduler, methods=methods, timeout=options.timeout)
+        security = {_TLS[name]: value for name in _TLS if (value := getattr(options, name)) is not None}
+        return partial(
+            clustered,
+            address=options.scheduler,
+            methods=methods,
+            timeout=options.timeout,
+            security=security,
+            told=complain,
+        )
     if options.executor == "serial":
         from pipeline.batch.executors.serial import serial
 
@@ -154,6 +175,12 @@ def _check(options: argparse.Namespace) -> None:
         raise UsageError("batch: --executor serial has one process; leave --jobs and --scheduler out")
     if options.scheduler is not None and options.jobs is not None:
         raise UsageError("batch: --jobs is about this machine; with --scheduler the cluster's workers count")
+    given = [getattr(options, name) for name in _TLS]
+    if any(given) and not (all(given) and (options.scheduler or "").startswith("tls://")):
+        raise UsageError("batch: --tls-ca, --tls-cert and --tls-key go together, with --scheduler tls://HOST:PORT")
+    for path in filter(None, given):
+        if not os.path.isfile(path):
+            raise UsageError(f"{path}: is not a file; give the certificate or key in PEM")
     if options.force and (options.resume or options.retry_failed):
         raise UsageError("batch: --force does everything anew, --resume keeps what was done; give one of them")
 
@@ -165,7 +192,7 @@ def _refuse(options: argparse.Namespace, folder: Path, jobs: Any) -> None:
     from pipeline.cli.outputs import refuse_clashes
 
     resumes = options.resume or options.retry_failed
-    begun = os.path.exists(folder / NAME)
+    begun = os.path.lexists(folder / NAME)
     if begun and not (resumes or options.force or options.dry_run):
         raise UsageError(f"{folder}: a batch was begun there; go on with --resume, or do it anew with --force")
     inputs = list(dict.fromkeys(path for path, _ in jobs))

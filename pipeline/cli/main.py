@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import errno
 import io
@@ -30,6 +31,7 @@ from pipeline.cli import (
 )
 from pipeline.cli.parser import Parser, did_you_mean
 from pipeline.cli.tables import Printable, complain
+from pipeline.memory import bounded
 
 _VERBS = {
     module.__name__.rpartition(".")[2].removesuffix("_csv"): module
@@ -49,6 +51,10 @@ _VERBS = {
     )
 }
 """Each verb is called as its file."""
+
+_READERS = ("process", "plot", "validate", "digitise", "import")
+_MOST_HELD, _PER_BYTE = 4 << 30, 50  # bytes; of the inputs
+"""What reads files of anybody's making in this process, and what that may hold; batch has processes for them."""
 
 _DESCRIPTION = """\
 Gravity from pendulum records made at sea: simulate them, process them, compare the methods.
@@ -97,6 +103,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _say(str(fault), fault.exit_status, fault)
     except KeyboardInterrupt as fault:
         return _say("interrupted", 130, fault)
+    except MemoryError as fault:
+        return _say(
+            "inputs of this size may not need so much memory, and are damaged or too large; split them", 3, fault
+        )
     except BrokenPipeError:
         # The reader of our output (head, less) left: what it did not read is lost, so not 0; nothing is said.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -117,7 +127,9 @@ def _dispatch(words: list[str]) -> int:
         parsers[name] = verbs.add_parser(name, help=module.HELP, description=module.DESCRIPTION, epilog=module.EXAMPLES)
         module.add_options(parsers[name])
     if words and words[0] in parsers:
-        status: int = _VERBS[words[0]].run(parsers[words[0]].parse_strictly(words[1:]))
+        options = parsers[words[0]].parse_strictly(words[1:])
+        with bounded(_allowed(options) if words[0] in _READERS else None):
+            status: int = _VERBS[words[0]].run(options)
         return status
     if words and not words[0].startswith("-"):
         raise UsageError(f"unknown verb '{words[0]}'{did_you_mean(words[0], parsers)}")
@@ -127,6 +139,13 @@ def _dispatch(words: list[str]) -> int:
         print(f"isochrony {_version()}")
         return 0
     top.error(f"a verb is missing; known: {', '.join(parsers)}")
+
+
+def _allowed(options: argparse.Namespace) -> int:
+    """Bytes that a verb may hold: so much, and for each byte of its inputs."""
+    given = [word for value in vars(options).values() for word in (value if isinstance(value, list) else [value])]
+    sizes = (os.path.getsize(word) for word in given if isinstance(word, str) and os.path.isfile(word))
+    return _MOST_HELD + _PER_BYTE * sum(sizes)
 
 
 def _version() -> str:

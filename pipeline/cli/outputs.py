@@ -65,19 +65,21 @@ def place(inputs: Sequence[Path], out: str | None, ending: str) -> list[Path]:
 
 def refuse_clashes(inputs: Sequence[Path], outputs: Sequence[Path], *, force: bool) -> None:
     """Raise `UsageError` where an output would destroy an input, another output, or, unforced, any file."""
+    from data_schemas.writing import place_of
+
     # of os.path, which takes a name too long, or links in a circle, for a file that is not there
     taken: set[str] = set()
-    sources = {os.path.realpath(path) for path in inputs}
+    sources = {place for path in inputs for place in (os.path.realpath(path), os.fspath(place_of(path)))}
     for output in outputs:
-        resolved = os.path.realpath(output)
-        if resolved in sources:
+        resolved = os.fspath(place_of(output))
+        if resolved in sources or os.path.realpath(output) in sources:
             raise UsageError(f"{output}: is an input and would be overwritten; name another output with -o")
         if resolved in taken:
             raise UsageError(f"{output}: two inputs would be written to it; name each input once, or rename one")
         taken.add(resolved)
         if os.path.isdir(output):
             raise UsageError(f"{output}: is a folder; name a file, or another folder, with -o")
-        if os.path.exists(output) and not force:
+        if os.path.lexists(output) and not force:
             raise UsageError(f"{output}: exists already; add --force to overwrite it, or choose another with -o")
 
 

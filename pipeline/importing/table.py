@@ -12,6 +12,7 @@ from data_schemas.contents import shown
 from data_schemas.errors import RecordError, UsageError
 from data_schemas.ordinary import text_of
 
+MOST_COLUMNS = 1000
 _MISSING = frozenset({"", "-", "nan", "na", "n/a", "null", "none"})
 _UNIT = re.compile(r"\(([^()]+)\)\s*$|\[([^\[\]]+)\]\s*$|_([a-zµ]+)$")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
@@ -149,6 +150,8 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     if len(numbered) > 2 and _only_a_title(numbered[0][1], numbered[1][1]):
         numbered.pop(0)
     split = _splitter(numbered[0][1])
+    if (width := len(split(numbered[0][1]))) > MOST_COLUMNS:
+        raise RecordError(f"{source}: has {width} columns; give times and the traces alone, {MOST_COLUMNS} at most")
     lines = [index for index, _ in numbered]
     rows = [split(line) for _, line in numbered]
     if all(len(row) == len(rows[0]) and not row[-1] for row in rows):

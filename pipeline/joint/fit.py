@@ -135,18 +135,16 @@ def of_planes(plain: explanation.Fitted, fit: explanation.Fitted) -> float:
     return HALF * abs(own - other)
 
 
-def of_a_tilting_case(
-    plain: explanation.Fitted, fit: explanation.Fitted, reference: float
-) -> tuple[float, float]:
+def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, reference: float) -> tuple[float, float]:
     """What it adds to gravity, over itself, and to its 1 sigma, that some of what sways may be the case.
 
     Only what sways the pendulums themselves stiffens them, by half of its square. One pass about their free swing tells
-    it, unless a fit needs more than the plain one. Where it follows the differences better, any part may be the case's.
+    it, unless a fit needs more than the plain one. Where the differences are likelier so, any part may be the case's.
 
     Raises
     ------
     RefusedError
-        It does beyond doubt, and more than 10 mGal hang on it; `reference` is the gravity of the periods, m s-2.
+        They are beyond doubt, and more than 10 mGal hang on it; `reference` is the gravity of the periods, m s-2.
     """
     model, two, lattice = plain.model, 2 * plain.model.problem.pendulums, plain.model.problem.lattice
     slow = SLOWER * model.problem.swing
@@ -173,35 +171,23 @@ def of_a_tilting_case(
         return 0.0, 0.0
     # a spectrum that meets the other traces better helps the differences a little too
     better = tilted.solution.log_likelihood - fit.solution.log_likelihood
-    gain, least = followed(tilted, fit), TILTS + HELPS * max(better, 0.0)
+    law, least = of_the_law(tilted), TILTS + HELPS * max(better, 0.0)
     own, other = (mean_gravity(each.solution, lattice.duration)[0] for each in (fit, tilted))
     apart = other - own
     # kicks follow the differences wherever they go: what they make of all traces is compared
-    against = better > TILTS if "kicks" in fit.model.words else gain > least
+    against = better > TILTS if "kicks" in fit.model.words else law > of_the_law(fit) + least
     much = abs(apart) * reference > MOST_APART * MGAL
-    if much and against and followed(tilted, plain) > least and better > 0.0:  # what helps these alone is no tilt
+    if much and against and law > of_the_law(plain) + least and better > 0.0:  # what helps these alone is no tilt
         raise RefusedError(
             "record/elongation: the slow motion acts on the differences as the tilt of a case does from which all is "
             "measured; give record/case_tilt, or attribute reference = 'case' and record/horizontal_acceleration in "
             "the earth's frame"
         )
-    share = 1.0 / (1.0 + np.exp(np.clip((0.0 if fit.model.words else SELDOM) - min(gain, better), -FAR, FAR)))
+    ahead = min(law - of_the_law(fit), better)
+    share = 1.0 / (1.0 + np.exp(np.clip((0.0 if fit.model.words else SELDOM) - ahead, -FAR, FAR)))
     if share < UNLIKELY:
         return 0.0, 0.0
     return 0.5 * share * apart, abs(apart) * float(np.sqrt(share / 3.0 - 0.25 * share**2))
-
-
-def followed(fit: explanation.Fitted, other: explanation.Fitted) -> float:
-    """How much better one fit follows the differences than another, in log-likelihood.
-
-    How well it meets the size of what it does not foresee is the sea's spectrum; errors that exceed their noise count
-    for less.
-    """
-    some = np.isin(fit.model.problem.lattice.trace, fit.model.problem.differences)
-    squares = [float(np.nansum(each.of.whitened[some] ** 2, dtype=np.float64)) for each in (fit, other)]
-    left = [int(each.model.problem.left_out[some].sum()) for each in (fit, other)]
-    excess = max(1.0, squares[1] / max(1, np.isfinite(other.of.whitened[some]).sum()))
-    return OUTLIER * (left[0] - left[1]) + 0.5 * (squares[1] - squares[0]) / excess
 
 
 def of_the_law(fit: explanation.Fitted) -> float:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from data_schemas.errors import FileError, UsageError
-from data_schemas.writing import beside, give_name
+from data_schemas.writing import beside, give_name, place_of
 from pipeline.arrays import Floats
 
 if TYPE_CHECKING:
@@ -93,7 +92,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write the figure as PNG, under a temporary name first: nothing half-written stays; `FileError` where it fails."""
     from matplotlib.text import Text
 
-    target = Path(os.path.realpath(path))
+    target = place_of(path)
     temporary = beside(target)
     axes = [axis for each in figure.axes for axis in (each.xaxis, each.yaxis)]
     ticks = {id(label) for axis in axes for label in axis.get_ticklabels(which="both")}

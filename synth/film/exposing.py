@@ -17,7 +17,7 @@ from data_schemas.scene import Scene
 from data_schemas.scene_film import Film
 from data_schemas.shield import shielded
 from data_schemas.toml_text import toml_text
-from data_schemas.writing import may_write, reason, write_text
+from data_schemas.writing import may_write, place_of, reason, write_text
 from synth.film.layout import STRIP, Pixels, plan_film
 from synth.film.named import film_of
 from synth.film.sidecars import ImageFile, TruthOfFilm, description_of
@@ -121,7 +121,7 @@ def expose_to(
         raise UsageError(f"{target}: films are written as TIFF; end the name with .tif")
     for one in (target, description_path(target), film_truth_path(target)):  # refused before the work, not after it
         try:
-            may_write(Path(os.path.realpath(one)), one, overwrite)
+            may_write(place_of(one), one, overwrite)
         except OSError as error:
             raise FileError(f"{one}: cannot be written, {reason(error)}") from error
     film = film_of(film, source)

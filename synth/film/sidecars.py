@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 from importlib import import_module
-from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self
 
@@ -18,7 +17,7 @@ from data_schemas.film_conditions import BASE, BASES, PERIODS
 from data_schemas.film_description import DescribedInstrument, DescribedPendulum, FilmDescription
 from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION
 from data_schemas.variables import attributes
-from data_schemas.writing import beside, give_name, may_write, reason
+from data_schemas.writing import beside, give_name, may_write, place_of, reason
 from synth.film.layout import STRIP, FilmPlan
 from synth.film.strips import Crossings
 from synth.phase import Floats
@@ -107,7 +106,7 @@ class ImageFile:
     ) -> None:
         self._path, self._overwrite = path, overwrite
         self._shape, self._bits, self._dpi = (rows, columns), bits, dpi
-        self._target = Path(os.path.realpath(path))
+        self._target = place_of(path)
         self._temporary = beside(self._target)
         self._file: IO[bytes] | None = None
         self._begin = 0

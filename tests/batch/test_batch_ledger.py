@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import errno
 import os
+import zlib
 
 import pytest
 from batch_parts import config_of
 
 from data_schemas.errors import FileError, UsageError
 from pipeline.batch import ledger as module
-from pipeline.batch.ledger import NAME, Index, Ledger
+from pipeline.batch.ledger import NAME, Index, Ledger, line_of, outcome_content
+from pipeline.batch.log import Log
 from pipeline.batch.outcome import Outcome, failure
 
 ONE = Outcome("a.result.nc", "ok", None, None, "11", "22", ({"method": "projection", "gravity_m_s2": 0.1 + 0.2},), 1.5)
@@ -141,3 +143,68 @@ def test_configurations_differ_by_what_matters_alone(out):
     for setting in ({"method": ("auto",)}, {"pair": "1-2"}, {"gain_uncertainty": 0.01}, {"member": 1},
                     {"variant": (("gravity", 9.8),)}):  # fmt: skip
         assert config_of(out, "a", **setting).sha256 != one.sha256
+
+
+FOREIGN = {
+    "a text": lambda path: path.write_text("all that I know\nof pendulums"),
+    "lines of JSON of others": lambda path: path.write_text('{"a": 1}\n{"b": 2}\n'),
+    "one long line": lambda path: path.write_bytes(b"{" * (module.MOST_LINE + 1)),
+    "a hole of a tebibyte": lambda path: os.truncate(os.open(path, os.O_CREAT | os.O_WRONLY), 1 << 40),
+    "a pipe": os.mkfifo,
+    "a link": lambda path: path.symlink_to(path.with_name("precious")),
+    "a link to nothing": lambda path: path.symlink_to("nothing"),
+    "a device": lambda path: path.symlink_to("/dev/zero"),
+}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes and links")
+@pytest.mark.parametrize("what", FOREIGN)
+def test_a_ledger_that_is_not_ours_is_left_as_it_is(what, out):
+    (out / "precious").write_bytes(line_of({"versions": "1"}))
+    path = out / NAME
+    FOREIGN[what](path)
+    before = path.lstat()
+    for kind in (Index, Ledger):
+        with pytest.raises(FileError, match=r"ledger\.jsonl: is no ledger of a batch; move it away"):
+            kind(out, "{}")
+    after = path.lstat()
+    assert (after.st_size, after.st_mtime, after.st_mode) == (before.st_size, before.st_mtime, before.st_mode)
+    assert (out / "precious").read_bytes() == line_of({"versions": "1"})
+    assert not (out / "nothing").exists()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links")
+def test_a_log_that_is_a_link_is_not_followed(out):
+    (out / "batch.log.jsonl").symlink_to(out / "precious")
+    with pytest.raises(FileError, match="cannot be written"):
+        Log(out)
+    assert not (out / "precious").exists()
+
+
+BAD = {
+    "a field missing": lambda line: line.pop("rows"),
+    "a field of another kind": lambda line: line.update(status=1),
+    "an unknown status": lambda line: line.update(status="lost"),
+    "no list": lambda line: line.update(rows=5),
+    "a row of another kind": lambda line: line.update(rows=[1]),
+    "text for a number": lambda line: line.update(rows=[{"gravity_m_s2": "g"}]),
+    "a number for text": lambda line: line.update(rows=[{"record_id": 5}]),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_a_line_with_other_fields_counts_as_not_there(what, out, written):
+    content = outcome_content(ONE, "c1", "v")
+    content["key"] = "bad.result.nc"
+    BAD[what](content)
+    with written.open("ab") as file:
+        file.write(line_of(content))
+    assert set(Index(out, "{}").places) == set(SUMS)
+
+
+@pytest.mark.parametrize("text", [b'{"key": ' + b"[" * 100_000, b"[1, 2", b'{"key": }'])
+def test_a_line_that_is_no_object_counts_as_not_there(text, out, written):
+    crc = f', "crc32": "{zlib.crc32(text):08x}"}}\n'.encode()
+    with written.open("ab") as file:
+        file.write(text + crc)
+    assert set(Index(out, "{}").places) == set(SUMS)

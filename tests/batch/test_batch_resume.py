@@ -12,10 +12,12 @@ import pytest
 from batch_parts import POISON, config_of
 
 from data_schemas.errors import FileError
-from pipeline.batch.ledger import Ledger
+from pipeline.batch.config import owner_of
+from pipeline.batch.ledger import NAME, Ledger
 from pipeline.batch.outcome import failure
 from pipeline.batch.record import process_record
 from pipeline.batch.resume import holds, remove_leftovers
+from pipeline.batch.summary import write_summary
 
 
 @pytest.fixture
@@ -94,20 +96,43 @@ def test_an_input_that_was_not_there_and_still_is_not(done):
     assert holds(path, config, ledger)
 
 
-def test_leftovers_of_killed_processes_go_and_nothing_else(out):
-    (out / "deep").mkdir()
-    for name in (".isochrony-1.part", "deep/.isochrony-2.part", "mine.part", "a.result.nc"):
-        (out / name).write_text("")
-    assert remove_leftovers(out) == 2
-    assert sorted(path.name for path in out.rglob("*") if path.is_file()) == ["a.result.nc", "mine.part"]
+def test_leftovers_of_killed_processes_of_this_batch_go_and_nothing_else(out):
+    """Two batches in nested folders deleted each other's: 11 of 52 records failed."""
+    own, other = owner_of(out), owner_of(out / "nested")
+    for name in ("deep", "nested", "copied"):
+        (out / name).mkdir()
+    with Ledger(out / "nested", "{}"), Ledger(out / "copied", "{}"):
+        gone = {f".isochrony-{own}1.part", f"deep/.isochrony-{own}2.part"}
+        stay = {f"nested/.isochrony-{other}1.part", f".isochrony-{other}2.part", f"copied/.isochrony-{own}3.part"}
+        stay |= {".isochrony-1.part", f".isochrony-{own}1", "mine.part", "a.result.nc"}
+        for name in gone | stay:
+            (out / name).write_text("")
+        assert remove_leftovers(out) == 2
+        left = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file() and path.name != NAME}
+        assert left == stay
+
+
+def test_what_a_batch_writes_is_its_own(out, monkeypatch, small):
+    names = []
+    monkeypatch.setattr("data_schemas.writing._flushed", lambda path, image: names.append(path.name) or full(path))
+
+    def full(_path):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    config = config_of(out, "deep/a")
+    assert process_record(small, config).status == "failed"
+    with pytest.raises(FileError, match=r"summary\.csv: cannot be written, No space left"), Ledger(out, "{}") as ledger:
+        write_summary([], ledger, out)
+    assert len(names) == 2
+    assert all(name.startswith(f".isochrony-{owner_of(out)}") for name in names)
 
 
 def test_a_leftover_that_stays_is_told(out, monkeypatch):
-    (out / ".isochrony-1.part").write_text("")
+    (out / f".isochrony-{owner_of(out)}1.part").write_text("")
 
     def fail(*_, **__):
         raise OSError(errno.EROFS, "Read-only file system")
 
-    monkeypatch.setattr(Path, "unlink", fail)
+    monkeypatch.setattr(os, "unlink", fail)
     with pytest.raises(FileError, match="cannot be removed, Read-only file system; remove it yourself"):
         remove_leftovers(out)

@@ -81,7 +81,7 @@ def test_a_local_cluster(small, tmp_path, out, monkeypatch, request):
 
 
 @pytest.mark.compiled
-def test_scheduler_and_workers_of_their_own_on_the_loopback(small, tmp_path, out):
+def test_scheduler_and_workers_of_their_own_on_the_loopback(small, tmp_path, out, monkeypatch):
     """As on a cluster: separate processes that know nothing of each other but an address."""
     env = os.environ | {"PYTHONPATH": f"{ROOT}:{Path(__file__).parent}"}
     start = functools.partial(subprocess.Popen, env=env, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
@@ -91,7 +91,8 @@ def test_scheduler_and_workers_of_their_own_on_the_loopback(small, tmp_path, out
         try:
             told = next(line for line in scheduler.stderr if "Scheduler at" in line)
             address = re.search(r"tcp://127\.0\.0\.1:\d+", told)[0]
-            with pytest.raises(UsageError, match="has no workers; start some with"):
+            monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+            with pytest.raises(UsageError, match="has no workers for 0 s; start some with .* and go on with --resume"):
                 next(clustered([(small, config_of(out, "a"))], address=address, methods=METHODS, timeout=5.0))
             one_each = ["--nworkers", "2", "--nthreads", "1", "--no-dashboard", "--local-directory", str(tmp_path)]
             processes.append(start([sys.executable, "-m", "distributed.cli.dask_worker", address, *one_each]))
@@ -140,3 +141,56 @@ def test_without_dask_the_remedy_is_told(small, out, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(UsageError, match=r"install 'isochrony\[cluster\]'"):
         next(clustered([(small, config_of(out, "a"))], address="tcp://x:1", methods=METHODS, timeout=5.0))
+
+
+def test_a_cluster_that_loses_its_workers_is_told_of_and_left(monkeypatch):
+    """It waited in silence."""
+    now, told, workers = [0.0], [], [2]
+    monkeypatch.setattr(cluster.time, "monotonic", lambda: now[0])
+    waiting = cluster.Waiting("tcp://a:1", lambda: workers[0], told.append)
+    assert waiting.threads() == 2
+    workers[0] = 0
+    for now[0] in (1.0, 5.0, 12.0, 30.0):
+        assert waiting.threads() == 0
+    assert told == [
+        "--scheduler tcp://a:1: has no workers; waiting 300 s for them, start some with 'dask worker tcp://a:1'"
+    ]
+    workers[0] = 1
+    assert waiting.threads() == 1
+    workers[0] = 0
+    for now[0] in (40.0, 60.0, 340.0):
+        assert waiting.threads() == 0
+    assert len(told) == 2
+    now[0] = 340.1
+    with pytest.raises(UsageError, match="has no workers for 300 s; start some with .*, and go on with --resume"):
+        waiting.threads()
+
+
+@pytest.mark.compiled
+def test_a_cluster_by_tls(small, tmp_path, out, request):
+    request.addfinalizer(_end_children)
+    trustme = pytest.importorskip("trustme")
+    authority = trustme.CA()
+    own = authority.issue_cert("localhost")
+    authority.cert_pem.write_to_path(tmp_path / "ca.pem")
+    own.private_key_and_cert_chain_pem.write_to_path(tmp_path / "own.pem")
+    files = {"tls_ca_file": str(tmp_path / "ca.pem")}
+    files |= {
+        f"tls_{who}_{part}": str(tmp_path / "own.pem")
+        for who in ("scheduler", "worker", "client")
+        for part in ("cert", "key")
+    }
+    settings = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    secured = distributed.Security(**files, require_encryption=True)
+    given = {name: files[name] for name in ("tls_ca_file", "tls_client_cert", "tls_client_key")}
+    with distributed.LocalCluster(
+        **settings, protocol="tls://", security=secured, local_directory=str(tmp_path / "dask")
+    ) as local:
+        address = local.scheduler_address
+        assert address.startswith("tls://")
+        ((one,),) = clustered(
+            [(small, config_of(out, "a"))], address=address, methods=METHODS, timeout=60.0, security=given
+        )
+        assert one.status == "ok"
+        with pytest.raises(UsageError, match="no scheduler answers"):
+            next(clustered([(small, config_of(out, "b"))], address=address, methods=METHODS, timeout=5.0))

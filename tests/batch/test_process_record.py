@@ -15,6 +15,7 @@ from batch_parts import POISON, alike, config_of, numbers_of, write_record
 import data_schemas
 from data_schemas.errors import FileError
 from data_schemas.guard_types import Budget
+from pipeline import memory
 from pipeline.batch import record
 from pipeline.batch.config import Kind
 from pipeline.batch.record import file_sha256, process_record
@@ -145,7 +146,7 @@ def test_a_bomb_gets_half_of_the_machine_at_most(small, out, tmp_path, monkeypat
             bomb.id.write_direct_chunk((start,), packed)
     assert path.stat().st_size < 2 << 20
     real = os.sysconf
-    monkeypatch.setattr(record.os, "sysconf", lambda name: (1 << 30) // 4096 if name == "SC_PHYS_PAGES" else real(name))
+    monkeypatch.setattr(memory.os, "sysconf", lambda name: (1 << 30) // 4096 if name == "SC_PHYS_PAGES" else real(name))
     outcome = process_record(path, config_of(out, "a", memory=512 << 20))
     assert outcome.error_class == "FileError"
     # of the array, or already of the file where this process is a large one
@@ -153,7 +154,7 @@ def test_a_bomb_gets_half_of_the_machine_at_most(small, out, tmp_path, monkeypat
 
 
 def test_where_memory_cannot_be_limited_it_is_not(small, out, monkeypatch, tmp_path):
-    monkeypatch.setattr(record, "_STATM", tmp_path / "none")
+    monkeypatch.setattr(memory, "_STATM", tmp_path / "none")
     assert process_record(small, config_of(out, "a", memory=1)).status == "ok"
 
 
@@ -164,7 +165,7 @@ def test_a_lower_limit_of_the_system_stays(monkeypatch):
     set_to = []
     monkeypatch.setattr(resource, "getrlimit", lambda _: (1000, 2000))
     monkeypatch.setattr(resource, "setrlimit", lambda _, limit: set_to.append(limit))
-    with record.bounded(1 << 40):
+    with memory.bounded(1 << 40):
         pass
     assert set_to == [(2000, 2000), (1000, 2000)]
 

@@ -26,6 +26,7 @@ from pipeline.batch.summary import NAMES
 from pipeline.cli.parser import processors
 
 ROOT = Path(__file__).parents[2]
+_TLS = ("--tls-ca", "ca.pem", "--tls-cert", "cert.pem", "--tls-key", "key.pem")
 SERIAL = ("--method", "projection", "--executor", "serial", "--trusted")
 
 
@@ -121,6 +122,24 @@ def test_a_full_disk_costs_the_records_it_meets_and_tells_how_to_go_on(run, crui
     assert run("batch", "cruises/two", "-o", "out", *SERIAL, "--retry-failed").status == 0
 
 
+def test_no_space_for_the_summary_is_no_failure_of_the_records(run, cruises, monkeypatch):
+    (cruises / "one/b.record.nc").unlink()
+    flushed = data_schemas.writing._flushed
+
+    def full(path, image):
+        if path.parent.name == "out":
+            raise OSError(errno.ENOSPC, "No space left on device")
+        flushed(path, image)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("data_schemas.writing._flushed", full)
+        ended = run("batch", "cruises", "-o", "out", *SERIAL)
+    assert ended.status == 1
+    assert "summary.csv: cannot be written, No space left on device" in ended.err
+    assert "2 ok of 2 inputs" in ended.out
+    assert run("batch", "cruises", "-o", "out", "--resume", *SERIAL).status == 0
+
+
 def test_what_failed_is_tried_again_when_asked(run, cruises):
     run("batch", "cruises", "-o", "out", *SERIAL)
     lines = len(Path("out", NAME).read_text().splitlines())
@@ -211,6 +230,19 @@ def test_scenes_that_cannot_be_are_refused_before_any_work(run, tmp_path, monkey
     assert outcome.status == 2
     assert told in outcome.fault
     assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--tls-ca", "ca.pem"], "--tls-ca, --tls-cert and --tls-key go together"),
+        (["--scheduler", "tcp://a:1", *_TLS], "with --scheduler tls://HOST:PORT"),
+        (["--scheduler", "tls://a:1", *_TLS], "ca.pem: is not a file; give the certificate or key in PEM"),
+    ],
+)
+def test_what_secures_a_cluster_is_whole(run, cruises, words, told):
+    ended = run("batch", "cruises", "-o", "out", *words)
+    assert (ended.status, told in ended.err) == (2, True)
 
 
 def test_nothing_of_the_user_s_is_overwritten(run, cruises):

@@ -62,6 +62,13 @@ def test_an_existing_output_is_refused_without_force(tmp_path):
     refuse_clashes([ONE], [path], force=True)
 
 
+def test_a_link_to_nothing_is_there(tmp_path):
+    link = tmp_path / "link.nc"
+    link.symlink_to(tmp_path / "none")
+    with pytest.raises(UsageError, match=r"link\.nc: exists already; add --force"):
+        refuse_clashes([ONE], [link], force=False)
+
+
 def test_an_input_is_never_an_output_even_by_force_or_another_name(tmp_path):
     path, link = tmp_path / "x.nc", tmp_path / "link.nc"
     path.write_text("precious")

@@ -143,11 +143,26 @@ def test_a_folder_without_permission(tmp_path, record):
         write(record, tmp_path / "file.nc")
 
 
-def test_a_symbolic_link_keeps_pointing(tmp_path, record):
-    (tmp_path / "link.nc").symlink_to(tmp_path / "real.nc")
-    write(record, tmp_path / "link.nc")
-    assert (tmp_path / "link.nc").is_symlink()
-    assert read(tmp_path / "real.nc").identical(record)
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_is_replaced_and_what_it_points_to_stays(there, tmp_path, record):
+    """It was followed, and its target destroyed; one that pointed nowhere counted as not there."""
+    link, target = tmp_path / "link.nc", tmp_path / "target"
+    if there:
+        target.write_text("precious")
+    link.symlink_to(target)
+    with pytest.raises(FileError, match="exists already"):
+        write(record, link)
+    write(record, link, overwrite=True)
+    assert not link.is_symlink()
+    assert read(link).identical(record)
+    assert (target.read_text() == "precious") if there else not target.exists()
+
+
+def test_a_link_to_a_folder_is_followed_on_the_way(tmp_path, record):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    write(record, tmp_path / "link/file.nc")
+    assert read(tmp_path / "real/file.nc").identical(record)
 
 
 def test_the_file_has_the_usual_permissions(tmp_path, record):

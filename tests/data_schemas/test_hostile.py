@@ -342,7 +342,7 @@ def test_pointers_in_chunks_of_millions_are_refused(tmp_path):
     path = tmp_path / "file.nc"
     with h5py.File(path, "w") as file:
         file.create_dataset("texts", data=["x"], dtype=h5py.string_dtype(), chunks=(100_000,), maxshape=(None,))
-    with pytest.raises(FileError, match="take more than 1048576 bytes of pointers; store it in fewer chunks"):
+    with pytest.raises(FileError, match="more than 1048576 bytes of pointers to text; use fewer chunks"):
         read(path)
 
 

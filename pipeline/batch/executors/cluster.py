@@ -10,7 +10,8 @@ from __future__ import annotations
 import multiprocessing
 import queue
 import threading
-from collections.abc import Generator, Iterable, Sequence
+import time
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,14 +25,22 @@ if TYPE_CHECKING:
 
 _AHEAD = 2  # records to a thread that wait on the cluster, so that none waits for us
 _OWN = threading.local()
+LOOK, PATIENCE = 10.0, 300.0  # s without an outcome, after which workers are looked for; without any, to the end
 
 
 def clustered(
-    jobs: Iterable[tuple[Path, Config]], *, address: str, methods: Sequence[str], timeout: float
+    jobs: Iterable[tuple[Path, Config]],
+    *,
+    address: str,
+    methods: Sequence[str],
+    timeout: float,
+    security: Mapping[str, str] | None = None,
+    told: Callable[[str], object] = lambda _: None,
 ) -> Generator[list[Outcome]]:
     """Outcomes of jobs as they come, from the workers of a cluster that sees the same files and has this package.
 
-    `UsageError` where dask is not installed, no scheduler with workers answers, or it is gone before the end.
+    `UsageError` where dask is not installed, no scheduler answers, it is gone before the end, or has no workers for
+    `PATIENCE` seconds.
 
     Parameters
     ----------
@@ -41,22 +50,27 @@ def clustered(
         Of the scheduler, such as ``tcp://10.0.0.1:8786``.
     methods, timeout
         See `Isolated`.
+    security : mapping, optional
+        `distributed.Security`'s files for TLS: ``tls_ca_file``, ``tls_client_cert``, ``tls_client_key``.
+    told : callable
+        Given a line when the batch has to wait for workers.
     """
     try:
-        from distributed import Client
+        from distributed import Client, Security
     except ImportError:
         raise UsageError("--scheduler wants dask.distributed; install 'isochrony[cluster]'") from None
     try:
-        client = Client(address, timeout=10, set_as_default=False)
+        secured = Security(**security, require_encryption=True) if security else None
+        client = Client(address, timeout=10, set_as_default=False, security=secured)
     except (OSError, ValueError, TimeoutError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise UsageError(
             f"--scheduler {address}: no scheduler answers ({reason}); start one, or leave it out"
         ) from None
     with client:
-        threads = sum(client.nthreads().values())
-        if not threads:
-            raise UsageError(f"--scheduler {address}: has no workers; start some with 'dask worker {address}'")
+        waiting = Waiting(address, lambda: sum(client.nthreads().values()), told)
+        while not (threads := waiting.threads()):
+            time.sleep(LOOK / 10.0)
         left = iter(jobs)
         keys: dict[object, Config] = {}
         done: queue.SimpleQueue[Future] = queue.SimpleQueue()
@@ -72,7 +86,11 @@ def clustered(
 
         feed(_AHEAD * threads)
         while keys:
-            batch = [done.get()]
+            try:
+                batch = [done.get(timeout=LOOK)]
+            except queue.Empty:
+                waiting.threads()
+                continue
             batch += [done.get_nowait() for _ in range(done.qsize())]
             if any(future.cancelled() for future in batch):  # as dask does with all of them where the scheduler is gone
                 raise UsageError(f"--scheduler {address}: the scheduler is gone; start one, and go on with --resume")
@@ -81,6 +99,40 @@ def clustered(
                 future.release()
             feed(len(outcomes))
             yield outcomes
+
+
+class Waiting:
+    """Looks whether a cluster has workers, and says where it has none.
+
+    Parameters
+    ----------
+    address : str
+    count : callable
+        Threads of all workers now.
+    told : callable
+        Given one line, `LOOK` seconds after the last of them was seen.
+    """
+
+    def __init__(self, address: str, count: Callable[[], int], told: Callable[[str], object]) -> None:
+        self._address, self._count, self._told = address, count, told
+        self._since: float | None = None
+        self._said = False
+
+    def threads(self) -> int:
+        """Threads of the workers; `UsageError` where there are none for `PATIENCE` seconds."""
+        found, now = self._count(), time.monotonic()
+        if found:
+            self._since, self._said = None, False
+            return found
+        self._since = now if self._since is None else self._since
+        start = f"start some with 'dask worker {self._address}'"
+        if now - self._since > PATIENCE:
+            without = f"--scheduler {self._address}: has no workers for {PATIENCE:.0f} s"
+            raise UsageError(f"{without}; {start}, and go on with --resume")
+        if now - self._since > LOOK and not self._said:
+            self._said = True
+            self._told(f"--scheduler {self._address}: has no workers; waiting {PATIENCE:.0f} s for them, {start}")
+        return 0
 
 
 def _process_isolated(path: Path, config: Config, methods: tuple[str, ...], timeout: float) -> Outcome:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 
 class IsochronyError(Exception):
     """A fault with a remedy; `exit_status` is what the command line returns for it."""
@@ -29,3 +31,15 @@ class RecordError(IsochronyError):
 
 class RefusedError(IsochronyError):
     """A method declines a record it would get wrong; the message says why and what to use instead."""
+
+
+def naming(path: str | os.PathLike[str], message: str) -> str:
+    """Put the file before the message unless the message names it already.
+
+    >>> naming("a/ship.nc", "record/elongation has no finite value; record again")
+    'a/ship.nc: record/elongation has no finite value; record again'
+    >>> naming("a/ship.nc", "ship.nc: truncated; copy it again")
+    'ship.nc: truncated; copy it again'
+    """
+    path = os.fspath(path)
+    return message if os.path.basename(path) in message else f"{path}: {message}"

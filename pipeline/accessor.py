@@ -59,7 +59,9 @@ class Isochrony:
         lead = (
             "no gravity"
             if best is None
-            else (f"g = {best['gravity_m_s2']:.8f} ± {best['gravity_sigma_mgal'] * 1e-5:.8f} m/s² by {best['method']}")
+            else (
+                f"g = {best['gravity_m_s2']:.8f} ± {best['gravity_sigma_mgal'] * 1e-5:.8f} m/s² by {html.escape(str(best['method']))}"
+            )
         )
         name = html.escape(str(self._tree.attrs.get("record_id", "")))
         return f"<p><b>{name}</b>: {lead}</p><ul>{words}</ul><table><tr>{head}</tr>{body}</table>"

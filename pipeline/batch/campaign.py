@@ -21,11 +21,12 @@ Executor = Callable[[Iterable[Job]], Generator[list[Outcome]]]
 
 @dataclass
 class Tally:
-    """How far a batch has come; of `total` inputs `kept` needed nothing to be done."""
+    """How far a batch has come; of `total` inputs `kept` needed nothing to be done, and `bad` gave no value."""
 
     total: int
     kept: int = 0
     done: int = 0
+    bad: int = 0
 
 
 def run(
@@ -38,7 +39,7 @@ def run(
     anew: bool = False,
     retry_failed: bool = False,
     limit: int | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Callable[..., object] | None = None,
 ) -> None:
     """Do all jobs that are not done; `FileError` where the ledger or the log cannot be written.
 
@@ -53,7 +54,7 @@ def run(
     limit : int, optional
         Most jobs to do.
     progress : callable, optional
-        Told how many are done, and of how many.
+        Told how many are done, of how many, and as `note` how many of them gave no value.
     """
     configurations: dict[str, str] = {}
     for _, config in jobs:
@@ -74,8 +75,10 @@ def run(
             with shielded():
                 ledger.append(outcomes, configurations)
                 tally.done += len(outcomes)
+                tally.bad += sum(one.status != "ok" for one in outcomes)
             for one in outcomes:
                 del configurations[one.key]
                 log.event("record", key=one.key, status=one.status, error_class=one.error_class, seconds=one.seconds)
             if progress is not None:
-                progress(tally.done + tally.kept, tally.total)
+                note = f"{tally.bad} without a value" if tally.bad else ""
+                progress(tally.done + tally.kept, tally.total, note=note)

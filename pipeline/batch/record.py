@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import data_schemas
 from data_schemas.contents import shown
-from data_schemas.errors import FileError, IsochronyError, RefusedError
+from data_schemas.errors import FileError, IsochronyError, RefusedError, naming
 from data_schemas.guard_types import Budget
 from data_schemas.ordinary import ordinary_size
 from pipeline.batch.config import Config, Kind
@@ -35,11 +35,11 @@ def process_record(path: Path, config: Config) -> Outcome:
     try:
         digest = input_sha256(path, config.kind)
         with bounded(config.memory) as allow:
-            outcome = _made(config, digest, config.kind.record(path, config, allow))
+            outcome = _made(path, config, digest, config.kind.record(path, config, allow))
     except RefusedError as error:
-        outcome = _refused(config.key, str(error), digest)
+        outcome = _refused(config.key, naming(path, str(error)), digest)
     except IsochronyError as error:
-        outcome = failure(config.key, type(error).__name__, str(error), digest)
+        outcome = failure(config.key, type(error).__name__, naming(path, str(error)), digest)
     except MemoryError:
         told = f"{path}: needs more memory than is allowed; give it more (--memory, --retry-failed), or split it"
         outcome = failure(config.key, "MemoryError", told, digest)
@@ -72,7 +72,7 @@ def file_sha256(path: str | os.PathLike[str]) -> str:
         raise FileError(f"{shown(path, 400)}: {error.strerror}; give the path of a file that can be read") from None
 
 
-def _made(config: Config, digest: str, record: DataTree) -> Outcome:
+def _made(path: Path, config: Config, digest: str, record: DataTree) -> Outcome:
     from pipeline.processing import process
     from pipeline.summary import summaries
 
@@ -80,7 +80,7 @@ def _made(config: Config, digest: str, record: DataTree) -> Outcome:
     result = process(record, method=method, pair=config.pair, gain_uncertainty=config.gain_uncertainty)
     rows = summaries(result)
     if not any(row["status"] == "ok" for row in rows):
-        return _refused(config.key, str(rows[0]["error"]), digest)
+        return _refused(config.key, naming(path, str(rows[0]["error"])), digest)
     used = json.loads(result.attrs["configuration"])
     result.attrs["configuration"] = json.dumps(used | json.loads(config.meaning), sort_keys=True)
     result.attrs["command"] = config.command

@@ -26,6 +26,7 @@ from pipeline.cli.tables import complain
 
 _MIB = 1 << 20
 _MOST_TOLD = 10  # faults on stderr; the summary has all
+_FEW = 4  # inputs named
 _LONGEST = 4096  # letters of a path
 
 
@@ -113,13 +114,34 @@ def tell_end(jobs: Sequence[Job], ledger: Index, folder: Path, tally: Tally, log
         complain(ledger.line(key)["error"])
     if len(bad) > _MOST_TOLD:
         complain(f"and {len(bad) - _MOST_TOLD} more, see {folder / 'summary.csv'}")
+    flagged = _tell_ids(jobs, ledger)
     left = tally.total - counts.total()
-    text = ", ".join(f"{counts[status]} {status}" for status in ("ok", "refused", "failed") if counts[status])
+    named = {"ok": f"ok ({flagged} with flags)" if flagged else "ok"}
+    text = ", ".join(
+        f"{counts[status]} {named.get(status, status)}" for status in ("ok", "refused", "failed") if counts[status]
+    )
     log.event("end", done=tally.done, kept=tally.kept, left=left, **counts)
     if not as_json:
         waiting = f"; {left} left for --resume" if left else ""
         print(f"{folder / 'summary.csv'}: {text or 'nothing'} of {tally.total} inputs, {tally.kept} kept{waiting}")
     return exit_status(counts["ok"], tally.total - left)
+
+
+def _tell_ids(jobs: Sequence[Job], ledger: Index) -> int:
+    """Complain of inputs that have one record id; return how many inputs have flags."""
+    named: dict[str, dict[Path, None]] = {}
+    flagged = 0
+    for path, config in jobs:
+        if (found := ledger.places.get(config.key)) is not None and found.status == "ok":
+            rows = ledger.line(config.key)["rows"]
+            flagged += any(row.get("flags") for row in rows)
+            if not config.member and rows:
+                named.setdefault(str(rows[0].get("record_id")), {})[path] = None
+    alike = {name: paths for name, paths in named.items() if len(paths) > 1}
+    for name, paths in list(alike.items())[:_MOST_TOLD]:
+        some = ", ".join(shown(path, _LONGEST) for path in list(paths)[:_FEW]) + (", .." if len(paths) > _FEW else "")
+        complain(f"{len(paths)} inputs have the record id '{name}': {some}; are they the same record?")
+    return flagged
 
 
 def _print_json(path: Path, config: Config, ledger: Index) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import data_schemas
-from data_schemas.errors import IsochronyError, UsageError
-from pipeline.cli.faults import exit_status, naming, outcome_of
+from data_schemas.errors import IsochronyError, UsageError, naming
+from pipeline.cli.faults import exit_status, outcome_of
 from pipeline.cli.film_options import add_film_options, film_options, read_film
 from pipeline.cli.outputs import make_folder, place, refuse_clashes, stem
 from pipeline.cli.tables import complain, print_json

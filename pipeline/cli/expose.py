@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import data_schemas
 import synth
-from pipeline.cli.faults import naming, read_checked
+from pipeline.cli.faults import read_checked
 from pipeline.cli.outputs import folder_for_output, orderly, place, refuse_clashes
 from pipeline.cli.parser import whole_number
 from pipeline.cli.progress import progress
@@ -50,7 +50,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Expose the film and write the three files."""
-    from data_schemas.errors import IsochronyError
+    from data_schemas.errors import IsochronyError, naming
     from data_schemas.film_description import description_path
     from pipeline.cli.simulate import find_scene
 

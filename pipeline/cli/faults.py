@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,18 +24,6 @@ _INSTEAD = {
     "summary": "it is a table of a batch: open it with xarray, or give its records",
 }
 """What to do with a file of each kind."""
-
-
-def naming(path: str | os.PathLike[str], message: str) -> str:
-    """Put the file before the message unless the message names it already.
-
-    >>> naming("a/ship.nc", "record/elongation has no finite value; record again")
-    'a/ship.nc: record/elongation has no finite value; record again'
-    >>> naming("a/ship.nc", "ship.nc: truncated; copy it again")
-    'ship.nc: truncated; copy it again'
-    """
-    path = os.fspath(path)
-    return message if os.path.basename(path) in message else f"{path}: {message}"
 
 
 def outcome_of(fault: IsochronyError) -> str:

@@ -104,9 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as fault:
         return _say("interrupted", 130, fault)
     except MemoryError as fault:
-        return _say(
-            "inputs of this size may not need so much memory, and are damaged or too large; split them", 3, fault
-        )
+        return _say("inputs of this size may not hold so much memory: one is damaged or too large; split it", 3, fault)
     except BrokenPipeError:
         # The reader of our output (head, less) left: what it did not read is lost, so not 0; nothing is said.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import data_schemas
-from data_schemas.errors import RecordError, RefusedError, UsageError
-from pipeline.cli.faults import naming, read_checked, refuse_faults
+from data_schemas.errors import RecordError, RefusedError, UsageError, naming
+from pipeline.cli.faults import read_checked, refuse_faults
 from pipeline.cli.film_options import add_reading_options, description, read_film, reading_options
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
 from pipeline.cli.parser import number

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import data_schemas
-from data_schemas.errors import IsochronyError, UsageError
-from pipeline.cli.faults import exit_status, naming, outcome_of, read_checked
+from data_schemas.errors import IsochronyError, UsageError, naming
+from pipeline.cli.faults import exit_status, outcome_of, read_checked
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
 from pipeline.cli.parser import did_you_mean, number
 from pipeline.cli.summary_rows import SummaryPrinter, failure

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 
 import data_schemas
-from pipeline.cli.faults import exit_status, naming
+from data_schemas.errors import naming
+from pipeline.cli.faults import exit_status
 
 HELP = "name every fault of a file"
 DESCRIPTION = """\

@@ -26,8 +26,10 @@ def test_progress_and_log_tell_of_every_input(small, out):
     with Ledger(out, "{}") as ledger, Log(out) as log:
         tally = Tally(3)
         campaign.run(jobs[:1], ledger, serial, log, tally)
-        campaign.run(jobs, ledger, serial, log, Tally(3), progress=lambda done, total: seen.append((done, total)))
-    assert seen == [(2, 3), (3, 3)]
+        campaign.run(
+            jobs, ledger, serial, log, Tally(3), progress=lambda done, total, note: seen.append((done, total, note))
+        )
+    assert seen == [(2, 3, ""), (3, 3, "")]
     events = [json.loads(line) for line in (out / NAME).read_text().splitlines()]
     assert [event["key"] for event in events] == [config.key for _, config in jobs]
     assert all(event["seconds"] > 0 and event["time"].endswith("+00:00") for event in events)

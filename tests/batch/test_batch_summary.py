@@ -41,7 +41,7 @@ def test_rows_are_in_the_order_of_the_inputs_to_the_last_bit(written):
     assert [row["output"] for row in (first, second, third)] == ["b.result.nc", "b.result.nc", ""]
     assert float(first["gravity_m_s2"]) == 0.1 + 0.2
     assert first["input"] == "in/b\\udcff.nc"
-    assert second["error"] == "no; ? \\udcff"
+    assert second["error"] == "no; \\x00 \\udcff"
     assert third["error_class"] == "FileError"
     assert [row["sweep gravity"] for row in (first, third)] == ["9.8", ""]
 

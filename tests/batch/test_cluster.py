@@ -92,7 +92,7 @@ def test_scheduler_and_workers_of_their_own_on_the_loopback(small, tmp_path, out
             told = next(line for line in scheduler.stderr if "Scheduler at" in line)
             address = re.search(r"tcp://127\.0\.0\.1:\d+", told)[0]
             monkeypatch.setattr(cluster, "PATIENCE", 0.5)
-            with pytest.raises(UsageError, match="has no workers for 0 s; start some with .* and go on with --resume"):
+            with pytest.raises(UsageError, match=r"has no workers for 0 s; start some with .* and go on with --resume"):
                 next(clustered([(small, config_of(out, "a"))], address=address, methods=METHODS, timeout=5.0))
             one_each = ["--nworkers", "2", "--nthreads", "1", "--no-dashboard", "--local-directory", str(tmp_path)]
             processes.append(start([sys.executable, "-m", "distributed.cli.dask_worker", address, *one_each]))
@@ -162,7 +162,7 @@ def test_a_cluster_that_loses_its_workers_is_told_of_and_left(monkeypatch):
         assert waiting.threads() == 0
     assert len(told) == 2
     now[0] = 340.1
-    with pytest.raises(UsageError, match="has no workers for 300 s; start some with .*, and go on with --resume"):
+    with pytest.raises(UsageError, match=r"has no workers for 300 s; start some with .*, and go on with --resume"):
         waiting.threads()
 
 

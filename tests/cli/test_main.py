@@ -204,3 +204,25 @@ def test_streams_that_are_closed_go_nowhere_and_a_full_device_is_told(run, monke
         with sys.stdout as nowhere:
             assert nowhere.name == os.devnull
             print("nothing")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits address space")
+def test_what_a_verb_may_hold_grows_with_its_inputs(run, tmp_path, monkeypatch):
+    import resource
+
+    seen = []
+
+    def read(_options):
+        seen.append(resource.getrlimit(resource.RLIMIT_AS)[0])
+        raise MemoryError
+
+    monkeypatch.setattr("pipeline.cli.validate.run", read)
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    for size in (1, 1 << 28):
+        (tmp_path / "a.nc").touch()
+        os.truncate(tmp_path / "a.nc", size)
+        outcome = run("validate", str(tmp_path / "a.nc"))
+        assert outcome.status == 3
+        assert outcome.fault.endswith("may not hold so much memory: one is damaged or too large; split it")
+    assert resource.getrlimit(resource.RLIMIT_AS) == before
+    assert seen[1] - seen[0] == pytest.approx(50 * (1 << 28), rel=0.02)

@@ -45,3 +45,16 @@ def test_it_is_refused_in_one_line(tmp_path, make, told):
 def test_a_path_that_no_system_has():
     with pytest.raises(SceneError, match="null byte"):
         load_scene("a\0b.toml")
+
+
+@pytest.mark.parametrize("key", [".".join(["a"] * 30_000), "x" * 200_000 + ".a" * 101, " . ".join(['"a"'] * 200)])
+def test_a_key_of_very_many_parts_is_refused(key, tmp_path):
+    """Each part is looked up from the first on: 200,000 took more than 30 s."""
+    path = tmp_path / "scene.toml"
+    path.write_text(f"{key} = 1\n")
+    with pytest.raises(SceneError, match="a key of more than 100 parts; give the path of a scene in TOML"):
+        load_scene(path)
+    path.write_text(f"a = [{', '.join(['0.5'] * 10_000)}]\nb = '{'x' * 200_000}'\n")
+    with pytest.raises(SceneError) as told:
+        load_scene(path)
+    assert "a key of" not in str(told.value)

@@ -107,3 +107,11 @@ def test_numbers_survive_their_text(table):
     values = np.random.default_rng(1).normal(size=200)
     read = table("".join(f"{index},{float(value)!r}\n" for index, value in enumerate(values)))
     assert read.numbers(1) == values.tolist()
+
+
+def test_a_table_of_very_many_columns_is_refused(tmp_path):
+    """20,000 of them took 3 GB and ended in an internal error."""
+    path = tmp_path / "wide.csv"
+    path.write_text("\n".join([",".join(["1.0"] * 10_000)] * 3))
+    with pytest.raises(RecordError, match="has 10000 columns; give times and the traces alone, 1000 at most"):
+        read_table(path)

@@ -62,7 +62,7 @@ def clustered(
     try:
         secured = Security(**security, require_encryption=True) if security else None
         client = Client(address, timeout=10, set_as_default=False, security=secured)
-    except (OSError, ValueError, TimeoutError) as error:
+    except (OSError, ValueError, TypeError, TimeoutError) as error:  # TypeError: TLS without certificates
         reason = " ".join(str(error).split()) or type(error).__name__
         raise UsageError(
             f"--scheduler {address}: no scheduler answers ({reason}); start one, or leave it out"

@@ -141,13 +141,15 @@ class Scene(Section):
         return math.ceil(Fraction(str(self.duration)) / self.recording.step)
 
 
-def load_scene(path: str | os.PathLike[str]) -> Scene:
+def load_scene(path: str | os.PathLike[str], *, allow_paths: bool = False) -> Scene:
     """Read a scene from a TOML file.
 
     Parameters
     ----------
     path
         The file. Paths inside it are relative to its folder.
+    allow_paths : bool
+        Whether the tables that it names may lie elsewhere than in that folder or below.
 
     Returns
     -------
@@ -163,6 +165,6 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
     path = Path(path)
     content = load_toml(path, "a scene", SceneError)
     try:
-        return Scene.model_validate(content, context={"folder": path.parent})
+        return Scene.model_validate(content, context={"folder": path.parent, "anywhere": allow_paths})
     except ValidationError as error:
         raise SceneError(f"{path}: {one_line(error, Scene)}") from None

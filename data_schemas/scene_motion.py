@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -154,9 +156,19 @@ class Table(Section):
     @field_validator("file")
     @classmethod
     def _beside_the_scene(cls, value: str, info: ValidationInfo) -> str:
-        """Make the path stand on its own, so that a loaded scene does not depend on the current folder."""
-        folder = (info.context or {}).get("folder")
-        return value if folder is None else str(folder / value)
+        """Make the path stand on its own, so that a loaded scene does not depend on the current folder.
+
+        A scene of anybody's making reads no file of whoever simulates it.
+        """
+        context = info.context or {}
+        folder = context.get("folder")
+        if folder is None:
+            return value
+        path = folder / value
+        within = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
+        if not within and not context.get("anywhere"):
+            raise ValueError("a table lies beside its scene or below; put it there, or give --allow-paths")
+        return str(path)
 
 
 class TabulatedMotion(Table):

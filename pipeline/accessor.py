@@ -56,12 +56,9 @@ class Isochrony:
         flags = dict.fromkeys(flag for row in rows for flag in row["flags"])
         words = "".join(f"<li><b>{html.escape(flag)}</b>: {html.escape(told(flag))}</li>" for flag in flags)
         best = next((row for row in reversed(rows) if row["gravity_m_s2"] is not None), None)
-        lead = (
-            "no gravity"
-            if best is None
-            else (
-                f"g = {best['gravity_m_s2']:.8f} ± {best['gravity_sigma_mgal'] * 1e-5:.8f} m/s² by {html.escape(str(best['method']))}"
-            )
-        )
+        lead = "no gravity"
+        if best is not None:
+            band = f"g = {best['gravity_m_s2']:.8f} ± {best['gravity_sigma_mgal'] * 1e-5:.8f} m/s²"
+            lead = f"{band} by {html.escape(str(best['method']))}"
         name = html.escape(str(self._tree.attrs.get("record_id", "")))
         return f"<p><b>{name}</b>: {lead}</p><ul>{words}</ul><table><tr>{head}</tr>{body}</table>"

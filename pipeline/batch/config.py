@@ -56,6 +56,8 @@ class Config:
     """What a sweep sets in a scene."""
     memory: int | None = None
     """Bytes the process may hold beside twelve times what the input declares; None = no limit."""
+    allow_paths: bool = False
+    """Whether the tables of a scene may lie outside its folder."""
     command: str = ""
     """As the user gave it, for the result."""
 

@@ -58,6 +58,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     grid.add_argument(
         "--repeat", type=positive("--repeat"), metavar="N", help="members a point, each with its own seed"
     )
+    grid.add_argument("--allow-paths", action="store_true", help="a scene's tables may lie outside its folder")
     course = parser.add_argument_group("course")
     course.add_argument("--resume", action="store_true", help="keep what was done and still holds")
     course.add_argument("--retry-failed", action="store_true", help="--resume, and do again what failed")

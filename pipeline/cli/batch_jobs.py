@@ -57,6 +57,7 @@ def jobs_of(options: argparse.Namespace, folder: Path) -> list[Job]:
                 member=member,
                 variant=variant,
                 memory=None if options.trusted else options.memory * _MIB,
+                allow_paths=options.allow_paths,
                 command=command,
             )
             made.append((one.path, config))
@@ -75,7 +76,7 @@ def _points(options: argparse.Namespace, inputs: list[Input]) -> list[tuple[int,
     if len(variants) * repeat > MOST:
         raise UsageError(f"--sweep with --repeat makes more than {MOST} members; make the grid smaller")
     for one in scenes:  # a sweep that no member could be made by is told now, as `SceneError`
-        member_of(data_schemas.load_scene(one.path), 1, variants[0])
+        member_of(data_schemas.load_scene(one.path, allow_paths=options.allow_paths), 1, variants[0])
     return list(enumerate((variant for variant in variants for _ in range(repeat)), start=1))
 
 

@@ -23,7 +23,7 @@ def read_record(path: Path, _config: Config, allow: Allow) -> DataTree:
 
 def simulate_scene(path: Path, config: Config, allow: Allow) -> DataTree:
     """A scene, or a member of it: simulated, its truth forgotten."""
-    scene = data_schemas.load_scene(path)
+    scene = data_schemas.load_scene(path, allow_paths=config.allow_paths)
     if config.member:
         scene = member_of(scene, config.member, config.variant)
     allow(8 * scene.count * (len(scene.traces) + 1))

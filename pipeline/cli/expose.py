@@ -45,6 +45,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("-o", dest="out", metavar="FILM", help="image (.tif), or folder (ends with /); default beside the input")
     add("--film", metavar="NAME|FILE", help="shipped film, or TOML file with the keys of a scene's section [film]")
     add("--seed", type=whole_number("--seed"), metavar="N", help="seed of the film's chance instead of its own")
+    add("--allow-paths", action="store_true", help="the scene's tables may lie outside its folder")
     add("--force", action="store_true", help="overwrite existing outputs")
 
 
@@ -62,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     truth = synth.film_truth_path(target)
     refuse_clashes([path], [target, description_path(target), truth], force=options.force)
     film = None if options.film is None else synth.load_film(options.film)
-    source = _source(path)
+    source = _source(path, allow_paths=options.allow_paths)
     try:
         with orderly(), folder_for_output(target.parent), progress(target.name, " rows") as draw:
             made = synth.expose_to(source, film, target, seed=options.seed, overwrite=options.force, progress=draw)
@@ -75,8 +76,8 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _source(path: Path) -> DataTree | Scene:
+def _source(path: Path, *, allow_paths: bool) -> DataTree | Scene:
     if path.suffix == ".nc":
         return read_checked(path, "record")
 
-    return data_schemas.load_scene(path)
+    return data_schemas.load_scene(path, allow_paths=allow_paths)

@@ -55,6 +55,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="ERROR",
         help="largest error wanted, of the largest angle, 1e-15 to 0.01; instead of the scene's own",
     )
+    parser.add_argument("--allow-paths", action="store_true", help="the scene's tables may lie outside its folder")
     parser.add_argument("--force", action="store_true", help="overwrite existing outputs")
     group = parser.add_argument_group("ensembles")
     group.add_argument(
@@ -127,7 +128,7 @@ def _ensemble(options: argparse.Namespace, scene: Scene, path: Path, out: str | 
 
 def _scene(path: Path, options: argparse.Namespace) -> Scene:
     """The scene, with what the options say instead."""
-    scene = data_schemas.load_scene(path)
+    scene = data_schemas.load_scene(path, allow_paths=options.allow_paths)
     if options.seed is not None:
         scene = scene.model_copy(update={"seed": options.seed})
     if options.tolerance is not None:

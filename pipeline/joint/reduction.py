@@ -149,7 +149,8 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
     raised = [*flags(prepared, estimate, value), *(name for words, name in KINDS.items() if words in model.words)]
     if any("friction" in words for words in model.words):
         raised.append("friction-not-viscous")
-    if apparatus.found(outcome.fit.solution) or outcome.still:
+    knocked = any(words.startswith("knock") for words in model.words)
+    if knocked or apparatus.found(outcome.fit.solution) or outcome.still:
         raised.append("apparatus-fault")
     if outcome.spread > WIDENED:
         raised.append("errors-not-white")

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
+from data_schemas.errors import SceneError
 from data_schemas.scene import Scene, load_scene
 from data_schemas.scene_fields import Section
 from data_schemas.scene_motion import TabulatedMotion
@@ -94,13 +95,28 @@ def test_count_is_exact() -> None:
         assert Scene.model_validate(parts).count == tenths
 
 
+TABLE = (
+    'record_id = "a"\nduration = 1\ngravity = 9.8\n'
+    "pendulums = [{label = '1', period = 1, start = {kind = 'free', amplitude = 0.01}}]\n"
+    "[[motion]]\nkind = 'tabulated'\nfile = 'data/ship.csv'\n"
+)
+
+
 def test_table_is_looked_for_beside_the_scene(tmp_path: Path) -> None:
-    (tmp_path / "scene.toml").write_text(
-        'record_id = "a"\nduration = 1\ngravity = 9.8\n'
-        "pendulums = [{label = '1', period = 1, start = {kind = 'free', amplitude = 0.01}}]\n"
-        "[[motion]]\nkind = 'tabulated'\nfile = 'data/ship.csv'\n"
-        "[[motion]]\nkind = 'tabulated'\nfile = '/data/ship.csv'\n"
-    )
-    scene = load_scene(tmp_path / "scene.toml")
+    (tmp_path / "scene.toml").write_text(f"{TABLE}[[motion]]\nkind = 'tabulated'\nfile = '/data/ship.csv'\n")
+    scene = load_scene(tmp_path / "scene.toml", allow_paths=True)
     files = [term.file for term in scene.motion if isinstance(term, TabulatedMotion)]
     assert files == [str(tmp_path / "data" / "ship.csv"), "/data/ship.csv"]
+
+
+@pytest.mark.parametrize("file", ["/etc/passwd", "../secret.csv", "data/../../secret.csv", "link/ship.csv"])
+def test_a_scene_reads_no_file_outside_its_folder(file: str, tmp_path: Path) -> None:
+    folder = tmp_path / "scenes"
+    folder.mkdir()
+    (folder / "link").symlink_to(tmp_path)
+    (folder / "scene.toml").write_text(TABLE)
+    assert load_scene(folder / "scene.toml")
+    (folder / "scene.toml").write_text(TABLE.replace("data/ship.csv", file))
+    with pytest.raises(SceneError, match="a table lies beside its scene or below; put it there, or give --allow-paths"):
+        load_scene(folder / "scene.toml")
+    assert load_scene(folder / "scene.toml", allow_paths=True)

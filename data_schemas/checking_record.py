@@ -23,7 +23,7 @@ ABSURD = (
 )
 """Group, name, least and largest size, unit."""
 MOST_LABEL = 64
-MOST_SPAN = 100.0  # times the time that the readings take
+MOST_SPAN = 20.0  # times the time that the readings take
 WORDS = {
     ("instrument", "restoring"): ("sine", "linear"),
     ("instrument", "acceleration_frame"): ("earth", "case"),

@@ -17,6 +17,7 @@ from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import GATE, OUTLIER, better, heard_again, isolated, smoothed, standing
 from pipeline.joint.problem import LEVEL, Assumed
 from pipeline.joint.rounding import change_by_rounding
+from pipeline.joint.ship import Ship
 
 SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate, when this is known; s-1
 
@@ -85,7 +86,9 @@ def reduce(gathered: Gathered) -> Outcome:
             f"elongation: no swing at the stated period can be followed ({error}); check instrument/period, "
             "record/combination and the units (rad, s)"
         ) from None
-    if any(each.rms > MOST_MOTION for each in fit.model.assumed.ship):
+    ship = Ship.of(fit.model.assumed.ship)
+    moved = fit.path[:, 2 * fit.model.problem.pendulums :] @ np.stack([ship.horizontal, ship.vertical], axis=1)
+    if np.any(np.std(moved, axis=0) > MOST_MOTION):
         raise RefusedError(
             "elongation: only motion that no ship makes would follow the readings; check instrument/period, "
             "record/combination and the unit of the elongations (rad), or whether the planes of swing are parallel"

@@ -17,7 +17,6 @@ from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import GATE, OUTLIER, better, heard_again, isolated, smoothed, standing
 from pipeline.joint.problem import LEVEL, Assumed
 from pipeline.joint.rounding import change_by_rounding
-from pipeline.joint.ship import Ship
 
 SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate, when this is known; s-1
 
@@ -86,13 +85,6 @@ def reduce(gathered: Gathered) -> Outcome:
             f"elongation: no swing at the stated period can be followed ({error}); check instrument/period, "
             "record/combination and the units (rad, s)"
         ) from None
-    ship = Ship.of(fit.model.assumed.ship)
-    moved = fit.path[:, 2 * fit.model.problem.pendulums :] @ np.stack([ship.horizontal, ship.vertical], axis=1)
-    if np.any(np.std(moved, axis=0) > MOST_MOTION):
-        raise RefusedError(
-            "elongation: only motion that no ship makes would follow the readings; check instrument/period, "
-            "record/combination and the unit of the elongations (rad), or whether the planes of swing are parallel"
-        )
     tilt, tilt_doubt = (0.0, 0.0) if gathered.tilts else of_a_tilting_case(found[0], fit, reference)
     mean, sigma = choice.averaged(fit, close)
     mean += tilt
@@ -235,7 +227,7 @@ MOST_APART = 10.0  # mGal
 CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law explains the readings, and where it does not
 MOTION = "motion"  # in the words of a component of the ship
 DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
-MOST_SPREAD, MOST_MOTION = 30.0, 0.5  # of a ship, over gravity
+MOST_SPREAD = 30.0
 SELDOM, UNLIKELY, FAR = 6.0, 0.1, 50.0  # in log-likelihood, that a case tilts unsaid; share that is left out; any
 SLOWER, TILTS, HELPS = 0.4, 10.0, 0.02  # of the swing's frequency, up to which a case tilts; in log-likelihood; of it
 HALF = 0.5

@@ -9,6 +9,7 @@ from pathlib import Path
 from .contents import shown
 from .errors import FileError, IsochronyError
 
+MOST_BYTES = 1 << 35  # of any file: an hour of film in the finest scan has a thirtieth
 MOST_TEXT = 1 << 28  # bytes of a table: a day at 25 Hz has half of them
 MOST_LINE = 1 << 16  # bytes of a line of it
 

@@ -45,7 +45,8 @@ class Config:
 
     key: str
     """Name of the job within its batch: that of its output, relative to the batch's folder."""
-    output: Path
+    folder: Path
+    """Of the batch."""
     kind: Kind
     method: tuple[str, ...] = ("auto",)
     pair: str | None = None
@@ -75,9 +76,9 @@ class Config:
         return json.dumps(settings, sort_keys=True)
 
     @property
-    def owner(self) -> str:
-        """Of the temporary files of its batch."""
-        return owner_of(Path(os.fspath(self.output).removesuffix(os.fspath(Path(self.key)))))
+    def output(self) -> Path:
+        """Where its result goes."""
+        return self.folder / self.key
 
     @cached_property
     def sha256(self) -> str:

@@ -29,6 +29,7 @@ _CRC = ', "crc32": "'
 _FIRST = b'{"versions": "'
 """How a ledger begins."""
 _MAY = ("error_class", "error", "input_sha256", "output_sha256")
+_CELLS = {name: float | int | None if column.dtype == "f8" else str | None for name, column in SUMMARY.items()}
 MOST_LINE = 1 << 20  # bytes
 
 
@@ -124,8 +125,7 @@ def _is_outcome(content: dict[str, Any]) -> bool:
 
 
 def _is_row(row: Any) -> bool:
-    kinds = {name: float | int | None if column.dtype == "f8" else str | None for name, column in SUMMARY.items()}
-    return isinstance(row, dict) and all(isinstance(row.get(name), kind) for name, kind in kinds.items())
+    return isinstance(row, dict) and all(isinstance(row.get(name), kind) for name, kind in _CELLS.items())
 
 
 def line_of(content: Mapping[str, Any]) -> bytes:

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 import data_schemas
 from data_schemas.contents import shown
 from data_schemas.errors import FileError, IsochronyError, RefusedError, naming
-from data_schemas.guard_types import Budget
-from data_schemas.ordinary import ordinary_size
-from pipeline.batch.config import Config, Kind
+from data_schemas.ordinary import MOST_BYTES, ordinary_size
+from pipeline.batch.config import Config, Kind, owner_of
 from pipeline.batch.outcome import Outcome, failure
 from pipeline.memory import bounded
 
@@ -64,7 +63,7 @@ def file_sha256(path: str | os.PathLike[str]) -> str:
     `FileError` where there is none, it may not be read, is larger than any that is read, or a folder, a FIFO, a device:
     nothing that could hang.
     """
-    ordinary_size(path, Budget().file, "give one")
+    ordinary_size(path, MOST_BYTES, "give one")
     try:
         with open(path, "rb", buffering=0) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -96,7 +95,7 @@ def _write(result: DataTree, config: Config) -> None:
     except OSError as error:
         raise FileError(f"{folder}: cannot be made, {error.strerror}; choose another folder with -o") from None
     try:
-        data_schemas.write(result, config.output, overwrite=True, owner=config.owner)
+        data_schemas.write(result, config.output, overwrite=True, owner=owner_of(config.folder))
     except FileError as error:
         raise FileError(f"{error}; then use --retry-failed") from None
 

@@ -49,7 +49,7 @@ def jobs_of(options: argparse.Namespace, folder: Path) -> list[Job]:
             key = f"{one.name}-{member:0{len(str(len(points)))}d}.result.nc" if member else f"{one.name}.result.nc"
             config = Config(
                 key=key,
-                output=folder / key,
+                folder=folder,
                 kind=one.kind,
                 method=methods,
                 pair=options.pair,
@@ -115,7 +115,7 @@ def tell_end(jobs: Sequence[Job], ledger: Index, folder: Path, tally: Tally, log
         complain(ledger.line(key)["error"])
     if len(bad) > _MOST_TOLD:
         complain(f"and {len(bad) - _MOST_TOLD} more, see {folder / 'summary.csv'}")
-    flagged = _tell_ids(jobs, ledger)
+    flagged = _flagged(jobs, ledger)
     left = tally.total - counts.total()
     named = {"ok": f"ok ({flagged} with flags)" if flagged else "ok"}
     text = ", ".join(
@@ -128,8 +128,8 @@ def tell_end(jobs: Sequence[Job], ledger: Index, folder: Path, tally: Tally, log
     return exit_status(counts["ok"], tally.total - left)
 
 
-def _tell_ids(jobs: Sequence[Job], ledger: Index) -> int:
-    """Complain of inputs that have one record id; return how many inputs have flags."""
+def _flagged(jobs: Sequence[Job], ledger: Index) -> int:
+    """How many inputs have flags; told on the way, so that the ledger is read once: those that have one record id."""
     named: dict[str, dict[Path, None]] = {}
     flagged = 0
     for path, config in jobs:

@@ -53,7 +53,7 @@ def write_record(path: Path, number: int = 0) -> Path:
 def config_of(folder: Path, name: str, **settings: Any) -> Config:
     """Settings of one job."""
     key = f"{name}.result.nc"
-    return Config(key=key, output=folder / key, **{"kind": POISON, "method": METHODS, **settings})
+    return Config(key=key, folder=folder, **{"kind": POISON, "method": METHODS, **settings})
 
 
 def numbers_of(path: Path) -> dict[str, Any]:

@@ -46,6 +46,11 @@ def _short(path):
     data_schemas.write(small_record(200), path)
 
 
+def _sparse(path):
+    path.touch()
+    os.truncate(path, 1 << 40)
+
+
 def _truth(path):
     record = small_record()
     record.attrs["schema"] = "isochrony-truth"
@@ -59,6 +64,7 @@ def _truth(path):
         (lambda path: path.mkdir(), "failed", "FileError", "is a folder; give one"),
         (os.mkfifo, "failed", "FileError", "not an ordinary file"),
         (lambda path: path.symlink_to("/dev/zero"), "failed", "FileError", "not an ordinary file"),
+        (_sparse, "failed", "FileError", "has 1099511627776 bytes, more than"),
         (lambda path: path.write_bytes(b""), "failed", "FileError", "is empty"),
         (lambda path: path.write_text("a,b"), "failed", "FileError", "not netCDF-4"),
         (_truth, "failed", "RecordError", "schema"),

@@ -56,6 +56,18 @@ def test_no_pendulum_has_it(tmp_path, record, spoil: Callable[[h5py.File], None]
     assert all(fault.isprintable() and len(fault) < 400 for fault in faults)
 
 
+@pytest.mark.parametrize(("times", "refused"), [(19.0, False), (21.0, True)])
+def test_readings_reach_over_twenty_times_their_time_at_most(times: float, refused: bool, tmp_path, record) -> None:
+    """A gap of 90 times a record's length took more than a minute."""
+    path = tmp_path / "file.nc"
+    write(record, path)
+    with h5py.File(path, "r+") as file:
+        del file.attrs["content_sha256"]
+        time = file["time"]
+        time[-1] = time[0] + times * time.size * (time[1] - time[0])
+    assert any("split the record" in fault for fault in validate(path)) == refused
+
+
 def test_names_of_files_become_identifiers() -> None:
     for text in ("Ship 3, day 1", "\x1b[31m", "", "ä" * 99, "=1+2"):
         assert IDENTIFIER.fullmatch(identifier(text))

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from data_schemas.errors import FileError, UsageError
-from data_schemas.ordinary import ordinary_size
+from data_schemas.ordinary import MOST_BYTES, ordinary_size
 from pipeline.film.scan.border import WithoutBorder, without_border
 from pipeline.film.scan.image import Image, ImageFile, Pixels, View
 from pipeline.film.scan.turning import CLOCKWISE, UPRIGHT, Turn, Turned, turned
@@ -28,7 +28,6 @@ _MM_PER_INCH = 25.4
 _UNSAID = (1.0, 72.0, 96.0)  # pixels per inch that programs write where they know nothing; no film is scanned so
 _SQUARE = 0.01  # largest relative difference of pixels' two sides
 
-MOST_BYTES = 1 << 35
 REMEDY = "give a scan of a film as TIFF, PNG or JPEG"
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"

@@ -102,7 +102,7 @@ def subtitle(result: DataTree) -> str:
     if method is None:
         return f"record {name} · no method gave a gravity"
     gravity, sigma = (float(of_method(result, "gravity", key, method)) for key in ("gravity", "gravity_sigma"))
-    return f"record {name} · {gravity:.7f} m/s² ± {sigma:.2g} mGal by {method}"
+    return f"record {name} · {gravity:.7f} m/s² ± {_rounded(sigma)} mGal by {method}"
 
 
 def of_method(result: DataTree, group: str, name: str, method: str) -> Floats:
@@ -225,7 +225,7 @@ def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> No
     good = np.isfinite(offset)
     bars = np.where(np.isfinite(sigma), sigma, 0.0)
     axes.errorbar(offset[good], rows[good], xerr=bars[good], fmt="o", color=BLUE, ecolor=BLUE, capsize=3, markersize=5)
-    values = [f"{_signed(shift)} ± {_minus(f'{size:.2g}')}" for shift, size in zip(offset, sigma, strict=True)]
+    values = [f"{_signed(shift)} ± {_rounded(size)}" for shift, size in zip(offset, sigma, strict=True)]
     labels = [f"{name}\n{values[row] if good[row] else 'refused'}" for row, name in enumerate(methods)]
     axes.set_yticks(rows, labels)
     largest = float(np.max(np.abs(offset[good]) + bars[good], initial=smallest))
@@ -238,6 +238,11 @@ def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> No
 def _signed(value: float) -> str:
     digits = 2 if abs(value) < 100.0 else 4
     return _minus(f"{value:+.{digits}g}" if value else "0")
+
+
+def _rounded(size: float) -> str:
+    """Two digits of a size, hundreds in full: 240, not 2.4e+02."""
+    return f"{float(f'{size:.2g}'):g}"
 
 
 def _minus(text: str) -> str:

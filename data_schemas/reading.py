@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 CHUNK_CACHE = 1 << 20
 """Bytes of an array that HDF5 keeps unpacked while the file is open; its own choice of 8 MiB adds up."""
 
+_ROOM = 1 << 23
+"""Bytes that must be free when a file is opened: where HDF5 finds none for its own it ends the process."""
+
 NumbersReader = Callable[[h5d.DatasetID, str], "NDArray[Any]"]
 """Reads an array of numbers, given with its ``group/name``."""
 
@@ -138,6 +141,7 @@ def opened(
     size = ordinary(path)
     try:
         heaps = sound_heaps(path)
+        bytearray(_ROOM)
         with h5py.File(path, "r", rdcc_nbytes=CHUNK_CACHE) as file:
             found = survey(file, size, budget)
             if declared is not None:

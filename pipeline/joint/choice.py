@@ -288,14 +288,12 @@ class Tried:
                 same = [each, *(other for other in rest if other[1].words[-1:] != each[1].words[-1:])]
             else:
                 same = [each, *(other for other in rest if _of_scale(each) and _of_scale(other))]
-            best = None
-            for candidate in same:
-                found = _fitted(self.fit, candidate)
-                if found is None or _as_candidate(candidate, found)[0] <= base + PAYS:
-                    continue
-                best = found if best is None else max(best, found, key=lambda one: one.solution.log_likelihood)
-            if best is not None:
-                return best
+            fits = [(each, found) for each in same if (found := _fitted(self.fit, each)) is not None]
+            if each[0] > base + VERY_MUCH:
+                fits = [(each, motion.reshaped(found)) for each, found in fits]
+            best = max((_as_candidate(each, found)[0], k) for k, (each, found) in enumerate(fits)) if fits else None
+            if best is not None and best[0] > base + PAYS:
+                return fits[best[1]][1]
         return None
 
     def again(self, candidate: Candidate) -> Candidate | None:

@@ -17,6 +17,7 @@ from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import GATE, OUTLIER, better, heard_again, isolated, smoothed, standing
 from pipeline.joint.problem import LEVEL, Assumed
 from pipeline.joint.rounding import change_by_rounding
+from pipeline.joint.unresolved import unseen
 
 SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate, when this is known; s-1
 
@@ -93,8 +94,9 @@ def reduce(gathered: Gathered) -> Outcome:
     row = mean_row(fit.solution, fit.model.problem.lattice.duration)
     rounding = change_by_rounding(fit, row) if gathered.problem.steps.any() else 0.0
     hidden, doubt = change_in_gaps(fit, row)
-    mean += hidden - rounding
-    doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, of_planes(found[0], fit))
+    lifted, waves = unseen(fit)
+    mean += hidden + lifted - rounding
+    doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, of_planes(found[0], fit), waves)
     sigma = float(np.sqrt(sigma**2 + np.sum(np.square(doubts))))
     spread = choice.unexplained(fit)
     if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:

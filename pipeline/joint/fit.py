@@ -105,6 +105,13 @@ def reduce(gathered: Gathered) -> Outcome:
             f"{sigma * spread:.1g} of it); "
             "check instrument/period, record/combination and the unit of the elongations (rad)"
         )
+    arc = float(np.sqrt(2.0) * np.std(fit.path[:, : 2 * fit.model.problem.pendulums : 2], axis=0).min())
+    kicks = float(fit.model.assumed.kick.max())
+    if kicks * np.sqrt(fit.model.problem.lattice.duration) > REPLACED * arc:
+        raise RefusedError(
+            f"elongation: random kicks of {kicks:.1g} rad s-1/2 would replace a swing of {arc:.2g} rad within the "
+            "record; something else acts on one pendulum alone: check instrument/plane_angle and record/combination"
+        )
     if abs(mean - 1.0) > CAPTURE:
         raise RefusedError(
             f"instrument/period: gravity would be {100.0 * (mean - 1.0):+.1f} % off reference_gravity; "
@@ -230,6 +237,7 @@ CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law expla
 MOTION = "motion"  # in the words of a component of the ship
 DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
 MOST_SPREAD = 30.0
+REPLACED = 0.3  # of a swing, by kicks within the record
 SELDOM, UNLIKELY, FAR = 6.0, 0.1, 50.0  # in log-likelihood, that a case tilts unsaid; share that is left out; any
 SLOWER, TILTS, HELPS = 0.4, 10.0, 0.02  # of the swing's frequency, up to which a case tilts; in log-likelihood; of it
 HALF = 0.5

@@ -124,8 +124,11 @@ def again(fit: Fitted, problem: Problem) -> Floats:
 
 
 def straightened(fit: Fitted) -> Fitted:
-    """The same, gone on with where its last paths are not straight yet."""
-    return fit if fit.bent < STRAIGHT else fitted(fit.model, fit.path)
+    """The same, gone on with where its last paths are not straight yet and that can be followed."""
+    try:
+        return fit if fit.bent < STRAIGHT else fitted(fit.model, fit.path)
+    except np.linalg.LinAlgError:
+        return fit
 
 
 def grown(path: Floats, pendulums: int, ship: tuple[Component, ...]) -> Floats:

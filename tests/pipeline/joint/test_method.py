@@ -235,6 +235,12 @@ def test_small_kicks_are_in_sigma_though_nothing_feigns_them() -> None:
     assert found["gravity_sigma_mgal"] > 0.03
 
 
+def test_kicks_that_replace_the_swing_are_none() -> None:
+    made = of_case(Case(kicks=(0.0, 3e-4), duration=300.0), np.random.default_rng([3, 1958]), "wild 3")
+    with pytest.raises(RefusedError, match="random kicks of 0.000"):
+        process(made.tree)
+
+
 def test_a_knock_is_found_and_named_not_taken_for_kicks() -> None:
     made = of_case(Case(knocks=(1e-5, 0.0)), np.random.default_rng([3, 1958]), "knock 3")
     found = row(made.tree)
@@ -257,6 +263,9 @@ def test_a_knock_is_found_and_named_not_taken_for_kicks() -> None:
         ("engine at 8 Hz", "weak", 9407, 0.1),  # .064 +- .005 mGal: a steady line gave way to a rougher guess
         ("heave with gaps", "weak", 9502, 0.1),  # refused: what helps the differences alone was taken for a tilt
         ("mixture", "strong", 9505, 0.5),  # 4.2 +- .2 mGal: a knock in a gap, where heave and a clock step feigned it
+        ("engine near 2 n", "middle", 9601, 0.3),  # .198 +- .040: its sidebands each for themselves
+        ("engine near 2 n", "strong", 9701, 0.2),  # refused: a path that could not be followed to its end
+        ("mixture", "middle", 9602, 0.5),  # -1.32 +- .10: short waves that the noise hides
         ("case tilts, recorded", "middle", 9502, 0.1),  # an internal error: laid on a denser lattice
     ],
 )

@@ -65,7 +65,7 @@ def assemble(like: tuple[Component, ...], vector: Floats) -> tuple[Component, ..
     out: list[Component] = []
     for each in like:
         if isinstance(each, Vibration):
-            out.append(replace(each, rate=min(next(values), FASTEST), rms=next(values)))
+            out.append(Vibration(min(next(values), FASTEST), next(values), each.axis))
         else:
             frequency, width, size = next(values), next(values), next(values)
             kind = Engine if isinstance(each, Engine) or (width < NARROWEST and frequency > SWELL) else Sea

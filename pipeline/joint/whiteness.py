@@ -186,7 +186,7 @@ class Shown:
     bands: tuple[Band, ...]
     assumed: Assumed
     swing: float
-    _answers: dict[Component, Floats] = field(default_factory=dict)
+    _answers: dict[tuple[object, ...], Floats] = field(default_factory=dict)
 
     @staticmethod
     def of(fit: Fitted, lines: tuple[Component, ...] = (), beside: float = 0.0) -> Shown:
@@ -229,10 +229,10 @@ class Shown:
 
     def _answer(self, component: Component) -> Floats:
         """The same, kept for one of unit size."""
-        unit = replace(component, rms=1.0)
-        if unit not in self._answers:
-            self._answers[unit] = self._of(unit)
-        return np.asarray(component.rms**2 * self._answers[unit])
+        shape = type(component), component.axis, component.peak, getattr(component, "damping", 0.0)
+        if shape not in self._answers:
+            self._answers[shape] = self._of(replace(component, rms=1.0))
+        return np.asarray(component.rms**2 * self._answers[shape])
 
     def _noisy(self, trace: int, noise: float) -> Floats:
         """Density that the noise of a trace makes expect in all bands, (n,)."""

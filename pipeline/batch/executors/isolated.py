@@ -10,10 +10,12 @@ import contextlib
 import gc
 import multiprocessing
 import os
+import shutil
 import signal
 import tempfile
 import time
-from collections.abc import Sequence
+import weakref
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -46,7 +48,7 @@ class Isolated:
         """What it was made with."""
         self._pool: ProcessPool | None = None
         self._job: tuple[Path, Config] | None = None
-        self._scratch: tempfile.TemporaryDirectory[str] | None = None
+        self._clean: Callable[[], object] = lambda: None
         self._begun, self._attempt = 0.0, 0
 
     def __enter__(self) -> Isolated:
@@ -98,8 +100,7 @@ class Isolated:
             pool.stop()
             with contextlib.suppress(RuntimeError):  # pebble: it would not die; the system's business then
                 pool.join()
-        if self._scratch is not None:
-            self._scratch.cleanup()
+        self._clean()
 
     def _next(self, path: Path, config: Config, what: str) -> Outcome | Future[Outcome]:
         self.stop()
@@ -113,8 +114,9 @@ class Isolated:
         self._attempt += 1
         self._begun = time.monotonic()
         if self._pool is None:
-            self._scratch = tempfile.TemporaryDirectory(prefix="isochrony-", ignore_cleanup_errors=True)
-            given = (self.form[0], os.getpid(), self._job[1].folder, self._scratch.name)
+            scratch = tempfile.mkdtemp(prefix="isochrony-")
+            self._clean = weakref.finalize(self, shutil.rmtree, scratch, ignore_errors=True)
+            given = (self.form[0], os.getpid(), self._job[1].folder, scratch)
             spawn = multiprocessing.get_context("spawn")
             self._pool = ProcessPool(max_workers=1, initializer=_ready, initargs=given, context=spawn)
         try:

@@ -27,7 +27,7 @@ from pipeline.batch.executors.isolated import Isolated
 from pipeline.batch.executors.pool import pooled
 from pipeline.cli.batch_kinds import read_record
 from pipeline.processing import process
-from synth.kernels.compiled import cache_folder
+from synth.kernels.cache import cache_folder
 
 ROOT = Path(__file__).parents[2]
 REFUSED = {
@@ -295,7 +295,7 @@ def prying(path: Path, config: Config, _allow: object) -> None:
     for folder in (None, cache_folder()):
         with tempfile.TemporaryFile(dir=folder) as file:
             file.write(b"x")
-    told = [tempfile.gettempdir(), attempts(config.folder, path.parent)]
+    told = [tempfile.gettempdir(), str(cache_folder()), attempts(config.folder, path.parent)]
     (config.folder / "told.json").write_text(json.dumps(told))
     raise ValueError("told")
 
@@ -306,7 +306,8 @@ PRYING = Kind("record", (".record.nc",), prying)
 def test_the_reader_of_a_batch_is_confined_before_its_first_input(out, outside, walls):
     with Isolated(METHODS, 60.0) as child:
         assert child.run(outside / "file", config_of(out, "a", kind=PRYING)).error_class == "ValueError"
-        scratch, found = json.loads((out / "told.json").read_text())
+        scratch, kernels, found = json.loads((out / "told.json").read_text())
+        assert Path(kernels) == cache_folder()
         assert Path(scratch).is_dir()
     check(found, outside, *walls)
     assert not Path(scratch).exists()

@@ -27,6 +27,7 @@ from pipeline.batch.confinement import confine
 from pipeline.batch.outcome import Outcome, failure
 from pipeline.batch.record import process_record
 from pipeline.batch.warming import warm
+from synth.kernels.cache import cache_folder
 
 ATTEMPTS = 3
 """How often a record is begun whose process vanished before it began, or fell silent."""
@@ -130,8 +131,6 @@ class Isolated:
 
 def _ready(methods: Sequence[str], parent: int, folder: Path, scratch: str) -> None:
     """Ready the process for records (see `warm`), then confine it, as it will read files of anybody's making."""
-    from synth.kernels.compiled import cache_folder
-
     warm(methods, parent)
     tempfile.tempdir = scratch
     confine([folder, Path(scratch), cache_folder()])

@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from synth.kernels import compiled
+from synth.kernels import cache, compiled
 from synth.systems.resistance import Viscous
 
 
 @pytest.fixture
 def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Home without a cache, and its own folder for temporary files."""
-    compiled.cache_folder.cache_clear()
+    cache.cache_folder.cache_clear()
     for name in ("ISOCHRONY_CACHE", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, "")  # so that what the product sets is taken back
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
@@ -28,26 +28,31 @@ def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         (tmp_path / name).mkdir(mode=0o700)
     monkeypatch.chdir(tmp_path / "work")
     yield tmp_path
-    compiled.cache_folder.cache_clear()
+    cache.cache_folder.cache_clear()
 
 
 def test_kernels_are_kept_at_home(kept: Path) -> None:
-    folder = compiled.cache_folder()
+    folder = cache.cache_folder()
     assert folder.parent == kept / "home/.cache/isochrony"
     assert folder.stat().st_mode & 0o777 == folder.parent.stat().st_mode & 0o777 == 0o700
+
+
+def test_where_kernels_are_kept_is_known_without_numba() -> None:
+    code = "import sys; from synth.kernels.cache import cache_folder; cache_folder(); sys.exit('numba' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_a_link_of_the_cache_to_a_safe_place_is_followed(kept: Path) -> None:
     (kept / "scratch").mkdir()
     (kept / "home/.cache").symlink_to(kept / "scratch")
-    assert compiled.cache_folder().resolve().parent == kept / "scratch/isochrony"
+    assert cache.cache_folder().resolve().parent == kept / "scratch/isochrony"
 
 
 @pytest.mark.parametrize("home", ["", "relative"])
 def test_no_cache_is_made_beside_the_data(home: str, kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", home)
     monkeypatch.setenv("HOME", home)
-    assert compiled.cache_folder().is_relative_to(kept / "common")
+    assert cache.cache_folder().is_relative_to(kept / "common")
     assert list((kept / "work").iterdir()) == []
 
 
@@ -56,8 +61,8 @@ PLANTED = ["a link", "open to all", "open to a group", "a link below", "a parent
 
 @pytest.mark.parametrize("planted", [*PLANTED, "of somebody else below", "under a home of somebody else"])
 def test_kernels_of_a_folder_that_others_may_write_to_are_never_loaded(planted: str, kept: Path) -> None:
-    name = compiled.cache_folder().name
-    compiled.cache_folder.cache_clear()
+    name = cache.cache_folder().name
+    cache.cache_folder.cache_clear()
     base, foreign = kept / "home/.cache/isochrony", kept / "foreign"
     foreign.mkdir()
     match planted:
@@ -79,12 +84,12 @@ def test_kernels_of_a_folder_that_others_may_write_to_are_never_loaded(planted: 
             os.chown(base / name / "below" if "below" in planted else kept / "home", 65534, 65534)
         case _:
             (base / name / "below").symlink_to(foreign)
-    folder = compiled.cache_folder()
+    folder = cache.cache_folder()
     assert folder.is_relative_to(kept / "common")
     assert folder.stat().st_mode & 0o777 == 0o700
     # whoever is started from here finds it
-    compiled.cache_folder.cache_clear()
-    assert compiled.cache_folder() == folder
+    cache.cache_folder.cache_clear()
+    assert cache.cache_folder() == folder
 
 
 def test_only_kernels_of_older_sources_are_removed(kept: Path) -> None:
@@ -94,7 +99,7 @@ def test_only_kernels_of_older_sources_are_removed(kept: Path) -> None:
         (base / name).mkdir(parents=True)
         os.utime(base / name, (0, int(name, 16) if name != "notes" else 0))
     base.chmod(0o700)
-    folder = compiled.cache_folder()
+    folder = cache.cache_folder()
     assert {each.name for each in base.iterdir()} == {"notes", folder.name, *names[3:]}
 
 
@@ -110,8 +115,7 @@ def test_another_users_folder_in_the_common_place_is_left_alone(tmp_path: Path) 
     planted.mkdir()
     planted.chmod(0o777)
     code = (
-        "import os; from synth.kernels import compiled; compiled._PACKAGES = (); os.setuid(65534); "
-        "print(compiled.cache_folder())"
+        "import os; from synth.kernels import cache; cache.PACKAGES = (); os.setuid(65534); print(cache.cache_folder())"
     )
     given = {**os.environ, "HOME": "/nonexistent", "XDG_CACHE_HOME": "", "TMPDIR": str(common), "ISOCHRONY_CACHE": ""}
     ran = subprocess.run([sys.executable, "-c", code], env=given, capture_output=True, text=True, check=True)

@@ -1,7 +1,7 @@
 """One process of its own that does one record at a time; its death, or too long a silence, is that record's outcome.
 
 Pebble starts the process, ends it when the record's time is over, and starts another. Each has a pool to itself: a
-process that is killed in the middle of a message can then spoil no other's.
+process that is killed in the middle of a message can then spoil no other's. Before its first record it is confined.
 """
 
 from __future__ import annotations
@@ -10,9 +10,12 @@ import contextlib
 import gc
 import multiprocessing
 import os
+import shutil
 import signal
+import tempfile
 import time
-from collections.abc import Sequence
+import weakref
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -20,9 +23,11 @@ from pathlib import Path
 from pebble import ProcessExpired, ProcessPool
 
 from pipeline.batch.config import Config
+from pipeline.batch.confinement import confine
 from pipeline.batch.outcome import Outcome, failure
 from pipeline.batch.record import process_record
 from pipeline.batch.warming import warm
+from synth.kernels.cache import cache_folder
 
 ATTEMPTS = 3
 """How often a record is begun whose process vanished before it began, or fell silent."""
@@ -44,6 +49,7 @@ class Isolated:
         """What it was made with."""
         self._pool: ProcessPool | None = None
         self._job: tuple[Path, Config] | None = None
+        self._clean: Callable[[], object] = lambda: None
         self._begun, self._attempt = 0.0, 0
 
     def __enter__(self) -> Isolated:
@@ -54,6 +60,8 @@ class Isolated:
 
     def begin(self, path: Path, config: Config) -> Future[Outcome]:
         """Give it a record; what comes of it is for `outcome` to say."""
+        if self._job is not None and self._job[1].folder != config.folder:
+            self.stop()  # it may write to one batch's folder only
         self._job, self._attempt = (path, config), 0
         return self._again()
 
@@ -93,6 +101,7 @@ class Isolated:
             pool.stop()
             with contextlib.suppress(RuntimeError):  # pebble: it would not die; the system's business then
                 pool.join()
+        self._clean()
 
     def _next(self, path: Path, config: Config, what: str) -> Outcome | Future[Outcome]:
         self.stop()
@@ -106,8 +115,11 @@ class Isolated:
         self._attempt += 1
         self._begun = time.monotonic()
         if self._pool is None:
-            spawn, given = multiprocessing.get_context("spawn"), (self.form[0], os.getpid())
-            self._pool = ProcessPool(max_workers=1, initializer=warm, initargs=given, context=spawn)
+            scratch = tempfile.mkdtemp(prefix="isochrony-")
+            self._clean = weakref.finalize(self, shutil.rmtree, scratch, ignore_errors=True)
+            given = (self.form[0], os.getpid(), self._job[1].folder, scratch)
+            spawn = multiprocessing.get_context("spawn")
+            self._pool = ProcessPool(max_workers=1, initializer=_ready, initargs=given, context=spawn)
         try:
             begun: Future[Outcome] = self._pool.schedule(_process_alone, args=self._job, timeout=self.form[1])
             return begun
@@ -115,6 +127,13 @@ class Isolated:
             broken: Future[Outcome] = Future()
             broken.set_exception(BrokenProcessPool(str(error)))
             return broken
+
+
+def _ready(methods: Sequence[str], parent: int, folder: Path, scratch: str) -> None:
+    """Ready the process for records (see `warm`), then confine it, as it will read files of anybody's making."""
+    warm(methods, parent)
+    tempfile.tempdir = scratch
+    confine([folder, Path(scratch), cache_folder()])
 
 
 def _process_alone(path: Path, config: Config) -> Outcome:

@@ -237,7 +237,7 @@ def test_small_kicks_are_in_sigma_though_nothing_feigns_them() -> None:
 
 def test_kicks_that_replace_the_swing_are_none() -> None:
     made = of_case(Case(kicks=(0.0, 3e-4), duration=300.0), np.random.default_rng([3, 1958]), "wild 3")
-    with pytest.raises(RefusedError, match="random kicks of 0.000"):
+    with pytest.raises(RefusedError, match="random kicks of 0"):
         process(made.tree)
 
 

@@ -85,6 +85,8 @@ def assemble(
 ) -> Assembly:
     """Build the equations of a scene.
 
+    `RefusedError` if the reduced beam cannot hold the clocks.
+
     Parameters
     ----------
     scene
@@ -97,11 +99,6 @@ def assemble(
         Random impulses of pendulums on a fixed support.
     end : float
         Until when they are wanted, s.
-
-    Raises
-    ------
-    RefusedError
-        If the reduced beam cannot hold the clocks.
     """
     pendulums = scene.pendulums
     terms = _terms(pendulums)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from data_schemas.errors import SceneError
@@ -88,14 +88,11 @@ class Choice:
 def chosen_at_sight(named: Propagator, asked: Sequence[str]) -> Choice | None:
     """Choose by what a scene asks for; None where its rates must be looked at.
 
-    Raises
-    ------
-    SceneError
-        If the scene names a propagator that cannot do it.
+    `SceneError` if the scene names a propagator that cannot do it.
     """
     unknown = [name for name in asked if not any(name in known for known in _KNOWN.values())]
     if unknown:
-        raise SceneError(f"pendulums: no propagator knows {_and(unknown)}")
+        raise SceneError(f"pendulums: no propagator knows {listed(unknown)}")
     if named != "auto":
         return _insisted(named, asked)
     if _can("closed-form", asked):
@@ -103,7 +100,7 @@ def chosen_at_sight(named: Propagator, asked: Sequence[str]) -> Choice | None:
     at_set_times = [name for name in (KICKS, HANDLING) if name in asked]
     if _can("picard", asked):
         more = [*at_set_times, *({CHANGING} & {*asked})]
-        what = "real pendulums" if SINE in asked else f"linear pendulums with {_and(more)}"
+        what = "real pendulums" if SINE in asked else f"linear pendulums with {listed(more)}"
         instead: tuple[Propagator, ...] = ("explicit",) if at_set_times else ("explicit", "radau")
         return Choice(
             "picard",
@@ -113,7 +110,7 @@ def chosen_at_sight(named: Propagator, asked: Sequence[str]) -> Choice | None:
     if PLANES in asked:
         raise SceneError(f"pendulums.plane: no propagator knows {PLANES} beside resistance other than viscous")
     if at_set_times:
-        why = f"{_and(at_set_times)} come at set times, to which this propagator steps"
+        why = f"{listed(at_set_times)} come at set times, to which this propagator steps"
         return Choice("explicit", why, aim=_aim(asked))
     if IMPULSE in asked:
         why = "an impulse escapement kicks at instants that this propagator locates"
@@ -124,7 +121,7 @@ def chosen_at_sight(named: Propagator, asked: Sequence[str]) -> Choice | None:
 def chosen_by_rates(asked: Sequence[str], fastest_rate: float, fastest_swing: float) -> Choice:
     """Choose between integrators by how fast the equations can change beside the swing, both in 1/s."""
     ratio = fastest_rate / fastest_swing
-    cause = _and([name for name in asked if name not in (LINEAR, SINE, FIXED, UNEVEN)])
+    cause = listed([name for name in asked if name not in (LINEAR, SINE, FIXED, UNEVEN)])
     rates = f"the fastest rate is {ratio:.3g} times the swing's"
     if ratio > _STIFF:
         return Choice("radau", f"{cause}: stiff, {rates}", ("explicit",), _aim(asked))
@@ -149,14 +146,15 @@ def _insisted(named: Propagator, asked: Sequence[str]) -> Choice:
         return Choice(named, "the scene names it", aim=_aim(asked))
     able = [f"'{name}'" for name in _KNOWN if _can(name, asked)]
     lacking = [name for name in asked if name not in _KNOWN[named]]
-    raise SceneError(
-        f"simulation.propagator = {named!r} does not know {_and(lacking)}; choose {' or '.join([*able, repr('auto')])}"
-    )
+    choose = " or ".join([*able, repr("auto")])
+    raise SceneError(f"simulation.propagator = {named!r} does not know {listed(lacking)}; choose {choose}")
 
 
 def _can(name: Propagator, asked: Sequence[str]) -> bool:
     return _KNOWN[name].issuperset(asked)
 
 
-def _and(names: Sequence[str]) -> str:
+def listed(names: Iterable[str]) -> str:
+    """Names in a sentence: one, two and three."""
+    names = list(names)
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

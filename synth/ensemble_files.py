@@ -115,10 +115,7 @@ def _make(job: _Job) -> None:
 def _is_made(job: _Job) -> bool:
     """Whether both files of a member are there, whole and of its scene; neither or one of them: no.
 
-    Raises
-    ------
-    FileError
-        If a file is something else.
+    `FileError` if a file is something else.
     """
     there = 0
     scene = job.scene

@@ -32,6 +32,8 @@ _OWN = ("seed", "record_id")  # every member has its own anyway
 def members(scene: Scene, count: int, *, seed: int | None = None, vary: Vary | None = None) -> Iterator[Scene]:
     """Scenes of the members 1 to `count`.
 
+    `SceneError` if a key or range cannot be meant, at once; if a member's values are not allowed, when it is reached.
+
     Parameters
     ----------
     scene
@@ -47,11 +49,6 @@ def members(scene: Scene, count: int, *, seed: int | None = None, vary: Vary | N
     -------
     iterator of Scene
         Their `record_id` ends with the member's number, such as ``-0001``.
-
-    Raises
-    ------
-    SceneError
-        If a key or range cannot be meant, at once; if a member's values are not allowed, when it is reached.
 
     Examples
     --------
@@ -96,10 +93,7 @@ def value(scene: Scene, key: str) -> Any:
 def _place(values: dict[str, Any], key: str) -> tuple[Any, Any]:
     """The section or list that holds a key, and its place there; lists are made changeable on the way.
 
-    Raises
-    ------
-    SceneError
-        If there is no such key.
+    `SceneError` if there is no such key.
     """
     section: Any = None
     within: Any = values

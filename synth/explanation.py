@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -11,7 +11,7 @@ from data_schemas.scene import Scene
 from data_schemas.scene_fields import Section, extra
 from data_schemas.scene_pendulum import RESISTANCES, ImpulseEscapement, Pendulum, VanDerPolEscapement
 from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
-from synth.choice import NAMES, expected_error
+from synth.choice import NAMES, expected_error, listed
 from synth.plan import Plan, plan
 from synth.recording.clock import Clock, set_clock
 
@@ -63,10 +63,7 @@ class Explanation:
 def explain(scene: Scene) -> Explanation:
     """Say which terms a scene has, who would integrate them, why, and how exactly.
 
-    Raises
-    ------
-    SceneError
-        If the scene cannot be simulated.
+    `SceneError` if the scene cannot be simulated.
 
     Examples
     --------
@@ -111,7 +108,7 @@ def _terms(scene: Scene, made: Plan) -> Iterator[tuple[str, str]]:
         kinds = dict.fromkeys(term.kind for term in scene.motion if term.axis == axis and term.kind != "still")
         if kinds:
             count = motion.angular_frequency.size
-            of_what = "" if list(kinds) == ["harmonics"] else f": {_and(kinds)}"
+            of_what = "" if list(kinds) == ["harmonics"] else f": {listed(kinds)}"
             yield f"{axis} motion", f"{count} harmonic{'s' if count > 1 else ''}{of_what}"
     found = _each(pendulums, lambda each: each.kick_intensity and f"{each.kick_intensity:g} rad s-1/2")
     if found:
@@ -122,12 +119,12 @@ def _terms(scene: Scene, made: Plan) -> Iterator[tuple[str, str]]:
         yield "tide", "of a yielding Earth"
     if scene.case is not None:
         tilts = [name for name in ("pitch", "roll") if getattr(scene.case, name) is not None]
-        yield "tilting case", f"{_and(tilts) or 'at rest'}, elongations from the {scene.case.reference}"
+        yield "tilting case", f"{listed(tilts) or 'at rest'}, elongations from the {scene.case.reference}"
     found = _each(pendulums, lambda each: each.plane and f"{each.plane:g} rad off")
     if found:
         yield "planes of swing", found
     if scene.events:
-        yield "handling", _and(f"{each.kind} of {each.pendulum} at {each.time:g} s" for each in scene.events)
+        yield "handling", listed(f"{each.kind} of {each.pendulum} at {each.time:g} s" for each in scene.events)
     if made.caution is not None:
         yield "caution", made.caution
 
@@ -136,7 +133,7 @@ def _periods(pendulums: Sequence[Pendulum]) -> str:
     periods = [each.period for each in pendulums]
     if len(periods) > _MOST_PERIODS:
         return f"{len(periods)}, periods {min(periods):g} to {max(periods):g} s"
-    return f"{len(periods)}, period{'s' if len(periods) > 1 else ''} {_and(f'{each:.7g}' for each in periods)} s"
+    return f"{len(periods)}, period{'s' if len(periods) > 1 else ''} {listed(f'{each:.7g}' for each in periods)} s"
 
 
 def _each(pendulums: Sequence[Pendulum], said: Callable[[Pendulum], Any]) -> str:
@@ -148,7 +145,7 @@ def _each(pendulums: Sequence[Pendulum], said: Callable[[Pendulum], Any]) -> str
             by_words.setdefault(words, []).append(each.label)
     if [len(labels) for labels in by_words.values()] == [len(pendulums)]:
         return next(iter(by_words))
-    return "; ".join(f"{_and(labels)}: {words}" for words, labels in by_words.items())
+    return "; ".join(f"{listed(labels)}: {words}" for words, labels in by_words.items())
 
 
 def _resistance(field: str, pendulum: Pendulum) -> str:
@@ -191,8 +188,3 @@ def _readings(scene: Scene, clock: Clock) -> str:
     step = float(scene.recording.step)
     jitter = f", off by {scene.recording.jitter:g} s" if scene.recording.jitter else ""
     return f"{clock.count}, one every {step:g} s{jitter}, for {scene.duration:g} s"
-
-
-def _and(names: Iterable[str]) -> str:
-    names = list(names)
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

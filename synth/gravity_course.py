@@ -30,16 +30,13 @@ _EVEN = ((1.0, 1.5), (2.0, -0.3), (3.0, 1.0 / 30.0))
 def gravity_change(scene: Scene, end: float) -> HarmonicSum | None:
     """What is added to the scene's gravity, m/s^2; None where gravity is constant.
 
+    `SceneError` if the table of a course cannot be read, does not cover the record, or changes gravity too much.
+
     Parameters
     ----------
     scene
     end
         True time of the last sample, s.
-
-    Raises
-    ------
-    SceneError
-        If the table of a course cannot be read, does not cover the record, or changes gravity too much.
     """
     course = scene.gravity_course
     match course:

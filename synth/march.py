@@ -57,14 +57,9 @@ class Course:
     gravity_change: Floats | None = None
 
 
-@dataclass(frozen=True)
-class _Angles:
-    """Of all moments of a portion, recorded or not."""
-
-    rows: Floats
-    """(pendulums, moments) rad; then, on a support that yields, its displacement in m."""
-    estimated_error: float
-    propagator: str
+Angles = tuple[Floats, float, str]
+"""Of all moments of a portion, recorded or not: (pendulums, moments) rad and, on a support that yields, its
+displacement in m as the last row; estimated error; propagator."""
 
 
 def march(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, Course]]:
@@ -73,35 +68,30 @@ def march(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, Course]]:
     A scene always falls into the same portions, so that a record is the same bits in memory and streamed to a file.
     Portions without a reading are left out. The last portion's estimated error holds for all.
 
-    Raises
-    ------
-    SceneError
-        If the motion is so violent that its course cannot be told.
-    RefusedError
-        If no propagator can do it; the message holds their reasons.
+    `SceneError` if the motion is so violent that its course cannot be told. `RefusedError` if no propagator can do it;
+    the message holds their reasons.
     """
     rows = len(plan.frequencies)
     way = {"closed-form": _closed_form, "picard": _picard}.get(plan.choice.propagator, _integrated)
     streams = [way(each, clock, rows) for each in plan.planes or (plan,)]
     for part, *found in zip(clock.portions(rows), *streams, strict=True):
-        angles = _Angles(
-            np.vstack([each.rows for each in found]), max(each.estimated_error for each in found), found[0].propagator
-        )
-        if not angles.estimated_error <= _worst(plan):
+        every_row, errors, propagators = zip(*found, strict=True)
+        error = max(errors)
+        if not error <= _worst(plan):
             raise SceneError(
                 "pendulums: the motion is chaotic or nearly so, its estimated error is"
-                f" {angles.estimated_error:.1g} of the angle; make the swing or the acceleration smaller, the duration"
+                f" {error:.1g} of the angle; make the swing or the acceleration smaller, the duration"
                 " shorter, or give simulation.tolerance if that will do"
             )
         if part.count:
-            yield part, _course(plan, part, angles)
+            yield part, _course(plan, part, (np.vstack(every_row), error, propagators[0]))
 
 
 def _worst(plan: Plan) -> float:
     return WORST_ERROR if plan.tolerance is None else max(WORST_ERROR, plan.tolerance)
 
 
-def _course(plan: Plan, part: Clock, angles: _Angles) -> Course:
+def _course(plan: Plan, part: Clock, angles: Angles) -> Course:
     """What happened at the readings of a portion, given the angles at all its moments."""
     w, times, kept = plan.motion.angular_frequency, part.times, part.kept
     moved = (
@@ -109,8 +99,9 @@ def _course(plan: Plan, part: Clock, angles: _Angles) -> Course:
         times.acceleration(plan.vertical)[kept],
     )
     count = len(plan.frequencies)
-    theta = angles.rows[:count, kept]
-    yielded = angles.rows[count, kept] if len(angles.rows) > count else None
+    every_row, error, propagator = angles
+    theta = every_row[:count, kept]
+    yielded = every_row[count, kept] if len(every_row) > count else None
     for place, begin, end, angle in plan.held:
         theta[place, (part.true_seconds >= begin) & (part.true_seconds < end)] = angle
     change = plan.gravity_change
@@ -127,16 +118,16 @@ def _course(plan: Plan, part: Clock, angles: _Angles) -> Course:
         )
     elif plan.responses and (w.size or not plan.choice.integrates):
         slow = np.vstack([times.slow(each.responses, each.motion.angular_frequency) for each in each_plan])[:, kept]
-    return Course(theta, free, slow, *moved, angles.estimated_error, angles.propagator, yielded, changed)
+    return Course(theta, free, slow, *moved, error, propagator, yielded, changed)
 
 
-def _closed_form(plan: Plan, clock: Clock, rows: int) -> Iterator[_Angles]:
+def _closed_form(plan: Plan, clock: Clock, rows: int) -> Iterator[Angles]:
     for part in clock.portions(rows):
         theta = part.times.elongation(plan.responses, plan.motion.angular_frequency)
-        yield _Angles(theta, CLOSED_FORM_ERROR, plan.propagator)
+        yield theta, CLOSED_FORM_ERROR, plan.propagator
 
 
-def _picard(plan: Plan, clock: Clock, rows: int) -> Iterator[_Angles]:
+def _picard(plan: Plan, clock: Clock, rows: int) -> Iterator[Angles]:
     """By collocation; from where it refuses or errs too much, by those who may stand in for it."""
     from synth.propagators.picard import PicardPlan  # only here: it brings numba
 
@@ -165,7 +156,7 @@ def _picard(plan: Plan, clock: Clock, rows: int) -> Iterator[_Angles]:
         for portion in recut(pieces(), sizes):
             if not worst <= _worst(plan) and plan.choice.instead:
                 break
-            yield _Angles(portion, worst, plan.propagator)
+            yield portion, worst, plan.propagator
             done += 1
         else:
             return
@@ -175,15 +166,15 @@ def _picard(plan: Plan, clock: Clock, rows: int) -> Iterator[_Angles]:
     yield from itertools.islice(_integrated(plan, clock, rows), done, None)
 
 
-def _integrated(plan: Plan, clock: Clock, rows: int) -> Iterator[_Angles]:
+def _integrated(plan: Plan, clock: Clock, rows: int) -> Iterator[Angles]:
     """By a general integrator."""
     from synth.integration import integrated  # only here: it brings numba
 
     choice = plan.choice
     able = [choice.propagator, *choice.instead] if choice.integrates else choice.instead
-    moments = Clock(clock.times, slice(None), clock.scale)
-    parts = list(moments.portions(rows))
+    parts = list(Clock(clock.times, slice(None), clock.scale).portions(rows))
+    seconds = np.concatenate([part.true_seconds for part in parts])
     asked = choice.aim if plan.tolerance is None else plan.tolerance
-    pieces, error, name = integrated(plan.assembly(), able, parts, asked)
-    for portion in recut(pieces, (part.count for part in parts)):
-        yield _Angles(portion, error, NAMES[name])
+    found, error, name = integrated(plan.assembly(), able, seconds, asked)
+    for portion in recut([found], (part.count for part in parts)):
+        yield portion, error, NAMES[name]

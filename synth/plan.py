@@ -112,10 +112,8 @@ class Plan:
 def plan(scene: Scene, clock: Clock) -> Plan:
     """Choose terms and propagator for a scene.
 
-    Raises
-    ------
-    SceneError
-        If a tabulated motion cannot be read or does not cover the record, or no propagator can do what is asked.
+    `SceneError` if a tabulated motion cannot be read or does not cover the record, or no propagator can do what is
+    asked.
     """
     frequencies = [frequency(scene, pendulum) for pendulum in scene.pendulums]
     axes = ("horizontal", "transverse", "vertical")

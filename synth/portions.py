@@ -12,6 +12,8 @@ from synth.phase import Floats
 def recut(pieces: Iterable[Floats], sizes: Iterable[int]) -> Iterator[Floats]:
     """Cut what comes in pieces anew; no more is held than one portion and one piece.
 
+    `ValueError` if the pieces end too early.
+
     Parameters
     ----------
     pieces
@@ -22,11 +24,6 @@ def recut(pieces: Iterable[Floats], sizes: Iterable[int]) -> Iterator[Floats]:
     Yields
     ------
     (rows, size) float64
-
-    Raises
-    ------
-    ValueError
-        If the pieces end too early.
 
     Examples
     --------

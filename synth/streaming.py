@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 def stream(scene: Scene, clock: Clock) -> Iterator[tuple[Contents, Contents]]:
     """Simulate a scene in bounded memory.
 
+    `SceneError` as `simulate`; an error too large may show late.
+
     Parameters
     ----------
     scene
@@ -39,11 +41,6 @@ def stream(scene: Scene, clock: Clock) -> Iterator[tuple[Contents, Contents]]:
         Of up to 65536 readings, in order of time. Joined along `time` they are what `simulate` returns; attributes
         are those of the last. (Plain arrays: importing xarray takes longer and more memory than most simulations, and
         portions of a tree, whose nodes know each other, would stay until the next collection of garbage.)
-
-    Raises
-    ------
-    SceneError
-        As `simulate`; an error too large may show late.
     """
     the_plan = plan(scene, clock)
     apparatus, defects, unwrapped = Apparatus(scene, the_plan, clock), Defects(scene, clock), Unwrapping()
@@ -54,10 +51,7 @@ def stream(scene: Scene, clock: Clock) -> Iterator[tuple[Contents, Contents]]:
 def simulated(scene: Scene) -> tuple[Contents, Contents]:
     """Record and truth of a scene, joined in memory, as plain contents; what `simulate` makes trees of.
 
-    Raises
-    ------
-    SceneError
-        As `simulate`.
+    `SceneError` as `simulate`.
     """
     clock = set_clock(scene)
     record, truth = Joined(clock.count), Joined(clock.count)

@@ -1,27 +1,23 @@
 """One function on many jobs by several processes, results in order.
 
-The processes are started afresh, not forked: a fork copies the threads' locks but not the threads. Each has a pipe of
-its own, so that one that dies is noticed at once.
+The processes are started afresh, not forked: a fork copies the threads' locks but not the threads.
 """
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import signal
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
-from typing import Any, TypeVar
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import TypeVar
 
 from data_schemas.errors import IsochronyError
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
-
-_PATIENCE, _ASKED = 2.0, 5  # s that a worker has to tidy up, and how often it is asked to
 
 
 class WorkerError(IsochronyError):
@@ -32,6 +28,8 @@ class WorkerError(IsochronyError):
 
 def in_order(function: Callable[[Job], Result], jobs: Iterable[Job], workers: int) -> Iterator[Result]:
     """Results of a function for each job, in the order of the jobs.
+
+    `WorkerError` if a worker dies. `Exception`: what the function raises, at its job's turn.
 
     Parameters
     ----------
@@ -45,90 +43,32 @@ def in_order(function: Callable[[Job], Result], jobs: Iterable[Job], workers: in
     Yields
     ------
     result
-
-    Raises
-    ------
-    WorkerError
-        If a worker dies.
-    Exception
-        What the function raises, at its job's turn.
     """
     if workers == 1:
         yield from map(function, jobs)
         return
-    context = multiprocessing.get_context("spawn")
-    with contextlib.ExitStack() as ends:
-        idle: deque[Connection] = deque()
-        for _ in range(workers):
-            here, there = context.Pipe()
-            process = context.Process(target=_serve, args=(function, there), daemon=True)
-            process.start()
-            there.close()
-            ends.callback(_end, process, here)
-            idle.append(here)
-        yield from _results(enumerate(jobs), idle, 2 * workers)
-
-
-def _results(jobs: Iterator[tuple[int, Any]], idle: deque[Connection], most: int) -> Iterator[Any]:
-    busy: dict[Connection, int] = {}
-    found: dict[int, tuple[bool, Any]] = {}
-    turn = begun = 0
-    while True:
-        while idle and begun - turn < most and (job := next(jobs, None)) is not None:
-            begun = job[0] + 1
-            busy[idle[0]] = job[0]
-            with contextlib.suppress(OSError):  # it died: told below, when nothing comes back
-                idle[0].send(job[1])
-            idle.popleft()
-        if turn in found:
-            good, result = found.pop(turn)
-            if not good:
-                raise result
-            yield result
-            turn += 1
-        elif busy:
-            ready = set(wait(list(busy)))
-            for worker in [each for each in busy if each in ready]:
-                found[busy.pop(worker)] = _received(worker)
-                idle.append(worker)
-        else:
-            return
-
-
-def _received(worker: Connection) -> tuple[bool, Any]:
+    ahead: deque[Future[Result]] = deque()
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_begin)
     try:
-        result: tuple[bool, Any] = worker.recv()
-    except (EOFError, OSError):
+        for job in jobs:
+            ahead.append(pool.submit(function, job))
+            if len(ahead) == 2 * workers:
+                yield ahead.popleft().result()
+        while ahead:
+            yield ahead.popleft().result()
+    except BrokenProcessPool:
         told = (
             "a worker process died before it was done; run the same again, with fewer workers if memory is short (in a "
             "script, start it under: if __name__ == '__main__')"
         )
-        return False, WorkerError(told)
-    return result
+        raise WorkerError(told) from None
+    finally:
+        for process in [*(pool._processes or {}).values()]:  # those that still work on what nobody waits for
+            process.terminate()
+        pool.shutdown(cancel_futures=True)
 
 
-def _serve(function: Callable[[Any], Any], jobs: Connection) -> None:
-    """Life of a worker: until nobody is at the other end of the pipe."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all: the one who started us ends us
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # as an exception, so that nothing half-written stays
-    with contextlib.suppress(EOFError, OSError):
-        while True:
-            job = jobs.recv()
-            try:
-                result = True, function(job)
-            except Exception as error:
-                result = False, error
-            jobs.send(result)
-
-
-def _end(process: BaseProcess, pipe: Connection) -> None:
-    pipe.close()
-    for _ in range(_ASKED):
-        process.terminate()  # asked again, for an exception that meets a destructor is lost
-        process.join(_PATIENCE)
-        if not process.is_alive():
-            break
-    else:
-        process.kill()
-        process.join()
-    process.close()
+def _begin() -> None:
+    """Of a worker: Ctrl-C reaches all, but who started it ends it, and in order: nothing half-written stays."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())

@@ -13,6 +13,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from data_schemas.errors import IsochronyError, UsageError
 from pipeline.cli import (
@@ -33,24 +34,11 @@ from pipeline.cli.parser import Parser, did_you_mean
 from pipeline.cli.tables import Printable, complain
 from pipeline.memory import bounded
 
-_VERBS = {
-    module.__name__.rpartition(".")[2].removesuffix("_csv"): module
-    for module in (
-        demo,
-        simulate,
-        process,
-        expose,
-        digitise,
-        batch,
-        benchmark,
-        plot,
-        import_csv,
-        validate,
-        schema,
-        explain,
-    )
-}
-"""Each verb is called as its file."""
+_VERBS: dict[str, Any] = {
+    "demo": demo, "simulate": simulate, "process": process, "expose": expose, "digitise": digitise, "batch": batch,
+    "benchmark": benchmark, "plot": plot, "import": import_csv, "validate": validate, "schema": schema,
+    "explain": explain,
+}  # fmt: skip
 
 _READERS = ("process", "plot", "validate", "digitise", "import")
 _MOST_HELD, _PER_BYTE = 4 << 30, 50  # bytes; of the inputs

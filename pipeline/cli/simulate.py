@@ -27,7 +27,7 @@ The propagator is chosen by what the scene names; --explain tells which, and why
 Two files are written: NAME.record.nc, what the instrument saw (elongations in rad against time in s), and
 NAME.truth.nc, what it should have found (gravity in m/s2, frequencies in rad/s): processing never reads it.
 A scene that ships with the package may be named without a path, such as `demo`. Long records go to disk as
-they are made: memory does not grow with them.
+they are made: memory does not grow with them, but for the motion of what needs a general integrator.
 
 With --ensemble N there are N members: NAME-0001.record.nc and NAME-0001.truth.nc and so on in one folder, and
 the table NAME.ensemble.csv of their seeds and of what varies. Member 7 is the same whatever N is. Started

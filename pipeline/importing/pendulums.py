@@ -21,10 +21,7 @@ def combine(traces: Sequence[str], given: Mapping[str, str]) -> tuple[list[str],
 
     A trace is read from `given`, else from its own label: "1" is a pendulum, "1-2" a difference.
 
-    Raises
-    ------
-    UsageError
-        A combination that names no pendulums, or traces that repeat each other.
+    `UsageError`: a combination that names no pendulums, or traces that repeat each other.
 
     Examples
     --------
@@ -60,10 +57,7 @@ def combine(traces: Sequence[str], given: Mapping[str, str]) -> tuple[list[str],
 def periods(pendulums: Sequence[str], options: ImportOptions, *, needed: bool) -> NDArray[np.float64] | None:
     """Period of each pendulum in s; None if none was given nor is needed (a single trace does without).
 
-    Raises
-    ------
-    UsageError
-        A period of an unknown pendulum, or several traces without periods or without their gravity.
+    `UsageError`: a period of an unknown pendulum, or several traces without periods or without their gravity.
     """
     given = dict(options.periods)
     known = ", ".join(pendulums)
@@ -135,10 +129,8 @@ class ImportOptions:
     def radians_per_unit(self, header: str = "") -> float:
         """Factor to radians from the table's unit, which a column's header may say.
 
-        Raises
-        ------
-        UsageError
-            Millimetres without a lever, a lever without millimetres, or a header that says another unit than asked for.
+        `UsageError`: millimetres without a lever, a lever without millimetres, or a header that says another unit than
+        asked for.
         """
         if self.unit and header and self.unit != header:
             raise UsageError(f"--unit {self.unit}: the header says {header}; drop --unit, or correct the header")

@@ -137,10 +137,7 @@ def with_angle(table: Table, position: str) -> tuple[Table, dict[str, int]]:
 
     The circle is the algebraic fit of Kasa (1976); the rest is the mean direction from its centre.
 
-    Raises
-    ------
-    UsageError, RecordError
-        Columns that are not there, or places that lie on no circle.
+    `UsageError` and `RecordError`: columns that are not there, or places that lie on no circle.
     """
     names = [name.strip() for name in position.split(",")]
     if len(names) != 2:
@@ -175,10 +172,7 @@ def _traces(
 def _instrument(pendulums: list[str], period: NDArray[np.float64] | None, options: ImportOptions) -> xr.Dataset:
     """Group /instrument.
 
-    Raises
-    ------
-    UsageError
-        A constant that is not known, or that has no value for a pendulum.
+    `UsageError`: a constant that is not known, or that has no value for a pendulum.
     """
     from data_schemas.variables import VARIABLES
 
@@ -241,10 +235,7 @@ class Clock:
 def relative_times(table: Table, column: int) -> Clock:
     """Seconds from the first row.
 
-    Raises
-    ------
-    RecordError
-        A time is missing or unreadable, repeats or goes back (the line is named), or there are not two rows.
+    `RecordError`: a time is missing or unreadable, repeats or goes back (the line is named), or there are not two rows.
     """
     if len(table.rows) < 2:
         raise RecordError(f"{table.source}: holds {len(table.rows)} sample; a record needs at least two")

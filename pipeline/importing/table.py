@@ -48,10 +48,7 @@ class Table:
     def numbers(self, column: int) -> list[float]:
         """Values of one column; NaN where missing.
 
-        Raises
-        ------
-        RecordError
-            A cell is no number, or infinite; the message names its line.
+        `RecordError`: a cell is no number, or infinite; the message names its line.
         """
         values = []
         for line, row in zip(self.lines, self.rows, strict=True):
@@ -78,10 +75,7 @@ def unit_in(name: str, known: Mapping[str, str]) -> str:
 def read_columns(path: str | os.PathLike[str]) -> Table:
     """Read an ordinary netCDF file: its one-dimensional variables over time, as a text table would have them.
 
-    Raises
-    ------
-    FileError, RecordError
-        It cannot be read, or has no dimension time.
+    `FileError` and `RecordError`: it cannot be read, or has no dimension time.
     """
     from data_schemas.reading import load
 
@@ -129,12 +123,8 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     separates. Lines that start with `#` are comments; the last of them before the numbers names the columns
     if the table has no other header.
 
-    Raises
-    ------
-    FileError
-        The file cannot be read or is no text.
-    RecordError
-        It has no rows, or a row has too few or too many cells.
+    `FileError`: the file cannot be read or is no text. `RecordError`: it has no rows, or a row has too few or too many
+    cells.
     """
     source = os.fspath(path)
     numbered: list[tuple[int, str]] = []
@@ -199,10 +189,7 @@ def _is_header(cells: list[str]) -> bool:
 def find_column(table: Table, name: str) -> int:
     """Index of the column of that name, or of that number from 1 if no column has the name.
 
-    Raises
-    ------
-    UsageError
-        There is no such column, or the name stands twice.
+    `UsageError`: there is no such column, or the name stands twice.
     """
     bare = [re.sub(r"\s*[(\[].*$", "", each) for each in table.names]  # a header may say its unit
     for names in (list(table.names), bare):
@@ -223,12 +210,8 @@ def choose_columns(table: Table, beside: set[int], wanted: Sequence[str]) -> dic
     A column without a requested label takes its header where that reads like a trace ("2", "1-2"), its order
     from 1 among the traces otherwise.
 
-    Raises
-    ------
-    RecordError
-        The table has no column beside the time.
-    UsageError
-        A request that names no column, the time, or a label twice.
+    `RecordError`: the table has no column beside the time. `UsageError`: a request that names no column, the time, or a
+    label twice.
     """
     if wanted:
         given = [_split(table, text) for text in wanted]

@@ -72,12 +72,8 @@ class Source:
 def source_of(given: xr.DataTree | Scene) -> Source:
     """Make a source of a record or a scene.
 
-    Raises
-    ------
-    RecordError
-        The record breaks its layout, or is sampled too coarsely to draw its curve.
-    SceneError
-        As `synth.simulate`.
+    `RecordError`: the record breaks its layout, or is sampled too coarsely to draw its curve. `SceneError` as
+    `synth.simulate`.
     """
     return _of_scene(given) if isinstance(given, Scene) else _of_record(from_tree(given))
 

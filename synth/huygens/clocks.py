@@ -66,10 +66,7 @@ class Clocks(NamedTuple):
     def full(self) -> ElasticBeam:
         """System (1) in units of its own: s = w0 t/2, mean length and whole mass 1; x is u, phi_i is near Phi0 y_i.
 
-        Raises
-        ------
-        UsageError
-            If the swing is 0, or so small that the clocks would outweigh the whole.
+        `UsageError` if the swing is 0, or so small that the clocks would outweigh the whole.
         """
         if not self.swing > 0.0:
             raise UsageError("swing = 0: the full system needs an arc; give Phi0 = S0/l in rad, such as 0.1")

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import pairwise
-from math import gcd
+from math import gcd, lcm
 
 Polynomial = list[int]  # coefficients, lowest power first, the last not zero; [] is zero
 Conic = tuple[Fraction, Fraction, Fraction, Fraction, Fraction, Fraction]
@@ -73,8 +73,8 @@ def sturm_chain(values: Sequence[Fraction]) -> list[Polynomial]:
     following = _primitive([power * each for power, each in enumerate(first)][1:])
     while following:
         chain.append(following)
-        following = [-each for each in _remainder(chain[-2], chain[-1])]
-    return [_quotient(each, chain[-1]) for each in chain]
+        following = [-each for each in _divided(chain[-2], chain[-1])[1]]
+    return [_divided(each, chain[-1])[0] for each in chain]
 
 
 def _primitive(values: Sequence[Fraction | int]) -> Polynomial:
@@ -82,35 +82,19 @@ def _primitive(values: Sequence[Fraction | int]) -> Polynomial:
     exact = [Fraction(each) for each in values]
     while exact and not exact[-1]:
         exact.pop()
-    below = 1
-    for each in exact:
-        below = below * each.denominator // gcd(below, each.denominator)
+    below = lcm(*(each.denominator for each in exact))
     whole = [each.numerator * (below // each.denominator) for each in exact]
-    common = gcd(*whole) if whole else 1
-    return [each // common for each in whole]
+    return [each // gcd(*whole) for each in whole]
 
 
-def _remainder(dividend: Polynomial, divisor: Polynomial) -> Polynomial:
-    """A positive multiple of the remainder."""
-    rest, lead = list(dividend), abs(divisor[-1])
-    sign = 1 if divisor[-1] > 0 else -1
+def _divided(dividend: Polynomial, divisor: Polynomial) -> tuple[Polynomial, Polynomial]:
+    """Quotient and remainder, each times a positive number."""
+    rest, quotient = [Fraction(each) for each in dividend], []
     for place in range(len(dividend) - len(divisor), -1, -1):
-        top = rest[place + len(divisor) - 1]
-        rest = [lead * each for each in rest]
+        quotient.append(rest[place + len(divisor) - 1] / divisor[-1])
         for power, each in enumerate(divisor):
-            rest[place + power] -= sign * top * each
-    return _primitive(rest[: len(divisor) - 1])
-
-
-def _quotient(dividend: Polynomial, divisor: Polynomial) -> Polynomial:
-    """Of a division that leaves nothing, times a positive number."""
-    rest = [Fraction(each) for each in dividend]
-    found = []
-    for place in range(len(dividend) - len(divisor), -1, -1):
-        found.append(rest[place + len(divisor) - 1] / divisor[-1])
-        for power, each in enumerate(divisor):
-            rest[place + power] -= found[-1] * each
-    return _primitive(found[::-1])
+            rest[place + power] -= quotient[-1] * each
+    return _primitive(quotient[::-1]), _primitive(rest[: len(divisor) - 1])
 
 
 def _changes(chain: Sequence[Polynomial], place: Fraction) -> int:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.collocation_remainders import linear_part
 from synth.integrators.collocation_run import COARSEST, COMPANION, FINEST, Problem, Run, chosen, run
-from synth.integrators.trajectory import FEW, Onward, Stream, Trajectory, checked, difference, restarting, streamed
+from synth.integrators.trajectory import Trajectory, checked, difference
 from synth.kernels.collocation import NODES
 from synth.phase import Floats
 from synth.systems.metronomes import Metronomes
@@ -61,20 +61,6 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
     >>> swing.states.shape, swing.estimated_error < 1e-12
     ((2, 6), True)
     """
-    return _solve(system, start, times, tolerance)[0]
-
-
-def stream(
-    system: Any, start: ArrayLike, chunks: Iterable[Floats], span: tuple[float, float], *, tolerance: float = 1e-10
-) -> Stream:
-    """As `integrate`, for times that come in chunks (`trajectory.streamed`): the motion is marched once more."""
-    return streamed(_solve(system, start, np.linspace(*span, FEW), tolerance), chunks, span)
-
-
-def _solve(
-    system: Any, start: ArrayLike, times: ArrayLike, tolerance: float
-) -> tuple[Trajectory, Callable[[], Onward]]:
-    """Run twice, and where the error is larger than was asked for, with tighter limits once more."""
     first, instants = checked(start, times, tolerance)
     every = instants
     if 1 < instants.size < _CHECKS:
@@ -97,11 +83,8 @@ def _solve(
         local = max(FINEST[0], local * min(0.1, 0.3 * tolerance / error))
         states, result = run(problem, first, every, _limits_for(local))
 
-    def march(state: Floats, chunk: Floats) -> Floats:
-        return run(problem, state, chunk, result.limits, depth=result.depth)[0]
-
-    asked = states[np.searchsorted(every, instants)]
-    return Trajectory(instants, asked, error, *counts.tolist()), lambda: restarting(march, first, float(instants[0]))
+    asked = states if every is instants else states[np.searchsorted(every, instants)]
+    return Trajectory(instants, asked, error, *counts.tolist())
 
 
 def _local_tolerance(tolerance: float, times: Floats, half_swing: float) -> float:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synth.integrators.collocation_remainders import Work, nodes_of
-from synth.kernels.collocation import NODES, POINTS, advance, product_sum
+from synth.kernels.collocation import NODES, POINTS, advance, change, last_terms
 from synth.kernels.compiled import kernel, summing_kernel
 from synth.kernels.lanes import LANES, load, store, total, wide
 from synth.phase import Floats, Integers
@@ -124,7 +124,7 @@ def march(
             if turns >= unchecked:
                 moved = 0.0
                 for c in range(components):
-                    step = _change(known, c) * (reach[c] * reach[c])
+                    step = change(known, c) * (reach[c] * reach[c])
                     size = max(amplitude[c], 0.25 * _square(position, c), _LEAST)
                     if step > moved * size or not step <= np.inf:
                         moved = step / size
@@ -143,7 +143,7 @@ def march(
         unchecked = 1 if (i + 1) % _RENEWAL == 0 else max(1, turns - 1)
         for c in range(components):
             amplitude[c] = max(amplitude[c], 0.25 * _square(position, c))
-            last, further = _last_terms(tail, known, now, c)
+            last, further = last_terms(tail, known, now, c)
             cost = reach[c] * reach[c] / (16.0 * NODES)
             if last > 0.0 and not last * min(1.0, last / max(further, 1e-300)) * cost <= unresolved * amplitude[c]:
                 report[3] = ROUGH
@@ -153,7 +153,7 @@ def march(
             guess(memory, slot, ORDERS, mirror, continuation, known, 1 - now)
             for c in range(components):
                 worth[c] = reach[c] * reach[c] / amplitude[c] if amplitude[c] > 0.0 else 0.0
-                missed = max(missed, _change(known, c) * worth[c])
+                missed = max(missed, change(known, c) * worth[c])
             remember(memory, slot, mirror, known, now)
             report[4] = best(memory, slot, worth, missed)
         else:
@@ -208,24 +208,6 @@ def _couple(inner: Floats, known: Floats, now: int, base: Floats, position: Floa
         store(position, (c, LANES), second)
         store(rate, (c, 0), third)
         store(rate, (c, LANES), fourth)
-
-
-@kernel
-def _change(known: Floats, c: int) -> float:
-    """Square of what a turn changed of the remainder."""
-    first = load(known, (1, c, 0)) - load(known, (0, c, 0))
-    second = load(known, (1, c, LANES)) - load(known, (0, c, LANES))
-    return total(first * first + second * second)
-
-
-@kernel
-def _last_terms(tail: Floats, known: Floats, now: int, c: int) -> tuple[float, float]:
-    """Squares of the last and of the last but one pair of Legendre coefficients."""
-    first = product_sum(tail, 0, 0, known, now, c)
-    second = product_sum(tail, 0, NODES, known, now, c)
-    third = product_sum(tail, 0, 2 * NODES, known, now, c)
-    fourth = product_sum(tail, 0, 3 * NODES, known, now, c)
-    return third * third + fourth * fourth, first * first + second * second
 
 
 @kernel

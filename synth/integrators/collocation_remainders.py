@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synth.kernels.collocation import NODES
+from synth.kernels.collocation import NODES, turned
 from synth.kernels.compiled import kernel
 from synth.kernels.lanes import LANES, load, positive, store, wide
 from synth.phase import Floats
@@ -53,34 +53,6 @@ class Work(NamedTuple):
     """(components, NODES)."""
     rate: Floats
     """(components, NODES)."""
-
-
-_ROUNDER = 6755399441055744.0  # 1.5 * 2^52: adding and subtracting it rounds to a whole number
-_PI = (3.141592653589793116, 1.2246467991473532072e-16)
-_INVERSE_PI = 0.3183098861837906715
-
-
-@kernel
-def turned(angle: Any) -> Any:
-    """sin, cos and `angle - sin` of eight angles.
-
-    Reduced to a quarter turn either way, then Taylor series; `angle - sin` has no cancellation at small angles.
-    """
-    half_turns = (angle * _INVERSE_PI + _ROUNDER) - _ROUNDER
-    h = (angle - half_turns * _PI[0]) - half_turns * _PI[1]
-    pairs = (half_turns * 0.5 + _ROUNDER) - _ROUNDER
-    sign = 1.0 - 2.0 * abs(half_turns - 2.0 * pairs)
-    s = h * h
-    q = s * s
-    low = (1 / 6 + s * (-1 / 120)) + q * (1 / 5040 + s * (-1 / 362880))
-    high = (1 / 39916800 + s * (-1 / 6227020800)) + q * (1 / 1307674368000 + s * (-1 / 355687428096000))
-    top = 1 / 121645100408832000 + s * (-1 / 51090942171709440000)
-    rest = (h * s) * (low + (q * q) * (high + (q * q) * top))
-    low = (0.5 + s * (-1 / 24)) + q * (1 / 720 + s * (-1 / 40320))
-    high = (1 / 3628800 + s * (-1 / 479001600)) + q * (1 / 87178291200 + s * (-1 / 20922789888000))
-    top = 1 / 6402373705728000 + s * (-1 / 2432902008176640000)
-    fall = s * (low + (q * q) * (high + (q * q) * top))
-    return sign * (h - rest), sign * (1.0 - fall), (angle - sign * h) + sign * rest
 
 
 @or_none
@@ -135,7 +107,7 @@ def _yielding(work: Work, sideways: Any, upwards: Any, system: Any, now: int) ->
         across, along = at(sideways, j), at(upwards, j)
         for p in range(count):
             angle, swing = load(position, (p + 1, j)), load(rate, (p + 1, j))
-            sine, cosine, short = turned(angle)
+            sine, cosine, short, _ = turned(angle)
             arm, slope = lever(sine, cosine, system)
             inverse = 1.0 / system.length[p]
             torque = felt(driven(wide(0.0), p, angle, swing, system.terms), sine, cosine, inverse, across, along)
@@ -189,7 +161,7 @@ def _metronomes(work: Work, sideways: Any, upwards: Any, system: Metronomes, now
         along = at(upwards, j)
         for p in range(count):
             angle, swing = load(position, (p, j)), load(rate, (p, j))
-            sine, cosine, short = turned(angle)
+            sine, cosine, short, _ = turned(angle)
             square = system.natural_frequency[p] * system.natural_frequency[p]
             torque = felt(driven(wide(0.0), p, angle, swing, system.terms), sine, cosine, square / gravity, None, along)
             force += cosine * (torque - square * sine) - sine * (swing * swing)

@@ -11,7 +11,7 @@ in chaos. Where two marches have nothing to do with each other any more, their d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -21,8 +21,8 @@ from numpy.typing import ArrayLike
 
 from data_schemas.errors import RefusedError
 from synth.integrators.events import Escapement
-from synth.integrators.explicit_march import MOST_STEPS, Run, StiffError, Walk
-from synth.integrators.trajectory import Onward, Stream, Trajectory, checked, difference, relative_error, streamed
+from synth.integrators.explicit_march import MOST_STEPS, Run, StiffError
+from synth.integrators.trajectory import Trajectory, checked, difference, relative_error
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
@@ -81,20 +81,6 @@ def integrate(
     >>> round(float(swing.states[1, 0]), 6)
     -0.041508
     """
-    return _solve(system, start, times, tolerance, event)[0]
-
-
-def stream(
-    system: Any, start: ArrayLike, chunks: Iterable[Floats], span: tuple[float, float], *, tolerance: float = 1e-10,
-    event: Escapement | None = None,
-) -> Stream:  # fmt: skip
-    """As `integrate`, for times that come in chunks (`trajectory.streamed`); how they are cut changes no bit."""
-    return streamed(_solve(system, start, span, tolerance, event), chunks, span)
-
-
-def _solve(
-    system: Any, start: ArrayLike, times: ArrayLike, tolerance: float, event: Escapement | None
-) -> tuple[Trajectory, Callable[[], Onward]]:
     first, instants = checked(start, times, tolerance)
     made = refine(system, event, first, instants, tolerance)
     if event is not None:
@@ -103,8 +89,7 @@ def _solve(
     marched = made.runs if made.probe is None else [*made.runs, made.probe.noisy]
     steps, rejected, evaluations = np.sum([each.counts for each in marched], axis=0).tolist()
     states = best.states[np.searchsorted(best.times, instants)]
-    found = Trajectory(instants, states, made.estimated_error, steps, evaluations, rejected)
-    return found, lambda: Walk(system, event, first, float(instants[0]), float(instants[-1]), best.tolerance).onward
+    return Trajectory(instants, states, made.estimated_error, steps, evaluations, rejected)
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,11 @@
 
 State and time are kept as sums of two doubles: a step adds an increment that is small against the state, and what
 rounding drops from the first double is kept in the second. Outputs never shorten a step, so that they change nothing;
-nor does a halt, since a march goes on with the step that it has in hand.
+nor does a halt for room to note kicks, since a march goes on with the step that it has in hand.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -241,72 +240,51 @@ class StiffError(RefusedError):
     """Refused since the motion is stiff."""
 
 
-@dataclass
-class Walk:
-    """A march that goes on from call to call."""
+class Run:
+    """A march that is done.
 
-    system: Any
-    event: Escapement | None
-    start: Floats
-    """(n,)."""
-    begin: float
-    end: float
-    """Times of the start and of the last output that will be asked for, s."""
-    tolerance: float
-    """Local error allowed, relative to the largest size of each component so far."""
-    patience: int = STIFF_STEPS
-    """Steps at the edge of stability after which the motion counts as stiff."""
-    amiss: float = 0.0
-    """See `march`."""
+    `RefusedError`: why there are no states at some of the times.
 
-    def __post_init__(self) -> None:
-        self._progress = begin_at(self.start, self.begin)
-        self.events: Memory | None = memory(self.event, self.start.size)
-        self._judge(start_march(self.system, self.event, self.events, self._progress, self.end, self.tolerance))
+    Parameters
+    ----------
+    system, event
+        As of `march`.
+    start : (n,) array
+    times : (k,) array
+        Increasing, s; the first is the time of the start.
+    tolerance : float
+        Local error allowed, relative to the largest size of each component so far.
+    patience, amiss
+        As of `march`.
+    """
 
-    @property
-    def scale(self) -> Floats:
-        """(n,) largest size of each component so far."""
-        return self._progress.scale
-
-    @property
-    def counts(self) -> Integers:
-        """Steps, rejected steps, evaluations so far."""
-        return self._progress.counts[:3]
-
-    def onward(self, times: Floats) -> Floats:
-        """States (k, n) at increasing times, none before the last asked for; RefusedError names why there are none."""
-        states = np.empty((times.size, self._progress.slope.size))
-        written = 0
-        if self.events is not None:
-            self.events.noted[0] = 0  # kicks of the call before: memory does not grow with the motion
-        while True:
+    def __init__(
+        self, system: Any, event: Escapement | None, start: Floats, times: Floats, tolerance: float,
+        patience: int = STIFF_STEPS, amiss: float = 0.0,
+    ) -> None:  # fmt: skip
+        self.times, self.tolerance = times, tolerance
+        self.states: Floats = np.empty((times.size, start.size))
+        self.events: Memory | None = memory(event, start.size)
+        progress, end, written = begin_at(start, float(times[0])), float(times[-1]), 0
+        status = start_march(system, event, self.events, progress, end, tolerance)
+        while status in (DONE, FULL):
             status = march(
-                self.system, self.event, self.events, self._progress, times[written:], self.end, self.tolerance,
-                states[written:], self.patience, self.amiss,
+                system, event, self.events, progress, times[written:], end, tolerance, self.states[written:], patience,
+                amiss,
             )  # fmt: skip
             if status != FULL or self.events is None:
                 break
-            written += int(self._progress.counts[WRITTEN])
+            written += int(progress.counts[WRITTEN])
             self.events = roomier(self.events)
-        self._judge(status)
-        return states
-
-    def happenings(self) -> tuple[Floats, Integers]:
-        """Times of the kicks of the last call, and the number of each."""
-        return happenings(self.events)
-
-    def _judge(self, status: int) -> None:
         if status != DONE:
             kind = StiffError if status == TOO_STIFF else RefusedError
-            why = reason(self.system, self._progress.state, _REASONS[status])
-            time = self._progress.clock[TIME]
-            raise kind(f"explicit, {type(self.system).__name__} at t = {time:.6g}: {why}")
+            why = reason(system, progress.state, _REASONS[status])
+            raise kind(f"explicit, {type(system).__name__} at t = {progress.clock[TIME]:.6g}: {why}")
+        self.scale: Floats = progress.scale
+        """(n,) largest size of each component."""
+        self.counts: Integers = progress.counts[:3]
+        """Steps, rejected steps, evaluations."""
 
-
-class Run(Walk):
-    """A march over `times` that is done; arguments as of `Walk`."""
-
-    def __init__(self, system: Any, event: Escapement | None, start: Floats, times: Floats, *how: Any) -> None:
-        super().__init__(system, event, start, float(times[0]), float(times[-1]), *how)
-        self.times, self.states = times, self.onward(times)
+    def happenings(self) -> tuple[Floats, Integers]:
+        """Times of the kicks, and the number of each."""
+        return happenings(self.events)

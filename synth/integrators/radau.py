@@ -6,7 +6,6 @@ Motions are marched in pairs: how far two of different tolerance are apart tells
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,17 +14,7 @@ from numpy.typing import ArrayLike
 from data_schemas.errors import RefusedError
 from synth.integrators import radau_march as marching
 from synth.integrators.radau_march import EVALUATIONS, LOOSE, STEPS
-from synth.integrators.trajectory import (
-    FEW,
-    Onward,
-    Stream,
-    Trajectory,
-    checked,
-    reason,
-    relative_error,
-    restarting,
-    streamed,
-)
+from synth.integrators.trajectory import Trajectory, checked, reason, relative_error
 from synth.phase import Floats, Integers
 
 COMPANION = 10.0
@@ -82,14 +71,28 @@ def integrate(
     >>> round(float(fast.states[1, 0]), 9)
     1.999333371
     """
-    return _solve(system, start, times, tolerance, stages)[0]
-
-
-def stream(
-    system: Any, start: ArrayLike, chunks: Iterable[Floats], span: tuple[float, float], *, tolerance: float = 1e-10
-) -> Stream:
-    """As `integrate`, for times that come in chunks (`trajectory.streamed`): the motion is marched once more."""
-    return streamed(_solve(system, start, np.linspace(*span, FEW), tolerance, None), chunks, span)
+    first, instants = checked(start, times, tolerance, (_TIGHTEST, _LOOSEST))
+    problem = Problem(system, first, instants, swing_of_bobs(system, first), stages)
+    local = reading = min(_LOOSE, tolerance / _USUAL)
+    best = latest = problem.pair(local, reading)
+    evaluations = latest.evaluations
+    for _ in range(_AGAIN):
+        if latest.missed <= tolerance or local <= _FINEST:
+            break
+        short = latest.missed / (_AIM * tolerance)
+        local = max(_FINEST, local / (short if short > _FAR else min(max(short, COMPANION), NEAR)))
+        reading = max(local, reading / COMPANION)  # errors inside steps do not add up
+        try:
+            latest = problem.pair(local, reading, latest.fine)
+        except RefusedError:  # steps too short for this: what there is holds, with the error that is estimated for it
+            break
+        evaluations += latest.evaluations
+        if latest.error < best.error:
+            best = latest
+    fine = best.fine
+    return Trajectory(
+        instants, fine.states, best.error, int(fine.counts[STEPS]), evaluations, int(fine.counts[marching.REJECTED])
+    )
 
 
 class Run(NamedTuple):
@@ -158,39 +161,6 @@ class Problem(NamedTuple):
             why = reason(self.system, state, _REASONS[outcome])
             raise RefusedError(f"radau: stopped at t = {time:.6g} s after {counts[STEPS]} steps: {why}")
         return Run(tolerance, orders, states, largest, counts)
-
-
-def _solve(
-    system: Any, start: ArrayLike, times: ArrayLike, tolerance: float, stages: tuple[int, int] | None
-) -> tuple[Trajectory, Callable[[], Onward]]:
-    """March in pairs until the error is what was asked for, three at most."""
-    first, instants = checked(start, times, tolerance, (_TIGHTEST, _LOOSEST))
-    problem = Problem(system, first, instants, swing_of_bobs(system, first), stages)
-    local = reading = min(_LOOSE, tolerance / _USUAL)
-    best = latest = problem.pair(local, reading)
-    readings, evaluations = reading, latest.evaluations
-    for _ in range(_AGAIN):
-        if latest.missed <= tolerance or local <= _FINEST:
-            break
-        short = latest.missed / (_AIM * tolerance)
-        local = max(_FINEST, local / (short if short > _FAR else min(max(short, COMPANION), NEAR)))
-        reading = max(local, reading / COMPANION)  # errors inside steps do not add up
-        try:
-            latest = problem.pair(local, reading, latest.fine)
-        except RefusedError:  # steps too short for this: what there is holds, with the error that is estimated for it
-            break
-        evaluations += latest.evaluations
-        if latest.error < best.error:
-            best, readings = latest, reading
-    fine = best.fine
-
-    def march(state: Floats, chunk: Floats) -> Floats:
-        return problem._replace(start=state, times=chunk).run(fine.tolerance, readings, fine.orders).states
-
-    found = Trajectory(
-        instants, fine.states, best.error, int(fine.counts[STEPS]), evaluations, int(fine.counts[marching.REJECTED])
-    )
-    return found, lambda: restarting(march, first, float(instants[0]))
 
 
 def swing_of_bobs(system: Any, start: Floats) -> Floats:

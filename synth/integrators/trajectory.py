@@ -1,6 +1,6 @@
-"""What every integrator takes and returns: checked arguments, trajectories whole or in pieces, one definition of the error.
+"""What every integrator takes and returns: checked arguments, a trajectory, one definition of the error.
 
-All have one face, `integrate(system, start, times, *, tolerance) -> Trajectory` (and `stream`, for times in chunks):
+All have one face, `integrate(system, start, times, *, tolerance) -> Trajectory`:
 
     system : NamedTuple    registered with a derivative (`synth.systems`), and whatever else the integrator says
     start : (n,)           state at the first of the times
@@ -9,14 +9,10 @@ All have one face, `integrate(system, start, times, *, tolerance) -> Trajectory`
 
 `UsageError` names arguments that cannot be meant; `RefusedError` says when and why an integration came to a stop, or that
 the integrator is not made for the system.
-
-Long motions come piece by piece, in memory that does not grow with their length. How they are to be marched, and how good
-they will be, is found first, by marches that keep few states; so every refusal is made before the first piece is written.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,12 +21,6 @@ from numpy.typing import ArrayLike
 
 from data_schemas.errors import UsageError
 from synth.phase import Floats
-
-Onward = Callable[[Floats], Floats]
-"""States (k, n) at increasing times (k,), none before the last asked for."""
-
-FEW = 8192
-"""Instants at which a long motion is looked at before it is streamed."""
 
 _NEGLIGIBLE = 1e-14  # share of the largest component
 
@@ -54,60 +44,6 @@ class Trajectory:
     """Steps that were tried and given up."""
 
 
-@dataclass(frozen=True)
-class Stream:
-    """A trajectory that comes in pieces; iterate over it once."""
-
-    pieces: Iterator[Floats]
-    """States (k, n) at one chunk of times after the other."""
-    estimated_error: float
-    """As of a `Trajectory`: of the march made beforehand."""
-
-    def __iter__(self) -> Iterator[Floats]:
-        return self.pieces
-
-
-def streamed(
-    solved: tuple[Trajectory, Callable[[], Onward]], chunks: Iterable[Floats], span: tuple[float, float]
-) -> Stream:
-    """The stream of a motion that was marched beforehand, as `solve` of an integrator returns it.
-
-    Parameters
-    ----------
-    solved
-        The trajectory, and what begins the march anew at its start.
-    chunks : iterable of (k,) arrays
-        Increasing times, s, over all chunks.
-    span : (float, float)
-        Time of the start, and a time that no chunk goes beyond.
-    """
-    made, begin = solved
-    return Stream(_pieces(begin(), chunks, *map(float, span)), made.estimated_error)
-
-
-def _pieces(onward: Onward, chunks: Iterable[Floats], reached: float, end: float) -> Iterator[Floats]:
-    for chunk in chunks:
-        times = np.array(chunk, dtype=np.float64)
-        if times.size and not (reached <= times[0] and times[-1] <= end and np.all(np.diff(times) > 0)):
-            raise UsageError(f"times of a chunk must increase within {reached!r} to {end!r} s")
-        reached = float(times[-1]) if times.size else reached
-        yield onward(times)
-
-
-def restarting(march: Callable[[Floats, Floats], Floats], start: Floats, begin: float) -> Onward:
-    """March from the last state asked for, by what gives states (k, n) at (k,) times from the state at the first."""
-    state, reached = start, begin
-
-    def onward(times: Floats) -> Floats:
-        nonlocal state, reached
-        fresh = times[times > reached]
-        states = march(state, np.concatenate([[reached], fresh]))
-        state, reached = states[-1], float(fresh[-1]) if fresh.size else reached
-        return states[1 if fresh.size == times.size else 0 :]
-
-    return onward
-
-
 def checked(
     start: ArrayLike, times: ArrayLike, tolerance: float, range_of: tuple[float, float] = (0.0, 1.0)
 ) -> tuple[Floats, Floats]:
@@ -129,11 +65,13 @@ def reason(system: Any, state: Floats, otherwise: str) -> str:
 
 
 def relative_error(difference: Floats, largest: Floats) -> float:
-    """Largest of |difference| (k, n) over `largest` (n,); a component that never left zero counts as it is."""
+    """Largest of |difference| (k, n) over `largest` (n,), or of one component; one that never left zero counts as it is."""
     size = np.where(largest > 0.0, largest, 1.0)
     return float(np.max(np.abs(difference) / size, initial=0.0))
 
 
 def difference(states: Floats, others: Floats, largest: Floats) -> float:
     """As `relative_error` of two runs; a component that is rounding noise beside the largest counts as it is."""
-    return relative_error(others - states, np.where(largest > _NEGLIGIBLE * np.max(largest), largest, 0.0))
+    size = np.where(largest > _NEGLIGIBLE * np.max(largest), largest, 0.0)
+    pairs = zip(states.T, others.T, size, strict=True)  # one by one: of a long motion all would take much memory
+    return float(np.max([relative_error(other - one, own) for one, other, own in pairs]))

@@ -7,8 +7,7 @@ The remainder is all that a pendulum has beyond y'' + 2 gamma y' + n^2 y = n^2 r
     r = -zeta theta - drive                                        where the law is linear
 
 In every interval the angle at the nodes and the remainder there are computed from each other in turn until they agree.
-Inner loops have constant lengths and walk forwards through memory, so that they are unrolled and vectorised; nothing is
-allocated in them. Kernels of the remainder are odd in (theta, u, drive) to the last bit.
+Nothing is allocated in inner loops. Kernels of the remainder are odd in (theta, u, drive) to the last bit.
 """
 
 from __future__ import annotations
@@ -17,8 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synth.kernels.collocation import NODES, POINTS, advance
+from synth.kernels.collocation import NODES, POINTS, advance, change, last_terms, turned
 from synth.kernels.compiled import kernel, summing_kernel
+from synth.kernels.lanes import LANES, load, store, total, wide
 from synth.phase import Floats
 
 MOST_TURNS = 20
@@ -26,9 +26,6 @@ MOST_TURNS = 20
 
 HOPELESS = 1e20
 """Square of a change of r, rad, from which iteration runs away."""
-
-_ROUNDER = 6755399441055744.0  # 1.5 * 2^52: adding and subtracting it rounds to a whole number
-_HALF_CIRCLE = (3.141592653589793116, 1.2246467991473532072e-16)
 
 
 class Forcing(NamedTuple):
@@ -63,8 +60,8 @@ class Law(NamedTuple):
 
 @kernel
 def march(
-    state: Floats, remainder: Floats, forcing: Forcing, law: Law, reach: Floats, floor: Floats, stop: float,
-    points: Floats, report: Floats,
+    state: Floats, remainder: Floats, forcing: Forcing, law: Law, floor: Floats, stop: float, points: Floats,
+    report: Floats,
 ) -> int:  # fmt: skip
     """Carry pendulums through consecutive intervals.
 
@@ -76,9 +73,8 @@ def march(
         r in the interval before, zero if unknown; in the last interval on return.
     forcing : Forcing
     law : Law
-    reach, floor : (pendulums,)
-        Amplitude of y at the start of an interval from which theta might exceed 0.5 rad in it: the general remainder
-        is then used. Square of an angle below which agreement is not asked for in relation to y alone.
+    floor : (pendulums,)
+        Square of an angle below which agreement is not asked for in relation to y alone.
     stop : float
         Change of r, relative to the angle, from which an iteration is the last.
     points : (pendulums, intervals, POINTS)
@@ -113,16 +109,14 @@ def march(
             now = 1 - now
             for p in range(pendulums):
                 if linear:
-                    remainder_linear(theta, vertical, horizontal, drive, p, i, known, now)
-                elif state[p, 0] * state[p, 0] + state[p, 2] * state[p, 2] < reach[p] * reach[p]:
-                    remainder_small(theta, vertical, horizontal, drive, p, i, known, now)
+                    remainder_linear(theta, vertical, drive, p, i, known, now)
                 else:
-                    remainder_general(theta, vertical, horizontal, drive, p, i, known, now)
+                    remainder_sine(theta, vertical, horizontal, drive, p, i, known, now)
             if turns >= unchecked or turns == 2:  # the second tells whether iteration runs away
                 agree = True
                 for p in range(pendulums):
                     limit = stop * stop * max(report[p, 3], floor[p])
-                    step = _change(known, p)
+                    step = change(known, p)
                     if step > HOPELESS:
                         return i
                     agree &= not step > limit
@@ -167,20 +161,26 @@ def read(points: Any, begin: Any, row: Any, table: Any, result: Any) -> None:
                 result[p, k] += _at(table, row[k], points, p, i)
 
 
-@summing_kernel
-def _free(flow: Any, steady: Any, p: int, i: int, angle: float, speed: float, out: Any) -> None:
-    for j in range(NODES):
-        out[p, j] = steady[p, i, j] + (flow[p, j] * angle + flow[p, NODES + j] * speed)
+@kernel
+def _free(flow: Floats, steady: Floats, p: int, i: int, angle: float, speed: float, out: Floats) -> None:
+    for j in range(0, NODES, LANES):
+        own = load(flow, (p, j)) * angle + load(flow, (p, NODES + j)) * speed
+        store(out, (p, j), load(steady, (p, i, j)) + own)
 
 
-@summing_kernel
-def _couple(matrix: Any, known: Any, now: int, p: int, base: Any, out: Any) -> None:
-    for j in range(NODES):
-        first, second = base[p, j], 0.0  # two chains of additions run side by side
-        for k in range(NODES // 2):
-            first += matrix[p, k * NODES + j] * known[now, p, k]
-            second += matrix[p, (k + NODES // 2) * NODES + j] * known[now, p, k + NODES // 2]
-        out[p, j] = first + second
+@kernel
+def _couple(matrix: Floats, known: Floats, now: int, p: int, base: Floats, out: Floats) -> None:
+    first, second = load(base, (p, 0)), load(base, (p, LANES))
+    third, fourth = wide(0.0), wide(0.0)  # more chains of additions, which run side by side
+    for k in range(NODES // 2):
+        value, row = known[now, p, k], k * NODES
+        first += load(matrix, (p, row)) * value
+        second += load(matrix, (p, row + LANES)) * value
+        value, row = known[now, p, k + NODES // 2], row + NODES * NODES // 2
+        third += load(matrix, (p, row)) * value
+        fourth += load(matrix, (p, row + LANES)) * value
+    store(out, (p, 0), first + third)
+    store(out, (p, LANES), second + fourth)
 
 
 @summing_kernel
@@ -191,74 +191,31 @@ def _at(table: Any, row: int, points: Any, p: int, i: int) -> float:
     return total
 
 
-@summing_kernel
-def _change(known: Any, p: int) -> float:
-    total = 0.0
-    for j in range(NODES):
-        step = known[1, p, j] - known[0, p, j]
-        total += step * step
-    return total
-
-
-@summing_kernel
-def _note(tail: Any, known: Any, now: int, p: int, report: Any) -> None:
+@kernel
+def _note(tail: Floats, known: Floats, now: int, p: int, report: Floats) -> None:
     """Raise the report by the Legendre tail and the size of the remainder."""
-    first, second, third, fourth, size = 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(NODES):
-        value = known[now, p, j]
-        first += tail[0, j] * value
-        second += tail[0, NODES + j] * value
-        third += tail[0, 2 * NODES + j] * value
-        fourth += tail[0, 3 * NODES + j] * value
-        size += value * value
-    report[p, 0] = max(report[p, 0], third * third + fourth * fourth)
-    report[p, 1] = max(report[p, 1], first * first + second * second)
-    report[p, 2] += size
-
-
-@summing_kernel
-def remainder_small(
-    theta: Any, vertical: Any, horizontal: Any, drive: Any, p: int, i: int, known: Any, now: int
-) -> None:
-    """Taylor polynomials, for |theta| < 0.5: short by less than 5e-17 of theta."""
-    for j in range(NODES):
-        x = theta[p, j]
-        s = x * x
-        short = 1 / 39916800 - s * (1 / 6227020800)
-        short = s * (1 / 6 + s * (-1 / 120 + s * (1 / 5040 + s * (-1 / 362880 + s * short)))) * x
-        rise = 1 / 3628800 + s * (-1 / 479001600 + s * (1 / 87178291200))
-        rise = s * (0.5 + s * (-1 / 24 + s * (1 / 720 + s * (-1 / 40320 + s * rise))))
-        known[now, p, j] = short - vertical[i, j] * (x - short) + horizontal[i, j] * rise - drive[i, j]
-
-
-@summing_kernel
-def remainder_linear(
-    theta: Any, vertical: Any, horizontal: Any, drive: Any, p: int, i: int, known: Any, now: int
-) -> None:
-    """The linear law, which the support's horizontal acceleration does not change."""
-    for j in range(NODES):
-        known[now, p, j] = -vertical[i, j] * theta[p, j] - drive[i, j]
+    last, before = last_terms(tail, known, now, p)
+    first, second = load(known, (now, p, 0)), load(known, (now, p, LANES))
+    report[p, 0], report[p, 1] = max(report[p, 0], last), max(report[p, 1], before)
+    report[p, 2] += total(first * first + second * second)
 
 
 @kernel
-def remainder_general(
-    theta: Any, vertical: Any, horizontal: Any, drive: Any, p: int, i: int, known: Any, now: int
-) -> None:
-    """Any angle: sine and cosine of half the angle, itself reduced to a quarter turn either way."""
-    for j in range(NODES):
-        x = theta[p, j]
-        half_turns = (x * (1 / np.pi) + _ROUNDER) - _ROUNDER
-        rest = (x - half_turns * _HALF_CIRCLE[0]) - half_turns * _HALF_CIRCLE[1]
-        pairs = (half_turns * 0.5 + _ROUNDER) - _ROUNDER
-        sign = 1.0 - 2.0 * abs(half_turns - 2.0 * pairs)
-        h = 0.5 * rest
-        s = h * h
-        sine = 1 / 6227020800 + s * (-1 / 1307674368000 + s * (1 / 355687428096000))
-        sine = -1 / 6 + s * (1 / 120 + s * (-1 / 5040 + s * (1 / 362880 + s * (-1 / 39916800 + s * sine))))
-        sine = h + h * (s * sine)
-        cosine = 1 / 479001600 + s * (-1 / 87178291200 + s * (1 / 20922789888000))
-        cosine = -0.5 + s * (1 / 24 + s * (-1 / 720 + s * (1 / 40320 + s * (-1 / 3628800 + s * cosine))))
-        cosine = 1.0 + s * cosine
-        full = sign * (2.0 * sine * cosine)
-        rise = 1.0 - sign * (1.0 - 2.0 * sine * sine)
-        known[now, p, j] = (x - full) - vertical[i, j] * full + horizontal[i, j] * rise - drive[i, j]
+def remainder_sine(
+    theta: Floats, vertical: Floats, horizontal: Floats, drive: Floats, p: int, i: int, known: Floats, now: int
+) -> None:  # fmt: skip
+    """The pendulum itself, at any angle."""
+    for j in range(0, NODES, LANES):
+        sine, _, short, rise = turned(load(theta, (p, j)))
+        pull = short - load(vertical, (i, j)) * sine + load(horizontal, (i, j)) * rise
+        store(known, (now, p, j), pull - load(drive, (i, j)))
+
+
+@kernel
+def remainder_linear(
+    theta: Floats, vertical: Floats, drive: Floats, p: int, i: int, known: Floats, now: int
+) -> None:  # fmt: skip
+    """The linear law, which the support's horizontal acceleration does not change."""
+    for j in range(0, NODES, LANES):
+        felt = load(vertical, (i, j)) * load(theta, (p, j))
+        store(known, (now, p, j), -felt - load(drive, (i, j)))

@@ -19,10 +19,7 @@ from synth.phase import Floats
 def read_table(term: Table) -> tuple[Floats, Floats]:
     """Times in s and values times the factor.
 
-    Raises
-    ------
-    SceneError
-        If the file or a column is not there, a value is not a number, or the times do not increase.
+    `SceneError` if the file or a column is not there, a value is not a number, or the times do not increase.
     """
     path = Path(term.file)
     try:

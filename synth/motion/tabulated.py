@@ -39,17 +39,14 @@ _REFINEMENT = 4  # even steps a typical uneven step
 def tabulated(term: Table, duration: float) -> HarmonicSum:
     """Read a table and continue it.
 
+    `SceneError` if the table does not cover the record, jumps, or is uneven and should be band-limited.
+
     Parameters
     ----------
     term
         What the scene says.
     duration
         True time that the record needs, s.
-
-    Raises
-    ------
-    SceneError
-        If the table does not cover the record, jumps, or is uneven and should be band-limited.
     """
     seconds, values = read_table(term)
     begin = term.begin if term.begin is not None else float(seconds[0])

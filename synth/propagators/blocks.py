@@ -31,9 +31,6 @@ from numpy.typing import NDArray
 
 from synth.phase import Floats, Integers, Phasors, Turns, turns
 
-PORTION = 512
-"""Functions of one product: keeps the tables of a long recorded motion small."""
-
 ONE_THREAD = 1 << 18
 """Multiplications up to which OpenBLAS keeps to one thread."""
 FEWEST_ROWS = 8
@@ -130,10 +127,8 @@ class Blocks:
         return float(np.abs(centres).max(initial=0.0) + reaches[-1])
 
 
-def product(
-    even: Sequence[tuple[Floats, Floats]], odd: Sequence[tuple[Floats, Floats]], result: Floats, *, begun: bool
-) -> None:
-    """Evaluate some functions and put their sum into a result, or add it to one that is begun.
+def product(even: Sequence[tuple[Floats, Floats]], odd: Sequence[tuple[Floats, Floats]], result: Floats) -> None:
+    """Evaluate some functions and put their sum into a result.
 
     Rows are taken in strips small enough for the BLAS to keep to one thread: a product of a tenth of a millisecond
     gains little from a second thread, and waits for milliseconds if that thread's core is busy. Products too large
@@ -149,12 +144,10 @@ def product(
     rows = ONE_THREAD // max(evens[1].size, 1)
     rows = len(result) if rows < FEWEST_ROWS else min(rows, len(result))
     space = np.empty((2, max(rows, 1), evens[1].shape[1]))
-    halves((evens[0].T, evens[1]), (odds[0].T, odds[1]), result, space, begun=begun)
+    halves((evens[0].T, evens[1]), (odds[0].T, odds[1]), result, space)
 
 
-def halves(
-    even: tuple[Floats, Floats], odd: tuple[Floats, Floats], result: Floats, space: Floats, *, begun: bool = False
-) -> None:
+def halves(even: tuple[Floats, Floats], odd: tuple[Floats, Floats], result: Floats, space: Floats) -> None:
     """Both halves of a product, in strips of rows.
 
     Parameters
@@ -173,12 +166,8 @@ def halves(
         some = after[strip]
         evens = np.matmul(even[0][strip], even[1], out=space[0, : len(some)])
         odds = np.matmul(odd[0][strip], odd[1], out=space[1, : len(some)])
-        if begun:
-            before[strip] += evens + odds
-            some += evens - odds
-        else:
-            np.add(evens, odds, out=before[strip])
-            np.subtract(evens, odds, out=some)
+        np.add(evens, odds, out=before[strip])
+        np.subtract(evens, odds, out=some)
 
 
 @dataclass(frozen=True)

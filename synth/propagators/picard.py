@@ -19,7 +19,7 @@ phases come from whole numbers. Hence 1e-15 to 1e-14 of the largest angle in an 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -66,7 +66,7 @@ class PicardPlan:
     gravity: float
     """m/s^2"""
     times: EvenTimes | UnevenTimes
-    """Readings. Uneven ones may come in any order and, without kicks, may be negative."""
+    """Readings, increasing, none before t = 0."""
     linear: bool = False
     """Whether the law is linear: r = -zeta theta - u_near."""
     kicks: Kicks | None = None
@@ -84,55 +84,31 @@ class PicardPlan:
         estimated_error : float
             Largest error, relative to the largest angle of the pendulum.
         """
-        theta = np.empty((len(self.frequencies), self.times.count))
-        error = 0.0
-        for swing in self.stream():
-            theta[:, swing.readings] = swing.theta
-            error = max(error, swing.estimated_error)
-        return theta, error
+        swings = list(self.stream())
+        theta = [np.empty((len(self.frequencies), 0)), *(swing.theta for swing in swings)]
+        return np.concatenate(theta, axis=1), swings[-1].estimated_error if swings else 0.0
 
     def stream(self) -> Iterator[Swing]:
-        """Angles portion by portion, in bounded memory; by time, those before t = 0 first and backwards.
+        """Angles portion by portion, in order of time and in bounded memory.
 
         `RefusedError`: as `elongation`.
         """
-        times = self.times
-        # a clock's come in order: no copies
-        if isinstance(times, EvenTimes) or (
-            times.count and times.seconds[0] >= 0 and (np.diff(times.seconds) > 0).all()
-        ):
-            yield from march(self._equations(), self._readings(times))
-            return
-        order = np.argsort(times.seconds, kind="stable")
-        before = int(np.searchsorted(times.seconds[order], 0.0))
-        for plan, picked in ((self._reversed(), order[:before][::-1]), (self, order[before:])):
-            after = UnevenTimes(np.abs(times.seconds[picked]), times.scale)
-            for index, theta, error in march(plan._equations(), plan._readings(after)):
-                yield Swing(picked[index], theta, error)
+        return march(self._equations(), self._readings())
 
-    def _readings(self, times: EvenTimes | UnevenTimes) -> list[EvenReadings] | list[UnevenReadings]:
+    def _readings(self) -> list[EvenReadings] | list[UnevenReadings]:
         """The readings among intervals of each length to try."""
-        fastest = max(
-            float(np.max(motion.angular_frequency, initial=0.0)) for motion in (self.horizontal, self.vertical)
-        )
+        times, kicks = self.times, self.kicks
+        motions = (self.horizontal, self.vertical)
+        fastest = max(float(np.max(motion.angular_frequency, initial=0.0)) for motion in motions)
         own = float(np.max(self.frequencies))
         longest = [min(reach / (own + fastest), _READ / own) for reach in _REACH]
         if isinstance(times, EvenTimes):
-            if self.kicks is not None:
-                pattern = self.kicks.step / times.step
-                return [EvenReadings(times.step, times.count, pattern.numerator, pattern.denominator)]
-            return [EvenReadings.among(times.step, times.count, each) for each in longest]
-        if self.kicks is not None:
-            return [UnevenReadings(times.seconds, times.scale, float(self.kicks.step / times.scale))]
-        return [UnevenReadings.among(times.seconds, times.scale, each) for each in longest]
-
-    def _reversed(self) -> PicardPlan:
-        """The same motion with time running backwards."""
-        across, along = (
-            replace(each, acceleration=each.acceleration.conj()) for each in (self.horizontal, self.vertical)
-        )
-        turned, starts = -self.damping_rates, self.starts * [1.0, -1.0]
-        return replace(self, damping_rates=turned, starts=starts, horizontal=across, vertical=along)
+            if kicks is not None:
+                return [EvenReadings(times, *(kicks.step / times.step).as_integer_ratio())]
+            return [EvenReadings.among(times, each) for each in longest]
+        if kicks is not None:
+            return [UnevenReadings(times, float(kicks.step / times.scale))]
+        return [UnevenReadings.among(times, each) for each in longest]
 
     def _equations(self) -> Equations:
         horizontal, vertical = _at_least_one(self.horizontal), _at_least_one(self.vertical)

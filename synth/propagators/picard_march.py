@@ -19,10 +19,10 @@ from synth.kernels.collocation_weights import continuation, legendre_tail, weigh
 from synth.kernels.picard import Forcing, Law
 from synth.kernels.picard import march as march_intervals
 from synth.kicks import Kicks
-from synth.phase import Floats, Integers
+from synth.phase import Floats
 from synth.propagators.blocks import EvenTicks
 from synth.propagators.picard_error import Estimate
-from synth.propagators.picard_forcing import EvenReadings, Sums, UnevenReadings, node_grid
+from synth.propagators.picard_forcing import EvenReadings, Grid, Sums, UnevenReadings, steady_at
 
 GROUP = 32
 """Intervals in a block of the forcing."""
@@ -30,7 +30,6 @@ GROUP = 32
 _BLOCKS = 24  # blocks in a stride at most; forcing and readings of a stride then stay in the processor's cache
 _MOST_HALVINGS = 10
 _PATIENCE = 8  # strides after which longer intervals are tried again
-_SMALL = 0.5  # rad, up to which the short polynomials of the kernel hold
 _STOP = 1e-15  # change of r, relative to the angle, that no longer matters even where angles feel all of it
 
 
@@ -62,10 +61,8 @@ class Equations:
 
 
 class Swing(NamedTuple):
-    """Angles at some readings."""
+    """Angles at the next readings."""
 
-    readings: slice | Integers
-    """Which readings of the clock."""
     theta: Floats
     """(pendulums, readings) rad."""
     estimated_error: float
@@ -85,15 +82,15 @@ class _Level:
         same = np.array_equal(horizontal.angular_frequency, vertical.angular_frequency)
         if same and horizontal.combs == vertical.combs:
             merged = replace(horizontal, coefficients=np.vstack([vertical.coefficients, horizontal.coefficients]))
-            self._grids = [node_grid(merged, readings.interval, GROUP, blocks)]
+            self._grids = [Grid(merged, readings.interval, GROUP, blocks)]
         else:
-            self._grids = [node_grid(each, readings.interval, GROUP, blocks) for each in (vertical, horizontal)]
+            self._grids = [Grid(each, readings.interval, GROUP, blocks) for each in (vertical, horizontal)]
         self.points = np.empty((self._pendulums, self.most, POINTS))
         self._still = np.zeros((self.most, NODES))
         self._kicks = equations.kicks
         self._answers = horizontal.some(slice(self._pendulums))
         self._frequencies = equations.frequencies
-        self.steady = readings.steady(horizontal.some(slice(shown)), self.most)
+        self.shown = horizontal.some(slice(shown))
         each_pendulum = zip(equations.frequencies.tolist(), equations.damping_rates.tolist(), strict=True)
         sets = [
             weights(Fraction(n) ** 2, 2 * Fraction(gamma), readings.interval, Fraction(n)) for n, gamma in each_pendulum
@@ -164,7 +161,7 @@ def march(equations: Equations, readings: Sequence[EvenReadings | UnevenReadings
         elif result is not None:
             state, remainder, estimate = carried, known, tried
             done += count
-            yield Swing(*result, estimate.relative)
+            yield Swing(result, estimate.relative)
             calm += 1
             if depth and calm >= patience:
                 depth, done, calm = depth - 1, done // 2, 0
@@ -188,30 +185,29 @@ def march(equations: Equations, readings: Sequence[EvenReadings | UnevenReadings
 
 def _stride(
     level: _Level, first: int, count: int, state: Floats, remainder: Floats, estimate: Estimate
-) -> tuple[slice, Floats] | None:
-    """March `count` intervals; state, remainder and estimate move on. Return readings, or none if it went wrong."""
+) -> Floats | None:
+    """March `count` intervals; state, remainder and estimate move on. Return theta, or none if it went wrong."""
     forcing = level.forcing(first, count)
     peak = np.array([_largest(each) for each in forcing.steady])
     zeta, u, rest = (_largest(each) for each in (forcing.vertical, forcing.horizontal, forcing.drive))
     turn = level.turn
-    most = turn * (_SMALL * zeta + _SMALL**3 / 6 + _SMALL**2 / 2 * u + rest)  # y can change by this in an interval
     report = estimate.report()
     report[:, 3] = np.maximum(report[:, 3], state[:, 0] ** 2 + state[:, 2] ** 2)
     angle = np.minimum(peak + np.sqrt(report[:, 3]), np.pi)
     contraction = float(np.max(turn**2 / 4 * (zeta + angle**2 / 2 + u * angle)))
     points = level.points[:, :count]
-    reach, floor = np.maximum(_SMALL - peak - most, 0.0), (peak + np.minimum(turn, turn**2) * rest) ** 2
+    floor = (peak + np.minimum(turn, turn**2) * rest) ** 2
     stop = min(max(_STOP / max(contraction, 1e-3), 10 * _STOP), 100 * _STOP)
-    marched = march_intervals(state, remainder, forcing, level.law, reach, floor, stop, points, report)
+    marched = march_intervals(state, remainder, forcing, level.law, floor, stop, points, report)
     if marched < count or not np.isfinite(state).all():
         return None
     estimate.add(report, peak, turn, points)
     if not estimate.is_resolved:
         return None
     portion = level.readings.portion(first, count)
-    theta = level.steady(portion)
+    theta = steady_at(level.readings.times, level.shown, portion)
     level.readings.read(points[: len(theta)], first, theta)
-    return portion, theta
+    return theta
 
 
 def _largest(values: Floats) -> float:

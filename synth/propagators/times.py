@@ -29,7 +29,7 @@ import numpy as np
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import Response
 from synth.phase import Floats, Integers, Phasors, rational_turns
-from synth.propagators.blocks import PORTION, Blocks, EvenTicks, PeriodicSums, Places, Ticks, product
+from synth.propagators.blocks import Blocks, EvenTicks, PeriodicSums, Places, Ticks, product
 
 Seconds = tuple[Floats, Floats]
 """t_b and tau, s."""
@@ -92,22 +92,19 @@ def _pendulum(response: Response, steady: Phasors, last: float) -> tuple[Phasors
 
 def _evaluate(sums: Sequence[tuple[Phasors, _Free | None]], angular_frequency: Floats, blocks: Blocks) -> Floats:
     """Real parts of sums of harmonics with these coefficients, and of free swings."""
-    result, seconds = np.empty((len(sums), *blocks.shape)), blocks.seconds
-    for begin in range(0, max(angular_frequency.size, 1), PORTION):
-        portion = slice(begin, begin + PORTION)
-        rates = angular_frequency[portion].tolist()
-        count = len(rates)
-        own = [free.owner.damped_frequency for _, free in sums if free] if begin == 0 else []
-        head, table = blocks.phasors(rates + own)
-        for index, ((steady, free), total) in enumerate(zip(sums, result, strict=True)):
-            weights = steady[portion, None] * head[:count]
-            # Re(W exp(i w tau)) = Re W cos(w tau) - Im W sin(w tau)
-            even, odd = [(weights.real, table[:count].real)], [(weights.imag, table[:count].imag)]
-            if free and begin == 0:
-                own_weights, own_even, own_odd = free.halves(head[count + index], table[count + index], seconds)
-                even.append((own_weights, own_even))
-                odd.append((own_weights, own_odd))
-            product(even, odd, total, begun=begin > 0)
+    result = np.empty((len(sums), *blocks.shape))
+    count = angular_frequency.size
+    own = [free.owner.damped_frequency for _, free in sums if free]
+    head, table = blocks.phasors([*angular_frequency.tolist(), *own])
+    for index, ((steady, free), total) in enumerate(zip(sums, result, strict=True)):
+        weights = steady[:, None] * head[:count]
+        # Re(W exp(i w tau)) = Re W cos(w tau) - Im W sin(w tau)
+        even, odd = [(weights.real, table[:count].real)], [(weights.imag, table[:count].imag)]
+        if free:
+            own_weights, own_even, own_odd = free.halves(head[count + index], table[count + index], blocks.seconds)
+            even.append((own_weights, own_even))
+            odd.append((own_weights, own_odd))
+        product(even, odd, total)
     return result
 
 

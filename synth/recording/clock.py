@@ -103,10 +103,7 @@ def set_clock(scene: Scene) -> Clock:
 
     Even readings without a gap are only counted, not listed; others take a few numbers a reading.
 
-    Raises
-    ------
-    SceneError
-        If no reading is left.
+    `SceneError` if no reading is left.
     """
     recording = scene.recording
     scale = true_time_scale(recording.chronometer_rate)

@@ -139,15 +139,12 @@ class Reduction(NamedTuple):
 def reduced(beam: ElasticBeam) -> Reduction:
     """Reduce a beam with clocks.
 
+    `RefusedError` if system (2) cannot hold the beam.
+
     Parameters
     ----------
     beam : ElasticBeam
         Its only term is a `VanDerPolDrive`; no ship motion.
-
-    Raises
-    ------
-    RefusedError
-        If system (2) cannot hold the beam.
 
     Examples
     --------

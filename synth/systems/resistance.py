@@ -37,10 +37,7 @@ def law(field: str) -> Callable[[type], type]:
 def resistances(pendulums: Sequence[Pendulum]) -> list[Any]:
     """What resists, only what some pendulum has; one without it has a strength of zero.
 
-    Raises
-    ------
-    SceneError
-        A field of a pendulum resists by its declaration, and no law is declared for it.
+    `SceneError`: a field of a pendulum resists by its declaration, and no law is declared for it.
     """
     found = []
     for field, name in RESISTANCES.items():

@@ -38,6 +38,7 @@ def test_cost_is_compared_with_a_chain_of_scipy(monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.usefixtures("short")
 def test_scatter_is_compared_with_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bars_joint, "RATES", (10,))
+    monkeypatch.setattr(bars_joint, "BOUNDS", {"linear": (0.05,), "real": (0.05,)})
     rows = list(bars_joint._efficiency(2))
     assert ["linear" in row["bar"] for row in rows] == [True, False]
     assert all(0.0 < row["value"] < 20.0 for row in rows)  # so short that the bound, of the swing alone, is far
@@ -50,7 +51,6 @@ def test_rows_name_what_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(bars_joint, "campaign", campaign)
     monkeypatch.setattr(bars_joint, "_cost", lambda repeats: iter(()))
-    monkeypatch.setattr(bars_joint, "gravity_bound", lambda scene: 0.01)
     rows = list(bars_joint.rows(quick=True))
     assert [row["bar"] for row in rows if not row["pass"]] == ["joint, one gap of 300 s: rms z of 8"]
     assert len({row["bar"] for row in rows}) == len(rows)

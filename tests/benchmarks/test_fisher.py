@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fisher import Pair, bound, gravity_bound, jacobian, respond
 
-from pipeline.benchmarks.fisher import Pair, bound, gravity_bound, jacobian, respond
-from pipeline.benchmarks.scenes import linear, two_pendulums
+from pipeline.benchmarks.bars_joint import BOUNDS, RATES
+from pipeline.benchmarks.scenes import linear, real, two_pendulums
 from synth import simulate
 
 SINGLE = Pair(frequency=6.2, ratio=1.0, damping_rate=0.0, damping_difference=0.0, swing=0.015 * np.exp(0.3j))
@@ -86,3 +87,10 @@ def test_bound_of_a_scene_is_in_mgal_and_scales_with_its_noise() -> None:
     sinusoid = printed_bound(1500, 1e-4, 25.0, amplitude) * 2.0 * 9.8123456 / 6.22 / 1e-5
     # a minute of record: offset and double frequency count by a per cent, damping and resonance by a few
     assert large == pytest.approx(sinusoid, rel=0.1)
+
+
+@pytest.mark.parametrize("words", [*BOUNDS])
+@pytest.mark.parametrize("rate", [pytest.param(rate, marks=[pytest.mark.campaign] * (rate < 25)) for rate in RATES])
+def test_the_bounds_of_the_bars(words: str, rate: int) -> None:
+    scene = {"linear": linear, "real": real}[words](1e-5, noise=1e-4, sampling_rate=rate)
+    assert gravity_bound(scene) == pytest.approx(BOUNDS[words][RATES.index(rate)], rel=1e-5)

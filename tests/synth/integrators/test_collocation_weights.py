@@ -8,8 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from synth.integrators.collocation_remainders import turned
-from synth.kernels.collocation import NODES
+from synth.kernels.collocation import NODES, turned
 from synth.kernels.collocation_weights import FINE, aligned, gauss_nodes, weights
 from synth.kernels.compiled import kernel
 from synth.kernels.lanes import LANES, load, positive, store, total, wide
@@ -104,7 +103,7 @@ def test_eight_at_once_are_what_numpy_says() -> None:
 @kernel
 def _turn(angles: Floats, out: Floats) -> None:
     for j in range(0, angles.size, LANES):
-        sine, cosine, short = turned(load(angles, (j,)))
+        sine, cosine, short, _ = turned(load(angles, (j,)))
         store(out, (0, j), sine)
         store(out, (1, j), cosine)
         store(out, (2, j), short)

@@ -58,7 +58,7 @@ def test_mirror() -> None:
 
 
 def test_time_reversal() -> None:
-    """Backwards along the same path: negative times of a pendulum started at the end lead to the beginning."""
+    """Backwards along the same path: a pendulum started at the end leads to the beginning."""
     last = 12.5
     plan = make([(0.3, 0.4)], SWELL, HEAVE)
     # The angular velocity at the end comes from a symmetric pair of readings and the equation's own smoothness.
@@ -68,13 +68,13 @@ def test_time_reversal() -> None:
     fit = np.polynomial.Polynomial.fit(offsets, near, 13)
     speed = float(fit.deriv()(0.0))
     shift = [
-        HarmonicSum(each.angular_frequency, each.acceleration * np.exp(1j * each.angular_frequency * last))
+        HarmonicSum(each.angular_frequency, (each.acceleration * np.exp(1j * each.angular_frequency * last)).conj())
         for each in (SWELL, HEAVE)
     ]
-    back = make([(near[8], speed)], *shift, times=UnevenTimes(-np.array([last, last / 2]), Fraction(1)))
+    back = make([(near[8], -speed)], *shift, times=UnevenTimes(np.array([last / 2, last]), Fraction(1)))
     forth = replace(plan, times=UnevenTimes(np.array([0.0, last / 2]), Fraction(1)))
     # differentiation of rounded readings costs 1e-13; the shear of 12 s of motion no more than ten times that
-    np.testing.assert_allclose(back.elongation()[0], forth.elongation()[0], rtol=0, atol=2e-12)
+    np.testing.assert_allclose(back.elongation()[0][:, ::-1], forth.elongation()[0], rtol=0, atol=2e-12)
 
 
 def test_sample_rate_does_not_matter() -> None:
@@ -87,14 +87,6 @@ def test_sample_rate_does_not_matter() -> None:
         np.testing.assert_allclose(
             other[:, :: rate // common], theta[:, :: 20 // common], rtol=0, atol=2e-14 * np.max(np.abs(theta))
         )
-
-
-def test_uneven_readings_in_any_order() -> None:
-    plan = make([(0.03, 0.02)], SWELL, HEAVE, times=EvenTimes(Fraction(1, 16), 321))
-    theta = plan.elongation()[0]
-    order = np.random.default_rng(2).permutation(321)
-    uneven = replace(plan, times=UnevenTimes(order / 16.0, Fraction(1))).elongation()[0]
-    np.testing.assert_allclose(uneven, theta[:, order], rtol=0, atol=1e-14 * np.max(np.abs(theta)))
 
 
 def test_slow_clock_and_gap() -> None:

@@ -13,7 +13,7 @@ from data_schemas.scene_pendulum import FreeStart
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond, start_state
 from synth.propagators.picard import PicardPlan
-from synth.propagators.times import EvenTimes, UnevenTimes
+from synth.propagators.times import EvenTimes
 
 CASES = {
     "swell": make([(0.03, 0.02), (0.012, 0.1)], SWELL, HEAVE, damping_rate=1e-3),
@@ -26,21 +26,6 @@ CASES = {
     "free fall": make([(0.2, 0.1)], STILL, motion((0.0, -GRAVITY))),
     "overdamped": make([(0.3, 0.0)], SWELL, HEAVE, damping_rate=10.0),
 }
-
-
-def test_backwards_with_damping() -> None:
-    """Before t = 0 a damped pendulum was swinging more."""
-    plan = make([(0.05, 0.1)], SWELL, HEAVE, damping_rate=0.03, times=UnevenTimes(-np.arange(1.0, 11.0), Fraction(1)))
-    solved = solve_ivp(
-        lambda t, state: right_side(plan, 0, t, state),
-        (0.0, -10.0),
-        plan.starts[0],
-        method="DOP853",
-        t_eval=-np.arange(1.0, 11.0),
-        rtol=1e-13,
-        atol=1e-15,
-    )
-    np.testing.assert_allclose(plan.elongation()[0][0], solved.y[0], rtol=0, atol=2e-12)
 
 
 @pytest.mark.parametrize("name", CASES)

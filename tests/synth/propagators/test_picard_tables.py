@@ -19,7 +19,7 @@ from synth.propagators.times import EvenTimes, UnevenTimes
 
 MOMENTS = (
     EvenTimes(Fraction(1, 20), 61),
-    UnevenTimes(np.array([-0.5, 0.0, 0.3, 0.31, 2.9]), Fraction(1)),
+    UnevenTimes(np.array([0.0, 0.3, 0.31, 2.9]), Fraction(1)),
 )
 
 

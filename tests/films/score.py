@@ -1,0 +1,123 @@
+"""Read films and reduce their records, by the command line; compare gravity with the truth beside them.
+
+    python -m tests.films.score F --lines scores.jsonl
+
+One JSON line a film is appended; films that have one are not read again. The table goes to stdout: a row a film, then
+a row for each kind.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+MGAL = 1e-5  # m/s^2
+_ROOT = Path(__file__).parents[2]
+_COLUMNS = "film,owed,error mGal,sigma,z,seconds,outcome"
+
+
+def run(words: list[str], limit: float) -> tuple[dict[str, Any], float]:
+    """First row of a verb's JSON Lines, and the seconds that it took."""
+    start = time.perf_counter()
+    command = [sys.executable, "-m", "pipeline.cli", *words, "--json"]
+    environment = {"OMP_NUM_THREADS": "1", **os.environ}
+    try:
+        done = subprocess.run(command, cwd=_ROOT, env=environment, capture_output=True, text=True, timeout=limit)
+    except subprocess.TimeoutExpired:
+        return {"status": "late", "error": f"{words[0]} was stopped after {limit:g} s"}, limit
+    lines = done.stdout.splitlines()
+    row = json.loads(lines[0]) if lines else {"status": "failed", "error": done.stderr.strip()[-400:]}
+    return row, time.perf_counter() - start
+
+
+def score(truth_file: Path, limit: float, method: str = "auto", accept: Iterable[str] = ()) -> dict[str, Any]:
+    """Read one film: what came of it."""
+    truth = json.loads(truth_file.read_text(encoding="utf-8"))
+    film = truth_file.name.removesuffix(".truth.json")
+    out = {name: truth[name] for name in ("kind", "group", "strength", "seed", "status", "cause")}
+    out = {"film": film, "owed": out.pop("status"), **out}
+    with tempfile.TemporaryDirectory() as scratch:
+        record = Path(scratch) / f"{film}.record.nc"
+        images = [str(truth_file.with_name(name)) for name in truth["images"]]
+        words = [
+            "digitise",
+            *images,
+            "-o",
+            str(record),
+            "--description",
+            str(truth_file.with_name(f"{film}.film.toml")),
+        ]
+        row, out["digitise_s"] = run(words + (["--strips"] if len(images) > 1 else []), limit)
+        out |= {"film_flags": row.get("flags", []), "reading": row.get("reading")}
+        if row["status"] != "ok":
+            return out | {"outcome": f"digitise {row['status']}", "error": row["error"]}
+        words = ["process", str(record), "-o", str(Path(scratch) / "out.nc"), "--method", method]
+        row, out["process_s"] = run(words + [word for flag in accept for word in ("--accept", flag)], limit)
+    out["flags"] = row.get("flags", [])
+    if row["status"] != "ok" or row["gravity_m_s2"] is None:
+        return out | {"outcome": f"process {row['status']}", "error": row["error"]}
+    error, sigma = (row["gravity_m_s2"] - truth["gravity"]) / MGAL, row["gravity_sigma_mgal"]
+    return out | {"outcome": "gravity", "error_mgal": error, "sigma_mgal": sigma, "z": error / sigma}
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """A row a film, then the kinds in short."""
+    lines = [_line(_COLUMNS.split(","))]
+    for row in rows:
+        numbers = [f"{row[name]:.3f}" if name in row else "" for name in ("error_mgal", "sigma_mgal", "z")]
+        seconds = f"{row['digitise_s']:.0f}+{row.get('process_s', 0.0):.0f}"
+        said = row["outcome"] if row["outcome"] != "gravity" else ""
+        said += " " + ",".join(row["film_flags"]) + (" | " + ",".join(row.get("flags", [])) if row.get("flags") else "")
+        said += " " + (row["error"].rpartition("film.tif: ")[2][:110] if row.get("error") else "")
+        lines.append(_line([row["film"], row["owed"], *numbers, seconds, said.strip()]))
+    lines.append("")
+    for kind in dict.fromkeys(row["kind"] for row in rows):
+        own = [row for row in rows if row["kind"] == kind]
+        z = sorted(abs(row["z"]) for row in own if "z" in row)
+        lines.append(
+            f"{kind:28s} {len(own):3d} films, {len(z):3d} give gravity, largest |z| {z[-1] if z else 0.0:7.2f}"
+        )
+    z = [abs(row["z"]) for row in rows if "z" in row]
+    beyond = [sum(value > limit for value in z) for limit in (4.0, 5.0)]
+    sound = [row for row in rows if row["owed"] == "sound"]
+    lost = sum(row["outcome"] != "gravity" for row in sound)
+    lines.append(
+        f"{len(rows)} films, {len(z)} give gravity, {beyond[0]} beyond 4 sigma, {beyond[1]} beyond 5; "
+        f"of {len(sound)} sound ones {lost} give none"
+    )
+    return "\n".join(lines)
+
+
+def _line(words: list[str]) -> str:
+    return "{:36s} {:10s} {:>11s} {:>8s} {:>8s} {:>9s}  {}".format(*words).rstrip()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--lines", type=Path, help="JSON Lines; default scores.jsonl in the folder")
+    parser.add_argument("--limit", type=float, default=600.0, help="s for each verb")
+    parser.add_argument("--method", default="auto")
+    parser.add_argument("--accept", action="append", default=[], metavar="FLAG", help="handed on to process")
+    options = parser.parse_args()
+    lines = options.lines or options.folder / "scores.jsonl"
+    rows = [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines()] if lines.exists() else []
+    known = {row["film"] for row in rows}
+    for truth in sorted(options.folder.glob("*.truth.json")):
+        if truth.name.removesuffix(".truth.json") not in known:
+            rows.append(score(truth, options.limit, options.method, options.accept))
+            with lines.open("a", encoding="utf-8") as out:
+                out.write(json.dumps(rows[-1]) + "\n")
+    print(table(rows))
+
+
+if __name__ == "__main__":
+    main()

@@ -186,6 +186,7 @@ def truth_of(film: plain.Film) -> dict[str, Any]:
         traces.append(
             {
                 "name": name,
+                "lever": float(case.levers_of(len(case.traces))[index]),
                 "column_of_row": _rounded(column),
                 "time_of_row": _rounded(time),
                 "slope_of_row": _rounded(np.gradient(column)),

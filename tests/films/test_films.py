@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
@@ -147,3 +148,20 @@ def test_table_counts_what_gives_gravity() -> None:
     ]
     text = score.table(rows)
     assert "2 films, 1 give gravity, 1 beyond 4 sigma, 0 beyond 5; of 2 sound ones 1 give none" in text
+
+
+@pytest.mark.parametrize("jump", [0.0, 0.3, 2.5])
+def test_record_that_is_late_from_its_middle_is_reported(tmp_path: Path, jump: float) -> None:
+    scan = film(duration=(60.0, 60.0), swell=0.02)
+    truth = make.truth_of(scan)
+    times = np.arange(1.0, 55.0, 0.04)
+    angles = scan.combinations @ scan.world.angles(times).T
+    with h5py.File(tmp_path / "late.record.nc", "w") as file:
+        file["time"] = times + scan.offset + np.where(times > 31.0, jump, 0.0)
+        file["record/trace"] = list(scan.case.traces)
+        file["record/elongation"] = angles
+    found = score.compare(tmp_path / "late.record.nc", truth)
+    assert found["time_error_s"] == pytest.approx(jump, abs=0.01)
+    assert found["minute_error_s"] == pytest.approx(0.0, abs=0.002)
+    assert found["sample_error_px"] < 0.05
+    assert found["unflagged"] == 1.0

@@ -159,7 +159,7 @@ def table(rows: list[dict[str, Any]]) -> str:
     z = [abs(row["z"]) for row in rows if "z" in row]
     beyond = [sum(value > limit for value in z) for limit in (4.0, 5.0)]
     sound = [row for row in rows if row["owed"] == "sound"]
-    lost = sum(row["outcome"] != "gravity" for row in sound)
+    lost = sum(row["outcome"] not in ("gravity", "read") for row in sound)
     lines.append(
         f"{len(rows)} films, {len(z)} give gravity, {beyond[0]} beyond 4 sigma, {beyond[1]} beyond 5; "
         f"of {len(sound)} sound ones {lost} give none"

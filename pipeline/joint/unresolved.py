@@ -24,7 +24,9 @@ DOUBTED = 0.5  # share of the term that the assumed spectrum leaves uncertain
 LEAST_MODES = 0.5
 SHORT = (0.6, 0.8, 1.0, 1.25)  # of the swing's frequency, of short waves
 BROAD = 0.3  # of theirs, a width
-LIFTS = np.geomspace(0.1, 10.0, 9)  # of what sways a ship so fast, what lifts it: hulls, and planes of swing, face any way
+LIFTS = np.geomspace(
+    0.1, 10.0, 9
+)  # of what sways a ship so fast, what lifts it: hulls, and planes of swing, face any way
 
 
 def unresolved(fit: Fitted, assumed: Assumed) -> tuple[float, float]:

@@ -121,7 +121,9 @@ def drive(
         if line is None:
             break
         guess = _parameters(found)
-        tried = [_most_likely(rows, sigma, step, (*found.lines, (*line, each)), used, jumps, guess) for each in COHERENCE]
+        tried = [
+            _most_likely(rows, sigma, step, (*found.lines, (*line, each)), used, jumps, guess) for each in COHERENCE
+        ]
         better = min(tried, key=lambda one: one.likelihood)
         if found.likelihood - better.likelihood < GAINED:
             break
@@ -156,7 +158,9 @@ def _most_likely(
 
     def run(at: Floats, smooth: bool) -> Drive:
         rough, shake, floor = np.clip(at, LOWEST, HIGHEST)
-        return run_drive(seen, sigma, step, float(rough), float(shake), float(np.exp(floor)), lines, used, jumps, smooth)
+        return run_drive(
+            seen, sigma, step, float(rough), float(shake), float(np.exp(floor)), lines, used, jumps, smooth
+        )
 
     def price(at: Floats) -> float:
         return run(at, False).likelihood + float(np.sum((at - np.clip(at, LOWEST, HIGHEST)) ** 2))
@@ -239,7 +243,9 @@ def _line(rows: Floats, found: Drive) -> tuple[float, float] | None:
     marks = rows.shape[1]
     if marks * found.step < 2.0 * SLOWEST / 3.0:
         return None
-    still = run_drive(rows, np.full_like(rows, 0.05), found.step, CALM, CALM, 0.05, found.lines, found.used, found.jumps, True)
+    still = run_drive(
+        rows, np.full_like(rows, 0.05), found.step, CALM, CALM, 0.05, found.lines, found.used, found.jumps, True
+    )
     left = found.row - still.row
     left = left - left.mean()
     power = np.abs(np.fft.rfft(left * np.hanning(marks), 4 * marks)) ** 2

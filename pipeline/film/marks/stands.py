@@ -76,7 +76,9 @@ def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
         slope = 2.0 * np.pi * half / tracks.rows_per_swing
         stroke = float(np.sqrt(2.0 * np.pi)) * tracks.spot / slope
         place = 0.5 * (low + high) + aside
-        alone = np.all([(place < a) | (place > b) for k, (a, b) in enumerate(ends) if k != trace] or [place > 0.0], axis=0)
+        alone = np.all(
+            [(place < a) | (place > b) for k, (a, b) in enumerate(ends) if k != trace] or [place > 0.0], axis=0
+        )
         if alone.sum() >= 0.2 * alone.size:  # where another trace does not add its light
             place, aside = place[alone], aside[alone]
         speed = np.sqrt(1.0 - (aside / half) ** 2)
@@ -131,7 +133,10 @@ def together(found: list[list[Stand]], offset: Floats, shear: float, across: Flo
             out.append([each])
     able = max(sum(bool(bars) for bars in found), 1)
     return [
-        Stand(*(float(np.mean(each)) for each in tuple(zip(*group, strict=True))[:2]), any(each.saturated for each in group))
+        Stand(
+            *(float(np.mean(each)) for each in tuple(zip(*group, strict=True))[:2]),
+            any(each.saturated for each in group),
+        )
         for group in out
         if 2 * len(group) >= able
     ]

@@ -48,7 +48,7 @@ def steps_a_row(tracks: Tracks, spot: float) -> int:
 def find_gaps(
     scan: OpenScan, emulsion: Emulsion, tracks: Tracks, width: float, jobs: int = 1
 ) -> tuple[Gaps, list[list[Stand]]]:
-    """All gaps of about `width` rows on all traces, fitted and judged; and where the paper stood, as each trace shows."""
+    """All gaps of about `width` rows on all traces, fitted and judged; and where each shows that the paper stood."""
     steps, across = steps_a_row(tracks, tracks.spot), swept(tracks, scan.columns)
 
     def of_piece(

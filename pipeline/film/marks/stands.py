@@ -41,7 +41,7 @@ class Side(NamedTuple):
     """Marks before or after a stand: rows, numbers, and the pendulums' phases there, (traces, marks), rad."""
 
     row: Floats
-    index: NDArray[np.int64]
+    number: NDArray[np.int64]
     phase: Floats
 
 
@@ -87,7 +87,7 @@ def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
 
 
 def light_across(exposure: NDArray[np.float32], across: list[Swept | None]) -> Floats:
-    """What lies on each trace's columns, (2, traces, rows): light of all but a few of them, and its mean as of strokes."""
+    """What lies on each trace's columns, (2, traces, rows): light of all but a few, and its mean in strokes."""
     out = np.zeros((2, len(across), exposure.shape[0]))
     for trace, own in enumerate(across):
         if own is not None:
@@ -134,7 +134,8 @@ def together(found: list[list[Stand]], offset: Floats, shear: float, across: Flo
     able = max(sum(bool(bars) for bars in found), 1)
     return [
         Stand(
-            *(float(np.mean(each)) for each in tuple(zip(*group, strict=True))[:2]),
+            float(np.mean([each.row for each in group])),
+            float(np.mean([each.length for each in group])),
             any(each.saturated for each in group),
         )
         for group in out
@@ -179,7 +180,7 @@ def lengths(
 
 def _extrapolated(side: Side, trace: int, advance: float, at: int) -> tuple[float, int]:
     """Phase at the side's first or last mark (`at` 0 or -1) by those nearest to it, and their number."""
-    index = side.index - side.index[at]
-    known = np.isfinite(side.phase[trace]) & (np.abs(index) < AROUND)
-    turned = np.exp(1j * (side.phase[trace, known] - advance * index[known]))
+    away = side.number - side.number[at]
+    known = np.isfinite(side.phase[trace]) & (np.abs(away) < AROUND)
+    turned = np.exp(1j * (side.phase[trace, known] - advance * away[known]))
     return float(np.angle(turned.sum())), int(known.sum())

@@ -65,7 +65,7 @@ def test_what_is_not_certain_has_no_time() -> None:
 def test_several_stands_in_one_film() -> None:
     axis, truth = read(Case(minutes=10.0, stands=((90.2, 1.01), (250.7, 2.02), (431.1, 5.05))), 1.1)
     assert np.abs(errors(axis, truth)).max() < 3e-3
-    assert np.isfinite(axis.seconds).mean() > 0.95
+    assert np.isfinite(axis.seconds).mean() > 0.8  # a part with too few codes is cut off
 
 
 def test_a_bar_on_one_trace_alone_of_three_is_dirt() -> None:

@@ -81,6 +81,13 @@ OF_FILM = {
         "a minute code is out of step with the count of marks: the film may have stood still",
         "look at the film there, and read the parts one by one",
     ),
+    "film-stood-still": Words(
+        "the paper stood still; for how long is told by codes, pendulums and the bar's light", "none is needed"
+    ),
+    "film-cut": Words(
+        "the paper stood still for an unknown time: the longest part is read, the others have no time",
+        "read the other parts one by one",
+    ),
     "marks-offset-unsure": Words(
         "the traces' offset along the film may be wrong by the distance of one mark", "measure the optics' offset"
     ),

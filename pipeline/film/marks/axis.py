@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +16,7 @@ from pipeline.film.marks.drive import Drive, drive, holes_honest
 from pipeline.film.marks.minutes import Minutes, code_marks, find_minutes, repaired
 from pipeline.film.marks.oblique import lasting, middles, refined
 from pipeline.film.marks.search import Gaps, find_gaps, learned_width
+from pipeline.film.marks.stands import Side, Stand, lengths, together
 from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks
 from pipeline.film.scan.opening import OpenScan
 
@@ -30,6 +33,9 @@ class Counted:
     count: Count
     minutes: Minutes
     alignment: Alignment
+    stands: list[Stand]
+    whole: bool
+    """Whether nothing was cut off where it is not certain how long the paper stood."""
 
 
 def time_axis(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1) -> TimeAxis:
@@ -46,13 +52,15 @@ def time_axis(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marki
         width = marking.gap * marking.speed
     else:
         width = learned_width(scan, emulsion, tracks)
-    gaps = find_gaps(scan, emulsion, tracks, width, jobs)
-    return axis_of(gaps, tracks, marking, width, scan.rows)
+    gaps, found = find_gaps(scan, emulsion, tracks, width, jobs)
+    return axis_of(gaps, tracks, marking, width, scan.rows, found)
 
 
-def axis_of(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, rows: int) -> TimeAxis:
+def axis_of(
+    gaps: Gaps, tracks: Tracks, marking: Marking, width: float, rows: int, found_stands: Sequence[list[Stand]] = ()
+) -> TimeAxis:
     """The time axis that gaps make; `width` of a gap and `rows` of the film in px. Raises as `time_axis`."""
-    counted = count_gaps(gaps, tracks, marking, width)
+    counted = count_gaps(gaps, tracks, marking, width, found_stands)
     traces = len(tracks.course)
     size = int(counted.count.index[-1]) + 1
     row, sigma, column = (np.full((traces, size), np.nan) for _ in range(3))
@@ -64,17 +72,21 @@ def axis_of(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, rows: in
         row[trace, at], sigma[trace, at] = gaps.row[member[seen]], gaps.row_sigma[member[seen]]
         column[trace, at] = middle[member[seen]]
     offset, shear = counted.alignment.offset, counted.alignment.shear
-    found = drive(row - offset[:, None] - shear * column, sigma, marking.interval)
+    at = np.searchsorted(counted.events.row[counted.count.event], [each.row for each in counted.stands])
+    jumps = counted.count.index[at]
+    found = drive(row - offset[:, None] - shear * column, sigma, marking.interval, jumps=jumps)
     for _ in range(ROUNDS):
         offset, shear, unsure = refined(row, sigma, column, found)
-        found = drive(row - offset[:, None] - shear * column, sigma, marking.interval, found)
+        found = drive(row - offset[:, None] - shear * column, sigma, marking.interval, found, jumps=jumps)
     freed = row - offset[:, None] - shear * column
     found = holes_honest(freed, sigma, found)
     alike = float(np.hypot(lasting(freed, found), unsure))
     return _axis(found, counted, row, offset, shear, alike, marking, rows)
 
 
-def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float) -> Counted:
+def count_gaps(
+    gaps: Gaps, tracks: Tracks, marking: Marking, width: float, found_stands: Sequence[list[Stand]] = ()
+) -> Counted:
     """Gaps brought together over the traces and counted; raises as `time_axis`."""
     traces = len(tracks.course)
     busiest = int(np.argmax(np.bincount(gaps.trace, minlength=traces)))
@@ -93,7 +105,11 @@ def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float) -> Co
     phase, doubt = checks.phases(tracks, places, stretch)
     centred = np.where(doubt < 1e-3, phase, np.nan)
     advance, spread = checks.advance(events.row, centred, spacing * stretch)
-    count = counting.counted(events.row, events.row_sigma, phase, doubt, advance, spread, spacing)
+    stands = together(list(found_stands), alignment.offset, alignment.shear, np.array(middle)) if found_stands else []
+    if stands:
+        count, stands, whole = _past_stands(events, stands, (phase, doubt, advance, spread), spacing, marking)
+    else:
+        count, whole = counting.counted(events.row, events.row_sigma, phase, doubt, advance, spread, spacing), True
     minutes = find_minutes(events, count, marking.interval, marking.minute_code)
     mended = repaired(minutes, events, count, marking.interval)
     if mended is not count:
@@ -101,7 +117,65 @@ def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float) -> Co
     checks.check_minutes(minutes)
     checks.check_leads(code_marks(minutes, events, count, marking.interval), events, count)
     checks.check_swings(count.index.astype(np.float64), events.row[count.event], centred[:, count.event], advance)
-    return Counted(events, count, minutes, alignment)
+    return Counted(events, count, minutes, alignment, stands, whole)
+
+
+def _past_stands(
+    events: Events, stands: list[Stand], swings: tuple[Floats, Floats, Floats, Floats], spacing: float, marking: Marking
+) -> tuple[Count, list[Stand], bool]:
+    """Marks counted between the stands, and joined over those whose lengths codes or pendulums tell.
+
+    Returns
+    -------
+    count : Count
+        Of the longest part within which the count is certain.
+    stands : list of Stand
+        Within it.
+    whole : bool
+        Whether that is all of the film.
+    """
+    phase, doubt, advance, spread = swings
+    edges = [0, *np.searchsorted(events.row, [each.row for each in stands]).tolist(), events.size]
+    cycle, whole, last = round(60.0 / marking.interval), True, -1
+    runs: list[tuple[Count, list[Stand], int | None]] = []
+    for at, (begin, end) in enumerate(itertools.pairwise(edges)):
+        if end - begin < 2 * counting.LEAST_MARKS:
+            whole = False
+            continue
+        some = slice(begin, end)
+        part = counting.counted(
+            events.row[some], events.row_sigma[some], phase[:, some], doubt[:, some], advance, spread, spacing
+        )
+        part = Count(part.event + begin, part.index, part.lead)
+        minutes = find_minutes(events, part, marking.interval, marking.minute_code)
+        code = minutes.residue if minutes.seen > 2 * minutes.against else None
+        number = np.zeros(0, dtype=np.int64)
+        if runs and last == at - 1:
+            before, within, minute = runs[-1]
+            sides = [Side(events.row[each.event], each.index, phase[:, each.event]) for each in (before, part)]
+            number, price = lengths(sides[0], sides[1], advance, spread, stands[at - 1], spacing)
+            if code is not None and minute is not None:
+                agrees = (number + before.index[-1] + code - minute) % cycle == 0
+                number, price = number[agrees], price[agrees]
+            if price.size > 1 and price[1] - price[0] < counting.LEAST_LEAD:
+                number = number[:0]
+        last = at
+        if not number.size:
+            whole = whole and not runs
+            runs.append((part, [], code))
+            continue
+        shift = int(before.index[-1] + number[0])
+        joined = Count(
+            np.concatenate([before.event, part.event]),
+            np.concatenate([before.index, shift + part.index]),
+            np.concatenate([before.lead, [np.inf], part.lead]),
+        )
+        found = minute if minute is not None else None if code is None else (code + shift) % cycle
+        runs[-1] = joined, [*within, stands[at - 1]], found
+    if not runs:
+        raise RefusedError("film: the paper stood still again and again; cut the film and read the parts one by one")
+    count, own, _ = max(runs, key=lambda each: each[0].index[-1])
+    return count, own, whole
 
 
 def _axis(
@@ -150,6 +224,8 @@ def _flags(counted: Counted, seen: int) -> tuple[str, ...]:
             "marks-codes-disagree": minutes.against > checks.DISAGREE * minutes.seen,
             "marks-offset-unsure": not counted.alignment.sure,
             "marks-false": false > max(2.0, FEW_FALSE * seen),
+            "film-stood-still": bool(counted.stands),
+            "film-cut": not counted.whole,
             "marks-one-trace": int(shown.sum()) == 1 and len(events.member) > 1,
         }.items()
         if holds
@@ -187,14 +263,15 @@ def times_of(found: Drive, rows: int, lasting: float) -> tuple[Floats, Floats]:
     c4 = -15 * (r1 - r0) + 8 * v0 + 7 * v1 + 1.5 * a0 - a1
     c5 = 6 * (r1 - r0) - 3 * (v0 + v1) - 0.5 * (a0 - a1)
     curve = r0 + x * (v0 + x * (0.5 * a0 + x * (c3 + x * (c4 + x * c5))))
-    at = np.concatenate([curve.ravel(), found.row[-1:]])
-    when = np.arange(at.size) * (h / fine)
-    centre = np.arange(rows) + 0.5
-    inside = (centre >= at[0]) & (centre <= at[-1])
-    seconds = np.full(rows, np.nan)
-    forward = np.maximum.accumulate(at + 1e-9 * np.arange(at.size))
-    seconds[inside] = CubicSpline(forward, when)(centre[inside])
-    sigma = np.full(rows, np.nan)
+    seconds, sigma, centre = np.full(rows, np.nan), np.full(rows, np.nan), np.arange(rows) + 0.5
+    seen = np.flatnonzero(found.used.any(axis=0))
+    lasts = [*(int(seen[seen < jump][-1]) for jump in found.jumps), found.row.size - 1]
+    for first, last in zip([0, *found.jumps.tolist()], lasts, strict=True):  # beside a stand the paper ran and stood
+        at = np.append(curve[first:last].ravel(), found.row[last])
+        inside = (centre >= at[0]) & (centre <= at[-1])
+        forward = np.maximum.accumulate(at) + 1e-9 * np.arange(at.size)
+        seconds[inside] = CubicSpline(forward, first * h + np.arange(at.size) * (h / fine))(centre[inside])
+    inside = np.isfinite(seconds)
     marks = np.arange(found.row.size)
     place = seconds[inside] / h
     variance = np.interp(place, marks, found.row_sigma**2 + lasting**2)

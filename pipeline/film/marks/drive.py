@@ -31,6 +31,7 @@ GAINED = 10.0  # fall of -2 log likelihood that a line must bring
 
 Lines = tuple[tuple[float, float, float], ...]
 HOLE = 3.0  # s without marks
+NO_JUMPS = np.zeros(0, dtype=np.int64)
 
 
 class Motion(NamedTuple):
@@ -75,6 +76,8 @@ class Drive:
         1 sigma of row and speed, px, px s-1.
     used : (traces, marks) array of bool
         Which of the measured rows were believed.
+    jumps : (n,) array of int64
+        Marks before which the paper stood still.
     likelihood : float
         -2 log likelihood.
     """
@@ -90,10 +93,13 @@ class Drive:
     row_sigma: Floats
     speed_sigma: Floats
     used: NDArray[np.bool_]
+    jumps: NDArray[np.int64]
     likelihood: float
 
 
-def drive(rows: Floats, sigma: Floats, step: float, before: Drive | None = None) -> Drive:
+def drive(
+    rows: Floats, sigma: Floats, step: float, before: Drive | None = None, jumps: NDArray[np.int64] = NO_JUMPS
+) -> Drive:
     """The most likely motion.
 
     Parameters
@@ -102,18 +108,22 @@ def drive(rows: Floats, sigma: Floats, step: float, before: Drive | None = None)
         Measured, freed of offsets and shear, and 1 sigma; NaN = missing; marks follow each other every `step` s.
     before : Drive, optional
         Found of nearly the same rows: its lines stay.
+    jumps : (n,) array of int64
+        Marks before which the paper stood still.
     """
     used = np.isfinite(rows)
     if before is None:
-        found = _most_likely(rows, sigma, step, (), used)
+        found = _most_likely(rows, sigma, step, (), used, jumps)
     else:
-        found = _most_likely(rows, sigma, step, before.lines, used, _parameters(before))
+        found = _most_likely(rows, sigma, step, before.lines, used, jumps, _parameters(before))
     for _ in range(MOST_LINES if before is None else 0):
         line = _line(np.where(used, rows, np.nan), found)
         if line is None:
             break
         guess = _parameters(found)
-        tried = [_most_likely(rows, sigma, step, (*found.lines, (*line, each)), used, guess) for each in COHERENCE]
+        tried = [
+            _most_likely(rows, sigma, step, (*found.lines, (*line, each)), used, jumps, guess) for each in COHERENCE
+        ]
         better = min(tried, key=lambda one: one.likelihood)
         if found.likelihood - better.likelihood < GAINED:
             break
@@ -124,7 +134,7 @@ def drive(rows: Floats, sigma: Floats, step: float, before: Drive | None = None)
         if np.array_equal(good, used):
             break
         used = good
-        found = _most_likely(rows, sigma, step, found.lines, used, _parameters(found))
+        found = _most_likely(rows, sigma, step, found.lines, used, jumps, _parameters(found))
     return found
 
 
@@ -139,6 +149,7 @@ def _most_likely(
     step: float,
     lines: Lines,
     used: NDArray[np.bool_],
+    jumps: NDArray[np.int64],
     guess: tuple[float, float, float] = START,
 ) -> Drive:
     from scipy.optimize import minimize
@@ -147,7 +158,9 @@ def _most_likely(
 
     def run(at: Floats, smooth: bool) -> Drive:
         rough, shake, floor = np.clip(at, LOWEST, HIGHEST)
-        return run_drive(seen, sigma, step, float(rough), float(shake), float(np.exp(floor)), lines, used, smooth)
+        return run_drive(
+            seen, sigma, step, float(rough), float(shake), float(np.exp(floor)), lines, used, jumps, smooth
+        )
 
     def price(at: Floats) -> float:
         return run(at, False).likelihood + float(np.sum((at - np.clip(at, LOWEST, HIGHEST)) ** 2))
@@ -166,6 +179,7 @@ def run_drive(
     floor: float,
     lines: Lines,
     used: NDArray[np.bool_],
+    jumps: NDArray[np.int64],
     smooth: bool,
 ) -> Drive:
     """Filter, and if asked smooth, with given parameters."""
@@ -196,8 +210,10 @@ def run_drive(
         noise[at, at] = 0.5 * size**2 * (1.0 - decay**2) * np.eye(2)
         before[at, at] = size**2 * np.eye(2)
         sees[3 + 2 * k] = 1.0
+    stood = np.zeros(seen.shape[1])
+    stood[jumps] = (seen.shape[1] * step * pace) ** 2
     motion = Motion(move, noise, sees, start, before)
-    likelihood, state, spread, ahead, ahead_spread = filter_drive(motion, seen, sigma**2 + floor**2)
+    likelihood, state, spread, ahead, ahead_spread = filter_drive(motion, seen, sigma**2 + floor**2, stood)
     if smooth:
         smooth_drive(move, state, spread, ahead, ahead_spread)
     runs, acceleration = np.eye(n)[1], state[:, 2].copy()
@@ -217,6 +233,7 @@ def run_drive(
         np.sqrt(np.maximum(row_variance, 0.0)),
         np.sqrt(np.maximum(speed_variance, 0.0)),
         used,
+        jumps,
         likelihood,
     )
 
@@ -226,7 +243,9 @@ def _line(rows: Floats, found: Drive) -> tuple[float, float] | None:
     marks = rows.shape[1]
     if marks * found.step < 2.0 * SLOWEST / 3.0:
         return None
-    still = run_drive(rows, np.full_like(rows, 0.05), found.step, CALM, CALM, 0.05, found.lines, found.used, True)
+    still = run_drive(
+        rows, np.full_like(rows, 0.05), found.step, CALM, CALM, 0.05, found.lines, found.used, found.jumps, True
+    )
     left = found.row - still.row
     left = left - left.mean()
     power = np.abs(np.fft.rfft(left * np.hanning(marks), 4 * marks)) ** 2
@@ -258,7 +277,7 @@ def holes_honest(rows: Floats, sigma: Floats, found: Drive) -> Drive:
         hidden[begin : begin + length] = True
     left = found.used & ~hidden
     parameters = (found.step, found.roughness, found.shake, found.floor, found.lines)
-    blind = run_drive(np.where(left, rows, np.nan), sigma, *parameters, left, True)
+    blind = run_drive(np.where(left, rows, np.nan), sigma, *parameters, left, found.jumps, True)
     holes = hidden & (found.row_sigma < 0.5 * blind.row_sigma)
     away = (blind.row - found.row)[holes] / blind.row_sigma[holes]
     if away.size < 3:
@@ -271,8 +290,12 @@ def holes_honest(rows: Floats, sigma: Floats, found: Drive) -> Drive:
 
 
 @kernel
-def filter_drive(motion: Motion, rows: Floats, variance: Floats) -> tuple[float, Floats, Floats, Floats, Floats]:
+def filter_drive(
+    motion: Motion, rows: Floats, variance: Floats, stood: Floats
+) -> tuple[float, Floats, Floats, Floats, Floats]:
     """Kalman filter forward over marks measured on any of the traces, (traces, marks); NaN = missing.
+
+    `stood` (marks,) is the row's variance from the paper's having stood before a mark.
 
     Returns
     -------
@@ -304,6 +327,7 @@ def filter_drive(motion: Motion, rows: Floats, variance: Floats) -> tuple[float,
                     for m in range(n):
                         value += half[i, m] * step[j, m]
                     p[i, j] = value
+            p[0, 0] += stood[k]
         ahead[k], ahead_spread[k] = x, p
         for trace in range(rows.shape[0]):
             away = rows[trace, k]

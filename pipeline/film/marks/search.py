@@ -18,6 +18,7 @@ from pipeline.film.marks import gap_kernels
 from pipeline.film.marks.curve_kernels import brightness_along
 from pipeline.film.marks.gap_kernels import Known, fit_gaps
 from pipeline.film.marks.pieces import MARGIN, exposed, grain, over_pieces
+from pipeline.film.marks.stands import Stand, bars, light_across, swept
 from pipeline.film.parts import Emulsion, Floats, Tracks
 from pipeline.film.scan.opening import OpenScan
 
@@ -44,22 +45,28 @@ def steps_a_row(tracks: Tracks, spot: float) -> int:
     return int(np.clip(np.ceil(steep / (1.3 * spot)), 4, 40))
 
 
-def find_gaps(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, width: float, jobs: int = 1) -> Gaps:
-    """All gaps of about `width` rows on all traces, fitted and judged."""
-    steps = steps_a_row(tracks, tracks.spot)
+def find_gaps(
+    scan: OpenScan, emulsion: Emulsion, tracks: Tracks, width: float, jobs: int = 1
+) -> tuple[Gaps, list[list[Stand]]]:
+    """All gaps of about `width` rows on all traces, fitted and judged; and where each shows that the paper stood."""
+    steps, across = steps_a_row(tracks, tracks.spot), swept(tracks, scan.columns)
 
-    def of_piece(begin: int, stop: int, first: int, exposure: NDArray[np.float32]) -> tuple[NDArray[np.int64], Floats]:
+    def of_piece(
+        begin: int, stop: int, first: int, exposure: NDArray[np.float32]
+    ) -> tuple[NDArray[np.int64], Floats, Floats]:
         rows = [
             _candidates(exposure, first, begin, stop, tracks, trace, width, steps)
             for trace in range(len(tracks.course))
         ]
         traces = np.repeat(np.arange(len(rows)), [each.size for each in rows])
-        return traces, fitted(exposure, first, emulsion, tracks, traces, np.concatenate(rows), width)
+        gaps = fitted(exposure, first, emulsion, tracks, traces, np.concatenate(rows), width)
+        return traces, gaps, light_across(exposure[begin - first : stop - first], across)
 
     found = over_pieces(scan, emulsion, of_piece, jobs)
     which = np.concatenate([each[0] for each in found])
     gaps = Gaps.of(which, np.concatenate([each[1] for each in found]))
-    return _judged(gaps, width)
+    light = np.concatenate([each[2] for each in found], axis=2)
+    return _judged(gaps, width), bars(light, across, tracks, emulsion)
 
 
 def fitted(

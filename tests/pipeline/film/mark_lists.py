@@ -27,6 +27,8 @@ class Case:
     offset: float = 0.0
     hidden: tuple[tuple[float, float], ...] = ()
     blackout: tuple[tuple[float, float], ...] = ()
+    stands: tuple[tuple[float, float], ...] = ()
+    """When, and for how long, the paper stood still."""
     code: float | None = 0.125
     code_missing: float = 0.0
     start: float = 3.2
@@ -63,6 +65,8 @@ def made(case: Case) -> Made:
             rng.normal(size=int(length) + 20), np.hanning(9) / np.sqrt((np.hanning(9) ** 2).sum()), "same"
         )
         rate += case.walk * np.interp(passed, np.arange(knots.size) - 5.0, knots)
+    for begin, stood in case.stands:
+        rate[(passed >= begin) & (passed < begin + stood)] = 1e-6
     row = 30.0 + case.speed * (np.cumsum(rate) - rate) * step
     end = passed <= length
     rows = int(row[end][-1]) + 30
@@ -76,7 +80,8 @@ def made(case: Case) -> Made:
         closed = np.concatenate([closed, minutes[rng.random(minutes.size) >= case.code_missing] + case.code])
     false = rng.uniform(case.start + 1.0, case.start + length - 1.0, case.spurious)
     closed = np.sort(np.concatenate([closed, false]))
-    for begin, stop in case.blackout:
+    dark = (*case.blackout, *((begin, begin + stood) for begin, stood in case.stands))
+    for begin, stop in dark:
         closed = closed[~((closed - case.start > begin) & (closed - case.start < stop))]
     periods, middles, sizes = (1.00966, 1.009760966, 1.00971), (531.0, 1004.0, 760.0), (118.0, 94.0, 60.0)
     course, slope, trace, found = [], [], [], []

@@ -16,7 +16,7 @@ WIDTH = 0.03 * 59.055
 
 
 def found(made: Film, width: float = WIDTH) -> Gaps:
-    return find_gaps(made.scan, made.emulsion, made.tracks, width)
+    return find_gaps(made.scan, made.emulsion, made.tracks, width)[0]
 
 
 def errors(made: Film, gaps: Gaps) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -89,7 +89,7 @@ def test_fine_and_coarse_grain_are_read(grain: float) -> None:
 def test_blank_film_has_no_gaps(minute: Film) -> None:
     blank = np.full((minute.scan.rows, minute.scan.columns), round(255 * 10 ** (-FOG / SCAN_RANGE)), dtype=np.uint8)
     blank = (blank + np.random.default_rng(0).normal(0.0, 4.0, blank.shape)).astype(np.uint8)
-    assert find_gaps(Pixels(blank), minute.emulsion, minute.tracks, WIDTH).size == 0
+    assert find_gaps(Pixels(blank), minute.emulsion, minute.tracks, WIDTH)[0].size == 0
     with pytest.raises(RefusedError, match="too few"):
         learned_width(Pixels(blank), minute.emulsion, minute.tracks)
 
@@ -102,7 +102,7 @@ def test_dust_is_not_taken_for_gaps() -> None:
         y, x = np.mgrid[int(row) - 6 : int(row) + 7, int(column) - 6 : int(column) + 7]
         spot = (y - row) ** 2 + (x - column) ** 2 < rng.uniform(1.0, 6.0) ** 2
         image[y[spot], x[spot]] = rng.choice([230, 73])
-    gaps = find_gaps(Pixels(image), made.emulsion, made.tracks, WIDTH)
+    gaps, _ = find_gaps(Pixels(image), made.emulsion, made.tracks, WIDTH)
     _, along, _ = errors(made, gaps)
     assert np.mean(np.abs(along) > 1.0) < 0.03
     assert np.mean(np.abs(along) < 0.3) > 0.95
@@ -126,7 +126,7 @@ def test_a_course_that_lies_early_where_it_is_far_out_is_not_taken_for_an_obliqu
     known = np.isfinite(course)
     later = rows[known] + tilt * (course[known] - 210.0)
     curves = [np.interp(rows, later, each[known], left=np.nan, right=np.nan)[None] for each in (course, slope)]
-    gaps = find_gaps(minute.scan, minute.emulsion, replace(minute.tracks, course=curves[0], slope=curves[1]), WIDTH)
+    gaps, _ = find_gaps(minute.scan, minute.emulsion, replace(minute.tracks, course=curves[0], slope=curves[1]), WIDTH)
     which, along, _ = errors(minute, gaps)
     assert gaps.size >= 0.9 * minute.when.size
     assert abs(np.polyfit(minute.column[0][which], along, 1, w=1.0 / gaps.row_sigma)[0]) < 0.1 * tilt

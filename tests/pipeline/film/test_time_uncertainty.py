@@ -9,7 +9,7 @@ import pytest
 from mark_lists import Case, made
 
 from pipeline.film.marks.axis import axis_of, times_of
-from pipeline.film.marks.drive import Drive, drive
+from pipeline.film.marks.drive import NO_JUMPS, Drive, drive
 from pipeline.film.marks.oblique import lasting
 from pipeline.film.parts import Floats, Marking
 
@@ -69,7 +69,19 @@ def plain(marks: int, shake: float) -> Drive:
     used = np.ones((2, marks), dtype=bool)
     row = 10.0 + 29.5 * np.arange(marks)
     return Drive(
-        STEP, -12.0, float(np.log(shake)), 0.02, (), row, 59.0 * one, 0.0 * one, 0.01 * one, 0.1 * one, used, 0.0
+        STEP,
+        -12.0,
+        float(np.log(shake)),
+        0.02,
+        (),
+        row,
+        59.0 * one,
+        0.0 * one,
+        0.01 * one,
+        0.1 * one,
+        used,
+        NO_JUMPS,
+        0.0,
     )
 
 

@@ -1,0 +1,186 @@
+"""Where the paper stood still: the light went on, and wrote the whole swing of every trace across a few rows.
+
+Marks and pendulums cannot tell it where it lasts about a whole number of swings, but the bar does: on other rows a
+trace is at one place. Its light says for how long the paper stood, to some per cent.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.film.marks.pieces import grain
+from pipeline.film.parts import Emulsion, Floats, Tracks
+
+INNER, LEAST_COLUMNS = 0.8, 12.0  # of the swing, that a bar fills; px, of the least that can show one
+QUANTILE = 0.25  # of the columns, which other traces and their gaps leave alone
+SWEPT = 0.4  # of the light of one stroke, from which rows belong to a bar
+CERTAIN = 6.0  # sigmas of the grain
+DENSE = 0.7  # of a line at rest, light from which a bar may be blacker than it shows
+APART = 20.0  # rows within which bars of several traces are one
+BY_LIGHT, WANDER, PHASE_MOST = 0.35, 0.006, 60.0  # 1 sigma of a length's logarithm; rad a root mark; price
+LEAST, MOST, MORE = 4.0, 1.6, 16  # rows of a stand; times its length by light, and marks, that are tried
+AROUND, FEWEST = 16, 6  # marks on either side by which the pendulums are told
+CLEAR = 10.0  # spots beside a swing
+THICK, MARGIN = 8.0, 4  # spots, of a bar; rows on either side that have some of its light
+
+
+class Stand(NamedTuple):
+    """A place where the paper stood, on one trace or, brought together, at column 0 of the first."""
+
+    row: float
+    length: float
+    """Of time, by the bar's light, in rows of the film at its usual speed."""
+    saturated: bool
+    """Whether it may have been longer."""
+
+
+class Side(NamedTuple):
+    """Marks before or after a stand: rows, numbers, and the pendulums' phases there, (traces, marks), rad."""
+
+    row: Floats
+    number: NDArray[np.int64]
+    phase: Floats
+
+
+class Swept(NamedTuple):
+    """What of a trace's columns the light writes in one stroke across."""
+
+    columns: NDArray[np.int64]
+    beside: NDArray[np.int64]
+    """Columns that no trace sweeps."""
+    speed: Floats
+    """There over that in the middle."""
+    stroke: float
+    """Light along the rows of one stroke in the middle column, in rows of a line at rest."""
+    peak: float
+    """Light on the stroke's axis."""
+
+
+def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
+    """Columns across the swing of each trace, of so many; None where it is too small to show a bar."""
+    found: list[Swept | None] = []
+    ends = [np.nanpercentile(each, (2.0, 98.0)) if np.isfinite(each).any() else np.zeros(2) for each in tracks.course]
+    free = np.arange(columns // 50, columns - columns // 50)
+    for low, high in ends:
+        free = free[(free < low - CLEAR * tracks.spot) | (free > high + CLEAR * tracks.spot)]
+    beside = free[:: max(free.size // 64, 1)]
+    for trace, (low, high) in enumerate(ends):
+        half = 0.5 * float(high - low)
+        aside = np.arange(-INNER * half, INNER * half, max(half / 32.0, 1.0))
+        if half < LEAST_COLUMNS:
+            found.append(None)
+            continue
+        slope = 2.0 * np.pi * half / tracks.rows_per_swing
+        stroke = float(np.sqrt(2.0 * np.pi)) * tracks.spot / slope
+        place = 0.5 * (low + high) + aside
+        alone = np.all(
+            [(place < a) | (place > b) for k, (a, b) in enumerate(ends) if k != trace] or [place > 0.0], axis=0
+        )
+        if alone.sum() >= 0.2 * alone.size:  # where another trace does not add its light
+            place, aside = place[alone], aside[alone]
+        speed = np.sqrt(1.0 - (aside / half) ** 2)
+        found.append(Swept(place.astype(np.int64), beside, speed, stroke, 1.0 / float(np.hypot(1.0, slope))))
+    return found
+
+
+def light_across(exposure: NDArray[np.float32], across: list[Swept | None]) -> Floats:
+    """What lies on each trace's columns, (2, traces, rows): light of all but a few, and its mean in strokes."""
+    out = np.zeros((2, len(across), exposure.shape[0]))
+    for trace, own in enumerate(across):
+        if own is not None:
+            light = exposure[:, np.clip(own.columns, 0, exposure.shape[1] - 1)]
+            k = int(QUANTILE * own.columns.size)
+            out[0, trace] = np.partition(light, k, axis=1)[:, k]
+            stray = np.median(exposure[:, own.beside], axis=1) if own.beside.size else 0.0
+            out[1, trace] = (light @ own.speed - stray * own.speed.sum()) / (own.speed.size * own.stroke)
+    return out
+
+
+def bars(light: Floats, across: list[Swept | None], tracks: Tracks, emulsion: Emulsion) -> list[list[Stand]]:
+    """The bars on each trace, from what `light_across` gives of all rows."""
+    dim = CERTAIN * float(grain(emulsion)[0][0])
+    found: list[list[Stand]] = []
+    for own, least, strokes in zip(across, *light, strict=True):
+        found.append([])
+        if own is None:
+            continue
+        bright = least - np.median(least) > max(SWEPT * own.peak, dim)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], bright.view(np.int8), [0]])))
+        for begin, stop in edges.reshape(-1, 2).tolist():
+            rows = slice(max(begin - MARGIN, 0), stop + MARGIN)
+            if stop - begin > THICK * tracks.spot:
+                continue
+            more = strokes[rows] - np.median(strokes)
+            row = float(least[rows] @ (np.arange(least.size)[rows] + 0.5) / least[rows].sum())
+            length = 0.5 * tracks.rows_per_swing * float(more.sum())
+            found[-1].append(Stand(row, length, bool(least[begin:stop].max() > DENSE)))
+    return found
+
+
+def together(found: list[list[Stand]], offset: Floats, shear: float, across: Floats) -> list[Stand]:
+    """Bars that half of the traces show at one place of the paper; `across`, the traces' middle columns."""
+    places = [
+        each._replace(row=each.row - offset[k] - shear * across[k]) for k, bars in enumerate(found) for each in bars
+    ]
+    out: list[list[Stand]] = []
+    for each in sorted(places):
+        if out and each.row - out[-1][0].row < APART:
+            out[-1].append(each)
+        else:
+            out.append([each])
+    able = max(sum(bool(bars) for bars in found), 1)
+    return [
+        Stand(
+            float(np.mean([each.row for each in group])),
+            float(np.mean([each.length for each in group])),
+            any(each.saturated for each in group),
+        )
+        for group in out
+        if 2 * len(group) >= able
+    ]
+
+
+def lengths(
+    before: Side, after: Side, advance: Floats, spread: Floats, stand: Stand, pace: float
+) -> tuple[NDArray[np.int64], Floats]:
+    """Numbers of marks from the last one before a stand to the first one after it, and their prices, the best first.
+
+    Pendulums swing on: their phase tells the number but for whole swings, the bar's light those, roughly.
+
+    Parameters
+    ----------
+    before, after : Side
+        Marks on either side of the stand.
+    advance, spread : (traces,) arrays
+        Of the phase from mark to mark, rad, and 1 sigma of a phase.
+    pace : float
+        Rows between marks.
+    """
+    moved = (after.row[0] - before.row[-1]) / pace
+    length = stand.length / pace
+    number = np.arange(max(int(np.ceil(moved + LEAST / pace)), 1), int(moved + MOST * length) + MORE)
+    stood = (number - moved) / length
+    away = np.log(np.maximum(stood, 1e-3)) / BY_LIGHT
+    price = np.where((stood > 1.0) & stand.saturated, 0.0, away**2)
+    for trace, (each, sigma) in enumerate(zip(advance, spread, strict=True)):
+        one, few = _extrapolated(before, trace, each, -1)
+        other, many = _extrapolated(after, trace, each, 0)
+        if min(few, many) < FEWEST or not np.isfinite(each):
+            continue
+        jump = other - one - each * number
+        jump -= 2.0 * np.pi * np.round(jump / (2.0 * np.pi))
+        room = sigma**2 * (4.0 / few + 4.0 / many) + WANDER**2 * (number + AROUND)
+        price = price + np.minimum(jump**2 / room, PHASE_MOST)
+    order = np.argsort(price, kind="stable")
+    return number[order], price[order]
+
+
+def _extrapolated(side: Side, trace: int, advance: float, at: int) -> tuple[float, int]:
+    """Phase at the side's first or last mark (`at` 0 or -1) by those nearest to it, and their number."""
+    away = side.number - side.number[at]
+    known = np.isfinite(side.phase[trace]) & (np.abs(away) < AROUND)
+    turned = np.exp(1j * (side.phase[trace, known] - advance * away[known]))
+    return float(np.angle(turned.sum())), int(known.sum())

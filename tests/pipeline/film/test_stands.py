@@ -1,0 +1,79 @@
+"""Paper that stood still: how long is told, or what is not certain has no time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.film.marks.axis import axis_of
+from pipeline.film.marks.stands import Stand, together
+from pipeline.film.parts import Marking, TimeAxis
+from tests.pipeline.film.mark_lists import Case, Made, made, slips
+
+ABOUT = 0.3  # by which a bar's light misleads
+
+
+def bars(case: Case, truth: Made, light: float, *, saturated: bool = False) -> list[list[Stand]]:
+    """Bars as both traces show them."""
+    rows = [
+        float(np.interp(case.start + begin, truth.seconds, np.arange(truth.seconds.size) + 0.5))
+        for begin, _ in case.stands
+    ]
+    lengths = [light * case.speed * stood for _, stood in case.stands]
+    return [[Stand(*each, saturated) for each in zip(rows, lengths, strict=True)]] * case.traces
+
+
+def read(case: Case, light: float, *, saturated: bool = False) -> tuple[TimeAxis, Made]:
+    truth = made(case)
+    marking = Marking(minute_code=case.code)
+    found = bars(case, truth, light, saturated=saturated)
+    return axis_of(truth.gaps, truth.tracks, marking, truth.width, truth.tracks.course.shape[1], found), truth
+
+
+def errors(axis: TimeAxis, truth: Made) -> np.ndarray:
+    """Of the rows' times against each other, s."""
+    away = axis.seconds - truth.seconds
+    away = away[np.isfinite(away)]
+    return np.asarray(away - np.median(away))
+
+
+@pytest.mark.parametrize("stood", [0.5, 1.01, 2.02, 5.05])
+@pytest.mark.parametrize("light", [1.0 - ABOUT, 1.0 + ABOUT])
+def test_codes_on_both_sides_tell_how_long(stood: float, light: float) -> None:
+    axis, truth = read(Case(minutes=6.0, stands=((131.3, stood),)), light)
+    assert "film-stood-still" in axis.flags
+    assert "film-cut" not in axis.flags
+    assert np.all(slips(axis.index, axis.row, truth) == 0.0)
+    assert np.abs(errors(axis, truth)).max() < 3e-3
+    assert np.isfinite(axis.seconds).mean() > 0.98
+
+
+@pytest.mark.parametrize("stood", [0.5, 1.01])
+def test_without_codes_pendulums_and_light_tell_a_short_stand(stood: float) -> None:
+    axis, truth = read(Case(minutes=3.0, code=None, stands=((81.3, stood),)), 1.0)
+    assert np.abs(errors(axis, truth)).max() < 3e-3
+
+
+def test_what_is_not_certain_has_no_time() -> None:
+    axis, truth = read(Case(minutes=3.0, code=None, stands=((61.3, 5.05),)), 0.5, saturated=True)
+    assert "film-cut" in axis.flags
+    timed = np.flatnonzero(np.isfinite(axis.seconds))
+    assert truth.seconds[timed[0]] > 61.3 + 3.2
+    assert np.abs(errors(axis, truth)).max() < 3e-3
+
+
+def test_several_stands_in_one_film() -> None:
+    axis, truth = read(Case(minutes=10.0, stands=((90.2, 1.01), (250.7, 2.02), (431.1, 5.05))), 1.1)
+    assert np.abs(errors(axis, truth)).max() < 3e-3
+    assert np.isfinite(axis.seconds).mean() > 0.8  # a part with too few codes is cut off
+
+
+def test_a_bar_on_one_trace_alone_of_three_is_dirt() -> None:
+    real = [Stand(100.0, 30.0, False)]
+    assert (
+        len(together([real, [Stand(101.0, 25.0, False)], [Stand(100.5, 28.0, False)]], np.zeros(3), 0.0, np.zeros(3)))
+        == 1
+    )
+    stray = [Stand(400.0, 30.0, False)]
+    found = together([[*real, *stray], real, real], np.zeros(3), 0.0, np.zeros(3))
+    assert [round(each.row) for each in found] == [100]

@@ -79,15 +79,19 @@ class Index:
                     self._see(line)
         except OSError as error:
             raise FileError(f"{shown(self.path, 400)}: {error.strerror}; make it readable") from None
-        torn = not begun.endswith(b"\n") and _FIRST.startswith(begun[: len(_FIRST)])
+        torn = not begun.endswith(b"\n") and _FIRST.startswith(begun.rstrip(b"\0")[: len(_FIRST)])
+        torn = torn or (begun.startswith(b"\0") and begun.endswith(b'"}\n'))  # what a disk that failed left of a line
         if begun and not (self.places or self._told or torn):
             raise _strange(self.path)
 
     def line(self, key: str) -> dict[str, Any]:
         """What the ledger says of a key; `FileError` where it cannot be read any more."""
-        with self.path.open("rb") as file:
-            file.seek(self.places[key].offset)
-            content = content_of(file.readline())
+        try:
+            with self.path.open("rb") as file:
+                file.seek(self.places[key].offset)
+                content = content_of(file.readline())
+        except OSError as error:
+            raise FileError(f"{shown(self.path, 400)}: {error.strerror}; make it readable") from None
         if content is None or not _is_outcome(content):
             raise FileError(f"{shown(self.path, 400)}: the line of {shown(key)} was damaged meanwhile; use --resume")
         return content
@@ -144,7 +148,7 @@ def line_of(content: Mapping[str, Any]) -> bytes:
 
 def content_of(line: bytes) -> dict[str, Any] | None:
     """The content of a line; None if it is torn, damaged, or never was one."""
-    text, mark, crc = line.rpartition(_CRC.encode())
+    text, mark, crc = line.lstrip(b"\0").rpartition(_CRC.encode())  # a disk that failed has these for a line before it
     if not mark or crc != f'{zlib.crc32(text):08x}"}}\n'.encode():
         return None
     try:
@@ -192,9 +196,9 @@ class Ledger(Index):
             _hold(self._file, path)
             super().__init__(folder, versions)
             os.ftruncate(self._file, self._size)
-            if self.versions not in self._told:
-                self._write([line_of({"versions": self.versions, "of": json.loads(versions)})])
-                sync_folder(folder)
+            known = self.versions in self._told
+            self._write([] if known else [line_of({"versions": self.versions, "of": json.loads(versions)})])
+            sync_folder(folder)  # as the lines above: whoever wrote may have been killed before it did this
         except OSError as error:
             os.close(self._file)
             raise _fault(path, error) from None

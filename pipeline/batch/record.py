@@ -13,6 +13,7 @@ import data_schemas
 from data_schemas.contents import shown
 from data_schemas.errors import FileError, IsochronyError, RefusedError, naming
 from data_schemas.ordinary import MOST_BYTES, ordinary_size
+from data_schemas.writing import sync_folder
 from pipeline.batch.config import Config, Kind, owner_of
 from pipeline.batch.outcome import Outcome, failure
 from pipeline.memory import bounded
@@ -92,6 +93,8 @@ def _write(result: DataTree, config: Config) -> None:
     folder = config.output.parent
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        for depth in range(config.key.count("/")):  # whoever made it may have been killed before it did this
+            sync_folder(folder.parents[depth])
     except OSError as error:
         raise FileError(f"{folder}: cannot be made, {error.strerror}; choose another folder with -o") from None
     try:

@@ -85,8 +85,13 @@ def refuse_clashes(inputs: Sequence[Path], outputs: Sequence[Path], *, force: bo
 
 def make_folder(output: Path) -> None:
     """Create the folder of an output just before it is written: a failed input leaves no empty folder."""
+    from data_schemas.writing import sync_folder
+
+    missing = [each for each in output.parents if not os.path.exists(each)]
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
+        for each in missing:
+            sync_folder(each.parent)
     except OSError as fault:
         raise UsageError(f"{output.parent}: cannot be created ({fault.strerror}); choose another with -o") from fault
 

@@ -7,6 +7,7 @@ is that of a batch that never was disturbed, bit by bit.
 from __future__ import annotations
 
 import contextlib
+import multiprocessing
 import os
 import signal
 import sys
@@ -15,29 +16,32 @@ import warnings
 
 import numpy as np
 import pytest
-from batch_parts import alike, config_of, numbers_of, write_record
+from batch_parts import METHODS, alike, config_of, numbers_of, write_record
 
 import data_schemas
 from data_schemas import encoding, writing
 from pipeline.batch import campaign, ledger, resume, summary
 from pipeline.batch.campaign import Tally
 from pipeline.batch.config import owner_of
+from pipeline.batch.executors import isolated
+from pipeline.batch.executors.pool import pooled
 from pipeline.batch.executors.serial import serial
 from pipeline.batch.ledger import Index, Ledger
 from pipeline.batch.log import Log
 from pipeline.batch.resume import remove_leftovers
 from pipeline.batch.summary import NAMES, write_summary
 
+fcntl = pytest.importorskip("fcntl")
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="the child is a fork")
 RECORDS = 3
 
 
-def batch(jobs, out):
+def batch(jobs, out, executor=serial):
     """What the command does, in this process."""
     with Ledger(out, '{"numpy": "1"}') as book, Log(out) as log:
         remove_leftovers(out)
         tally = Tally(len(jobs))
-        campaign.run(jobs, book, serial, log, tally)
+        campaign.run(jobs, book, executor, log, tally)
         write_summary(jobs, book, out)
         return tally
 
@@ -143,7 +147,7 @@ def nth_torn(count):
     return counted
 
 
-def killed(jobs, out, arrange):
+def killed(jobs, out, arrange, executor=serial):
     """Do the batch in a child that `arrange` has killed; whether it was."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # a fork of a process with threads: it uses none of them
@@ -151,9 +155,11 @@ def killed(jobs, out, arrange):
     if child == 0:
         with contextlib.suppress(BaseException):
             arrange()
-            batch(jobs, out)
+            batch(jobs, out, executor)
         os._exit(0)
     _, status = os.waitpid(child, 0)
+    with contextlib.suppress(FileNotFoundError), (out / "ledger.jsonl").open("rb") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)  # copies of the child have its lock until they end, as they do with it
     return os.WIFSIGNALED(status)
 
 
@@ -193,17 +199,25 @@ def test_killed_while_going_on(inputs, undisturbed, out, point):
     check_whole(jobs, out, undisturbed)
 
 
+def two_forked(jobs):
+    """The executor of the command, whose processes begin as copies of this one: a kill then meets records as a rule."""
+    fork = multiprocessing.get_context("fork")
+    set_attribute(isolated.multiprocessing, "get_context", lambda _: fork)
+    return pooled(jobs, workers=2, methods=METHODS, timeout=60.0)
+
+
 @pytest.mark.campaign
 @pytest.mark.skipif(sys.platform != "linux", reason="times the kill by an interval timer")
-def test_killed_at_random(inputs, undisturbed, tmp_path):
-    """Five hundred kills, at any moment of a batch, up to five over the same folder."""
+@pytest.mark.parametrize(("executor", "kills"), [(serial, 500), (two_forked, 200)], ids=["serial", "pool"])
+def test_killed_at_random(inputs, undisturbed, tmp_path, executor, kills):
+    """At any moment of a batch, up to five times over the same folder; processes of its own end with it."""
     draw = np.random.default_rng(7)
     (tmp_path / "whole").mkdir()
     begun = time.perf_counter()
-    assert not killed(jobs_of(inputs, tmp_path / "whole"), tmp_path / "whole", lambda: None)
+    assert not killed(jobs_of(inputs, tmp_path / "whole"), tmp_path / "whole", lambda: None, executor)
     whole = time.perf_counter() - begun
     hits = 0
-    for number in range(1500):
+    for number in range(3 * kills):
         out = tmp_path / str(number)
         out.mkdir()
         jobs = jobs_of(inputs, out)
@@ -214,10 +228,10 @@ def test_killed_at_random(inputs, undisturbed, tmp_path):
                 signal.signal(signal.SIGALRM, signal.SIG_DFL)
                 signal.setitimer(signal.ITIMER_REAL, delay)
 
-            if not killed(jobs, out, arrange):
+            if not killed(jobs, out, arrange, executor):
                 break
             hits += 1
         check_whole(jobs, out, undisturbed)
-        if hits >= 500:
+        if hits >= kills:
             break
-    assert hits >= 500
+    assert hits >= kills

@@ -18,6 +18,10 @@ from .encoding import NOT_COORDINATE, PLACEHOLDER
 from .guard import Found, Survey
 from .variables import VARIABLES
 
+_REFERENCES = h5t.vlen_create(
+    h5t.STD_REF_OBJ
+).encode()  # HDF5 also takes kinds of list that do not exist
+
 
 @dataclass(frozen=True)
 class Named:
@@ -49,10 +53,7 @@ def _attached(one: Found, rank: int, scales: dict[int, Found]) -> tuple[str, ...
     if rank == 0 or not h5a.exists(one.id, b"DIMENSION_LIST"):
         return None
     attribute = h5a.open(one.id, b"DIMENSION_LIST")
-    kind = attribute.get_type()
-    if attribute.get_space().shape != (rank,) or kind.get_class() != h5t.VLEN:
-        return None
-    if not kind.get_super().equal(h5t.STD_REF_OBJ):
+    if attribute.get_space().shape != (rank,) or attribute.get_type().encode() != _REFERENCES:
         return None
     references = np.empty(rank, dtype=h5py.vlen_dtype(h5py.ref_dtype))
     attribute.read(references)

@@ -18,9 +18,7 @@ from .encoding import NOT_COORDINATE, PLACEHOLDER
 from .guard import Found, Survey
 from .variables import VARIABLES
 
-_REFERENCES = h5t.vlen_create(
-    h5t.STD_REF_OBJ
-).encode()  # HDF5 also takes kinds of list that do not exist
+_REFERENCES = h5t.vlen_create(h5t.STD_REF_OBJ).encode()  # HDF5 also takes kinds of list that do not exist
 
 
 @dataclass(frozen=True)

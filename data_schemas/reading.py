@@ -14,11 +14,10 @@ import numpy as np
 from h5py import h5a, h5d, h5s
 
 from .checksum import ATTRIBUTE, digest
-from .chunks import full_chunks
 from .contents import Contents, Entry, Group, key, shown, to_tree
 from .dimensions import named
 from .errors import FileError
-from .guard import Found, Survey, ordinary, survey
+from .guard import Found, Survey, full_chunks, ordinary, survey
 from .guard_types import Budget, is_text
 from .heaps import Heaps, sound_heaps, text_bytes
 from .layouts import REWRITTEN

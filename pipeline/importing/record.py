@@ -185,18 +185,15 @@ def _instrument(pendulums: list[str], period: NDArray[np.float64] | None, option
 
     values: dict[str, Any] = {"period": period}
     words = {}
-    known = {
-        key.partition("/")[2]: row
-        for key, row in VARIABLES.items()
-        if key.startswith("instrument/") and row.dtype == "f8" and "base" not in row.dims
-    }
     for name, value in {"reference_gravity": options.gravity, **options.instrument}.items():
+        row = VARIABLES.get(f"instrument/{name}")
         if name in ("restoring", "acceleration_frame"):
             words[name] = str(value)
-        elif name not in known:
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
+        elif row is None or row.dtype != "f8" or "base" in row.dims:
+            names = (key[11:] for key in VARIABLES if key.startswith("instrument/") and "/base" not in key)
+            near = difflib.get_close_matches(name, names, n=1, cutoff=0.0)[0]
             raise UsageError(f"instrument: '{shown(name)}' is not known; did you mean '{near}'?")
-        elif known[name].dims == ("pendulum",):
+        elif row.dims == ("pendulum",):
             each = value if isinstance(value, Mapping) else dict.fromkeys(pendulums, value)
             lacking = [label for label in pendulums if label not in each]
             if lacking:
@@ -279,10 +276,8 @@ def _from_numbers(table: Table, column: int) -> NDArray[np.float64]:
             raise RecordError(f"{table.source}: line {line}: the time is missing; fill it in or remove the row")
     if abs(values[0]) < _COARSE:
         return np.array(values) - values[0]
-    # what is 0 as a float may have an exponent that no Decimal takes
-    exact = [
-        Decimal(row[column].replace(",", ".") if value else 0) for row, value in zip(table.rows, values, strict=True)
-    ]
+    cells = (row[column].replace(",", ".") for row in table.rows)
+    exact = [Decimal(cell if value else 0) for cell, value in zip(cells, values, strict=True)]  # 0e-9999999999999999999
     return np.array([float(value - exact[0]) for value in exact])
 
 

@@ -28,10 +28,9 @@ def read_table(term: Table) -> tuple[Floats, Floats]:
     path = Path(term.file)
     try:
         columns = _netcdf(path, term) if path.suffix == ".nc" else _csv(path, term)
-    except OSError as error:
-        raise SceneError(f"{path}: cannot be read ({error.strerror or error}); mend {term.section}.file") from None
-    except csv.Error as error:
-        raise SceneError(f"{path}: is not CSV ({error}); mend {term.section}.file") from None
+    except (OSError, ValueError, csv.Error) as error:
+        why = getattr(error, "strerror", None) or error
+        raise SceneError(f"{path}: cannot be read ({why}); mend {term.section}.file") from None
     seconds, values = columns[0], columns[1] * term.factor
     if seconds.shape != values.shape or seconds.ndim != 1 or seconds.size < 2:
         raise SceneError(f"{path}: time and value must be two columns of equal length with two readings at least")
@@ -92,7 +91,5 @@ def _netcdf(path: Path, term: Table) -> tuple[Floats, Floats]:
         raise SceneError(str(fault)) from None
     names = list(variables)
     found = [names[_place(path, names, len(names), column)] for column in (term.time, term.value)]
-    if any(variables[name].values.dtype.kind == "U" for name in found):
-        raise SceneError(f"{path}: column {term.time!r} or {term.value!r} is text; name variables of numbers")
     seconds, values = (np.asarray(variables[name].values, dtype=np.float64) for name in found)
     return seconds, values

@@ -33,7 +33,7 @@ class Named:
 def named(survey: Survey) -> list[Named]:
     """Every array that is a variable (placeholders are not), with its dimension names."""
     scales = {one.address: one for one in survey.arrays if _fixed_text(one, b"CLASS") == b"DIMENSION_SCALE"}
-    phony: dict[tuple[str, int], str] = {}
+    phony: dict[tuple[str, int, int], str] = {}
     variables = []
     for one in survey.arrays:
         scale = one.address in scales
@@ -63,16 +63,17 @@ def _attached(one: Found, rank: int, scales: dict[int, Found]) -> tuple[str, ...
         if scale is None or scale.id.shape != (one.id.shape[dimension],):
             return None
         names.append(scale.name)
-    return tuple(names)
+    return tuple(names) if len(set(names)) == rank else None
 
 
-def _by_position(one: Found, name: str, rank: int, phony: dict[tuple[str, int], str]) -> tuple[str, ...]:
+def _by_position(one: Found, name: str, rank: int, phony: dict[tuple[str, int, int], str]) -> tuple[str, ...]:
     row = VARIABLES.get(key(one.path, name))
     if row is not None:
         for dims in (row.dims, *row.also):
             if len(dims) == rank:
                 return dims
-    return tuple(phony.setdefault((one.path, length), f"phony_dim_{len(phony)}") for length in one.id.shape)
+    places = [(one.path, length, one.id.shape[:axis].count(length)) for axis, length in enumerate(one.id.shape)]
+    return tuple(phony.setdefault(place, f"phony_dim_{len(phony)}") for place in places)
 
 
 def _fixed_text(one: Found, name: bytes) -> bytes:

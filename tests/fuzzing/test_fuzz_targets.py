@@ -81,7 +81,17 @@ def bomb_in_chunk(file):
     array.id.write_direct_chunk((0,), zlib.compress(bytes(1 << 28), 1))
 
 
-EDITS = (text_time, text_motion, infinite_times, overflow, short_chunk, bomb_in_chunk)
+def square(file):
+    file["record/other"] = np.ones((12, 12))
+
+
+def square_of_one_scale(file):
+    file["record/other"] = np.ones((12, 12))
+    for dimension in file["record/other"].dims:
+        dimension.attach_scale(file["time"])
+
+
+EDITS = (text_time, text_motion, infinite_times, overflow, square, square_of_one_scale, short_chunk, bomb_in_chunk)
 
 
 @pytest.mark.parametrize("edit", EDITS, ids=lambda edit: edit.__name__)

@@ -23,6 +23,7 @@ ABSURD = (
 )
 """Group, name, least and largest size, unit."""
 MOST_LABEL = 64
+MOST_TRACES = 500
 MOST_SPAN = 20.0  # times the time that the readings take
 WORDS = {
     ("instrument", "restoring"): ("sine", "linear"),
@@ -32,6 +33,7 @@ WORDS = {
 """What an attribute of a group may say, the default first."""
 
 
+@np.errstate(all="ignore")
 def record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> list[str]:
     """Faults of a record beyond the table's.
 
@@ -115,9 +117,10 @@ def _label_faults(contents: Contents) -> list[str]:
 
 
 def _combination_faults(combination: NDArray[Any], trace: Entry | None) -> list[str]:
-    finite = np.isfinite(combination)
-    if not finite.all():
+    if not np.isfinite(combination).all():
         return []  # the table's check says so
+    if max(combination.shape) > MOST_TRACES:
+        return [f"record/combination: more than {MOST_TRACES} traces or pendulums; split the record"]
     found = [
         f"record/combination: the row of trace {_label(trace, row)} is all zero; say which pendulums it records"
         for row in np.flatnonzero(~combination.any(axis=1)).tolist()

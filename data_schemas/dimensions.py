@@ -18,6 +18,8 @@ from .encoding import NOT_COORDINATE, PLACEHOLDER
 from .guard import Found, Survey
 from .variables import VARIABLES
 
+_REFERENCES = h5t.vlen_create(h5t.STD_REF_OBJ).encode()  # HDF5 also takes kinds of list that do not exist
+
 
 @dataclass(frozen=True)
 class Named:
@@ -31,7 +33,7 @@ class Named:
 def named(survey: Survey) -> list[Named]:
     """Every array that is a variable (placeholders are not), with its dimension names."""
     scales = {one.address: one for one in survey.arrays if _fixed_text(one, b"CLASS") == b"DIMENSION_SCALE"}
-    phony: dict[tuple[str, int], str] = {}
+    phony: dict[tuple[str, int, int], str] = {}
     variables = []
     for one in survey.arrays:
         scale = one.address in scales
@@ -49,10 +51,7 @@ def _attached(one: Found, rank: int, scales: dict[int, Found]) -> tuple[str, ...
     if rank == 0 or not h5a.exists(one.id, b"DIMENSION_LIST"):
         return None
     attribute = h5a.open(one.id, b"DIMENSION_LIST")
-    kind = attribute.get_type()
-    if attribute.get_space().shape != (rank,) or kind.get_class() != h5t.VLEN:
-        return None
-    if not kind.get_super().equal(h5t.STD_REF_OBJ):
+    if attribute.get_space().shape != (rank,) or attribute.get_type().encode() != _REFERENCES:
         return None
     references = np.empty(rank, dtype=h5py.vlen_dtype(h5py.ref_dtype))
     attribute.read(references)
@@ -64,16 +63,17 @@ def _attached(one: Found, rank: int, scales: dict[int, Found]) -> tuple[str, ...
         if scale is None or scale.id.shape != (one.id.shape[dimension],):
             return None
         names.append(scale.name)
-    return tuple(names)
+    return tuple(names) if len(set(names)) == rank else None
 
 
-def _by_position(one: Found, name: str, rank: int, phony: dict[tuple[str, int], str]) -> tuple[str, ...]:
+def _by_position(one: Found, name: str, rank: int, phony: dict[tuple[str, int, int], str]) -> tuple[str, ...]:
     row = VARIABLES.get(key(one.path, name))
     if row is not None:
         for dims in (row.dims, *row.also):
             if len(dims) == rank:
                 return dims
-    return tuple(phony.setdefault((one.path, length), f"phony_dim_{len(phony)}") for length in one.id.shape)
+    places = [(one.path, length, one.id.shape[:axis].count(length)) for axis, length in enumerate(one.id.shape)]
+    return tuple(phony.setdefault(place, f"phony_dim_{len(phony)}") for place in places)
 
 
 def _fixed_text(one: Found, name: bytes) -> bytes:

@@ -8,7 +8,9 @@ the same `survey`.
 
 from __future__ import annotations
 
+import math
 import os
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -213,6 +215,27 @@ def _array(array: h5d.DatasetID, where: str, budget: Budget) -> int:
         # nothing compressed: what is declared must be there, or the reader would be filled with nothing
         _within(size - array.get_storage_size(), budget.unwritten, where, "bytes declared but never written")
     return size
+
+
+def full_chunks(array: h5d.DatasetID) -> None:
+    """Raise where a chunk does not unpack to its size: HDF5 reads on beyond it, or unpacks whatever there is."""
+    made, kind = array.get_create_plist(), array.get_type()
+    filters = [(index, made.get_filter(index)[0]) for index in reversed(range(made.get_nfilters()))]
+    if not filters or (is_text(kind) and kind.is_variable_str()):
+        return
+    size = math.prod(made.get_chunk()) * kind.get_size()
+    most = size + size // 500 + 64  # bytes of a chunk of noise, which deflate makes longer
+    chunks: list[h5d.StoreInfo] = []
+    array.chunk_iter(chunks.append)
+    for chunk in chunks:
+        data = array.read_direct_chunk(chunk.chunk_offset)[1] if chunk.size <= most else b""
+        for index, one in filters:
+            if one == h5z.FILTER_DEFLATE and not chunk.filter_mask >> index & 1:
+                data = zlib.decompressobj().decompress(data, most)
+            elif one == h5z.FILTER_FLETCHER32 and not chunk.filter_mask >> index & 1:
+                data = data[:-4]
+        if len(data) != size:
+            raise ValueError(f"a chunk of {len(data)} bytes instead of {size}")
 
 
 def _attributes(owner: h5g.GroupID | h5d.DatasetID, where: str, budget: Budget) -> list[h5a.AttrID]:

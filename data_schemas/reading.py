@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import zlib
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,7 @@ from .checksum import ATTRIBUTE, digest
 from .contents import Contents, Entry, Group, key, shown, to_tree
 from .dimensions import named
 from .errors import FileError
-from .guard import Found, Survey, ordinary, survey
+from .guard import Found, Survey, full_chunks, ordinary, survey
 from .guard_types import Budget, is_text
 from .heaps import Heaps, sound_heaps, text_bytes
 from .layouts import REWRITTEN
@@ -37,7 +38,7 @@ NumbersReader = Callable[[h5d.DatasetID, str], "NDArray[Any]"]
 """Reads an array of numbers, given with its ``group/name``."""
 
 # what h5py raises on a damaged file, by the place where it stumbles
-_DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, SystemError, MemoryError)
+_DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, SystemError, MemoryError, zlib.error)
 
 
 def read(path: str | os.PathLike[str], *, declared: Callable[[int], object] | None = None) -> xr.DataTree:
@@ -70,6 +71,7 @@ def read(path: str | os.PathLike[str], *, declared: Callable[[int], object] | No
         raise FileError(f"{shown(path, 400)}: {error}") from error
 
 
+@np.errstate(all="ignore")  # what becomes infinite is a fault of values, which the check tells
 def load(
     path: str | os.PathLike[str], budget: Budget | None = None, *, declared: Callable[[int], object] | None = None
 ) -> Contents:
@@ -175,6 +177,7 @@ def _contents(
         if one.name in variables:
             raise FileError(f"{where}: is there twice; keep one")
         try:
+            full_chunks(one.array.id)
             values = (text if is_text(one.array.id.get_type()) else numbers)(one.array.id, where)
         except _DAMAGE as error:
             raise FileError(f"{where}: {_told(error, 'its values are damaged ({}); restore the file')}") from error

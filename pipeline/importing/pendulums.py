@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from data_schemas.contents import shown
 from data_schemas.errors import UsageError
 
-_LABEL = re.compile(r"[^\s=:-]+")
+_LABEL = re.compile(r"[^\s=:-]{1,64}")
 
 
 def combine(traces: Sequence[str], given: Mapping[str, str]) -> tuple[list[str], NDArray[np.float64]]:
@@ -59,7 +60,7 @@ def periods(pendulums: Sequence[str], options: ImportOptions, *, needed: bool) -
 
     `UsageError`: a period of an unknown pendulum, or several traces without periods or without their gravity.
     """
-    given = dict(options.periods)
+    given = {label: constant("period", value) for label, value in options.periods.items()}
     known = ", ".join(pendulums)
     if "" in given:
         if len(pendulums) > 1:
@@ -76,6 +77,14 @@ def periods(pendulums: Sequence[str], options: ImportOptions, *, needed: bool) -
     if needed and options.gravity is None:
         raise UsageError("the gravity at which the periods hold is missing; add --gravity, in m/s2")
     return np.array([given[label] for label in pendulums])
+
+
+def constant(name: str, value: Any) -> float:
+    """A constant of the instrument, as a file or a program states it; `UsageError` if it is no number."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise UsageError(f"instrument: {name} = {shown(repr(value))} is not a number; correct it") from None
 
 
 def _natural(label: str) -> tuple[bool, int, str]:

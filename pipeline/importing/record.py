@@ -19,7 +19,7 @@ from data_schemas.contents import identifier, shown
 from data_schemas.errors import RecordError, UsageError
 from data_schemas.layouts import CONVENTIONS, VERSION
 from data_schemas.variables import attributes
-from pipeline.importing.pendulums import ImportOptions, combine, periods
+from pipeline.importing.pendulums import ImportOptions, combine, constant, periods
 from pipeline.importing.table import Table, choose_columns, find_column, is_date, read_columns, read_table, unit_in
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ _NO_DATE = "2000-01-01T00:00:00Z"
 _COARSE = 1e6  # s; from here on a float64 of the time itself is coarser than 0.1 ns
 
 
+@np.errstate(all="ignore")
 def import_csv(path: str | os.PathLike[str], options: ImportOptions | None = None) -> xr.DataTree:
     """Turn a text table into a record.
 
@@ -143,7 +144,7 @@ def with_angle(table: Table, position: str) -> tuple[Table, dict[str, int]]:
     if len(names) != 2:
         raise UsageError(f"--xy {position}: give two columns, as X,Y")
     x, y = (np.array(table.numbers(find_column(table, name))) for name in names)
-    known = np.isfinite(x + y)
+    known = np.isfinite(x**2 + y**2)
     if known.sum() < LEAST_PLACES:
         raise RecordError(f"{table.source}: columns {position} hold too few places for a circle; give others with --xy")
     system = np.stack([x, y, np.ones_like(x)], axis=1)[known]
@@ -151,7 +152,7 @@ def with_angle(table: Table, position: str) -> tuple[Table, dict[str, int]]:
     if rank < 3:
         raise RecordError(f"{table.source}: columns {position} lie on a straight line; a bob swings on a circle")
     turned = (x - 0.5 * cx) + 1j * (y - 0.5 * cy)
-    angle = np.angle(turned / np.mean(turned[known] / np.abs(turned[known])))
+    angle = np.angle(turned * np.conj(np.mean(np.exp(1j * np.angle(turned[known])))))
     rows = tuple((*row, repr(float(value))) for row, value in zip(table.rows, angle, strict=True))
     return replace(table, names=(*table.names, "angle (rad)"), rows=rows), {"1": len(table.names)}
 
@@ -176,23 +177,24 @@ def _instrument(pendulums: list[str], period: NDArray[np.float64] | None, option
     """
     from data_schemas.variables import VARIABLES
 
-    values: dict[str, Any] = {"period": period, "reference_gravity": options.gravity}
+    values: dict[str, Any] = {"period": period}
     words = {}
-    for name, value in options.instrument.items():
+    for name, value in {"reference_gravity": options.gravity, **options.instrument}.items():
         row = VARIABLES.get(f"instrument/{name}")
         if name in ("restoring", "acceleration_frame"):
             words[name] = str(value)
-        elif row is None or row.dtype != "f8":
-            names = (key.partition("/")[2] for key in VARIABLES if key.startswith("instrument/"))
+        elif row is None or row.dtype != "f8" or "base" in row.dims:
+            names = (key[11:] for key in VARIABLES if key.startswith("instrument/") and "/base" not in key)
             near = difflib.get_close_matches(name, names, n=1, cutoff=0.0)[0]
-            raise UsageError(f"instrument: '{name}' is not known; did you mean '{near}'?")
-        elif isinstance(value, Mapping):
-            lacking = [label for label in pendulums if label not in value]
+            raise UsageError(f"instrument: '{shown(name)}' is not known; did you mean '{near}'?")
+        elif row.dims == ("pendulum",):
+            each = value if isinstance(value, Mapping) else dict.fromkeys(pendulums, value)
+            lacking = [label for label in pendulums if label not in each]
             if lacking:
                 raise UsageError(f"instrument: {name} lacks pendulum {', '.join(lacking)}; give it as LABEL = NUMBER")
-            values[name] = np.array([float(value[label]) for label in pendulums])
+            values[name] = np.array([constant(name, each[label]) for label in pendulums])
         else:
-            values[name] = np.full(len(pendulums), float(value)) if row.dims == ("pendulum",) else float(value)
+            values[name] = value if value is None else constant(name, value)
     given = {name: value for name, value in values.items() if value is not None}
     return _dataset("instrument", given, {"pendulum": pendulums}).assign_attrs(words)
 
@@ -265,7 +267,8 @@ def _from_numbers(table: Table, column: int) -> NDArray[np.float64]:
             raise RecordError(f"{table.source}: line {line}: the time is missing; fill it in or remove the row")
     if abs(values[0]) < _COARSE:
         return np.array(values) - values[0]
-    exact = [Decimal(row[column].replace(",", ".")) for row in table.rows]
+    cells = (row[column].replace(",", ".") for row in table.rows)
+    exact = [Decimal(cell if value else 0) for cell, value in zip(cells, values, strict=True)]  # 0e-9999999999999999999
     return np.array([float(value - exact[0]) for value in exact])
 
 
@@ -276,13 +279,13 @@ def _from_dates(table: Table, column: int) -> tuple[str, NDArray[np.float64]]:
             moment = datetime.fromisoformat(row[column])
             finer = FINER.search(row[column])  # digits beyond the microsecond, which Python leaves out
             rest.append(float(f"0.{finer[1]}") * 1e-6 if finer else 0.0)
-        except ValueError:
+            # A date without a zone is taken as UTC: only differences matter.
+            moments.append((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).astimezone(UTC))
+        except (ValueError, OverflowError):
             raise RecordError(
                 f"{table.source}: line {line}: time '{shown(row[column])}' is no ISO date "
                 "such as 2024-05-01T12:00:00.25Z; correct it or remove the row"
             ) from None
-        # A date without a zone is taken as UTC: only differences matter.
-        moments.append(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
-    start = moments[0].astimezone(UTC).isoformat().replace("+00:00", "Z")
+    start = moments[0].isoformat().replace("+00:00", "Z")
     seconds = np.array([(moment - moments[0]).total_seconds() for moment in moments])
     return start, seconds + (np.array(rest) - rest[0])

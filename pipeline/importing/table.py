@@ -15,6 +15,7 @@ from data_schemas.ordinary import text_of
 MOST_COLUMNS = 1000
 _MISSING = frozenset({"", "-", "nan", "na", "n/a", "null", "none"})
 _UNIT = re.compile(r"\(([^()]+)\)\s*$|\[([^\[\]]+)\]\s*$|_([a-zµ]+)$")
+_BRACKET = re.compile(r"(?<!\s)\s*[(\[].*$")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d([T ].*)?")
 _NUMBERED_TRACE = re.compile(r"\d+(-\d+)*")
@@ -81,8 +82,8 @@ def read_columns(path: str | os.PathLike[str]) -> Table:
 
     source = os.fspath(path)
     variables = load(source)[""].variables
-    if "time" not in variables or variables["time"].dims != ("time",):
-        raise RecordError(f"{source}: has no time(time); name its dimension of time so, with the times, or export CSV")
+    if "time" not in variables or variables["time"].dims != ("time",) or variables["time"].values.dtype.kind == "U":
+        raise RecordError(f"{source}: has no numbers time(time); name its dimension so, with the times, or export CSV")
     shown_ones = {
         name: each for name, each in variables.items() if each.dims == ("time",) and each.values.dtype.kind in "iuf"
     }
@@ -191,7 +192,7 @@ def find_column(table: Table, name: str) -> int:
 
     `UsageError`: there is no such column, or the name stands twice.
     """
-    bare = [re.sub(r"\s*[(\[].*$", "", each) for each in table.names]  # a header may say its unit
+    bare = [_BRACKET.sub("", each) for each in table.names]  # a header may say its unit
     for names in (list(table.names), bare):
         if names.count(name) > 1:
             raise UsageError(f"{table.source}: two columns are named '{name}'; give the number of the one you mean")
@@ -224,7 +225,7 @@ def choose_columns(table: Table, beside: set[int], wanted: Sequence[str]) -> dic
         if column in beside:
             what = f"{table.source}: column {table.title(column)} is the time, or an acceleration"
             raise UsageError(f"{what}; name another with --column")
-        name = re.sub(r"\s*[(\[].*$", "", table.names[column])
+        name = _BRACKET.sub("", table.names[column])
         label = requested or (name if _NUMBERED_TRACE.fullmatch(name) else str(order))
         if label in chosen:
             raise UsageError(f"{table.source}: two columns become trace '{label}'; label them with --column NAME:TRACE")

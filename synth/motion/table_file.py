@@ -16,6 +16,7 @@ from data_schemas.scene_motion import Table
 from synth.phase import Floats
 
 
+@np.errstate(all="ignore")
 def read_table(term: Table) -> tuple[Floats, Floats]:
     """Times in s and values times the factor.
 
@@ -24,16 +25,17 @@ def read_table(term: Table) -> tuple[Floats, Floats]:
     path = Path(term.file)
     try:
         columns = _netcdf(path, term) if path.suffix == ".nc" else _csv(path, term)
-    except OSError as error:
-        raise SceneError(f"{path}: cannot be read ({error.strerror or error}); mend {term.section}.file") from None
-    seconds, values = columns
+    except (OSError, ValueError, csv.Error) as error:
+        why = getattr(error, "strerror", None) or error
+        raise SceneError(f"{path}: cannot be read ({why}); mend {term.section}.file") from None
+    seconds, values = columns[0], columns[1] * term.factor
     if seconds.shape != values.shape or seconds.ndim != 1 or seconds.size < 2:
         raise SceneError(f"{path}: time and value must be two columns of equal length with two readings at least")
     if not (np.all(np.isfinite(seconds)) and np.all(np.isfinite(values))):
         raise SceneError(f"{path}: has values missing or infinite; a motion must be known at all times, fill them in")
-    if np.any(np.diff(seconds) <= 0):
+    if np.any(seconds[1:] <= seconds[:-1]):
         raise SceneError(f"{path}: the times of column {term.time!r} do not increase; sort them")
-    return seconds, values * term.factor
+    return seconds, values
 
 
 def _csv(path: Path, term: Table) -> tuple[Floats, Floats]:

@@ -1,0 +1,190 @@
+"""Runs the tests of a part on mutants, in forks of one process that has imported libraries but nothing of ours.
+
+The packages and their tests are copied to a scratch folder, where each mutant takes the place of its file. Before the
+first, the tests run once under coverage: a mutant is shown to those tests alone that execute its line.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import json
+import os
+import resource
+import shutil
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import coverage
+import pytest
+
+from tests.mutation.mutants import Mutant
+from tests.mutation.parts import Part
+
+ROOT = Path(__file__).parents[2]
+LEFT = (".*", "__pycache__", "*.egg-info", "build", "dist")  # not copied
+LIBRARIES = (
+    "numpy scipy.signal scipy.interpolate scipy.optimize scipy.integrate scipy.sparse xarray h5py h5netcdf numba"
+    " pydantic pebble tqdm hypothesis pandas unittest.mock"
+).split()
+OPTIONS = (
+    "-x",
+    "-q",
+    "--assert=plain",
+    "-p",
+    "no:cacheprovider",
+    "--hypothesis-seed=0",
+    "-m",
+    "not campaign and not compiled",
+)
+MEMORY = 6 << 30  # bytes of address space that a mutant may ask for
+SLOWER, LEAST = 3.0, 20.0  # times as long as without the mutant, and so many seconds, are a time-out
+
+KILLED, SURVIVED, TIMED_OUT = "killed", "survived", "timed out"
+
+
+class Scratch:
+    """A copy of the repository in which one part is tested.
+
+    Parameters
+    ----------
+    folder : Path
+        Empty.
+    part : Part
+    root : Path
+        Of the repository.
+    least : float
+        s that any mutant may take.
+    """
+
+    def __init__(self, folder: Path, part: Part, root: Path = ROOT, least: float = LEAST) -> None:
+        self.folder, self._least = folder, least
+        shutil.copytree(root, folder, ignore=shutil.ignore_patterns(*LEFT), dirs_exist_ok=True)
+        self.files, self.tests = (
+            [str(one.relative_to(folder)) for pattern in patterns for one in sorted(folder.glob(pattern))]
+            for patterns in part
+        )
+        self._covered = coverage.CoverageData(str(folder / ".coverage"))
+        self._seconds: dict[str, float] = {}
+
+    def survey(self) -> None:
+        """Run the tests under coverage.
+
+        Raises
+        ------
+        RuntimeError
+            They fail without any mutant.
+        """
+        words = [*OPTIONS, "--cov", "--cov-context=test", "--cov-report=", *self.tests]
+        durations = self.folder / "durations"
+        if self._forked(words, _Timed(durations), 3600.0) != 0:
+            raise RuntimeError(f"the tests fail without a mutant:\n{self._said()[-4000:]}")
+        self._seconds = json.loads(durations.read_text())
+        self._covered.read()
+        os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
+        sys.dont_write_bytecode = True
+
+    def try_out(self, mutant: Mutant) -> tuple[str, str]:
+        """Outcome, and the test that killed it or how many did not."""
+        file = self.folder / mutant.path
+        source, status = file.read_bytes(), file.stat()
+        chosen = self._tests_of(mutant)
+        if not chosen:
+            return SURVIVED, "no test executes it"
+        names = [name for name in self.tests if any(test.startswith(f"{name}::") for test in chosen)]
+        file.write_bytes(mutant.applied(source))
+        try:
+            most = self._least + SLOWER * sum(self._seconds[test] for test in chosen)
+            code = self._forked([*OPTIONS, *names], _Chosen(chosen), most)
+        finally:
+            file.write_bytes(source)
+            os.utime(file, ns=(status.st_atime_ns, status.st_mtime_ns))  # what was compiled of it holds again
+        if code is None:
+            return TIMED_OUT, f"{most:.0f} s"
+        if code == 0:
+            return SURVIVED, f"{len(chosen)} tests"
+        return KILLED, next(
+            (line for line in self._said().splitlines() if line.startswith(("FAILED", "ERROR"))), f"status {code}"
+        )
+
+    def _tests_of(self, mutant: Mutant) -> set[str]:
+        """Tests that execute the mutant's line; where a fixture does, which others may share, all of that file, and of
+        a line that the import executes all that execute anything of the module."""
+        by_line = self._covered.contexts_by_lineno(str(self.folder / mutant.path))
+        contexts = set(by_line.get(mutant.line, ()))
+        if "" in contexts:
+            contexts = {one for each in by_line.values() for one in each if one}
+        shared = {one.partition("::")[0] for one in contexts if not one.endswith("|run")}
+        known = {one.rpartition("|")[0] for one in contexts}
+        return {test for test in self._seconds if test in known or test.partition("::")[0] in shared}
+
+    def _said(self) -> str:
+        return (self.folder / "output").read_text(errors="replace")
+
+    def _forked(self, words: list[str], plugin: object, most: float) -> int | None:
+        """Exit status of pytest in a child, None where it took longer than so many seconds."""
+        child = os.fork()
+        if child == 0:
+            code = 70
+            try:
+                code = self._alone(words, plugin)
+            except BaseException:
+                traceback.print_exc()
+            finally:
+                sys.stdout.flush()
+                os._exit(code)
+        end = time.monotonic() + most
+        while not (ended := os.waitpid(child, os.WNOHANG))[0] and time.monotonic() < end:
+            time.sleep(0.02)
+        with contextlib.suppress(ProcessLookupError):  # and whatever it left running
+            os.killpg(child, signal.SIGKILL)
+        if not ended[0]:
+            os.waitpid(child, 0)
+            return None
+        return os.waitstatus_to_exitcode(ended[1])
+
+    def _alone(self, words: list[str], plugin: object) -> int:
+        os.setsid()
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        os.chdir(self.folder)
+        output = os.open("output", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        for descriptor in (1, 2):
+            os.dup2(output, descriptor)
+        sys.path[:] = [str(self.folder), *(one for one in sys.path if one not in ("", str(ROOT)))]
+        os.environ |= {"PYTHONPATH": str(self.folder), "XDG_CACHE_HOME": str(self.folder / "cache")}
+        os.environ["COVERAGE_FILE"] = str(self.folder / ".coverage")
+        return int(pytest.main([*words, f"--basetemp={self.folder / 'temporary'}"], plugins=[plugin]))
+
+
+class _Chosen:
+    """Keeps the tests that were chosen."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._names = names
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        items[:] = [item for item in items if item.nodeid in self._names]
+
+
+class _Timed:
+    """Writes down how long each test took that was not skipped, s."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._seconds = path, dict[str, float]()
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if not report.skipped:
+            self._seconds[report.nodeid] = self._seconds.get(report.nodeid, 0.0) + report.duration
+
+    def pytest_sessionfinish(self) -> None:
+        self._path.write_text(json.dumps(self._seconds))
+
+
+def warm_up() -> None:
+    """Import libraries, so that forks need not."""
+    for name in LIBRARIES:
+        importlib.import_module(name)

@@ -23,17 +23,22 @@ PARTS = {
         ),
     ),
     "writer": Part(
-        tuple(f"data_schemas/{name}.py" for name in "writing checksum encoding sink appending joining shield".split()),
+        tuple(
+            f"data_schemas/{name}.py"
+            for name in ["writing", "checksum", "encoding", "sink", "appending", "joining", "shield"]
+        ),
         tuple(
             f"tests/data_schemas/test_{name}.py"
-            for name in "checksum sink shield round_trip atomic write_faults appending".split()
+            for name in ["checksum", "sink", "shield", "round_trip", "atomic", "write_faults", "appending"]
         ),
     ),
     "guard": Part(
-        tuple(f"data_schemas/{name}.py" for name in "guard guard_types heaps ordinary toml_file reading".split()),
+        tuple(
+            f"data_schemas/{name}.py" for name in ["guard", "guard_types", "heaps", "ordinary", "toml_file", "reading"]
+        ),
         tuple(
             f"tests/data_schemas/test_{name}.py"
-            for name in "checksum hostile_scenes hostile_values hostile foreign damage".split()
+            for name in ["checksum", "hostile_scenes", "hostile_values", "hostile", "foreign", "damage"]
         ),
     ),
     "formulas": Part(

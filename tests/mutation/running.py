@@ -16,7 +16,7 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 import coverage
@@ -28,9 +28,16 @@ from tests.mutation.parts import Part
 ROOT = Path(__file__).parents[2]
 LEFT = (".*", "__pycache__", "*.egg-info", "build", "dist")  # not copied
 LIBRARIES = (
-    "numpy scipy.signal scipy.interpolate scipy.optimize scipy.integrate scipy.sparse xarray h5py h5netcdf numba"
-    " pydantic pebble tqdm hypothesis pandas unittest.mock"
-).split()
+    "numpy",
+    "scipy.signal",
+    "scipy.interpolate",
+    "scipy.sparse",
+    "xarray",
+    "h5py",
+    "numba",
+    "pydantic",
+    "pebble",
+)
 OPTIONS = (
     "-x",
     "-q",
@@ -156,6 +163,7 @@ class Scratch:
             os.dup2(output, descriptor)
         sys.path[:] = [str(self.folder), *(one for one in sys.path if one not in ("", str(ROOT)))]
         os.environ |= {"PYTHONPATH": str(self.folder), "XDG_CACHE_HOME": str(self.folder / "cache")}
+        os.environ.pop("PYTEST_ADDOPTS", None)
         os.environ["COVERAGE_FILE"] = str(self.folder / ".coverage")
         return int(pytest.main([*words, f"--basetemp={self.folder / 'temporary'}"], plugins=[plugin]))
 

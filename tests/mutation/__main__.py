@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import tempfile
 import time
@@ -29,6 +30,9 @@ def main() -> None:
     parser.add_argument("--number", type=int, default=50, help="of mutants a part")
     parser.add_argument("--results", type=Path, default=Path("mutation.jsonl"), help="appended, and read to go on")
     parser.add_argument("--again", action="store_true", help="try survivors again")
+    parser.add_argument(
+        "--seconds", type=float, default=math.inf, help="of tests that a mutant is shown to, the fastest"
+    )
     chosen = parser.parse_args()
     warm_up()
     for name in chosen.part:
@@ -46,7 +50,7 @@ def run(name: str, scratch: Scratch, chosen: argparse.Namespace) -> None:
         scratch.survey()
     for number, one in enumerate(left, start=1):
         begun = time.monotonic()
-        outcome, by = scratch.try_out(one)
+        outcome, by = scratch.try_out(one, chosen.seconds)
         outcomes[one.identity] = outcome
         line = {"part": name, "seed": chosen.seed, "mutant": shown(scratch, one), "outcome": outcome, "by": by}
         line |= {"seconds": round(time.monotonic() - begun, 1), "identity": one.identity}

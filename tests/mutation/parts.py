@@ -38,7 +38,7 @@ PARTS = {
         ),
         tuple(
             f"tests/data_schemas/test_{name}.py"
-            for name in ["checksum", "hostile_scenes", "hostile_values", "hostile_text", "hostile", "foreign", "damage"]
+            for name in ["checksum", "hostile_scenes", "hostile_values", "bounds", "hostile_text", "hostile", "foreign", "damage"]
         ),
     ),
     "formulas": Part(

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import itertools
 import json
+import math
 import os
 import resource
 import shutil
@@ -27,17 +29,7 @@ from tests.mutation.parts import Part
 
 ROOT = Path(__file__).parents[2]
 LEFT = (".*", "__pycache__", "*.egg-info", "build", "dist")  # not copied
-LIBRARIES = (
-    "numpy",
-    "scipy.signal",
-    "scipy.interpolate",
-    "scipy.sparse",
-    "xarray",
-    "h5py",
-    "numba",
-    "pydantic",
-    "pebble",
-)
+LIBRARIES = "numpy scipy.signal scipy.interpolate scipy.sparse xarray h5py numba pydantic pebble hypothesis netCDF4"
 OPTIONS = (
     "-x",
     "-q",
@@ -95,13 +87,17 @@ class Scratch:
         os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
         sys.dont_write_bytecode = True
 
-    def try_out(self, mutant: Mutant) -> tuple[str, str]:
-        """Outcome, and the test that killed it or how many did not."""
+    def try_out(self, mutant: Mutant, seconds: float = math.inf) -> tuple[str, str]:
+        """Outcome, and the test that killed it or how many did not: the fastest, of so many seconds in all."""
         file = self.folder / mutant.path
         source, status = file.read_bytes(), file.stat()
-        chosen = self._tests_of(mutant)
+        chosen = sorted(self._tests_of(mutant), key=self._seconds.__getitem__)
         if not chosen:
             return SURVIVED, "no test executes it"
+        until = itertools.accumulate(self._seconds[test] for test in chosen)
+        chosen = [
+            test for place, (test, end) in enumerate(zip(chosen, until, strict=True)) if end < seconds or not place
+        ]
         names = [name for name in self.tests if any(test.startswith(f"{name}::") for test in chosen)]
         file.write_bytes(mutant.applied(source))
         try:
@@ -119,10 +115,11 @@ class Scratch:
         )
 
     def _tests_of(self, mutant: Mutant) -> set[str]:
-        """Tests that execute the mutant's line; where a fixture does, which others may share, all of that file, and of
-        a line that the import executes all that execute anything of the module."""
+        """Tests that execute the mutant's line, or the last one before it that any test does; where a fixture does,
+        which others may share, all of that file, and of a line that the import executes all that execute anything of
+        the module."""
         by_line = self._covered.contexts_by_lineno(str(self.folder / mutant.path))
-        contexts = set(by_line.get(mutant.line, ()))
+        contexts = set(by_line.get(max((line for line in by_line if line <= mutant.line), default=0), ()))
         if "" in contexts:
             contexts = {one for each in by_line.values() for one in each if one}
         shared = {one.partition("::")[0] for one in contexts if not one.endswith("|run")}
@@ -194,5 +191,5 @@ class _Timed:
 
 def warm_up() -> None:
     """Import libraries, so that forks need not."""
-    for name in LIBRARIES:
+    for name in LIBRARIES.split():
         importlib.import_module(name)

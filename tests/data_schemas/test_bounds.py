@@ -106,3 +106,23 @@ def test_a_line_of_a_table_is_bounded(tmp_path: Path) -> None:
     path.write_text("a\n" + "b" * (MOST_LINE + 1))
     with pytest.raises(FileError, match=f"line 2 has {MOST_LINE + 1} bytes, more than {MOST_LINE}; shorten it"):
         text_of(path, "shorten it")
+
+
+@pytest.mark.parametrize("kind", ["S7", h5py.string_dtype()], ids=["fixed", "variable"])
+def test_texts_take_the_room_of_the_longest(kind: object, tmp_path: Path) -> None:
+    path = tmp_path / "file.nc"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("a", data=[b"x" * 7, b"y"], dtype=kind)
+    assert load(path, Budget(text_bytes=14))[""].variables["a"].values.tolist() == ["x" * 7, "y"]
+    with pytest.raises(FileError, match="a: more than 13 bytes of text; shorten it"):
+        load(path, Budget(text_bytes=13))
+
+
+def test_each_text_of_an_attribute_may_be_a_quarter_of_all(tmp_path: Path) -> None:
+    path = tmp_path / "file.nc"
+    with h5py.File(path, "w") as file:
+        file.attrs["texts"] = ["x"] * 100
+    most = 100 * path.stat().st_size // 4
+    assert load(path, Budget(text_bytes=most))[""].attrs["texts"] == ["x"] * 100
+    with pytest.raises(FileError, match="attribute texts: too many texts; join them into one"):
+        load(path, Budget(text_bytes=most - 1))

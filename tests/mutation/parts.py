@@ -38,7 +38,18 @@ PARTS = {
         ),
         tuple(
             f"tests/data_schemas/test_{name}.py"
-            for name in ["checksum", "hostile_scenes", "hostile_values", "bounds", "hostile_text", "hostile", "foreign", "damage"]
+            for name in [
+                "checksum",
+                "heaps",
+                "hostile_scenes",
+                "hostile_values",
+                "bounds",
+                "round_trip",
+                "hostile_text",
+                "hostile",
+                "foreign",
+                "damage",
+            ]
         ),
     ),
     "formulas": Part(

@@ -25,7 +25,7 @@ from tests.mutation.running import KILLED, SURVIVED, TIMED_OUT, Scratch, warm_up
 def main() -> None:
     """Run what the command line asks for."""
     parser = argparse.ArgumentParser(prog="python -m tests.mutation", description=__doc__)
-    parser.add_argument("--seed", type=int, default=18)
+    parser.add_argument("--seed", type=int, nargs="+", default=[18])
     parser.add_argument("--part", choices=PARTS, nargs="+", default=list(PARTS))
     parser.add_argument("--number", type=int, default=50, help="of mutants a part")
     parser.add_argument("--results", type=Path, default=Path("mutation.jsonl"), help="appended, and read to go on")
@@ -37,22 +37,24 @@ def main() -> None:
     warm_up()
     for name in chosen.part:
         with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
-            run(name, Scratch(Path(folder), PARTS[name]), chosen)
+            scratch = Scratch(Path(folder), PARTS[name])
+            for seed in chosen.seed:
+                run(name, scratch, seed, chosen)
 
 
-def run(name: str, scratch: Scratch, chosen: argparse.Namespace) -> None:
+def run(name: str, scratch: Scratch, seed: int, chosen: argparse.Namespace) -> None:
     """Try the mutants of one part that were not tried, and print what became of all."""
-    drawn = sample(scratch.folder, scratch.files, chosen.seed, chosen.number)
+    drawn = sample(scratch.folder, scratch.files, seed, chosen.number)
     outcomes = known(chosen.results)
-    left = [one for one in drawn if outcomes.get(one.identity, SURVIVED if chosen.again else "") in ("", SURVIVED)]
-    left = [one for one in left if chosen.again or one.identity not in outcomes]
+    open_ = (None, SURVIVED) if chosen.again else (None,)
+    left = [one for one in drawn if outcomes.get(one.identity) in open_]
     if left:
         scratch.survey()
     for number, one in enumerate(left, start=1):
         begun = time.monotonic()
         outcome, by = scratch.try_out(one, chosen.seconds)
         outcomes[one.identity] = outcome
-        line = {"part": name, "seed": chosen.seed, "mutant": shown(scratch, one), "outcome": outcome, "by": by}
+        line = {"part": name, "seed": seed, "mutant": shown(scratch, one), "outcome": outcome, "by": by}
         line |= {"seconds": round(time.monotonic() - begun, 1), "identity": one.identity}
         with chosen.results.open("a") as file:
             file.write(json.dumps(line, ensure_ascii=False) + "\n")
@@ -63,7 +65,7 @@ def run(name: str, scratch: Scratch, chosen: argparse.Namespace) -> None:
             print(shown(scratch, one))
     dead = counts[KILLED] + counts[TIMED_OUT]
     print(
-        f"{name}: {counts[KILLED]} killed, {counts[TIMED_OUT]} timed out, {counts[SURVIVED]} survived: "
+        f"{name}, seed {seed}: {counts[KILLED]} killed, {counts[TIMED_OUT]} timed out, {counts[SURVIVED]} survived: "
         f"{100.0 * dead / max(len(drawn), 1):.0f} % of {len(drawn)}",
         flush=True,
     )

@@ -48,6 +48,7 @@ PARTS = {
                 "hostile_text",
                 "hostile",
                 "foreign",
+                "other_software",
                 "damage",
             ]
         ),
@@ -72,7 +73,7 @@ PARTS = {
             "tests/pipeline/identity/test_projection_laws.py",
             "tests/synth/systems/test_*.py",
             "tests/reference/test_errata_panteleev.py",
-            "tests/pipeline/test_quantities.py",
+            "tests/pipeline/test_quantities*.py",
             "tests/pipeline/test_gravity_and_ledger.py",
             "tests/pipeline/identity/test_shooting.py",
             "tests/pipeline/test_methods.py",

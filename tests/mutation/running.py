@@ -18,7 +18,7 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Iterable
+from collections import Counter
 from pathlib import Path
 
 import coverage
@@ -71,13 +71,15 @@ class Scratch:
         self._seconds: dict[str, float] = {}
 
     def survey(self) -> None:
-        """Run the tests under coverage.
+        """Run the tests under coverage, once.
 
         Raises
         ------
         RuntimeError
             They fail without any mutant.
         """
+        if self._seconds:
+            return
         words = [*OPTIONS, "--cov", "--cov-context=test", "--cov-report=", *self.tests]
         durations = self.folder / "durations"
         if self._forked(words, _Timed(durations), 3600.0) != 0:
@@ -98,7 +100,11 @@ class Scratch:
         chosen = [
             test for place, (test, end) in enumerate(zip(chosen, until, strict=True)) if end < seconds or not place
         ]
-        names = [name for name in self.tests if any(test.startswith(f"{name}::") for test in chosen)]
+        files = Counter[str]()
+        for test in chosen:
+            files[test.partition("::")[0]] += self._seconds[test]
+        chosen.sort(key=lambda test: (files[test.partition("::")[0]], test.partition("::")[0], self._seconds[test]))
+        names = sorted(files)
         file.write_bytes(mutant.applied(source))
         try:
             most = self._least + SLOWER * sum(self._seconds[test] for test in chosen)
@@ -166,13 +172,16 @@ class Scratch:
 
 
 class _Chosen:
-    """Keeps the tests that were chosen."""
+    """Runs the tests that were chosen, in that order."""
 
-    def __init__(self, names: Iterable[str]) -> None:
-        self._names = names
+    def __init__(self, names: list[str]) -> None:
+        self._order = {name: place for place, name in enumerate(names)}
 
+    @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        items[:] = [item for item in items if item.nodeid in self._names]
+        items[:] = sorted(
+            (item for item in items if item.nodeid in self._order), key=lambda item: self._order[item.nodeid]
+        )
 
 
 class _Timed:

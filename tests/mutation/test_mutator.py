@@ -108,7 +108,7 @@ def test_outcomes_of_a_small_repository(tmp_path: Path) -> None:
         (tmp_path / "root" / place).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "root" / place).write_text(text)
     part = Part(("tiny/*.py",), ("tests/test_*.py",))
-    scratch = Scratch(tmp_path / "scratch", part, tmp_path / "root", least=3.0)
+    scratch = Scratch(tmp_path / "scratch", part, tmp_path / "root", least=10.0)
     scratch.survey()
     found = {}
     for one in mutants("tiny/module.py", MODULE.encode()):

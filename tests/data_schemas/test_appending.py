@@ -132,7 +132,7 @@ def test_a_file_that_exists_is_kept_unless_told(tmp_path, record):
         append(record, tmp_path / "none" / "file.nc", [40])
     assert path.read_text() == "mine"
     append(record, path, [40], overwrite=True)
-    assert read(path).identical(read(path))
+    assert read(path).identical(record)
 
 
 _PROGRAM = """

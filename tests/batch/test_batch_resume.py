@@ -61,7 +61,7 @@ def test_what_is_gone_does_not_hold(done, which):
 
 def test_other_settings_and_versions_do_not_hold(done, out):
     path, _, ledger = done
-    assert not holds(path, config_of(out, "a", gain_uncertainty=0.01), ledger)
+    assert holds(path, config_of(out, "a", gain_uncertainty=0.01), ledger) is False
     ledger.versions = "other"
     assert not holds(path, config_of(out, "a"), ledger)
 

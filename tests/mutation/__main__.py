@@ -7,6 +7,7 @@ One JSON line a mutant is appended to `--results`; what stands there is not trie
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import os
@@ -27,7 +28,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.mutation", description=__doc__)
     parser.add_argument("--seed", type=int, nargs="+", default=[18])
     parser.add_argument("--part", choices=PARTS, nargs="+", default=list(PARTS))
-    parser.add_argument("--number", type=int, default=50, help="of mutants a part")
+    parser.add_argument("--number", type=int, nargs="+", default=[50], help="of mutants a part, for each seed")
     parser.add_argument("--results", type=Path, default=Path("mutation.jsonl"), help="appended, and read to go on")
     parser.add_argument("--again", action="store_true", help="try survivors again")
     parser.add_argument(
@@ -38,13 +39,12 @@ def main() -> None:
     for name in chosen.part:
         with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
             scratch = Scratch(Path(folder), PARTS[name])
-            for seed in chosen.seed:
-                run(name, scratch, seed, chosen)
+            for seed, number in zip(chosen.seed, itertools.cycle(chosen.number), strict=False):
+                run(name, scratch, sample(scratch.folder, scratch.files, seed, number), seed, chosen)
 
 
-def run(name: str, scratch: Scratch, seed: int, chosen: argparse.Namespace) -> None:
+def run(name: str, scratch: Scratch, drawn: list[Mutant], seed: int, chosen: argparse.Namespace) -> None:
     """Try the mutants of one part that were not tried, and print what became of all."""
-    drawn = sample(scratch.folder, scratch.files, seed, chosen.number)
     outcomes = known(chosen.results)
     open_ = (None, SURVIVED) if chosen.again else (None,)
     left = [one for one in drawn if outcomes.get(one.identity) in open_]

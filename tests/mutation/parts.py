@@ -29,7 +29,7 @@ PARTS = {
         ),
         tuple(
             f"tests/data_schemas/test_{name}.py"
-            for name in ["checksum", "sink", "shield", "round_trip", "atomic", "write_faults", "appending"]
+            for name in ["encoding", "checksum", "sink", "shield", "round_trip", "atomic", "write_faults", "appending"]
         ),
     ),
     "guard": Part(
@@ -73,6 +73,7 @@ PARTS = {
             "tests/pipeline/identity/test_projection_laws.py",
             "tests/synth/systems/test_*.py",
             "tests/reference/test_errata_panteleev.py",
+            "tests/pipeline/test_methods_alone.py",
             "tests/pipeline/test_quantities*.py",
             "tests/pipeline/test_gravity_and_ledger.py",
             "tests/pipeline/identity/test_shooting.py",

@@ -34,11 +34,13 @@ def main() -> None:
     parser.add_argument(
         "--seconds", type=float, default=math.inf, help="of tests that a mutant is shown to, the fastest"
     )
+    parser.add_argument("--tests", nargs="+", help="patterns of test files, instead of all of the part")
     chosen = parser.parse_args()
     warm_up()
     for name in chosen.part:
         with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
-            scratch = Scratch(Path(folder), PARTS[name])
+            part = PARTS[name]._replace(tests=chosen.tests) if chosen.tests else PARTS[name]
+            scratch = Scratch(Path(folder), part)
             for seed, number in zip(chosen.seed, itertools.cycle(chosen.number), strict=False):
                 run(name, scratch, sample(scratch.folder, scratch.files, seed, number), seed, chosen)
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
+from data_schemas import heaps, toml_file
 from data_schemas.errors import FileError
 from data_schemas.guard import ordinary
 from data_schemas.guard_types import Budget
-from data_schemas.ordinary import MOST_LINE, text_of
+from data_schemas.ordinary import MOST_BYTES, MOST_LINE, MOST_TEXT, text_of
 from data_schemas.reading import load
 
 
@@ -126,3 +128,31 @@ def test_each_text_of_an_attribute_may_be_a_quarter_of_all(tmp_path: Path) -> No
     assert load(path, Budget(text_bytes=most))[""].attrs["texts"] == ["x"] * 100
     with pytest.raises(FileError, match="attribute texts: too many texts; join them into one"):
         load(path, Budget(text_bytes=most - 1))
+
+
+def test_limits_are_as_announced() -> None:
+    """A change here refuses files that were read before, or reads what was refused."""
+    mebibyte = 1 << 20
+    assert asdict(Budget()) == {
+        "file": 5 * 1024 * mebibyte,
+        "bytes": 4 * 1024 * mebibyte,
+        "packed": 50,
+        "always": 256 * mebibyte,
+        "unwritten": 64 * mebibyte,
+        "heap": 64 * mebibyte,
+        "chunk": 256 * mebibyte,
+        "chunks": mebibyte,  # half a day at 25 Hz, a sample in each
+        "rank": 8,
+        "texts": 10_000,
+        "text_bytes": 64 * mebibyte,
+        "attributes": 256,
+        "attribute_elements": 1024,
+        "attribute_bytes": 4 * mebibyte,
+        "groups": 64,
+        "depth": 8,
+        "links": 512,
+        "arrays": 1024,
+    }
+    assert (heaps.MOST_BYTES, heaps.MOST_OBJECTS, heaps.MOST_POINTERS) == (64 * mebibyte, mebibyte // 2, mebibyte)
+    assert (MOST_BYTES, MOST_TEXT, MOST_LINE) == (32 * 1024 * mebibyte, 256 * mebibyte, mebibyte // 16)
+    assert (toml_file.MOST_BYTES, toml_file.MOST_PARTS) == (16 * mebibyte, 100)

@@ -153,6 +153,7 @@ def test_limits_are_as_announced() -> None:
         "links": 512,
         "arrays": 1024,
     }
-    assert (heaps.MOST_BYTES, heaps.MOST_OBJECTS, heaps.MOST_POINTERS) == (64 * mebibyte, mebibyte // 2, mebibyte)
-    assert (MOST_BYTES, MOST_TEXT, MOST_LINE) == (32 * 1024 * mebibyte, 256 * mebibyte, mebibyte // 16)
-    assert (toml_file.MOST_BYTES, toml_file.MOST_PARTS) == (16 * mebibyte, 100)
+    of_text = [heaps.MOST_BYTES, heaps.MOST_OBJECTS, heaps.MOST_POINTERS]
+    assert of_text == [64 * mebibyte, mebibyte // 2, mebibyte]
+    of_files = [MOST_BYTES, MOST_TEXT, MOST_LINE, toml_file.MOST_BYTES, toml_file.MOST_PARTS]
+    assert of_files == [32 * 1024 * mebibyte, 256 * mebibyte, mebibyte // 16, 16 * mebibyte, 100]

@@ -22,6 +22,7 @@ from collections import Counter
 from pathlib import Path
 
 import coverage
+import hypothesis
 import pytest
 
 from tests.mutation.mutants import Mutant
@@ -29,7 +30,7 @@ from tests.mutation.parts import Part
 
 ROOT = Path(__file__).parents[2]
 LEFT = (".*", "__pycache__", "*.egg-info", "build", "dist")  # not copied
-LIBRARIES = "numpy scipy.signal scipy.interpolate scipy.sparse xarray h5py numba pydantic pebble hypothesis netCDF4"
+LIBRARIES = "numpy scipy.signal scipy.interpolate scipy.sparse xarray h5py numba pydantic pebble netCDF4"
 OPTIONS = (
     "-x",
     "-q",
@@ -199,6 +200,8 @@ class _Timed:
 
 
 def warm_up() -> None:
-    """Import libraries, so that forks need not."""
+    """Import libraries, so that forks need not; an example that kills is not made smaller."""
     for name in LIBRARIES.split():
         importlib.import_module(name)
+    hypothesis.settings.register_profile("mutation", phases=[hypothesis.Phase.explicit, hypothesis.Phase.generate])
+    hypothesis.settings.load_profile("mutation")

@@ -10,9 +10,9 @@ import pytest
 
 from data_schemas.errors import RefusedError
 from pipeline import correction
-from pipeline.harmonics.envelope import sliding_envelope
-from pipeline.methods.phases import corrected, passes_zero, phases, with_noise
-from pipeline.methods.projection import residual_colour
+from pipeline.harmonics.envelope import SlowMotion, sliding_envelope
+from pipeline.methods.phases import complex_form, corrected, passes_zero, phases, with_noise
+from pipeline.methods.projection import as_estimate, residual_colour
 from pipeline.methods.shooting import numerical_error
 from pipeline.methods.vening_meinesz import value_and_slope
 from pipeline.phase_speed import phase_speed, speed_of_difference_from_second
@@ -21,9 +21,9 @@ STEP, N, DAMPING = 0.1, 6.2, 2e-4
 TIME = STEP * np.arange(4000)
 
 
-def prepared(noise: float = 1e-6, apart: float = 4e-4) -> Any:
+def prepared(noise: float = 1e-6, apart: float = 4e-4, second: float = 0.011) -> Any:
     """A stand-in of two free swings, their frequencies apart, whose difference was read with noise."""
-    one, two = 0.02 * np.exp(0.3j + 1j * (N - 3e-4 + apart) * TIME), 0.011 * np.exp(1.9j + 1j * (N - 3e-4) * TIME)
+    one, two = 0.02 * np.exp(0.3j + 1j * (N - 3e-4 + apart) * TIME), second * np.exp(1.9j + 1j * (N - 3e-4) * TIME)
     draw = np.random.default_rng(2)
     difference = (one - two).real + noise * draw.normal(size=TIME.size)
     envelope = sliding_envelope(TIME, STEP, one.real, difference, N)
@@ -111,6 +111,45 @@ def test_phases_are_refused_where_they_mean_nothing() -> None:
     made.fine_explained = 0.01
     with pytest.raises(RefusedError, match="does not explain it"):
         phases(made)
+
+
+def test_the_complex_form_alone_goes_through_zero() -> None:
+    made = prepared(apart=0.02, second=0.02)
+    with pytest.raises(RefusedError, match="falls below a tenth of its maximum"):
+        phases(made)
+    made.fine = SimpleNamespace(frequency=N, damping_rate=0.0, model=made.sliding.difference * (1.0 + 1e-4))
+    found = complex_form(made)
+    assert found.frequency == N
+    size = np.abs(made.sliding.difference)
+    assert found.noise == pytest.approx(1e-4 * np.sqrt(0.5 * np.mean(size**2) / made.sliding.noise_gain))
+
+
+@pytest.mark.parametrize("colour", [0.2, 1.0, 4.0])
+def test_less_than_white_noise_is_taken_for_white(colour: float) -> None:
+    fit: Any = SimpleNamespace(noise_gain=0.5, noise=2e-6, frequency=N, damping_rate=DAMPING, residual=np.zeros(7))
+    made: Any = SimpleNamespace(nominal=6.0, fine=SimpleNamespace(slope=0.1))
+    found = as_estimate(made, fit, colour, 3e-6, 4e-6, reduced=True)
+    assert found.sigma == pytest.approx(np.sqrt(25.0 + max(colour, 1.0)) * 1e-6)
+    assert found.uncorrected == pytest.approx(np.hypot(6.1, DAMPING))
+    assert (found.samples, found.noise, found.acceleration_reduced) == (7, 2e-6, True)
+
+
+def test_windows_show_a_phase_that_bends_as_it_is() -> None:
+    """The envelope's fit takes a quadratic phase as it is, and of a faster one what it lets through."""
+    made = prepared()
+    time = 0.5 * np.arange(900) - 20.0
+    rise = 1e-4 * (time + 20.0)
+    made.slow_motion = SlowMotion(-20.0, 0.5, np.zeros(900), np.zeros(900), rise)
+    parts = correction.of_real_pendulums(made, N)
+    exact = made.slow_motion.phase(N, made.sliding.time)
+    assert np.ptp(exact) > 20.0
+    np.testing.assert_allclose(parts["acceleration"], exact, atol=2e-5)
+    made.slow_motion = SlowMotion(-20.0, 0.5, np.zeros(900), np.zeros(900), 0.01 * np.cos(3.0 * time))
+    fast = correction.of_real_pendulums(made, N)["acceleration"]
+    line = np.polynomial.Polynomial.fit(made.sliding.time, fast, 1)(made.sliding.time)
+    assert np.ptp(fast - line) < 0.05 * 2.0 * 0.5 * 0.01 * N / 3.0
+    whole = correction.integrated(correction.model_speed(made, N, arc=True), made.sliding.hop)
+    np.testing.assert_allclose(parts["non_isochronism"] + parts["arc"], whole, atol=1e-12)
 
 
 def test_an_estimate_is_the_slope_of_the_corrected_phase() -> None:

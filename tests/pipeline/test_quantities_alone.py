@@ -93,6 +93,7 @@ def test_flags_of_phases_by_their_reasons() -> None:
     assert found.tolist() == [[0, GAP, *far[2:]], [0, 0, AMBIGUOUS, *far[3:]], far]
     for one, flagged in ((np.array([2.0]), [True, False, False, False, True, True]), (np.array([]), [False] * 6)):
         assert ((quantities._quality(amplitude, time, one)[2] & INTERPOLATED) > 0).tolist() == flagged
+    assert quantities._quality(amplitude, time, np.array([0.0, 2.0, 4.5]))[2].tolist() == [0] * 6
     assert quantities._quality(amplitude, time, np.array([2.0, 9.0]))[2].tolist() == [4, 0, 0, 0, 4, 4]
 
 

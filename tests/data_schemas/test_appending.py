@@ -253,7 +253,7 @@ def test_sums_of_rows_are_the_same_however_the_rows_are_cut(piece):
         assert (found == meant) == (not bent)
 
 
-def test_what_does_not_grow_is_of_the_first_portion_and_attributes_of_the_last(tmp_path):
+def test_what_does_not_grow_is_of_the_first_portion(tmp_path):
     def portion(number: float) -> Contents:
         grown, fixed, empty = np.full(2, number), np.array([number]), np.empty((0, 2))
         variables = {"a": Entry(("time",), grown), "b": Entry(("x",), fixed), "c": Entry(("none", "time"), empty)}

@@ -57,7 +57,7 @@ def test_white_residuals_are_white_and_a_swing_is_not() -> None:
     assert colour(np.zeros(100)) == 1.0
 
 
-def test_the_numerical_error_grows_with_the_eighth_power_of_the_step() -> None:
+def test_the_numerical_error_grows_by_the_eighth_power() -> None:
     fit: Any = SimpleNamespace(stiffness=np.array([3.0, -4.0]) * 1e-2, frequency=N)
     strength = np.sqrt(12.5) * 1e-2 / (2.0 * N)
     least = numerical_error(fit, 1e-6)

@@ -45,7 +45,7 @@ def test_few_samples_a_swing_take_the_harmonics() -> None:
     np.testing.assert_allclose(raw.real, angle, atol=1e-4)
 
 
-def test_harmonics_and_slow_part_are_the_series_between_their_instants() -> None:
+def test_harmonics_and_slow_part_are_the_series() -> None:
     prepared, _, _ = sampled()
     envelope = prepared.sliding
     model = model_of_harmonics(prepared, TIME)

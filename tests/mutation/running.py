@@ -123,13 +123,12 @@ class Scratch:
 
     def _tests_of(self, mutant: Mutant) -> set[str]:
         """Tests that execute the mutant's line, or the last one before it that any test does; where a fixture does,
-        which others may share, all of that file, and of a line that the import executes all that execute anything of
-        the module."""
+        which others may share, or the import, all tests of the files that do."""
         by_line = self._covered.contexts_by_lineno(str(self.folder / mutant.path))
         contexts = set(by_line.get(max((line for line in by_line if line <= mutant.line), default=0), ()))
-        if "" in contexts:
+        if imported := "" in contexts:
             contexts = {one for each in by_line.values() for one in each if one}
-        shared = {one.partition("::")[0] for one in contexts if not one.endswith("|run")}
+        shared = {one.partition("::")[0] for one in contexts if imported or not one.endswith("|run")}
         known = {one.rpartition("|")[0] for one in contexts}
         return {test for test in self._seconds if test in known or test.partition("::")[0] in shared}
 

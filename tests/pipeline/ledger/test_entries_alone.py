@@ -228,6 +228,7 @@ def test_a_methods_own_correction_splits_into_its_parts(reduced: bool) -> None:
         assert found[name].value == pytest.approx(value, abs=0.03), name
     assert sum(each.value for each in found.values()) == pytest.approx(5e-4 * by, rel=1e-3)
     assert found["zero"].sigma == 0.2
+    assert {name for name, each in found.items() if each.sigma} == {"non_isochronism", "zero", "case_tilt"}
     assert not found["scale"].applied
     assert found["vertical_acceleration"].applied is False
     assert found["horizontal_acceleration"].applied is reduced

@@ -18,6 +18,7 @@ import shutil
 import signal
 import struct
 import sys
+import tempfile
 import time
 import traceback
 from collections import Counter
@@ -170,6 +171,7 @@ class Scratch:
         sys.path[:] = [str(self.folder), *(one for one in sys.path if one not in ("", str(ROOT)))]
         os.environ |= {"PYTHONPATH": str(self.folder), "XDG_CACHE_HOME": str(self.folder / "cache")}
         os.environ.pop("PYTEST_ADDOPTS", None)
+        os.environ["TMPDIR"] = tempfile.tempdir = str(self.folder)
         os.environ["COVERAGE_FILE"] = str(self.folder / ".coverage")
         return int(pytest.main([*words, f"--basetemp={self.folder / 'temporary'}"], plugins=[plugin]))
 

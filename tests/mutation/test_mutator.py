@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from tests.mutation.__main__ import known
 from tests.mutation.mutants import Mutant, mutants, sample
 from tests.mutation.parts import PARTS, Part
-from tests.mutation.running import KILLED, ROOT, SURVIVED, TIMED_OUT, Scratch
+from tests.mutation.running import KILLED, ROOT, SURVIVED, TIMED_OUT, Scratch, confine
 
 SILENT = '''"""Says 1 + 1."""
 from typing import TYPE_CHECKING
@@ -125,6 +126,24 @@ def test_outcomes_of_a_small_repository(tmp_path: Path) -> None:
         "10 (8)": SURVIVED,
     }
     assert (scratch.folder / "tiny/module.py").read_text() == MODULE
+
+
+def test_nothing_outside_its_folder_is_changed(tmp_path: Path) -> None:
+    """A mutant of the writer, run by root, would replace devices."""
+    (tmp_path / "inside").mkdir()
+    (tmp_path / "outside").write_text("precious")
+    child = os.fork()
+    if child == 0:
+        try:
+            confine(tmp_path / "inside")
+            (tmp_path / "inside/file").write_text("mine")
+            os.rename(tmp_path / "inside/file", tmp_path / "outside")
+        except PermissionError:
+            os._exit(0)
+        finally:
+            os._exit(1)
+    assert os.waitpid(child, 0)[1] == 0
+    assert (tmp_path / "outside").read_text() == "precious"
 
 
 def test_the_last_line_of_a_mutant_counts(tmp_path: Path) -> None:

@@ -49,8 +49,8 @@ def to_the_surface(gravity: Floats, latitude: float, depth: float) -> Floats:
     depth : float
         m.
     """
-    rise = (normal_gravity(latitude) - normal_gravity(latitude, depth)) / depth if depth else 0.0
-    return gravity - (rise - 4.0 * math.pi * GRAVITATION * WATER) * depth
+    rise = normal_gravity(latitude) - normal_gravity(latitude, depth)
+    return gravity - (rise - 4.0 * math.pi * GRAVITATION * WATER * depth)
 
 
 def anomalies(constants: Constants, gravity: Floats) -> dict[str, Any]:

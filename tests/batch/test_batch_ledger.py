@@ -118,7 +118,8 @@ def test_a_disk_that_fails_is_told_and_nothing_is_lost(out, written, monkeypatch
             assert "z.result.nc" not in ledger.places
     monkeypatch.undo()
     assert written.read_bytes().startswith(before)
-    assert list(Index(out, "{}").places)[:2] == [ONE.key, TWO.key]
+    with Ledger(out, "{}") as ledger:  # nobody holds it any more
+        assert list(ledger.places)[:2] == [ONE.key, TWO.key]
 
 
 def test_short_writes_are_finished(out, monkeypatch):

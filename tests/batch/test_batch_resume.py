@@ -39,7 +39,7 @@ def test_an_output_alone_is_not_enough(done, out):
     path, config, _ = done
     os.rename(out / "ledger.jsonl", out / "aside")
     with Ledger(out, "{}") as empty:
-        assert not holds(path, config, empty)
+        assert holds(path, config, empty) is False
 
 
 @pytest.mark.parametrize("which", ["input", "output"])
@@ -49,21 +49,21 @@ def test_a_single_bit_of_input_or_output_counts(done, which):
     whole = bytearray(target.read_bytes())
     whole[len(whole) // 2] ^= 1
     target.write_bytes(whole)
-    assert not holds(path, config, ledger)
+    assert holds(path, config, ledger) is False
 
 
 @pytest.mark.parametrize("which", ["input", "output"])
 def test_what_is_gone_does_not_hold(done, which):
     path, config, ledger = done
     (path if which == "input" else config.output).unlink()
-    assert not holds(path, config, ledger)
+    assert holds(path, config, ledger) is False
 
 
 def test_other_settings_and_versions_do_not_hold(done, out):
     path, _, ledger = done
-    assert not holds(path, config_of(out, "a", gain_uncertainty=0.01), ledger)
+    assert holds(path, config_of(out, "a", gain_uncertainty=0.01), ledger) is False
     ledger.versions = "other"
-    assert not holds(path, config_of(out, "a"), ledger)
+    assert holds(path, config_of(out, "a"), ledger) is False
 
 
 def test_a_film_is_what_it_was_only_with_its_description(done, out):
@@ -73,11 +73,11 @@ def test_a_film_is_what_it_was_only_with_its_description(done, out):
     for text in (None, "speed = 1", "speed = 2"):
         if text is not None:
             beside.write_text(text)
-            assert not holds(path, config, ledger)
+            assert holds(path, config, ledger) is False
         ledger.append([process_record(path, config)], {config.key: config.sha256})
         assert holds(path, config, ledger)
     beside.unlink()
-    assert not holds(path, config, ledger)
+    assert holds(path, config, ledger) is False
 
 
 def test_failures_hold_until_they_are_to_be_tried_again(done):

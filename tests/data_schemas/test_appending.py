@@ -132,7 +132,7 @@ def test_a_file_that_exists_is_kept_unless_told(tmp_path, record):
         append(record, tmp_path / "none" / "file.nc", [40])
     assert path.read_text() == "mine"
     append(record, path, [40], overwrite=True)
-    assert read(path).identical(read(path))
+    assert read(path).identical(record)
 
 
 _PROGRAM = """
@@ -251,3 +251,21 @@ def test_sums_of_rows_are_the_same_however_the_rows_are_cut(piece):
         for begin in range(0, 12, piece):
             found.add_flat(flat[begin : begin + piece])
         assert (found == meant) == (not bent)
+
+
+def test_what_does_not_grow_is_of_the_first_portion(tmp_path):
+    def portion(number: float) -> Contents:
+        grown, fixed, empty = np.full(2, number), np.array([number]), np.empty((0, 2))
+        variables = {"a": Entry(("time",), grown), "b": Entry(("x",), fixed), "c": Entry(("none", "time"), empty)}
+        return {"": Group({"n": number}, variables)}
+
+    with Appended(tmp_path / "file.nc", 4) as file:
+        for number in (1.0, 2.0):
+            file.append(portion(number))
+        file.finish()
+        file.publish()
+    tree = read(tmp_path / "file.nc")
+    assert tree["a"].values.tolist() == [1.0, 1.0, 2.0, 2.0]
+    assert tree["b"].values.tolist() == [1.0]
+    assert tree["c"].shape == (0, 4)
+    assert tree.attrs == {"n": 2.0}

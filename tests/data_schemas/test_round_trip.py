@@ -157,8 +157,9 @@ def test_a_reserved_attribute_is_refused(tmp_path, record, name):
 
 
 def test_an_attribute_of_one_element_is_that_element(tmp_path, record):
-    record.attrs |= {"one": np.array([2.5]), "text": ["a"], "small": np.int16(3)}
+    record.attrs |= {"one": np.array([2.5]), "text": ["a"], "small": np.int16(3), "whole": np.array([7])}
     write(record, tmp_path / "file.nc")
     back = read(tmp_path / "file.nc").attrs
     assert (back["one"], back["text"], back["small"]) == (2.5, "a", 3)
     assert back["small"].dtype == np.int16
+    assert [type(back[name]) for name in ("one", "text", "whole")] == [float, str, int]

@@ -79,6 +79,27 @@ def test_the_fictitious_pendulum_is_that_of_the_true_motion() -> None:
     assert np.std(formula[1] - formula[2]) > 0.01
 
 
+def test_pendulums_and_their_difference_fit_together(made) -> None:
+    result = made[0]
+    amplitude, phase, slow, sigma, by_phase = (
+        values(result, "phases", name) for name in ("amplitude", "phase", "slow", "amplitude_sigma", "phase_sigma")
+    )
+    first, second, difference = amplitude * np.exp(1j * phase)
+    np.testing.assert_allclose(first - second, difference, atol=1e-15)
+    np.testing.assert_allclose(slow[0] - slow[1], slow[2], atol=1e-15)
+    sigma = np.broadcast_to(sigma.reshape(3, -1), amplitude.shape)
+    np.testing.assert_allclose(by_phase * amplitude, sigma, rtol=1e-12)
+    np.testing.assert_allclose(sigma[1], np.hypot(sigma[0], sigma[2]), rtol=1e-12)
+
+
+def test_36_and_38_are_one_identity(made) -> None:
+    """Fed with the same speeds of two pendulums they give the same of the difference; near the measured one."""
+    formula = values(made[0], "phases", "phase_speed_by_formula")
+    np.testing.assert_allclose(formula[3], formula[4], rtol=0, atol=1e-12)
+    measured = values(made[0], "phases", "phase_speed")[2]
+    assert np.abs(np.mean(formula[4] - measured)) < 2e-5
+
+
 def test_the_amplitude_changes_as_27_says() -> None:
     result = process(simulate(**REAL | {"noise": 0.0})[0], method="projection")
     measured, by_27 = (values(result, "phases", name) for name in ("amplitude_rate", "amplitude_rate_by_27"))

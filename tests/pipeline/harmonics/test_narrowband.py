@@ -153,10 +153,11 @@ def test_phase_slope_and_regression_against_polyfit() -> None:
     envelope[3] = np.nan
     weight[3] = 0.0
     assert phase_slope(TIME, envelope, weight) == pytest.approx(-0.4)
-    noisy = envelope * np.exp(0.3j * random.normal(0, 1, TIME.size))
+    size = random.uniform(0.5, 2.0, TIME.size)
+    noisy = size * envelope * np.exp(0.3j * random.normal(0, 1, TIME.size))
     phase = np.full(TIME.size, np.nan)
     phase[weight > 0.0] = np.unwrap(np.angle(noisy[weight > 0.0]))
-    fitted = np.polyfit(TIME[weight > 0.0], phase[weight > 0.0], 1, w=np.sqrt(weight[weight > 0.0]))[0]
+    fitted = np.polyfit(TIME[weight > 0.0], phase[weight > 0.0], 1, w=(np.sqrt(weight) * size)[weight > 0.0])[0]
     assert phase_slope(TIME, noisy, weight) == pytest.approx(fitted, rel=1e-12)
 
 

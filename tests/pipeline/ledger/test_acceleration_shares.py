@@ -115,6 +115,17 @@ def test_shares_follow_from_the_recorded_motion() -> None:
     assert found.vertical * milligal == pytest.approx(0.02 / (4 * 9.8054321) * 1e5, rel=0.01)
     np.testing.assert_allclose(found.squares, [0.012**2, 0.006**2], rtol=0.01)
     assert shares(method("projection")(ready), ready) == Shares()
+    one, two = 0.012 * np.exp(0.4j), 0.006 * np.exp(2.2j)
+
+    def arc(gain: float) -> float:
+        """Of constant harmonics, the first pendulum's trace larger by a gain, the difference as it was read."""
+        first, second = gain * one, gain * one - (one - two)
+        answer = (abs(first) ** 2 * first - abs(second) ** 2 * second) / (one - two)
+        return estimate.frequency / 16.0 * float(answer.real)
+
+    assert found.arc == pytest.approx(arc(1.0), rel=0.01)
+    assert found.by_gain == pytest.approx((arc(1.01) - arc(1.0)) / 0.01 + 2.0 * found.horizontal, rel=0.01)
+    assert replace(estimate, finite_arc=3e-6).finite_arc == shares(replace(estimate, finite_arc=3e-6), ready).arc
 
 
 def test_the_ledger_says_where_heave_comes_from() -> None:

@@ -17,6 +17,7 @@ from synth.systems.dispatch import derivative, jacobian, response
 from synth.systems.driven_pendulums import DrivenPendulums
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
+from synth.systems.resistance import VanDerPol
 from synth.systems.yielding import ElasticBeam, FlexibleFrame, stiffness_of_ratio
 
 EVERY = pytest.mark.parametrize("system", SYSTEMS.values(), ids=list(SYSTEMS))
@@ -71,6 +72,14 @@ def test_jacobian_is_the_derivative_of_the_derivative(system: Any) -> None:
     expected = numerical(lambda where: slope(system, where), state)
     # h^6 times the seventh derivatives: 6e-17 x 1e6 for the knife edge's tanh; rounding 1e-16/h
     np.testing.assert_allclose(matrix(system, state), expected, atol=1e-10 * np.abs(expected).max())
+
+
+def test_jacobian_of_the_stiff_reference_problem() -> None:
+    system, state = VanDerPol(7.0), np.array([0.6, -1.3])
+    np.testing.assert_allclose(
+        matrix(system, state), numerical(lambda at: slope(system, at), state), rtol=1e-9, atol=1e-9
+    )
+    assert slope(system, state) == pytest.approx([-1.3, 7.0 * (1.0 - 0.36) * -1.3 - 0.6])
 
 
 @EVERY

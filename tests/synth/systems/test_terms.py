@@ -11,7 +11,7 @@ from system_examples import DRIVE, KNIFE, QUADRATIC, UPWARDS, VISCOUS, opposite
 
 from synth.kernels.compiled import kernel
 from synth.systems.harmonic_motion import Harmonics, harmonics
-from synth.systems.terms import Both, driven, driven_slope, motion, together
+from synth.systems.terms import Both, Impulses, driven, driven_slope, halt, jolt, motion, together
 
 
 @kernel
@@ -42,6 +42,29 @@ def test_terms_are_what_their_formulas_say() -> None:
     assert _total(QUADRATIC) - 0.25 == pytest.approx(0.2 * rate**2, rel=1e-14)
     assert _total(KNIFE) - 0.25 == pytest.approx(0.01 * np.tanh(0.7 / 0.2), rel=1e-13)
     assert _total(DRIVE) - 0.25 == pytest.approx(0.2 * (1 - (angle / 0.2) ** 2) * rate, rel=1e-14)
+
+
+def test_impulses_come_at_even_times_and_keep_a_part() -> None:
+    kept, angles, rates = np.array([[0.5, 1.0], [0.0, 2.0]]), np.array([[0.1, 0.0], [0.2, 0.3]]), np.ones((2, 2))
+    kicks = Impulses(1.5, kept, angles, rates)
+
+    @kernel
+    def jolted(number: int, state: Any, given: Any) -> None:
+        jolt(given, number, state)
+
+    @kernel
+    def halted(number: int, end: float, given: Any) -> float:
+        return halt(given, number, end)
+
+    state = np.array([1.0, 2.0, 3.0, 4.0, 9.0])
+    jolted(0, state, kicks)
+    assert state.tolist() == [0.6, 2.0, 3.0, 5.0, 9.0]
+    jolted(1, state, kicks)
+    assert state.tolist() == [0.2, 1.0, 6.3, 11.0, 9.0]
+    jolted(1, state, None)
+    assert state[0] == 0.2
+    assert [halted(number, 10.0, kicks) for number in (0, 1, 2)] == [1.5, 3.0, 10.0]
+    assert (halted(1, 2.0, kicks), halted(0, 2.0, None)) == (2.0, 2.0)
 
 
 def test_folding_leaves_out_what_is_absent() -> None:

@@ -16,7 +16,8 @@ import time
 from collections import Counter
 from pathlib import Path
 
-os.environ |= {"NUMBA_DISABLE_JIT": "1", "OMP_NUM_THREADS": "1"}  # before anything brings numba or NumPy
+if __name__ == "__main__":  # before anything brings numba or NumPy
+    os.environ |= {"NUMBA_DISABLE_JIT": "1", "OMP_NUM_THREADS": "1"}
 
 from tests.mutation.mutants import Mutant, sample
 from tests.mutation.parts import PARTS

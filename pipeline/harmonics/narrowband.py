@@ -120,8 +120,9 @@ class ComplexForm:
     def jacobian(self, model: Complexes, growth: Complexes) -> Complexes:
         """Derivatives of the model by (Re D0, Im D0, n2, gamma2), (4, k), unweighted."""
         hop = float(self.time[1] - self.time[0])
-        by_frequency = 1j * (model + (self.ratio - 1.0) * self.first)
-        by_frequency, by_damping = (growth * running_integral(each / growth, hop) for each in (by_frequency, -model))
+        forced = (self.ratio - 1.0) * self.first  # X leaves it as w1 and gamma1 leave the first pendulum's swing
+        sources = 1j * (model - 0.5 * forced), 1.5 * forced - model
+        by_frequency, by_damping = (growth * running_integral(each / growth, hop) for each in sources)
         return np.stack([growth, 1j * growth, by_frequency, by_damping])
 
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from pipeline.film import digitise
 from pipeline.film.marks.axis import axis_of
 from pipeline.film.marks.stands import Stand, together
 from pipeline.film.parts import Marking, TimeAxis
+from tests.films.make import write
 from tests.pipeline.film.mark_lists import Case, Made, made, slips
 
 ABOUT = 0.3  # by which a bar's light misleads
@@ -37,6 +42,7 @@ def errors(axis: TimeAxis, truth: Made) -> np.ndarray:
     return np.asarray(away - np.median(away))
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("stood", [0.5, 1.01, 2.02, 5.05])
 @pytest.mark.parametrize("light", [1.0 - ABOUT, 1.0 + ABOUT])
 def test_codes_on_both_sides_tell_how_long(stood: float, light: float) -> None:
@@ -48,12 +54,14 @@ def test_codes_on_both_sides_tell_how_long(stood: float, light: float) -> None:
     assert np.isfinite(axis.seconds).mean() > 0.98
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("stood", [0.5, 1.01])
 def test_without_codes_pendulums_and_light_tell_a_short_stand(stood: float) -> None:
     axis, truth = read(Case(minutes=3.0, code=None, stands=((81.3, stood),)), 1.0)
     assert np.abs(errors(axis, truth)).max() < 3e-3
 
 
+@pytest.mark.compiled
 def test_what_is_not_certain_has_no_time() -> None:
     axis, truth = read(Case(minutes=3.0, code=None, stands=((61.3, 5.05),)), 0.5, saturated=True)
     assert "film-cut" in axis.flags
@@ -62,10 +70,26 @@ def test_what_is_not_certain_has_no_time() -> None:
     assert np.abs(errors(axis, truth)).max() < 3e-3
 
 
+@pytest.mark.compiled
 def test_several_stands_in_one_film() -> None:
     axis, truth = read(Case(minutes=10.0, stands=((90.2, 1.01), (250.7, 2.02), (431.1, 5.05))), 1.1)
     assert np.abs(errors(axis, truth)).max() < 3e-3
     assert np.isfinite(axis.seconds).mean() > 0.8  # a part with too few codes is cut off
+
+
+@pytest.mark.compiled
+def test_a_bar_is_found_on_a_film_that_another_program_made(tmp_path: Path) -> None:
+    (image,) = write("still 1.01 s", "middle", 1, tmp_path)
+    (told,) = tmp_path.glob("*.truth.json")
+    truth = json.loads(told.read_text(encoding="utf-8"))
+    found, _ = digitise.read(image)
+    times = np.array(truth["time_of_row"])
+    away = found.axis.seconds[: times.size] - times[: found.axis.seconds.size]
+    timed = np.isfinite(away)
+    assert np.abs(away[timed] - np.median(away[timed])).max() < 1e-3
+    assert timed.mean() > 0.98
+    assert "film-stood-still" in found.axis.flags
+    assert "film-cut" not in found.axis.flags
 
 
 def test_a_bar_on_one_trace_alone_of_three_is_dirt() -> None:

@@ -189,7 +189,7 @@ def told(made: xr.DataTree, group: str, name: str, change: Callable[[np.ndarray]
 
 WRONG: dict[str, tuple[str, str, Callable[[np.ndarray], np.ndarray], str]] = {
     "millimetres": ("record", "elongation", lambda value: 1e3 * value, "give elongations in rad"),
-    "degrees": ("record", "elongation", np.degrees, r"units \(rad, s\)"),
+    "degrees": ("record", "elongation", np.degrees, r"unit of the elongations \(rad\)"),
     "a period in ms": ("instrument", "period", lambda value: 1e-3 * value, "give times and periods in s"),
     "heave in mGal": ("record", "vertical_acceleration", lambda value: 1e5 * value, "give m s-2"),
     "gravity in mGal": ("instrument", "reference_gravity", lambda value: 1e5 * value, "no planet's"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +15,7 @@ from pipeline.film.marks.drive import Drive, drive, holes_honest
 from pipeline.film.marks.minutes import Minutes, code_marks, find_minutes, repaired
 from pipeline.film.marks.oblique import lasting, middles, refined
 from pipeline.film.marks.search import Gaps, find_gaps, learned_width
-from pipeline.film.marks.stands import Side, Stand, lengths, together
+from pipeline.film.marks.stands import Bars, Side, Stand, lengths, together
 from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks
 from pipeline.film.scan.opening import OpenScan
 
@@ -57,10 +56,10 @@ def time_axis(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marki
 
 
 def axis_of(
-    gaps: Gaps, tracks: Tracks, marking: Marking, width: float, rows: int, found_stands: Sequence[list[Stand]] = ()
+    gaps: Gaps, tracks: Tracks, marking: Marking, width: float, rows: int, shown: Bars | None = None
 ) -> TimeAxis:
     """The time axis that gaps make; `width` of a gap and `rows` of the film in px. Raises as `time_axis`."""
-    counted = count_gaps(gaps, tracks, marking, width, found_stands)
+    counted = count_gaps(gaps, tracks, marking, width, shown)
     traces = len(tracks.course)
     size = int(counted.count.index[-1]) + 1
     row, sigma, column = (np.full((traces, size), np.nan) for _ in range(3))
@@ -84,9 +83,7 @@ def axis_of(
     return _axis(found, counted, row, offset, shear, alike, marking, rows)
 
 
-def count_gaps(
-    gaps: Gaps, tracks: Tracks, marking: Marking, width: float, found_stands: Sequence[list[Stand]] = ()
-) -> Counted:
+def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, shown: Bars | None = None) -> Counted:
     """Gaps brought together over the traces and counted; raises as `time_axis`."""
     traces = len(tracks.course)
     busiest = int(np.argmax(np.bincount(gaps.trace, minlength=traces)))
@@ -105,7 +102,7 @@ def count_gaps(
     phase, doubt = checks.phases(tracks, places, stretch)
     centred = np.where(doubt < 1e-3, phase, np.nan)
     advance, spread = checks.advance(events.row, centred, spacing * stretch)
-    stands = together(list(found_stands), alignment.offset, alignment.shear, np.array(middle)) if found_stands else []
+    stands = together(shown, alignment.offset, alignment.shear, np.array(middle)) if shown else []
     if stands:
         count, stands, whole = _past_stands(events, stands, (phase, doubt, advance, spread), spacing, marking)
     else:

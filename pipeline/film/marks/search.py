@@ -18,7 +18,7 @@ from pipeline.film.marks import gap_kernels
 from pipeline.film.marks.curve_kernels import brightness_along
 from pipeline.film.marks.gap_kernels import Known, fit_gaps
 from pipeline.film.marks.pieces import MARGIN, exposed, grain, over_pieces
-from pipeline.film.marks.stands import Stand, bars, light_across, swept
+from pipeline.film.marks.stands import Bars, bars, light_across, swept
 from pipeline.film.parts import Emulsion, Floats, Tracks
 from pipeline.film.scan.opening import OpenScan
 
@@ -45,9 +45,7 @@ def steps_a_row(tracks: Tracks, spot: float) -> int:
     return int(np.clip(np.ceil(steep / (1.3 * spot)), 4, 40))
 
 
-def find_gaps(
-    scan: OpenScan, emulsion: Emulsion, tracks: Tracks, width: float, jobs: int = 1
-) -> tuple[Gaps, list[list[Stand]]]:
+def find_gaps(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, width: float, jobs: int = 1) -> tuple[Gaps, Bars]:
     """All gaps of about `width` rows on all traces, fitted and judged; and where each shows that the paper stood."""
     steps, across = steps_a_row(tracks, tracks.spot), swept(tracks, scan.columns)
 

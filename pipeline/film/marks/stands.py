@@ -16,7 +16,7 @@ from pipeline.film.parts import Emulsion, Floats, Tracks
 
 INNER, LEAST_COLUMNS = 0.8, 12.0  # of the swing, that a bar fills; px, of the least that can show one
 QUANTILE = 0.25  # of the columns, which other traces and their gaps leave alone
-SWEPT = 0.4  # of the light of one stroke, from which rows belong to a bar
+SWEPT, FAINT = 0.4, 0.5  # of the light of one stroke, from which rows are a bar; of that, where another trace has one
 CERTAIN = 6.0  # sigmas of the grain
 DENSE = 0.7  # of a line at rest, light from which a bar may be blacker than it shows
 APART = 20.0  # rows within which bars of several traces are one
@@ -35,6 +35,11 @@ class Stand(NamedTuple):
     """Of time, by the bar's light, in rows of the film at its usual speed."""
     saturated: bool
     """Whether it may have been longer."""
+    sure: bool = True
+    """Whether the bar would be believed by itself."""
+
+
+Bars = list[list[Stand] | None]
 
 
 class Side(NamedTuple):
@@ -99,16 +104,18 @@ def light_across(exposure: NDArray[np.float32], across: list[Swept | None]) -> F
     return out
 
 
-def bars(light: Floats, across: list[Swept | None], tracks: Tracks, emulsion: Emulsion) -> list[list[Stand]]:
-    """The bars on each trace, from what `light_across` gives of all rows."""
+def bars(light: Floats, across: list[Swept | None], tracks: Tracks, emulsion: Emulsion) -> Bars:
+    """The bars on each trace, None where it cannot show one, from what `light_across` gives of all rows."""
     dim = CERTAIN * float(grain(emulsion)[0][0])
-    found: list[list[Stand]] = []
+    found: Bars = []
     for own, least, strokes in zip(across, *light, strict=True):
-        found.append([])
         if own is None:
+            found.append(None)
             continue
-        bright = least - np.median(least) > max(SWEPT * own.peak, dim)
+        usual, enough = float(np.median(least)), max(SWEPT * own.peak, dim)
+        bright = least - usual > FAINT * enough
         edges = np.flatnonzero(np.diff(np.concatenate([[0], bright.view(np.int8), [0]])))
+        shown: list[Stand] = []
         for begin, stop in edges.reshape(-1, 2).tolist():
             rows = slice(max(begin - MARGIN, 0), stop + MARGIN)
             if stop - begin > THICK * tracks.spot:
@@ -116,22 +123,22 @@ def bars(light: Floats, across: list[Swept | None], tracks: Tracks, emulsion: Em
             more = strokes[rows] - np.median(strokes)
             row = float(least[rows] @ (np.arange(least.size)[rows] + 0.5) / least[rows].sum())
             length = 0.5 * tracks.rows_per_swing * float(more.sum())
-            found[-1].append(Stand(row, length, bool(least[begin:stop].max() > DENSE)))
+            top = float(least[begin:stop].max())
+            shown.append(Stand(row, length, top > DENSE, top - usual > enough))
+        found.append(shown)
     return found
 
 
-def together(found: list[list[Stand]], offset: Floats, shear: float, across: Floats) -> list[Stand]:
-    """Bars that half of the traces show at one place of the paper; `across`, the traces' middle columns."""
-    places = [
-        each._replace(row=each.row - offset[k] - shear * across[k]) for k, bars in enumerate(found) for each in bars
-    ]
+def together(found: Bars, offset: Floats, shear: float, across: Floats) -> list[Stand]:
+    """Bars that all traces show that can, at one place of the paper; `across`, the traces' middle columns."""
+    able = [(k, shown) for k, shown in enumerate(found) if shown is not None]
+    places = [each._replace(row=each.row - offset[k] - shear * across[k]) for k, shown in able for each in shown]
     out: list[list[Stand]] = []
     for each in sorted(places):
         if out and each.row - out[-1][0].row < APART:
             out[-1].append(each)
         else:
             out.append([each])
-    able = max(sum(bool(bars) for bars in found), 1)
     return [
         Stand(
             float(np.mean([each.row for each in group])),
@@ -139,7 +146,7 @@ def together(found: list[list[Stand]], offset: Floats, shear: float, across: Flo
             any(each.saturated for each in group),
         )
         for group in out
-        if 2 * len(group) >= able
+        if len(group) >= len(able) and any(each.sure for each in group)
     ]
 
 

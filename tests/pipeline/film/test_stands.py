@@ -101,3 +101,12 @@ def test_a_bar_on_one_trace_alone_of_three_is_dirt() -> None:
     stray = [Stand(400.0, 30.0, False)]
     found = together([[*real, *stray], real, real], np.zeros(3), 0.0, np.zeros(3))
     assert [round(each.row) for each in found] == [100]
+
+
+def test_a_faint_bar_counts_where_another_trace_has_a_sure_one() -> None:
+    sure, faint = Stand(100.0, 30.0, False), Stand(101.0, 20.0, False, sure=False)
+    none = np.zeros(2)
+    assert len(together([[sure], [faint]], none, 0.0, none)) == 1
+    assert together([[faint], [faint]], none, 0.0, none) == []
+    assert together([[sure], []], none, 0.0, none) == []
+    assert len(together([[sure], None], none, 0.0, none)) == 1

@@ -283,17 +283,18 @@ class Tried:
         base = self.fit.solution.log_likelihood
         for number, each in enumerate(ahead):
             rest = ahead[number + 1 :]
-            if each[0] > base + VERY_MUCH:  # priced about a path that is far off
+            far_off = each[0] > base + VERY_MUCH  # the path that it was priced about
+            if far_off:
                 rest = list({other[1].words[-1:]: other for other in reversed(rest)}.values())
                 same = [each, *(other for other in rest if other[1].words[-1:] != each[1].words[-1:])]
             else:
                 same = [each, *(other for other in rest if _of_scale(each) and _of_scale(other))]
-            fits = [(each, found) for each in same if (found := _fitted(self.fit, each)) is not None]
-            if each[0] > base + VERY_MUCH:
-                fits = [(each, motion.reshaped(found)) for each, found in fits]
-            best = max((_as_candidate(each, found)[0], k) for k, (each, found) in enumerate(fits)) if fits else None
-            if best is not None and best[0] > base + PAYS:
-                return fits[best[1]][1]
+            fits = [(one, found) for one in same if (found := _fitted(self.fit, one)) is not None]
+            if far_off:
+                fits = [(one, motion.reshaped(found)) for one, found in fits]
+            best = max(fits, key=lambda pair: _as_candidate(*pair)[0], default=None)
+            if best is not None and _as_candidate(*best)[0] > base + PAYS:
+                return best[1]
         return None
 
     def again(self, candidate: Candidate) -> Candidate | None:

@@ -153,6 +153,7 @@ def _past_stands(
             number, price = lengths(sides[0], sides[1], advance, spread, stands[at - 1], spacing)
             if code is not None and minute is not None:
                 agrees = (number + before.index[-1] + code - minute) % cycle == 0
+                agrees &= price < price[0] + counting.LEAST_LEAD  # a false gap may look like a code
                 number, price = number[agrees], price[agrees]
             if price.size > 1 and price[1] - price[0] < counting.LEAST_LEAD:
                 number = number[:0]

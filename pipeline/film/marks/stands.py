@@ -1,7 +1,7 @@
 """Where the paper stood still: the light went on, and wrote the whole swing of every trace across a few rows.
 
 Marks and pendulums cannot tell it where it lasts about a whole number of swings, but the bar does: on other rows a
-trace is at one place. Its light says for how long the paper stood, to some per cent.
+trace is at one place. Its light says for how long the paper stood, to a third.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ DENSE = 0.7  # of a line at rest, light from which a bar may be blacker than it 
 APART = 20.0  # rows within which bars of several traces are one
 BY_LIGHT, WANDER, PHASE_MOST = 0.35, 0.006, 60.0  # 1 sigma of a length's logarithm; rad a root mark; price
 LEAST, MOST, MORE = 4.0, 1.6, 16  # rows of a stand; times its length by light, and marks, that are tried
-AROUND, FEWEST = 16, 6  # marks on either side by which the pendulums are told
+AROUND, FEWEST, LONGER = 16, 6, 64  # marks on either side by which the pendulums are told; how the ship shakes them
 CLEAR = 10.0  # spots beside a swing
 THICK, MARGIN = 8.0, 4  # spots, of a bar; rows on either side that have some of its light
 
@@ -81,9 +81,9 @@ def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
         slope = 2.0 * np.pi * half / tracks.rows_per_swing
         stroke = float(np.sqrt(2.0 * np.pi)) * tracks.spot / slope
         place = 0.5 * (low + high) + aside
-        alone = np.all(
-            [(place < a) | (place > b) for k, (a, b) in enumerate(ends) if k != trace] or [place > 0.0], axis=0
-        )
+        alone = np.ones(place.size, dtype=bool)
+        for a, b in ends[:trace] + ends[trace + 1 :]:
+            alone &= (place < a) | (place > b)
         if alone.sum() >= 0.2 * alone.size:  # where another trace does not add its light
             place, aside = place[alone], aside[alone]
         speed = np.sqrt(1.0 - (aside / half) ** 2)
@@ -167,27 +167,32 @@ def lengths(
         Rows between marks.
     """
     moved = (after.row[0] - before.row[-1]) / pace
-    length = stand.length / pace
+    length = max(stand.length, LEAST) / pace
     number = np.arange(max(int(np.ceil(moved + LEAST / pace)), 1), int(moved + MOST * length) + MORE)
     stood = (number - moved) / length
     away = np.log(np.maximum(stood, 1e-3)) / BY_LIGHT
     price = np.where((stood > 1.0) & stand.saturated, 0.0, away**2)
     for trace, (each, sigma) in enumerate(zip(advance, spread, strict=True)):
-        one, few = _extrapolated(before, trace, each, -1)
-        other, many = _extrapolated(after, trace, each, 0)
+        one, few, shaken = _extrapolated(before, trace, each, -1)
+        other, many, shakes = _extrapolated(after, trace, each, 0)
         if min(few, many) < FEWEST or not np.isfinite(each):
             continue
         jump = other - one - each * number
         jump -= 2.0 * np.pi * np.round(jump / (2.0 * np.pi))
-        room = sigma**2 * (4.0 / few + 4.0 / many) + WANDER**2 * (number + AROUND)
+        room = sigma**2 * (4.0 / few + 4.0 / many) + WANDER**2 * (number + AROUND) + shaken + shakes
         price = price + np.minimum(jump**2 / room, PHASE_MOST)
     order = np.argsort(price, kind="stable")
     return number[order], price[order]
 
 
-def _extrapolated(side: Side, trace: int, advance: float, at: int) -> tuple[float, int]:
-    """Phase at the side's first or last mark (`at` 0 or -1) by those nearest to it, and their number."""
+def _extrapolated(side: Side, trace: int, advance: float, at: int) -> tuple[float, int, float]:
+    """Phase at the side's first or last mark (`at` 0 or -1) by those nearest to it, and their number.
+
+    Last: how the ship shakes it, the variance of the phase over a longer time, rad2.
+    """
     away = side.number - side.number[at]
-    known = np.isfinite(side.phase[trace]) & (np.abs(away) < AROUND)
+    known = np.isfinite(side.phase[trace]) & (np.abs(away) < LONGER)
     turned = np.exp(1j * (side.phase[trace, known] - advance * away[known]))
-    return float(np.angle(turned.sum())), int(known.sum())
+    near = turned[np.abs(away[known]) < AROUND]
+    phase = float(np.angle(near.sum()))
+    return phase, near.size, float(np.mean(np.angle(turned * np.exp(-1j * phase)) ** 2)) if near.size else 0.0

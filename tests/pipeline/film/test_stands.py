@@ -62,6 +62,14 @@ def test_without_codes_pendulums_and_light_tell_a_short_stand(stood: float) -> N
 
 
 @pytest.mark.compiled
+@pytest.mark.parametrize("stood", [1.01, 2.02, 3.03, 5.05])
+@pytest.mark.parametrize("light", [1.0 - ABOUT, 1.0 + ABOUT])
+def test_a_ship_that_shakes_the_pendulums_never_makes_time_wrong(stood: float, light: float) -> None:
+    axis, truth = read(Case(minutes=6.0, code=None, stands=((131.3, stood),)), light)
+    assert np.abs(errors(axis, truth)).max() < 3e-3
+
+
+@pytest.mark.compiled
 def test_what_is_not_certain_has_no_time() -> None:
     axis, truth = read(Case(minutes=3.0, code=None, stands=((61.3, 5.05),)), 0.5, saturated=True)
     assert "film-cut" in axis.flags

@@ -24,7 +24,7 @@ BY_LIGHT, WANDER, PHASE_MOST = 0.35, 0.006, 60.0  # 1 sigma of a length's logari
 LEAST, MOST, MORE = 4.0, 1.6, 16  # rows of a stand; times its length by light, and marks, that are tried
 AROUND, FEWEST, LONGER = 16, 6, 64  # marks on either side by which the pendulums are told; how the ship shakes them
 CLEAR = 10.0  # spots beside a swing
-THICK, MARGIN = 8.0, 4  # spots, of a bar; rows on either side that have some of its light
+THICK, MARGIN = 24.0, 4  # spots, of a bar; rows on either side that have some of its light
 
 
 class Stand(NamedTuple):

@@ -86,8 +86,11 @@ def test_several_stands_in_one_film() -> None:
 
 
 @pytest.mark.compiled
-def test_a_bar_is_found_on_a_film_that_another_program_made(tmp_path: Path) -> None:
-    (image,) = write("still 1.01 s", "middle", 1, tmp_path)
+@pytest.mark.parametrize(("kind", "strength", "seed"), [("still 1.01 s", "middle", 1), ("still 5.05 s", "weak", 5)])
+def test_a_bar_is_found_on_a_film_that_another_program_made(
+    tmp_path: Path, kind: str, strength: str, seed: int
+) -> None:
+    (image,) = write(kind, strength, seed, tmp_path)
     (told,) = tmp_path.glob("*.truth.json")
     truth = json.loads(told.read_text(encoding="utf-8"))
     found, _ = digitise.read(image)
@@ -95,7 +98,7 @@ def test_a_bar_is_found_on_a_film_that_another_program_made(tmp_path: Path) -> N
     away = found.axis.seconds[: times.size] - times[: found.axis.seconds.size]
     timed = np.isfinite(away)
     assert np.abs(away[timed] - np.median(away[timed])).max() < 1e-3
-    assert timed.mean() > 0.98
+    assert timed.mean() > 0.97
     assert "film-stood-still" in found.axis.flags
     assert "film-cut" not in found.axis.flags
 

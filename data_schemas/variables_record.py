@@ -59,6 +59,9 @@ RECORD: dict[str, Variable] = {
     "case_tilt": Variable(
         _TIME, "f8", "rad", "angle from the vertical of what elongations are measured from", missing=True
     ),
+    "time_uncertainty": Variable(
+        _TIME, "f8", "s", "standard deviation of the time, the chronometer's rate apart", limit="not negative"
+    ),
 }  # fmt: skip
 
 _CONSTANTS: dict[str, Variable] = {

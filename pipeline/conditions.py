@@ -79,6 +79,39 @@ def by_air(constants: Constants) -> Floats:
     return np.asarray(constants["density_coefficient"]) * relative
 
 
+def rate_uncertainty(time: Floats, sigma: Floats) -> float:
+    """Relative 1 sigma of the rate of a clock whose times have a stated uncertainty.
+
+    Two times share an error as large as the least uncertainty of all times between them: a constant uncertainty costs
+    no rate, one that rises from an instant on is a step of the clock, a hump an error that passes. The rate is the
+    slope of a straight line through all errors.
+
+    Parameters
+    ----------
+    time, sigma : (n,) arrays
+        s.
+
+    Examples
+    --------
+    >>> time = np.arange(1000.0)
+    >>> f"{rate_uncertainty(time, 0.5 * (time >= 500.0)):.2e}"  # 1.5 times the step over the length
+    '7.50e-04'
+    """
+    lever = time - time.mean()
+    total = np.concatenate([[0.0], np.cumsum(lever / (lever @ lever))])
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(sigma)) + 1])
+    variance, open_levels = 0.0, list[tuple[float, int]]()
+    for start, level in zip([*edges.tolist(), time.size], [*np.square(sigma[edges]).tolist(), 0.0], strict=True):
+        begin = start
+        while open_levels and open_levels[-1][0] > level:
+            height, begin = open_levels.pop()
+            lower = max(level, open_levels[-1][0] if open_levels else 0.0)
+            variance += (height - lower) * (total[start] - total[begin]) ** 2
+        if not open_levels or open_levels[-1][0] < level:
+            open_levels.append((level, begin))
+    return float(np.sqrt(variance))
+
+
 @dataclass(frozen=True)
 class Tie:
     """Periods of the instrument at the time of the record.

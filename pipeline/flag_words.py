@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 
 class Words(NamedTuple):
-    """What a flag says, and the remedy."""
+    """What a flag says, and the remedy; whether records that bear it are reduced only where it is accepted."""
 
     meaning: str
     remedy: str
+    blocks: bool = False
 
 
 OF_GRAVITY = {
@@ -80,6 +81,7 @@ OF_FILM = {
     "marks-codes-disagree": Words(
         "a minute code is out of step with the count of marks: the film may have stood still",
         "look at the film there, and read the parts one by one",
+        blocks=True,
     ),
     "film-stood-still": Words(
         "the paper stood still; for how long is told by codes, pendulums and the bar's light", "none is needed"
@@ -95,7 +97,11 @@ OF_FILM = {
     "marks-long-gap": Words("over more than five seconds no mark was found", "look at the film there"),
     "marks-false": Words("gaps were found that are neither marks nor minute codes", "clean the film"),
     "marks-one-trace": Words("only one trace shows the marks", "scan with more contrast"),
-    "readings_disagree": Words("the reading of the lines and that at the marks contradict each other", "look at both"),
+    "readings-disagree": Words(
+        "the reading of the lines and that at the marks contradict each other",
+        "look at both with isochrony plot, and read the film at the marks (--reading strobe)",
+        blocks=True,
+    ),
 }
 FLAGS = (
     OF_GRAVITY
@@ -117,6 +123,10 @@ FLAGS = (
     }
 )
 """Those of a single trace and of synchrony too."""
+
+
+BLOCKING = tuple(name for name, words in FLAGS.items() if words.blocks)
+"""Those that make time or scale doubtful."""
 
 
 def told(flag: str) -> str:

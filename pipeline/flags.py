@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from data_schemas.errors import RefusedError
 from pipeline.estimate import Estimate
-from pipeline.flag_words import OF_GRAVITY
+from pipeline.flag_words import BLOCKING, FLAGS, OF_GRAVITY, told
 from pipeline.gravity import MGAL, Gravity, structured
 from pipeline.methods.phases import passes_zero
 from pipeline.prepared import Prepared
+
+if TYPE_CHECKING:
+    from xarray import DataTree
 
 SHORT_SECONDS = 300.0  # below it the near-resonant beat and the damping are not told from the frequency
 NOISE_ABOVE, NOISE_BELOW = 1.3, 0.7  # found over stated
@@ -17,6 +24,23 @@ IMPLAUSIBLE = (9.75, 9.85)  # m s-2; at sea gravity lies between 9.77 and 9.84
 
 DAMPING_ASSUMED = "damping-difference-assumed"
 _DECAY = 3e-6  # s-1: one per cent of it as a difference costs about 0.01 mGal at a relative period difference of 1e-4
+
+
+def of_film(record: DataTree, accept: Collection[str]) -> tuple[str, ...]:
+    """What the reading of the film left doubtful, as /film of a record says.
+
+    Raises
+    ------
+    RefusedError
+        Time or scale is doubtful, and the flag is not among those that are accepted.
+    """
+    if "film" not in record.children:
+        return ()
+    found = tuple(name for name in str(record["film"].attrs.get("flags", "")).split(", ") if name in FLAGS)
+    for name in found:
+        if name in BLOCKING and name not in accept:
+            raise RefusedError(f"film: {name}: {told(name)}; --accept {name} reduces the record all the same")
+    return found
 
 
 def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from data_schemas.errors import RecordError, RefusedError, UsageError
 from pipeline.arrays import Floats, evened, row_means_present
-from pipeline.conditions import Constants, Tie, by_air, by_temperature, refuse_impossible, tie
+from pipeline.conditions import Constants, Tie, by_air, by_temperature, rate_uncertainty, refuse_impossible, tie
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -197,7 +197,7 @@ def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
         if label not in known:
             raise RecordError(f"instrument/pendulum: no constants for pendulum '{label}'; it knows {', '.join(known)}")
     constants = _constants(stored, [known.index(label) for label in pendulums])
-    constants |= _epoch(record)
+    constants |= _epoch(record) | _times(record)
     period = np.asarray(constants["period"])
     gravity = float(constants["reference_gravity"])
     time = np.asarray(record.dataset["time"].values, dtype=np.float64)
@@ -230,6 +230,15 @@ def _epoch(record: DataTree) -> dict[str, float]:
     except ValueError:
         return {}
     return {} if epoch is None else {"epoch": (epoch if epoch.tzinfo else epoch.replace(tzinfo=UTC)).timestamp()}
+
+
+def _times(record: DataTree) -> dict[str, float]:
+    """Uncertainty of the clock's rate by that of the times, relative, 1 sigma, where the record states it."""
+    stated = record["record"].dataset.get("time_uncertainty")
+    if stated is None:
+        return {}
+    time = np.asarray(record.dataset["time"].values, dtype=np.float64)
+    return {"time_uncertainty": rate_uncertainty(time, np.asarray(stated.values, dtype=np.float64))}
 
 
 def _constants(stored: Any, rows: list[int]) -> dict[str, Any]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from data_schemas.errors import RecordError, RefusedError, UsageError
 from data_schemas.layouts import REWRITTEN
 from pipeline import methods
+from pipeline.flags import of_film
 from pipeline.observation import observe
 from pipeline.reduction import Reduction, reduce_by
 
@@ -32,6 +33,7 @@ def process(
     pair: str | None = None,
     gain_uncertainty: float = 0.0,
     full: bool = False,
+    accept: Collection[str] = (),
 ) -> DataTree:
     """Reduce a record to gravity by one or several methods; a single trace to its period.
 
@@ -48,6 +50,8 @@ def process(
         Relative 1-sigma uncertainty of the first pendulum's scale.
     full : bool
         Whether the pendulums' fitted angles at the record's own times are in the result too.
+    accept : collection of str
+        Flags of a film that make time or scale doubtful and shall not block; sigma holds the doubt.
 
     Returns
     -------
@@ -73,10 +77,13 @@ def process(
     faults = check(record, "record")
     if faults:
         raise RecordError("; ".join(faults))
+    raised = of_film(record, accept)
+    if REWRITTEN in record.attrs:
+        raised = (*raised, REWRITTEN)
     if record["record"].sizes["trace"] == 1 and pair is None:
         from pipeline.period.result import period_result
 
-        return period_result(record, requested, started)
+        return period_result(record, requested, started, raised)
     from pipeline.result import Parts, build_result
 
     others = [name for name in requested if name not in _JOINTLY]
@@ -89,8 +96,8 @@ def process(
     source = prepared if joint is None or (others and prepared.observation.whole) else joint.prepared
     own_of_pair = None if prepared is source else prepared
     reductions = [found[name] for name in requested]
-    if REWRITTEN in record.attrs:
-        reductions = [replace(each, flags=(*each.flags, REWRITTEN)) for each in reductions]
+    if raised:
+        reductions = [replace(each, flags=(*each.flags, *raised)) for each in reductions]
     return build_result(Parts(record, source, own_of_pair, reductions, joint, full), started)
 
 

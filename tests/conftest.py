@@ -6,7 +6,11 @@ import os
 import signal
 
 import pytest
+from hypothesis import HealthCheck, settings
 
+# how fast a machine makes examples is no fault of the code
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")
 # before anything brings NumPy: last bits depend on the threads of BLAS, of which commands and their children have one
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 

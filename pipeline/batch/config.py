@@ -41,7 +41,7 @@ class Kind:
 
 @dataclass(frozen=True)
 class Config:
-    """One job's settings; `method`, `pair` and `gain_uncertainty` as `pipeline.process` takes them."""
+    """One job's settings; `method`, `pair`, `gain_uncertainty` and `accept` as `pipeline.process` takes them."""
 
     key: str
     """Name of the job within its batch: that of its output, relative to the batch's folder."""
@@ -51,6 +51,7 @@ class Config:
     method: tuple[str, ...] = ("auto",)
     pair: str | None = None
     gain_uncertainty: float = 0.0
+    accept: tuple[str, ...] = ()
     member: int = 0
     """Number of the member of a scene, from 1; 0 for the input as it is."""
     variant: tuple[tuple[str, Any], ...] = ()
@@ -70,6 +71,7 @@ class Config:
             "method": list(self.method),
             "pair": self.pair,
             "gain_uncertainty": self.gain_uncertainty,
+            "accept": list(self.accept),
             "member": self.member,
             "variant": dict(self.variant),
         }

@@ -77,7 +77,9 @@ def _made(path: Path, config: Config, digest: str, record: DataTree) -> Outcome:
     from pipeline.summary import summaries
 
     method = config.method[0] if len(config.method) == 1 else list(config.method)
-    result = process(record, method=method, pair=config.pair, gain_uncertainty=config.gain_uncertainty)
+    result = process(
+        record, method=method, pair=config.pair, gain_uncertainty=config.gain_uncertainty, accept=config.accept
+    )
     rows = summaries(result)
     if not any(row["status"] == "ok" for row in rows):
         return _refused(config.key, naming(path, str(rows[0]["error"])), digest)

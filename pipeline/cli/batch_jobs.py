@@ -36,7 +36,7 @@ def jobs_of(options: argparse.Namespace, folder: Path) -> list[Job]:
     `UsageError` for words that mean no file, options that contradict each other, an unknown method; `SceneError` for a
     key of a sweep that its scene does not have.
     """
-    from pipeline.cli.process import requested_methods
+    from pipeline.cli.process import reduction_options, requested_methods
     from pipeline.provenance import command_line
 
     methods = requested_methods("batch", options.method)
@@ -52,8 +52,7 @@ def jobs_of(options: argparse.Namespace, folder: Path) -> list[Job]:
                 folder=folder,
                 kind=one.kind,
                 method=methods,
-                pair=options.pair,
-                gain_uncertainty=options.gain_uncertainty,
+                **reduction_options(options),
                 member=member,
                 variant=variant,
                 memory=None if options.trusted else options.memory * _MIB,

@@ -23,6 +23,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Print the words."""
     for name in FLAGS if options.flag is None else (options.flag,):
-        meaning, remedy = FLAGS[name]
-        print(f"{name}\n  {meaning}\n  remedy: {remedy}")
+        meaning, remedy, blocks = FLAGS[name]
+        blocked = f"\n  process refuses records that bear it, unless --accept {name} is given" if blocks else ""
+        print(f"{name}\n  {meaning}\n  remedy: {remedy}{blocked}")
     return 0

@@ -13,8 +13,9 @@ import data_schemas
 from data_schemas.errors import IsochronyError, UsageError, naming
 from pipeline.cli.faults import exit_status, outcome_of, read_checked
 from pipeline.cli.outputs import make_folder, place, refuse_clashes
-from pipeline.cli.parser import did_you_mean, number
+from pipeline.cli.parser import did_you_mean, number, one_of
 from pipeline.cli.summary_rows import SummaryPrinter, failure
+from pipeline.flag_words import BLOCKING
 from pipeline.methods import DECLARED, METHODS, known
 
 if TYPE_CHECKING:
@@ -81,6 +82,23 @@ def add_reduction_options(parser: argparse.ArgumentParser) -> None:
         metavar="X",
         help="relative 1-sigma uncertainty of the elongation scale, 0.01 for one per cent (default 0)",
     )
+    parser.add_argument(
+        "--accept",
+        action="append",
+        default=[],
+        metavar="FLAG",
+        type=one_of("flag", BLOCKING),
+        help="reduce records of films that bear this flag, too (isochrony explain FLAG); sigma holds the doubt",
+    )
+
+
+def reduction_options(options: argparse.Namespace) -> dict[str, Any]:
+    """What says how records are reduced, the methods apart, as `pipeline.process` takes it."""
+    return {
+        "pair": options.pair,
+        "gain_uncertainty": options.gain_uncertainty,
+        "accept": tuple(sorted(set(options.accept))),
+    }
 
 
 def run(options: argparse.Namespace) -> int:
@@ -124,13 +142,7 @@ def _one(
     else:
         from pipeline.processing import process
 
-        result = process(
-            record,
-            method=requested,
-            pair=options.pair,
-            gain_uncertainty=options.gain_uncertainty,
-            full=options.full,
-        )
+        result = process(record, method=requested, full=options.full, **reduction_options(options))
     rows = [{**row, "input": str(path), "output": None} for row in summaries(result)]
     if output is not None and any(row["status"] == "ok" for row in rows):
         make_folder(output)

@@ -178,7 +178,7 @@ def flags(reading: Reading) -> list[str]:
     """What to distrust: the marks, and readings that contradict each other."""
     found = list(marks_flags(reading.axis, reading.strobe))
     if reading.difference is not None and reading.difference.contradicts:
-        found.append("readings_disagree")
+        found.append("readings-disagree")
     return found
 
 

@@ -171,7 +171,12 @@ def simplified(fit: Fitted) -> Fitted:
     for each in fit.model.constants:
         if each.kind in (kinds.HEAVE_DELAY, kinds.HEAVE_SCALE, kinds.ZERO) and not each.stated:
             lean = max(lean, lean.without(each), key=lambda one: one.solution.log_likelihood)
-    return lean
+    kept = {each.name for each in lean.model.constants}
+    zeros = [each.value for each in fit.model.constants if each.kind == kinds.ZERO and each.name not in kept]
+    # the path holds them still, and stiffens the pendulums by half of their squares
+    sigma = mean_gravity(lean.solution, lean.model.problem.lattice.duration)[1]
+    moved = fit.model.assumed.sine and 0.5 * max(np.square(zeros), default=0.0) > HARMLESS * sigma
+    return fitted(lean.model, lean.path) if moved else lean
 
 
 def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:

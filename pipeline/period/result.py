@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.conditions import rate_uncertainty
 from pipeline.gravity import DAY, MGAL
 from pipeline.period.cycles import find_cycles
 from pipeline.period.fit import SCALE, fit_period
@@ -38,8 +39,8 @@ _EXTRA = {
 }
 
 
-def period_result(record: DataTree, requested: Sequence[str], started: float) -> DataTree:
-    """Analyse the only trace of a record and lay the result out.
+def period_result(record: DataTree, requested: Sequence[str], started: float, raised: Sequence[str] = ()) -> DataTree:
+    """Analyse the only trace of a record and lay the result out, with flags that are `raised` already.
 
     `RefusedError`: too few swings or samples.
     """
@@ -53,7 +54,12 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
     scale = float(np.max(stated.get("scale_uncertainty", SCALE)))
     fit = fit_period(find_cycles(time - time[0], elongation), linear=linear, scale_uncertainty=scale)
     true = 1.0 + float(stated.get("chronometer_rate", 0.0)) / DAY
-    flags = ["single-trace"]
+    times = record["record"].dataset.get("time_uncertainty")
+    clock_sigma = float(stated.get("chronometer_rate_uncertainty", 0.0)) / DAY
+    if times is not None:
+        clock_sigma = float(np.hypot(clock_sigma, rate_uncertainty(time, times.values)))
+    sigma = float(np.hypot(fit.sigma, fit.period * clock_sigma)) * true
+    flags = ["single-trace", *raised]
     if fit.scaled:
         flags.append("amplitude-scale")
     if "length" in stated and "length_uncertainty" not in stated:
@@ -62,7 +68,7 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
         flags.append("period-trend")
     scalars: dict[str, Any] = {
         "period": fit.period * true,
-        "period_sigma": fit.sigma * true,
+        "period_sigma": sigma,
         "rest_position": fit.rest,
         **{name: getattr(fit, name) for name in ("amplitude_scale", "amplitude_scale_sigma", "trend")},
         "rest_drift": fit.drift,
@@ -71,7 +77,7 @@ def period_result(record: DataTree, requested: Sequence[str], started: float) ->
         "quadratic_damping": fit.friction.quadratic,
         "knife_edge": fit.friction.dry,
         "friction": np.array(fit.friction.words, dtype=object),
-        **_gravity(fit.period * true, fit.sigma * true, stated),
+        **_gravity(fit.period * true, sigma, stated),
         **_steps(time, elongation),
         "elapsed": clock.perf_counter() - started,
     }

@@ -19,7 +19,7 @@ from data_schemas.errors import RefusedError
 from pipeline.film.parts import Floats
 from synth.kernels.compiled import kernel
 
-SLACK = 0.12  # of the speed over the whole film: drift, wow and walk together
+SLACK = 0.18  # of the speed over the whole film: drift, wow and walk together
 SKIP = 8  # events that may be passed over in a row
 MISSED, PASSED = 2.5, 14.0  # prices of a mark missed, of an event that is none
 PHASE_MOST = 40.0  # price of a swing that does not fit at all

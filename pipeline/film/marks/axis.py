@@ -9,11 +9,10 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.film.marks import checks, counting
-from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered
+from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered, lasting, middles, refined
 from pipeline.film.marks.counting import Count
 from pipeline.film.marks.drive import Drive, drive, holes_honest
 from pipeline.film.marks.minutes import Minutes, code_marks, find_minutes, repaired
-from pipeline.film.marks.oblique import lasting, middles, refined
 from pipeline.film.marks.search import Gaps, find_gaps, learned_width
 from pipeline.film.marks.stands import Bars, Side, Stand, lengths, together
 from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks

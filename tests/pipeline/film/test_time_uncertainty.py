@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from mark_lists import Case, made
 
+from pipeline.film.marks.alignment import lasting
 from pipeline.film.marks.axis import axis_of, times_of
 from pipeline.film.marks.drive import NO_JUMPS, Drive, drive
-from pipeline.film.marks.oblique import lasting
 from pipeline.film.parts import Floats, Marking
 
 STEP = 0.5  # s

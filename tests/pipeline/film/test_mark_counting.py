@@ -125,12 +125,12 @@ def test_the_minute_code_is_learned() -> None:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("kind", ["gap length", "missing mark"])
+@pytest.mark.parametrize("kind", ["long", "omitted"])
 def test_other_minute_codes_are_learned(kind: str) -> None:
     truth = made(Case(minutes=8.0, code=None, unseen=0.0))
     near = np.argmin(np.abs(truth.gaps.row[:, None] - truth.row[None, :]), axis=1)
     minute = truth.number[near] % 120.0 == 0.0
-    if kind == "gap length":
+    if kind == "long":
         gaps = replace(truth.gaps, width=np.where(minute, 1.6, 1.0) * truth.gaps.width)
     else:
         gaps = truth.gaps.pick(~minute)

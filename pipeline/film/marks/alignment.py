@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pipeline.film.marks.drive import Drive
 from pipeline.film.marks.search import Gaps
-from pipeline.film.parts import Floats, Tracks
+from pipeline.film.parts import Floats
 
 FARTHEST = 45.0  # px along the film between two traces
 MOST_SHEAR = 0.035  # tangent: 2 degrees
@@ -35,25 +35,18 @@ Whole = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Alignment:
-    """Rows by which each trace lies later than the first, (traces,), and by which the image lags per column.
+    """How the traces lie to each other."""
 
-    `sure`: no other offset comes near.
-    """
-
-    offset: Floats
-    shear: float
-    sure: bool
-
-    def rows(self, gaps: Gaps) -> Floats:
-        """Rows of gaps at column 0 of the first trace."""
-        return np.asarray(gaps.row - self.offset[gaps.trace] - self.shear * gaps.column)
+    offset: Floats  # (traces,), rows by which each lies later than the first
+    shear: float  # rows by which the image lags per column
+    sure: bool  # whether no other offset comes near
 
 
 def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
     """Offsets and shear under which most gaps agree; `spacing` is about the rows between marks."""
     offset, sure = np.zeros(traces), True
     steps = np.arange(-MOST_SHEAR, MOST_SHEAR + 1e-9, 0.00125)
-    shear = _shear_of_one(gaps, spacing, steps) if traces == 1 else 0.0
+    shear = 0.0
     reference = gaps.pick(gaps.trace == 0)
     for trace in range(1, traces):
         other = gaps.pick(gaps.trace == trace)
@@ -127,29 +120,15 @@ def _chosen(table: Whole, odd: Whole, spacing: float) -> tuple[int, int, bool]:
     return nearest[2], nearest[3], False
 
 
-def _shear_of_one(gaps: Gaps, spacing: float, steps: Floats) -> float:
-    """Shear by which the gaps of one trace, now left and now right, come to lie evenly."""
-    spread = np.full(steps.size, np.inf)
-    for k, step in enumerate(steps):
-        apart = np.diff(gaps.row - step * gaps.column)
-        near = apart[np.abs(apart - spacing) < 0.3 * spacing]
-        if near.size >= 6:
-            spread[k] = np.median(np.abs(np.diff(near)))
-    return float(steps[int(np.argmin(spread))]) if np.isfinite(spread).any() else 0.0
-
-
 @dataclass(frozen=True)
 class Events:
-    """Closings of the shutter, in order: rows at column 0 of the first trace, and how many rows they last, px.
+    """Closings of the shutter, in order."""
 
-    `member` (traces, events) is which gap shows it on each trace; -1 where none does.
-    """
-
-    row: Floats
+    row: Floats  # at column 0 of the first trace
     row_sigma: Floats
-    width: Floats
+    width: Floats  # rows
     width_sigma: Floats
-    member: Whole
+    member: Whole  # (traces, events), which gap shows it on each trace; -1 where none does
 
     @property
     def size(self) -> int:
@@ -159,7 +138,7 @@ class Events:
 
 def gathered(gaps: Gaps, alignment: Alignment, traces: int, width: float) -> Events:
     """Gaps that lie together on different traces taken for one event."""
-    rows = alignment.rows(gaps)
+    rows = gaps.row - alignment.offset[gaps.trace] - alignment.shear * gaps.column
     limit = max(TOGETHER * width, 1.0)
     groups: list[list[int]] = []
     for at in np.argsort(rows, kind="stable").tolist():
@@ -175,33 +154,16 @@ def gathered(gaps: Gaps, alignment: Alignment, traces: int, width: float) -> Eve
             weight = sigma[group] ** -2.0
             values[2 * m, k], values[2 * m + 1, k] = weight @ each[group] / weight.sum(), weight.sum() ** -0.5
     order = np.argsort(values[0], kind="stable")
-    return Events(*values[:, order], member[:, order])
-
-
-def middles(gaps: Gaps, tracks: Tracks) -> Floats:
-    """Mean column of the two ends of each gap, px: what an oblique image shifts the middle of its rows by."""
-    out = gaps.column.copy()
-    for trace, slope in enumerate(tracks.slope):
-        mine = gaps.trace == trace
-        row, width = gaps.row[mine], gaps.width[mine]
-        after, before = (np.interp(row + side * width, np.arange(slope.size) + 0.5, slope) for side in (0.5, -0.5))
-        out[mine] += np.nan_to_num(0.125 * width * (after - before))
-    return out
+    row, row_sigma, wide, wide_sigma = values[:, order]
+    return Events(row, row_sigma, wide, wide_sigma, member[:, order])
 
 
 def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple[Floats, float, float]:
     """Offsets of the traces, the first one's 0, shear, and what their errors make of a row, 1 sigma, by least squares.
 
-    Of marks that several traces show, the row is free, so that nothing of theirs is taken for the paper's motion. If
-    there are too few of those, rows are held to the motion found: a trace now left and now right of its middle shows
-    the shear.
-
-    Parameters
-    ----------
-    rows, sigma, columns : (traces, marks) arrays
-        Of the gaps, px; NaN = missing.
-    found : Drive
-        The paper's motion and the gaps that were believed.
+    `rows`, `sigma` and `columns` (traces, marks) are those of the gaps, px; NaN = missing. Of marks that several traces
+    show, the row is free, so that nothing of theirs is taken for the paper's motion. If there are too few of those,
+    rows are held to the motion found: a trace now left and now right of its middle shows the shear.
     """
     traces = len(rows)
     used = found.used & np.isfinite(rows) & np.isfinite(columns)

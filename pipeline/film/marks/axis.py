@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered, lasting, middles, refined
+from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered, lasting, refined
 from pipeline.film.marks.checks import DISAGREE, LEAST_LEAD, check
 from pipeline.film.marks.counting import LEAST_MARKS, Count, counted, spacing_of
 from pipeline.film.marks.drive import Drive, drive, honest_gaps
@@ -27,17 +27,14 @@ FINE = 16  # points of the paper's motion from mark to mark
 
 @dataclass(frozen=True)
 class Counted:
-    """Events of a film and the count of marks among them, checked.
-
-    `whole`: nothing was cut off where it is not certain how long the paper stood.
-    """
+    """Events of a film and the count of marks among them, checked."""
 
     events: Events
     count: Count
     minutes: Minutes
     alignment: Alignment
     stands: list[Stand]
-    whole: bool
+    whole: bool  # nothing was cut off where it is not certain how long the paper stood
 
 
 def time_axis(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1) -> TimeAxis:
@@ -65,10 +62,9 @@ def axis_of(
     counted = count_gaps(gaps, tracks, marking, width, bars)
     count, alignment = counted.count, counted.alignment
     row, sigma, column = np.full((3, len(tracks.course), int(count.index[-1]) + 1), np.nan)
-    middle = middles(gaps, tracks)
     for trace, member in enumerate(counted.events.member[:, count.event]):
         at, gap = count.index[member >= 0], member[member >= 0]
-        row[trace, at], sigma[trace, at], column[trace, at] = gaps.row[gap], gaps.row_sigma[gap], middle[gap]
+        row[trace, at], sigma[trace, at], column[trace, at] = gaps.row[gap], gaps.row_sigma[gap], gaps.column[gap]
     offset, shear, unsure = alignment.offset, alignment.shear, 0.0
     jumps = count.index[np.searchsorted(counted.events.row[count.event], [each.row for each in counted.stands])]
     found = drive(row - offset[:, None] - shear * column, sigma, marking.interval, jumps=jumps)
@@ -126,14 +122,7 @@ def _past_stands(
 ) -> tuple[Count, list[Stand], bool]:
     """Marks counted between the stands, and joined over those whose lengths codes or pendulums show.
 
-    Returns
-    -------
-    count : Count
-        Of the longest part within which the count is certain.
-    stands : list of Stand
-        Within it.
-    whole : bool
-        Whether that is all of the film.
+    Given are the count of the longest part within which it is certain, the stands in it, and whether it is all.
     """
     if not stands:
         return counted(events.row, events.row_sigma, swings, spacing), [], True
@@ -206,20 +195,13 @@ def times_of(found: Drive, rows: int, lasting: float) -> tuple[Floats, Floats]:
     The variance is the sum of three. At the marks, that of the drive's smoother, which knows the gaps' noise and how
     rough the paper ran, both as the film itself shows them; between two marks, what a motion as rough may do unseen
     while row and speed at both are held, `shake^2 (x (1 - x) h)^3 / 3 + roughness^2 (x (1 - x) h)^5 / 20` at the share
-    x of the way h; and `lasting`, which no smoother tells from motion. It is that of a time read on any trace; the zero
-    of time, common to all rows, is not in it.
-
-    Parameters
-    ----------
-    found : Drive
-    rows : int
-        Of the film.
-    lasting : float
-        1 sigma, px, of errors that neighbouring marks share: of their gaps, the traces' offsets and the shear.
+    x of the way h; and that of `lasting`, px: errors that neighbouring marks share, of their gaps, the traces' offsets
+    and the shear, which no smoother tells from motion. It is that of a time read on any trace; the zero of time, common
+    to all rows, is not in it.
     """
     from scipy.interpolate import BPoly, CubicSpline
 
-    h, marks = found.step, np.arange(found.row.size)
+    h, marks = found.model.step, np.arange(found.row.size)
     motion = BPoly.from_derivatives(h * marks, np.column_stack([found.row, found.speed, found.acceleration]))
     seconds, sigma = np.full((2, rows), np.nan)
     centre = np.arange(rows) + 0.5

@@ -44,28 +44,22 @@ class Steps(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Rows of the events and 1 sigma, rows between marks, and how far the paper's speed may change.
-
-    `change` is 1 sigma of the relative speed's change per mark's interval, `most_change` its limit over long times.
-    """
+    """Rows of the events, and how far the paper's speed may change."""
 
     row: Floats
     sigma: Floats
-    spacing: float
-    change: float
-    most_change: float
+    spacing: float  # rows between marks
+    change: float  # 1 sigma of the relative speed's change per mark's interval
+    most_change: float  # its limit over long times
 
 
 @dataclass(frozen=True)
 class Count:
-    """Marks among the events: which ones they are, their numbers from 0 on, and the count's `lead`, (marks - 1,).
+    """Marks among the events."""
 
-    That is by how much the count from each mark to the next is better than any other, as a difference of chi squares.
-    """
-
-    event: Whole
-    index: Whole
-    lead: Floats
+    event: Whole  # (marks,)
+    index: Whole  # (marks,), their numbers from 0 on
+    lead: Floats  # (marks - 1,), of the count to the next mark before any other, as a difference of chi squares
 
 
 def spacing_of(rows: Floats) -> float:
@@ -89,10 +83,7 @@ def spacing_of(rows: Floats) -> float:
 
 
 def unsteadiness(rows: Floats, spacing: float) -> tuple[float, float]:
-    """How much the relative speed changes from mark to mark, and from any time to any other, 1 sigma, as a film shows.
-
-    `rows` are those of the events, `spacing` the rows between marks.
-    """
+    """How much the relative speed changes from mark to mark, and over any time, 1 sigma, as a film shows."""
     speed = np.diff(rows) / spacing
     speed = speed[np.abs(speed - 1.0) < SLACK]
     if speed.size < 4 * LEAST_MARKS:
@@ -105,16 +96,7 @@ def unsteadiness(rows: Floats, spacing: float) -> tuple[float, float]:
 
 
 def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float) -> Count:
-    """The cheapest count of all.
-
-    Parameters
-    ----------
-    rows, sigma : (events,) arrays
-        In order, px.
-    swings : Swings
-        At the events.
-    spacing : float
-        Rows between marks.
+    """The cheapest count of all, of events on `rows` in order, with 1 sigma, px.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,76 +35,38 @@ NO_JUMPS = np.zeros(0, dtype=np.int64)
 
 
 class Motion(NamedTuple):
-    """The paper's motion from mark to mark, for the filter: n numbers make its state.
+    """The paper's motion from mark to mark, for the filter: n numbers make its state."""
 
-    `step`, `noise` (n, n) lead from one mark to the next; a row is the sum `sees` (n,) of the state; `start` (n,) and
-    `variance` (n, n) are those before the first mark is seen.
-    """
-
-    step: Floats
-    noise: Floats
-    sees: Floats
-    start: Floats
-    variance: Floats
+    step: Floats  # (n, n), from one mark to the next
+    noise: Floats  # (n, n), the same
+    sees: Floats  # (n,), what of the state a row is the sum of
+    start: Floats  # (n,), before the first mark is seen
+    variance: Floats  # (n, n), the same
 
 
 class Model(NamedTuple):
-    """Parameters of the paper's motion.
+    """Parameters of the paper's motion."""
 
-    Attributes
-    ----------
-    step : float
-        s between the marks.
-    roughness : float
-        Standard deviation of the white noise of the acceleration's rate, px s-5/2, as its natural logarithm.
-    shake : float
-        That of the white noise of the acceleration itself, px s-3/2, as its natural logarithm.
-    floor : float
-        Error that all marks have beside the measured one, px.
-    lines : tuple of (float, float, float)
-        Circular frequency, rad s-1, amplitude, px, and coherence, s, of lines of wow.
-    """
-
-    step: float
-    roughness: float
-    shake: float
-    floor: float
-    lines: Lines = ()
+    step: float  # s between the marks
+    roughness: float  # log of 1 sigma of the white noise of the acceleration's rate, px s-5/2
+    shake: float  # log of 1 sigma of the white noise of the acceleration itself, px s-3/2
+    floor: float  # error that all marks have beside the measured one, px
+    lines: Lines = ()  # of wow: circular frequency, rad s-1, amplitude, px, and coherence, s
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A model of the paper's motion and what it makes of the marks.
-
-    Attributes
-    ----------
-    model : Model
-    row, speed, acceleration : (marks,) arrays
-        At every mark from the first to the last, px, px s-1, px s-2.
-    row_sigma, speed_sigma : (marks,) arrays
-        1 sigma of row and speed, px, px s-1.
-    used : (traces, marks) array of bool
-        Which of the measured rows were believed.
-    jumps : (n,) array of int64
-        Marks before which the paper stood still.
-    likelihood : float
-        -2 log likelihood.
-    """
+    """A model of the paper's motion and what it makes of all marks from the first to the last."""
 
     model: Model
-    row: Floats
-    speed: Floats
-    acceleration: Floats
+    row: Floats  # (marks,), px
+    speed: Floats  # px s-1
+    acceleration: Floats  # px s-2
     row_sigma: Floats
     speed_sigma: Floats
-    used: NDArray[np.bool_]
-    jumps: NDArray[np.int64]
-    likelihood: float
-
-    @property
-    def step(self) -> float:
-        """s between the marks."""
-        return self.model.step
+    used: NDArray[np.bool_]  # (traces, marks), which of the measured rows were believed
+    jumps: NDArray[np.int64]  # marks before which the paper stood still
+    likelihood: float  # -2 log likelihood
 
     @property
     def floor(self) -> float:
@@ -115,16 +77,10 @@ class Drive:
 def drive(
     rows: Floats, sigma: Floats, step: float, before: Drive | None = None, jumps: NDArray[np.int64] = NO_JUMPS
 ) -> Drive:
-    """The most likely motion.
+    """The most likely motion by measured rows (traces, marks), freed of offsets and shear, every `step` s.
 
-    Parameters
-    ----------
-    rows, sigma : (traces, marks) arrays
-        Measured, freed of offsets and shear, and 1 sigma; NaN = missing; marks follow each other every `step` s.
-    before : Drive, optional
-        Found of nearly the same rows: its lines stay.
-    jumps : (n,) array of int64
-        Marks before which the paper stood still.
+    NaN = missing. The lines of a motion `before`, found of nearly the same rows, stay. The paper stood still before the
+    marks `jumps`.
     """
     used = np.isfinite(rows)
     first = Model(step, START[0], START[1], math.exp(START[2])) if before is None else before.model
@@ -162,8 +118,9 @@ def _most_likely(rows: Floats, sigma: Floats, model: Model, used: NDArray[np.boo
         return run(at, False).likelihood + float(np.sum((at - np.clip(at, LOWEST, HIGHEST)) ** 2))
 
     start = np.array([model.roughness, model.shake, math.log(model.floor)])
-    simplex = {"initial_simplex": start + np.vstack([np.zeros(3), SIDES]), "xatol": 0.1, "fatol": 0.3}
-    return run(minimize(cost, start, method="Nelder-Mead", options=simplex).x, True)
+    simplex = start + np.vstack([np.zeros(3), SIDES])
+    options: Any = {"initial_simplex": simplex, "xatol": 0.1, "fatol": 0.3}
+    return run(minimize(cost, start, method="Nelder-Mead", options=options).x, True)
 
 
 def run_drive(
@@ -213,13 +170,13 @@ def run_drive(
 def _line(rows: Floats, found: Drive) -> tuple[float, float] | None:
     """The line that stands out most of what smooth motion leaves: circular frequency and amplitude, or None."""
     marks = rows.shape[1]
-    if marks * found.step < 2.0 * SLOWEST / 3.0:
+    if marks * found.model.step < 2.0 * SLOWEST / 3.0:
         return None
     calm = found.model._replace(roughness=CALM, shake=CALM, floor=0.05)
     smooth = run_drive(rows, np.full_like(rows, 0.05), calm, found.used, found.jumps, True)
     remainder = found.row - smooth.row
     power = np.abs(np.fft.rfft((remainder - remainder.mean()) * np.hanning(marks), 4 * marks)) ** 2
-    turn = 2.0 * np.pi * np.arange(power.size) / (4 * marks * found.step)
+    turn = 2.0 * np.pi * np.arange(power.size) / (4 * marks * found.model.step)
     inside = np.flatnonzero((turn > 2.0 * np.pi / SLOWEST) & (turn < 2.0 * np.pi / FASTEST))
     if inside.size < 16:
         return None
@@ -230,7 +187,7 @@ def _line(rows: Floats, found: Drive) -> tuple[float, float] | None:
     a, b, c = np.log(power[top - 1 : top + 2])
     place = top + 0.5 * (a - c) / (a - 2.0 * b + c)
     size = 2.0 * np.sqrt(power[top]) / np.hanning(marks).sum()
-    return float(2.0 * np.pi * place / (4 * marks * found.step)), float(size)
+    return float(2.0 * np.pi * place / (4 * marks * found.model.step)), float(size)
 
 
 def honest_gaps(rows: Floats, sigma: Floats, found: Drive) -> Drive:
@@ -240,7 +197,7 @@ def honest_gaps(rows: Floats, sigma: Floats, found: Drive) -> Drive:
     """
     seen = np.flatnonzero((np.isfinite(rows) & found.used).any(axis=0))
     length = int(np.diff(seen).max(initial=0))
-    if length * found.step < LONG_GAP or seen.size < 6 * length:
+    if length * found.model.step < LONG_GAP or seen.size < 6 * length:
         return found
     number = np.arange(rows.shape[1])
     hidden = (number % (3 * length) >= length) & (number % (3 * length) < 2 * length) & (number < number.size - length)
@@ -251,7 +208,7 @@ def honest_gaps(rows: Floats, sigma: Floats, found: Drive) -> Drive:
         return found
     scale, inside = max(1.0, float(np.sqrt(np.mean(away**2)))), np.zeros(number.size, dtype=bool)
     for begin, stop in itertools.pairwise(seen.tolist()):
-        inside[begin + 1 : stop] = (stop - begin) * found.step >= LONG_GAP
+        inside[begin + 1 : stop] = (stop - begin) * found.model.step >= LONG_GAP
     return replace(found, row_sigma=np.where(inside, scale * found.row_sigma, found.row_sigma))
 
 

@@ -37,19 +37,14 @@ CLIP = 4.0  # sigmas, of a pixel's residual
 
 
 class Known(NamedTuple):
-    """What is known of spot, grain and gaps.
+    """What is known of spot, grain and gaps."""
 
-    `spot` is 1 sigma, px; `grain` 1 sigma of the exposure of a pixel at every `grain_step` of exposure from 0 on;
-    `lateral` 1 sigma of the course across the line, px, `width_prior` that of a gap's width, relative; `spacing` the
-    rows between marks.
-    """
-
-    spot: float
-    grain: Floats
+    spot: float  # 1 sigma, px
+    grain: Floats  # 1 sigma of the exposure of a pixel at every `grain_step` of exposure from 0 on
     grain_step: float
-    lateral: float
-    width_prior: float
-    spacing: float
+    lateral: float  # 1 sigma of the course across the line, px
+    width_prior: float  # 1 sigma of a gap's width, relative
+    spacing: float  # rows between marks
 
 
 @kernel

@@ -33,25 +33,13 @@ class TimeReversedError(RefusedError):
 
 @dataclass(frozen=True)
 class Minutes:
-    """Where full minutes were found.
+    """Where full minutes were found."""
 
-    Attributes
-    ----------
-    residue : int or None
-        Number, modulo the marks of a minute, of the full minutes' marks; None: no code was found.
-    kind : str
-        "double", "long", "omitted" or "none".
-    delay : float
-        Of the second gap, s; NaN for other codes.
-    seen, against : int
-        Codes that agree with the count, and most codes that lie out of it by the same number of marks.
-    """
-
-    residue: int | None = None
-    kind: str = "none"
-    delay: float = np.nan
-    seen: int = 0
-    against: int = 0
+    residue: int | None = None  # of the full minutes' marks, modulo the marks of a minute; None: no code was found
+    kind: str = "none"  # or "double", "long", "omitted"
+    delay: float = np.nan  # of the second gap, s
+    seen: int = 0  # codes that agree with the count
+    against: int = 0  # most codes that lie out of it by the same number of marks
 
 
 def places(events: Events, count: Count) -> Floats:

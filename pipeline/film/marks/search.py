@@ -43,23 +43,17 @@ class Gaps:
     """Gaps on single traces, in order of their rows; an array each, in px, with 1 sigma."""
 
     trace: NDArray[np.int64]
-    row: Floats
-    """Of the middle of the gap on the trace."""
+    row: Floats  # of the middle of the gap on the trace
     row_sigma: Floats
-    column: Floats
-    """Of the trace there, by the edges of the gap."""
+    column: Floats  # of the trace there, by the edges of the gap
     column_sigma: Floats
     slope: Floats
-    width: Floats
-    """Rows for which the shutter was closed."""
+    width: Floats  # rows for which the shutter was closed
     width_sigma: Floats
-    depth: Floats
-    """Share of the light that the shutter held off: 1."""
+    depth: Floats  # share of the light that the shutter held off: 1
     depth_sigma: Floats
-    light: Floats
-    """Of the line around the gap, over that of its slope."""
-    misfit: Floats
-    """Mean square of the pixels' residuals over that of their grain."""
+    light: Floats  # of the line around the gap, over that of its slope
+    misfit: Floats  # mean square of the pixels' residuals over that of their grain
 
     @staticmethod
     def of(trace: NDArray[np.int64], fitted: Floats) -> Gaps:
@@ -157,7 +151,7 @@ def _candidates(
     top = (score == maximum_filter1d(score, 2 * half + 1)) & (score > DARK) & known
     top &= (np.roll(beside, away) > BACK) & (np.roll(beside, -away) > BACK)
     top[:away], top[-away:] = False, False
-    return rows[top & (rows >= begin) & (rows < stop)]
+    return np.asarray(rows[top & (rows >= begin) & (rows < stop)])
 
 
 def _selected(gaps: Gaps, width: float) -> Gaps:

@@ -28,16 +28,12 @@ THICK, MARGIN = 24.0, 4  # spots, of a bar; rows on either side that have some o
 
 
 class Stand(NamedTuple):
-    """A place where the paper stood, on one trace or, brought together, at column 0 of the first.
-
-    `length` is of time, by the bar's light, in rows of the film at its usual speed; where `saturated` it may be longer.
-    `sure`: the bar would be believed by itself.
-    """
+    """A place where the paper stood, on one trace or, brought together, at column 0 of the first."""
 
     row: float
-    length: float
-    saturated: bool
-    sure: bool = True
+    length: float  # of time, by the bar's light, in rows of the film at its usual speed
+    saturated: bool  # whether it may have been longer
+    sure: bool = True  # whether the bar would be believed by itself
 
 
 Bars = list[list[Stand] | None]
@@ -64,17 +60,13 @@ class Side(NamedTuple):
 
 
 class Swept(NamedTuple):
-    """Columns of a trace that the light crosses in one stroke, and others that no trace sweeps.
-
-    `speed` is that across the columns over that in the middle; `stroke` the light along the rows of one stroke in the
-    middle column, in rows of a line at rest; `peak` the light on the stroke's axis.
-    """
+    """What of a trace's columns the light writes in one stroke across."""
 
     columns: NDArray[np.int64]
-    beside: NDArray[np.int64]
-    speed: Floats
-    stroke: float
-    peak: float
+    beside: NDArray[np.int64]  # columns that no trace sweeps
+    speed: Floats  # across the columns, over that in the middle
+    stroke: float  # light along the rows of one stroke in the middle column, in rows of a line at rest
+    peak: float  # light on the stroke's axis
 
 
 def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
@@ -149,7 +141,11 @@ def together(found: Bars, offset: Floats, shear: float, across: Floats) -> list[
         else:
             groups.append([each])
     return [
-        Stand(*np.mean([each[:2] for each in group], axis=0).tolist(), any(each.saturated for each in group))
+        Stand(
+            float(np.mean([each.row for each in group])),
+            float(np.mean([each.length for each in group])),
+            any(each.saturated for each in group),
+        )
         for group in groups
         if len(group) >= len(able) and any(each.sure for each in group)
     ]
@@ -160,16 +156,8 @@ def lengths(
 ) -> tuple[NDArray[np.int64], Floats]:
     """Numbers of marks from the last one before a stand to the first one after it, and their costs, the best first.
 
-    Pendulums swing on: their phase tells the number but for whole swings, the bar's light those, roughly.
-
-    Parameters
-    ----------
-    before, after : Side
-        Marks on either side of the stand.
-    advance, spread : (traces,) arrays
-        Of the phase from mark to mark, rad, and 1 sigma of a phase.
-    pace : float
-        Rows between marks.
+    Pendulums swing on: their phase, which advances by `advance` (traces,) rad from mark to mark, tells the number but
+    for whole swings, the bar's light those, roughly. `spread` is 1 sigma of a phase, `pace` the rows between marks.
     """
     moved = (after.row[0] - before.row[-1]) / pace
     length = max(stand.length, LEAST) / pace

@@ -23,16 +23,12 @@ EVEN, NEXT = 0.13, 0.06  # of the spacing, by which neighbouring marks may diffe
 
 
 class Swings(NamedTuple):
-    """Phases of the traces' swings at events.
+    """Phases of the traces' swings at events, rad; NaN where unknown."""
 
-    `phase` and `extra` are (traces, events), rad, NaN where unknown, and the variance that each has beside `sigma`;
-    `advance` and `sigma` (traces,) the phase's growth from mark to mark, rad in -pi to pi, and 1 sigma of a phase.
-    """
-
-    phase: Floats
-    extra: Floats
-    advance: Floats
-    sigma: Floats
+    phase: Floats  # (traces, events)
+    extra: Floats  # (traces, events), variance of each beside that of `sigma`
+    advance: Floats  # (traces,), from mark to mark, -pi to pi
+    sigma: Floats  # (traces,), 1 sigma of a phase
 
     def at(self, which: slice | NDArray[np.int64]) -> Swings:
         """At some of the events."""

@@ -37,20 +37,11 @@ BYTES = {"1": 1, "L": 1, "LA": 4, "P": 4, "PA": 4, "RGB": 4, "RGBA": 4, "YCbCr":
 
 
 class ImageFile(Image):
-    """An image file.
-
-    Attributes
-    ----------
-    path : Path
-    resolution : (2,) tuple or None
-        Pixels per inch down and across, as the file's tags say.
-    upright : int
-        The orientation of TIFF and EXIF, 1 to 8: how the stored rows lie in the picture.
-    """
+    """An image file."""
 
     path: Path
-    resolution: tuple[float, float] | None
-    upright: int
+    resolution: tuple[float, float] | None  # pixels per inch down and across, as the file's tags say
+    upright: int  # the orientation of TIFF and EXIF, 1 to 8: how the stored rows lie in the picture
 
 
 @dataclass
@@ -100,10 +91,7 @@ def to_grey(pixels: Pixels) -> Pixels:
 def open_whole(path: Path, kind: str) -> WholeImage:
     """Decode an image file of `kind` "PNG", "JPEG" or "TIFF": Pillow's guess would try every format it knows.
 
-    Raises
-    ------
-    FileError
-        The file is damaged, of an unknown mode, or too large to be decoded whole.
+    Raises `FileError` where it is damaged, of an unknown mode, or too large to be decoded whole.
     """
     # Pillow's general reader refuses large images, which films are, by a global limit
     name = {"PNG": "Png", "JPEG": "Jpeg", "TIFF": "Tiff"}[kind]
@@ -163,11 +151,8 @@ def _pillow_resolution(stated: Any) -> tuple[float, float] | None:
 def open_tiff(path: Path) -> ImageFile:
     """Open the largest image of a TIFF; what `TiffImage` cannot decode piece by piece Pillow takes whole, if small.
 
-    Raises
-    ------
-    FileError
-        The file is damaged, or of a kind that is not known: the pixels are no whole numbers of 8 or 16 bits, or there
-        are several images.
+    Raises `FileError` where the file is damaged, holds several images, or pixels that are no whole numbers of 8 or 16
+    bits.
     """
     import tifffile
 
@@ -178,7 +163,7 @@ def open_tiff(path: Path) -> ImageFile:
             sizes = [int(each.imagelength) * int(each.imagewidth) for each in pages]
             page = pages[sizes.index(max(sizes))]
             image = _described(path, page, tiff.byteorder)
-            several = sorted(sizes)[-2:][0] > SMALL * max(sizes) if len(sizes) > 1 else False
+            several = sum(size > SMALL * max(sizes) for size in sizes) > 1
             bits, kind = page.bitspersample, page.sampleformat
     except Exception as fault:  # tifffile raises whatever the bytes lead to
         raise FileError(f"{path}: damaged TIFF ({_short(fault)}); copy or scan it again") from fault

@@ -47,18 +47,12 @@ PNG, JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
 class ScanOptions:
     """How the image is to be taken.
 
-    Attributes
-    ----------
-    dpi : float or None
-        Pixels per inch; None: as the file says.
-    orientation : str
-        Degrees by which the image is turned clockwise so that time runs downwards: "0", "90", "180", "270"; "auto"
-        puts the long side down, its left end up.
-    lines : str
-        "dark" on light film, "light" on dark film, or "auto": what departs from the blank film decides.
+    `orientation` is the degrees by which it is turned clockwise so that time runs downwards; "auto" puts the long side
+    down, its left end up. `lines` are "dark" on light film or "light" on dark film; "auto": what departs from the blank
+    film decides.
     """
 
-    dpi: float | None = None
+    dpi: float | None = None  # None: as the file says
     orientation: str = "auto"
     lines: str = "auto"
 
@@ -73,23 +67,11 @@ class ScanOptions:
 
 @dataclass
 class OpenScan(View):
-    """An opened image of a film, turned so that rows run with time and lines are dark; read piece by piece.
+    """An opened image of a film, turned so that rows run with time and lines are dark; read piece by piece."""
 
-    Attributes
-    ----------
-    image : Image
-        Its rows, all turning and joining done.
-    scale : float or None
-        Size of a pixel on the film, mm.
-    paths : tuple of Path
-        The files, in order.
-    notes : tuple of str
-        What was inferred from the image and might be wrong.
-    """
-
-    scale: float | None
-    paths: tuple[Path, ...]
-    notes: tuple[str, ...] = ()
+    scale: float | None  # size of a pixel on the film, mm
+    paths: tuple[Path, ...]  # in order
+    notes: tuple[str, ...] = ()  # what was inferred from the image and might be wrong
 
     def read(self, first: int, stop: int) -> Pixels:
         """Rows `first` to `stop`, (stop - first, columns); only what lies in the scan."""
@@ -104,21 +86,14 @@ class OpenScan(View):
 def open_scan(
     paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], options: ScanOptions | None = None
 ) -> OpenScan:
-    """Open the image of a film; only a few pieces of it are read.
-
-    Parameters
-    ----------
-    paths : path or sequence of path
-        One image (TIFF, PNG, JPEG; 8 or 16 bit; grey or colour), or overlapping strips of one film in order.
-    options : ScanOptions, optional
-        What the user says of them.
+    """Open the image of a film, or overlapping strips of it in order; only a few pieces of them are read.
 
     Raises
     ------
     UsageError
         No file is named.
     FileError
-        A file cannot be read, is no image, or strips do not overlap.
+        A file cannot be read, is no image (TIFF, PNG, JPEG; 8 or 16 bit; grey or colour), or strips do not overlap.
     """
     options = options or ScanOptions()
     named = tuple(Path(name) for name in ([paths] if isinstance(paths, str | os.PathLike) else paths))
@@ -201,15 +176,7 @@ def _departures(pixels: Pixels) -> NDArray[np.float32]:
 
 
 def open_image(path: Path) -> ImageFile:
-    """Open an image file of any kind that is known.
-
-    Raises
-    ------
-    FileError
-        It cannot be read, is no image, or is damaged.
-    UsageError
-        What reads images is not installed.
-    """
+    """Open an image file of any kind that is known; `FileError` if it is none, `UsageError` if a library is missing."""
     with open_binary(path) as stream:
         magic = stream.read(8)
     for needed in ("tifffile", "PIL"):

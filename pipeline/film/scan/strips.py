@@ -39,17 +39,13 @@ Grey = NDArray[np.float32]
 
 
 class Placement(NamedTuple):
-    """Where a strip lies on the one before: its pixel (r, c) falls on (row + r cos + c sin, column + c cos - r sin).
-
-    `turn` is the angle of that cos and sin, rad; `match` the correlation of the grey values where they overlap, 1 at
-    best, and `second` that of the best other placement.
-    """
+    """Where a strip lies on the one before: its pixel (r, c) falls on (row + r cos + c sin, column + c cos - r sin)."""
 
     row: float
     column: float
-    turn: float
-    match: float
-    second: float = 0.0
+    turn: float  # angle of that cos and sin, rad
+    match: float  # correlation of the grey values where they overlap, 1 at best
+    second: float = 0.0  # of the best other placement
 
     @property
     def is_certain(self) -> bool:
@@ -67,12 +63,6 @@ class Part:
     turn: float
     first: int
 
-    @property
-    def is_exact(self) -> bool:
-        """Whether the strip lies on whole pixels."""
-        off = max(abs(self.row - round(self.row)), abs(self.column - round(self.column)))
-        return off + abs(self.turn) * max(self.image.rows, self.image.columns) < EXACT
-
     def fill(self, first: int, wanted: Pixels) -> None:
         """Rows of the film from `first` on."""
         cosine, sine = math.cos(self.turn), math.sin(self.turn)
@@ -83,12 +73,7 @@ class Part:
         low = min(max(0, math.floor(row - tilt) - MARGIN), self.image.rows - 1)
         high = min(self.image.rows, math.ceil(row + wanted.shape[0] + tilt) + MARGIN)
         source = self.image.read(low, max(high, low + 1))
-        if not self.is_exact:
-            resample(source, wanted, row - low, column, cosine, sine, float(self.image.full_scale))
-            return
-        down = np.clip(np.arange(wanted.shape[0]) + round(row) - low, 0, source.shape[0] - 1)
-        across = np.clip(np.arange(wanted.shape[1]) + round(column), 0, source.shape[1] - 1)
-        wanted[:] = source[np.ix_(down, across)]
+        resample(source, wanted, row - low, column, cosine, sine, float(self.image.full_scale))
 
 
 @dataclass
@@ -135,12 +120,13 @@ def join(images: Sequence[Image], paths: Sequence[Path]) -> Joined:
         cosine, sine = math.cos(before.turn), math.sin(before.turn)
         row = before.row + found.row * cosine + found.column * sine
         column = before.column + found.column * cosine - found.row * sine
+        turn, size = before.turn + found.turn, max(images[number].rows, images[number].columns)
+        if max(abs(row - round(row)), abs(column - round(column))) + abs(turn) * size < EXACT:
+            row, column, turn = float(round(row)), float(round(column)), 0.0
         seam = math.ceil(0.5 * (row + before.row + before.image.rows))
-        parts.append(Part(images[number], row, column, before.turn + found.turn, max(before.first + 1, seam)))
+        parts.append(Part(images[number], row, column, turn, max(before.first + 1, seam)))
     last = parts[-1]
-    end = last.row + last.image.rows
-    drop = min(0.0, last.turn * parts[0].image.columns)
-    return Joined(tuple(parts), round(end) if last.is_exact else math.floor(end + drop))
+    return Joined(tuple(parts), math.floor(last.row + last.image.rows + min(0.0, last.turn * parts[0].image.columns)))
 
 
 @kernel

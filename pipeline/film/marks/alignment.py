@@ -57,8 +57,9 @@ def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
         tried = steps if trace == 1 else np.array([shear])
         along, across = other.row[j] - reference.row[i], other.column[j] - reference.column[i]
         odd = _odd(reference.row, spacing)[i] & _odd(other.row, spacing)[j]
-        table = np.array([_tally(along - step * across) for step in tried])
-        odd_table = np.array([_tally((along - step * across)[odd]) for step in tried])
+        table, odd_table = (
+            np.array([_tally((along - step * across)[which]) for step in tried]) for which in (slice(None), odd)
+        )
         which, at, certain = _chosen(table, odd_table, spacing)
         lag, slant = (at + 1) * BIN - FARTHEST, float(tried[which])
         for reach in (1.0, 0.5):

@@ -9,10 +9,10 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered, lasting, refined
-from pipeline.film.marks.checks import DISAGREE, LEAST_LEAD, check
+from pipeline.film.marks.checks import DISAGREE, LEAST_LEAD, certain_part, check
 from pipeline.film.marks.counting import LEAST_MARKS, Count, counted, spacing_of
 from pipeline.film.marks.drive import Drive, drive, honest_gaps
-from pipeline.film.marks.minutes import Minutes, find_minutes
+from pipeline.film.marks.minutes import Minutes, code_marks, find_minutes
 from pipeline.film.marks.search import Gaps, find_gaps, learned_width
 from pipeline.film.marks.stands import Bars, Side, Stand, lengths, together
 from pipeline.film.marks.swings import Swings, swings_at
@@ -22,6 +22,7 @@ from pipeline.film.scan.opening import OpenScan
 ROUNDS = 2  # of drive and shear
 SPEED_TOLERANCE = 0.25  # of the stated speed
 FEW_FALSE = 0.005  # share of marks that may be false
+LEAST_PART = 0.2  # of the film, of a part that is read where others are uncertain
 FINE = 16  # points of the paper's motion from mark to mark
 
 
@@ -34,7 +35,7 @@ class Counted:
     minutes: Minutes
     alignment: Alignment
     stands: list[Stand]
-    whole: bool  # nothing was cut off where it is not certain how long the paper stood
+    whole: bool  # nothing was cut off where the number of marks is not certain
 
 
 def time_axis(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1) -> TimeAxis:
@@ -113,7 +114,17 @@ def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, bars:
     stands = together(bars, alignment.offset, alignment.shear, middle) if bars else []
     count, stands, whole = _past_stands(events, stands, swings, spacing, marking)
     minutes = find_minutes(events, count, marking)
-    check(minutes, events, count, swings, marking.interval)
+    part = certain_part(count, code_marks(minutes, events, count, marking.interval))
+    if part.index.size < count.index.size:
+        if part.index[-1] < LEAST_PART * count.index[-1]:
+            raise RefusedError(
+                "film: over several stretches without marks the number of marks is uncertain; cut the film there and "
+                "read the parts one by one"
+            )
+        first, last = events.row[part.event[[0, -1]]]
+        stands = [each for each in stands if first < each.row < last]
+        count, whole, minutes = part, False, find_minutes(events, part, marking)
+    check(minutes, events, count, swings)
     return Counted(events, count, minutes, alignment, stands, whole)
 
 
@@ -172,7 +183,7 @@ def _past_stands(
 
 def _flags(counted: Counted, seen: int) -> tuple[str, ...]:
     minutes, count, events = counted.minutes, counted.count, counted.events
-    false = events.size - count.index.size - (minutes.seen if minutes.kind == "double" else 0)
+    false = count.event[-1] - count.event[0] + 1 - count.index.size - (minutes.seen if minutes.kind == "double" else 0)
     shown = (events.member >= 0).any(axis=1)
     flags = {
         "marks-without-minute-code": minutes.residue is None,

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
 from pipeline.film.marks.alignment import Events
 from pipeline.film.marks.counting import Count
-from pipeline.film.marks.minutes import Minutes, code_marks
+from pipeline.film.marks.minutes import Minutes
 from pipeline.film.marks.swings import Swings, jumps
-from pipeline.film.parts import Strobe, TimeAxis
+from pipeline.film.parts import Floats, Strobe, TimeAxis
 
 LEAST_LEAD = 12.0  # of the best count before any other
 JUMP = 1.0  # rad: a third of what one mark too many makes
@@ -18,28 +20,31 @@ DISAGREE = 0.12  # of the codes, that may be false gaps in the place of one
 MANY, LONG = 0.1, 5.0  # share of marks missing; s
 
 
-def check(minutes: Minutes, events: Events, count: Count, swings: Swings, interval: float) -> None:
-    """Refuse a count that codes or pendulums contradict, or that could as well be another.
+def certain_part(count: Count, codes: Floats) -> Count:
+    """The longest part of a count within which each number is certain, or confirmed by `codes` on both sides.
+
+    Codes are given by the numbers of their minutes' marks.
+    """
+    confirmed = (codes.min(initial=np.inf) <= count.index[:-1]) & (codes.max(initial=-np.inf) >= count.index[1:])
+    edges = [0, *(1 + np.flatnonzero((count.lead < LEAST_LEAD) & ~confirmed)), count.index.size]
+    begin, end = max(itertools.pairwise(edges), key=lambda part: count.index[part[1] - 1] - count.index[part[0]])
+    return Count(count.event[begin:end], count.index[begin:end] - count.index[begin], count.lead[begin : end - 1])
+
+
+def check(minutes: Minutes, events: Events, count: Count, swings: Swings) -> None:
+    """Refuse a count that codes or pendulums contradict.
 
     Raises
     ------
     RefusedError
-        More codes are out of step than chance puts there; or over some stretch that no codes on both sides confirm the
-        number of marks is uncertain; or all pendulums would have lost or gained part of a swing at once.
+        More codes are out of step than chance puts there, or all pendulums would have lost or gained part of a swing
+        at once.
     """
     if minutes.residue is not None and minutes.against > max(1.0, DISAGREE * minutes.seen):
         raise RefusedError(
             f"film: {minutes.against} of {minutes.seen + minutes.against} minute codes are out of step with the count "
             "of marks; cut the film where marks are missing and read the parts one by one"
         )
-    codes = code_marks(minutes, events, count, interval)
-    for at in np.flatnonzero(count.lead < LEAST_LEAD):
-        before, after = count.index[at], count.index[at + 1]
-        if not ((codes <= before).any() and (codes >= after).any()):
-            raise RefusedError(
-                f"film: {after - before - 1} marks in a row are missing after row {events.row[count.event[at]]:.0f} "
-                "and their number is uncertain; cut the film there and read the parts one by one"
-            )
     jump = np.nan_to_num(jumps(count.index.astype(np.float64), swings.at(count.event)))
     worst = int(np.argmax(jump))
     if jump[worst] > JUMP:

@@ -20,7 +20,9 @@ from pipeline.film.marks.swings import Swings
 from pipeline.film.parts import Floats
 from synth.kernels.compiled import kernel
 
-SLACK = 0.12  # of the speed over the whole film: drift, wow and walk together
+SLACK = 0.35  # of the speed over the whole film: drift, wow and short changes together
+EVEN = 0.12  # of the speed, that shows how steadily the paper runs
+TAIL = 8.0  # of a change of speed, chi square beyond which its cost grows as a logarithm: paper slips
 SKIP = 8  # events that may be passed over in a row
 MISSED, PASSED = 2.5, 14.0  # costs of a mark missed, of an event that is none
 PHASE_MOST = 40.0  # cost of a swing that does not fit at all
@@ -85,7 +87,7 @@ def spacing_of(rows: Floats) -> float:
 def unsteadiness(rows: Floats, spacing: float) -> tuple[float, float]:
     """How much the relative speed changes from mark to mark, and over any time, 1 sigma, as a film shows."""
     speed = np.diff(rows) / spacing
-    speed = speed[np.abs(speed - 1.0) < SLACK]
+    speed = speed[np.abs(speed - 1.0) < EVEN]
     if speed.size < 4 * LEAST_MARKS:
         return CHANGE[1], MOST_CHANGE[1]
     half = min(AROUND, (speed.size - 1) // 2)
@@ -206,4 +208,4 @@ def turn_cost(pace: Pace, steps: Steps, j: int, k: int) -> float:
     change = min(pace.change * 0.5 * (before + after), pace.most_change) ** 2
     noise = (pace.sigma[a] ** 2 + pace.sigma[b] ** 2) / before**2
     noise += (pace.sigma[b] ** 2 + pace.sigma[c] ** 2) / after**2
-    return float(away * away / (change + noise / pace.spacing**2))
+    return TAIL * math.log1p(away * away / (change + noise / pace.spacing**2) / TAIL)

@@ -6,7 +6,7 @@ count of marks that slips by one shows as half a swing.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,15 +65,22 @@ def phases(tracks: Tracks, rows: Floats, stretch: Floats) -> tuple[Floats, Float
     results are (traces, n), NaN where that is too far or the swing too small. `stretch` (n,) are the rows per second
     there over the film's mean.
     """
+    from scipy.ndimage import distance_transform_edt, maximum_filter1d
+
     half = max(round(HALF * tracks.rows_per_swing), 3)
     x = np.arange(-half, half + 1.0)
     speed = np.round(np.clip(stretch, *RANGE) / STEP).astype(np.int64)
     out, extra = np.full((2, *rows.shape), np.nan)
     for trace, course in enumerate(tracks.course):
+        broken = maximum_filter1d(~np.isfinite(course), 2 * half + 1)
+        broken[:half] = broken[-half:] = True
+        if broken.all():
+            continue
+        whole: Any = distance_transform_edt(broken, return_distances=False, return_indices=True)
         middle = np.nan_to_num(rows[trace], nan=-1e9) - 0.5
-        near = _nearest_whole(course, np.round(middle).astype(np.int64), half)
+        near = whole[0][np.clip(np.round(middle), 0, course.size - 1).astype(np.int64)]
         carried = middle - near
-        inside = (near >= 0) & (np.abs(carried) <= FARTHEST * half)
+        inside = np.abs(carried) <= FARTHEST * half
         for which in np.unique(speed[inside]):
             turn = 2.0 * np.pi / (tracks.rows_per_swing * which * STEP)
             taps = np.linalg.pinv(
@@ -85,17 +92,6 @@ def phases(tracks: Tracks, rows: Floats, stretch: Floats) -> tuple[Floats, Float
             out[trace, at] = np.where(np.hypot(cos, sin) > LEAST, phase, np.nan)
         extra[trace, inside] = (CARRIED * np.maximum(np.abs(carried[inside]) - 1.0, 0.0) / half) ** 2
     return out, extra
-
-
-def _nearest_whole(course: Floats, rows: NDArray[np.int64], half: int) -> NDArray[np.int64]:
-    """Rows nearest to given ones around which a curve is known for `half` rows; -1 where there are none."""
-    lost = np.concatenate([[0], np.cumsum(~np.isfinite(course))])
-    whole = half + np.flatnonzero(lost[2 * half + 1 :] == lost[: -2 * half - 1])
-    if whole.size == 0:
-        return np.full(rows.size, -1, dtype=np.int64)
-    after = np.minimum(np.searchsorted(whole, rows), whole.size - 1)
-    two = whole[np.stack([after, np.maximum(after - 1, 0)])]
-    return np.asarray(np.take_along_axis(two, np.abs(two - rows).argmin(axis=0)[None], axis=0)[0])
 
 
 def stretched(rows: Floats, spacing: float) -> Floats:

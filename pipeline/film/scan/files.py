@@ -125,18 +125,10 @@ def _short(fault: Exception) -> str:
 
 
 def _pillow_grey(image: Any) -> Pixels:
-    """Grey pixels, the larger kinds a chunk of rows at a time."""
-    image.load()
-    if image.mode in ("P", "PA", "1", "CMYK", "YCbCr"):
-        image = image.convert("L" if image.mode == "1" else "RGB")
-    if image.mode in ("L", "I;16"):
-        return np.array(image)
-    columns, rows = image.size
-    grey = np.empty((rows, columns), dtype=np.uint16 if image.mode == "I" else np.uint8)
-    for first in range(0, rows, 1024):
-        chunk = np.asarray(image.crop((0, first, columns, min(rows, first + 1024))))
-        grey[first : first + 1024] = to_grey(np.clip(chunk, 0, 65535).astype(np.uint16) if image.mode == "I" else chunk)
-    return grey
+    """Grey pixels, by the same luma as `to_grey`."""
+    if image.mode in ("I", "I;16"):
+        return np.clip(np.asarray(image), 0, 65535).astype(np.uint16)
+    return np.array(image.convert("L"))
 
 
 def _pillow_resolution(stated: Any) -> tuple[float, float] | None:

@@ -20,12 +20,13 @@ from pipeline.film.marks.swings import Swings
 from pipeline.film.parts import Floats
 from synth.kernels.compiled import kernel
 
-SLACK = 0.35  # of the speed over the whole film: drift, wow and short changes together
+SLACK = 0.24  # of the speed over the whole film: drift, wow and short changes together
 EVEN = 0.12  # of the speed, that shows how steadily the paper runs
-TAIL = 8.0  # of a change of speed, chi square beyond which its cost grows as a logarithm: paper slips
+TAIL = 40.0  # of a change of speed, chi square beyond which its cost grows as a logarithm: paper slips
 SKIP = 8  # events that may be passed over in a row
 MISSED, PASSED = 2.5, 14.0  # costs of a mark missed, of an event that is none
 PHASE_MOST = 40.0  # cost of a swing that does not fit at all
+LONG, UNFOLLOWED = 10, 5.0  # marks of a step where traces are lost; most that its speed, which nothing shows, may cost
 WANDER = 0.006  # rad per root of a mark: what swell does to a pendulum's phase
 CHANGE, MOST_CHANGE = (0.002, 0.015), (0.006, 0.04)  # of the relative speed from mark to mark, and over any time
 CAUTION = 1.5  # times what the film shows of both
@@ -38,11 +39,12 @@ Whole = NDArray[np.int64]
 
 
 class Steps(NamedTuple):
-    """Steps that could be meant, by their later event: from which event to which, and how many marks on."""
+    """Steps that could be meant, by their later event."""
 
-    begin: Whole
-    end: Whole
+    begin: Whole  # event
+    end: Whole  # event
     marks: Whole
+    most: Floats  # cost of the speed's change before and after it
 
 
 class Pace(NamedTuple):
@@ -105,7 +107,7 @@ def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float) -> Coun
     RefusedError
         No path leads from the film's start to its end.
     """
-    steps = list_steps(rows, spacing)
+    steps = list_steps(rows, spacing, swings)
     cost = costs(steps, swings)
     first_of = np.searchsorted(steps.end, np.arange(rows.size + 1))
     pace = Pace(rows, np.hypot(sigma, FLOOR), spacing, *unsteadiness(rows, spacing))
@@ -151,21 +153,25 @@ def _leads(path: Whole, steps: Steps, whole: Floats, best: float) -> Floats:
     return lead
 
 
-def list_steps(row: Floats, spacing: float) -> Steps:
+def list_steps(row: Floats, spacing: float, swings: Swings) -> Steps:
     """All steps that could be meant."""
     end = np.repeat(np.arange(row.size), SKIP)
     begin = end - np.tile(np.arange(SKIP, 0, -1), row.size)
     begin, end = begin[begin >= 0], end[begin >= 0]
     length = (row[end] - row[begin]) / spacing
     low = np.maximum(np.ceil(length / (1.0 + SLACK)), 1.0).astype(np.int64)
-    number = np.maximum(np.floor(length / (1.0 - SLACK)).astype(np.int64) - low + 1, 0)
+    high = np.floor(length / (1.0 - SLACK)).astype(np.int64)
+    number = np.maximum(high - low + 1, 0)
     pair = np.repeat(np.arange(begin.size), number)
-    return Steps(begin[pair], end[pair], low[pair] + np.arange(pair.size) - (np.cumsum(number) - number)[pair])
+    marks = low[pair] + np.arange(pair.size) - (np.cumsum(number) - number)[pair]
+    lost = np.all(~np.isfinite(swings.centred), axis=0)
+    most = np.where((marks >= LONG) & (lost[begin[pair]] | lost[end[pair]]), UNFOLLOWED, np.inf)
+    return Steps(begin[pair], end[pair], marks, most)
 
 
 def costs(steps: Steps, swings: Swings) -> Floats:
     """Cost of every step by itself: marks missed, events passed over, and swings that do not fit."""
-    begin, end, count = steps
+    begin, end, count, _ = steps
     cost = MISSED * np.where(count < 6, count - 1.0, 5.0 + 0.1 * (count - 6.0)) + PASSED * (end - begin - 1.0)
     for phase, extra, advance, sigma in zip(*swings, strict=True):
         away = np.angle(np.exp(1j * (phase[end] - phase[begin] - advance * count)))
@@ -208,4 +214,5 @@ def turn_cost(pace: Pace, steps: Steps, j: int, k: int) -> float:
     change = min(pace.change * 0.5 * (before + after), pace.most_change) ** 2
     noise = (pace.sigma[a] ** 2 + pace.sigma[b] ** 2) / before**2
     noise += (pace.sigma[b] ** 2 + pace.sigma[c] ** 2) / after**2
-    return TAIL * math.log1p(away * away / (change + noise / pace.spacing**2) / TAIL)
+    cost = TAIL * math.log1p(away * away / (change + noise / pace.spacing**2) / TAIL)
+    return float(min(cost, steps.most[j], steps.most[k]))

@@ -67,14 +67,15 @@ def find_minutes(events: Events, count: Count, marking: Marking) -> Minutes:
     TimeReversedError
         The code reads backwards.
     """
-    interval, delay, cycle = marking.interval, marking.minute_code, round(60.0 / marking.interval)
-    if abs(cycle * interval - 60.0) > 1e-6 or cycle < 4:
+    interval, delay, cycle = marking.interval, marking.minute_code or None, round(60.0 / marking.interval)
+    if abs(cycle * interval - 60.0) > 1e-6 or cycle < 4 or marking.code == "none":
         return Minutes()
     spread = max((count.index[-1] - count.index[0]) / cycle, 1.0)
     place = places(events, count)
     place = place[np.isfinite(place) & ~np.isin(np.arange(events.size), count.event)]
-    ahead = _second_gaps(place, cycle, interval, delay)
-    behind = Minutes() if delay is None else _second_gaps(place, cycle, interval, -delay)
+    double = marking.code == "double" or (marking.code is None and marking.minute_code != 0.0)
+    ahead = _second_gaps(place, cycle, interval, delay) if double else Minutes()
+    behind = _second_gaps(place, cycle, interval, -delay) if double and delay is not None else Minutes()
     enough = max(LEAST, SHARE * spread * 0.5)
     if delay is not None and place.size == 1 and spread < LONELY:
         enough = 1  # where the code is known and no gap on the film is a false one, one code is no chance
@@ -93,8 +94,8 @@ def find_minutes(events: Events, count: Count, marking: Marking) -> Minutes:
     odd = count.index[(away > LONGER * np.median(width)) & (away > OWN * sigma)]
     absent = np.setdiff1d(np.arange(count.index[0], count.index[-1]), count.index)
     for kind, index in (("long", odd), ("omitted", absent)):
-        found = _repeated(index, cycle, spread, kind)
-        if found is not None:
+        found = _repeated(index, cycle, spread, kind, marking.code == kind)
+        if found is not None and marking.code in (None, kind):
             return found
     return Minutes() if ahead.seen < LEAST else ahead
 
@@ -120,12 +121,13 @@ def _second_gaps(place: Floats, cycle: int, interval: float, delay: float | None
     return Minutes(residue, "double", late, int(tally[residue]), against)
 
 
-def _repeated(index: NDArray[np.int64], cycle: int, spread: float, kind: str) -> Minutes | None:
-    """What comes at marks of one number much more often than at others."""
+def _repeated(index: NDArray[np.int64], cycle: int, spread: float, kind: str, stated: bool) -> Minutes | None:
+    """What comes at marks of one number much more often than at others; if it is `stated` to come, two are enough."""
     tally = np.bincount(index % cycle, minlength=cycle)
     residue, usual = int(np.argmax(tally)), float(np.median(tally))
     seen, chance = int(tally[residue]), np.sqrt(usual + 1.0)
-    if seen < max(LEAST + 1, 2 * SHARE * spread) or seen < usual + 6.0 * chance:
+    alone = stated and seen >= LEAST + np.delete(tally, residue).max()
+    if seen < 2 * SHARE * spread or not (alone or seen >= max(LEAST + 1, usual + 6.0 * chance)):
         return None
     near = tally[[(residue + k) % cycle for k in (-2, -1, 1, 2)]].max()
     return Minutes(residue, kind, np.nan, seen, max(int(near - usual - 3.0 * chance), 0))

@@ -127,7 +127,7 @@ def _short(fault: Exception) -> str:
 def _pillow_grey(image: Any) -> Pixels:
     """Grey pixels, by the same luma as `to_grey`."""
     if image.mode in ("I", "I;16"):
-        return np.clip(np.asarray(image), 0, 65535).astype(np.uint16)
+        return np.asarray(np.clip(np.asarray(image), 0, 65535), dtype=np.uint16)
     return np.array(image.convert("L"))
 
 

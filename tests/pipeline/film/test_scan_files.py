@@ -69,6 +69,15 @@ def test_colour_becomes_grey_whatever_its_planes(tmp_path, planar, channels):
     np.testing.assert_array_equal(open_scan(path).read(0, 300), pixels)
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_thumbnail_in_file_is_passed_over(tmp_path, first):
+    pixels = film()
+    with tifffile.TiffWriter(tmp_path / "film.tif") as writer:
+        for page in (pixels[::4, ::4], pixels) if first else (pixels, pixels[::4, ::4]):
+            writer.write(page, rowsperstrip=64)
+    np.testing.assert_array_equal(open_scan(tmp_path / "film.tif").read(0, 300), pixels)
+
+
 def test_luma_weighs_the_colours_and_white_stays_white():
     colours = np.array([[[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]]], dtype=np.uint8)
     assert to_grey(colours).tolist() == [[76, 150, 29, 255]]  # ITU-R BT.601

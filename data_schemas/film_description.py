@@ -81,6 +81,9 @@ class FilmDescription(Section):
     minute_code: Number | None = quantity(
         None, "s", "how long after each full minute the shutter closes a second time; 0: never", ge=0
     )
+    marks: Literal["double", "long", "omitted", "none"] | None = quantity(
+        None, "", "what the shutter does at each full minute: closes twice, for longer, not at all, or as ever"
+    )
     restoring: Literal["sine", "linear"] = quantity("sine", "", "restoring law of the pendulums")
     traces: tuple[DescribedTrace, ...] = quantity(..., "", "the traces", min_length=1)
     pendulums: tuple[DescribedPendulum, ...] = quantity(..., "", "the pendulums", min_length=1)

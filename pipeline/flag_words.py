@@ -87,8 +87,12 @@ OF_FILM = {
         "the paper stood still; for how long is told by codes, pendulums and the bar's light", "none is needed"
     ),
     "film-cut": Words(
-        "the paper stood still for an unknown time: the longest part is read, the others have no time",
+        "how many marks passed somewhere is not known: the longest part is read, the others have no time",
         "read the other parts one by one",
+    ),
+    "dpi-disagrees": Words(
+        "marks and dpi give another speed than the nominal one, by more than 3 %: all angles may be wrong by as much",
+        "check --dpi, --mark-interval and --speed",
     ),
     "marks-offset-unsure": Words(
         "the traces' offset along the film may be wrong by the distance of one mark", "measure the optics' offset"

@@ -35,6 +35,13 @@ def add_reading_options(parser: Any) -> None:
     add("--description", metavar="FILE", help="what is known of the film (TOML; default NAME.film.toml beside it)")
     for option, name, text in _FOR_READING:
         add(option, type=number(option, above=0.0), metavar=name, help=text)
+    add(
+        "--marks",
+        type=one_of("kind of marks", ("double", "long", "omitted", "none")),
+        metavar="CODE",
+        help="at each full minute the shutter closes twice (double), for longer (long), not at all (omitted) or as "
+        "ever (none); default: what repeats every minute",
+    )
     add("--trace", action="append", default=[], metavar="NAME[:A[-B]]", help=_TRACE)
     turns = ("auto", "0", "90", "180", "270")
     add(
@@ -88,7 +95,11 @@ def reading_options(options: argparse.Namespace) -> FilmOptions:
     from pipeline.film.knowledge import FilmOptions
 
     return FilmOptions(
-        mark_interval=options.mark_interval, speed=options.speed, dpi=options.dpi, traces=tuple(options.trace)
+        mark_interval=options.mark_interval,
+        marks=options.marks,
+        speed=options.speed,
+        dpi=options.dpi,
+        traces=tuple(options.trace),
     )
 
 

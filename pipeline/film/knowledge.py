@@ -25,6 +25,8 @@ class FilmOptions:
         Optical lever of all traces, mm rad-1.
     mark_interval : float or None
         Time between marks, s.
+    marks : str or None
+        What the shutter does at a full minute: "double", "long", "omitted" or "none".
     speed : float or None
         Nominal speed, mm s-1.
     dpi : float or None
@@ -41,6 +43,7 @@ class FilmOptions:
 
     lever: float | None = None
     mark_interval: float | None = None
+    marks: str | None = None
     speed: float | None = None
     dpi: float | None = None
     traces: Sequence[str] = ()
@@ -107,13 +110,14 @@ class Known:
         return said
 
     def marking(self, scale: float | None) -> Marking:
-        """What `time_axis` is told of the marks."""
+        """What is known of the marks."""
         known = self.description
         return Marking(
             interval=self.mark_interval,
             gap=None if known is None else known.gap,
             minute_code=None if known is None else known.minute_code,
             speed=None if scale is None or self.speed is None else self.speed / scale,
+            code=self.options.marks or (None if known is None else known.marks),
         )
 
     @property

@@ -71,24 +71,13 @@ class Tracks:
 
 @dataclass(frozen=True)
 class Marking:
-    """How the chronometer marked the film.
+    """How the chronometer marked the film; None: measured, or looked for."""
 
-    Attributes
-    ----------
-    interval : float
-        Time between marks, s.
-    gap : float or None
-        How long the shutter was closed, s; None: measured.
-    minute_code : float or None
-        Delay of the second gap at each full minute, s; None: looked for.
-    speed : float or None
-        Nominal rows per second; None: told from the marks.
-    """
-
-    interval: float = 0.5
-    gap: float | None = None
-    minute_code: float | None = None
-    speed: float | None = None
+    interval: float = 0.5  # time between marks, s
+    gap: float | None = None  # how long the shutter was closed, s
+    minute_code: float | None = None  # delay of the second gap at each full minute, s
+    speed: float | None = None  # nominal rows per second
+    code: str | None = None  # of a full minute: "double", "long", "omitted" or "none"
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,7 @@ RATES = (25.0, 20.0, 12.5, 10.0)  # Hz; more than eight samples a swing
 _ROWS_PER_SAMPLE = 1.2  # fewer leave samples without a row
 SLOW = 25.0  # rows a second; below it the strokes of a swing lie a dozen rows apart, and the swing is a dense band
 _LEAST_ACCEPTED = 0.5  # of the rows; a film of which less can be read between the marks is too slow for it
-_SPEED_TOLERANCE = 0.1
+_SPEED_TOLERANCE = 0.03
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,10 @@ def read_film(
     scan, emulsion, tracks, axis = _read_time(scan, known, reading, jobs, progress)
     strobe = read_at_marks(scan, emulsion, tracks, axis, jobs)
     scale, note = film_scale(scan.scale, known.speed, axis)
-    notes = [*scan.notes, *([note] if note else []), *_speed_notes(axis, scale, known.speed)]
+    disagrees = _disagreement(axis, scale, known.speed)
+    if disagrees:
+        axis = replace(axis, flags=(*axis.flags, "dpi-disagrees"))
+    notes = [each for each in (*scan.notes, note, disagrees) if each]
     kind = _choose(reading, tracks, axis)
     samples, difference = at_marks(strobe, axis), None
     if np.isfinite(tracks.position).any():  # rows were read, too
@@ -190,12 +193,12 @@ def _choose(reading: str, tracks: Tracks, axis: TimeAxis) -> str:
     return "continuous" if fast and accepted_fraction(tracks, axis) >= _LEAST_ACCEPTED else "strobe"
 
 
-def _speed_notes(axis: TimeAxis, scale: float, nominal: float | None) -> list[str]:
+def _disagreement(axis: TimeAxis, scale: float, nominal: float | None) -> str | None:
     """A warning where the marks contradict the nominal speed: dpi or mark interval may be another."""
     speed = rows_per_second(axis) * scale
     if nominal is None or not abs(speed / nominal - 1.0) > _SPEED_TOLERANCE:
-        return []
-    return [f"the marks give {speed:.3g} mm/s, not {nominal:g}; check --dpi, --mark-interval and --speed"]
+        return None
+    return f"the marks give {speed:.4g} mm/s, not {nominal:g}; check --dpi, --mark-interval and --speed"
 
 
 def rows_per_second(axis: TimeAxis) -> float:

@@ -1,66 +1,52 @@
-"""How far each trace lies along the film from the first, and how oblique the image is: coarsely, as the gaps agree.
+"""How far each trace lies along the film from the first, and how oblique the image is.
 
 A gap shows on all traces at once: at row `r + offset + shear column`. Offsets may exceed the marks' spacing; of all
 offsets and shears the true one brings most gaps together, because missing marks, false gaps and minute codes are the
-same on every trace.
+same on every trace. Coarse ones are refined once the marks are counted.
+
+The drive's model tells motion from errors by their being independent from mark to mark. Dirt, bends of the tracker's
+curve and the obliqueness of strokes are not: marks half a swing apart meet the strokes at nearly the same phase. But
+the paper moves all traces at once: what lasts in their differences is error.
 """
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.film.marks.drive import Drive
 from pipeline.film.marks.search import Gaps
 from pipeline.film.parts import Floats
 
 FARTHEST = 45.0  # px along the film between two traces
 MOST_SHEAR = 0.035  # tangent: 2 degrees
 BIN = 0.4  # px
-ENOUGH = 24  # gaps that agree, from which shear is told better than by trial
+ENOUGH = 24  # gaps that agree, from which shear and offset are fitted; marks seen on several traces
 UNEVEN = 0.15  # of the marks' spacing
 LEAD_ODD, LEAD, SHARE = 3, 8, 0.08  # odd gaps, gaps, and share of them, by which the best lag must lead
 TOGETHER = 0.6  # of a gap's width, or one pixel
+LAGS, ENOUGH_PAIRS = 4, 40  # marks: two swings; pairs of marks a lag
+SHARED = 0.3  # of the marks' floor, where one trace shows the marks
+Whole = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """Offsets of the traces and shear of the image.
+    """How the traces lie to each other."""
 
-    Attributes
-    ----------
-    offset : (traces,) array
-        Rows by which each trace lies later than the first.
-    shear : float
-        Rows by which the image lags per column.
-    sure : bool
-        Whether no other offset comes near.
-    """
-
-    offset: Floats
-    shear: float
-    sure: bool
-
-    def rows(self, gaps: Gaps) -> Floats:
-        """Rows of gaps at column 0 of the first trace."""
-        return np.asarray(gaps.row - self.offset[gaps.trace] - self.shear * gaps.column)
+    offset: Floats  # (traces,), rows by which each lies later than the first
+    shear: float  # rows by which the image lags per column
+    sure: bool  # whether no other offset comes near
 
 
 def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
-    """Offsets and shear under which most gaps agree.
-
-    Parameters
-    ----------
-    gaps : Gaps
-    traces : int
-        How many traces the film has.
-    spacing : float
-        Rows between marks, about.
-    """
+    """Offsets and shear under which most gaps agree; `spacing` is about the rows between marks."""
     offset, sure = np.zeros(traces), True
     steps = np.arange(-MOST_SHEAR, MOST_SHEAR + 1e-9, 0.00125)
-    shear = _shear_of_one(gaps, spacing, steps) if traces == 1 else 0.0
+    shear = 0.0
     reference = gaps.pick(gaps.trace == 0)
     for trace in range(1, traces):
         other = gaps.pick(gaps.trace == trace)
@@ -71,39 +57,32 @@ def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
         tried = steps if trace == 1 else np.array([shear])
         along, across = other.row[j] - reference.row[i], other.column[j] - reference.column[i]
         odd = _odd(reference.row, spacing)[i] & _odd(other.row, spacing)[j]
-        table = np.array([_tally(along - step * across) for step in tried])
-        odd_table = np.array([_tally((along - step * across)[odd]) for step in tried])
+        table, odd_table = (
+            np.array([_tally((along - step * across)[which]) for step in tried]) for which in (slice(None), odd)
+        )
         which, at, certain = _chosen(table, odd_table, spacing)
-        lag, slant = _refined(along, across, (at + 1) * BIN - FARTHEST, float(tried[which]), trace == 1)
+        lag, slant = (at + 1) * BIN - FARTHEST, float(tried[which])
+        for reach in (1.0, 0.5):
+            near = np.abs(along - slant * across - lag) < reach
+            if near.sum() >= ENOUGH:
+                if trace == 1:
+                    slant, lag = (float(value) for value in np.polyfit(across[near], along[near], 1))
+                else:
+                    lag = float(np.median(along[near] - slant * across[near]))
         shear = slant if trace == 1 else shear
         offset[trace] = lag
         sure &= certain
     return Alignment(offset, shear, sure)
 
 
-def _refined(along: Floats, across: Floats, lag: float, shear: float, free: bool) -> tuple[float, float]:
-    """Offset and, if `free`, shear by the gaps that agree with coarse ones."""
-    for reach in (1.0, 0.5):
-        near = np.abs(along - shear * across - lag) < reach
-        if near.sum() < ENOUGH:
-            break
-        if free:
-            shear, lag = (float(value) for value in np.polyfit(across[near], along[near], 1))
-        else:
-            lag = float(np.median(along[near] - shear * across[near]))
-    return lag, shear
-
-
-def _pairs(reference: Gaps, other: Gaps) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _pairs(reference: Gaps, other: Gaps) -> tuple[Whole, Whole]:
     """Gaps of two traces that could be the same closing of the shutter."""
-    slant = (
-        MOST_SHEAR * float(np.abs(np.median(other.column) - np.median(reference.column)) + 300.0) if other.size else 0.0
-    )
-    low = np.searchsorted(reference.row, other.row - FARTHEST - slant)
-    count = np.searchsorted(reference.row, other.row + FARTHEST + slant) - low
+    apart = np.abs(np.median(other.column) - np.median(reference.column)) if other.size and reference.size else 0.0
+    reach = FARTHEST + MOST_SHEAR * (float(apart) + 300.0)
+    low = np.searchsorted(reference.row, other.row - reach)
+    count = np.searchsorted(reference.row, other.row + reach) - low
     j = np.repeat(np.arange(other.size), count)
-    i = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(low, count)
-    return i, j
+    return np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(low, count), j
 
 
 def _odd(rows: Floats, spacing: float) -> NDArray[np.bool_]:
@@ -113,67 +92,44 @@ def _odd(rows: Floats, spacing: float) -> NDArray[np.bool_]:
     return np.asarray(np.concatenate([[False], uneven]) | np.concatenate([uneven, [False]]))
 
 
-def _tally(lag: Floats) -> NDArray[np.int64]:
+def _tally(lag: Floats) -> Whole:
     """How many lags lie in each two neighbouring bins."""
     lag = lag[np.abs(lag) <= FARTHEST]
     bins = np.bincount(((lag + FARTHEST) / BIN).astype(int), minlength=int(2 * FARTHEST / BIN) + 2)
     return np.asarray(bins[:-1] + bins[1:])
 
 
-def _chosen(table: NDArray[np.int64], odd: NDArray[np.int64], spacing: float) -> tuple[int, int, bool]:
+def _chosen(table: Whole, odd: Whole, spacing: float) -> tuple[int, int, bool]:
     """Shear and lag of most agreement, and whether no lag a mark or more away comes near."""
     lags = (np.arange(table.shape[1]) + 1) * BIN - FARTHEST
-    best_at = int(np.argmax(table.max(axis=0)))
+    best_at, turns = int(np.argmax(table.max(axis=0))), int(2 * FARTHEST / spacing) + 1
     peaks: list[tuple[int, int, int, int]] = []
-    for turn in range(-int(2 * FARTHEST / spacing) - 1, int(2 * FARTHEST / spacing) + 2):
+    for turn in range(-turns, turns + 1):
         near = np.flatnonzero(np.abs(lags - lags[best_at] - turn * spacing) < 0.3 * spacing)
         if near.size:
-            which, place = divmod(int(np.argmax(table[:, near])), near.size)
-            at = int(near[place])
-            close = odd[which, max(at - 1, 0) : at + 2]
-            peaks.append((int(table[which, at]), int(close.max()), which, at))
-    by_odd = sorted(peaks, key=lambda peak: -peak[1])
-    if len(by_odd) == 1 or by_odd[0][1] - by_odd[1][1] >= LEAD_ODD:
-        return by_odd[0][2], by_odd[0][3], by_odd[0][1] >= LEAD_ODD
-    by_all = sorted(peaks, key=lambda peak: -peak[0])
-    enough = max(LEAD, SHARE * by_all[0][0])
-    if by_all[0][0] - by_all[1][0] >= enough:
-        return by_all[0][2], by_all[0][3], True
-    nearest = min((peak for peak in peaks if by_all[0][0] - peak[0] < enough), key=lambda peak: abs(lags[peak[3]]))
+            which, at = divmod(int(np.argmax(table[:, near])), near.size)
+            at = int(near[at])
+            peaks.append((int(odd[which, max(at - 1, 0) : at + 2].max()), int(table[which, at]), which, at))
+    by_odd, *others = sorted(peaks, key=lambda peak: -peak[0])
+    if not others or by_odd[0] - others[0][0] >= LEAD_ODD:
+        return by_odd[2], by_odd[3], by_odd[0] >= LEAD_ODD
+    best, second, *_ = sorted(peaks, key=lambda peak: -peak[1])
+    enough = max(LEAD, SHARE * best[1])
+    if best[1] - second[1] >= enough:
+        return best[2], best[3], True
+    nearest = min((peak for peak in peaks if best[1] - peak[1] < enough), key=lambda peak: abs(lags[peak[3]]))
     return nearest[2], nearest[3], False
-
-
-def _shear_of_one(gaps: Gaps, spacing: float, steps: Floats) -> float:
-    """Shear by which the gaps of one trace, now left and now right, come to lie evenly."""
-    if gaps.size < 8:
-        return 0.0
-    spread = []
-    for step in steps:
-        apart = np.diff(gaps.row - step * gaps.column)
-        near = apart[np.abs(apart - spacing) < 0.3 * spacing]
-        spread.append(np.inf if near.size < 6 else float(np.median(np.abs(near[1:] - near[:-1]))))
-    return float(steps[int(np.argmin(spread))]) if np.isfinite(spread).any() else 0.0
 
 
 @dataclass(frozen=True)
 class Events:
-    """Closings of the shutter, in order.
+    """Closings of the shutter, in order."""
 
-    Attributes
-    ----------
-    row, row_sigma : (events,) arrays
-        At column 0 of the first trace, px.
-    width, width_sigma : (events,) arrays
-        Rows.
-    member : (traces, events) array of int64
-        Which gap shows it on each trace; -1 where none does.
-    """
-
-    row: Floats
+    row: Floats  # at column 0 of the first trace
     row_sigma: Floats
-    width: Floats
+    width: Floats  # rows
     width_sigma: Floats
-    member: NDArray[np.int64]
+    member: Whole  # (traces, events), which gap shows it on each trace; -1 where none does
 
     @property
     def size(self) -> int:
@@ -183,23 +139,76 @@ class Events:
 
 def gathered(gaps: Gaps, alignment: Alignment, traces: int, width: float) -> Events:
     """Gaps that lie together on different traces taken for one event."""
-    rows = alignment.rows(gaps)
-    order = np.argsort(rows, kind="stable")
+    rows = gaps.row - alignment.offset[gaps.trace] - alignment.shear * gaps.column
     limit = max(TOGETHER * width, 1.0)
     groups: list[list[int]] = []
-    for at in order:
+    for at in np.argsort(rows, kind="stable").tolist():
         last = groups[-1] if groups else []
         if last and rows[at] - rows[last[0]] < limit and gaps.trace[at] not in gaps.trace[last]:
-            last.append(int(at))
+            last.append(at)
         else:
-            groups.append([int(at)])
-    member = np.full((traces, len(groups)), -1, dtype=np.int64)
-    row, sigma, wide, wide_sigma = (np.empty(len(groups)) for _ in range(4))
+            groups.append([at])
+    member, values = np.full((traces, len(groups)), -1, dtype=np.int64), np.empty((4, len(groups)))
     for k, group in enumerate(groups):
-        weight = gaps.row_sigma[group] ** -2.0
-        row[k], sigma[k] = np.sum(weight * rows[group]) / weight.sum(), weight.sum() ** -0.5
-        weight = gaps.width_sigma[group] ** -2.0
-        wide[k], wide_sigma[k] = np.sum(weight * gaps.width[group]) / weight.sum(), weight.sum() ** -0.5
         member[gaps.trace[group], k] = group
-    order = np.argsort(row, kind="stable")
-    return Events(row[order], sigma[order], wide[order], wide_sigma[order], member[:, order])
+        for m, (each, sigma) in enumerate(((rows, gaps.row_sigma), (gaps.width, gaps.width_sigma))):
+            weight = sigma[group] ** -2.0
+            values[2 * m, k], values[2 * m + 1, k] = weight @ each[group] / weight.sum(), weight.sum() ** -0.5
+    order = np.argsort(values[0], kind="stable")
+    row, row_sigma, wide, wide_sigma = values[:, order]
+    return Events(row, row_sigma, wide, wide_sigma, member[:, order])
+
+
+def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple[Floats, float, float]:
+    """Offsets of the traces, the first one's 0, shear, and what their errors make of a row, 1 sigma, by least squares.
+
+    `rows`, `sigma` and `columns` (traces, marks) are those of the gaps, px; NaN = missing. Of marks that several traces
+    show, the row is free, so that nothing of theirs is taken for the paper's motion. If there are too few of those,
+    rows are held to the motion found: a trace now left and now right of its middle shows the shear.
+    """
+    traces = len(rows)
+    used = found.used & np.isfinite(rows) & np.isfinite(columns)
+    weight = np.where(used, 1.0 / (sigma**2 + found.floor**2), 0.0)
+    terms = np.zeros((traces + 2, *rows.shape))  # offsets, shear, residual
+    terms[np.arange(traces), np.arange(traces)] = 1.0
+    terms[traces] = np.where(used, columns, 0.0)
+    terms[traces + 1] = np.where(used, rows - found.row, 0.0)
+    several = used.sum(axis=0) > 1
+    if several.sum() >= ENOUGH:
+        weight[:, ~several] = 0.0
+    mean = np.einsum("km,pkm->pm", weight, terms) / np.maximum(weight.sum(axis=0), 1e-300)
+    terms[:, :, several] -= mean[:, None, several]
+    normal = np.einsum("km,pkm,qkm->pq", weight, terms, terms)
+    free = [*range(1, traces), traces] if traces > 1 else [0, 1]  # of one trace, what lies even is the paper's
+    matrix = normal[np.ix_(free, free)]
+    spread = np.linalg.inv(matrix + np.diag(1e-9 * np.diag(matrix) + 1e-12))
+    value = spread @ normal[free, traces + 1]
+    offset = np.zeros(traces)
+    offset[1:] = value[:-1] if traces > 1 else 0.0
+    # what all gaps share is the zero of time
+    which, _ = np.nonzero(used)
+    by = np.column_stack([np.eye(traces)[which], columns[used]])
+    by -= weight[used] @ by / max(float(weight[used].sum()), 1e-300)
+    variance = np.einsum("ni,ij,nj->n", by[:, free], spread, by[:, free])
+    return offset, float(value[-1]), float(np.sqrt(np.mean(variance))) if which.size else 0.0
+
+
+def lasting(rows: Floats, found: Drive) -> float:
+    """1 sigma of the lasting error of a mark's row, px, of measured `rows` (traces, marks) freed of offsets and shear.
+
+    NaN = missing.
+    """
+    residual = np.where(found.used, rows - found.row, np.nan)
+    products = []
+    for one, other in itertools.combinations(residual, 2):
+        apart = one - other
+        for lag in range(1, LAGS + 1):
+            both = apart[lag:] * apart[:-lag]
+            products.append(both[np.isfinite(both)])
+    several = [each for each in products if each.size >= ENOUGH_PAIRS]
+    if not several:
+        return SHARED * found.floor
+    together = np.concatenate(several)
+    chance = float(np.std(together)) / np.sqrt(together.size)
+    of_one = 0.5 * max(float(np.mean(together)) - chance, 0.0)  # variance of a trace; a difference has two
+    return float(np.sqrt(of_one / len(rows)))

@@ -9,9 +9,7 @@ from pipeline.arrays import Floats
 from synth.kernels.compiled import kernel
 
 REACH = 3.5  # spots, beyond which there is no light
-STRAIGHT = 4.0  # length of line a row, from which its bend within a spot is nothing
-PARAMETERS = 6
-STEP = 1.0  # spots between spots drawn: their sum is even to 1e-8
+STRAIGHT = 4.0  # length of line a row, from which its bend within a spot is negligible
 FLANK = 9.0  # spots of line on either side of the gap
 
 
@@ -65,23 +63,71 @@ def draw(patch: Patch, row: float, column: float, slope: float, weight: float, s
     line = weight * math.exp(scale * down * down) / (2.5066282746310002 * spot)
     fall = math.exp(scale * (2.0 * down + 1.0))
     for y in range(first, last + 1):
-        value, ratio = line * start, growth
-        if sloped:
-            lean = -2.0 * scale * away
-            for x in range(low, high + 1):
-                image[y, x] += value
+        value, ratio, lean = line * start, growth, -2.0 * scale * away
+        for x in range(low, high + 1):
+            image[y, x] += value
+            if sloped:
                 across[y, x] += lean * value
                 along[y, x] += slope * lean * value
                 lean -= 2.0 * scale
-                value *= ratio
-                ratio *= turn
-        else:
-            for x in range(low, high + 1):
-                image[y, x] += value
-                value *= ratio
-                ratio *= turn
+            value *= ratio
+            ratio *= turn
         line *= fall
         fall *= turn
+
+
+@kernel
+def shade(
+    patch: Patch, course: Floats, slope: Floats, begin: float, end: float, shift: float, lead: float, spot: float,
+    sloped: bool,
+) -> None:  # fmt: skip
+    """Draw a curve from row `begin` to `end`, moved by `shift` across and by `lead` rows earlier along the film.
+
+    If `sloped`, the derivatives of its light by `shift` and `lead` are drawn too. Spots lie one spot apart: their sum
+    is even to 1e-8.
+    """
+    left, right = patch.left - REACH * spot, patch.left + patch.image.shape[1] + REACH * spot
+    row = begin
+    while row < end:
+        _, lean = place(course, slope, row)
+        if math.isnan(lean):
+            row += 0.5
+            continue
+        step = spot / math.sqrt(1.0 + lean * lean)
+        _, ahead = place(course, slope, row + step)
+        if abs(ahead) > abs(lean):  # out of a turning point the line steepens within a step
+            step = spot / math.sqrt(1.0 + ahead * ahead)
+        step = min(step, end - row)
+        middle = row + 0.5 * step
+        column, lean = place(course, slope, middle)
+        column += shift + lead * lean
+        if left < column < right:
+            draw(patch, middle, column, lean, step, spot, sloped)
+        row += step
+
+
+@kernel
+def window(course: Floats, slope: Floats, mark: float, width: float, spot: float, box: Floats) -> bool:
+    """Bounding box of a gap and its flanks: first row, last, first column, last; False where the curve ends."""
+    box[0], box[1], box[2], box[3] = 1e9, -1e9, 1e9, -1e9
+    for side in (-1.0, 1.0):
+        row, flank = mark, 0.0
+        while flank < FLANK * spot:
+            column, lean = place(course, slope, row)
+            if math.isnan(column):
+                return False
+            box[0], box[1] = min(box[0], row), max(box[1], row)
+            box[2], box[3] = min(box[2], column), max(box[3], column)
+            step = spot / math.sqrt(1.0 + lean * lean)
+            inside = 0.5 * width - abs(row - mark)
+            if inside > 1e-9:
+                step = min(step, inside)
+            else:
+                flank += spot
+            row += side * step
+    pad = 2.5 * spot
+    box[0], box[1], box[2], box[3] = box[0] - pad, box[1] + pad, box[2] - pad, box[3] + pad
+    return True
 
 
 @kernel
@@ -115,32 +161,13 @@ def light_at_rest(slope: float, curvature: float, spot: float, half: float) -> f
 
 @kernel
 def brightness_along(
-    exposure: Floats,
-    first: int,
-    course: Floats,
-    slope: Floats,
-    curvature: Floats,
-    begin: int,
-    steps: int,
-    spot: float,
-    width: float,
-    out: Floats,
-    dark: Floats,
-) -> None:
-    """Exposure on the line over that expected of its slope and bend, at `steps` places a row.
+    exposure: Floats, first: int, course: Floats, slope: Floats, curvature: Floats, begin: int, steps: int,
+    spot: float, width: float, out: Floats, dark: Floats,
+) -> None:  # fmt: skip
+    """Exposure on the line over that expected of its slope and bend, at `steps` places a row from row `begin` on.
 
-    Parameters
-    ----------
-    exposure : (rows, columns) float32 array
-        A piece of the film whose first row is `first`.
-    course, slope, curvature : (all rows,) arrays
-        The trace, px.
-    begin : int
-        First row wanted.
-    width : float
-        Of a gap, rows.
-    out, dark : (rows wanted * steps,) arrays
-        Brightness, NaN where the trace or the film ends; share of the light that a gap centred there would take.
+    `out` is NaN where the trace or the piece of film, whose first row is `first`, ends; `dark` is the share of the
+    light that a gap of `width` rows centred there would take.
     """
     for k in range(out.size):
         row = begin + (k + 0.5) / steps
@@ -156,67 +183,3 @@ def brightness_along(
         whole = light_at_rest(lean, bend, spot, 1e3)
         out[k] = value / (2.67 * whole)  # 1 + 2 exp(-0.18)
         dark[k] = light_at_rest(lean, bend, spot, 0.5 * width) / whole
-
-
-@kernel
-def shade(
-    patch: Patch,
-    course: Floats,
-    slope: Floats,
-    begin: float,
-    end: float,
-    shift: float,
-    lead: float,
-    spot: float,
-    sloped: bool,
-) -> None:
-    """Draw a curve from row `begin` to `end`, moved by `shift` across and by `lead` rows earlier along the film.
-
-    If `sloped`, the derivatives of its light by `shift` and `lead` are drawn too.
-    """
-    left, right = patch.left - REACH * spot, patch.left + patch.image.shape[1] + REACH * spot
-    row = begin
-    while row < end:
-        column, lean = place(course, slope, row)
-        if math.isnan(column):
-            row += 0.5
-            continue
-        step = STEP * spot / math.sqrt(1.0 + lean * lean)
-        _, ahead = place(course, slope, row + step)
-        if abs(ahead) > abs(lean):  # out of a turning point the line steepens within a step
-            step = STEP * spot / math.sqrt(1.0 + ahead * ahead)
-        step = min(step, end - row)
-        middle = row + 0.5 * step
-        column, lean = place(course, slope, middle)
-        if not math.isnan(column):
-            column += shift + lead * lean
-            if left < column < right:
-                draw(patch, middle, column, lean, step, spot, sloped)
-        row += step
-
-
-@kernel
-def window(course: Floats, slope: Floats, mark: float, width: float, spot: float, box: Floats) -> bool:
-    """Bounding box of a gap and its flanks: first row, last, first column, last; False where the curve ends."""
-    box[0], box[1], box[2], box[3] = 1e9, -1e9, 1e9, -1e9
-    for side in range(2):
-        sign = 2.0 * side - 1.0
-        row, way, inside = mark, 0.0, 0.5 * width
-        while True:
-            column, lean = place(course, slope, row)
-            if math.isnan(column):
-                return False
-            box[0], box[1] = min(box[0], row), max(box[1], row)
-            box[2], box[3] = min(box[2], column), max(box[3], column)
-            if way > (FLANK - 0.5) * spot:
-                break
-            step = STEP * spot / math.sqrt(1.0 + lean * lean)
-            if inside > 0.0:
-                step = min(step, inside)
-                inside -= step
-            else:
-                way += STEP * spot
-            row += sign * step
-    pad = 2.5 * spot
-    box[0], box[1], box[2], box[3] = box[0] - pad, box[1] + pad, box[2] - pad, box[3] + pad
-    return True

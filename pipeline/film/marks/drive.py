@@ -1,7 +1,7 @@
 """The paper's motion, row against time, from all marks: smooth speed and the lines of wow that the film itself shows.
 
 A Gaussian process: a random walk of the acceleration for what turns smoothly, one of the speed for what slips and
-catches, and damped rotating pairs at the frequencies that stand out of what is left. Their strengths and the floor of
+catches, and damped rotating pairs at the frequencies that stand out of the remainder. Their strengths and the floor of
 the marks' errors are the most likely ones. With the first walk alone a rough drive is smoothed too much, and the times
 are worse than they say.
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,232 +24,159 @@ STANDS_OUT = 25.0  # power of a line over that of its surroundings
 SLOWEST, FASTEST = 60.0, 2.2  # s, periods of wow looked for
 CALM = -10.0  # roughness that follows nothing faster than `SLOWEST`
 LOWEST, HIGHEST = (-12.0, -8.0, np.log(2e-3)), (8.0, 4.0, np.log(3.0))  # of roughness, shake and the floor's logarithm
-START, SIDES = (np.log(0.3), np.log(0.03), np.log(0.03)), ((1.5, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.5))
+START, SIDES = (np.log(0.3), np.log(0.03), np.log(0.03)), np.diag([1.5, 1.0, 0.5])
 COHERENCE = (1e6, 3e3)  # s, over which a line of wow may keep its phase
 OUTLIER = 5.0  # sigmas
 GAINED = 10.0  # fall of -2 log likelihood that a line must bring
+LONG_GAP = 3.0  # s without marks
 
 Lines = tuple[tuple[float, float, float], ...]
-HOLE = 3.0  # s without marks
 NO_JUMPS = np.zeros(0, dtype=np.int64)
 
 
 class Motion(NamedTuple):
-    """The paper's motion from mark to mark, for the filter: n numbers make its state.
+    """The paper's motion from mark to mark, for the filter: n numbers make its state."""
 
-    Attributes
-    ----------
-    step, noise : (n, n) arrays
-        From one mark to the next.
-    seen : (n,) array
-        What of the state a row is the sum of.
-    start, variance : (n,), (n, n) arrays
-        Before the first mark is seen.
-    """
+    step: Floats  # (n, n), from one mark to the next
+    noise: Floats  # (n, n), the same
+    sees: Floats  # (n,), what of the state a row is the sum of
+    start: Floats  # (n,), before the first mark is seen
+    variance: Floats  # (n, n), the same
 
-    step: Floats
-    noise: Floats
-    seen: Floats
-    start: Floats
-    variance: Floats
+
+class Model(NamedTuple):
+    """Parameters of the paper's motion."""
+
+    step: float  # s between the marks
+    roughness: float  # log of 1 sigma of the white noise of the acceleration's rate, px s-5/2
+    shake: float  # log of 1 sigma of the white noise of the acceleration itself, px s-3/2
+    floor: float  # error that all marks have beside the measured one, px
+    lines: Lines = ()  # of wow: circular frequency, rad s-1, amplitude, px, and coherence, s
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A model of the paper's motion and what it makes of the marks.
+    """A model of the paper's motion and what it makes of all marks from the first to the last."""
 
-    Attributes
-    ----------
-    step : float
-        s between the marks.
-    roughness : float
-        Standard deviation of the white noise of the acceleration's rate, px s-5/2, as its natural logarithm.
-    shake : float
-        That of the white noise of the acceleration itself, px s-3/2, as its natural logarithm.
-    floor : float
-        Error that all marks have beside the measured one, px.
-    lines : tuple of (float, float, float)
-        Circular frequency, rad s-1, amplitude, px, and coherence, s, of lines of wow.
-    row, speed, acceleration : (marks,) arrays
-        At every mark from the first to the last, px, px s-1, px s-2.
-    row_sigma, speed_sigma : (marks,) arrays
-        1 sigma of row and speed, px, px s-1.
-    used : (traces, marks) array of bool
-        Which of the measured rows were believed.
-    jumps : (n,) array of int64
-        Marks before which the paper stood still.
-    likelihood : float
-        -2 log likelihood.
-    """
-
-    step: float
-    roughness: float
-    shake: float
-    floor: float
-    lines: Lines
-    row: Floats
-    speed: Floats
-    acceleration: Floats
+    model: Model
+    row: Floats  # (marks,), px
+    speed: Floats  # px s-1
+    acceleration: Floats  # px s-2
     row_sigma: Floats
     speed_sigma: Floats
-    used: NDArray[np.bool_]
-    jumps: NDArray[np.int64]
-    likelihood: float
+    used: NDArray[np.bool_]  # (traces, marks), which of the measured rows were believed
+    jumps: NDArray[np.int64]  # marks before which the paper stood still
+    likelihood: float  # -2 log likelihood
+
+    @property
+    def floor(self) -> float:
+        """Error that all marks have beside the measured one, px."""
+        return self.model.floor
 
 
 def drive(
     rows: Floats, sigma: Floats, step: float, before: Drive | None = None, jumps: NDArray[np.int64] = NO_JUMPS
 ) -> Drive:
-    """The most likely motion.
+    """The most likely motion by measured rows (traces, marks), freed of offsets and shear, every `step` s.
 
-    Parameters
-    ----------
-    rows, sigma : (traces, marks) arrays
-        Measured, freed of offsets and shear, and 1 sigma; NaN = missing; marks follow each other every `step` s.
-    before : Drive, optional
-        Found of nearly the same rows: its lines stay.
-    jumps : (n,) array of int64
-        Marks before which the paper stood still.
+    NaN = missing. The lines of a motion `before`, found of nearly the same rows, stay. The paper stood still before the
+    marks `jumps`.
     """
     used = np.isfinite(rows)
-    if before is None:
-        found = _most_likely(rows, sigma, step, (), used, jumps)
-    else:
-        found = _most_likely(rows, sigma, step, before.lines, used, jumps, _parameters(before))
+    first = Model(step, START[0], START[1], math.exp(START[2])) if before is None else before.model
+    found = _most_likely(rows, sigma, first, used, jumps)
     for _ in range(MOST_LINES if before is None else 0):
         line = _line(np.where(used, rows, np.nan), found)
         if line is None:
             break
-        guess = _parameters(found)
-        tried = [
-            _most_likely(rows, sigma, step, (*found.lines, (*line, each)), used, jumps, guess) for each in COHERENCE
-        ]
+        lines = [(*found.model.lines, (*line, each)) for each in COHERENCE]
+        tried = [_most_likely(rows, sigma, found.model._replace(lines=each), used, jumps) for each in lines]
         better = min(tried, key=lambda one: one.likelihood)
         if found.likelihood - better.likelihood < GAINED:
             break
         found = better
     for _ in range(3):
-        left = (rows - found.row) / np.sqrt(sigma**2 + found.floor**2 + found.row_sigma**2)
-        good = np.isfinite(rows) & ~(np.abs(left) > OUTLIER)
+        residual = (rows - found.row) / np.sqrt(sigma**2 + found.floor**2 + found.row_sigma**2)
+        good = np.isfinite(rows) & ~(np.abs(residual) > OUTLIER)
         if np.array_equal(good, used):
             break
         used = good
-        found = _most_likely(rows, sigma, step, found.lines, used, jumps, _parameters(found))
+        found = _most_likely(rows, sigma, found.model, used, jumps)
     return found
 
 
-def _parameters(found: Drive) -> tuple[float, float, float]:
-    """Roughness, shake, and logarithm of the floor."""
-    return found.roughness, found.shake, float(np.log(found.floor))
-
-
-def _most_likely(
-    rows: Floats,
-    sigma: Floats,
-    step: float,
-    lines: Lines,
-    used: NDArray[np.bool_],
-    jumps: NDArray[np.int64],
-    guess: tuple[float, float, float] = START,
-) -> Drive:
+def _most_likely(rows: Floats, sigma: Floats, model: Model, used: NDArray[np.bool_], jumps: NDArray[np.int64]) -> Drive:
+    """Roughness, shake and floor by maximum likelihood, from those of a model on."""
     from scipy.optimize import minimize
 
-    seen, start = np.where(used, rows, np.nan), np.array(guess)
-
     def run(at: Floats, smooth: bool) -> Drive:
-        rough, shake, floor = np.clip(at, LOWEST, HIGHEST)
-        return run_drive(
-            seen, sigma, step, float(rough), float(shake), float(np.exp(floor)), lines, used, jumps, smooth
-        )
+        rough, shake, floor = np.clip(at, LOWEST, HIGHEST).tolist()
+        tried = model._replace(roughness=rough, shake=shake, floor=math.exp(floor))
+        return run_drive(rows, sigma, tried, used, jumps, smooth)
 
-    def price(at: Floats) -> float:
+    def cost(at: Floats) -> float:
         return run(at, False).likelihood + float(np.sum((at - np.clip(at, LOWEST, HIGHEST)) ** 2))
 
-    first = start + np.array([(0.0, 0.0, 0.0), *SIDES])
-    best = minimize(price, start, method="Nelder-Mead", options={"initial_simplex": first, "xatol": 0.1, "fatol": 0.3})
-    return run(best.x, True)
+    start = np.array([model.roughness, model.shake, math.log(model.floor)])
+    simplex = start + np.vstack([np.zeros(3), SIDES])
+    options: Any = {"initial_simplex": simplex, "xatol": 0.1, "fatol": 0.3}
+    return run(minimize(cost, start, method="Nelder-Mead", options=options).x, True)
 
 
 def run_drive(
-    seen: Floats,
-    sigma: Floats,
-    step: float,
-    rough: float,
-    shake: float,
-    floor: float,
-    lines: Lines,
-    used: NDArray[np.bool_],
-    jumps: NDArray[np.int64],
-    smooth: bool,
+    rows: Floats, sigma: Floats, model: Model, used: NDArray[np.bool_], jumps: NDArray[np.int64], smooth: bool
 ) -> Drive:
     """Filter, and if asked smooth, with given parameters."""
-    n = 3 + 2 * len(lines)
-    move, noise, sees = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+    step, seen = model.step, np.where(used, rows, np.nan)
+    n = 3 + 2 * len(model.lines)
+    move, noise, before = np.zeros((3, n, n))
+    sees, runs, bends, start = np.zeros((4, n))
     move[:3, :3] = [[1.0, step, 0.5 * step**2], [0.0, 1.0, step], [0.0, 0.0, 1.0]]
-    noise[:3, :3] = np.exp(2.0 * rough) * np.array(
+    noise[:3, :3] = np.exp(2.0 * model.roughness) * np.array(
         [
             [step**5 / 20, step**4 / 8, step**3 / 6],
             [step**4 / 8, step**3 / 3, step**2 / 2],
             [step**3 / 6, step**2 / 2, step],
         ]
     )
-    noise[:2, :2] += np.exp(2.0 * shake) * np.array([[step**3 / 3, step**2 / 2], [step**2 / 2, step]])
-    sees[0] = 1.0
-    middle = np.nanmean(np.where(np.isfinite(seen).any(axis=0), seen, 0.0), axis=0)
-    known = np.flatnonzero(np.isfinite(seen).any(axis=0))
-    pace = (middle[known[-1]] - middle[known[0]]) / max((known[-1] - known[0]) * step, step)
-    start = np.zeros(n)
-    start[:2] = middle[known[0]] - known[0] * step * pace, pace
-    before = np.zeros((n, n))
-    before[0, 0], before[1, 1], before[2, 2] = (0.5 * pace) ** 2 + 1.0, (0.2 * pace) ** 2, (0.1 * pace) ** 2
-    for k, (turn, size, coherence) in enumerate(lines):
+    noise[:2, :2] += np.exp(2.0 * model.shake) * np.array([[step**3 / 3, step**2 / 2], [step**2 / 2, step]])
+    sees[0] = runs[1] = bends[2] = 1.0
+    known = np.flatnonzero(used.any(axis=0))
+    first, last = (float(np.nanmean(seen[:, known[end]])) for end in (0, -1))
+    pace = (last - first) / max((known[-1] - known[0]) * step, step)
+    start[:2] = first - known[0] * step * pace, pace
+    before[:3, :3] = np.diag([(0.5 * pace) ** 2 + 1.0, (0.2 * pace) ** 2, (0.1 * pace) ** 2])
+    for k, (turn, size, coherence) in enumerate(model.lines):
         at = slice(3 + 2 * k, 5 + 2 * k)
         decay = np.exp(-step / coherence)
         cos, sin = np.cos(turn * step), np.sin(turn * step)
         move[at, at] = decay * np.array([[cos, sin], [-sin, cos]])
         noise[at, at] = 0.5 * size**2 * (1.0 - decay**2) * np.eye(2)
         before[at, at] = size**2 * np.eye(2)
-        sees[3 + 2 * k] = 1.0
+        sees[3 + 2 * k], runs[4 + 2 * k], bends[3 + 2 * k] = 1.0, turn, -(turn**2)
     stood = np.zeros(seen.shape[1])
     stood[jumps] = (seen.shape[1] * step * pace) ** 2
     motion = Motion(move, noise, sees, start, before)
-    likelihood, state, spread, ahead, ahead_spread = filter_drive(motion, seen, sigma**2 + floor**2, stood)
+    likelihood, state, spread, ahead, ahead_spread = filter_drive(motion, seen, sigma**2 + model.floor**2, stood)
     if smooth:
         smooth_drive(move, state, spread, ahead, ahead_spread)
-    runs, acceleration = np.eye(n)[1], state[:, 2].copy()
-    for k, (turn, _, _) in enumerate(lines):
-        runs[4 + 2 * k] = turn
-        acceleration -= turn**2 * state[:, 3 + 2 * k]
-    row_variance, speed_variance = (np.einsum("i,kij,j->k", each, spread, each) for each in (sees, runs))
-    return Drive(
-        step,
-        rough,
-        shake,
-        floor,
-        lines,
-        state @ sees,
-        state @ runs,
-        acceleration,
-        np.sqrt(np.maximum(row_variance, 0.0)),
-        np.sqrt(np.maximum(speed_variance, 0.0)),
-        used,
-        jumps,
-        likelihood,
+    row_sigma, speed_sigma = (
+        np.sqrt(np.maximum(np.einsum("i,kij,j->k", each, spread, each), 0.0)) for each in (sees, runs)
     )
+    paths = state @ sees, state @ runs, state @ bends
+    return Drive(model, *paths, row_sigma, speed_sigma, used, jumps, likelihood)
 
 
 def _line(rows: Floats, found: Drive) -> tuple[float, float] | None:
     """The line that stands out most of what smooth motion leaves: circular frequency and amplitude, or None."""
     marks = rows.shape[1]
-    if marks * found.step < 2.0 * SLOWEST / 3.0:
+    if marks * found.model.step < 2.0 * SLOWEST / 3.0:
         return None
-    still = run_drive(
-        rows, np.full_like(rows, 0.05), found.step, CALM, CALM, 0.05, found.lines, found.used, found.jumps, True
-    )
-    left = found.row - still.row
-    left = left - left.mean()
-    power = np.abs(np.fft.rfft(left * np.hanning(marks), 4 * marks)) ** 2
-    turn = 2.0 * np.pi * np.arange(power.size) / (4 * marks * found.step)
+    calm = found.model._replace(roughness=CALM, shake=CALM, floor=0.05)
+    smooth = run_drive(rows, np.full_like(rows, 0.05), calm, found.used, found.jumps, True)
+    remainder = found.row - smooth.row
+    power = np.abs(np.fft.rfft((remainder - remainder.mean()) * np.hanning(marks), 4 * marks)) ** 2
+    turn = 2.0 * np.pi * np.arange(power.size) / (4 * marks * found.model.step)
     inside = np.flatnonzero((turn > 2.0 * np.pi / SLOWEST) & (turn < 2.0 * np.pi / FASTEST))
     if inside.size < 16:
         return None
@@ -260,32 +187,28 @@ def _line(rows: Floats, found: Drive) -> tuple[float, float] | None:
     a, b, c = np.log(power[top - 1 : top + 2])
     place = top + 0.5 * (a - c) / (a - 2.0 * b + c)
     size = 2.0 * np.sqrt(power[top]) / np.hanning(marks).sum()
-    return float(2.0 * np.pi * place / (4 * marks * found.step)), float(size)
+    return float(2.0 * np.pi * place / (4 * marks * found.model.step)), float(size)
 
 
-def holes_honest(rows: Floats, sigma: Floats, found: Drive) -> Drive:
-    """The same, with its 1 sigma in long holes as large as errors are where marks are hidden over as long a time.
+def honest_gaps(rows: Floats, sigma: Floats, found: Drive) -> Drive:
+    """The same, with its 1 sigma in long gaps as large as errors are where marks are hidden over as long a time.
 
-    The model's own sigma in a hole rests on the form of its motion, not on marks.
+    The model's own sigma in a gap rests on the form of its motion, not on marks.
     """
     seen = np.flatnonzero((np.isfinite(rows) & found.used).any(axis=0))
     length = int(np.diff(seen).max(initial=0))
-    if length * found.step < HOLE or seen.size < 6 * length:
+    if length * found.model.step < LONG_GAP or seen.size < 6 * length:
         return found
-    hidden = np.zeros(rows.shape[1], dtype=bool)
-    for begin in range(length, rows.shape[1] - length, 3 * length):
-        hidden[begin : begin + length] = True
-    left = found.used & ~hidden
-    parameters = (found.step, found.roughness, found.shake, found.floor, found.lines)
-    blind = run_drive(np.where(left, rows, np.nan), sigma, *parameters, left, found.jumps, True)
-    holes = hidden & (found.row_sigma < 0.5 * blind.row_sigma)
-    away = (blind.row - found.row)[holes] / blind.row_sigma[holes]
+    number = np.arange(rows.shape[1])
+    hidden = (number % (3 * length) >= length) & (number % (3 * length) < 2 * length) & (number < number.size - length)
+    blind = run_drive(rows, sigma, found.model, found.used & ~hidden, found.jumps, True)
+    gaps = hidden & (found.row_sigma < 0.5 * blind.row_sigma)
+    away = (blind.row - found.row)[gaps] / blind.row_sigma[gaps]
     if away.size < 3:
         return found
-    scale = max(1.0, float(np.sqrt(np.mean(away**2))))
-    inside = np.zeros(rows.shape[1], dtype=bool)
+    scale, inside = max(1.0, float(np.sqrt(np.mean(away**2)))), np.zeros(number.size, dtype=bool)
     for begin, stop in itertools.pairwise(seen.tolist()):
-        inside[begin + 1 : stop] = (stop - begin) * found.step >= HOLE
+        inside[begin + 1 : stop] = (stop - begin) * found.model.step >= LONG_GAP
     return replace(found, row_sigma=np.where(inside, scale * found.row_sigma, found.row_sigma))
 
 
@@ -295,23 +218,17 @@ def filter_drive(
 ) -> tuple[float, Floats, Floats, Floats, Floats]:
     """Kalman filter forward over marks measured on any of the traces, (traces, marks); NaN = missing.
 
-    `stood` (marks,) is the row's variance from the paper's having stood before a mark.
-
-    Returns
-    -------
-    likelihood : float
-        -2 log likelihood.
-    state, spread, ahead, ahead_spread : (marks, n) and (marks, n, n) arrays
-        After each mark is seen, and before.
+    `stood` (marks,) is the row's variance from the paper's having stood before a mark. The results are -2 log
+    likelihood, and state and covariance, (marks, n) and (marks, n, n), after each mark is seen, and before.
     """
-    step, noise, seen, start, start_variance = motion
+    step, noise, sees, start, start_variance = motion
     marks, n = rows.shape[1], start.size
     state, ahead = np.empty((marks, n)), np.empty((marks, n))
     spread, ahead_spread = np.empty((marks, n, n)), np.empty((marks, n, n))
     x, p = start.copy(), start_variance.copy()
     gain, moved, half = np.empty(n), np.empty(n), np.empty((n, n))
     total = 0.0
-    for k in range(rows.shape[1]):
+    for k in range(marks):
         if k > 0:
             for i in range(n):
                 moved[i] = 0.0
@@ -330,23 +247,21 @@ def filter_drive(
             p[0, 0] += stood[k]
         ahead[k], ahead_spread[k] = x, p
         for trace in range(rows.shape[0]):
-            away = rows[trace, k]
+            away, total_variance = rows[trace, k], variance[trace, k]
             if math.isnan(away):
                 continue
-            room = variance[trace, k]
             for i in range(n):
                 gain[i] = 0.0
                 for j in range(n):
-                    gain[i] += p[i, j] * seen[j]
-                away -= seen[i] * x[i]
+                    gain[i] += p[i, j] * sees[j]
+                away -= sees[i] * x[i]
             for i in range(n):
-                room += seen[i] * gain[i]
+                total_variance += sees[i] * gain[i]
             for i in range(n):
-                x[i] += gain[i] * away / room
-            for i in range(n):
+                x[i] += gain[i] * away / total_variance
                 for j in range(n):
-                    p[i, j] -= gain[i] * gain[j] / room
-            total += away * away / room + math.log(room)
+                    p[i, j] -= gain[i] * gain[j] / total_variance
+            total += away * away / total_variance + math.log(total_variance)
         state[k], spread[k] = x, p
     return total, state, spread, ahead, ahead_spread
 

@@ -17,26 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.marks.curve_kernels import PARAMETERS, REACH, Patch, draw, place, shade, window
+from pipeline.film.marks.curve_kernels import REACH, Patch, draw, place, shade, window
 from pipeline.film.tracking.motion import solve
 from synth.kernels.compiled import kernel
 
 (
-    ROW,
-    ROW_SIGMA,
-    COLUMN,
-    COLUMN_SIGMA,
-    LIGHT,
-    LIGHT_SIGMA,
-    DEPTH,
-    DEPTH_SIGMA,
-    WIDTH,
-    WIDTH_SIGMA,
-    SHIFT,
-    MISFIT,
+    ROW, ROW_SIGMA, COLUMN, COLUMN_SIGMA, LIGHT, LIGHT_SIGMA, DEPTH, DEPTH_SIGMA, WIDTH, WIDTH_SIGMA, SHIFT, MISFIT,
     SLOPE,
-) = range(13)
+) = range(13)  # fmt: skip
 RESULTS = 13
+PARAMETERS = 6
 STEEPEST = 60.0  # slope of strokes whose gaps fit on a piece of film
 LAYERS = 9
 ROUNDS = 6
@@ -47,45 +37,24 @@ CLIP = 4.0  # sigmas, of a pixel's residual
 
 
 class Known(NamedTuple):
-    """What is known of spot, grain and gaps.
+    """What is known of spot, grain and gaps."""
 
-    Attributes
-    ----------
-    spot : float
-        1 sigma, px.
-    grain, grain_step : array, float
-        1 sigma of the exposure of a pixel at even steps of exposure from 0 on.
-    lateral, width_prior : float
-        1 sigma of the course across the line, px, and of a gap's width, relative.
-    spacing : float
-        Rows between marks.
-    """
-
-    spot: float
-    grain: Floats
+    spot: float  # 1 sigma, px
+    grain: Floats  # 1 sigma of the exposure of a pixel at every `grain_step` of exposure from 0 on
     grain_step: float
-    lateral: float
-    width_prior: float
-    spacing: float
+    lateral: float  # 1 sigma of the course across the line, px
+    width_prior: float  # 1 sigma of a gap's width, relative
+    spacing: float  # rows between marks
 
 
 @kernel
 def fit_gap(
-    exposure: Floats,
-    first: int,
-    courses: Floats,
-    slopes: Floats,
-    trace: int,
-    mark: float,
-    width: float,
-    known: Known,
-    layers: Floats,
-    out: Floats,
-) -> bool:
+    exposure: Floats, first: int, courses: Floats, slopes: Floats, trace: int, mark: float, width: float, known: Known,
+    layers: Floats, out: Floats,
+) -> bool:  # fmt: skip
     """Fit one gap; False, with `out` NaN, where it cannot be done."""
     spot, grain = known.spot, known.grain
-    for k in range(out.size):
-        out[k] = math.nan
+    out[:] = math.nan
     course, slope = courses[trace], slopes[trace]
     box = np.empty(4)
     if not window(course, slope, mark, width, spot, box):
@@ -113,9 +82,7 @@ def fit_gap(
     here, lean = place(course, slope, mark)
     sideways = known.lateral * math.sqrt(1.0 + lean * lean)
     m, w, d, h, a, b, drawn, led = mark, width, 0.0, 0.0, 1.0, 1.0, math.inf, 0.0
-    w0 = width
-    normal, right = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
-    slant = np.empty(PARAMETERS)
+    normal, right, slant = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS), np.empty(PARAMETERS)
     misfit, count, bright = 0.0, 0, 0.0
     for turn in range(ROUNDS):
         if abs(d - drawn) > 0.02 * math.sqrt(1.0 + lean * lean) or abs(h - led) > 0.02:
@@ -140,33 +107,24 @@ def fit_gap(
             if math.isnan(at):
                 return False
             draw(Patch(layer[6 + side], far, far, top, left), edge, at + d + h * steep, 0.0, 1.0, spot, False)
-        for i in range(PARAMETERS):
-            right[i] = 0.0
-            for j in range(PARAMETERS):
-                normal[i, j] = 0.0
+        right[:] = 0.0
+        normal[:] = 0.0
         misfit, count = 0.0, 0
         for y in range(rows):
             for x in range(columns):
-                if far[y, x] > FAINT * bright:
-                    continue
                 light = line[y, x] + (d - drawn) * line_d[y, x] + (h - led) * line_h[y, x]
-                if light < 0.01 * bright:
+                if far[y, x] > FAINT * bright or light < 0.01 * bright:
                     continue
                 expected = a * light - b * gap[y, x]
-                at_grain = max(expected, 0.0) / known.grain_step
+                at_grain = min(max(expected, 0.0) / known.grain_step, grain.size - 1.0)
                 g = min(int(at_grain), grain.size - 2)
-                noise = (
-                    grain[g] + (at_grain - g) * (grain[g + 1] - grain[g]) if at_grain < grain.size - 1 else grain[-1]
-                )
-                noise = math.sqrt(noise * noise + (MODEL * a * light) ** 2)
-                left_over = (exposure[top - first + y, left + x] - expected) / noise
-                if math.isnan(left_over):
+                noise = math.hypot(grain[g] + (at_grain - g) * (grain[g + 1] - grain[g]), MODEL * a * light)
+                residual = (exposure[top - first + y, left + x] - expected) / noise
+                if math.isnan(residual):
                     continue
-                weight = 1.0 / noise
-                if abs(left_over) > CLIP:
-                    root = math.sqrt(CLIP / abs(left_over))
-                    weight *= root
-                    left_over *= root
+                root = math.sqrt(min(CLIP / abs(residual), 1.0)) if residual != 0.0 else 1.0
+                weight = root / noise
+                residual *= root
                 slant[0] = -b * (stop[y, x] - start[y, x]) * weight
                 slant[1] = light * weight
                 slant[2] = -gap[y, x] * weight
@@ -174,52 +132,44 @@ def fit_gap(
                 slant[4] = -0.5 * b * (stop[y, x] + start[y, x]) * weight
                 slant[5] = (a * line_h[y, x] - b * gap_h[y, x]) * weight
                 for i in range(PARAMETERS):
-                    right[i] += slant[i] * left_over
+                    right[i] += slant[i] * residual
                     for j in range(i + 1):
                         normal[i, j] += slant[i] * slant[j]
-                misfit += left_over * left_over
+                misfit += residual * residual
                 count += 1
         if count < 12:
             return False
         for i in range(PARAMETERS):
             for j in range(i):
                 normal[j, i] = normal[i, j]
-        normal[3, 3] += 1.0 / sideways**2
-        right[3] -= d / sideways**2
-        normal[4, 4] += 1.0 / (known.width_prior * w0) ** 2
-        right[4] -= (w - w0) / (known.width_prior * w0) ** 2
-        normal[5, 5] += 1.0 / LEAD**2
-        right[5] -= h / LEAD**2
-        # a weak hold on the depth where the gap has no pixels left
-        normal[2, 2] += 1.0 / a**2
-        right[2] -= (b - a) / a**2
+        # priors; that of the depth holds where the gap has no pixels left
+        wide = known.width_prior * width
+        for i, away, sigma in ((2, b - a, a), (3, d, sideways), (4, w - width, wide), (5, h, LEAD)):
+            normal[i, i] += 1.0 / sigma**2
+            right[i] -= away / sigma**2
         if not solve(normal, right, PARAMETERS):
             return False
-        limit = 0.4 * w0
-        move = min(max(right[0], -limit), limit)
+        move = min(max(right[0], -0.4 * width), 0.4 * width)
         m += move
         a += right[1]
-        b += right[2]
+        b = max(b + right[2], 0.02 * a)
         d += min(max(right[3], -2.0 * sideways), 2.0 * sideways)
-        w = min(max(w + right[4], 0.3 * w0), 2.0 * w0)
+        w = min(max(w + right[4], 0.3 * width), 2.0 * width)
         h += min(max(right[5], -2.0 * LEAD), 2.0 * LEAD)
-        if not (a > 0.01) or abs(m - mark) > w0 + 1.0 or math.isnan(m):
+        if not (a > 0.01) or abs(m - mark) > width + 1.0 or math.isnan(m):
             return False
-        b = max(b, 0.02 * a)
         if turn > 0 and abs(move) < 0.1 * math.sqrt(normal[0, 0]) + 1e-4:
             break
     here, lean = place(course, slope, m)
     if math.isnan(here):
         return False
-    out[ROW], out[ROW_SIGMA] = m, math.sqrt(normal[0, 0])
-    out[COLUMN] = here + d + h * lean
     along = normal[0, 0] + 2.0 * normal[0, 5] + normal[5, 5]
-    out[COLUMN_SIGMA] = math.sqrt(
-        max(lean * lean * along + normal[3, 3] + 2.0 * lean * (normal[0, 3] + normal[3, 5]), 0.0)
-    )
+    across = lean * lean * along + normal[3, 3] + 2.0 * lean * (normal[0, 3] + normal[3, 5])
+    deep = normal[2, 2] - 2.0 * b / a * normal[1, 2] + (b / a) ** 2 * normal[1, 1]
+    out[ROW], out[ROW_SIGMA] = m, math.sqrt(normal[0, 0])
+    out[COLUMN], out[COLUMN_SIGMA] = here + d + h * lean, math.sqrt(max(across, 0.0))
     out[LIGHT], out[LIGHT_SIGMA] = a, math.sqrt(normal[1, 1])
-    out[DEPTH] = b / a
-    out[DEPTH_SIGMA] = math.sqrt(max(normal[2, 2] - 2.0 * b / a * normal[1, 2] + (b / a) ** 2 * normal[1, 1], 0.0)) / a
+    out[DEPTH], out[DEPTH_SIGMA] = b / a, math.sqrt(max(deep, 0.0)) / a
     out[WIDTH], out[WIDTH_SIGMA] = w, math.sqrt(normal[4, 4])
     out[SHIFT], out[MISFIT], out[SLOPE] = d, misfit / count, lean
     return True
@@ -227,21 +177,15 @@ def fit_gap(
 
 @kernel
 def fit_gaps(
-    exposure: Floats,
-    first: int,
-    courses: Floats,
-    slopes: Floats,
-    traces: NDArray[np.int64],
-    guesses: Floats,
-    widths: Floats,
-    known: Known,
-) -> NDArray[np.float64]:
+    exposure: Floats, first: int, courses: Floats, slopes: Floats, traces: NDArray[np.int64], guesses: Floats,
+    widths: Floats, known: Known,
+) -> NDArray[np.float64]:  # fmt: skip
     """Fit gaps near the rows `guesses` of `traces`, of `widths` rows, (gaps, RESULTS)."""
     out, wide = np.empty((guesses.size, RESULTS)), 0.0
     for k in range(widths.size):
         wide = max(wide, widths[k])
-    room = int(28.0 * known.spot) + 8
-    layers = np.empty((LAYERS, int(wide) + room, int(STEEPEST * wide) + room))
+    margin = int(28.0 * known.spot) + 8
+    layers = np.empty((LAYERS, int(wide) + margin, int(STEEPEST * wide) + margin))
     for k in range(guesses.size):
         fit_gap(exposure, first, courses, slopes, traces[k], guesses[k], widths[k], known, layers, out[k])
     return out

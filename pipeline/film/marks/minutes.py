@@ -7,25 +7,24 @@ Read backwards, a second gap comes before the minute's mark instead of after it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
 from pipeline.film.marks.alignment import Events
-from pipeline.film.marks.counting import Count, shifted
-from pipeline.film.parts import Floats
+from pipeline.film.marks.counting import Count
+from pipeline.film.parts import Floats, Marking
 
 TOLERANCE = 0.03  # of the marks' interval, of the second gap's place
 SHARE = 0.4  # of the minutes at which a code must be seen to be believed
 LEAST = 2
-ABOUT = 6  # marks by which the paper's speed is told at the ends
+ABOUT = 6  # marks that show the paper's speed at the ends
 LONELY = 3.0  # minutes under which a film may show one full minute only
-NEARBY = 5  # marks by which a slipped count is mended
-HOLE = 6  # marks missing in a row, over which a count is mended
 LONGER = 0.3  # of the gap's width, by which a minute's gap differs
 OWN = 6.0  # sigmas of a gap's width
+FAR = 3  # marks missing around an event whose place is not told
 
 
 class TimeReversedError(RefusedError):
@@ -34,25 +33,13 @@ class TimeReversedError(RefusedError):
 
 @dataclass(frozen=True)
 class Minutes:
-    """Where full minutes were found.
+    """Where full minutes were found."""
 
-    Attributes
-    ----------
-    residue : int or None
-        Number, modulo the marks of a minute, of the full minutes' marks; None: no code was found.
-    kind : str
-        "second gap", "gap length", "missing mark" or "none".
-    delay : float
-        Of the second gap, s; NaN for other codes.
-    seen, against : int
-        Codes that agree with the count, and most codes that lie out of it by the same number of marks.
-    """
-
-    residue: int | None
-    kind: str
-    delay: float
-    seen: int
-    against: int
+    residue: int | None = None  # of the full minutes' marks, modulo the marks of a minute; None: no code was found
+    kind: str = "none"  # or "double", "long", "omitted"
+    delay: float = np.nan  # of the second gap, s
+    seen: int = 0  # codes that agree with the count
+    against: int = 0  # most codes that lie out of it by the same number of marks
 
 
 def places(events: Events, count: Count) -> Floats:
@@ -62,40 +49,38 @@ def places(events: Events, count: Count) -> Floats:
     """
     row = events.row[count.event]
     out = np.interp(events.row, row, count.index.astype(np.float64))
-    near = np.searchsorted(row, events.row)
-    gap = np.diff(count.index, prepend=count.index[0], append=count.index[-1])
     for first, few in ((0, min(ABOUT, row.size - 1)), (row.size - 1, max(row.size - 1 - ABOUT, 0))):
         step = (row[few] - row[first]) / max(abs(count.index[few] - count.index[first]), 1)
-        beyond = (events.row - row[first]) * np.sign(step) < 0.0
-        away = np.where(beyond, (events.row - row[first]) / max(abs(step), 1e-9), 0.0)
+        away = (events.row - row[first]) / max(abs(step), 1e-9)
+        beyond = away * np.sign(step) < 0.0
         out[beyond] = np.where(np.abs(away) < 1.0, count.index[first] + away, np.nan)[beyond]
-    out[(near < gap.size) & (gap[np.minimum(near, gap.size - 1)] > 3)] = np.nan  # too far from the next mark to tell
+    gap = np.concatenate([[0], np.diff(count.index), [0, 0]])
+    out[gap[np.searchsorted(row, events.row)] > FAR] = np.nan  # too far from the next mark to tell
     return out
 
 
-def find_minutes(events: Events, count: Count, interval: float, delay: float | None) -> Minutes:
-    """The minute code of a film whose marks were counted; `delay` (s) of the second gap if known.
+def find_minutes(events: Events, count: Count, marking: Marking) -> Minutes:
+    """The minute code of a film whose marks were counted.
 
     Raises
     ------
     TimeReversedError
         The code reads backwards.
     """
-    cycle = round(60.0 / interval)
-    if abs(cycle * interval - 60.0) > 1e-6 or cycle < 4:
-        return Minutes(None, "none", float("nan"), 0, 0)
-    place = places(events, count)
-    other = np.ones(events.size, dtype=bool)
-    other[count.event] = False
-    place = place[other & np.isfinite(place)]
+    interval, delay, cycle = marking.interval, marking.minute_code or None, round(60.0 / marking.interval)
+    if abs(cycle * interval - 60.0) > 1e-6 or cycle < 4 or marking.code == "none":
+        return Minutes()
     spread = max((count.index[-1] - count.index[0]) / cycle, 1.0)
-    sides = _second_gaps(place, cycle, interval, delay)
-    ahead, behind = sides
+    place = places(events, count)
+    place = place[np.isfinite(place) & ~np.isin(np.arange(events.size), count.event)]
+    double = marking.code == "double" or (marking.code is None and marking.minute_code != 0.0)
+    ahead = _second_gaps(place, cycle, interval, delay) if double else Minutes()
+    behind = _second_gaps(place, cycle, interval, -delay) if double and delay is not None else Minutes()
     enough = max(LEAST, SHARE * spread * 0.5)
     if delay is not None and place.size == 1 and spread < LONELY:
         enough = 1  # where the code is known and no gap on the film is a false one, one code is no chance
     if max(ahead.seen, behind.seen) >= enough:
-        late, early = (ahead.seen, behind.seen) if delay is not None else (ahead.seen, 0)
+        late, early = ahead.seen, behind.seen
         if delay is None and ahead.delay > 0.5 * interval:  # a code follows its minute's mark
             late, early = 0, ahead.seen
         if early > late + 2 * ahead.against:
@@ -104,67 +89,48 @@ def find_minutes(events: Events, count: Count, interval: float, delay: float | N
                 f"{late} after it): the film lies upside down; turn the scan by 180 degrees, or state the code's delay"
             )
         return ahead
-    longer = _odd_lengths(events, count, cycle, spread)
-    if longer is not None:
-        return longer
-    missing = _missing(count, cycle, spread)
-    return (
-        missing if missing is not None else replace(ahead, residue=None, kind="none") if ahead.seen < LEAST else ahead
-    )
+    width, sigma = events.width[count.event], events.width_sigma[count.event]
+    away = np.abs(width - np.median(width))
+    odd = count.index[(away > LONGER * np.median(width)) & (away > OWN * sigma)]
+    absent = np.setdiff1d(np.arange(count.index[0], count.index[-1]), count.index)
+    for kind, index in (("long", odd), ("omitted", absent)):
+        found = _repeated(index, cycle, spread, kind, marking.code == kind)
+        if found is not None and marking.code in (None, kind):
+            return found
+    return Minutes() if ahead.seen < LEAST else ahead
 
 
-def _second_gaps(place: Floats, cycle: int, interval: float, delay: float | None) -> tuple[Minutes, Minutes]:
-    """The same residue's second gaps, read forwards and backwards."""
+def _second_gaps(place: Floats, cycle: int, interval: float, delay: float | None) -> Minutes:
+    """Events that come by the same time after the marks of one number; a negative `delay` reads them backwards."""
     part = place - np.floor(place)
-    if delay is None:
-        # the fraction and minute's mark at which most events come
-        best, shift = 0, 0.0
+    fraction = np.nan if delay is None else (delay / interval) % 1.0
+    if delay is None:  # the fraction and minute's mark at which most events come
+        best = 0
         for centre in np.arange(0.06, 0.95, 0.02):
             near = np.abs(part - centre) < TOLERANCE
             number = np.floor(place[near]).astype(np.int64) % cycle
-            top = int(np.bincount(number, minlength=1).max()) if number.size else 0
+            top = int(np.bincount(number, minlength=1).max())
             if top > best:
-                best, shift = top, float(np.median(part[near]))
-        fractions = (shift, np.nan)
-    else:
-        fractions = ((delay / interval) % 1.0, (-delay / interval) % 1.0)
-    found = []
-    for sign, fraction in zip((1.0, -1.0), fractions, strict=True):
-        near = np.abs(part - fraction) < TOLERANCE
-        whole = np.floor(place[near]) if delay is None else np.round(place[near] - sign * delay / interval)
-        number = whole.astype(np.int64) % cycle
-        tally = np.bincount(number, minlength=cycle)
-        residue = int(np.argmax(tally))
-        seen = int(tally[residue])
-        against = int(np.delete(tally, residue).max())  # a slip puts all codes after it out by the same number
-        late = delay if delay is not None else fraction * interval
-        found.append(Minutes(residue, "second gap", float(late), seen, against))
-    return found[0], found[1]
-
-
-def _odd_lengths(events: Events, count: Count, cycle: int, spread: float) -> Minutes | None:
-    width, sigma = events.width[count.event], events.width_sigma[count.event]
-    away = width - np.median(width)
-    odd = (np.abs(away) > LONGER * np.median(width)) & (np.abs(away) > OWN * sigma)
-    return _repeated(count.index[odd], cycle, spread, "gap length")
-
-
-def _missing(count: Count, cycle: int, spread: float) -> Minutes | None:
-    absent = np.setdiff1d(np.arange(count.index[0], count.index[-1]), count.index)
-    return _repeated(absent, cycle, spread, "missing mark")
-
-
-def _repeated(index: NDArray[np.int64], cycle: int, spread: float, kind: str) -> Minutes | None:
-    tally = np.bincount(index % cycle, minlength=cycle)
+                best, fraction = top, float(np.median(part[near]))
+    near = np.abs(part - fraction) < TOLERANCE
+    whole = np.floor(place[near]) if delay is None else np.round(place[near] - delay / interval)
+    tally = np.bincount(whole.astype(np.int64) % cycle, minlength=cycle)
     residue = int(np.argmax(tally))
-    seen = int(tally[residue])
-    usual = float(np.median(tally))
-    if seen < max(LEAST + 1, 2 * SHARE * spread) or seen < usual + 6.0 * np.sqrt(usual + 1.0):
+    against = int(np.delete(tally, residue).max())  # a slip puts all codes after it out by the same number
+    late = float(fraction * interval) if delay is None else abs(delay)
+    return Minutes(residue, "double", late, int(tally[residue]), against)
+
+
+def _repeated(index: NDArray[np.int64], cycle: int, spread: float, kind: str, stated: bool) -> Minutes | None:
+    """What comes at marks of one number much more often than at others; if it is `stated` to come, two are enough."""
+    tally = np.bincount(index % cycle, minlength=cycle)
+    residue, usual = int(np.argmax(tally)), float(np.median(tally))
+    seen, chance = int(tally[residue]), np.sqrt(usual + 1.0)
+    alone = stated and seen >= LEAST + np.delete(tally, residue).max()
+    if seen < 2 * SHARE * spread or not (alone or seen >= max(LEAST + 1, usual + 6.0 * chance)):
         return None
-    near = [(residue + k) % cycle for k in (-2, -1, 1, 2)]
-    return Minutes(
-        residue, kind, float("nan"), seen, int(max(tally[near].max() - usual - 3.0 * np.sqrt(usual + 1.0), 0))
-    )
+    near = tally[[(residue + k) % cycle for k in (-2, -1, 1, 2)]].max()
+    return Minutes(residue, kind, np.nan, seen, max(int(near - usual - 3.0 * chance), 0))
 
 
 def code_marks(minutes: Minutes, events: Events, count: Count, interval: float) -> Floats:
@@ -172,38 +138,8 @@ def code_marks(minutes: Minutes, events: Events, count: Count, interval: float) 
     if minutes.residue is None:
         return np.empty(0)
     cycle = round(60.0 / interval)
-    if minutes.kind != "second gap":
+    if minutes.kind != "double":
         return np.asarray(count.index[count.index % cycle == minutes.residue], dtype=np.float64)
     place = places(events, count) - minutes.delay / interval
     whole = np.round(place)
-    good = (np.abs(place - whole) < TOLERANCE) & (np.mod(whole, cycle) == minutes.residue)
-    return np.asarray(whole[good])
-
-
-def repaired(minutes: Minutes, events: Events, count: Count, interval: float) -> Count:
-    """A count mended by its codes, where all of them after a single hole are out of step by the same number.
-
-    Other counts come back as they are.
-    """
-    if minutes.residue is None or minutes.kind != "second gap" or minutes.against < LEAST:
-        return count
-    cycle = round(60.0 / interval)
-    place = places(events, count) - minutes.delay / interval
-    whole = np.round(place)
-    near = np.abs(place - whole) < TOLERANCE
-    number = whole[near]
-    away = np.mod(number - minutes.residue + cycle // 2, cycle) - cycle // 2
-    number, away = number[np.abs(away) <= NEARBY], away[np.abs(away) <= NEARBY]
-    change = np.flatnonzero(np.diff(away))
-    if change.size != 1 or min(change[0] + 1, away.size - change[0] - 1) < LEAST:
-        return count
-    by = int(away[change[0]] - away[change[0] + 1])
-    low, high = number[change[0]], number[change[0] + 1]
-    between = np.flatnonzero((count.index[:-1] >= low) & (count.index[1:] <= high))
-    if between.size == 0:
-        return count
-    steps = np.diff(count.index)[between]
-    order = np.argsort(steps)[::-1]
-    if steps[order[0]] < HOLE or (steps.size > 1 and steps[order[0]] < 2 * steps[order[1]]):
-        return count
-    return shifted(count, int(between[order[0]]), by)
+    return np.asarray(whole[(np.abs(place - whole) < TOLERANCE) & (np.mod(whole, cycle) == minutes.residue)])

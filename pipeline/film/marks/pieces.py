@@ -14,7 +14,6 @@ from pipeline.film.parts import Emulsion, Floats
 from pipeline.film.scan.opening import OpenScan
 
 Item = TypeVar("Item")
-
 Result = TypeVar("Result")
 
 ROWS = 1024  # of a piece
@@ -25,14 +24,8 @@ LIGHTEST, GRAIN_STEPS = 2.5, 320  # exposure up to which the grain is tabulated
 def in_order(work: Callable[[Item], Result], items: Iterable[Item], jobs: int = 1) -> Iterator[Result]:
     """Results of `work` on each of the items, in their order.
 
-    Parameters
-    ----------
-    work : callable
-        Changes nothing that its other calls need; with several jobs they run in threads.
-    items : iterable
-        Asked for in the caller's thread, at most `jobs` of them ahead of the results: none holds the film.
-    jobs : int
-        Threads; 1 for none but the caller's.
+    With several jobs the calls run in threads; items are asked for in the caller's thread, at most `jobs` of them ahead
+    of the results: none holds the film.
 
     Examples
     --------

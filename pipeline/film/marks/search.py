@@ -1,8 +1,8 @@
 """Search for gaps along every trace of a film, in one pass over its pixels.
 
 Where the line's brightness, taken along the curve, falls for as long as the shutter closes and comes back on both
-sides, a gap is fitted to the pixels; the fit says whether it is one: all of the light gone, for the right time, and
-nothing else to be seen (dust, scratches and other traces' lines leave a misfit).
+sides, a gap is fitted to the pixels; the fit decides whether it is one: all of the light gone, for the right time, and
+nothing else visible (dust, scratches and other traces' lines leave a misfit).
 """
 
 from __future__ import annotations
@@ -34,37 +34,58 @@ DIM = 0.5  # of the line's light, at the ends of a gap
 STEEP = 2.0  # slope from which the spot does not lengthen a gap along the rows
 BLACK, BRIGHT = 0.25, 0.75  # of the line's light, within and beside a gap from which the width is learned
 SHORTEST, LONGEST = 0.004, 0.15  # of a swing, how long the shutter may close
-SAMPLE = 8  # pieces in which the width is learned
+SAMPLES, SAMPLE_ROWS = 8, 640  # pieces in which the width is learned
 LEAST_RUNS = 12
 
 
-def steps_a_row(tracks: Tracks, spot: float) -> int:
-    """Places a row at which brightness is taken: some 1.3 spots apart on the steeper strokes."""
-    lean = np.abs(tracks.slope[:, :: max(tracks.slope.shape[1] // 20000, 1)])
-    steep = float(np.nanpercentile(lean, 90)) if np.isfinite(lean).any() else 1.0
-    return int(np.clip(np.ceil(steep / (1.3 * spot)), 4, 40))
+@dataclass(frozen=True)
+class Gaps:
+    """Gaps on single traces, in order of their rows; an array each, in px, with 1 sigma."""
+
+    trace: NDArray[np.int64]
+    row: Floats  # of the middle of the gap on the trace
+    row_sigma: Floats
+    column: Floats  # of the trace there, by the edges of the gap
+    column_sigma: Floats
+    slope: Floats
+    width: Floats  # rows for which the shutter was closed
+    width_sigma: Floats
+    depth: Floats  # share of the light that the shutter held off: 1
+    depth_sigma: Floats
+    light: Floats  # of the line around the gap, over that of its slope
+    misfit: Floats  # mean square of the pixels' residuals over that of their grain
+
+    @staticmethod
+    def of(trace: NDArray[np.int64], fitted: Floats) -> Gaps:
+        """From what `gap_kernels.fit_gaps` returns, (gaps, RESULTS)."""
+        names = [field.name for field in fields(Gaps)][1:]
+        return Gaps(trace, *(fitted[:, getattr(gap_kernels, name.upper())].copy() for name in names))
+
+    def pick(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Gaps:
+        """Some of them."""
+        return Gaps(*(getattr(self, field.name)[which] for field in fields(Gaps)))
+
+    @property
+    def size(self) -> int:
+        """Number of gaps."""
+        return self.row.size
 
 
 def find_gaps(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, width: float, jobs: int = 1) -> tuple[Gaps, Bars]:
-    """All gaps of about `width` rows on all traces, fitted and judged; and where each shows that the paper stood."""
-    steps, across = steps_a_row(tracks, tracks.spot), swept(tracks, scan.columns)
+    """All gaps of about `width` rows on all traces, fitted and selected; and where each shows that the paper stood."""
+    across = swept(tracks, scan.columns)
 
     def of_piece(
         begin: int, stop: int, first: int, exposure: NDArray[np.float32]
     ) -> tuple[NDArray[np.int64], Floats, Floats]:
-        rows = [
-            _candidates(exposure, first, begin, stop, tracks, trace, width, steps)
-            for trace in range(len(tracks.course))
-        ]
+        rows = [_candidates(exposure, first, begin, stop, tracks, trace, width) for trace in range(len(tracks.course))]
         traces = np.repeat(np.arange(len(rows)), [each.size for each in rows])
         gaps = fitted(exposure, first, emulsion, tracks, traces, np.concatenate(rows), width)
         return traces, gaps, light_across(exposure[begin - first : stop - first], across)
 
-    found = over_pieces(scan, emulsion, of_piece, jobs)
-    which = np.concatenate([each[0] for each in found])
-    gaps = Gaps.of(which, np.concatenate([each[1] for each in found]))
-    light = np.concatenate([each[2] for each in found], axis=2)
-    return _judged(gaps, width), bars(light, across, tracks, emulsion)
+    traces, results, light = zip(*over_pieces(scan, emulsion, of_piece, jobs), strict=True)
+    gaps = _selected(Gaps.of(np.concatenate(traces), np.concatenate(results)), width)
+    return gaps, bars(np.concatenate(light, axis=2), across, tracks, emulsion)
 
 
 def fitted(
@@ -84,137 +105,69 @@ def fitted(
     return fit_gaps(exposure, first, tracks.course, tracks.slope, traces, guesses, widths, known)
 
 
+def steps_a_row(tracks: Tracks) -> int:
+    """Places a row at which brightness is taken: some 1.3 spots apart on the steeper strokes."""
+    lean = np.abs(tracks.slope[:, :: max(tracks.slope.shape[1] // 20000, 1)])
+    steep = float(np.nanpercentile(lean, 90)) if np.isfinite(lean).any() else 1.0
+    return int(np.clip(np.ceil(steep / (1.3 * tracks.spot)), 4, 40))
+
+
 def relative_light(
-    exposure: NDArray[np.float32],
-    first: int,
-    begin: int,
-    stop: int,
-    tracks: Tracks,
-    trace: int,
-    width: float,
-    steps: int,
-) -> tuple[Floats, Floats]:
-    """Brightness along a trace over that of its surroundings, and how dark the middle of a gap would be."""
-    light, dark = np.empty((stop - begin) * steps), np.empty((stop - begin) * steps)
+    exposure: NDArray[np.float32], first: int, begin: int, stop: int, tracks: Tracks, trace: int, width: float
+) -> tuple[Floats, Floats, Floats]:
+    """Brightness along a trace over that of its surroundings, how dark the middle of a gap would be, and the rows."""
+    steps = steps_a_row(tracks)
+    rows = begin + (np.arange((stop - begin) * steps) + 0.5) / steps
+    light, dark = np.empty(rows.size), np.empty(rows.size)
     brightness_along(
         exposure, first, tracks.course[trace], tracks.slope[trace], tracks.curvature[trace],
         begin, steps, tracks.spot, width, light, dark,
     )  # fmt: skip
     chunk = max(int(0.5 * tracks.rows_per_swing * steps), 8)
-    count = max(light.size // chunk, 1)
-    bounds = np.linspace(0, light.size, count + 1).astype(int)
     level, at = [], []
-    for low, high in itertools.pairwise(bounds):
+    for low, high in itertools.pairwise(np.linspace(0, light.size, max(light.size // chunk, 1) + 1).astype(int)):
         known = light[low:high][np.isfinite(light[low:high])]
         if known.size > 0.3 * (high - low):
             level.append(float(np.median(known)))
             at.append(0.5 * (low + high))
-    if not level:
-        return np.full_like(light, np.nan), dark
-    rest = np.interp(np.arange(light.size), at, level)
-    return np.where(rest > LEAST_LIGHT, light / np.maximum(rest, LEAST_LIGHT), np.nan), dark
+    usual = np.interp(np.arange(light.size), at, level) if level else np.zeros(light.size)
+    return np.where(usual > LEAST_LIGHT, light / np.maximum(usual, LEAST_LIGHT), np.nan), dark, rows
 
 
 def _candidates(
-    exposure: NDArray[np.float32],
-    first: int,
-    begin: int,
-    stop: int,
-    tracks: Tracks,
-    trace: int,
-    width: float,
-    steps: int,
+    exposure: NDArray[np.float32], first: int, begin: int, stop: int, tracks: Tracks, trace: int, width: float
 ) -> Floats:
     """Rows in `begin` to `stop` at which a gap may lie on a trace."""
     from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
     low, high = max(begin - MARGIN // 2, 0), min(stop + MARGIN // 2, first + exposure.shape[0])
-    light, dark = relative_light(exposure, first, low, high, tracks, trace, width, steps)
+    light, dark, rows = relative_light(exposure, first, low, high, tracks, trace, width)
     known = np.isfinite(light)
     light = np.where(known, np.minimum(light, 1.5), 0.0)
-    span = max(round(width * steps), 1)
+    span = max(round(width * rows.size / (high - low)), 1)
     score = np.where(dark > VISIBLE, uniform_filter1d(1.0 - light, span) / np.maximum(dark, VISIBLE), 0.0)
-    half = max(round(0.5 * span), 1)
+    half, away = max(round(0.5 * span), 1), round(0.85 * span)
     beside = uniform_filter1d(light, half)
-    away = round(0.85 * span)
-    left, right = np.roll(beside, away), np.roll(beside, -away)
-    top = (score == maximum_filter1d(score, 2 * half + 1)) & (score > DARK) & (left > BACK) & (right > BACK) & known
+    top = (score == maximum_filter1d(score, 2 * half + 1)) & (score > DARK) & known
+    top &= (np.roll(beside, away) > BACK) & (np.roll(beside, -away) > BACK)
     top[:away], top[-away:] = False, False
-    at = np.flatnonzero(top)
-    rows = low + (at + 0.5) / steps
-    return np.asarray(rows[(rows >= begin) & (rows < stop)])
+    return np.asarray(rows[top & (rows >= begin) & (rows < stop)])
 
 
-def _judged(gaps: Gaps, width: float) -> Gaps:
+def _selected(gaps: Gaps, width: float) -> Gaps:
     """Those that are gaps, each once, by rows."""
-    room = CERTAIN * gaps.depth_sigma
     good = np.isfinite(gaps.row) & (gaps.depth_sigma < 0.25)
-    good &= (gaps.depth > LEAST_DEPTH) & (gaps.depth < DEEPEST) & (np.abs(gaps.depth - 1.0) < room + 0.1)
-    good &= gaps.misfit < MOST_MISFIT
-    good &= np.abs(gaps.width - width) < 0.35 * width
+    good &= (gaps.depth > LEAST_DEPTH) & (gaps.depth < DEEPEST)
+    good &= np.abs(gaps.depth - 1.0) < CERTAIN * gaps.depth_sigma + 0.1
+    good &= (gaps.misfit < MOST_MISFIT) & (np.abs(gaps.width - width) < 0.35 * width)
     good &= (gaps.row_sigma < 0.5 * width) & (gaps.light > 0.1)
     gaps = gaps.pick(good)
     gaps = gaps.pick(np.lexsort((gaps.row, gaps.trace)))
     twice = np.zeros(gaps.size, dtype=bool)
-    close = (np.diff(gaps.row) < 0.8 * width) & (np.diff(gaps.trace) == 0)
-    for i in np.flatnonzero(close):
+    for i in np.flatnonzero((np.diff(gaps.row) < 0.8 * width) & (np.diff(gaps.trace) == 0)):
         twice[i if gaps.row_sigma[i] > gaps.row_sigma[i + 1] else i + 1] = True
     gaps = gaps.pick(~twice)
     return gaps.pick(np.argsort(gaps.row, kind="stable"))
-
-
-@dataclass(frozen=True)
-class Gaps:
-    """Gaps on single traces, in order of their rows.
-
-    Attributes
-    ----------
-    trace : (gaps,) array of int64
-    row, row_sigma : (gaps,) arrays
-        Row of the middle of the gap on the trace, px.
-    column, column_sigma : (gaps,) arrays
-        Column of the trace there, px, by the edges of the gap.
-    slope : (gaps,) array
-        Of the trace there, px px-1.
-    width, width_sigma : (gaps,) arrays
-        Rows for which the shutter was closed.
-    depth, depth_sigma : (gaps,) arrays
-        Share of the light that the shutter held off: 1.
-    light : (gaps,) array
-        Of the line around the gap, over that of its slope.
-    misfit : (gaps,) array
-        Mean square of the pixels' residuals over that of their grain.
-    """
-
-    trace: NDArray[np.int64]
-    row: Floats
-    row_sigma: Floats
-    column: Floats
-    column_sigma: Floats
-    slope: Floats
-    width: Floats
-    width_sigma: Floats
-    depth: Floats
-    depth_sigma: Floats
-    light: Floats
-    misfit: Floats
-
-    @staticmethod
-    def of(trace: NDArray[np.int64], fitted: Floats) -> Gaps:
-        """From what `gap_kernels.fit_gaps` returns, (gaps, RESULTS)."""
-        names = {
-            field.name: getattr(gap_kernels, field.name.upper()) for field in fields(Gaps) if field.name != "trace"
-        }
-        return Gaps(trace=trace, **{name: fitted[:, at].copy() for name, at in names.items()})
-
-    def pick(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Gaps:
-        """Some of them."""
-        return Gaps(**{field.name: getattr(self, field.name)[which] for field in fields(Gaps)})
-
-    @property
-    def size(self) -> int:
-        """Number of gaps."""
-        return self.row.size
 
 
 def learned_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks) -> float:
@@ -225,16 +178,14 @@ def learned_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks) -> float:
     RefusedError
         Too few of them.
     """
-    steps = steps_a_row(tracks, tracks.spot)
-    length = min(scan.rows, 640)
+    length = min(scan.rows, SAMPLE_ROWS)
     runs: list[float] = []
-    for begin in np.unique(np.linspace(0, scan.rows - length, SAMPLE).astype(int)):
-        exposure = exposed(scan, emulsion, int(begin), int(begin) + length)
-        for trace in range(tracks.course.shape[0]):
-            light, _ = relative_light(exposure, int(begin), int(begin), int(begin) + length, tracks, trace, 1.0, steps)
-            rows = int(begin) + (np.arange(light.size) + 0.5) / steps
+    for begin in np.unique(np.linspace(0, scan.rows - length, SAMPLES).astype(int)).tolist():
+        exposure = exposed(scan, emulsion, begin, begin + length)
+        for trace in range(len(tracks.course)):
+            light, _, rows = relative_light(exposure, begin, begin, begin + length, tracks, trace, 1.0)
             lean = np.abs(tracks.slope[trace][np.minimum(rows.astype(int), scan.rows - 1)])
-            runs.extend(_dark_runs(light, lean) / steps)
+            runs.extend(_dark_runs(light, lean) * length / rows.size)
     inside = np.sort([run for run in runs if SHORTEST < run / tracks.rows_per_swing < LONGEST])
     if inside.size < LEAST_RUNS:
         raise RefusedError(
@@ -250,10 +201,7 @@ def _dark_runs(light: Floats, lean: Floats) -> Floats:
     """Lengths, in samples, of whole runs of darkness on steep strokes; ends interpolated."""
     dark = light < DIM
     edge = np.flatnonzero(dark[1:] != dark[:-1])
-    if edge.size < 2:
-        return np.empty(0)
-    ahead, behind = light[edge], light[edge + 1]
-    cross = edge + (DIM - ahead) / (behind - ahead)
+    cross = edge + (DIM - light[edge]) / (light[edge + 1] - light[edge])
     lengths = []
     for which in np.flatnonzero(dark[edge + 1])[:-1]:
         low, high = edge[which] + 1, edge[which + 1] + 1

@@ -1,7 +1,7 @@
 """Where the paper stood still: the light went on, and wrote the whole swing of every trace across a few rows.
 
-Marks and pendulums cannot tell it where it lasts about a whole number of swings, but the bar does: on other rows a
-trace is at one place. Its light says for how long the paper stood, to a third.
+Marks and pendulums cannot show it where it lasts about a whole number of swings, but the bar does: on other rows a
+trace is at one place. Its light tells for how long the paper stood, to a third.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ SWEPT, FAINT = 0.4, 0.5  # of the light of one stroke, from which rows are a bar
 CERTAIN = 6.0  # sigmas of the grain
 DENSE = 0.7  # of a line at rest, light from which a bar may be blacker than it shows
 APART = 20.0  # rows within which bars of several traces are one
-BY_LIGHT, WANDER, PHASE_MOST = 0.35, 0.006, 60.0  # 1 sigma of a length's logarithm; rad a root mark; price
+BY_LIGHT, WANDER, PHASE_MOST = 0.35, 0.006, 60.0  # 1 sigma of a length's logarithm; rad a root mark; cost
 LEAST, MOST, MORE = 4.0, 1.6, 16  # rows of a stand; times its length by light, and marks, that are tried
-AROUND, FEWEST, LONGER = 16, 6, 64  # marks on either side by which the pendulums are told; how the ship shakes them
+AROUND, FEWEST, LONGER = 16, 6, 64  # marks on either side that show the phase; how the ship shakes the pendulums
 CLEAR = 10.0  # spots beside a swing
 THICK, MARGIN = 24.0, 4  # spots, of a bar; rows on either side that have some of its light
 
@@ -31,12 +31,9 @@ class Stand(NamedTuple):
     """A place where the paper stood, on one trace or, brought together, at column 0 of the first."""
 
     row: float
-    length: float
-    """Of time, by the bar's light, in rows of the film at its usual speed."""
-    saturated: bool
-    """Whether it may have been longer."""
-    sure: bool = True
-    """Whether the bar would be believed by itself."""
+    length: float  # of time, by the bar's light, in rows of the film at its usual speed
+    saturated: bool  # whether it may have been longer
+    sure: bool = True  # whether the bar would be believed by itself
 
 
 Bars = list[list[Stand] | None]
@@ -49,19 +46,27 @@ class Side(NamedTuple):
     number: NDArray[np.int64]
     phase: Floats
 
+    def extrapolated(self, trace: int, advance: float, at: int) -> tuple[float, int, float]:
+        """Phase at the first or last mark (`at` 0 or -1) by those nearest to it, and their number.
+
+        Last: how the ship shakes it, the variance of the phase over a longer time, rad2.
+        """
+        away = self.number - self.number[at]
+        known = np.isfinite(self.phase[trace]) & (np.abs(away) < LONGER)
+        turned = np.exp(1j * (self.phase[trace, known] - advance * away[known]))
+        near = turned[np.abs(away[known]) < AROUND]
+        phase = float(np.angle(near.sum()))
+        return phase, near.size, float(np.mean(np.angle(turned * np.exp(-1j * phase)) ** 2)) if near.size else 0.0
+
 
 class Swept(NamedTuple):
     """What of a trace's columns the light writes in one stroke across."""
 
     columns: NDArray[np.int64]
-    beside: NDArray[np.int64]
-    """Columns that no trace sweeps."""
-    speed: Floats
-    """There over that in the middle."""
-    stroke: float
-    """Light along the rows of one stroke in the middle column, in rows of a line at rest."""
-    peak: float
-    """Light on the stroke's axis."""
+    beside: NDArray[np.int64]  # columns that no trace sweeps
+    speed: Floats  # across the columns, over that in the middle
+    stroke: float  # light along the rows of one stroke in the middle column, in rows of a line at rest
+    peak: float  # light on the stroke's axis
 
 
 def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
@@ -71,23 +76,22 @@ def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
     free = np.arange(columns // 50, columns - columns // 50)
     for low, high in ends:
         free = free[(free < low - CLEAR * tracks.spot) | (free > high + CLEAR * tracks.spot)]
-    beside = free[:: max(free.size // 64, 1)]
     for trace, (low, high) in enumerate(ends):
         half = 0.5 * float(high - low)
-        aside = np.arange(-INNER * half, INNER * half, max(half / 32.0, 1.0))
         if half < LEAST_COLUMNS:
             found.append(None)
             continue
-        slope = 2.0 * np.pi * half / tracks.rows_per_swing
-        stroke = float(np.sqrt(2.0 * np.pi)) * tracks.spot / slope
-        place = 0.5 * (low + high) + aside
-        alone = np.ones(place.size, dtype=bool)
+        aside = np.arange(-INNER * half, INNER * half, max(half / 32.0, 1.0))
+        column = 0.5 * (low + high) + aside
+        alone = np.ones(column.size, dtype=bool)
         for a, b in ends[:trace] + ends[trace + 1 :]:
-            alone &= (place < a) | (place > b)
+            alone &= (column < a) | (column > b)
         if alone.sum() >= 0.2 * alone.size:  # where another trace does not add its light
-            place, aside = place[alone], aside[alone]
-        speed = np.sqrt(1.0 - (aside / half) ** 2)
-        found.append(Swept(place.astype(np.int64), beside, speed, stroke, 1.0 / float(np.hypot(1.0, slope))))
+            column, aside = column[alone], aside[alone]
+        slope = 2.0 * np.pi * half / tracks.rows_per_swing
+        stroke, speed = float(np.sqrt(2.0 * np.pi)) * tracks.spot / slope, np.sqrt(1.0 - (aside / half) ** 2)
+        beside = free[:: max(free.size // 64, 1)]
+        found.append(Swept(column.astype(np.int64), beside, speed, stroke, 1.0 / float(np.hypot(1.0, slope))))
     return found
 
 
@@ -113,16 +117,14 @@ def bars(light: Floats, across: list[Swept | None], tracks: Tracks, emulsion: Em
             found.append(None)
             continue
         usual, enough = float(np.median(least)), max(SWEPT * own.peak, dim)
-        bright = least - usual > FAINT * enough
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], bright.view(np.int8), [0]])))
+        edges = np.flatnonzero(np.diff(least - usual > FAINT * enough, prepend=False, append=False))
         shown: list[Stand] = []
         for begin, stop in edges.reshape(-1, 2).tolist():
-            rows = slice(max(begin - MARGIN, 0), stop + MARGIN)
             if stop - begin > THICK * tracks.spot:
                 continue
-            more = strokes[rows] - np.median(strokes)
+            rows = slice(max(begin - MARGIN, 0), stop + MARGIN)
             row = float(least[rows] @ (np.arange(least.size)[rows] + 0.5) / least[rows].sum())
-            length = 0.5 * tracks.rows_per_swing * float(more.sum())
+            length = 0.5 * tracks.rows_per_swing * float((strokes[rows] - np.median(strokes)).sum())
             top = float(least[begin:stop].max())
             shown.append(Stand(row, length, top > DENSE, top - usual > enough))
         found.append(shown)
@@ -132,20 +134,19 @@ def bars(light: Floats, across: list[Swept | None], tracks: Tracks, emulsion: Em
 def together(found: Bars, offset: Floats, shear: float, across: Floats) -> list[Stand]:
     """Bars that all traces show that can, at one place of the paper; `across`, the traces' middle columns."""
     able = [(k, shown) for k, shown in enumerate(found) if shown is not None]
-    places = [each._replace(row=each.row - offset[k] - shear * across[k]) for k, shown in able for each in shown]
-    out: list[list[Stand]] = []
-    for each in sorted(places):
-        if out and each.row - out[-1][0].row < APART:
-            out[-1].append(each)
+    groups: list[list[Stand]] = []
+    for each in sorted(bar._replace(row=bar.row - offset[k] - shear * across[k]) for k, shown in able for bar in shown):
+        if groups and each.row - groups[-1][0].row < APART:
+            groups[-1].append(each)
         else:
-            out.append([each])
+            groups.append([each])
     return [
         Stand(
             float(np.mean([each.row for each in group])),
             float(np.mean([each.length for each in group])),
             any(each.saturated for each in group),
         )
-        for group in out
+        for group in groups
         if len(group) >= len(able) and any(each.sure for each in group)
     ]
 
@@ -153,46 +154,24 @@ def together(found: Bars, offset: Floats, shear: float, across: Floats) -> list[
 def lengths(
     before: Side, after: Side, advance: Floats, spread: Floats, stand: Stand, pace: float
 ) -> tuple[NDArray[np.int64], Floats]:
-    """Numbers of marks from the last one before a stand to the first one after it, and their prices, the best first.
+    """Numbers of marks from the last one before a stand to the first one after it, and their costs, the best first.
 
-    Pendulums swing on: their phase tells the number but for whole swings, the bar's light those, roughly.
-
-    Parameters
-    ----------
-    before, after : Side
-        Marks on either side of the stand.
-    advance, spread : (traces,) arrays
-        Of the phase from mark to mark, rad, and 1 sigma of a phase.
-    pace : float
-        Rows between marks.
+    Pendulums swing on: their phase, which advances by `advance` (traces,) rad from mark to mark, tells the number but
+    for whole swings, the bar's light those, roughly. `spread` is 1 sigma of a phase, `pace` the rows between marks.
     """
     moved = (after.row[0] - before.row[-1]) / pace
     length = max(stand.length, LEAST) / pace
     number = np.arange(max(int(np.ceil(moved + LEAST / pace)), 1), int(moved + MOST * length) + MORE)
     stood = (number - moved) / length
     away = np.log(np.maximum(stood, 1e-3)) / BY_LIGHT
-    price = np.where((stood > 1.0) & stand.saturated, 0.0, away**2)
+    cost = np.where((stood > 1.0) & stand.saturated, 0.0, away**2)
     for trace, (each, sigma) in enumerate(zip(advance, spread, strict=True)):
-        one, few, shaken = _extrapolated(before, trace, each, -1)
-        other, many, shakes = _extrapolated(after, trace, each, 0)
+        one, few, shaken = before.extrapolated(trace, each, -1)
+        other, many, shakes = after.extrapolated(trace, each, 0)
         if min(few, many) < FEWEST or not np.isfinite(each):
             continue
-        jump = other - one - each * number
-        jump -= 2.0 * np.pi * np.round(jump / (2.0 * np.pi))
-        room = sigma**2 * (4.0 / few + 4.0 / many) + WANDER**2 * (number + AROUND) + shaken + shakes
-        price = price + np.minimum(jump**2 / room, PHASE_MOST)
-    order = np.argsort(price, kind="stable")
-    return number[order], price[order]
-
-
-def _extrapolated(side: Side, trace: int, advance: float, at: int) -> tuple[float, int, float]:
-    """Phase at the side's first or last mark (`at` 0 or -1) by those nearest to it, and their number.
-
-    Last: how the ship shakes it, the variance of the phase over a longer time, rad2.
-    """
-    away = side.number - side.number[at]
-    known = np.isfinite(side.phase[trace]) & (np.abs(away) < LONGER)
-    turned = np.exp(1j * (side.phase[trace, known] - advance * away[known]))
-    near = turned[np.abs(away[known]) < AROUND]
-    phase = float(np.angle(near.sum()))
-    return phase, near.size, float(np.mean(np.angle(turned * np.exp(-1j * phase)) ** 2)) if near.size else 0.0
+        jump = np.angle(np.exp(1j * (other - one - each * number)))
+        variance = sigma**2 * (4.0 / few + 4.0 / many) + WANDER**2 * (number + AROUND) + shaken + shakes
+        cost = cost + np.minimum(jump**2 / variance, PHASE_MOST)
+    order = np.argsort(cost, kind="stable")
+    return number[order], cost[order]

@@ -9,8 +9,8 @@ import numpy as np
 from pipeline.film.normal_points import normal_points
 from pipeline.film.parts import Strobe, TimeAxis, Tracks
 from pipeline.film.reading import Reading
+from pipeline.film.scan.files import WholeImage
 from pipeline.film.scan.opening import OpenScan
-from pipeline.film.scan.whole import WholeImage
 
 ROWS_PER_SECOND, INTERVAL, SCALE, LEVER = 60.0, 0.5, 25.4 / 300, 2000.0
 PERIODS = {"1": 1.00966, "2": 1.009760966}

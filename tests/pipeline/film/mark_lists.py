@@ -29,6 +29,8 @@ class Case:
     blackout: tuple[tuple[float, float], ...] = ()
     stands: tuple[tuple[float, float], ...] = ()
     """When, and for how long, the paper stood still."""
+    changes: tuple[tuple[float, float, float], ...] = ()
+    """From when to when the paper ran at another speed, and how many times as fast."""
     code: float | None = 0.125
     code_missing: float = 0.0
     start: float = 3.2
@@ -65,6 +67,8 @@ def made(case: Case) -> Made:
             rng.normal(size=int(length) + 20), np.hanning(9) / np.sqrt((np.hanning(9) ** 2).sum()), "same"
         )
         rate += case.walk * np.interp(passed, np.arange(knots.size) - 5.0, knots)
+    for begin, stop, factor in case.changes:
+        rate[(passed >= begin) & (passed < stop)] *= factor
     for begin, stood in case.stands:
         rate[(passed >= begin) & (passed < begin + stood)] = 1e-6
     row = 30.0 + case.speed * (np.cumsum(rate) - rate) * step

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.film.scan.border import WithoutBorder, without_border
-from pipeline.film.scan.whole import WholeImage
+from pipeline.film.scan.files import WholeImage
+from pipeline.film.scan.image import WithoutBorder, without_border
 
 ROWS, COLUMNS = 1200, 400
 

@@ -9,9 +9,8 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from data_schemas.errors import FileError
-from pipeline.film.scan.joining import join
-from pipeline.film.scan.overlap import place
-from pipeline.film.scan.whole import WholeImage
+from pipeline.film.scan.files import WholeImage
+from pipeline.film.scan.strips import join, place
 
 A, B = Path("a.tif"), Path("b.tif")
 

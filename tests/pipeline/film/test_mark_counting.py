@@ -125,12 +125,12 @@ def test_the_minute_code_is_learned() -> None:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("kind", ["gap length", "missing mark"])
+@pytest.mark.parametrize("kind", ["long", "omitted"])
 def test_other_minute_codes_are_learned(kind: str) -> None:
     truth = made(Case(minutes=8.0, code=None, unseen=0.0))
     near = np.argmin(np.abs(truth.gaps.row[:, None] - truth.row[None, :]), axis=1)
     minute = truth.number[near] % 120.0 == 0.0
-    if kind == "gap length":
+    if kind == "long":
         gaps = replace(truth.gaps, width=np.where(minute, 1.6, 1.0) * truth.gaps.width)
     else:
         gaps = truth.gaps.pick(~minute)
@@ -140,12 +140,45 @@ def test_other_minute_codes_are_learned(kind: str) -> None:
 
 
 @pytest.mark.compiled
+@pytest.mark.parametrize("code", ["long", "omitted"])
+def test_stated_code_is_read_from_two_minutes(code: str) -> None:
+    truth = made(Case(minutes=2.4, code=None, unseen=0.0, start=40.0))
+    near = np.argmin(np.abs(truth.gaps.row[:, None] - truth.row[None, :]), axis=1)
+    minute = truth.number[near] % 120.0 == 0.0
+    gaps = replace(truth.gaps, width=np.where(minute, 1.6, 1.0) * truth.gaps.width)
+    gaps = gaps if code == "long" else truth.gaps.pick(~minute)
+    found = axis(replace(truth, gaps=gaps), Marking(code=code))
+    assert np.all(slips(found.index, found.row, truth) == 0.0)
+    for other in ("none", "double", {"long": "omitted", "omitted": "long"}[code]):
+        assert "marks-without-minute-code" in axis(replace(truth, gaps=gaps), Marking(code=other)).flags
+
+
+@pytest.mark.compiled
 def test_films_without_a_code_say_so() -> None:
     truth = made(Case(minutes=4.0, code=None, missing=0.1))
     found = axis(truth)
     away = slips(found.index, found.row, truth)
     assert np.all(away == away[0])
     assert "marks-without-minute-code" in found.flags
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("case", [Case(drift=0.3), Case(changes=((100.0, 110.0, 0.8),))])
+def test_change_of_speed_does_not_slip(case: Case) -> None:
+    truth = made(replace(case, minutes=5.0))
+    found = axis(truth)
+    assert np.all(slips(found.index, found.row, truth) == 0.0)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("factor", [0.8, 0.85, 1.2])
+def test_unknown_number_of_marks_is_cut_or_right(factor: float) -> None:
+    dark = ((100.0, 107.0),)
+    truth = made(Case(minutes=5.0, hidden=dark, blackout=dark, changes=((100.5, 106.5, factor),)))
+    found = axis(truth)
+    assert np.all(slips(found.index, found.row, truth) == 0.0)
+    late = found.seconds - truth.seconds
+    assert "film-cut" in found.flags or np.nanmax(np.abs(late)) < 0.2
 
 
 @pytest.mark.compiled

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from data_schemas.errors import FileError, IsochronyError, UsageError
-from pipeline.film.scan.image import to_grey
+from pipeline.film.scan.files import WholeImage, to_grey
+from pipeline.film.scan.image import CLOCKWISE, UPRIGHT, Reversed, turned
 from pipeline.film.scan.opening import ScanOptions, open_scan
-from pipeline.film.scan.turning import CLOCKWISE, UPRIGHT, Turned, turned
-from pipeline.film.scan.whole import WholeImage
 
 tifffile = pytest.importorskip("tifffile")
 Image = pytest.importorskip("PIL.Image")
@@ -68,6 +67,15 @@ def test_colour_becomes_grey_whatever_its_planes(tmp_path, planar, channels):
     extra = {"extrasamples": ["unassalpha"]} if channels == 4 else {}
     path = save(tmp_path / "film.tif", stored, photometric="rgb", planarconfig=planar, rowsperstrip=50, **extra)
     np.testing.assert_array_equal(open_scan(path).read(0, 300), pixels)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_thumbnail_in_file_is_passed_over(tmp_path, first):
+    pixels = film()
+    with tifffile.TiffWriter(tmp_path / "film.tif") as writer:
+        for page in (pixels[::4, ::4], pixels) if first else (pixels, pixels[::4, ::4]):
+            writer.write(page, rowsperstrip=64)
+    np.testing.assert_array_equal(open_scan(tmp_path / "film.tif").read(0, 300), pixels)
 
 
 def test_luma_weighs_the_colours_and_white_stays_white():
@@ -129,13 +137,13 @@ def test_turns_combine():
 
 @pytest.mark.parametrize("layout", ["plain", "deflated", "tiles"])
 def test_film_that_lies_across_is_turned_in_pieces(tmp_path, layout, monkeypatch):
-    monkeypatch.setattr("pipeline.film.scan.turning._SLAB", 300 * 21)
+    monkeypatch.setattr("pipeline.film.scan.image.CHUNK", 300 * 21)
     pixels = film()
     scan = open_scan(save(tmp_path / "film.tif", np.rot90(pixels).copy(), **LAYOUTS[layout]))
     np.testing.assert_array_equal(scan.read(0, 300), pixels)
     np.testing.assert_array_equal(scan.read(17, 23), pixels[17:23])
     np.testing.assert_array_equal(scan.upside_down().read(0, 300), pixels[::-1, ::-1])
-    assert isinstance(scan.upside_down().image, Turned)
+    assert isinstance(scan.upside_down().image, Reversed)
 
 
 def test_light_lines_become_dark_and_the_option_decides_otherwise(tmp_path):

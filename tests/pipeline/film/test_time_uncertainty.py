@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from mark_lists import Case, made
 
+from pipeline.film.marks.alignment import lasting
 from pipeline.film.marks.axis import axis_of, times_of
-from pipeline.film.marks.drive import NO_JUMPS, Drive, drive
-from pipeline.film.marks.oblique import lasting
+from pipeline.film.marks.drive import NO_JUMPS, Drive, Model, drive
 from pipeline.film.parts import Floats, Marking
 
 STEP = 0.5  # s
@@ -68,21 +68,8 @@ def plain(marks: int, shake: float) -> Drive:
     one = np.ones(marks)
     used = np.ones((2, marks), dtype=bool)
     row = 10.0 + 29.5 * np.arange(marks)
-    return Drive(
-        STEP,
-        -12.0,
-        float(np.log(shake)),
-        0.02,
-        (),
-        row,
-        59.0 * one,
-        0.0 * one,
-        0.01 * one,
-        0.1 * one,
-        used,
-        NO_JUMPS,
-        0.0,
-    )
+    model = Model(STEP, -12.0, float(np.log(shake)), 0.02)
+    return Drive(model, row, 59.0 * one, 0.0 * one, 0.01 * one, 0.1 * one, used, NO_JUMPS, 0.0)
 
 
 def test_between_marks_a_rough_drive_is_less_sure() -> None:

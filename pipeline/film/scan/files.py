@@ -1,0 +1,317 @@
+"""Image files: TIFF and BigTIFF, decoded a strip or a row of tiles at a time; all others whole, by Pillow.
+
+Where the pixels of a TIFF are kept is read by tifffile, and believed only after a check against the file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import importlib
+import itertools
+import logging
+import os
+import warnings
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from data_schemas.errors import FileError
+from pipeline.film.scan.image import Image, Pixels
+
+MOST_PIXELS = 2**36
+MOST_BYTES_AT_ONCE = 2**29  # of a file that can only be decoded whole
+NO_COMPRESSION, DEFLATE, DEFLATE_OLD = 1, 8, 32946
+HORIZONTAL = 2  # differences along the rows
+WHITE_IS_ZERO, BLACK_IS_ZERO, RGB = 0, 1, 2
+PER_INCH = {2: 1.0, 3: 2.54}  # ResolutionUnit: inch, cm
+MOST_INFLATION = 1032  # of deflate, by its format
+CACHED = 2**24  # bytes of decoded bands
+CHUNK = 2**22  # bytes read at once of a file without compression
+MOST_PAGES, SMALL = 16, 0.3  # of a file; pixels of its largest page, from which another one is no thumbnail
+ORIENTATION = 274  # tag of TIFF and EXIF
+BYTES = {"1": 1, "L": 1, "LA": 4, "P": 4, "PA": 4, "RGB": 4, "RGBA": 4, "YCbCr": 4, "CMYK": 4, "I;16": 2, "I": 4}
+
+
+class ImageFile(Image):
+    """An image file."""
+
+    path: Path
+    resolution: tuple[float, float] | None  # pixels per inch down and across, as the file's tags say
+    upright: int  # the orientation of TIFF and EXIF, 1 to 8: how the stored rows lie in the picture
+
+
+@dataclass
+class WholeImage(ImageFile):
+    """An image in memory."""
+
+    path: Path
+    pixels: Pixels
+    resolution: tuple[float, float] | None
+    upright: int
+
+    def __post_init__(self) -> None:
+        self.rows, self.columns = self.pixels.shape
+        self.full_scale = 255 if self.pixels.dtype == np.uint8 else 65535
+
+    def read(self, first: int, stop: int) -> Pixels:
+        """Rows `first` to `stop`."""
+        return self.pixels[first:stop]
+
+
+def refuse_absurd_size(path: Path, rows: int, columns: int) -> None:
+    """Raise `FileError` for an image without pixels, too narrow for a film, or larger than any scan."""
+    if rows < 1 or columns < 1:
+        raise FileError(f"{path}: the image has {rows} rows of {columns} pixels; scan the film again")
+    if min(rows, columns) < 16:
+        raise FileError(f"{path}: {columns} x {rows} pixels hold no film; at least 16 across are needed")
+    if rows * columns > MOST_PIXELS:
+        raise FileError(f"{path}: claims {columns} x {rows} pixels, more than any scan of a film; save it anew")
+
+
+def to_grey(pixels: Pixels) -> Pixels:
+    """Grey of (rows, columns) or (rows, columns, channels): luma of ITU-R BT.601 in whole numbers; alpha is left out.
+
+    >>> to_grey(np.array([[[255, 255, 255], [0, 0, 0]]], dtype=np.uint8)).tolist()
+    [[255, 0]]
+    """
+    if pixels.ndim == 2:
+        return pixels
+    if pixels.shape[2] < 3:
+        return np.ascontiguousarray(pixels[:, :, 0])
+    luma = np.full(pixels.shape[:2], 32768, dtype=np.uint32)  # 65535 * 65536 + 32768 fits
+    for channel, weight in enumerate((19595, 38470, 7471)):  # of 65536
+        luma += pixels[:, :, channel] * np.uint32(weight)
+    return np.asarray(luma >> np.uint32(16), dtype=pixels.dtype)
+
+
+def open_whole(path: Path, kind: str) -> WholeImage:
+    """Decode an image file of `kind` "PNG", "JPEG" or "TIFF": Pillow's guess would try every format it knows.
+
+    Raises `FileError` where it is damaged, of an unknown mode, or too large to be decoded whole.
+    """
+    # Pillow's general reader refuses large images, which films are, by a global limit
+    name = {"PNG": "Png", "JPEG": "Jpeg", "TIFF": "Tiff"}[kind]
+    opener = getattr(importlib.import_module(f"PIL.{name}ImagePlugin"), f"{name}ImageFile")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what matters of a damaged file is raised
+            with contextlib.closing(opener(str(path))) as image:
+                columns, rows = image.size
+                refuse_absurd_size(path, rows, columns)
+                if image.mode not in BYTES:
+                    raise FileError(f"{path}: pixels of mode {image.mode} are not known; save it as 8 or 16 bit grey")
+                if rows * columns * BYTES[image.mode] > MOST_BYTES_AT_ONCE:
+                    raise FileError(
+                        f"{path}: {columns} x {rows} pixels are too many for {kind}, which can only be decoded whole; "
+                        "save it as TIFF in strips, or cut it and add --strips"
+                    )
+                upright = int(image.getexif().get(ORIENTATION, 1))
+                resolution = _pillow_resolution(image.info.get("dpi"))
+                return WholeImage(path, _pillow_grey(image), resolution, upright if 1 <= upright <= 8 else 1)
+    except FileError:
+        raise
+    except MemoryError as fault:
+        raise FileError(f"{path}: does not fit into memory; save it as TIFF in strips") from fault
+    except Exception as fault:  # Pillow's decoders raise whatever their bytes lead to
+        raise FileError(f"{path}: damaged or unusual {kind} ({_short(fault)}); scan or save it again") from fault
+
+
+def _short(fault: Exception) -> str:
+    return " ".join(str(fault).split())[:120] or type(fault).__name__
+
+
+def _pillow_grey(image: Any) -> Pixels:
+    """Grey pixels, by the same luma as `to_grey`."""
+    if image.mode in ("I", "I;16"):
+        return np.asarray(np.clip(np.asarray(image), 0, 65535), dtype=np.uint16)
+    return np.array(image.convert("L"))
+
+
+def _pillow_resolution(stated: Any) -> tuple[float, float] | None:
+    """Pixels per inch down and across from Pillow's pair across and down."""
+    try:
+        across, down = (float(value) for value in stated)
+    except (TypeError, ValueError, ZeroDivisionError):
+        return None
+    return down, across
+
+
+def open_tiff(path: Path) -> ImageFile:
+    """Open the largest image of a TIFF; what `TiffImage` cannot decode piece by piece Pillow takes whole, if small.
+
+    Raises `FileError` where the file is damaged, holds several images, or pixels that are no whole numbers of 8 or 16
+    bits.
+    """
+    import tifffile
+
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # what matters is raised here, in one line
+    try:
+        with tifffile.TiffFile(path) as tiff:
+            pages: list[Any] = list(itertools.islice(tiff.pages, MOST_PAGES))
+            sizes = [int(each.imagelength) * int(each.imagewidth) for each in pages]
+            page = pages[sizes.index(max(sizes))]
+            image = _described(path, page, tiff.byteorder)
+            several = sum(size > SMALL * max(sizes) for size in sizes) > 1
+            bits, kind = page.bitspersample, page.sampleformat
+    except Exception as fault:  # tifffile raises whatever the bytes lead to
+        raise FileError(f"{path}: damaged TIFF ({_short(fault)}); copy or scan it again") from fault
+    if bits not in (8, 16) or kind != 1:
+        kinds = {1: "whole numbers", 2: "signed numbers", 3: "floating point"}
+        raise FileError(f"{path}: pixels are {kinds.get(kind, 'data')} of {bits} bits; save it as 8 or 16 bit grey")
+    if several:
+        raise FileError(f"{path}: holds several images; save each strip of film to a file, and add --strips")
+    refuse_absurd_size(path, image.rows, image.columns)
+    is_known = image.compression in (NO_COMPRESSION, DEFLATE, DEFLATE_OLD)
+    if not is_known or image.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB):
+        return open_whole(path, "TIFF")
+    image.check()
+    return image
+
+
+def _described(path: Path, page: Any, byteorder: str) -> TiffImage:
+    """What the tags of a page say."""
+    rows, columns, tiled = int(page.imagelength), int(page.imagewidth), bool(page.is_tiled)
+    height = int(page.tilelength) if tiled else min(int(page.rowsperstrip or rows), rows)
+    samples = int(page.samplesperpixel)
+
+    def whole(name: str, default: int, allowed: range) -> int:
+        value = page.tags.valueof(name, default=default)
+        return int(value) if isinstance(value, int) and int(value) in allowed else default
+
+    factor, resolution = PER_INCH.get(whole("ResolutionUnit", 2, range(1, 4))), None
+    stated = [page.tags.valueof(name) for name in ("YResolution", "XResolution")]
+    if factor is not None and all(isinstance(value, tuple) and len(value) == 2 and value[1] for value in stated):
+        down, across = (factor * float(value[0]) / float(value[1]) for value in stated)
+        resolution = down, across
+    return TiffImage(
+        path=path,
+        rows=rows,
+        columns=columns,
+        samples=samples,
+        dtype=np.dtype(f"{byteorder}u{max(1, int(page.bitspersample) // 8)}"),
+        segment_rows=max(1, height),
+        segment_columns=max(1, int(page.tilewidth) if tiled else columns),
+        offsets=tuple(int(value) for value in page.dataoffsets),
+        sizes=tuple(int(value) for value in page.databytecounts),
+        is_tiled=tiled,
+        is_planar=int(page.planarconfig) == 2 and samples > 1,
+        photometric=int(page.photometric),
+        compression=int(page.compression),
+        predictor=int(page.predictor),
+        resolution=resolution,
+        upright=whole("Orientation", 1, range(1, 9)),
+    )
+
+
+@dataclass
+class TiffImage(ImageFile):
+    """A TIFF on the disk, of which nothing is held but the bands of rows last decoded; any number of threads may read.
+
+    Strips are tiles as wide as the image: segments of `segment_rows` rows and `segment_columns` columns lie at
+    `offsets` in the file, `sizes` bytes each. `dtype` is that of a sample in the file's byte order.
+    """
+
+    path: Path
+    rows: int
+    columns: int
+    samples: int
+    dtype: np.dtype[Any]
+    segment_rows: int
+    segment_columns: int
+    offsets: tuple[int, ...]
+    sizes: tuple[int, ...]
+    is_tiled: bool
+    is_planar: bool
+    photometric: int
+    compression: int
+    predictor: int
+    resolution: tuple[float, float] | None
+    upright: int
+
+    def __post_init__(self) -> None:
+        self.full_scale = 255 if self.dtype.itemsize == 1 else 65535
+        self.down, self.across = -(-self.rows // self.segment_rows), -(-self.columns // self.segment_columns)
+        self.planes, self.together = (self.samples, 1) if self.is_planar else (1, self.samples)  # channels of a segment
+
+    def check(self) -> None:
+        """Raise `FileError` where the tags contradict each other or the file's length.
+
+        Strips of any height that follow each other without compression are taken for lower ones.
+        """
+        count, length = self.planes * self.down * self.across, self.path.stat().st_size
+        if not len(self.offsets) == len(self.sizes) == count:
+            raise FileError(f"{self.path}: lists {len(self.offsets)} of {count} strips or tiles; save it again")
+        last = max(offset + size for offset, size in zip(self.offsets, self.sizes, strict=True))
+        if last > length or min(self.offsets) < 8:
+            raise FileError(f"{self.path}: has {length} of {last} bytes; it was cut off, copy it again")
+        if sum(self.sizes) > length:
+            raise FileError(f"{self.path}: its strips or tiles overlap in the file; save it again")
+        plain = self.compression == NO_COMPRESSION
+        pitch = self.columns * self.samples * self.dtype.itemsize
+        if self.rows * pitch > sum(self.sizes) * (1 if plain else MOST_INFLATION):
+            raise FileError(f"{self.path}: holds too few bytes for {self.columns} x {self.rows} pixels; save it again")
+        follow = all(a + n == b for a, n, b in zip(self.offsets, self.sizes, self.offsets[1:], strict=False))
+        if plain and not self.is_tiled and not self.is_planar and follow:
+            self.segment_rows = max(1, CHUNK // pitch)
+            self.down = -(-self.rows // self.segment_rows)
+            self.offsets = tuple(self.offsets[0] + k * self.segment_rows * pitch for k in range(self.down))
+            self.sizes = (self.segment_rows * pitch,) * self.down
+        band = self.segment_rows * self.segment_columns * self.across * self.together * self.dtype.itemsize
+        if band > MOST_BYTES_AT_ONCE:
+            raise FileError(
+                f"{self.path}: its strips or tiles are too large to be decoded; save it with 1024 rows a strip"
+            )
+        self._band = functools.lru_cache(max(1, CACHED // max(band, 1)))(self._decode_band)
+
+    def read(self, first: int, stop: int) -> Pixels:
+        """Rows `first` to `stop`, grey."""
+        pixels = np.empty((stop - first, self.columns), dtype=self.dtype.newbyteorder("="))
+        height = self.segment_rows
+        for band in range(first // height, -(-stop // height)):
+            start = band * height
+            a, b = max(first, start), min(stop, start + height)
+            pixels[a - first : b - first] = self._band(band)[a - start : b - start]
+        return pixels
+
+    def _decode_band(self, band: int) -> Pixels:
+        """All columns of one row of strips or tiles, grey, in the machine's byte order, white above black."""
+        height = min(self.segment_rows, self.rows - band * self.segment_rows)
+        whole = np.empty((height, self.columns, self.samples), dtype=self.dtype)
+        with self.path.open("rb") as stream:
+            for plane, tile in np.ndindex(self.planes, self.across):
+                number = (plane * self.down + band) * self.across + tile
+                left = tile * self.segment_columns
+                right = min(self.columns, left + self.segment_columns)
+                channels = slice(plane, plane + 1) if self.is_planar else slice(None)
+                segment = self._decode(stream.fileno(), number, height)
+                whole[:, left:right, channels] = segment[:height, : right - left]
+        grey = to_grey(whole if self.samples > 1 else whole[:, :, 0])
+        grey = np.ascontiguousarray(grey, dtype=grey.dtype.newbyteorder("="))
+        return self.full_scale - grey if self.photometric == WHITE_IS_ZERO else grey
+
+    def _decode(self, descriptor: int, number: int, rows: int) -> Pixels:
+        """Pixels of one segment of the open file, (rows, columns, channels), in the file's byte order.
+
+        A last strip may hold fewer `rows` than the others, a tile never does.
+        """
+        shape = (self.segment_rows if self.is_tiled else rows, self.segment_columns, self.together)
+        needed = int(np.prod(shape)) * self.dtype.itemsize
+        name = f"{self.path}: strip or tile {number}"
+        data = os.pread(descriptor, self.sizes[number], self.offsets[number])
+        if self.compression != NO_COMPRESSION:
+            try:
+                data = zlib.decompressobj().decompress(data, needed)
+            except zlib.error as fault:
+                raise FileError(f"{name} is damaged ({fault}); copy or scan it again") from fault
+        if len(data) < needed:
+            raise FileError(f"{name} has {len(data)} of {needed} bytes; copy or scan it again")
+        pixels = np.frombuffer(data, self.dtype, count=needed // self.dtype.itemsize).reshape(shape)
+        if self.compression == NO_COMPRESSION or self.predictor == 1:
+            return pixels
+        if self.predictor != HORIZONTAL:
+            raise FileError(f"{name} stores differences of kind {self.predictor}; save it without a predictor")
+        return np.asarray(np.add.accumulate(pixels, axis=1, dtype=self.dtype.newbyteorder("=")))

@@ -1,0 +1,265 @@
+"""Overlapping strips of one film as one image, each turned and shifted onto the first.
+
+A strip lies where its lines and its grain are those of the strip before. Swings look alike: a strip laid one swing too
+far matches almost as well. Shifts that match over the whole overlap that they imply are aligned pixel by pixel, and the
+best must be better than all others by far.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schemas.errors import FileError
+from pipeline.film.parts import Floats
+from pipeline.film.scan.image import Image, Pixels
+from synth.kernels.compiled import kernel
+
+DOWN, ACROSS = 2, 6  # pixels to a bin of the search
+TEMPLATES, TEMPLATE = 4, 96  # parts of the strip's beginning that are searched for, bins of rows each
+LONGEST = 8192  # rows of overlap that are looked for
+NEAR = 6  # bins of rows that count as one shift
+CANDIDATES = 24  # shifts of each template
+ROUGH, FINE = 16, 3  # of the best shifts, aligned roughly and finely:
+ROUGHLY, FINELY = (4.0,), (2.0, 1.0)  # 1 sigma of the smoothing, px: wide first, to converge from the search's bins
+ROWS = 720  # of the overlap that are compared
+STEPS, CONVERGED = 12, 1e-4  # px
+LEAST_MATCH = 0.9  # correlation of the aligned grey values
+LEAST_LEAD = 2.5  # by which the second best must be further from a perfect match than the best
+EXACT = 0.02  # px: a placement this close to whole pixels is taken for them
+MARGIN = 3  # rows that cubic convolution reaches beyond
+CHUNK = 1024  # rows resampled at a time
+Grey = NDArray[np.float32]
+
+
+class Placement(NamedTuple):
+    """Where a strip lies on the one before: its pixel (r, c) falls on (row + r cos + c sin, column + c cos - r sin)."""
+
+    row: float
+    column: float
+    turn: float  # angle of that cos and sin, rad
+    match: float  # correlation of the grey values where they overlap, 1 at best
+    second: float = 0.0  # of the best other placement
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether the strips match here and nowhere else."""
+        return self.match >= LEAST_MATCH and 1.0 - self.second >= LEAST_LEAD * (1.0 - self.match)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A strip in the frame of the film, which is the first strip's; `first` is the film's row from which it is read."""
+
+    image: Image
+    row: float
+    column: float
+    turn: float
+    first: int
+
+    def fill(self, first: int, wanted: Pixels) -> None:
+        """Rows of the film from `first` on."""
+        cosine, sine = math.cos(self.turn), math.sin(self.turn)
+        # the film's (first, 0) in the strip
+        row = (first - self.row) * cosine + self.column * sine
+        column = (first - self.row) * sine - self.column * cosine
+        tilt = abs(self.turn) * wanted.shape[1]
+        low = min(max(0, math.floor(row - tilt) - MARGIN), self.image.rows - 1)
+        high = min(self.image.rows, math.ceil(row + wanted.shape[0] + tilt) + MARGIN)
+        source = self.image.read(low, max(high, low + 1))
+        resample(source, wanted, row - low, column, cosine, sine, float(self.image.full_scale))
+
+
+@dataclass
+class Joined(Image):
+    """Strips as one image, as wide as the first."""
+
+    parts: tuple[Part, ...]
+    rows: int
+
+    def __post_init__(self) -> None:
+        self.columns, self.full_scale = self.parts[0].image.columns, self.parts[0].image.full_scale
+
+    def read(self, first: int, stop: int) -> Pixels:
+        """Rows `first` to `stop`."""
+        pixels = np.empty((stop - first, self.columns), dtype=np.uint8 if self.full_scale == 255 else np.uint16)
+        ends = [*(part.first for part in self.parts[1:]), self.rows]
+        for part, end in zip(self.parts, ends, strict=True):
+            for a in range(max(first, part.first), min(stop, end), CHUNK):
+                part.fill(a, pixels[a - first : min(a + CHUNK, stop, end) - first])
+        return pixels
+
+
+def join(images: Sequence[Image], paths: Sequence[Path]) -> Joined:
+    """Lay strips on each other.
+
+    Raises
+    ------
+    FileError
+        Two strips do not overlap, or not certainly in one way only.
+    """
+    if len({image.full_scale for image in images}) > 1:
+        raise FileError(f"{paths[0]}: the strips have 8 and 16 bits; save them alike")
+    parts = [Part(images[0], 0.0, 0.0, 0.0, 0)]
+    for number in range(1, len(images)):
+        found = place(images[number - 1], images[number])
+        if found is None or not found.is_certain:
+            none = found is None or found.match < LEAST_MATCH
+            raise FileError(
+                f"{paths[number]}: {'no overlap found' if none else 'the overlap fits at several places'} with the end "
+                f"of {paths[number - 1].name}; give the strips in the order of time, each overlapping the one before "
+                "by some 200 rows or more"
+            )
+        before = parts[-1]
+        cosine, sine = math.cos(before.turn), math.sin(before.turn)
+        row = before.row + found.row * cosine + found.column * sine
+        column = before.column + found.column * cosine - found.row * sine
+        turn, size = before.turn + found.turn, max(images[number].rows, images[number].columns)
+        if max(abs(row - round(row)), abs(column - round(column))) + abs(turn) * size < EXACT:
+            row, column, turn = float(round(row)), float(round(column)), 0.0
+        seam = math.ceil(0.5 * (row + before.row + before.image.rows))
+        parts.append(Part(images[number], row, column, turn, max(before.first + 1, seam)))
+    last = parts[-1]
+    return Joined(tuple(parts), math.floor(last.row + last.image.rows + min(0.0, last.turn * parts[0].image.columns)))
+
+
+@kernel
+def resample(source: Pixels, wanted: Pixels, row: float, column: float, cosine: float, sine: float, top: float) -> None:
+    """Fill `wanted` from `source`: pixel (i, j) is taken from (row + i cos - j sin, column + j cos + i sin).
+
+    Cubic convolution of Keys (1981), a = -1/2; beyond the edges the edge is repeated. Positions count from the first
+    pixel's centre; `top` is the lightest value.
+    """
+    rows, columns = source.shape
+    down, across = np.empty(4), np.empty(4)
+    for i in range(wanted.shape[0]):
+        for j in range(wanted.shape[1]):
+            y, x = row + i * cosine - j * sine, column + j * cosine + i * sine
+            below, left, value = math.floor(y), math.floor(x), 0.0
+            for u, weight in ((y - below, down), (x - left, across)):
+                weight[0], weight[1] = u * (-0.5 + u * (1.0 - 0.5 * u)), 1.0 + u * u * (-2.5 + 1.5 * u)
+                weight[2], weight[3] = u * (0.5 + u * (2.0 - 1.5 * u)), u * u * (-0.5 + 0.5 * u)
+            for k in range(4):
+                line = source[min(max(int(below) + k - 1, 0), rows - 1)]
+                for m in range(4):
+                    value += down[k] * across[m] * line[min(max(int(left) + m - 1, 0), columns - 1)]
+            wanted[i, j] = min(max(math.floor(value + 0.5), 0.0), top)
+
+
+def place(before: Image, strip: Image) -> Placement | None:
+    """Find where a strip's beginning lies on the end of the strip before; None if nothing matches at all."""
+    length = min(LONGEST, before.rows, strip.rows)
+    first = before.rows - length
+    old, new = _binned(before, first, before.rows), _binned(strip, 0, length)
+    width = min(old.shape[1], new.shape[1])
+    old, new = old[:, :width], new[:, :width]
+    ranked = sorted(((_match(old, new, *shift), shift) for shift in _candidates(old, new)), reverse=True)
+    if not ranked or ranked[0][0] <= 0.0:
+        return None
+    tried: dict[int, Placement] = {}
+    for _, (down, across) in ranked:
+        if len(tried) < ROUGH and all(abs(down - other) > NEAR for other in tried):
+            tried[down] = align(before, strip, float(first + down * DOWN), float(across * ACROSS), ROUGHLY)
+    best_first = sorted(tried.values(), key=lambda found: -found.match)[:FINE]
+    fine = [align(before, strip, found.row, found.column, FINELY, found.turn) for found in best_first]
+    best, *others = sorted(fine, key=lambda found: -found.match)
+    return best._replace(second=max((found.match for found in others), default=0.0))
+
+
+def _binned(image: Image, first: int, stop: int) -> Grey:
+    """Departures from the local level in bins, in units of their own spread."""
+    rows, columns = (stop - first) // DOWN, image.columns // ACROSS
+    bins = np.empty((rows, columns), dtype=np.float32)
+    for a in range(0, rows, CHUNK):
+        b = min(rows, a + CHUNK)
+        pixels = image.read(first + a * DOWN, first + b * DOWN)[:, : columns * ACROSS]
+        bins[a:b] = pixels.reshape(b - a, DOWN, columns, ACROSS).mean(axis=(1, 3), dtype=np.float32)
+        bins[a:b] -= np.median(bins[a:b], axis=0)
+    return bins / max(float(bins.std()), 1e-6)
+
+
+def _candidates(old: Grey, new: Grey) -> set[tuple[int, int]]:
+    """Shifts (down, across), in bins, at which some part of the strip's beginning matches well."""
+    from scipy.signal import correlate
+
+    found: set[tuple[int, int]] = set()
+    height = min(TEMPLATE, new.shape[0])
+    most, middle = max(1, new.shape[1] // 8), new.shape[1] - 1
+    for start in range(0, min(TEMPLATES * height, new.shape[0] - height + 1), height):
+        surface = correlate(old, new[start : start + height], method="fft")[height - 1 :]
+        near = surface[:, middle - most : middle + most + 1]
+        best = near.max(axis=1)
+        for _ in range(CANDIDATES):
+            row = int(np.argmax(best))
+            if best[row] <= 0.0:
+                break
+            if 0 <= row - start < old.shape[0] - height // 2:
+                found.add((row - start, int(np.argmax(near[row])) - most))
+            best[max(0, row - NEAR) : row + NEAR + 1] = 0.0
+    return found
+
+
+def _match(old: Grey, new: Grey, down: int, across: int) -> float:
+    """Correlation over the whole overlap of a shift."""
+    rows, columns = min(old.shape[0] - down, new.shape[0]), old.shape[1] - abs(across)
+    one = old[down : down + rows, max(0, across) : max(0, across) + columns]
+    other = new[:rows, max(0, -across) : max(0, -across) + columns]
+    norm = float(np.sqrt(np.sum(one * one, dtype=np.float64) * np.sum(other * other, dtype=np.float64)))
+    return float(np.sum(one * other, dtype=np.float64)) / norm if norm > 0.0 else 0.0
+
+
+def align(
+    before: Image, strip: Image, row: float, column: float, widths: Sequence[float], turn: float = 0.0
+) -> Placement:
+    """Refine a placement that is right to a few pixels, by Gauss-Newton on the difference of the two images.
+
+    `widths` are those of the smoothing in turn, 1 sigma, px.
+    """
+    from scipy.ndimage import gaussian_filter, map_coordinates
+
+    overlap = min(before.rows - round(row), strip.rows)
+    first = max(0, (overlap - ROWS) // 2)
+    rows, columns = min(ROWS, overlap), strip.columns
+    new = _levelled(strip.read(first, first + rows))
+    start = max(0, round(row) + first - 16)
+    old = _levelled(before.read(start, min(before.rows, round(row) + first + rows + 16)))
+    inner = slice(8, rows - 8, 2), slice(8, columns - 8, 2)
+    down, across = np.mgrid[inner].astype(np.float64)
+    match, middle_row, middle_column = 0.0, 0.5 * rows, 0.5 * columns
+    about_row, about_column = down - middle_row, across - middle_column
+    # of the compared part's own frame, turning about its middle
+    shift_row, shift_column = row + first - start + turn * middle_column, column - turn * (middle_row + first)
+    for width in widths:
+        smooth = gaussian_filter(old, width)
+        slopes, wanted = np.gradient(smooth), gaussian_filter(new, width)[inner]
+        for _ in range(STEPS):
+            at = np.stack([down + shift_row + turn * about_column, across + shift_column - turn * about_row])
+            inside = (at[0] >= 0) & (at[0] <= old.shape[0] - 1) & (at[1] >= 0) & (at[1] <= old.shape[1] - 1)
+            found, by_row, by_column = (
+                map_coordinates(each, at[:, inside], order=1, mode="nearest") for each in (smooth, *slopes)
+            )
+            if found.size < 100:  # away from the overlap: no match
+                return Placement(row, column, 0.0, 0.0)
+            match = float(np.corrcoef(found, wanted[inside])[0, 1])
+            by_turn = by_row * about_column[inside] - by_column * about_row[inside]
+            design = np.stack([by_row, by_column, by_turn])
+            step = np.linalg.lstsq(design @ design.T, design @ (wanted[inside] - found), rcond=1e-10)[0]
+            shift_row, shift_column, turn = shift_row + step[0], shift_column + step[1], turn + step[2]
+            if np.abs(step * (1.0, 1.0, max(rows, columns))).max() < CONVERGED:
+                break
+    # from turning about the middle of the compared part to turning about the strip's first pixel
+    row, column = shift_row + start - first - turn * middle_column, shift_column + turn * (middle_row + first)
+    return Placement(float(row), float(column), float(turn), match)
+
+
+def _levelled(pixels: Pixels) -> Floats:
+    """Pixels less the level of their columns, in units of their spread."""
+    grey = pixels.astype(np.float64)
+    grey -= np.median(grey, axis=0)
+    return np.asarray(grey / max(float(grey.std()), 1e-9))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
+from pipeline.film.tracking.motion import solve
 from synth.kernels.compiled import kernel
 
 DARKEST_SHARE = 0.35  # of the darkest smoothed pixels, from which a peak may be a turning point
@@ -173,13 +174,33 @@ def _vertex(
 
 
 @kernel
-def swing_through(points: Floats, a: int, b: int, c: int, state: Floats) -> None:
-    """Harmonic on a straight line that turns at three points, about, at the row of the middle one."""
-    length = points[c, 0] - points[a, 0]
-    slope, w = (points[c, 1] - points[a, 1]) / length, 2.0 * math.pi / length
-    middle = 0.5 * (points[b, 1] + points[a, 1] + slope * (points[b, 0] - points[a, 0]))
-    state[0], state[1], state[2] = middle, slope, 0.0
-    state[3], state[4], state[5] = points[b, 1] - middle, slope / w, w
+def swing_through(points: Floats, a: int, b: int, c: int, out: Floats, matrix: Floats, right: Floats) -> bool:
+    """Harmonic on a parabola that turns at three points, at the row of the middle one: m, m1, m2, p, q, w."""
+    frequency = 2.0 * math.pi / (points[c, 0] - points[a, 0])
+    swing = 0.5 * abs(points[b, 1] - 0.5 * (points[a, 1] + points[c, 1]))
+    matrix[:], right[:5] = 0.0, 0.0
+    row = right[5:10]
+    slack = 0.05 * swing * frequency  # of the slope at a turning point: its row is known to a good part of a row
+    for slope in (False, True):
+        for at in (a, b, c):
+            place = points[at, 0] - points[b, 0]
+            value = 0.0 if slope else points[at, 1]
+            co, si = math.cos(frequency * place), math.sin(frequency * place)
+            if slope:
+                row[0], row[1], row[2] = 0.0, 1.0 / slack, place / slack
+                row[3], row[4] = -frequency * si / slack, -frequency * co / slack
+            else:
+                row[0], row[1], row[2], row[3], row[4] = 1.0, place, 0.5 * place * place, co, -si
+            for i in range(5):
+                right[i] += row[i] * value
+                for j in range(5):
+                    matrix[i, j] += row[i] * row[j]
+    stiff = 1.0 / (0.05 * swing * frequency * frequency)
+    matrix[2, 2] += stiff * stiff
+    if not solve(matrix, right, 5):
+        return False
+    out[:5], out[5] = right[:5], frequency
+    return True
 
 
 @kernel
@@ -222,7 +243,8 @@ def propose(
     smooth: Floats32, points: Floats, spot: float, least: float, shortest: float, longest: float, out: Floats
 ) -> int:
     """Swings through all triples of turning points that are good enough: (n, 8) of row, state, share; their number."""
-    n, count, state = points.shape[0], 0, np.empty(6)
+    n, count = points.shape[0], 0
+    state, matrix, right = np.empty(6), np.empty((5, 5)), np.empty(10)
     for a in range(n):
         for b in range(a + 1, n):
             first = points[b, 0] - points[a, 0]
@@ -241,7 +263,8 @@ def propose(
                     continue
                 if abs(points[c, 1] - points[a, 1]) > 1.2 * width:
                     continue
-                swing_through(points, a, b, c, state)
+                if not swing_through(points, a, b, c, state, matrix, right):
+                    continue
                 share = share_on_line(smooth, points[b, 0], state, spot, least)
                 if share >= LEAST_SHARE and count < out.shape[0]:
                     out[count, 0], out[count, 1:7], out[count, 7] = points[b, 0], state, share

@@ -26,15 +26,15 @@ from pipeline.film.parts import Tracks
 from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.outcome import Both, flag_lost, read_both
-from pipeline.film.tracking.pieces import Filter, Piece, run, run_again, start
+from pipeline.film.tracking.pieces import Filter, Piece, run, run_again
 from pipeline.film.tracking.probing import SURE, probe
-from pipeline.film.tracking.section import Section, follow_from, follow_together, read_section
+from pipeline.film.tracking.section import Section, follow_from, read_section
 
 NOTHING = (
     "no swinging trace found on the film: lines that turn at regular intervals are looked for, dark on light, with rows"
     " running along time; check the orientation and polarity of the scan, or give period and traces"
 )
-NEAR_PIECES, FAR_PIECES = 3, 8  # looked at from the film's start, and between there and what is followed back
+NEAR_PIECES, FAR_PIECES = 3, 8  # looked at from the film's start, and from there to the section that was probed
 LEAD_SWINGS = 8.0  # before the first section, on which traces that were not found there may be followed
 LEAST_READ = 0.15
 STRANGE = 4.0
@@ -122,9 +122,8 @@ def track(
             f"count is {count} traces but {traces} were found on the film: give the number that swing on it"
         )
     film = Film(scan, emulsion, optics, section.period)
-    begin = _led_in(film, _first_section(film, section))
     tell = (lambda done: progress(done, 2 * scan.rows)) if progress is not None else (lambda done: None)
-    tracks, misfit = backward(film, forward(film, begin, tell, jobs), tell, jobs)
+    tracks, misfit = backward(film, forward(film, _first_section(film, section), tell, jobs), tell, jobs)
     for k in range(traces):
         _refuse_strangers(misfit[k], k)
         flag_lost(tracks.position[k], tracks.course[k], tracks.qc[k], film.period)
@@ -170,52 +169,25 @@ def _refuse_doubles(out: Tracks) -> None:
             )
 
 
-def _led_in(film: Film, section: Section) -> Section:
-    """A section with some rows before it, on which its traces, which were not found there, may be followed."""
+def _first_section(film: Film, probed: Section) -> Section:
+    """The first section looked at on which all traces are found, with some rows before it on which they may begin."""
+    ahead, traces = [first for first, _ in film.pieces if first < probed.first], len(probed.swings)
+    section = probed
+    for first in sorted({*ahead[:NEAR_PIECES], *ahead[:: max(1, len(ahead) // FAR_PIECES)]}):
+        found = _section(film, first, first, traces)
+        if found is not None and len(found.swings) == traces:
+            section = found
+            break
     first = max(0, section.first - round(LEAD_SWINGS * film.period))
     darkness = film.darkness(first, section.first + section.darkness.shape[0])
     begin = section.first + section.begin - first
     return follow_from(section.swings, darkness, first, begin, film.optics, 1.0) if first < section.first else section
 
 
-def _first_section(film: Film, probed: Section) -> Section:
-    """The first section of the film on which all traces are found, or are still followed when the film runs back."""
-    ahead = [first for first, _ in film.pieces if first < probed.first]
-    for first in ahead[:NEAR_PIECES]:
-        if (section := _all_of(film, probed, first)) is not None:
-            return section
-    rewound = _rewound(film, probed)
-    rest = [first for first in ahead[NEAR_PIECES:] if first < rewound.first]
-    for first in rest[:: max(1, len(rest) // FAR_PIECES)]:
-        if (section := _all_of(film, probed, first)) is not None:
-            return section
-    return rewound
-
-
-def _all_of(film: Film, probed: Section, first: int) -> Section | None:
-    """The traces found anew on the section that begins at a row, None unless they are all found."""
-    traces = len(probed.swings)
-    piece = film.darkness(first, min(film.scan.rows, first + round(SECTION_SWINGS * film.period)))
-    section = read_section(piece, first, film.optics, film.period, traces, least=SURE)
-    return section if section is not None and len(section.swings) == traces else None
-
-
-def _rewound(film: Film, probed: Section) -> Section:
-    """The earliest piece to which all traces of a section can be followed back."""
-    begun = start(probed.swings, probed.first + probed.begin + 0.5)
-    stop, section = probed.first + probed.begin + 1, probed
-    while stop > 0:
-        first = max(0, stop - round(SECTION_SWINGS * film.period))
-        darkness = film.darkness(first, stop)
-        piece = run(begun, darkness, first, -1, film.optics)
-        if not begun.alive.all():
-            break
-        pieces = [piece.of(k) for k in range(len(probed.swings))]
-        followed = follow_together(darkness, first, pieces, film.optics, SURE)
-        if followed is None or len(followed.swings) < len(probed.swings):
-            break
-        stop, section = first, followed
-    return section
+def _section(film: Film, first: int, stop: int, traces: int) -> Section | None:
+    """The traces found anew on the section that begins at a row and reaches to `stop` at least."""
+    stop = min(film.scan.rows, max(stop, first + round(SECTION_SWINGS * film.period)))
+    return read_section(film.darkness(first, stop), first, film.optics, film.period, traces, least=SURE)
 
 
 def match(section: Section, last: list[tuple[float, Floats]]) -> list[int] | None:
@@ -289,8 +261,7 @@ def _look_again(
         section: Section | None = first_section
         names: list[int] | None = list(range(len(last)))
     else:
-        ahead = min(film.scan.rows, first + max(stop - first, round(SECTION_SWINGS * film.period)))
-        section = read_section(film.darkness(first, ahead), first, film.optics, film.period, len(last), least=SURE)
+        section = _section(film, first, stop, len(last))
         names = match(section, last) if section is not None else None
     if section is None or names is None:
         return

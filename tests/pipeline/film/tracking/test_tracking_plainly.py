@@ -18,7 +18,7 @@ from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.outcome import fitted_gaps
 from pipeline.film.tracking.probing import SURE, sections
 from pipeline.film.tracking.section import Section, read_section
-from pipeline.film.tracking.track import _rewound, forward, track
+from pipeline.film.tracking.track import _first_section, forward, track
 
 ROWS, BEGIN, BLACK = 110, 15.0, 128.0
 FIRST_ROWS = round(8.0 * PERIOD)  # a section, on films that are shorter than usual ones
@@ -76,11 +76,11 @@ def test_a_first_guess_of_the_optics_is_refined(short: Tiny, section: Section, m
     assert [swing.amplitude for swing in again.swings] == pytest.approx([t.amplitude for t in short.traces], rel=0.03)
 
 
-def test_traces_are_followed_back_to_the_films_start() -> None:
+def test_traces_are_followed_from_the_films_start() -> None:
     made = tiny(150, ((0.0, 150.0),))
     late = read_section(made.film.darkness(100, 150), 100, made.optics, PERIOD, 2, least=SURE)
     assert late is not None
-    early = _rewound(made.film, late)
+    early = _first_section(made.film, late)
     assert early.first < 40
     rows = early.first + np.arange(early.states.shape[0]) + 0.5
     course = early.states[:, :, 0] + early.states[:, :, 3]

@@ -63,6 +63,11 @@ class FilmEmulsion:
         steps = np.linspace(0.0, self.curve.darkest, 4096)
         object.__setattr__(self, "_exposures", self.curve.exposure(steps).astype(np.float32))
 
+    @property
+    def blackest(self) -> float:
+        """Darkness above blank film from which a pixel can be no darker."""
+        return float(np.log10(self.full_scale / 0.75) - self.blank.darkness.max())
+
     def darkness(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
         """Darkness above blank film of rows from `first` on, (rows, columns), log10 units."""
         knots, (rows, columns) = self.blank.rows, pixels.shape
@@ -97,34 +102,38 @@ class FilmEmulsion:
 
 @dataclass(frozen=True)
 class ToneCurve:
-    """Darkness above blank film, `darkest/(1 + (middle/E)^contrast)`: toe, straight part and shoulder.
+    """Darkness above blank film, `darkest (1 - (1 + (E/middle)^contrast/shoulder)^-shoulder)`: toe to shoulder.
 
     Darkness is log10 of the blank pixel over the pixel, whatever the scanner's own gamma: a factor of the density.
 
-    `darkest` is that of endless exposure, `middle` the relative exposure that gives half of it; the slope of the
-    straight part is `darkest*contrast/4` per e-fold of exposure.
+    `darkest` is that of endless exposure. With a shoulder of 1, `middle` is the exposure that gives half of it, and the
+    slope of the straight part `darkest*contrast/4` per e-fold of exposure; the larger the shoulder the shorter it is.
     """
 
     darkest: float
     middle: float
     contrast: float
+    shoulder: float = 1.0
 
     def darkness(self, exposure: ArrayLike) -> Floats:
         """Darkness at a relative exposure, 0 for none."""
         ratio = (np.maximum(np.asarray(exposure, dtype=np.float64), 0.0) / self.middle) ** self.contrast
-        return np.asarray(self.darkest * ratio / (1.0 + ratio), dtype=np.float64)
+        share = -np.expm1(-self.shoulder * np.log1p(ratio / self.shoulder))
+        return np.asarray(self.darkest * share, dtype=np.float64)
 
     def exposure(self, darkness: ArrayLike) -> Floats:
         """Exposure that gives a darkness; the highest of the table where the film is saturated."""
         share = np.clip(np.asarray(darkness, dtype=np.float64) / self.darkest, 0.0, 1.0 - 1e-9)
-        value = self.middle * (share / (1.0 - share)) ** (1.0 / self.contrast)
+        ratio = self.shoulder * np.expm1(-np.log1p(-share) / self.shoulder)
+        value = self.middle * ratio ** (1.0 / self.contrast)
         return np.asarray(np.minimum(value, HIGHEST_EXPOSURE), dtype=np.float64)
 
     def rate(self, exposure: ArrayLike) -> Floats:
         """Derivative of the darkness by the exposure."""
         value = np.maximum(np.asarray(exposure, dtype=np.float64), 1e-9)
         ratio = (value / self.middle) ** self.contrast
-        return np.asarray(self.darkest * self.contrast * ratio / (value * (1.0 + ratio) ** 2), dtype=np.float64)
+        fall = (1.0 + ratio / self.shoulder) ** (-self.shoulder - 1.0)
+        return np.asarray(self.darkest * self.contrast * ratio / value * fall, dtype=np.float64)
 
     def table(self) -> Floats:
         """Darkness and its derivative at even steps from 0 to the highest exposure, (2, size)."""

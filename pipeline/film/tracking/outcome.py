@@ -7,8 +7,6 @@ middle. Beside a gap a row holds part of a line, whose cut is not that of a whol
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, maximum_filter1d, median_filter, percentile_filter, uniform_filter1d
@@ -46,72 +44,43 @@ LOST_SWINGS = 0.3
 MARGIN_SPOTS = 16  # of gaps, beyond a piece
 
 
-@dataclass(frozen=True)
-class Both:
-    """A piece of film followed both ways, apart from all others: with this its rows are read.
-
-    Attributes
-    ----------
-    first, darkness : int, (rows, columns) array
-        Its first row, and what is on it above blank film.
-    forth, back : Piece
-        The ways along the film and back.
-    above : int
-        How far the light reaches beyond the piece's first row, at most four margins.
-    light : (traces, more rows) array
-        Brightness of the lines in the piece and around it, NaN where not followed.
-    """
-
-    first: int
-    darkness: NDArray[np.float32]
-    forth: Piece
-    back: Piece
-    above: int
-    light: Floats
-
-    @staticmethod
-    def of(first: int, darkness: NDArray[np.float32], forth: Piece, back: Piece, light: Floats, spot: float) -> Both:
-        """With a copy of what is needed of the whole film's light, (traces, rows)."""
-        margin = 4 * round(MARGIN_SPOTS * spot)
-        low, high = max(0, first - margin), min(light.shape[1], first + darkness.shape[0] + margin)
-        return Both(first, darkness, forth, back, first - low, light[:, low:high].copy())
-
-
 def read_both(
-    both: Both, emulsion: FilmEmulsion, optics: Optics, tracks: Tracks, misfit: NDArray[np.float32], blackest: float
-) -> None:
-    """Read the rows of a piece into their places; pieces do not touch each other's.
+    emulsion: FilmEmulsion, optics: Optics, tracks: Tracks, misfit: NDArray[np.float32], first: int,
+    darkness: NDArray[np.float32], forth: Piece, back: Piece, above: int, light: Floats,
+) -> None:  # fmt: skip
+    """Read the rows of a piece that was followed both ways into their places; pieces do not touch each other's.
 
     Parameters
     ----------
     misfit : (traces, rows) array
         Mean square residual of each row's fit, of the whole film.
-    blackest : float
-        Darkness from which a pixel can be no darker.
+    darkness : (rows, columns) array
+        Of the rows from `first` on, above blank film.
+    above, light : int, (traces, more rows) array
+        Brightness of the lines in the piece and, from `above` rows before it, around it; NaN where not followed.
     """
-    first, darkness, rows = both.first, both.darkness, both.darkness.shape[0]
-    course = combined(both.forth, both.back, optics.spot, optics.shear)
+    rows = len(darkness)
+    course = combined(forth, back, optics.spot, optics.shear)
     states, known = course.states, course.known > 0
     rate = np.where(known, (states[:, :, 1] - states[:, :, 5] * states[:, :, 4]).T, np.nan)
     bend = (states[:, :, 2] - states[:, :, 5] ** 2 * states[:, :, 3]).T
     gain = 1.0 + optics.shear * rate
     place, slope = np.where(known, (states[:, :, 0] + states[:, :, 3]).T, np.nan), rate / gain
     margin = round(MARGIN_SPOTS * optics.spot)
-    low, high = max(0, both.above - margin), min(both.light.shape[1], both.above + rows + margin)
-    lamps = np.stack([lamp_course(light, tracks.rows_per_swing) for light in both.light])
+    low, high = max(0, above - margin), min(light.shape[1], above + rows + margin)
+    lamps = np.stack([lamp_course(each, tracks.rows_per_swing) for each in light])
     gaps = [
-        find_gaps(light[low:high], lamp[low:high], first - both.above + low)
-        for light, lamp in zip(both.light, lamps, strict=True)
+        find_gaps(each[low:high], lamp[low:high], first - above + low) for each, lamp in zip(light, lamps, strict=True)
     ]
     gaps = fitted_gaps(darkness, first, place, slope, gaps, emulsion, tracks.rows_per_swing)
     gap_of = np.concatenate([[0], np.cumsum([len(each) for each in gaps])])
-    part, inside = slice(first, first + rows), slice(both.above, both.above + rows)
+    part, inside = slice(first, first + rows), slice(above, above + rows)
     lamp = np.ascontiguousarray(lamps[:, inside])
     reading = read_piece(
         darkness, first, states, course.known, course.slope_variance, lamp, np.concatenate(gaps), gap_of, optics.lens()
     )
     column = np.clip(np.nan_to_num(place), 0, darkness.shape[1] - 1).astype(int)
-    black = darkness[np.arange(rows), column] > blackest
+    black = darkness[np.arange(rows), column] > emulsion.blackest
     for k in range(len(gaps)):
         share = openness(gaps[k], first, rows, optics.spot)
         tracks.position[k, part], tracks.sigma[k, part], tracks.qc[k, part] = judge(
@@ -119,7 +88,7 @@ def read_both(
             optics,
         )  # fmt: skip
     tracks.course[:, part], tracks.slope[:, part], tracks.curvature[:, part] = place, slope, bend / gain**3
-    tracks.brightness[:, part] = np.where(known, both.light[:, inside] / lamp, np.nan)
+    tracks.brightness[:, part] = np.where(known, light[:, inside] / lamp, np.nan)
     misfit[:, part] = np.where(known, reading[:, :, 4], np.nan)
 
 

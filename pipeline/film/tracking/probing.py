@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from pipeline.arrays import Floats
 from pipeline.film.emulsion import LEAST_GROWTH, STEEPEST_GRAIN, FilmEmulsion, ToneCurve, plain_emulsion
@@ -31,8 +32,11 @@ SURE = 0.6  # share of rows read, with the film's own optics, by which a trace i
 ASKEW = (0.0, 0.009, -0.009, 0.018, -0.018, 0.027, -0.027)  # rows a column: half a degree and its multiples
 NEAR_GAP = 5  # rows beside one that lacks light
 LACKING = 0.9
+ALIKE_ROWS = 61  # rows of like slope, about, that say how bright a line seems there
 LEAST_ROWS, MOST_ROWS = 40, 260
-ROUNDS, HUBER = 12, 3.0
+ROUNDS, HUBER = 30, 3.0
+USUAL = 1.3, 2.0  # contrast and shoulder of emulsions
+PRIOR_SIGMA = np.array([1e3, 0.5, 1e3, 0.3, 1.0])  # of the logarithms of spot, darkest, middle, contrast and shoulder
 SHEAR_SWINGS = 1.5
 Darkness = Callable[[int, int], NDArray[np.float32]]
 
@@ -50,9 +54,13 @@ def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
 
 def first_optics(darkness: NDArray[np.float32], sigma: float) -> Optics:
     """What a piece of film shows of spot and curve before any trace is known."""
-    darkest = 1.1 * float(np.quantile(darkness, 1.0 - min(2e-4, 20.0 / darkness.size)))
-    curve = ToneCurve(max(darkest, 3.0 * sigma), 0.2, 1.5)
+    curve = ToneCurve(max(darkest(darkness), 3.0 * sigma), 0.2, 1.5)
     return Optics(spot_size(darkness), 0.0, curve, np.array([sigma**2, 10.0 * sigma**2]))
+
+
+def darkest(darkness: NDArray[np.float32]) -> float:
+    """Darkness of endless exposure, as the darkest pixels of a piece of film suggest it."""
+    return 1.1 * float(np.quantile(darkness, 1.0 - min(2e-4, 20.0 / darkness.size)))
 
 
 def sections(rows: int, height: int) -> Iterator[tuple[int, int]]:
@@ -135,7 +143,7 @@ def _read_askew(
 def calibrate(section: Section, optics: Optics) -> Optics:
     """Spot, curve and grain fitted to a section; the ones given where the section says too little.
 
-    Gauss-Newton for the logarithms of spot, darkest, middle and contrast, with pixels far off weighed down.
+    Gauss-Newton for the logarithms of spot and curve, with pixels far off weighed down.
     """
     rows, traces, lamp, typical = _open_rows(section, optics.spot)
     if rows.size < LEAST_ROWS:
@@ -145,27 +153,30 @@ def calibrate(section: Section, optics: Optics) -> Optics:
     states[:, :, 0] += np.where(np.isfinite(read), read - states[:, :, 0] - states[:, :, 3], 0.0)
 
     def model(unknowns: Floats) -> tuple[Floats, Floats]:
-        spot, *curve = np.exp(unknowns)
+        spot, *shape = np.exp(unknowns)
         exposure, pixels = exposures(section.darkness, rows, traces, states, lamp, spot, optics.spot, optics.shear)
-        return ToneCurve(*curve).darkness(exposure), pixels
+        return ToneCurve(*shape).darkness(exposure), pixels
 
     grain = optics.grain
-    unknowns = np.log([optics.spot, optics.curve.darkest, optics.curve.middle / typical, optics.curve.contrast])
+    curve = optics.curve
+    usual = np.log([optics.spot, darkest(section.darkness), 1.0, *USUAL])
+    unknowns = np.log([optics.spot, curve.darkest, curve.middle / typical, curve.contrast, curve.shoulder])
     for _ in range(ROUNDS):
         dark, pixels = model(unknowns)
         residual = pixels - dark
         weight = 1.0 / (grain[0] + grain[1] * dark)
         size = np.abs(residual) * np.sqrt(weight)
         weight = weight * np.where(size > HUBER, HUBER / np.maximum(size, 1e-9), 1.0)
-        jacobian = np.stack([(model(unknowns + each)[0] - dark) / 1e-4 for each in 1e-4 * np.eye(4)], axis=1)
-        normal = jacobian.T @ (weight[:, None] * jacobian) + 1e-3 * np.eye(4)
-        step = np.linalg.solve(normal, jacobian.T @ (weight * residual))
-        unknowns = unknowns + np.clip(step, -0.3, 0.3)
+        jacobian = np.stack([(model(unknowns + each)[0] - dark) / 1e-4 for each in 1e-4 * np.eye(5)], axis=1)
+        normal = jacobian.T @ (weight[:, None] * jacobian) + np.diag(1e-3 + PRIOR_SIGMA**-2)
+        pull = (usual - unknowns) / PRIOR_SIGMA**2
+        step = np.linalg.solve(normal, jacobian.T @ (weight * residual) + pull)
+        unknowns = unknowns + step * min(1.0, 0.3 / float(np.max(np.abs(step))))
         grain = _grain(residual, dark, float(optics.grain[0]))
         if np.max(np.abs(step)) < 1e-3:
             break
-    spot, darkest, middle, contrast = (float(each) for each in np.exp(unknowns))
-    return replace(optics, spot=spot, curve=ToneCurve(darkest, middle, contrast), grain=grain)
+    spot, *shape = (float(each) for each in np.exp(unknowns))
+    return replace(optics, spot=spot, curve=ToneCurve(*shape), grain=grain)
 
 
 @kernel
@@ -185,7 +196,7 @@ def exposures(
         Width of the spot for which the windows are chosen.
     """
     columns = darkness.shape[1]
-    exposure, dark = np.zeros(rows.size * columns), np.zeros(rows.size * columns)
+    exposure, dark = np.zeros((2, rows.size * columns))
     nodes, out, gaps = np.empty((3, MOST_NODES)), np.empty((3, columns)), np.empty((0, 2))
     count = 0
     for n in range(rows.size):
@@ -220,9 +231,13 @@ def _open_rows(section: Section, spot: float) -> tuple[NDArray[np.int64], NDArra
     """Rows and traces away from gaps and other traces: with the lamp's brightness there for all, and its median."""
     half = max(4, round(0.25 * section.period))
     lamp = np.stack([_running_median(light, half) for light in section.brightness])
-    doubtful = ~np.isfinite(section.place) | (section.brightness < LACKING * lamp)
-    near = np.stack([np.convolve(each, np.ones(2 * NEAR_GAP + 1), mode="same") > 0.5 for each in doubtful])
     slope = np.abs(section.states[:, :, 1] - section.states[:, :, 5] * section.states[:, :, 4]).T
+    share = np.nan_to_num(section.brightness / lamp)
+    for each, lean in zip(share, slope, strict=True):  # a curve that is wrong shows in the brightness by slope
+        order = np.argsort(lean)
+        each[order] /= np.maximum(median_filter(each[order], ALIKE_ROWS), 0.1)
+    doubtful = ~np.isfinite(section.place) | (share < LACKING)
+    near = np.stack([np.convolve(each, np.ones(2 * NEAR_GAP + 1), mode="same") > 0.5 for each in doubtful])
     place = section.states[:, :, [0, 3]].sum(axis=2).T
     reach = spot * (6.0 + 5.0 * slope)
     rows = []

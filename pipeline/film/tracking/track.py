@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass, field
 from itertools import combinations, permutations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from pipeline.film.marks.pieces import in_order
 from pipeline.film.parts import Tracks
 from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.line_profile import Optics
-from pipeline.film.tracking.outcome import Both, flag_lost, read_both
+from pipeline.film.tracking.outcome import MARGIN_SPOTS, flag_lost, read_both
 from pipeline.film.tracking.pieces import Filter, Piece, run, run_again
 from pipeline.film.tracking.probing import SURE, probe
 from pipeline.film.tracking.section import Section, follow_from, read_section
@@ -303,23 +304,21 @@ def backward(
     traces, rows = ahead.place.shape
     tracks = Tracks.empty(traces, rows, film.period, film.optics.spot)
     misfit = np.full((traces, rows), np.nan, np.float32)
-    blackest = float(np.log10(film.emulsion.full_scale / 0.75) - film.emulsion.blank.darkness.max())
 
-    def read(piece: tuple[int, Both | None]) -> int:
-        first, both = piece
-        if both is not None:
-            read_both(both, film.emulsion, film.optics, tracks, misfit, blackest)
-        return first
+    def read(piece: tuple[Any, ...]) -> int:
+        if len(piece) > 1:
+            read_both(film.emulsion, film.optics, tracks, misfit, *piece)
+        return int(piece[0])
 
     for first in in_order(read, _followed_back(film, ahead, jobs), jobs):
         progress(2 * film.scan.rows - first)
     return tracks, misfit
 
 
-def _followed_back(film: Film, ahead: Forward, jobs: int) -> Iterator[tuple[int, Both | None]]:
+def _followed_back(film: Film, ahead: Forward, jobs: int) -> Iterator[tuple[Any, ...]]:
     """Follow all traces back and join both ways: the first row of each piece, and what its rows are read with."""
     begun = Filter.idle(ahead.place.shape[0], film.period)
-    backwards = film.pieces[::-1]
+    backwards, margin = film.pieces[::-1], 4 * round(MARGIN_SPOTS * film.optics.spot)
     for (first, stop), darkness in zip(backwards, film.pixels(backwards, jobs), strict=True):
         part = slice(first, stop)
         forth = run_again(
@@ -327,12 +326,13 @@ def _followed_back(film: Film, ahead: Forward, jobs: int) -> Iterator[tuple[int,
         )
         begins = _turn_back(begun, forth, ahead, first, stop, film.period)
         if not (begun.alive.any() or (begins >= 0).any() or forth.followed.any()):
-            yield first, None
+            yield (first,)
             continue
         back = run(begun, darkness, first, -1, film.optics, begins)
         alone = (ahead.followed[:, part] == 0) & (back.followed > 0)
         ahead.light[:, part][alone] = back.brightness[alone]
-        yield first, Both.of(first, darkness, forth, back, ahead.light, film.optics.spot)
+        low = max(0, first - margin)
+        yield first, darkness, forth, back, first - low, ahead.light[:, low : stop + margin].copy()
 
 
 def _turn_back(begun: Filter, forth: Piece, ahead: Forward, first: int, stop: int, period: float) -> NDArray[np.int64]:

@@ -231,7 +231,7 @@ def _open_rows(section: Section, spot: float) -> tuple[NDArray[np.int64], NDArra
     """Rows and traces away from gaps and other traces: with the lamp's brightness there for all, and its median."""
     half = max(4, round(0.25 * section.period))
     lamp = np.stack([_running_median(light, half) for light in section.brightness])
-    slope = np.abs(section.states[:, :, 1] - section.states[:, :, 5] * section.states[:, :, 4]).T
+    slope = (section.states[:, :, 1] - section.states[:, :, 5] * section.states[:, :, 4]).T
     share = np.nan_to_num(section.brightness / lamp)
     for each, lean in zip(share, slope, strict=True):  # a curve that is wrong shows in the brightness by slope
         order = np.argsort(lean)
@@ -239,7 +239,7 @@ def _open_rows(section: Section, spot: float) -> tuple[NDArray[np.int64], NDArra
     doubtful = ~np.isfinite(section.place) | (share < LACKING)
     near = np.stack([np.convolve(each, np.ones(2 * NEAR_GAP + 1), mode="same") > 0.5 for each in doubtful])
     place = section.states[:, :, [0, 3]].sum(axis=2).T
-    reach = spot * (6.0 + 5.0 * slope)
+    reach = spot * (6.0 + 5.0 * np.abs(slope))
     rows = []
     for k in range(len(place)):
         clear = ~near[k]

@@ -169,8 +169,11 @@ def calibrate(section: Section, optics: Optics) -> Optics:
         weight = weight * np.where(size > HUBER, HUBER / np.maximum(size, 1e-9), 1.0)
         jacobian = np.stack([(model(unknowns + each)[0] - dark) / 1e-4 for each in 1e-4 * np.eye(5)], axis=1)
         normal = jacobian.T @ (weight[:, None] * jacobian) + np.diag(1e-3 + PRIOR_SIGMA**-2)
-        pull = (usual - unknowns) / PRIOR_SIGMA**2
-        step = np.linalg.solve(normal, jacobian.T @ (weight * residual) + pull)
+        right = jacobian.T @ (weight * residual) + (usual - unknowns) / PRIOR_SIGMA**2
+        step = np.linalg.solve(normal, right)
+        if unknowns[4] + step[4] < 0.0:  # no shoulder is softer than a hyperbola's
+            unknowns[4], step[4] = 0.0, 0.0
+            step[:4] = np.linalg.solve(normal[:4, :4], right[:4])
         unknowns = unknowns + step * min(1.0, 0.3 / float(np.max(np.abs(step))))
         grain = _grain(residual, dark, float(optics.grain[0]))
         if np.max(np.abs(step)) < 1e-3:

@@ -1,7 +1,7 @@
 """Two readings of one film compared: the phase of each trace by the rows between the marks, and by the marks alone.
 
 Both are taken as departures from the same course, so that what they share (swell, amplitude) drops out. Each half
-minute, the departures are fitted by a line and a swing; the swing across the course's own is the difference in phase.
+minute, the departures are fitted by a line, the course and its rate; the latter's share is the difference in time.
 The time axis errs alike over a few marks, and the course over a few rows: the uncertainty is told from the scatter of
 sums over two seconds, and from what neighbouring sums share.
 
@@ -21,6 +21,7 @@ from pipeline.film.parts import Floats, Strobe, TimeAxis, Tracks
 
 BLOCK = 30.0  # s
 _CLUSTER = 2.0  # s: four marks, two swings
+_STEP = 0.01  # s, over which the course's rate is taken
 _FEWEST = 12  # readings in a block: three a term
 _FEWEST_BLOCKS = 6  # for a drift and its scatter
 MOST_SIGMAS = 3.0
@@ -96,75 +97,43 @@ def clock_uncertainty(difference: PhaseDifference, period: float) -> float | Non
 
 
 def compare(tracks: Tracks, axis: TimeAxis, samples: Samples, strobe: Strobe) -> PhaseDifference:
-    """Phase of every trace each half minute by either reading.
-
-    Parameters
-    ----------
-    samples : Samples
-        The normal points of the rows.
-    strobe : Strobe
-        The readings at the marks.
-    """
+    """Phase of every trace each half minute by the strobe less that by the normal points of the rows."""
     marks = np.asarray(strobe.index * axis.interval, dtype=np.float64)
     begin = np.floor(min(samples.time[0], marks[0]) / BLOCK) * BLOCK
     start = np.arange(begin, max(samples.time[-1], marks[-1]), BLOCK)
-    shape = (tracks.course.shape[0], start.size)
-    phase, sigma = np.full(shape, np.nan), np.full(shape, np.nan)
-    for trace in range(shape[0]):
+    phase, sigma = np.full((2, len(tracks.course), start.size), np.nan)
+    rate = (
+        2.0 * np.pi / tracks.rows_per_swing * float(np.median(1.0 / np.diff(axis.seconds[np.isfinite(axis.seconds)])))
+    )
+    for trace in range(len(phase)):
         seconds = row_times(tracks, axis, trace)
-        timed = np.flatnonzero(np.isfinite(seconds))
-        if timed.size < 2:
-            continue
-        period = tracks.rows_per_swing * float(seconds[timed[-1]] - seconds[timed[0]]) / float(timed[-1] - timed[0])
-        period = _refined(samples, trace, start, period)
-        by_rows = samples.column[trace] - course_at(tracks, axis, trace, seconds, samples.time)
-        by_marks = strobe.position[trace] - course_at(tracks, axis, trace, seconds, marks)
+        readings = []
+        for times, column, spread in (
+            (marks, strobe.position[trace], strobe.sigma[trace]),
+            (samples.time, samples.column[trace], samples.sigma[trace]),
+        ):
+            before, course, after = (
+                course_at(tracks, axis, trace, seconds, times + late) for late in (-_STEP, 0.0, _STEP)
+            )
+            readings.append((times, column - course, spread, course, 0.5 * (after - before) / _STEP))
         for block, first in enumerate(start):
-            fits = [
-                _swing(times, departure, spread, first, period)
-                for times, departure, spread in (
-                    (marks, by_marks, strobe.sigma[trace]),
-                    (samples.time, by_rows, samples.sigma[trace]),
-                )
-            ]
-            course = _swing(samples.time, samples.column[trace], samples.sigma[trace], first, period)
-            if course is None or fits[0] is None or fits[1] is None:
-                continue
-            (cosine, sine), _ = course
-            across = np.array([sine, -cosine]) / (cosine**2 + sine**2)  # d phase / d (cos, sin)
-            phase[trace, block] = across @ (fits[0][0] - fits[1][0])
-            sigma[trace, block] = np.sqrt(across @ (fits[0][1] + fits[1][1]) @ across)
+            fits = [_lead(first, *reading) for reading in readings]
+            if fits[0] is not None and fits[1] is not None:
+                phase[trace, block] = rate * (fits[0][0] - fits[1][0])
+                sigma[trace, block] = rate * np.hypot(fits[0][1], fits[1][1])
     return PhaseDifference(start, phase, sigma)
 
 
-def _refined(samples: Samples, trace: int, start: Floats, period: float) -> float:
-    """Period of a trace's swing, s: a small error would turn the phase within half a minute."""
-    for _ in range(2):
-        drift = []
-        for first in start:
-            inside = (samples.time >= first) & (samples.time < first + BLOCK) & np.isfinite(samples.column[trace])
-            if np.count_nonzero(inside) < 2 * _FEWEST:
-                continue
-            t = samples.time[inside] - first - 0.5 * BLOCK
-            phase = 2.0 * np.pi / period * t
-            swing = np.stack([np.cos(phase), np.sin(phase)], axis=1)
-            columns = np.concatenate([swing, t[:, None] * swing, np.ones_like(swing)], axis=1)
-            columns[:, 5] = t
-            a, b, c, d = np.linalg.lstsq(columns, samples.column[trace, inside], rcond=None)[0][:4]
-            drift.append((b * c - a * d) / (a * a + b * b))  # of the phase of a cos + b sin, rad s-1
-        if drift:
-            period /= 1.0 + float(np.median(drift)) * period / (2.0 * np.pi)
-    return period
-
-
-def _swing(times: Floats, values: Floats, spread: Floats, first: float, period: float) -> tuple[Floats, Floats] | None:
-    """Coefficients of cos and sin in the half minute from `first`, and their covariance; None with too few readings."""
-    inside = (times >= first) & (times < first + BLOCK) & np.isfinite(values) & (spread > 0.0)
+def _lead(
+    first: float, times: Floats, values: Floats, spread: Floats, course: Floats, speed: Floats
+) -> tuple[float, float] | None:
+    """By how much a reading leads the course in the half minute from `first`, s, and 1 sigma; None with too few."""
+    inside = (times >= first) & (times < first + BLOCK) & np.isfinite(values + speed) & (spread > 0.0)
     if np.count_nonzero(inside) < _FEWEST:
         return None
     t = times[inside] - first - 0.5 * BLOCK
-    phase = 2.0 * np.pi / period * t
-    columns = np.stack([np.cos(phase), np.sin(phase), np.ones_like(t), t], axis=1) / spread[inside, None]
+    place = course[inside] - course[inside].mean()
+    columns = np.stack([speed[inside], place, np.ones_like(t), t], axis=1) / spread[inside, None]
     inverse = np.linalg.pinv(columns.T @ columns)
     reduced = values[inside] / spread[inside]
     fitted = inverse @ (columns.T @ reduced)
@@ -175,6 +144,4 @@ def _swing(times: Floats, values: Floats, spread: Floats, first: float, period: 
     np.add.at(sums, np.minimum(((t + 0.5 * BLOCK) / _CLUSTER).astype(np.int64), _SUMS - 1), pulls)
     shared = sums[1:].T @ sums[:-1]
     scattered = inverse @ (sums.T @ sums + 0.5 * (shared + shared.T)) @ inverse * (_SUMS / _FREE)
-    growth = np.maximum(1.0, np.diag(scattered) / np.diag(inverse))
-    covariance = inverse * np.sqrt(np.outer(growth, growth))
-    return fitted[:2], np.asarray(covariance[:2, :2], dtype=np.float64)
+    return float(fitted[0]), float(np.sqrt(max(inverse[0, 0], scattered[0, 0])))

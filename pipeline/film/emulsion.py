@@ -7,12 +7,12 @@ the middle, clipped again and again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import median_filter
 
 from pipeline.arrays import Floats
 from pipeline.film.scan.opening import OpenScan
@@ -27,6 +27,8 @@ CLIP = 2.0  # sigma; a normal distribution cut there has this much smaller a sig
 CLIPPED_SIGMA = 0.8796
 ROUNDS = 4
 LEAST_SIGMA = 2.5e-3  # of a pixel of blank film: without grain it is rounded, and no background is known better
+LEAST_GROWTH = 5e-5  # the model of a line leaves a hundredth or so of its darkness, whatever the grain
+STEEPEST_GRAIN = 100.0  # growth of the variance over that on blank film, per unit of darkness
 Floats32 = NDArray[np.float32]
 
 
@@ -61,11 +63,23 @@ class FilmEmulsion:
         steps = np.linspace(0.0, self.curve.darkest, 4096)
         object.__setattr__(self, "_exposures", self.curve.exposure(steps).astype(np.float32))
 
+    @property
+    def blackest(self) -> float:
+        """Darkness above blank film from which a pixel can be no darker."""
+        return float(np.log10(self.full_scale / 0.75) - self.blank.darkness.max())
+
     def darkness(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
         """Darkness above blank film of rows from `first` on, (rows, columns), log10 units."""
+        knots, (rows, columns) = self.blank.rows, pixels.shape
+        at = first + np.arange(rows) + 0.5
+        strip = np.clip(np.searchsorted(knots, at) - 1, 0, max(0, knots.size - 2))
+        below = np.minimum(strip + 1, knots.size - 1)
+        weight = np.clip((at - knots[strip]) / np.maximum(knots[below] - knots[strip], 1.0), 0.0, 1.0)
+        centres, top = np.arange(columns) + 0.5, strip[0]
+        shown = self.blank.darkness[top : below[-1] + 1]
+        levels = np.stack([np.interp(centres, self.blank.columns, level) for level in shown]).astype(np.float32)
         out = np.empty(pixels.shape, dtype=np.float32)
-        for rows, upper, lower, weight in self._between(first, *pixels.shape):
-            darkness_above(pixels[rows], self._table, upper, lower, weight, out[rows])
+        darkness_above(pixels, self._table, levels, strip - top, weight.astype(np.float32), out)
         return out
 
     def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
@@ -85,62 +99,41 @@ class FilmEmulsion:
         sigma = np.sqrt(self.grain[0] + self.grain[1] * self.curve.darkness(value))
         return np.asarray(sigma / np.maximum(self.curve.rate(value), 1e-6), dtype=np.float32)
 
-    def _between(self, first: int, rows: int, columns: int) -> Iterator[tuple[slice, Floats32, Floats32, Floats32]]:
-        """Runs of rows between two strips of blank film, what those show, and the rows' weight of the latter."""
-        knots = self.blank.rows
-        at = first + np.arange(rows) + 0.5
-        place = np.clip(np.searchsorted(knots, at) - 1, 0, max(0, knots.size - 2))
-        centres = np.arange(columns) + 0.5
-        for i in np.unique(place):
-            inside = np.flatnonzero(place == i)
-            a, b = i, min(i + 1, knots.size - 1)
-            span = max(knots[b] - knots[a], 1.0)
-            weight = np.clip((at[inside] - knots[a]) / span, 0.0, 1.0).astype(np.float32)
-            yield slice(int(inside[0]), int(inside[-1]) + 1), self._across(a, centres), self._across(b, centres), weight
-
-    def _across(self, strip: int, columns: Floats) -> NDArray[np.float32]:
-        level: NDArray[np.float32] = np.interp(columns, self.blank.columns, self.blank.darkness[strip]).astype(
-            np.float32
-        )
-        return level
-
 
 @dataclass(frozen=True)
 class ToneCurve:
-    """Darkness above blank film, `darkest/(1 + (middle/E)^contrast)`: toe, straight part and shoulder.
+    """Darkness above blank film, `darkest (1 - (1 + (E/middle)^contrast/shoulder)^-shoulder)`: toe to shoulder.
 
     Darkness is log10 of the blank pixel over the pixel, whatever the scanner's own gamma: a factor of the density.
 
-    Attributes
-    ----------
-    darkest : float
-        Darkness of endless exposure.
-    middle : float
-        Relative exposure that gives half of it.
-    contrast : float
-        Exponent; slope of the straight part is `darkest*contrast/4` per e-fold of exposure.
+    `darkest` is that of endless exposure. With a shoulder of 1, `middle` is the exposure that gives half of it, and the
+    slope of the straight part `darkest*contrast/4` per e-fold of exposure; the larger the shoulder the shorter it is.
     """
 
     darkest: float
     middle: float
     contrast: float
+    shoulder: float = 1.0
 
     def darkness(self, exposure: ArrayLike) -> Floats:
         """Darkness at a relative exposure, 0 for none."""
         ratio = (np.maximum(np.asarray(exposure, dtype=np.float64), 0.0) / self.middle) ** self.contrast
-        return np.asarray(self.darkest * ratio / (1.0 + ratio), dtype=np.float64)
+        share = -np.expm1(-self.shoulder * np.log1p(ratio / self.shoulder))
+        return np.asarray(self.darkest * share, dtype=np.float64)
 
     def exposure(self, darkness: ArrayLike) -> Floats:
         """Exposure that gives a darkness; the highest of the table where the film is saturated."""
         share = np.clip(np.asarray(darkness, dtype=np.float64) / self.darkest, 0.0, 1.0 - 1e-9)
-        value = self.middle * (share / (1.0 - share)) ** (1.0 / self.contrast)
+        ratio = self.shoulder * np.expm1(-np.log1p(-share) / self.shoulder)
+        value = self.middle * ratio ** (1.0 / self.contrast)
         return np.asarray(np.minimum(value, HIGHEST_EXPOSURE), dtype=np.float64)
 
     def rate(self, exposure: ArrayLike) -> Floats:
         """Derivative of the darkness by the exposure."""
         value = np.maximum(np.asarray(exposure, dtype=np.float64), 1e-9)
         ratio = (value / self.middle) ** self.contrast
-        return np.asarray(self.darkest * self.contrast * ratio / (value * (1.0 + ratio) ** 2), dtype=np.float64)
+        fall = (1.0 + ratio / self.shoulder) ** (-self.shoulder - 1.0)
+        return np.asarray(self.darkest * self.contrast * ratio / value * fall, dtype=np.float64)
 
     def table(self) -> Floats:
         """Darkness and its derivative at even steps from 0 to the highest exposure, (2, size)."""
@@ -161,17 +154,7 @@ def plain_emulsion(scan: OpenScan) -> FilmEmulsion:
 
 @dataclass(frozen=True)
 class Blank:
-    """Blank film at the centres of blocks.
-
-    Attributes
-    ----------
-    rows, columns : (m,), (n,) arrays
-        Centres of the blocks, px.
-    darkness : (m, n) array
-        Of the blank film, log10 units below full scale.
-    sigma : float
-        Of one pixel of blank film, same units.
-    """
+    """Darkness of blank film (m, n), log10 units below full scale, at blocks' centres, px; and sigma of one pixel."""
 
     rows: Floats
     columns: Floats
@@ -217,8 +200,7 @@ def _clipped_mean(values: Floats) -> tuple[float, float]:
 def _smoothed(level: Floats) -> Floats:
     """Blocks that stand out of their neighbours (handwriting, dirt) take their neighbours' median."""
     padded = np.pad(np.pad(level, ((1, 1), (0, 0)), **_edge(level.shape[0])), ((0, 0), (1, 1)), **_edge(level.shape[1]))
-    around = np.stack([padded[i : i + level.shape[0], j : j + level.shape[1]] for i in range(3) for j in range(3)])
-    median = np.median(around, axis=0)
+    median = median_filter(padded, 3)[1:-1, 1:-1]
     away = np.abs(level - median)
     return np.where(away > 4.0 * np.median(away) + 1e-4, median, level)
 
@@ -230,16 +212,12 @@ def _edge(size: int) -> dict[str, Any]:
 
 @kernel
 def darkness_above(
-    pixels: NDArray[np.uint16],
-    table: NDArray[np.float32],
-    upper: NDArray[np.float32],
-    lower: NDArray[np.float32],
-    weight: NDArray[np.float32],
-    out: NDArray[np.float32],
-) -> None:
-    """Darkness above blank film, which lies between `upper` and `lower` (columns,) on a row, `weight` of the latter."""
+    pixels: NDArray[np.uint16], table: Floats32, levels: Floats32, strip: NDArray[np.int64], weight: Floats32,
+    out: Floats32,
+) -> None:  # fmt: skip
+    """Darkness above blank film, whose `levels` (strips, columns) are that of a row's `strip` and of the next."""
     for i in range(pixels.shape[0]):
-        share = weight[i]
+        upper, lower, share = levels[strip[i]], levels[min(strip[i] + 1, levels.shape[0] - 1)], weight[i]
         for j in range(pixels.shape[1]):
             out[i, j] = table[pixels[i, j]] - (upper[j] + share * (lower[j] - upper[j]))
 

@@ -133,8 +133,7 @@ def _read_time(
     """The film turned the right way, its emulsion, traces and time."""
     from pipeline.film.marks.axis import time_axis
     from pipeline.film.marks.minutes import TimeReversedError
-    from pipeline.film.strobe.dense import dense_tracks
-    from pipeline.film.strobe.dense_emulsion import dense_emulsion
+    from pipeline.film.strobe.dense import dense_emulsion, dense_tracks
     from pipeline.film.strobe.dense_survey import Saturated
     from pipeline.film.tracking.probing import measure_emulsion
     from pipeline.film.tracking.track import track

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.film.marks.curve_kernels import place
-from pipeline.film.parts import Floats
+from pipeline.arrays import Floats
+from pipeline.film.marks.curve_kernels import look, place
 from pipeline.film.tracking.motion import solve
 from synth.kernels.compiled import kernel
 
@@ -34,15 +34,9 @@ FARTHEST = 2.0  # spots that a point may lie beside the line
 
 
 def values(shape: Floats, away: NDArray[np.floating[Any]], half: float) -> Floats:
-    """Column, slope and curvature of blocks' curves at places `away` rows from their middles, (3, ...).
+    """Column, slope and curvature of curves (..., SIZE) at `away` rows from their blocks' middles, (3, ...).
 
-    Parameters
-    ----------
-    shape : (..., SIZE) array
-    away : array
-        Of a shape that fits the shapes' leading ones.
-    half : float
-        Half of a block, and a swing, rows.
+    `half` is half of a block, and a swing, rows.
     """
     x, turn = away / half, 2.0 * np.pi / half
     rotation = np.exp(1j * turn * away)
@@ -74,14 +68,11 @@ class Known(NamedTuple):
 
     Attributes
     ----------
-    half : float
-        Rows of half a block, and of a swing.
-    spot : float
-        1 sigma, px.
-    gain : float
-        Exposure on the axis of a line at rest, about.
-    brightest : float
-        Exposure from which the film is saturated: what is brighter, there or drawn, counts as just as bright.
+    half, spot : float
+        Rows of half a block, and of a swing; 1 sigma of the spot, px.
+    gain, brightest : float
+        Exposure on the axis of a line at rest, about; and that from which the film is saturated: what is brighter,
+        there or drawn, counts as just as bright.
     room : (SIZE,) array
         1 sigma of what a shape may differ from where it began, px.
     nodes : (2, nodes, SIZE) array
@@ -106,13 +97,9 @@ def draw_curve(
 ) -> None:  # fmt: skip
     """Draw the line of a tabulated curve on the first rows and columns of a canvas, which are blanked before.
 
-    Parameters
-    ----------
-    row, left, scale : float
-        Row of the first node and column of the film, on the canvas; rows from node to node.
+    The first node lies on `row` of the canvas, nodes `scale` rows apart; `left` is the canvas's column on the film.
     """
-    for k in range(rows):
-        canvas[k, :columns] = 0.0
+    canvas[:rows, :columns] = 0.0
     across, far = np.empty(columns), -0.5 / (spot * spot)
     turn, reach, at, last_node = math.exp(2.0 * far), REACH * spot, 0.5, course.size - 0.5
     while True:
@@ -151,16 +138,7 @@ def draw_curve(
 def fit_block(
     exposure: NDArray[np.float32], first: int, shape: Floats, middle: float, known: Known, rounds: int
 ) -> tuple[float, float]:
-    """Better a block's curve.
-
-    Parameters
-    ----------
-    exposure : (rows, columns) array
-        A piece of film that begins with row `first`.
-    shape : (SIZE,) array
-        P, C and S by powers of x; overwritten.
-    middle : float
-        Row of the block's middle.
+    """Fit a block's curve, `shape` (P, C and S by powers of x), to a piece of film that begins with row `first`.
 
     Returns
     -------
@@ -173,25 +151,21 @@ def fit_block(
     turn = 2.0 * math.pi / half
     start = shape.copy()
     normal, right, basis = np.empty((SIZE, SIZE)), np.empty(SIZE), np.empty(SIZE)
-    profiles = np.empty(2 * ACROSS + 1)
-    for k in range(profiles.size):
-        profiles[k] = math.exp(-0.5 * (APART * (k - ACROSS)) ** 2)
+    profiles = np.exp(-0.5 * (APART * np.arange(-ACROSS, ACROSS + 1)) ** 2)
     light, share_used, reach, pace = gain, 0.0, 4.0 * spot, COARSE
     node = half / NODES
     begin = middle - 0.5 * (known.nodes.shape[1] - 1) * node
     for turned in range(rounds):
         course, slope = known.nodes[0] @ shape, known.nodes[1] @ shape
-        low, high = 1e9, -1e9
-        for k in range(course.size):
-            if abs(begin + k * node - middle) <= half:
-                low, high = min(low, course[k]), max(high, course[k])
+        inside = course[(course.size - 1) // 2 - NODES : (course.size + 1) // 2 + NODES]
         top = max(math.floor(middle - half - reach), first)
-        left = max(math.floor(low - reach), 0)
+        left = max(math.floor(inside.min() - reach), 0)
         rows = min(math.ceil(middle + half + reach), first + exposure.shape[0]) - top
-        columns = min(math.ceil(high + reach), exposure.shape[1]) - left
+        columns = min(math.ceil(inside.max() + reach), exposure.shape[1]) - left
         if rows < 8 or columns < 8 or rows > canvas.shape[0] or columns > canvas.shape[1]:
             return 0.0, 0.0
         draw_curve(canvas, rows, columns, begin - top, left, node, course, slope, spot)
+        picture = canvas[:rows, :columns]
         normal[:], right[:] = 0.0, 0.0
         seen_light = drawn_light = 0.0
         used = count = 0
@@ -204,17 +178,10 @@ def fit_block(
             seen = drawn = odd = gram = 0.0
             for k in range(2 * ACROSS + 1):
                 n = APART * spot * (k - ACROSS)
-                y, x = row + n * dr - 0.5 - top, column + n * dc - 0.5 - left
-                i, j = math.floor(y), math.floor(x)
-                if i < 0 or j < 0 or i + 1 >= rows or j + 1 >= columns:
+                value = look(exposure, first, row + n * dr, column + n * dc)
+                expected = light * look(picture, top, row + n * dr, column + n * dc - left)
+                if math.isnan(value + expected):
                     continue
-                a, b, fi, fj = y - i, x - j, i + top - first, j + left
-                upper = exposure[fi, fj] + b * (exposure[fi, fj + 1] - exposure[fi, fj])
-                lower = exposure[fi + 1, fj] + b * (exposure[fi + 1, fj + 1] - exposure[fi + 1, fj])
-                value = upper + a * (lower - upper)
-                upper = canvas[i, j] + b * (canvas[i, j + 1] - canvas[i, j])
-                lower = canvas[i + 1, j] + b * (canvas[i + 1, j + 1] - canvas[i + 1, j])
-                expected = light * (upper + a * (lower - upper))
                 profile = profiles[k] / steep
                 saturated = expected > brightest
                 value, expected = min(value, brightest), min(expected, brightest)

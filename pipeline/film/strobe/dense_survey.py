@@ -7,15 +7,16 @@ trace's own place, blurred by the spot, though a row may show two strokes and tw
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import row_means_present
+from pipeline.arrays import Floats, row_means_present
 from pipeline.film.marks.pieces import exposed
-from pipeline.film.parts import Emulsion, Floats
+from pipeline.film.parts import Emulsion
 from pipeline.film.scan.opening import OpenScan
 from pipeline.film.strobe.dense_kernels import CUBIC, SIZE, values
 
@@ -41,13 +42,7 @@ SHORTEST, LONGEST = 6.0, 120.0  # rows in a swing
 def light_of(exposure: NDArray[np.float32], left: int, right: int, least: float) -> tuple[Floats, Floats]:
     """Light of each row between two columns, (rows,), and its mean column, px; NaN without light.
 
-    Parameters
-    ----------
-    exposure : (rows, columns) array
-    left, right : int
-        First column, and the one behind the last.
-    least : float
-        Exposure from which a pixel is light.
+    A pixel is light from the exposure `least` on; `right` is the column behind the last.
     """
     part = exposure[:, left:right]
     lit = np.where(part > least, np.minimum(part, np.float32(BRIGHTEST)), np.float32(0.0))
@@ -60,17 +55,7 @@ def light_of(exposure: NDArray[np.float32], left: int, right: int, least: float)
 def first_shapes(
     light: Floats, column: Floats, first: int, middles: Floats, period: float, spot: float
 ) -> tuple[Floats, Floats]:
-    """Curves of the blocks around some rows, by the mean places of the rows' light.
-
-    Parameters
-    ----------
-    light, column : (rows,) arrays
-        Of the rows from `first` on.
-    middles : (blocks,) array
-    period : float
-        Rows in a swing, and half of a block.
-    spot : float
-        1 sigma, px.
+    """Curves of the blocks around the rows `middles`, by `light_of` the rows from `first` on.
 
     Returns
     -------
@@ -106,6 +91,11 @@ def first_shapes(
     return shapes, np.where(few, np.nan, residual)
 
 
+def faintest(emulsion: Emulsion) -> float:
+    """Exposure from which a pixel is light."""
+    return SHADE * float(emulsion.noise(np.zeros(1, dtype=np.float32))[0])
+
+
 def saturation(emulsion: Emulsion, unsure: float = TOLD) -> float:
     """Exposure from which the grain of a pixel exceeds a share of it: how bright it was is no longer told."""
     light = np.linspace(0.02, 2.0, 100, dtype=np.float32)
@@ -115,16 +105,7 @@ def saturation(emulsion: Emulsion, unsure: float = TOLD) -> float:
 
 @dataclass(frozen=True)
 class Saturated:
-    """An emulsion whose saturated pixels have no weight.
-
-    Attributes
-    ----------
-    emulsion : Emulsion
-    told : float
-        Exposure beyond which nothing is told.
-    brightest : float
-        The highest exposure that is given.
-    """
+    """An emulsion whose pixels have no weight beyond the exposure `told`, and give at most `brightest`."""
 
     emulsion: Emulsion
     told: float
@@ -145,8 +126,7 @@ class Saturated:
         return np.where(np.asarray(exposure) > self.told, np.float32(HIDDEN), sigma)
 
 
-@dataclass(frozen=True)
-class Band:
+class Band(NamedTuple):
     """A band of swings: columns from `left` to `right`."""
 
     left: int
@@ -170,7 +150,7 @@ def survey(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Survey:
         No swinging band was found, fewer than were expected, or the sections contradict each other.
     """
     length = min(scan.rows, int(SWINGS * USUAL_SWING))
-    least = SHADE * float(emulsion.noise(np.zeros(1, dtype=np.float32))[0])
+    least = faintest(emulsion)
     sections = []
     for begin in np.unique(np.linspace(0, scan.rows - length, PLACES + 2).astype(int)[1:-1]):
         piece = exposed(scan, emulsion, int(begin), int(begin) + length)
@@ -185,10 +165,9 @@ def survey(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Survey:
             f"film: {most} swinging bands found, {count} expected; bands that lie over each other "
             "cannot be told apart on a slow film: give the traces' number, or scan them one by one"
         )
-    edges = np.array([[(band.left, band.right) for band in here] for here, _ in whole])
-    left, right = edges[:, :, 0].min(axis=0), edges[:, :, 1].max(axis=0)
-    together = tuple(Band(int(a), int(b)) for a, b in zip(left, right, strict=True))
-    return Survey(together, voted([period for _, period in sections]))
+    edges = np.array([here for here, _ in whole])
+    together = zip(edges[:, :, 0].min(axis=0).tolist(), edges[:, :, 1].max(axis=0).tolist(), strict=True)
+    return Survey(tuple(Band(*each) for each in together), voted([period for _, period in sections]))
 
 
 def voted(periods: list[float]) -> float:
@@ -218,7 +197,7 @@ def voted(periods: list[float]) -> float:
 def bands(lit: NDArray[np.bool_], count: int | None) -> list[Band]:
     """Bands of columns in which pixels of a piece of film are lit, the `count` most lit ones, from left to right."""
     # shares, not light: in the midst of a band strokes are faint, but there are as many
-    profile = np.convolve(lit.mean(axis=0), np.ones(7) / 7.0, "same")
+    profile = uniform_filter1d(lit.mean(axis=0), 7, mode="constant")
     if not profile.max() > 0.0:
         return []
     inside = profile > LEAST_LIGHT * np.percentile(profile[profile > 0.1 * profile.max()], 50)
@@ -230,9 +209,7 @@ def bands(lit: NDArray[np.bool_], count: int | None) -> list[Band]:
         else:
             found.append(Band(int(left), int(right)))
     found = [band for band in found if band.right - band.left >= NARROWEST]
-    brightest = sorted(found, key=lambda band: -float(profile[band.left : band.right].sum()))
-    kept = brightest if count is None else brightest[:count]
-    return sorted(kept, key=lambda band: band.left)
+    return sorted(sorted(found, key=lambda band: -float(profile[band.left : band.right].sum()))[:count])
 
 
 def rows_per_swing(exposure: NDArray[np.float32], found: list[Band], least: float) -> float:

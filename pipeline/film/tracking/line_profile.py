@@ -13,7 +13,7 @@ spots along the trace) that the sum of Gaussians is as good as the integral: 1e-
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from pipeline.arrays import Floats
@@ -27,30 +27,16 @@ FULL_NODES, MOST_NODES = 1000, 2000
 
 
 @kernel
-def finest_step(state: Floats, spot: float) -> float:
-    """Step along the film that moves the spot by its own width."""
+def light_nodes(
+    state: Floats, spot: float, shear: float, begin: float, stop: float, factor: float, nodes: Floats, count: int,
+    most: int, fineness: float,
+) -> int:  # fmt: skip
+    """Add the nodes of a stretch, `begin` to `stop` along the film from this row, to `count`; never over `most`."""
     rate, bend = state[1] - state[5] * state[4], state[2] - state[5] * state[5] * state[3]
     swing = math.sqrt(state[3] * state[3] + state[4] * state[4])
     steepest = abs(state[1]) + 3.0 * spot * abs(state[2]) + abs(state[5]) * swing
     steepest = min(steepest, abs(rate) + 3.0 * spot * abs(bend) + spot * spot * abs(state[5]) ** 3 * swing)
-    return spot / math.sqrt(1.0 + steepest * steepest)
-
-
-@kernel
-def light_nodes(
-    state: Floats,
-    spot: float,
-    shear: float,
-    begin: float,
-    stop: float,
-    factor: float,
-    nodes: Floats,
-    count: int,
-    most: int,
-    fineness: float,
-) -> int:
-    """Add the nodes of a stretch, `begin` to `stop` along the film from this row, to `count`; never over `most`."""
-    step = fineness * finest_step(state, spot)
+    step = fineness * (spot / math.sqrt(1.0 + steepest * steepest))
     number = min(max(int((stop - begin) / step) + 1, 2), most - count)
     step = (stop - begin) / number
     along = begin + 0.5 * step
@@ -122,10 +108,7 @@ def profile(nodes: Floats, count: int, shift: float, tilt: float, spot: float, f
     """
     scale = 0.5 / (spot * spot)
     size = out.shape[1]
-    for i in range(size):
-        out[0, i] = 0.0
-        out[1, i] = 0.0
-        out[2, i] = 0.0
+    out[:] = 0.0
     reach = REACH * spot
     bend = math.exp(-2.0 * scale)
     for n in range(count):
@@ -145,18 +128,13 @@ def profile(nodes: Floats, count: int, shift: float, tilt: float, spot: float, f
             value *= factor
             factor *= bend
             away += 1.0
-    for i in range(size):
-        out[1, i] *= 2.0 * scale
-        out[2, i] *= 2.0 * scale
+    out[1:] *= 2.0 * scale
 
 
 class Lens(NamedTuple):
     """Optics as the kernels take them: variance of the grain on blank film and its growth, and the curve as a table.
 
-    Attributes
-    ----------
-    table, step : (2, m) array, float
-        Darkness and its derivative at even steps of exposure.
+    `table` holds darkness and its derivative at every `step` of exposure, (2, m).
     """
 
     spot: float
@@ -192,7 +170,3 @@ class Optics:
         """For the kernels."""
         step = HIGHEST_EXPOSURE / (TABLE_SIZE - 1)
         return Lens(self.spot, self.shear, float(self.grain[0]), float(self.grain[1]), self.curve.table(), step)
-
-    def with_(self, **changes: object) -> Optics:
-        """A copy with some numbers changed."""
-        return replace(self, **changes)  # type: ignore[arg-type]

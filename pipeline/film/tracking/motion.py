@@ -21,15 +21,9 @@ STATES = 6
 
 @kernel
 def advance(state: Floats, covariance: Floats, noise: Floats, rows: float, shear: float, work: Floats) -> None:
-    """Carry a state and its covariance on by `rows` (+1 or -1) rows of the image.
+    """Carry a state and its covariance on, in place, by `rows` (+1 or -1) rows of the image.
 
-    Parameters
-    ----------
-    state, covariance : (6,), (6, 6) arrays
-        Overwritten.
-    noise : (3,) array
-        Growth a row of the variance of m2, of w and of p and q.
-    work : (2, 6, 6) array
+    `noise` (3,) is the growth a row of the variance of m2, of w and of p and q; `work` is (2, 6, 6).
     """
     step = rows
     if shear != 0.0:  # the step along the film that moves the trace by whole rows of the image
@@ -91,14 +85,12 @@ def slope_variance(state: Floats, covariance: Floats) -> float:
 def correct(state: Floats, covariance: Floats, shift: float, variance: float, shear: float, work: Floats) -> None:
     """Take in a reading that lies `shift` columns from the state's own, with its variance."""
     gain = 1.0 + shear * (state[1] - state[5] * state[4])
-    seen, spread = shift * gain, variance * gain * gain
     column = work[0, 0]
     for i in range(6):
         column[i] = covariance[i, 0] + covariance[i, 3]
-    total = column[0] + column[3] + spread
+    total = column[0] + column[3] + variance * gain * gain
     for i in range(6):
-        state[i] += column[i] / total * seen
-    for i in range(6):
+        state[i] += column[i] / total * (shift * gain)
         for j in range(6):
             covariance[i, j] -= column[i] * column[j] / total
 

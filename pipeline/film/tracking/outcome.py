@@ -1,24 +1,32 @@
-"""What was read of a film's traces, filled piece by piece."""
+"""What was read of a film's traces, filled piece by piece.
+
+Gaps of the shutter are told from a trace's brightness row by row, and fitted to the pixels. The spot blurs a gap, but
+not what is missing: the lack of light summed over the rows is the gap's length, and its centre of gravity the gap's
+middle. Beside a gap a row holds part of a line, whose cut is not that of a whole one, so that this is a first guess.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, maximum_filter1d, median_filter, percentile_filter, uniform_filter1d
+from scipy.special import ndtr
 
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats
 from pipeline.film.emulsion import FilmEmulsion
+from pipeline.film.marks.gap_kernels import ROW, ROW_SIGMA, WIDTH, Known, fit_gaps
+from pipeline.film.marks.pieces import grain
 from pipeline.film.parts import Tracks
-from pipeline.film.tracking.combine import BOTH, combined
-from pipeline.film.tracking.gap_fit import find_gaps, fitted_gaps, lamp_course
 from pipeline.film.tracking.line_profile import Optics
-from pipeline.film.tracking.pieces import Piece
+from pipeline.film.tracking.pieces import BOTH, Piece, combined
 from pipeline.film.tracking.row_reading import read_piece
 
+LEAST_LACK, SIGNIFICANT = 0.12, 6.0  # of a row's light, and sigma of the light missing in all, from which it is a gap
+LATERAL, LENGTH_PRIOR = 0.1, 0.25  # px, 1 sigma of the course across the line; of the length
+MOST_SIGMA = 0.5  # rows, of a fit that is believed
 LEAST_OPEN = 0.7  # share of the light let through under which a row counts as lying in a gap
-SEEN = 4.0
+VISIBLE = 4.0
 LEAST_LIGHT, MOST_LIGHT = 0.5, 1.8  # of the lamp's
 PARTIAL, PARTIAL_SIGMA = 0.85, 3.0  # less light than that, and a part of the line is missing: it begins or ends there
 CUT, CUT_SIGMA = 0.35, 3.0  # rows of light lacking beside each other, and sigma of it: the shutter closed there
@@ -36,74 +44,43 @@ LOST_SWINGS = 0.3
 MARGIN_SPOTS = 16  # of gaps, beyond a piece
 
 
-@dataclass(frozen=True)
-class Both:
-    """A piece of film followed both ways, apart from all others: with this its rows are read.
-
-    Attributes
-    ----------
-    first : int
-        Its first row.
-    darkness : (rows, columns) array
-        Above blank film.
-    forth, back : Piece
-        The ways along the film and back.
-    above : int
-        How far the light reaches beyond the piece's first row, at most four margins.
-    light : (traces, more rows) array
-        Brightness of the lines in the piece and around it, NaN where not followed.
-    """
-
-    first: int
-    darkness: NDArray[np.float32]
-    forth: Piece
-    back: Piece
-    above: int
-    light: Floats
-
-    @staticmethod
-    def of(first: int, darkness: NDArray[np.float32], forth: Piece, back: Piece, light: Floats, spot: float) -> Both:
-        """With a copy of what is needed of the whole film's light, (traces, rows)."""
-        margin = 4 * round(MARGIN_SPOTS * spot)
-        low, high = max(0, first - margin), min(light.shape[1], first + darkness.shape[0] + margin)
-        return Both(first, darkness, forth, back, first - low, light[:, low:high].copy())
-
-
 def read_both(
-    both: Both, emulsion: FilmEmulsion, optics: Optics, tracks: Tracks, misfit: NDArray[np.float32], blackest: float
-) -> None:
-    """Read the rows of a piece into their places; pieces do not touch each other's.
+    emulsion: FilmEmulsion, optics: Optics, tracks: Tracks, misfit: NDArray[np.float32], first: int,
+    darkness: NDArray[np.float32], forth: Piece, back: Piece, above: int, light: Floats,
+) -> None:  # fmt: skip
+    """Read the rows of a piece that was followed both ways into their places; pieces do not touch each other's.
 
     Parameters
     ----------
     misfit : (traces, rows) array
         Mean square residual of each row's fit, of the whole film.
-    blackest : float
-        Darkness from which a pixel can be no darker.
+    darkness : (rows, columns) array
+        Of the rows from `first` on, above blank film.
+    above, light : int, (traces, more rows) array
+        Brightness of the lines in the piece and, from `above` rows before it, around it; NaN where not followed.
     """
-    first, darkness, rows = both.first, both.darkness, both.darkness.shape[0]
-    course = combined(both.forth, both.back, optics.spot, optics.shear)
+    rows = len(darkness)
+    course = combined(forth, back, optics.spot, optics.shear)
     states, known = course.states, course.known > 0
     rate = np.where(known, (states[:, :, 1] - states[:, :, 5] * states[:, :, 4]).T, np.nan)
     bend = (states[:, :, 2] - states[:, :, 5] ** 2 * states[:, :, 3]).T
     gain = 1.0 + optics.shear * rate
     place, slope = np.where(known, (states[:, :, 0] + states[:, :, 3]).T, np.nan), rate / gain
     margin = round(MARGIN_SPOTS * optics.spot)
-    low, high = max(0, both.above - margin), min(both.light.shape[1], both.above + rows + margin)
-    lamps = np.stack([lamp_course(light, tracks.rows_per_swing) for light in both.light])
+    low, high = max(0, above - margin), min(light.shape[1], above + rows + margin)
+    lamps = np.stack([lamp_course(each, tracks.rows_per_swing) for each in light])
     gaps = [
-        find_gaps(light[low:high], lamp[low:high], first - both.above + low)
-        for light, lamp in zip(both.light, lamps, strict=True)
+        find_gaps(each[low:high], lamp[low:high], first - above + low) for each, lamp in zip(light, lamps, strict=True)
     ]
     gaps = fitted_gaps(darkness, first, place, slope, gaps, emulsion, tracks.rows_per_swing)
     gap_of = np.concatenate([[0], np.cumsum([len(each) for each in gaps])])
-    part, inside = slice(first, first + rows), slice(both.above, both.above + rows)
+    part, inside = slice(first, first + rows), slice(above, above + rows)
     lamp = np.ascontiguousarray(lamps[:, inside])
     reading = read_piece(
         darkness, first, states, course.known, course.slope_variance, lamp, np.concatenate(gaps), gap_of, optics.lens()
     )
     column = np.clip(np.nan_to_num(place), 0, darkness.shape[1] - 1).astype(int)
-    black = darkness[np.arange(rows), column] > blackest
+    black = darkness[np.arange(rows), column] > emulsion.blackest
     for k in range(len(gaps)):
         share = openness(gaps[k], first, rows, optics.spot)
         tracks.position[k, part], tracks.sigma[k, part], tracks.qc[k, part] = judge(
@@ -111,35 +88,73 @@ def read_both(
             optics,
         )  # fmt: skip
     tracks.course[:, part], tracks.slope[:, part], tracks.curvature[:, part] = place, slope, bend / gain**3
-    tracks.brightness[:, part] = np.where(known, both.light[:, inside] / lamp, np.nan)
+    tracks.brightness[:, part] = np.where(known, light[:, inside] / lamp, np.nan)
     misfit[:, part] = np.where(known, reading[:, :, 4], np.nan)
+
+
+def lamp_course(light: Floats, period: float) -> Floats:
+    """Brightness of the line in the open: the running upper half of half a swing, where anything is seen."""
+    width = 2 * max(4, round(0.25 * period)) + 1
+    course = percentile_filter(np.nan_to_num(light, nan=0.0), 60.0, size=width, mode="nearest")
+    return np.asarray(np.maximum(course, 0.02), dtype=np.float64)
+
+
+def find_gaps(light: Floats, lamp: Floats, first: int) -> Floats:
+    """First and last row of a trace's gaps (n, 2) from its brightness from row `first` on; NaN where not followed."""
+    lack = np.clip(1.0 - light / lamp, -0.5, 1.0)
+    known = np.isfinite(lack)
+    sigma = 1.4826 * float(np.median(np.abs(lack[known] - np.median(lack[known])))) if known.sum() > 8 else 0.1
+    lack = np.where(known, lack, 0.0)
+    inside = uniform_filter1d(lack, 3, mode="constant") > max(LEAST_LACK, 2.0 * sigma)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
+    gaps = []
+    for begin, stop in zip(edges[::2], edges[1::2], strict=True):
+        a, b = max(0, begin - 1), min(lack.size, stop + 1)
+        amount = float(lack[a:b].sum())
+        if amount > max(0.2, SIGNIFICANT * sigma * np.sqrt(b - a)):
+            middle = first + float(np.sum(lack[a:b] * (np.arange(a, b) + 0.5))) / amount
+            gaps.append((middle - 0.5 * amount, middle + 0.5 * amount))
+    return np.array(gaps).reshape(-1, 2)
+
+
+def fitted_gaps(
+    darkness: NDArray[np.float32], first: int, place: Floats, slope: Floats, gaps: list[Floats], emulsion: FilmEmulsion,
+    period: float,
+) -> list[Floats]:  # fmt: skip
+    """Gaps of all traces, lists of first and last rows (n, 2), fitted to the film; as they are where that fails.
+
+    Parameters
+    ----------
+    darkness : (rows, columns) array
+        Of the rows from `first` on, above blank film.
+    place, slope : (traces, rows) arrays
+        The courses; NaN where they are not known.
+    period : float
+        Rows in a swing.
+    """
+    table, exposure = np.concatenate(gaps) - first, emulsion.lit(darkness)
+    trace = np.repeat(np.arange(len(gaps)), [len(each) for each in gaps])
+    known = Known(emulsion.spot, *grain(emulsion), LATERAL, LENGTH_PRIOR, 0.5 * period)
+    result = fit_gaps(exposure, 0, place, slope, trace, table.mean(axis=1), table[:, 1] - table[:, 0], known)
+    good = result[:, ROW_SIGMA] < MOST_SIGMA
+    table[good] = result[good, ROW, None] + result[good, WIDTH, None] * np.array([-0.5, 0.5])
+    return [first + table[trace == k] for k in range(len(gaps))]
 
 
 def openness(gaps: Floats, first: int, rows: int, spot: float) -> Floats:
     """Share of a trace's light that the shutter let through to each row; `gaps` (n, 2) are first and last rows."""
-    from scipy.special import ndtr
-
     share = np.ones(rows)
     for middle, length in zip(gaps.mean(axis=1), gaps[:, 1] - gaps[:, 0], strict=True):
-        a, b = int(max(0, middle - length - 5 * spot - first)), int(min(rows, middle + length + 5 * spot - first + 1))
+        a, b = np.clip(middle - first + np.array([0, 1]) + (length + 5 * spot) * np.array([-1, 1]), 0, rows).astype(int)
         away = first + np.arange(a, b) + 0.5 - middle
-        if a >= b:
-            continue
         share[a:b] -= ndtr((away + 0.5 * length) / spot) - ndtr((away - 0.5 * length) / spot)
     return share
 
 
 def judge(
-    reading: Floats,
-    place: Floats,
-    course_variance: Floats,
-    disagreement: Floats,
-    known: NDArray[np.uint8],
-    open_share: Floats,
-    lamp: Floats,
-    black: NDArray[np.bool_],
-    optics: Optics,
-) -> tuple[Floats, Floats, NDArray[np.uint16]]:
+    reading: Floats, place: Floats, course_variance: Floats, disagreement: Floats, known: NDArray[np.uint8],
+    open_share: Floats, lamp: Floats, black: NDArray[np.bool_], optics: Optics,
+) -> tuple[Floats, Floats, NDArray[np.uint16]]:  # fmt: skip
     """Position and sigma of one trace's rows, NaN where not accepted, and their flags.
 
     Parameters
@@ -147,7 +162,7 @@ def judge(
     reading : (rows, 7) array
         Of `row_reading.read_piece`.
     place, course_variance, disagreement, known : (rows,) arrays
-        Of `combine.combined`.
+        Of `pieces.combined`.
     open_share, lamp : (rows,) arrays
         Light let through by the shutter, and brightness in the open.
     black : (rows,) array
@@ -155,12 +170,11 @@ def judge(
     """
     shift, variance, light, light_variance, misfit, alone, slope = reading.T
     stretch = 1.0 + slope**2
-    flag = ELONGATION_FLAGS
     followed = known > 0
     whole = np.maximum(LEAST_LIGHT * lamp, PARTIAL * lamp - PARTIAL_SIGMA * np.sqrt(light_variance))
-    seen = followed & (light > SEEN * np.sqrt(light_variance)) & (light > whole)
+    visible = followed & (light > VISIBLE * np.sqrt(light_variance)) & (light > whole)
     light_spread = _usual(light_variance, followed) / lamp**2
-    seen &= (light > PARTIAL * lamp) | ~_cut(1.0 - light / lamp, light_spread, followed)
+    visible &= (light > PARTIAL * lamp) | ~_cut(1.0 - light / lamp, light_spread, followed)
     gap = followed & (open_share < LEAST_OPEN)
     unsure = followed & (disagreement > DISAGREEMENT)
     shared = followed & (variance > SHARED * alone)
@@ -168,21 +182,23 @@ def judge(
     allowed = spread + course_variance + (COURSE_SLACK * optics.spot) ** 2 * stretch
     strange = shift**2 > STRANGE**2 * allowed
     dim = 1.0 - light / lamp > STRANGE * np.sqrt(light_spread)
-    wild = (misfit > MISFIT) | (shift**2 > OUTLIER**2 * allowed) | (light > MOST_LIGHT * lamp)
-    wild |= shift**2 > (FAR * optics.spot) ** 2 * stretch + OUTLIER**2 * course_variance
-    wild |= strange & _beside(followed & ~gap & (strange | dim))
-    wide = variance > WORST_NORMAL**2 * optics.spot**2 * stretch
-    accepted = seen & ~gap & ~unsure & ~wild & ~wide & ~black
+    rejected = (misfit > MISFIT) | (shift**2 > OUTLIER**2 * allowed) | (light > MOST_LIGHT * lamp)
+    rejected |= shift**2 > (FAR * optics.spot) ** 2 * stretch + OUTLIER**2 * course_variance
+    rejected |= strange & binary_dilation(followed & ~gap & (strange | dim), [True, False, True])
+    rejected |= variance > WORST_NORMAL**2 * optics.spot**2 * stretch
+    accepted = visible & ~gap & ~unsure & ~rejected & ~black
     qc = np.zeros(shift.size, dtype=np.uint16)
-    qc |= np.where(gap, flag["gap"], 0).astype(np.uint16)
-    qc |= np.where(followed & black, flag["saturated"], 0).astype(np.uint16)
-    qc |= np.where(unsure, flag["ambiguous"], 0).astype(np.uint16)
-    qc |= np.where(followed & shared, flag["overlap"], 0).astype(np.uint16)
-    qc |= np.where(followed & (known != BOTH), flag["single_direction"], 0).astype(np.uint16)
-    qc |= np.where(followed & ~gap & ~shared & ~accepted & ~unsure & ~black, flag["outlier"], 0).astype(np.uint16)
-    position = np.where(accepted, place + shift, np.nan)
+    for name, rows in {
+        "gap": gap,
+        "saturated": black,
+        "ambiguous": unsure,
+        "overlap": shared,
+        "single_direction": known != BOTH,
+        "outlier": ~gap & ~shared & ~accepted & ~unsure & ~black,
+    }.items():
+        qc[followed & rows] |= ELONGATION_FLAGS[name]
     sigma = np.sqrt(variance * np.maximum(1.0, misfit) + (FLOOR * optics.spot) ** 2 * stretch)
-    return position, np.where(accepted, sigma, np.nan), qc
+    return np.where(accepted, place + shift, np.nan), np.where(accepted, sigma, np.nan), qc
 
 
 def _usual(variance: Floats, followed: NDArray[np.bool_]) -> Floats:
@@ -191,8 +207,6 @@ def _usual(variance: Floats, followed: NDArray[np.bool_]) -> Floats:
     Where the shutter cuts a row that is not known to lie in a gap, it takes light, and the fit calls its reading unsure
     instead of wrong.
     """
-    from scipy.ndimage import median_filter
-
     good = followed & np.isfinite(variance)
     usual = float(np.median(variance[good])) if good.any() else 0.0
     return np.asarray(median_filter(np.where(good, variance, usual), ABOUT))
@@ -210,21 +224,9 @@ def _cut(lack: Floats, variance: Floats, followed: NDArray[np.bool_]) -> NDArray
     return np.asarray(np.any([lacking[k : k + lack.size] for k in range(CUT_ROWS)], axis=0))
 
 
-def _beside(rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which rows have one of `rows` before or after them."""
-    beside = np.zeros_like(rows)
-    beside[1:] |= rows[:-1]
-    beside[:-1] |= rows[1:]
-    return beside
-
-
 def flag_lost(position: Floats, course: Floats, qc: NDArray[np.uint16], period: float) -> None:
     """Where a trace was followed without being read for long it is lost: course NaN, in place."""
-    read = np.isfinite(position)
-    half = max(4, round(LOST_SWINGS * period))
-    total = np.concatenate([[0], np.cumsum(read)])
-    rows = np.arange(read.size)
-    near = total[np.minimum(rows + half + 1, read.size)] - total[np.maximum(rows - half, 0)]
-    lost = ~np.isfinite(course) | (near == 0)
+    size = 2 * max(4, round(LOST_SWINGS * period)) + 1
+    lost = ~np.isfinite(course) | ~maximum_filter1d(np.isfinite(position), size, mode="constant")
     course[lost] = np.nan
     qc[lost] = ELONGATION_FLAGS["lost"]

@@ -1,4 +1,4 @@
-"""The harmonic Kalman filter, started from seeds and run over pieces of film in either direction."""
+"""The harmonic Kalman filter, started from seeds and run over pieces of film in either direction; both combined."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
 from pipeline.film.tracking.line_profile import Lens, Optics
-from pipeline.film.tracking.motion import STATES, advance, correct, place_variance, slope_of, slope_variance
+from pipeline.film.tracking.motion import STATES, advance, correct, place_variance, slope_of, slope_variance, solve
 from pipeline.film.tracking.row_reading import read_row, work_space
 from pipeline.film.tracking.seeding import Swing
 from synth.kernels.compiled import kernel
 
 GATE = 5.0  # sigma
 SLACK = 0.3  # spots, of the line's normal: what the filter may lag behind where ship or paper speed up
-SEEN = 4.0  # sigma of the brightness from which on there is a line
+BOTH_SLACK = 0.25  # the same of two directions against each other
+VISIBLE = 4.0  # sigma of the brightness from which on there is a line
 MISFIT = 30.0  # mean square residual from which on something else lies on the line; less makes a reading less sure
 LAMP_MEMORY = 0.03  # a row
 GIVEN_UP = 0.25  # share of good rows of late under which a trace is lost
@@ -32,6 +33,7 @@ DEGENERATE = 25.0  # growth of the variance by another trace from which on a row
 BEND_GROWTH, FREQUENCY_GROWTH, PAIR_GROWTH = 0.01, 1e-3, 1e-6
 FIRST_PLACE, FIRST_RATE, FIRST_BEND, FIRST_FREQUENCY = 0.03, 0.3, 0.5, 0.03
 QUALITY_SWINGS = 0.5
+FORWARD, BACKWARD, BOTH = 1, 2, 3
 
 
 class Filter(NamedTuple):
@@ -62,22 +64,20 @@ class Filter(NamedTuple):
     @staticmethod
     def idle(traces: int, period: float) -> Filter:
         """A filter that follows nothing yet."""
-        return Filter(
-            np.zeros((traces, STATES)),
-            np.zeros((traces, STATES, STATES)),
-            np.zeros(traces, np.int64),
-            np.ones(traces),
-            np.ones(traces),
-            np.zeros((traces, 3)),
-            min(0.5, 1.0 / (QUALITY_SWINGS * period)),
-        )
+        states, noise, memory = np.zeros((traces, STATES)), np.zeros((traces, 3)), 1.0 / (QUALITY_SWINGS * period)
+        covariances, alive = np.zeros((traces, STATES, STATES)), np.zeros(traces, np.int64)
+        return Filter(states, covariances, alive, np.ones(traces), np.ones(traces), noise, min(0.5, memory))
 
     def restart(self, trace: int, state: Floats, lamp: float = 1.0, alive: bool = True) -> None:
         """Follow a trace (again) from a state known about as well as a seed is, at once or when its row comes."""
+        amplitude, period = np.hypot(state[3], state[4]), 2.0 * np.pi / state[5]
+        pair = FIRST_PLACE * amplitude + 1.0
+        sigmas = [pair, FIRST_RATE * pair * 6.0 / period, FIRST_BEND * amplitude / period**2, pair, pair]
         self.states[trace] = state
-        self.covariances[trace] = first_covariance(state)
+        self.covariances[trace] = np.diag(np.square([*sigmas, FIRST_FREQUENCY * state[5]]))
         self.alive[trace], self.lamp[trace], self.quality[trace] = int(alive), lamp, 0.8
-        self.noise[trace] = process_noise(state)
+        bend = BEND_GROWTH * amplitude**2 / period**5
+        self.noise[trace] = bend, FREQUENCY_GROWTH / period**3, PAIR_GROWTH * amplitude**2 / period
 
 
 class Piece(NamedTuple):
@@ -105,21 +105,6 @@ class Piece(NamedTuple):
         one = slice(trace, trace + 1)
         parts: Any = [*(each[one] for each in self[:4]), self.states[:, one], self.covariances[:, one]]
         return Piece(*parts)
-
-
-def process_noise(state: Floats) -> Floats:
-    """Growth a row of the variances of bend, frequency and pair."""
-    amplitude, period = np.hypot(state[3], state[4]), 2.0 * np.pi / state[5]
-    bend = BEND_GROWTH * amplitude**2 / period**5
-    return np.array([bend, FREQUENCY_GROWTH / period**3, PAIR_GROWTH * amplitude**2 / period])
-
-
-def first_covariance(state: Floats) -> Floats:
-    """How well a seed is known."""
-    amplitude, period = np.hypot(state[3], state[4]), 2.0 * np.pi / state[5]
-    pair = FIRST_PLACE * amplitude + 1.0
-    sigmas = [pair, FIRST_RATE * pair * 6.0 / period, FIRST_BEND * amplitude / period**2, pair, pair]
-    return np.diag(np.square([*sigmas, FIRST_FREQUENCY * state[5]]))
 
 
 def start(swings: Sequence[Swing], row: float) -> Filter:
@@ -158,37 +143,18 @@ def run_again(begun: Filter, place: Floats, variance: Floats, followed: NDArray[
 
 @kernel
 def follow(
-    darkness: NDArray[np.float32],
-    first: int,
-    order: int,
-    begun: Filter,
-    begins: NDArray[np.int64],
-    lens: Lens,
+    darkness: NDArray[np.float32], first: int, order: int, begun: Filter, begins: NDArray[np.int64], lens: Lens,
     piece: Piece,
-) -> None:
-    """Read and follow all traces over the rows of a piece.
+) -> None:  # fmt: skip
+    """Read and follow all traces over the rows of a piece, which begins at row `first` of the film (see `run`).
 
-    Parameters
-    ----------
-    darkness : (rows, columns) array
-        Above blank film.
-    first : int
-        Row of the film of the first.
-    order : int
-        1 along the film, -1 against it.
-    begun : Filter
-        Before the first row to be read; overwritten by that after the last.
-    begins : (traces,) array
-        Row of the piece from which on a trace that is not alive is to be followed; its state is that of this row.
-        -1 for none.
-    piece : Piece
-        Overwritten.
+    `begun` is the filter before the first row to be read, and is overwritten by that after the last.
     """
     rows, columns = darkness.shape
     states, covariances, alive, lamp, quality = begun.states, begun.covariances, begun.alive, begun.lamp, begun.quality
     traces, spot, shear = alive.size, lens.spot, lens.shear
     reading, work = work_space(traces, columns), np.empty((2, 6, 6))
-    found = reading.found
+    fit = reading.fit
     prior = np.ones((traces, 2))
     gaps, gap_of = np.empty((0, 2)), np.zeros(traces + 1, np.int64)
     for turn in range(rows):
@@ -205,24 +171,24 @@ def follow(
             piece.covariances[i, k] = covariances[k]
         read_row(darkness[i], first + i + 0.5, states, alive, lens, lamp, prior, gaps, gap_of, SETTLED, reading)
         for k in range(traces):
-            piece.followed[k, i], piece.brightness[k, i] = alive[k], found[k, 2]
+            piece.followed[k, i], piece.brightness[k, i] = alive[k], fit[k, 2]
             piece.place[k, i], piece.variance[k, i] = 0.0, np.inf
             if alive[k] == 0:
                 continue
             slope = slope_of(states[k], shear)
             stretch = 1.0 + slope * slope
-            shift, spread, light, light_variance = found[k, 0], found[k, 1], found[k, 2], found[k, 3]
-            seen = light * light > SEEN * SEEN * light_variance and found[k, 4] < MISFIT
+            shift, spread, light, light_variance = fit[k, 0], fit[k, 1], fit[k, 2], fit[k, 3]
+            visible = light * light > VISIBLE * VISIBLE * light_variance and fit[k, 4] < MISFIT
             dim = max(0.0, 1.0 - light / lamp[k])
-            spread = spread * max(1.0, found[k, 4]) + spot * spot * stretch * (1e-3 + 2.25 * dim * dim)
+            spread = spread * max(1.0, fit[k, 4]) + spot * spot * stretch * (1e-3 + 2.25 * dim * dim)
             limit = GATE * GATE * (prior[k, 0] + spread + SLACK * SLACK * spot * spot * stretch)
-            good = seen and shift * shift <= limit
-            if not found[k, 1] > DEGENERATE * found[k, 5]:
+            good = visible and shift * shift <= limit
+            if not fit[k, 1] > DEGENERATE * fit[k, 5]:
                 quality[k] += begun.memory * ((1.0 if good else 0.0) - quality[k])
             if good:
                 piece.place[k, i], piece.variance[k, i] = states[k, 0] + states[k, 3] + shift, spread
                 correct(states[k], covariances[k], shift, spread, shear, work)
-            if seen:
+            if visible:
                 doubt = math.sqrt(light_variance) / (0.1 * lamp[k])
                 lamp[k] = max(0.02, lamp[k] + LAMP_MEMORY / (1.0 + doubt * doubt) * (light - lamp[k]))
             if quality[k] < GIVEN_UP:
@@ -247,3 +213,53 @@ def replay(begun: Filter, shear: float, piece: Piece) -> None:
             if np.isfinite(piece.variance[k, i]):
                 shift = piece.place[k, i] - (states[k, 0] + states[k, 3])
                 correct(states[k], covariances[k], shift, piece.variance[k, i], shear, work)
+
+
+class Course(NamedTuple):
+    """The states of both directions weighed by their covariances: of all readings but the row's own.
+
+    Attributes
+    ----------
+    states : (rows, traces, 6) array
+    variance, slope_variance, disagreement : (traces, rows) arrays
+        Variance of the column and of the slope; by how many sigma the directions differ in the column.
+    known : (traces, rows) array
+        1 forward only, 2 backward only, 3 both, 0 none.
+    """
+
+    states: Floats
+    variance: Floats
+    slope_variance: Floats
+    disagreement: Floats
+    known: NDArray[np.uint8]
+
+
+@kernel
+def combined(forward: Piece, backward: Piece, spot: float, shear: float) -> Course:
+    """The course of all traces of a piece that was followed both ways."""
+    rows, traces = forward.states.shape[:2]
+    states, known = np.empty((rows, traces, STATES)), np.empty((traces, rows), np.uint8)
+    variance, slope_spread, disagreement = np.empty((traces, rows)), np.empty((traces, rows)), np.zeros((traces, rows))
+    for i in range(rows):
+        for k in range(traces):
+            known[k, i] = (FORWARD if forward.followed[k, i] else 0) + (BACKWARD if backward.followed[k, i] else 0)
+            one, spread = forward.states[i, k], forward.covariances[i, k]
+            other, other_spread = backward.states[i, k], backward.covariances[i, k]
+            if known[k, i] == BACKWARD:
+                one, spread = other, other_spread
+            states[i, k] = one
+            variance[k, i], slope_spread[k, i] = place_variance(one, spread, shear), slope_variance(one, spread)
+            if known[k, i] != BOTH:
+                continue
+            steep = slope_of(one, shear)
+            apart = variance[k, i] + place_variance(other, other_spread, shear)
+            apart += BOTH_SLACK * BOTH_SLACK * spot * spot * (1.0 + steep * steep)
+            disagreement[k, i] = abs(other[0] + other[3] - one[0] - one[3]) / math.sqrt(apart)
+            total, right = spread + other_spread, other - one
+            if solve(total, right, STATES):
+                gain = spread @ total
+                states[i, k] += spread @ right
+                change = spread - gain @ spread
+                variance[k, i] = place_variance(states[i, k], change, shear)
+                slope_spread[k, i] = slope_variance(states[i, k], change)
+    return Course(states, variance, slope_spread, disagreement, known)

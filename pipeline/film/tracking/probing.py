@@ -1,27 +1,43 @@
-"""A first look at the film: sections here and there, what swings on them, and with what spot and curve."""
+"""A first look at the film: sections here and there, what swings on them, and with what spot, slit, curve and grain.
+
+A line's exposure follows from its slope alone (dwell time), and slopes run from 0 at the turning points to the steepest
+in the middle: the same film shows the same emulsion at all exposures, and the darkness of the pixels against the
+exposure that the spot must have left there is the characteristic curve.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
-from pipeline.film.emulsion import FilmEmulsion, ToneCurve, plain_emulsion
+from pipeline.arrays import Floats
+from pipeline.film.emulsion import LEAST_GROWTH, STEEPEST_GRAIN, FilmEmulsion, ToneCurve, plain_emulsion
 from pipeline.film.scan.opening import OpenScan
-from pipeline.film.tracking.calibrate import calibrate, measure_shear, open_rows
-from pipeline.film.tracking.line_profile import Optics
+from pipeline.film.tracking.line_profile import MOST_NODES, Optics, nodes_of, profile
+from pipeline.film.tracking.row_reading import lit_columns
 from pipeline.film.tracking.section import Section, read_section
 from pipeline.film.tracking.seeding import find_swings, spot_size
+from synth.kernels.compiled import kernel
 
-FIRST_ROWS = 512
-MOST_ROWS = 4096
+FIRST_ROWS, TALLEST = 512, 4096  # of the sections looked at, at first and where nothing is found
 PLACES = (0.5, 0.15, 0.85, 0.3, 0.7, 0.02, 0.95)
 MORE_PLACES = (0.4, 0.6, 0.22, 0.78, 0.09, 0.91, 0.35, 0.65, 0.45, 0.55)  # where none of the others shows all traces
 ENOUGH = 3  # sections with traces
-REFINEMENTS = 3
+REFINEMENTS = 5
 SURE = 0.6  # share of rows read, with the film's own optics, by which a trace is one
 ASKEW = (0.0, 0.009, -0.009, 0.018, -0.018, 0.027, -0.027)  # rows a column: half a degree and its multiples
+NEAR_GAP = 5  # rows beside one that lacks light
+LACKING = 0.9
+ALIKE_ROWS = 61  # rows of like slope, about, that say how bright a line seems there
+LEAST_ROWS, MOST_ROWS = 40, 260
+ROUNDS, HUBER = 20, 3.0
+USUAL = 1.3, 2.0  # contrast and shoulder of emulsions
+PRIOR_SIGMA = np.array([1e3, 0.5, 1e3, 0.3, 1.0])  # of the logarithms of spot, darkest, middle, contrast and shoulder
+SHEAR_SWINGS = 1.5
 Darkness = Callable[[int, int], NDArray[np.float32]]
 
 
@@ -38,18 +54,22 @@ def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
 
 def first_optics(darkness: NDArray[np.float32], sigma: float) -> Optics:
     """What a piece of film shows of spot and curve before any trace is known."""
-    darkest = 1.1 * float(np.quantile(darkness, 1.0 - min(2e-4, 20.0 / darkness.size)))
-    curve = ToneCurve(max(darkest, 3.0 * sigma), 0.2, 1.5)
+    curve = ToneCurve(max(darkest(darkness), 3.0 * sigma), 0.2, 1.5)
     return Optics(spot_size(darkness), 0.0, curve, np.array([sigma**2, 10.0 * sigma**2]))
+
+
+def darkest(darkness: NDArray[np.float32]) -> float:
+    """Darkness of endless exposure, as the darkest pixels of a piece of film suggest it."""
+    return 1.1 * float(np.quantile(darkness, 1.0 - min(2e-4, 20.0 / darkness.size)))
 
 
 def sections(rows: int, height: int) -> Iterator[tuple[int, int]]:
     """Pieces to look at, the likeliest first."""
-    seen: list[int] = []
+    looked_at: list[int] = []
     for place in (*PLACES, *MORE_PLACES):
         first = int(np.clip(round(place * rows - 0.5 * height), 0, max(0, rows - height)))
-        if all(abs(first - other) >= height // 2 for other in seen):
-            seen.append(first)
+        if all(abs(first - other) >= height // 2 for other in looked_at):
+            looked_at.append(first)
             yield first, min(rows, first + height)
 
 
@@ -73,10 +93,10 @@ def probe(
                 read.append(found)
         if read:
             break
-        if height >= min(rows, MOST_ROWS):
+        if height >= min(rows, TALLEST):
             return None
         height *= 2
-    section, guess = max(_whole(read, count) or read, key=lambda each: open_rows(each[0], each[1].spot))
+    section, guess = max(_whole(read, count) or read, key=lambda each: _open_rows(each[0], each[1].spot)[0].size)
     section, known = refine(section, guess, fixed=optics is not None)
     for first, stop in tried if count is None else sections(rows, height):
         if first == section.first or len(section.swings) == count:
@@ -95,7 +115,7 @@ def _whole(read: list[tuple[Section, Optics]], count: int | None) -> list[tuple[
 def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Optics]:
     """Optics fitted to the section, the section read anew with them, and so on: a first guess of the curve misleads."""
     for turn in range(REFINEMENTS):
-        optics = optics.with_(shear=optics.shear + measure_shear(section))
+        optics = replace(optics, shear=optics.shear + measure_shear(section))
         if not fixed:
             optics = calibrate(section, optics)
         again = read_section(section.darkness, section.first, optics, section.period, None, least=SURE)
@@ -113,8 +133,161 @@ def _read_askew(
     """A section read with the first of several ways the slit may stand to the rows that leads anywhere."""
     seeds = find_swings(piece, first, guess.spot, float(np.sqrt(guess.grain[0])), period)
     for askew in ASKEW:
-        optics = guess.with_(shear=guess.shear + askew)
+        optics = replace(guess, shear=guess.shear + askew)
         section = read_section(piece, first, optics, period, count, seeds)
         if section is not None:
             return section, optics
     return None
+
+
+def calibrate(section: Section, optics: Optics) -> Optics:
+    """Spot, curve and grain fitted to a section; the ones given where the section says too little.
+
+    Gauss-Newton for the logarithms of spot and curve, with pixels far off weighed down.
+    """
+    rows, traces, lamp, typical = _open_rows(section, optics.spot)
+    if rows.size < LEAST_ROWS:
+        return optics
+    states = section.states[rows].copy()
+    read = section.place[:, rows].T
+    states[:, :, 0] += np.where(np.isfinite(read), read - states[:, :, 0] - states[:, :, 3], 0.0)
+
+    def model(unknowns: Floats) -> tuple[Floats, Floats]:
+        spot, *shape = np.exp(unknowns)
+        exposure, pixels = exposures(section.darkness, rows, traces, states, lamp, spot, optics.spot, optics.shear)
+        return ToneCurve(*shape).darkness(exposure), pixels
+
+    grain = optics.grain
+    curve = optics.curve
+    usual = np.log([optics.spot, darkest(section.darkness), 1.0, *USUAL])
+    unknowns = np.log([optics.spot, curve.darkest, curve.middle / typical, curve.contrast, curve.shoulder])
+    for _ in range(ROUNDS):
+        dark, pixels = model(unknowns)
+        residual = pixels - dark
+        weight = 1.0 / (grain[0] + grain[1] * dark)
+        size = np.abs(residual) * np.sqrt(weight)
+        weight = weight * np.where(size > HUBER, HUBER / np.maximum(size, 1e-9), 1.0)
+        jacobian = np.stack([(model(unknowns + each)[0] - dark) / 1e-4 for each in 1e-4 * np.eye(5)], axis=1)
+        normal = jacobian.T @ (weight[:, None] * jacobian) + np.diag(1e-3 + PRIOR_SIGMA**-2)
+        right = jacobian.T @ (weight * residual) + (usual - unknowns) / PRIOR_SIGMA**2
+        step = np.linalg.solve(normal, right)
+        if unknowns[4] + step[4] < 0.0:  # no shoulder is softer than a hyperbola's
+            unknowns[4], step[4] = 0.0, 0.0
+            step[:4] = np.linalg.solve(normal[:4, :4], right[:4])
+        unknowns = unknowns + step * min(1.0, 0.3 / float(np.max(np.abs(step))))
+        grain = _grain(residual, dark, float(optics.grain[0]))
+        if np.max(np.abs(step)) < 1e-3:
+            break
+    spot, *shape = (float(each) for each in np.exp(unknowns))
+    return replace(optics, spot=spot, curve=ToneCurve(*shape), grain=grain)
+
+
+@kernel
+def exposures(
+    darkness: NDArray[np.float32], rows: NDArray[np.int64], traces: NDArray[np.int64], states: Floats, lamp: Floats,
+    spot: float, window_spot: float, shear: float,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Exposure that the model leaves on the pixels about some rows of some traces, and their darkness.
+
+    Parameters
+    ----------
+    rows, traces : (n,) arrays
+        Where to look.
+    states, lamp : (n, traces, 6), (n, traces) arrays
+        Of all traces on those rows; a trace with a lamp of 0 is left out.
+    window_spot : float
+        Width of the spot for which the windows are chosen.
+    """
+    columns = darkness.shape[1]
+    exposure, dark = np.zeros((2, rows.size * columns))
+    nodes, out, gaps = np.empty((3, MOST_NODES)), np.empty((3, columns)), np.empty((0, 2))
+    count = 0
+    for n in range(rows.size):
+        number = nodes_of(states[n, traces[n]], window_spot, shear, gaps, 0.0, nodes)
+        low, high = lit_columns(nodes, number, 0.01 * nodes[1, number // 2])
+        first, stop = max(0, int(low - 4.0 * window_spot)), min(columns, int(high + 4.0 * window_spot))
+        size = stop - first
+        if size < 4:
+            continue
+        dark[count : count + size] = darkness[rows[n], first:stop]
+        for k in range(states.shape[1]):
+            if lamp[n, k] > 0.0:
+                number = nodes_of(states[n, k], spot, shear, gaps, 0.0, nodes)
+                profile(nodes, number, 0.0, 0.0, spot, first, out[:, :size])
+                exposure[count : count + size] += lamp[n, k] * out[0, :size]
+        count += size
+    return exposure[:count], dark[:count]
+
+
+def _grain(residual: Floats, dark: Floats, blank: float) -> Floats:
+    """Variance of a pixel on blank film, and its growth with darkness, from what the fit leaves."""
+    edges = np.quantile(dark, np.linspace(0.0, 1.0, 13))
+    place = np.clip(np.searchsorted(edges, dark, side="right") - 1, 0, 11)
+    parts = [place == i for i in range(12) if np.any(place == i)]
+    spread = np.array([1.4826 * np.median(np.abs(residual[part])) for part in parts])
+    middle = np.array([dark[part].mean() for part in parts])
+    growth = float(np.sum((spread**2 - blank) * middle) / max(float(np.sum(middle**2)), 1e-12))
+    return np.array([blank, float(np.clip(growth, LEAST_GROWTH, max(STEEPEST_GRAIN * blank, LEAST_GROWTH)))])
+
+
+def _open_rows(section: Section, spot: float) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, float]:
+    """Rows and traces away from gaps and other traces: with the lamp's brightness there for all, and its median."""
+    half = max(4, round(0.25 * section.period))
+    lamp = np.stack([_running_median(light, half) for light in section.brightness])
+    slope = (section.states[:, :, 1] - section.states[:, :, 5] * section.states[:, :, 4]).T
+    share = np.nan_to_num(section.brightness / lamp)
+    for each, lean in zip(share, slope, strict=True):  # a curve that is wrong shows in the brightness by slope
+        order = np.argsort(lean)
+        each[order] /= np.maximum(median_filter(each[order], ALIKE_ROWS), 0.1)
+    doubtful = ~np.isfinite(section.place) | (share < LACKING)
+    near = np.stack([np.convolve(each, np.ones(2 * NEAR_GAP + 1), mode="same") > 0.5 for each in doubtful])
+    place = section.states[:, :, [0, 3]].sum(axis=2).T
+    reach = spot * (6.0 + 5.0 * np.abs(slope))
+    rows = []
+    for k in range(len(place)):
+        clear = ~near[k]
+        for other in range(len(place)):
+            if other != k:
+                clear &= ~near[other] | (np.abs(place[k] - place[other]) > reach[k] + reach[other])
+        chosen = np.flatnonzero(clear)
+        rows.append(chosen[np.linspace(0, chosen.size - 1, min(chosen.size, MOST_ROWS)).astype(int)])
+    at, traces = np.concatenate(rows), np.repeat(np.arange(len(rows)), [each.size for each in rows])
+    light = np.where(np.isfinite(section.states[at, :, 0]), lamp[:, at].T, 0.0)
+    typical = max(float(np.median(light[np.arange(at.size), traces])) if at.size else 1.0, 1e-6)
+    return at, traces, light / typical, typical
+
+
+def _running_median(light: Floats, half: int) -> Floats:
+    """Median of what is known within `half` rows."""
+    wide = np.lib.stride_tricks.sliding_window_view(np.pad(light, half, constant_values=np.nan), 2 * half + 1)
+    ordered = np.sort(wide, axis=1)  # NaN last
+    count = np.isfinite(ordered).sum(axis=1)
+    return np.where(count > 0, ordered[np.arange(light.size), np.maximum(count - 1, 0) // 2], 1.0)
+
+
+def measure_shear(section: Section) -> float:
+    """Rows by which the image lags per column, from the readings' second harmonic; 0 where it cannot be told.
+
+    With the slit askew by k rows a column, x(r) = A cos(w (r - k x)) = A cos(wr) + k w A^2/2 sin(2 wr) + ...
+    """
+    values, weights = [], []
+    for state, place in zip(section.states.transpose(1, 0, 2), section.place, strict=True):
+        rows = np.flatnonzero(np.isfinite(place) & np.isfinite(state[:, 0]))
+        frequency = float(np.median(state[rows, 5])) if rows.size else 0.0
+        if frequency <= 0.0 or rows.size < SHEAR_SWINGS * 2.0 * np.pi / frequency:
+            continue
+        state = state[rows]
+        angle = np.arctan2(state[:, 4], state[:, 3])
+        amplitude = float(np.median(np.hypot(state[:, 3], state[:, 4])))
+        slope = state[:, 1] - state[:, 5] * state[:, 4]
+        t = (rows - rows.mean()) / (0.5 * rows.size)
+        slow = np.polynomial.polynomial.polyvander(t, max(3, int(rows.size * frequency / np.pi)))
+        co, si = np.cos(angle), np.sin(angle)
+        columns = np.column_stack([np.sin(2 * angle), np.cos(2 * angle), slow, co, co * t, si, si * t])
+        weight = 1.0 / np.sqrt(1.0 + slope**2)
+        weighted = columns * weight[:, None]
+        normal = weighted.T @ weighted + 1e-9 * np.eye(columns.shape[1])
+        answer = np.linalg.solve(normal, weighted.T @ ((place[rows] - state[:, 0]) * weight))
+        values.append(2.0 * answer[0] / (frequency * amplitude**2))
+        weights.append((frequency * amplitude**2) ** 2 * rows.size)
+    return float(np.average(values, weights=weights)) if values else 0.0

@@ -31,24 +31,22 @@ FAINTEST = 0.02
 ROUNDS = 4
 BRIGHTNESS_PRIOR = 0.7  # 1 sigma of what is known of the brightness before, relative
 WINDOW = 3.5  # spots beyond the outermost light
-FIELDS = 7
 SETTLED = 0.03
 
 
 class Work(NamedTuple):
-    """What the fit of a row finds, and its work space.
+    """What the fit of a row gives, and its work space.
 
     Attributes
     ----------
-    found : (traces, 6) array
+    fit : (traces, 6) array
         Shift, its variance, brightness, its variance, mean square residual in units of the noise, variance of the
         shift if the trace lay alone; variances are inf where a trace is not known or off the image.
     nodes, counts : (traces, 3, MOST_NODES), (traces,) arrays
         Of all traces (`line_profile.nodes_of`), and their numbers.
-    windows, profiles, matrices : arrays
     """
 
-    found: Floats
+    fit: Floats
     nodes: Floats
     counts: Integers
     windows: Integers
@@ -60,36 +58,23 @@ class Work(NamedTuple):
 def work_space(traces: int, columns: int) -> Work:
     """Room for the fit of rows."""
     return Work(
-        np.empty((traces, 6)),
-        np.empty((traces, 3, MOST_NODES)),
-        np.empty(traces, np.int64),
-        np.empty((traces, 4), np.int64),
-        np.empty((traces, 3, columns)),
+        np.empty((traces, 6)), np.empty((traces, 3, MOST_NODES)), np.empty(traces, np.int64),
+        np.empty((traces, 4), np.int64), np.empty((traces, 3, columns)),
         np.empty((3, 3 * traces + 8, 3 * traces + 8)),
-    )
+    )  # fmt: skip
 
 
 @kernel
 def fit_row(
-    darkness: Floats32,
-    first: int,
-    members: Integers,
-    lens: Lens,
-    lamp: Floats,
-    prior: Floats,
-    settled: float,
+    darkness: Floats32, first: int, members: Integers, lens: Lens, lamp: Floats, prior: Floats, settled: float,
     work: Work,
-) -> None:
+) -> None:  # fmt: skip
     """Shift and brightness of the traces of one group, into `work`.
 
     Parameters
     ----------
-    darkness : (n,) array
-        Of the pixels of the group's window.
-    first : int
-        Column of the first of them.
-    members : (g,) array
-        Which traces.
+    darkness, first
+        Of the pixels of the group's window, and column of the first of them.
     lamp : (traces,) array
         Brightness to start from.
     prior : (traces, 2) array
@@ -98,33 +83,27 @@ def fit_row(
     settled : float
         Last step, over 1.5 spots of the normal, at which to stop.
     """
-    spot, table, found, profiles = lens.spot, lens.table, work.found, work.profiles
+    spot, table, fit, profiles = lens.spot, lens.table, work.fit, work.profiles
     size, g = darkness.size, members.size
     n = 3 * g + 1
     top = table.shape[1] - 2
-    normal, copy, rows = work.matrices[0], work.matrices[1], work.matrices[2]
+    normal, copy, rows = work.matrices[0, :n, :n], work.matrices[1], work.matrices[2]
     value, right, other, start, misfit, weights, limit = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]
+    value[:n] = 0.0
     for a in range(g):
-        value[3 * a] = 0.0
         value[3 * a + 1] = lamp[members[a]]
-        value[3 * a + 2] = 0.0
-    value[n - 1] = 0.0
     offset_variance = 0.25 * lens.blank
     for _ in range(ROUNDS):
         for a in range(g):
             k = members[a]
-            part = profiles[k, :, :size]
-            profile(work.nodes[k], work.counts[k], value[3 * a], value[3 * a + 2], spot, first, part)
+            profile(work.nodes[k], work.counts[k], value[3 * a], value[3 * a + 2], spot, first, profiles[k, :, :size])
             peak = 0.02
             for i in range(size):
                 peak = max(peak, profiles[k, 0, i])
             limit[a] = 1.5 * spot / peak
             misfit[a], weights[a] = 0.0, 1e-12
-        for i in range(n):
-            right[i] = 0.0
-            start[i] = value[i]
-            for j in range(n):
-                normal[i, j] = 0.0
+        right[:n], normal[:] = 0.0, 0.0
+        start[:n] = value[:n]
         for i in range(size):
             exposure = 0.0
             for a in range(g):
@@ -164,14 +143,7 @@ def fit_row(
         for a in range(n):
             for b in range(a):
                 normal[b, a] = normal[a, b]
-        for i in range(n):
-            other[i] = right[i]
-            for j in range(n):
-                copy[i, j] = normal[i, j]
-        for a in range(g):
-            copy[3 * a, 3 * a] += 1.0 / prior[members[a], 0]
-            other[3 * a] -= value[3 * a] / prior[members[a], 0]
-        if not solve(copy, other, n):
+        if not _solve_with_priors(normal, right, value, members, prior, -1, copy, other):
             break
         moved = 0.0
         for a in range(g):
@@ -185,44 +157,42 @@ def fit_row(
             break
     for a in range(g):  # each trace's own reading: the others with what was known of them, itself without
         k = members[a]
-        for i in range(n):
-            other[i] = right[i]
-            for j in range(n):
-                copy[i, j] = normal[i, j]
-        for b in range(g):
-            if b != a:
-                copy[3 * b, 3 * b] += 1.0 / prior[members[b], 0]
-                other[3 * b] -= start[3 * b] / prior[members[b], 0]
-        if not solve(copy, other, n):
-            found[k, 0], found[k, 1] = 0.0, np.inf
+        if _solve_with_priors(normal, right, start, members, prior, a, copy, other):
+            fit[k, 0] = start[3 * a] + min(max(other[3 * a], -limit[a]), limit[a])
+            fit[k, 1] = copy[3 * a, 3 * a]
         else:
-            found[k, 0] = start[3 * a] + min(max(other[3 * a], -limit[a]), limit[a])
-            found[k, 1] = copy[3 * a, 3 * a]
-        found[k, 2] = value[3 * a + 1]
-        found[k, 3] = copy[3 * a + 1, 3 * a + 1]
-        found[k, 4] = misfit[a] / weights[a]
-        found[k, 5] = found[k, 1]
+            fit[k, 0], fit[k, 1] = 0.0, np.inf
+        fit[k, 2] = value[3 * a + 1]
+        fit[k, 3] = copy[3 * a + 1, 3 * a + 1]
+        fit[k, 4] = misfit[a] / weights[a]
+        fit[k, 5] = fit[k, 1]
         if g > 1:
             for i in range(4):
                 for j in range(4):
                     copy[i, j] = normal[n - 1 if i == 3 else 3 * a + i, n - 1 if j == 3 else 3 * a + j]
-            found[k, 5] = copy[0, 0] if solve(copy, other, 4) else np.inf
+            fit[k, 5] = copy[0, 0] if solve(copy, other, 4) else np.inf
+
+
+@kernel
+def _solve_with_priors(
+    normal: Floats, right: Floats, value: Floats, members: Integers, prior: Floats, without: int, copy: Floats,
+    other: Floats,
+) -> bool:  # fmt: skip
+    """Inverse and step, into `copy` and `other`, with the priors of all shifts but that of member `without`."""
+    n = normal.shape[0]
+    copy[:n, :n], other[:n] = normal, right[:n]
+    for a in range(members.size):
+        if a != without:
+            copy[3 * a, 3 * a] += 1.0 / prior[members[a], 0]
+            other[3 * a] -= value[3 * a] / prior[members[a], 0]
+    return solve(copy, other, n)
 
 
 @kernel
 def read_row(
-    darkness: Floats32,
-    row: float,
-    states: Floats,
-    alive: Integers,
-    lens: Lens,
-    lamp: Floats,
-    prior: Floats,
-    gaps: Floats,
-    gap_of: Integers,
-    settled: float,
-    work: Work,
-) -> None:
+    darkness: Floats32, row: float, states: Floats, alive: Integers, lens: Lens, lamp: Floats, prior: Floats,
+    gaps: Floats, gap_of: Integers, settled: float, work: Work,
+) -> None:  # fmt: skip
     """Shift and brightness of all traces on one row (see `fit_row`), into `work`.
 
     Parameters
@@ -231,32 +201,26 @@ def read_row(
         Above blank film.
     row : float
         Centre line of the row, px.
-    states : (traces, 6) array
-        Of the motion at this row.
-    alive : (traces,) array
-        0 where a trace is not known.
+    states, alive : (traces, 6), (traces,) arrays
+        Of the motion at this row; `alive` is 0 where a trace is not known.
     gaps, gap_of : (n, 2), (traces + 1,) array
         Gaps of all traces; those of trace k from `gap_of[k]` to before `gap_of[k + 1]`.
     """
-    found, nodes, counts, windows = work.found, work.nodes, work.counts, work.windows
+    fit, nodes, counts, windows = work.fit, work.nodes, work.counts, work.windows
     spot = lens.spot
     traces, columns = states.shape[0], darkness.size
     for k in range(traces):
-        found[k, 0], found[k, 1], found[k, 2], found[k, 3], found[k, 4] = 0.0, np.inf, 0.0, np.inf, 0.0
-        found[k, 5] = np.inf
+        fit[k] = 0.0
+        fit[k, 1], fit[k, 3], fit[k, 5] = np.inf, np.inf, np.inf
         windows[k, 2] = -1
         if alive[k] == 0:
             continue
-        last = gap_of[k + 1]
-        near = gap_of[k]
+        near, last = gap_of[k], gap_of[k + 1]
         while near < last and gaps[near, 1] < row - 8.0 * spot:
             near += 1
         counts[k] = nodes_of(states[k], spot, lens.shear, gaps[near:last], row, nodes[k])
-        low, high, least = 1e9, -1e9, 0.01 * nodes[k, 1, 0] * math.exp(0.5 * REACH * REACH)
-        for i in range(counts[k]):
-            if nodes[k, 1, i] >= least:
-                low, high = min(low, nodes[k, 0, i]), max(high, nodes[k, 0, i])
-        if not (low > -1e6 and high < 1e6 and low <= high):
+        low, high = lit_columns(nodes[k], counts[k], 0.01 * nodes[k, 1, 0] * math.exp(0.5 * REACH * REACH))
+        if not low <= high:
             continue
         windows[k, 0] = max(0, math.floor(low - WINDOW * spot))
         windows[k, 1] = min(columns, math.ceil(high + WINDOW * spot))
@@ -266,11 +230,8 @@ def read_row(
     for _ in range(traces):  # the smallest number of a group is its name
         for a in range(traces):
             for b in range(traces):
-                if (
-                    windows[a, 2] > windows[b, 2] >= 0
-                    and windows[a, 0] < windows[b, 1]
-                    and windows[b, 0] < windows[a, 1]
-                ):
+                together = windows[a, 0] < windows[b, 1] and windows[b, 0] < windows[a, 1]
+                if windows[a, 2] > windows[b, 2] >= 0 and together:
                     windows[a, 2] = windows[b, 2]
     for name in range(traces):
         count, low_pixel, high_pixel = 0, columns, 0
@@ -285,29 +246,30 @@ def read_row(
 
 
 @kernel
+def lit_columns(nodes: Floats, count: int, least: float) -> tuple[float, float]:
+    """Columns between which nodes have at least so much weight; (1e9, -1e9) where none has, or they lie far off."""
+    low, high = 1e9, -1e9
+    for i in range(count):
+        if nodes[1, i] >= least:
+            low, high = min(low, nodes[0, i]), max(high, nodes[0, i])
+    if low > -1e6 and high < 1e6:
+        return low, high
+    return 1e9, -1e9
+
+
+@kernel
 def read_piece(
-    darkness: Floats32,
-    first: int,
-    states: Floats,
-    known: NDArray[np.uint8],
-    slope_variance: Floats,
-    lamp: Floats,
-    gaps: Floats,
-    gap_of: Integers,
-    lens: Lens,
-) -> Floats:
-    """Read all traces row by row.
+    darkness: Floats32, first: int, states: Floats, known: NDArray[np.uint8], slope_variance: Floats, lamp: Floats,
+    gaps: Floats, gap_of: Integers, lens: Lens,
+) -> Floats:  # fmt: skip
+    """Read all traces row by row from row `first` of the film on (see `read_row`).
 
     Parameters
     ----------
-    darkness : (rows, columns) array
-        Above blank film, from row `first` of the film on.
     states, known : (rows, traces, 6), (traces, rows) arrays
         The course, and where there is one.
     slope_variance, lamp : (traces, rows) arrays
         Variance of the course's slope; brightness in the open.
-    gaps, gap_of
-        As for `read_row`.
 
     Returns
     -------
@@ -317,7 +279,7 @@ def read_piece(
     """
     rows, columns = darkness.shape
     traces = states.shape[1]
-    work, out = work_space(traces, columns), np.empty((traces, rows, FIELDS))
+    work, out = work_space(traces, columns), np.empty((traces, rows, 7))
     alive, now, prior = np.empty(traces, np.int64), np.empty(traces), np.full((traces, 2), math.inf)
     for i in range(rows):
         for k in range(traces):
@@ -325,6 +287,6 @@ def read_piece(
             prior[k, 1] = max(slope_variance[k, i], 1e-8)
         read_row(darkness[i], first + i + 0.5, states[i], alive, lens, now, prior, gaps, gap_of, SETTLED, work)
         for k in range(traces):
-            out[k, i, :6] = work.found[k]
+            out[k, i, :6] = work.fit[k]
             out[k, i, 6] = slope_of(states[i, k], lens.shear)
     return out

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.tracking.combine import combined
 from pipeline.film.tracking.line_profile import Optics
-from pipeline.film.tracking.pieces import Filter, Piece, run, start
+from pipeline.film.tracking.pieces import Filter, Piece, combined, run, start
 from pipeline.film.tracking.seeding import SAME, Swing, find_swings
 
 LEAST_USED = 0.45  # share of rows read by which a seed proves true
@@ -70,20 +69,21 @@ def read_section(
     """Find the traces of a section and follow them, None if there are none that are read on a `least` share of rows."""
     if seeds is None:
         seeds = find_swings(darkness, first, optics.spot, float(np.sqrt(optics.grain[0])), period)
-    proven: list[tuple[Swing, Piece]] = []
+    proven: list[Piece] = []
+    swing_rows: float | None = None
     # a trace that others cross all the time may only be followed once they are known: those that failed try again
     for seed in [*seeds, *[seed for seed in seeds if seed.share > SURE_SHARE]]:
         if count is not None and len(proven) == count:
             break
-        if proven and abs(seed.period / proven[0][0].period - 1.0) > PERIOD_SLACK:
+        if swing_rows is not None and abs(seed.period / swing_rows - 1.0) > PERIOD_SLACK:
             continue
-        pieces = [piece for _, piece in proven]
-        if any(_on(seed, piece, first, optics.spot) for piece in pieces):
+        if any(_on(seed, piece, first, optics.spot) for piece in proven):
             continue
-        found = _prove(seed, pieces, darkness, first, optics)
-        if found is not None and not any(_coincide(found[1], piece, optics.spot) for piece in pieces):
-            proven.append(found)
-    return follow_together(darkness, first, [piece for _, piece in proven], optics, least) if proven else None
+        found = _prove(seed, proven, darkness, first, optics)
+        if found is not None and not any(_coincide(found[1], piece, optics.spot) for piece in proven):
+            swing_rows = swing_rows or found[0]
+            proven.append(found[1])
+    return follow_together(darkness, first, proven, optics, least)
 
 
 def follow_together(
@@ -95,22 +95,14 @@ def follow_together(
         if not together.any():
             pieces = pieces[:-1]
             continue
-        section = _followed(darkness, first, pieces, optics, together)
+        begin = int(np.flatnonzero(together)[np.count_nonzero(together) // 2])
+        pieces = sorted(pieces, key=lambda piece: float(piece.states[begin, 0, 0]))
+        swings = [Swing(first + begin + 0.5, piece.states[begin, 0].copy(), 1.0) for piece in pieces]
+        section = follow_from(swings, darkness, first, begin, optics, 0.5 * together.sum())
         if section.share.min() >= least:
             return section
-        swings = [float(piece.states[section.begin, 0, 0]) for piece in pieces]
-        worst = section.swings[int(np.argmin(section.share))].state[0]
-        del pieces[int(np.argmin(np.abs(np.array(swings) - worst)))]
+        del pieces[int(np.argmin(section.share))]
     return None
-
-
-def _followed(
-    darkness: NDArray[np.float32], first: int, pieces: list[Piece], optics: Optics, together: NDArray[np.bool_]
-) -> Section:
-    begin = int(np.flatnonzero(together)[np.count_nonzero(together) // 2])
-    swings = [Swing(first + begin + 0.5, piece.states[begin, 0].copy(), 1.0) for piece in pieces]
-    swings.sort(key=lambda swing: float(swing.state[0]))
-    return follow_from(swings, darkness, first, begin, optics, 0.5 * together.sum())
 
 
 def follow_from(
@@ -126,17 +118,10 @@ def follow_from(
     course = combined(forward, backward, optics.spot, optics.shear)
     states, known = course.states, course.known > 0
     used = np.isfinite(backward.variance) & known
-    swings = [Swing(first + begin + 0.5, states[begin, k].copy(), 1.0) for k in range(len(swings))]
-    return Section(
-        first,
-        begin,
-        darkness,
-        tuple(swings),
-        states,
-        np.where(used, backward.place, np.nan),
-        np.where(used, backward.brightness, np.nan),
-        used.sum(axis=1) / np.maximum(known.sum(axis=1), least),
-    )
+    place, light = np.where(used, backward.place, np.nan), np.where(used, backward.brightness, np.nan)
+    share = used.sum(axis=1) / np.maximum(known.sum(axis=1), least)
+    there = tuple(Swing(first + begin + 0.5, state.copy(), 1.0) for state in states[begin])
+    return Section(first, begin, darkness, there, states, place, light, share)
 
 
 def _turn(begun: Filter) -> None:
@@ -147,29 +132,32 @@ def _turn(begun: Filter) -> None:
 
 def _prove(
     seed: Swing, others: list[Piece], darkness: NDArray[np.float32], first: int, optics: Optics
-) -> tuple[Swing, Piece] | None:
-    """Follow a seed through the section, beside the traces that are known already; None if it leads nowhere."""
+) -> tuple[float, Piece] | None:
+    """Follow a seed through the section, beside the traces that are known already: rows in a swing, and the piece.
+
+    None if it leads nowhere.
+    """
     begin = int(np.clip(round(seed.row - 0.5) - first, 0, darkness.shape[0] - 1))
     beside = [Swing(first + begin + 0.5, piece.states[begin, 0], 1.0) for piece in others if piece.followed[0, begin]]
     begun = start([seed, *beside], first + begin - 0.5)
     run(begun, darkness[begin:], first + begin, 1, optics)
-    if not begun.alive[0]:  # lost on the way, or the trace ends: back from where the seed was, to a row
+    begins = None
+    if begun.alive[0]:
+        _turn(begun)
+    else:  # lost on the way, or the trace ends: back from where the seed was, to a row
         begun = start([seed, *beside], first + begin - 0.5)
         begins = np.full(begun.alive.size, begin)
         begun.alive[:] = 0
-    else:
-        _turn(begun)
-        begins = None
     piece = run(begun, darkness, first, -1, optics, begins).of(0)
     followed = piece.followed[0] > 0
     used = np.isfinite(piece.variance[0]) & followed
     if followed.sum() < LEAST_SWINGS * seed.period or used.sum() < LEAST_USED * followed.sum():
         return None
     at = int(np.flatnonzero(followed)[followed.sum() // 2])
-    swing = Swing(first + at + 0.5, piece.states[at, 0].copy(), float(used.sum() / followed.sum()))
+    swing = Swing(first + at + 0.5, piece.states[at, 0], 1.0)
     if swing.amplitude < LEAST_AMPLITUDE * optics.spot or abs(swing.period / seed.period - 1.0) > 2.0 * PERIOD_SLACK:
         return None
-    return swing, piece
+    return swing.period, piece
 
 
 def _on(seed: Swing, piece: Piece, first: int, spot: float) -> bool:
@@ -188,10 +176,8 @@ def _on(seed: Swing, piece: Piece, first: int, spot: float) -> bool:
 def _coincide(one: Piece, other: Piece, spot: float) -> bool:
     """Whether two pieces follow one trace for a good part of their way."""
     rows = np.flatnonzero((one.followed[0] > 0) & (other.followed[0] > 0))
-    if rows.size == 0:
-        return False
     (a, slope), (b, _) = _course(one, rows), _course(other, rows)
-    return bool(np.mean(np.abs(a - b) / np.sqrt(1.0 + slope**2) < spot) > 0.5)
+    return bool(np.count_nonzero(np.abs(a - b) < spot * np.sqrt(1.0 + slope**2)) > 0.5 * rows.size)
 
 
 def _course(piece: Piece, rows: NDArray[np.int64]) -> tuple[Floats, Floats]:

@@ -18,20 +18,17 @@ from pipeline.arrays import Floats
 from pipeline.film.tracking.motion import solve
 from synth.kernels.compiled import kernel
 
-DARKEST_SHARE = 0.35
-DARK_SHARE = 0.01
-ALIKE = 0.7
-MOST_POINTS = 200
-SAMPLES = 96
-LEAST_SHARE = 0.5
-STRIDE = 37  # has no divisor in common with it: a few of them are spread over the whole way
+DARKEST_SHARE = 0.35  # of the darkest smoothed pixels, from which a peak may be a turning point
+DARK_SHARE, ALIKE = 0.01, 0.7  # pixels left out when the spot is measured; likeness down to which it is looked at
+MOST_POINTS, MOST_PROPOSALS = 200, 4000
+SAMPLES, LEAST_SHARE = 96, 0.5  # places judged on a hypothesis' way, and share of them that must be dark
+STRIDE = 37  # has no divisor in common with SAMPLES: a few of them are spread over the whole way
 BEYOND = 0.3  # periods judged before the first and after the last turning point
-Floats32 = NDArray[np.float32]
-MOST_PROPOSALS = 4000
 CERTAIN = 6  # power of the share against the length of the way: two traces taken for one swing are a long way
 NOISE = 3.5  # sigma of the smoothed paper from which on it counts as darker than its sides
 MOST_KEPT = 24
 SAME = 2.5  # spots of distance across the line under which two swings are one
+Floats32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -73,23 +70,10 @@ class Swing:
         return np.array([m + along * (m1 + 0.5 * along * m2), m1 + m2 * along, m2, p * c - q * s, p * s + q * c, w])
 
 
-def find_swings(
-    darkness: NDArray[np.float32],
-    first: int,
-    spot: float,
-    sigma: float,
-    period: float | None = None,
-) -> list[Swing]:
+def find_swings(darkness: Floats32, first: int, spot: float, sigma: float, period: float | None = None) -> list[Swing]:
     """Swinging traces on a piece of film that starts at row `first`, the surest first.
 
-    Parameters
-    ----------
-    darkness : (rows, columns) array
-        Above blank film.
-    spot, sigma : float
-        Of the spot (px) and of one pixel of blank film.
-    period : float, optional
-        Rows in a full swing, if known.
+    `sigma` is that of one pixel of blank film, `period` the rows in a full swing, if known.
     """
     smooth, points = turning_points(darkness, spot)
     if points.shape[0] < 3:
@@ -105,8 +89,6 @@ def find_swings(
 
 def _apart(swings: list[Swing], spot: float) -> list[Swing]:
     """One swing of each trace: the surest."""
-    if not swings:
-        return []
     rows, states = np.array([swing.row for swing in swings]), np.array([swing.state for swing in swings])
     free = np.ones(len(swings), dtype=bool)
     kept: list[Swing] = []
@@ -194,37 +176,30 @@ def _vertex(
 @kernel
 def swing_through(points: Floats, a: int, b: int, c: int, out: Floats, matrix: Floats, right: Floats) -> bool:
     """Harmonic on a parabola that turns at three points, at the row of the middle one: m, m1, m2, p, q, w."""
-    before, after = points[a, 0] - points[b, 0], points[c, 0] - points[b, 0]
-    frequency = 2.0 * math.pi / (after - before)
+    frequency = 2.0 * math.pi / (points[c, 0] - points[a, 0])
     swing = 0.5 * abs(points[b, 1] - 0.5 * (points[a, 1] + points[c, 1]))
-    for i in range(5):
-        right[i] = 0.0
-        for j in range(5):
-            matrix[i, j] = 0.0
+    matrix[:], right[:5] = 0.0, 0.0
     row = right[5:10]
     slack = 0.05 * swing * frequency  # of the slope at a turning point: its row is known to a good part of a row
-    for n in range(6):
-        place = before if n % 3 == 0 else (0.0 if n % 3 == 1 else after)
-        at = a if n % 3 == 0 else (b if n % 3 == 1 else c)
-        co, si = math.cos(frequency * place), math.sin(frequency * place)
-        if n < 3:
-            row[0], row[1], row[2], row[3], row[4] = 1.0, place, 0.5 * place * place, co, -si
-            value = points[at, 1]
-        else:
-            row[0], row[1], row[2] = 0.0, 1.0 / slack, place / slack
-            row[3], row[4] = -frequency * si / slack, -frequency * co / slack
-            value = 0.0
-        for i in range(5):
-            right[i] += row[i] * value
-            for j in range(5):
-                matrix[i, j] += row[i] * row[j]
+    for slope in (False, True):
+        for at in (a, b, c):
+            place = points[at, 0] - points[b, 0]
+            value = 0.0 if slope else points[at, 1]
+            co, si = math.cos(frequency * place), math.sin(frequency * place)
+            if slope:
+                row[0], row[1], row[2] = 0.0, 1.0 / slack, place / slack
+                row[3], row[4] = -frequency * si / slack, -frequency * co / slack
+            else:
+                row[0], row[1], row[2], row[3], row[4] = 1.0, place, 0.5 * place * place, co, -si
+            for i in range(5):
+                right[i] += row[i] * value
+                for j in range(5):
+                    matrix[i, j] += row[i] * row[j]
     stiff = 1.0 / (0.05 * swing * frequency * frequency)
     matrix[2, 2] += stiff * stiff
     if not solve(matrix, right, 5):
         return False
-    for i in range(5):
-        out[i] = right[i]
-    out[5] = frequency
+    out[:5], out[5] = right[:5], frequency
     return True
 
 
@@ -292,9 +267,6 @@ def propose(
                     continue
                 share = share_on_line(smooth, points[b, 0], state, spot, least)
                 if share >= LEAST_SHARE and count < out.shape[0]:
-                    out[count, 0] = points[b, 0]
-                    for i in range(6):
-                        out[count, 1 + i] = state[i]
-                    out[count, 7] = share
+                    out[count, 0], out[count, 1:7], out[count, 7] = points[b, 0], state, share
                     count += 1
     return count

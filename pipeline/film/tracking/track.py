@@ -1,33 +1,87 @@
-"""Traces of a film, row by row: the recipe."""
+"""Traces of a film, row by row: the recipe.
+
+Each way along the film and back leads from piece to piece; the pixels beforehand, and the rows' readings behind, are
+any thread's work. Nothing but numbers a row is kept.
+
+Traces found anew are known by amplitude, resting place and phase. Through a blackout the paper may have run fast or
+slow, which shifts the phases of all traces alike, and the ship may have moved the slow part; what the pendulums keep
+are their amplitudes and the phase between them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from copy import deepcopy
+from dataclasses import dataclass, field
+from itertools import combinations, permutations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
+from pipeline.arrays import Floats, median_present
 from pipeline.film.emulsion import FilmEmulsion
+from pipeline.film.marks.pieces import in_order
 from pipeline.film.parts import Tracks
 from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.line_profile import Optics
-from pipeline.film.tracking.outcome import flag_lost
-from pipeline.film.tracking.passes import SECTION_SWINGS, Film, backward, forward
-from pipeline.film.tracking.pieces import run, start
+from pipeline.film.tracking.outcome import MARGIN_SPOTS, flag_lost, read_both
+from pipeline.film.tracking.pieces import Filter, Piece, run, run_again
 from pipeline.film.tracking.probing import SURE, probe
-from pipeline.film.tracking.section import Section, follow_from, follow_together, read_section
+from pipeline.film.tracking.section import Section, follow_from, read_section
 
 NOTHING = (
     "no swinging trace found on the film: lines that turn at regular intervals are looked for, dark on light, with rows"
     " running along time; check the orientation and polarity of the scan, or give period and traces"
 )
-
-
-NEAR_PIECES, FAR_PIECES = 3, 8  # looked at from the film's start, and between there and what is followed back
+NEAR_PIECES, FAR_PIECES = 3, 8  # looked at from the film's start, and from there to the section that was probed
 LEAD_SWINGS = 8.0  # before the first section, on which traces that were not found there may be followed
 LEAST_READ = 0.15
 STRANGE = 4.0
+AMPLITUDE, PLACE, PHASE, COMMON = 0.06, 0.5, 0.25, 1.5  # 1 sigma: of the amplitude (twice), radians
+AMBIGUOUS = 9.0  # how much worse the second best must be
+WORST = 40.0
+MOST_TRACES = 6
+PIECE_SWINGS, SECTION_SWINGS = 4.0, 6.0
+SOUND = 0.6  # share of rows read by which the last good row of a lost trace is told
+LIT = 0.5  # of the usual light: what is fainter may be chance in the grain beyond the ends of the film
+Progress = Callable[[int, int], None]
+
+
+@dataclass
+class Film:
+    """The film, and what is known of it as a whole."""
+
+    scan: OpenScan
+    emulsion: FilmEmulsion
+    optics: Optics
+    period: float
+    pieces: list[tuple[int, int]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        height = int(np.clip(round(PIECE_SWINGS * self.period), 48, 2048))
+        firsts = range(0, self.scan.rows, height)
+        self.pieces = [(first, min(first + height, self.scan.rows)) for first in firsts]
+
+    def darkness(self, first: int, stop: int) -> NDArray[np.float32]:
+        """Rows `first` to `stop`, above blank film."""
+        return self.emulsion.darkness(self.scan.read(first, stop), first)
+
+    def pixels(self, pieces: list[tuple[int, int]], jobs: int) -> Iterator[NDArray[np.float32]]:
+        """The darkness of some pieces, in their order."""
+        return in_order(lambda piece: self.darkness(*piece), pieces, jobs)
+
+
+@dataclass
+class Forward:
+    """What the way along the film left: arrays (traces, rows), and the filter before each piece."""
+
+    place: Floats
+    variance: Floats
+    light: Floats
+    followed: NDArray[np.uint8]
+    checkpoints: list[Filter]
 
 
 def track(
@@ -36,16 +90,14 @@ def track(
     *,
     count: int | None = None,
     jobs: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Tracks:
-    """Find the traces of a film, follow them both ways and read them row by row.
+    """Find the traces of a film, `count` if known, follow them both ways and read them row by row.
 
     Parameters
     ----------
     scan, emulsion
         Of `measure_emulsion`.
-    count : int, optional
-        Number of traces, if known.
     jobs : int
         Threads that may work.
     progress : callable, optional
@@ -56,13 +108,12 @@ def track(
     RefusedError
         Nothing swings on the film, or fewer traces than were expected.
     """
-    sigma = float(np.sqrt(emulsion.grain[0]))
     given = Optics(emulsion.spot, 0.0, emulsion.curve, emulsion.grain) if emulsion.spot else None
 
     def darkness(first: int, stop: int) -> NDArray[np.float32]:
         return emulsion.darkness(scan.read(first, stop), first)
 
-    probed = probe(darkness, scan.rows, sigma, count, given)
+    probed = probe(darkness, scan.rows, float(np.sqrt(emulsion.grain[0])), count, given)
     if probed is None:
         raise RefusedError(NOTHING)
     section, optics = probed
@@ -72,11 +123,8 @@ def track(
             f"count is {count} traces but {traces} were found on the film: give the number that swing on it"
         )
     film = Film(scan, emulsion, optics, section.period)
-    begin = _led_in(film, _first_section(film, section))
-    total = 2 * scan.rows
-    tell = (lambda done: progress(done, total)) if progress is not None else (lambda done: None)
-    ahead = forward(film, begin, tell, jobs)
-    tracks, misfit = backward(film, ahead, tell, jobs)
+    tell = (lambda done: progress(done, 2 * scan.rows)) if progress is not None else (lambda done: None)
+    tracks, misfit = backward(film, forward(film, _first_section(film, section), tell, jobs), tell, jobs)
     for k in range(traces):
         _refuse_strangers(misfit[k], k)
         flag_lost(tracks.position[k], tracks.course[k], tracks.qc[k], film.period)
@@ -112,62 +160,192 @@ def _refuse_unread(out: Tracks) -> None:
 
 def _refuse_doubles(out: Tracks) -> None:
     """Refuse a film on which two traces are read as one line for most of their way."""
-    for a in range(out.course.shape[0]):
-        for b in range(a):
-            away = np.abs(out.course[a] - out.course[b]) / np.sqrt(1.0 + out.slope[a] ** 2)
-            away = away[np.isfinite(away)]
-            if away.size and float(np.mean(away < out.spot)) > 0.5:
-                raise RefusedError(
-                    f"traces {b + 1} and {a + 1} of the film lie on each other on more than half of the rows: give"
-                    " count, or cut the film where they lie apart"
-                )
+    for b, a in combinations(range(len(out.course)), 2):
+        away = np.abs(out.course[a] - out.course[b]) / np.sqrt(1.0 + out.slope[a] ** 2)
+        away = away[np.isfinite(away)]
+        if away.size and float(np.mean(away < out.spot)) > 0.5:
+            raise RefusedError(
+                f"traces {b + 1} and {a + 1} of the film lie on each other on more than half of the rows: give count,"
+                " or cut the film where they lie apart"
+            )
 
 
-def _led_in(film: Film, section: Section) -> Section:
-    """A section with some rows before it, on which its traces, which were not found there, may be followed."""
+def _first_section(film: Film, probed: Section) -> Section:
+    """The first section looked at on which all traces are found, with some rows before it on which they may begin."""
+    ahead, traces = [first for first, _ in film.pieces if first < probed.first], len(probed.swings)
+    section = probed
+    for first in sorted({*ahead[:NEAR_PIECES], *ahead[:: max(1, len(ahead) // FAR_PIECES)]}):
+        found = _section(film, first, first, traces)
+        if found is not None and len(found.swings) == traces:
+            section = found
+            break
     first = max(0, section.first - round(LEAD_SWINGS * film.period))
     darkness = film.darkness(first, section.first + section.darkness.shape[0])
     begin = section.first + section.begin - first
     return follow_from(section.swings, darkness, first, begin, film.optics, 1.0) if first < section.first else section
 
 
-def _first_section(film: Film, probed: Section) -> Section:
-    """The first section of the film on which all traces are found, or are still followed when the film runs back."""
-    ahead = [first for first, _ in film.pieces if first < probed.first]
-    for first in ahead[:NEAR_PIECES]:
-        section = _all_of(film, probed, first)
-        if section is not None:
-            return section
-    rewound = _rewound(film, probed)
-    rest = [first for first in ahead[NEAR_PIECES:] if first < rewound.first]
-    for first in rest[:: max(1, len(rest) // FAR_PIECES)]:
-        section = _all_of(film, probed, first)
-        if section is not None:
-            return section
-    return rewound
+def _section(film: Film, first: int, stop: int, traces: int) -> Section | None:
+    """The traces found anew on the section that begins at a row and reaches to `stop` at least."""
+    stop = min(film.scan.rows, max(stop, first + round(SECTION_SWINGS * film.period)))
+    return read_section(film.darkness(first, stop), first, film.optics, film.period, traces, least=SURE)
 
 
-def _all_of(film: Film, probed: Section, first: int) -> Section | None:
-    """The traces found anew on the section that begins at a row, None unless they are all found."""
-    traces = len(probed.swings)
-    piece = film.darkness(first, min(film.scan.rows, first + round(SECTION_SWINGS * film.period)))
-    section = read_section(piece, first, film.optics, film.period, traces, least=SURE)
-    return section if section is not None and len(section.swings) == traces else None
+def match(section: Section, last: list[tuple[float, Floats]]) -> list[int] | None:
+    """Trace number of each swing of the section, None if it cannot be told; -1 for a swing that is none of them."""
+    traces, names = len(section.swings), len(last)
+    if max(traces, names) > MOST_TRACES:
+        return None
+    size = min(traces, names)
+    cost = sorted(
+        (_cost(section, chosen, named, last), chosen, named)
+        for chosen in permutations(range(traces), size)
+        for named in combinations(range(names), size)
+    )
+    if cost[0][0] > WORST * size or (len(cost) > 1 and cost[1][0] - cost[0][0] < AMBIGUOUS):
+        return None
+    result = [-1] * traces
+    for place, name in zip(cost[0][1], cost[0][2], strict=True):
+        result[place] = name
+    return result
 
 
-def _rewound(film: Film, probed: Section) -> Section:
-    """The earliest piece to which all traces of a section can be followed back."""
-    begun = start(probed.swings, probed.first + probed.begin + 0.5)
-    stop, section = probed.first + probed.begin + 1, probed
-    while stop > 0:
-        first = max(0, stop - round(SECTION_SWINGS * film.period))
-        darkness = film.darkness(first, stop)
-        piece = run(begun, darkness, first, -1, film.optics)
-        if not begun.alive.all():
-            break
-        pieces = [piece.of(k) for k in range(len(probed.swings))]
-        followed = follow_together(darkness, first, pieces, film.optics, SURE)
-        if followed is None or len(followed.swings) < len(probed.swings):
-            break
-        stop, section = first, followed
-    return section
+def _cost(section: Section, chosen: tuple[int, ...], names: tuple[int, ...], last: list[tuple[float, Floats]]) -> float:
+    total, phases = 0.0, []
+    for place, name in zip(chosen, names, strict=True):
+        swing, (row, state) = section.swings[place], last[name]
+        amplitude = float(np.hypot(state[3], state[4]))
+        total += (np.log(swing.amplitude / amplitude) / AMPLITUDE) ** 2
+        total += ((swing.state[0] - state[0]) / (PLACE * amplitude)) ** 2
+        then = np.arctan2(state[4], state[3]) + state[5] * (swing.row - row)
+        phases.append(np.arctan2(swing.state[4], swing.state[3]) - then)
+    turned = np.exp(1j * np.array(phases))
+    common = float(np.angle(turned.mean()))
+    apart = np.angle(turned * np.exp(-1j * common))
+    return float(total + np.sum((apart / PHASE) ** 2) + (common / COMMON) ** 2)
+
+
+def forward(film: Film, first_section: Section, progress: Callable[[int], None], jobs: int = 1) -> Forward:
+    """Follow all traces along the film; what is lost is looked for again at the start of each piece."""
+    traces = len(first_section.swings)
+    place, variance, light = np.full((3, traces, film.scan.rows), [[[0.0]], [[np.inf]], [[np.nan]]])
+    out = Forward(place, variance, light, np.zeros(place.shape, np.uint8), [])
+    begun = Filter.idle(traces, film.period)
+    last = [(swing.row, swing.state) for swing in first_section.swings]
+    for (first, stop), darkness in zip(film.pieces, film.pixels(film.pieces, jobs), strict=True):
+        begins = np.full(traces, -1)
+        if first >= first_section.first - (stop - first) and not begun.alive.all():
+            _look_again(film, begun, begins, first, stop, first_section, last)
+        out.checkpoints.append(deepcopy(begun))
+        if begun.alive.any() or (begins >= 0).any():
+            piece = run(begun, darkness, first, 1, film.optics, begins)
+            out.place[:, first:stop], out.variance[:, first:stop] = piece.place, piece.variance
+            out.light[:, first:stop] = np.where(piece.followed > 0, piece.brightness, np.nan)
+            out.followed[:, first:stop] = piece.followed
+            for k in range(traces):
+                good = np.flatnonzero(np.isfinite(piece.variance[k]))
+                if good.size:
+                    last[k] = (first + good[-1] + 0.5, piece.states[good[-1], k].copy())
+        progress(stop)
+    return out
+
+
+def _look_again(
+    film: Film, begun: Filter, begins: NDArray[np.int64], first: int, stop: int, first_section: Section,
+    last: list[tuple[float, Floats]],
+) -> None:  # fmt: skip
+    """Find traces that are not being followed on this piece and what comes next, and tell which is which.
+
+    Within the first section its own reading tells; beyond it traces are known by where and how they swung last.
+    """
+    if first < first_section.first + first_section.darkness.shape[0]:
+        section: Section | None = first_section
+        names: list[int] | None = list(range(len(last)))
+    else:
+        section = _section(film, first, stop, len(last))
+        names = match(section, last) if section is not None else None
+    if section is None or names is None:
+        return
+    for number, k in enumerate(names):
+        if k < 0 or begun.alive[k]:
+            continue
+        light = section.brightness[number]
+        usual = median_present(light)
+        begin = _solid_from(light > LIT * usual, first - section.first, film.period)
+        if begin is not None and section.first + begin < stop:
+            begun.restart(k, section.states[begin, number], usual, alive=False)
+            begins[k] = section.first + begin - first
+
+
+def _solid_from(read: NDArray[np.bool_], least: int, period: float) -> int | None:
+    """First row, not before `least`, from which on a trace is read on most rows of half a swing.
+
+    Beyond the ends of a film chance readings of the grain are met, and a trace begun on one is lost again at once.
+    """
+    half = max(4, round(0.5 * period))
+    total = np.concatenate([[0], np.cumsum(read)])
+    rows = np.flatnonzero(read)
+    stop = np.minimum(rows + half, read.size)
+    solid = rows[(total[stop] - total[rows] >= SOUND * half) & (rows >= least)]
+    return int(solid[0]) if solid.size else None
+
+
+def backward(
+    film: Film, ahead: Forward, progress: Callable[[int], None], jobs: int = 1
+) -> tuple[Tracks, NDArray[np.float32]]:
+    """Follow all traces back, join both ways piece by piece, and read every row.
+
+    Returns
+    -------
+    tracks : Tracks
+    misfit : (traces, rows) array
+        Mean square residual of each row's fit over that of the grain.
+    """
+    traces, rows = ahead.place.shape
+    tracks = Tracks.empty(traces, rows, film.period, film.optics.spot)
+    misfit = np.full((traces, rows), np.nan, np.float32)
+
+    def read(piece: tuple[Any, ...]) -> int:
+        if len(piece) > 1:
+            read_both(film.emulsion, film.optics, tracks, misfit, *piece)
+        return int(piece[0])
+
+    for first in in_order(read, _followed_back(film, ahead, jobs), jobs):
+        progress(2 * film.scan.rows - first)
+    return tracks, misfit
+
+
+def _followed_back(film: Film, ahead: Forward, jobs: int) -> Iterator[tuple[Any, ...]]:
+    """Follow all traces back and join both ways: the first row of each piece, and what its rows are read with."""
+    begun = Filter.idle(ahead.place.shape[0], film.period)
+    backwards, margin = film.pieces[::-1], 4 * round(MARGIN_SPOTS * film.optics.spot)
+    for (first, stop), darkness in zip(backwards, film.pixels(backwards, jobs), strict=True):
+        part = slice(first, stop)
+        forth = run_again(
+            ahead.checkpoints.pop(), ahead.place[:, part], ahead.variance[:, part], ahead.followed[:, part], film.optics
+        )
+        begins = _turn_back(begun, forth, ahead, first, stop, film.period)
+        if not (begun.alive.any() or (begins >= 0).any() or forth.followed.any()):
+            yield (first,)
+            continue
+        back = run(begun, darkness, first, -1, film.optics, begins)
+        alone = (ahead.followed[:, part] == 0) & (back.followed > 0)
+        ahead.light[:, part][alone] = back.brightness[alone]
+        low = max(0, first - margin)
+        yield first, darkness, forth, back, first - low, ahead.light[:, low : stop + margin].copy()
+
+
+def _turn_back(begun: Filter, forth: Piece, ahead: Forward, first: int, stop: int, period: float) -> NDArray[np.int64]:
+    """Rows at which the way back takes up traces that it does not follow but the way along did."""
+    begins = np.full(begun.alive.size, -1)
+    half = max(4, round(0.5 * period))
+    for k in np.flatnonzero((begun.alive == 0) & ahead.followed.any(axis=1)).tolist():
+        low, light = max(0, first - half), ahead.light[k]
+        read = np.isfinite(ahead.variance[k, low:stop]) & (light[low:stop] > LIT * median_present(light))
+        behind = _solid_from(read[::-1], 0, period)
+        if behind is not None and behind < stop - first:
+            row = stop - 1 - behind
+            lamp = median_present(light[max(0, row - half) : row + 1])
+            begins[k] = row - first
+            begun.restart(k, forth.states[begins[k], k], max(lamp, 0.02), alive=False)
+    return begins

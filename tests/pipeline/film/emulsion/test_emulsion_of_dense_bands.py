@@ -7,7 +7,7 @@ import pytest
 from spot_film import CONTRAST, DENSEST, FOG, MIDDLE, SCANNER, SPOT, Sheet, Swinging, developed, exposure_of, shutter
 
 from pipeline.film.emulsion import FilmEmulsion, ToneCurve, measure_blank
-from pipeline.film.strobe.dense_emulsion import dense_emulsion, fitted_curve, grain_growth
+from pipeline.film.strobe.dense import dense_emulsion, fitted_curve, grain_growth
 from pipeline.film.strobe.dense_kernels import NODES, SIZE, draw_curve, node_table
 
 PERIOD, LAMP = 17.9, 4.0

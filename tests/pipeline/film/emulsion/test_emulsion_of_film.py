@@ -22,8 +22,15 @@ from pipeline.film.emulsion import HIGHEST_EXPOSURE, FilmEmulsion, ToneCurve, me
 from pipeline.film.tracking.probing import measure_emulsion
 
 
-def test_the_curve_and_its_inverse_are_one_another():
-    curve = ToneCurve(0.6, 0.2, 1.5)
+def test_curve_of_a_long_shoulder_is_exponential():
+    exposure = np.geomspace(1e-3, 2.0, 40)
+    expected = 0.6 * (1.0 - np.exp(-((exposure / 0.2) ** 1.5)))
+    assert ToneCurve(0.6, 0.2, 1.5, 1e6).darkness(exposure) == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("shoulder", [1.0, 3.0, 20.0])
+def test_the_curve_and_its_inverse_are_one_another(shoulder):
+    curve = ToneCurve(0.6, 0.6, 1.5, shoulder)
     exposure = np.geomspace(1e-3, 2.0, 40)
     assert curve.exposure(curve.darkness(exposure)) == pytest.approx(exposure, rel=1e-6)
     steps = (curve.darkness(exposure * 1.0001) - curve.darkness(exposure * 0.9999)) / (0.0002 * exposure)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.film.tracking.combine import combined
-from pipeline.film.tracking.pieces import Piece
+from pipeline.film.tracking.pieces import Piece, combined
 
 SPOT = 1.2
 STATE = np.array([100.0, 0.2, 0.0, 30.0, -50.0, 0.11])

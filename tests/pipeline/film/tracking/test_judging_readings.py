@@ -9,9 +9,9 @@ import pytest
 
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.film.emulsion import ToneCurve
-from pipeline.film.tracking.combine import BOTH, FORWARD
 from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.outcome import flag_lost, judge, openness
+from pipeline.film.tracking.pieces import BOTH, FORWARD
 
 ROWS, AT = 40, 20
 OPTICS = Optics(1.2, 0.0, ToneCurve(0.6, 0.2, 1.5), np.array([5e-5, 1e-3]))

@@ -43,7 +43,7 @@ def read(darkness, states, prior=math.inf, slope_variance=1e-10):
         1e-3,
         work,
     )
-    return work.found
+    return work.fit
 
 
 FLAT = np.array([70.3, 0.1, 0.0, 20.0, 0.5, 0.2])

@@ -13,14 +13,12 @@ from data_schemas.errors import RefusedError
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.film.emulsion import ToneCurve
 from pipeline.film.parts import Tracks
-from pipeline.film.tracking import calibrate as calibration
 from pipeline.film.tracking import probing
-from pipeline.film.tracking.gap_fit import fitted_gaps
 from pipeline.film.tracking.line_profile import Optics
-from pipeline.film.tracking.passes import forward
+from pipeline.film.tracking.outcome import fitted_gaps
 from pipeline.film.tracking.probing import SURE, sections
 from pipeline.film.tracking.section import Section, read_section
-from pipeline.film.tracking.track import _rewound, track
+from pipeline.film.tracking.track import _first_section, forward, track
 
 ROWS, BEGIN, BLACK = 110, 15.0, 128.0
 FIRST_ROWS = round(8.0 * PERIOD)  # a section, on films that are shorter than usual ones
@@ -59,16 +57,16 @@ def test_a_section_shows_its_traces(short: Tiny, section: Section) -> None:
 
 
 def test_spot_and_curve_are_told_from_a_section(short: Tiny, section: Section, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(calibration, "MOST_ROWS", 25)
-    wrong = short.optics.with_(spot=1.1 * SPOT, curve=ToneCurve(CURVE.darkest * 1.1, CURVE.middle * 1.2, 1.4))
-    told = calibration.calibrate(section, wrong)
+    monkeypatch.setattr(probing, "MOST_ROWS", 25)
+    wrong = replace(short.optics, spot=1.1 * SPOT, curve=ToneCurve(CURVE.darkest * 1.1, CURVE.middle * 1.2, 1.4))
+    told = probing.calibrate(section, wrong)
     assert told.spot == pytest.approx(SPOT, rel=0.05)
     light = np.linspace(0.1, 0.9, 9)
     assert told.curve.darkness(light) == pytest.approx(CURVE.darkness(light), rel=0.06)
 
 
 def test_a_first_guess_of_the_optics_is_refined(short: Tiny, section: Section, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(calibration, "MOST_ROWS", 25)
+    monkeypatch.setattr(probing, "MOST_ROWS", 25)
     monkeypatch.setattr(probing, "REFINEMENTS", 1)
     guess = probing.first_optics(section.darkness, float(np.sqrt(short.optics.grain[0])))
     assert guess.spot == pytest.approx(SPOT, rel=0.3)
@@ -78,11 +76,11 @@ def test_a_first_guess_of_the_optics_is_refined(short: Tiny, section: Section, m
     assert [swing.amplitude for swing in again.swings] == pytest.approx([t.amplitude for t in short.traces], rel=0.03)
 
 
-def test_traces_are_followed_back_to_the_films_start() -> None:
+def test_traces_are_followed_from_the_films_start() -> None:
     made = tiny(150, ((0.0, 150.0),))
     late = read_section(made.film.darkness(100, 150), 100, made.optics, PERIOD, 2, least=SURE)
     assert late is not None
-    early = _rewound(made.film, late)
+    early = _first_section(made.film, late)
     assert early.first < 40
     rows = early.first + np.arange(early.states.shape[0]) + 0.5
     course = early.states[:, :, 0] + early.states[:, :, 3]
@@ -93,8 +91,8 @@ def test_traces_are_followed_back_to_the_films_start() -> None:
 def test_too_short_a_section_tells_nothing(short: Tiny, section: Section) -> None:
     dim = replace(section, place=np.full_like(section.place, np.nan))
     given = short.optics
-    assert calibration.calibrate(dim, given) is given
-    assert calibration.measure_shear(dim) == 0.0
+    assert probing.calibrate(dim, given) is given
+    assert probing.measure_shear(dim) == 0.0
 
 
 @pytest.mark.parametrize("shear", [0.0, 0.02, -0.02])
@@ -103,7 +101,7 @@ def test_the_slit_s_lean_shows_in_the_second_harmonic(short: Tiny, section: Sect
     leaning = np.stack([np.interp(rows, along + shear * t.column(along), t.column(along)) for t in short.traces])
     read = replace(section, place=np.where(np.isfinite(section.place), leaning, np.nan))
     # told in steps: each must take most of what is left away
-    assert calibration.measure_shear(read) == pytest.approx(shear, rel=0.4, abs=0.002)
+    assert probing.measure_shear(read) == pytest.approx(shear, rel=0.4, abs=0.002)
 
 
 def test_a_chance_reading_on_blank_film_does_not_lose_the_trace(short: Tiny, section: Section) -> None:

@@ -11,7 +11,7 @@ from spot_film import CONTRAST, DENSEST, FOG, MIDDLE, SCANNER, Sheet, Swinging, 
 
 from pipeline.film.emulsion import FilmEmulsion, ToneCurve, measure_blank
 from pipeline.film.tracking.line_profile import Optics
-from pipeline.film.tracking.passes import Film
+from pipeline.film.tracking.track import Film
 
 SPOT, PERIOD, GRAIN, COLUMNS = 0.9, 13.3, 0.03, 60
 EVERY, LENGTH = 22.1, 1.6  # rows between gaps, and of a gap

@@ -97,7 +97,8 @@ def _added(
                 if added[0].kind == kinds.GAIN and added[0].index < 0 and scaled
                 else cost - LIKELIER * (least < 1.0)
             )
-            found.append((solution.log_likelihood - price, trial, solution))
+            if not feeds(solution.constants):
+                found.append((solution.log_likelihood - price, trial, solution))
     if course:
         rows = [*first, *range(len(whole) - len(course), len(whole))]
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
@@ -330,7 +331,12 @@ def _fitted(fit: Fitted, candidate: Candidate) -> Fitted | None:
         return None
     own = [each for each in found.model.constants if not is_knot(each) and not each.stated]
     far = any(abs(each.value - each.mean) > FAR * each.prior for each in own)
-    return None if far else found
+    return None if far or feeds(found.model.constants) else found
+
+
+def feeds(constants: tuple[Constant, ...]) -> bool:
+    """Whether friction that is not viscous would feed the swing: a wrong damping looks so."""
+    return any(each.kind in (kinds.QUADRATIC, kinds.DRY) and each.value < 0.0 for each in constants)
 
 
 def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:

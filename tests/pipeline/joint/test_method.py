@@ -266,6 +266,7 @@ def test_a_knock_is_found_and_named_not_taken_for_kicks() -> None:
         ("engine near 2 n", "middle", 9601, 0.3),  # .198 +- .040: its sidebands each for themselves
         ("engine near 2 n", "strong", 9701, 0.2),  # refused: a path that could not be followed to its end
         ("mixture", "middle", 9602, 0.5),  # -1.32 +- .10: short waves that the noise hides
+        ("damping stated wrong", "weak", 9704, 0.1),  # -.071 +- .009 mGal: friction that feeds the swing
         ("six zero steps", "strong", 9707, 0.1),  # .124 +- .019: the path of a zero that was dropped
         ("case tilts, recorded", "middle", 9502, 0.1),  # an internal error: laid on a denser lattice
     ],

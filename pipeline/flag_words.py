@@ -93,6 +93,7 @@ OF_FILM = {
     "dpi-disagrees": Words(
         "marks and dpi give another speed than the nominal one, by more than 3 %: all angles may be wrong by as much",
         "check --dpi, --mark-interval and --speed",
+        blocks=True,
     ),
     "marks-offset-unsure": Words(
         "the traces' offset along the film may be wrong by the distance of one mark", "measure the optics' offset"

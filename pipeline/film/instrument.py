@@ -19,7 +19,13 @@ if TYPE_CHECKING:
 
 
 def instrument_of(
-    known: Known, pendulums: Sequence[Any], time: Floats, rate_uncertainty: float | None, *, needed: bool
+    known: Known,
+    pendulums: Sequence[Any],
+    time: Floats,
+    rate_uncertainty: float | None,
+    scale_uncertainty: float | None,
+    *,
+    needed: bool,
 ) -> xr.Dataset | None:
     """Constants of the instrument; None where nothing is known of it nor needed.
 
@@ -33,6 +39,8 @@ def instrument_of(
     rate_uncertainty : float or None
         By how much the film's time axis may run wrong, s a day. It is that of the times alone: the samples'
         uncertainty has no part in it, nor it in theirs, so that gravity counts each once.
+    scale_uncertainty : float or None
+        By how much, relative, all elongations may be wrong.
     needed : bool
         Whether gravity is to be had: periods and their gravity must be known.
 
@@ -64,6 +72,8 @@ def instrument_of(
         values.setdefault("chronometer_rate", 0.0)
         stated_uncertainty = values.get("chronometer_rate_uncertainty", 0.0)
         values["chronometer_rate_uncertainty"] = float(np.hypot(stated_uncertainty, rate_uncertainty))
+    if scale_uncertainty is not None:
+        values["scale_uncertainty"] = scale_uncertainty
     instrument = dataset("instrument", values, names)
     if description is not None and "restoring" in description.model_fields_set:
         instrument.attrs["restoring"] = description.restoring

@@ -108,6 +108,8 @@ class TimeAxis:
         What to distrust.
     rate_sigma : float
         1 sigma of how much faster or slower than true the times run from one mark to the next, s/s.
+    doubts : tuple of (float, float, float)
+        Times from which to which the marks may be miscounted, and what they would be wrong by, s.
     """
 
     index: NDArray[np.int64]
@@ -121,6 +123,7 @@ class TimeAxis:
     seconds_sigma: Floats
     flags: tuple[str, ...]
     rate_sigma: float
+    doubts: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -192,6 +192,13 @@ def _choose(reading: str, tracks: Tracks, axis: TimeAxis) -> str:
     return "continuous" if fast and accepted_fraction(tracks, axis) >= _LEAST_ACCEPTED else "strobe"
 
 
+def scale_error(reading: Reading, nominal: float | None) -> float | None:
+    """By how much, relative, all elongations may be wrong where marks, dpi and nominal speed contradict each other."""
+    if "dpi-disagrees" not in reading.axis.flags or nominal is None:
+        return None
+    return abs(rows_per_second(reading.axis) * reading.scale / nominal - 1.0)
+
+
 def _disagreement(axis: TimeAxis, scale: float, nominal: float | None) -> str | None:
     """A warning where the marks contradict the nominal speed: dpi or mark interval may be another."""
     speed = rows_per_second(axis) * scale

@@ -13,12 +13,13 @@ from data_schemas.errors import RecordError
 from data_schemas.film_description import DescribedTrace, FilmDescription
 from data_schemas.layouts import CONVENTIONS, VERSION
 from data_schemas.variables import attributes
+from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.film.comparing import clock_uncertainty
 from pipeline.film.instrument import dataset, instrument_of
 from pipeline.film.knowledge import Known, default_traces
 from pipeline.film.marks.checks import marks_flags, marks_seen
 from pipeline.film.parts import Floats, TimeAxis
-from pipeline.film.reading import Reading, accepted_fraction, rows_per_second
+from pipeline.film.reading import Reading, accepted_fraction, rows_per_second, scale_error
 from pipeline.film.scan.opening import sha256
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 _MOST_TRACES = 7
 _FACTOR = 5.0  # mm: a swing wrong by a factor of e counts as a place wrong by this
+AMBIGUOUS = np.uint16(ELONGATION_FLAGS["ambiguous"])
 _DEFAULT_START = "2000-01-01T00:00:00Z"
 _ALIKE = 2.0  # s over which errors of the times are alike: the smoother's reach
 
@@ -63,6 +65,9 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     pendulums = known.pendulums(traces)
     labels = [str(each.label) for each in pendulums]
     combination = np.array([[trace.combination.get(label, 0.0) for label in labels] for trace in traces])
+    doubtful = np.zeros(reading.samples.time.size)
+    for first, last, by in reading.axis.doubts:
+        doubtful[(reading.samples.time >= first) & (reading.samples.time <= last)] = by
     groups = {
         "/": _root(reading, known, name),
         "/record": dataset(
@@ -71,14 +76,20 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
                 "combination": combination,
                 "elongation": (reading.samples.column[order] - rest[order, None]) * radians,
                 "elongation_uncertainty": reading.samples.sigma[order] * radians,
-                "elongation_qc": reading.samples.qc[order],
+                "elongation_qc": reading.samples.qc[order] | np.where(doubtful > 0.0, AMBIGUOUS, np.uint16(0)),
+                "time_uncertainty": np.hypot(doubtful, 0.0 if reading.kind == "strobe" else time_sigma(reading.axis)),
             },
             {"trace": [trace.name for trace in traces], "pendulum": labels},
         ),
         "/film": _film(reading, known, traces, lever, rest, order),
     }
     instrument = instrument_of(
-        known, pendulums, reading.samples.time, _rate_uncertainty(reading), needed=len(traces) > 1
+        known,
+        pendulums,
+        reading.samples.time,
+        _rate_uncertainty(reading),
+        scale_error(reading, known.speed),
+        needed=len(traces) > 1,
     )
     if instrument is not None:
         groups["/instrument"] = instrument

@@ -12,7 +12,7 @@ from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered, 
 from pipeline.film.marks.checks import DISAGREE, LEAST_LEAD, certain_part, check
 from pipeline.film.marks.counting import LEAST_MARKS, Count, counted, spacing_of
 from pipeline.film.marks.drive import Drive, drive, honest_gaps
-from pipeline.film.marks.minutes import Minutes, code_marks, find_minutes
+from pipeline.film.marks.minutes import Minutes, code_marks, doubts, find_minutes
 from pipeline.film.marks.search import Gaps, find_gaps, learned_width
 from pipeline.film.marks.stands import Bars, Side, Stand, lengths, together
 from pipeline.film.marks.swings import Swings, swings_at
@@ -36,6 +36,7 @@ class Counted:
     alignment: Alignment
     stands: list[Stand]
     whole: bool  # nothing was cut off where the number of marks is not certain
+    doubts: list[tuple[float, float, float]]  # as `minutes.doubts`
 
 
 def time_axis(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1) -> TimeAxis:
@@ -90,6 +91,10 @@ def axis_of(
         seconds_sigma=seconds_sigma,
         flags=_flags(counted, seen.size),
         rate_sigma=float(np.sqrt(np.mean((found.speed_sigma / np.maximum(found.speed, 1e-9)) ** 2))),
+        doubts=tuple(
+            ((first + shift) * marking.interval, (last + shift) * marking.interval, by)
+            for first, last, by in counted.doubts
+        ),
     )
 
 
@@ -125,7 +130,9 @@ def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, bars:
         stands = [each for each in stands if first < each.row < last]
         count, whole, minutes = part, False, find_minutes(events, part, marking)
     check(minutes, events, count, swings)
-    return Counted(events, count, minutes, alignment, stands, whole)
+    odd = minutes.against > DISAGREE * minutes.seen
+    wrong = doubts(minutes, events, count, marking.interval) if odd else []
+    return Counted(events, count, minutes, alignment, stands, whole, wrong)
 
 
 def _past_stands(
@@ -188,7 +195,7 @@ def _flags(counted: Counted, seen: int) -> tuple[str, ...]:
     flags = {
         "marks-without-minute-code": minutes.residue is None,
         "marks-direction-unknown": minutes.residue is None or minutes.kind != "double",
-        "marks-codes-disagree": minutes.against > DISAGREE * minutes.seen,
+        "marks-codes-disagree": bool(counted.doubts),
         "marks-offset-unsure": not counted.alignment.sure,
         "marks-false": false > max(2.0, FEW_FALSE * seen),
         "film-stood-still": bool(counted.stands),

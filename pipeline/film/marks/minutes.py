@@ -143,3 +143,25 @@ def code_marks(minutes: Minutes, events: Events, count: Count, interval: float) 
     place = places(events, count) - minutes.delay / interval
     whole = np.round(place)
     return np.asarray(whole[(np.abs(place - whole) < TOLERANCE) & (np.mod(whole, cycle) == minutes.residue)])
+
+
+def doubts(minutes: Minutes, events: Events, count: Count, interval: float) -> list[tuple[float, float, float]]:
+    """Where a code beyond all that agree is out of step: numbers of the first and last mark, and by how much, s.
+
+    Between two codes that agree one that does not is a false gap.
+    """
+    if minutes.kind != "double" or minutes.residue is None:
+        return []
+    cycle, place = round(60.0 / interval), places(events, count) - minutes.delay / interval
+    number = np.round(place)
+    number = number[(np.abs(place - number) < TOLERANCE) & ~np.isin(np.arange(events.size), count.event)]
+    away = np.mod(number - minutes.residue + cycle // 2, cycle) - cycle // 2
+    agree = number[away == 0]
+    found = []
+    for beyond, ends in (
+        (number < agree.min(initial=np.inf), (float(count.index[0]), float(agree.min(initial=np.inf)))),
+        (number > agree.max(initial=-np.inf), (float(agree.max(initial=-np.inf)), float(count.index[-1]))),
+    ):
+        if agree.size and beyond.any():
+            found.append((*ends, interval * float(np.abs(away[beyond]).max())))
+    return found

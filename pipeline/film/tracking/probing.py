@@ -27,14 +27,14 @@ FIRST_ROWS, TALLEST = 512, 4096  # of the sections looked at, at first and where
 PLACES = (0.5, 0.15, 0.85, 0.3, 0.7, 0.02, 0.95)
 MORE_PLACES = (0.4, 0.6, 0.22, 0.78, 0.09, 0.91, 0.35, 0.65, 0.45, 0.55)  # where none of the others shows all traces
 ENOUGH = 3  # sections with traces
-REFINEMENTS = 5
+REFINEMENTS, ALIKE = 5, 0.02  # at most; change of the logarithms of spot and curve that ends them
 SURE = 0.6  # share of rows read, with the film's own optics, by which a trace is one
 ASKEW = (0.0, 0.009, -0.009, 0.018, -0.018, 0.027, -0.027)  # rows a column: half a degree and its multiples
 NEAR_GAP = 5  # rows beside one that lacks light
 LACKING = 0.9
 ALIKE_ROWS = 61  # rows of like slope, about, that say how bright a line seems there
 LEAST_ROWS, MOST_ROWS = 40, 260
-ROUNDS, HUBER = 20, 3.0
+ROUNDS, SETTLED, HUBER = 20, 0.1, 3.0  # chi square of a step that ends them
 USUAL = 1.3, 2.0  # contrast and shoulder of emulsions
 PRIOR_SIGMA = np.array([1e3, 0.5, 1e3, 0.3, 1.0])  # of the logarithms of spot, darkest, middle, contrast and shoulder
 SHEAR_SWINGS = 1.5
@@ -115,6 +115,7 @@ def _whole(read: list[tuple[Section, Optics]], count: int | None) -> list[tuple[
 def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Optics]:
     """Optics fitted to the section, the section read anew with them, and so on: a first guess of the curve misleads."""
     for turn in range(REFINEMENTS):
+        before = optics
         optics = replace(optics, shear=optics.shear + measure_shear(section))
         if not fixed:
             optics = calibrate(section, optics)
@@ -122,9 +123,15 @@ def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Opti
         if again is None:
             break
         section = again
-        if fixed and turn == 1:
+        if (fixed and turn == 1) or _alike(before, optics):
             break
     return section, optics
+
+
+def _alike(one: Optics, other: Optics) -> bool:
+    """Whether two differ by less than what moves a reading."""
+    shapes = [(each.spot, each.curve.darkest, each.curve.middle, each.curve.contrast) for each in (one, other)]
+    return bool(np.abs(np.log(shapes[0]) - np.log(shapes[1])).max() < ALIKE and abs(one.shear - other.shear) < 1e-5)
 
 
 def _read_askew(
@@ -176,7 +183,7 @@ def calibrate(section: Section, optics: Optics) -> Optics:
             step[:4] = np.linalg.solve(normal[:4, :4], right[:4])
         unknowns = unknowns + step * min(1.0, 0.3 / float(np.max(np.abs(step))))
         grain = _grain(residual, dark, float(optics.grain[0]))
-        if np.max(np.abs(step)) < 1e-3:
+        if float(step @ normal @ step) < SETTLED:
             break
     spot, *shape = (float(each) for each in np.exp(unknowns))
     return replace(optics, spot=spot, curve=ToneCurve(*shape), grain=grain)

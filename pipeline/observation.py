@@ -197,7 +197,7 @@ def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
         if label not in known:
             raise RecordError(f"instrument/pendulum: no constants for pendulum '{label}'; it knows {', '.join(known)}")
     constants = _constants(stored, [known.index(label) for label in pendulums])
-    constants |= _epoch(record) | _times(record)
+    constants |= epoch_of(record) | _times(record)
     period = np.asarray(constants["period"])
     gravity = float(constants["reference_gravity"])
     time = np.asarray(record.dataset["time"].values, dtype=np.float64)
@@ -220,7 +220,7 @@ def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-def _epoch(record: DataTree) -> dict[str, float]:
+def epoch_of(record: DataTree) -> dict[str, float]:
     """Unix time of the record's time 0, s, where its units name a date."""
     from datetime import UTC, datetime
 

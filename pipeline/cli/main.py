@@ -24,6 +24,7 @@ from pipeline.cli import (
     explain,
     expose,
     import_csv,
+    join,
     plot,
     process,
     schema,
@@ -36,11 +37,11 @@ from pipeline.memory import bounded
 
 _VERBS: dict[str, Any] = {
     "demo": demo, "simulate": simulate, "process": process, "expose": expose, "digitise": digitise, "batch": batch,
-    "benchmark": benchmark, "plot": plot, "import": import_csv, "validate": validate, "schema": schema,
+    "benchmark": benchmark, "plot": plot, "import": import_csv, "join": join, "validate": validate, "schema": schema,
     "explain": explain,
 }  # fmt: skip
 
-_READERS = ("process", "plot", "validate", "digitise", "import")
+_READERS = ("process", "plot", "validate", "digitise", "import", "join")
 _MOST_HELD, _PER_BYTE = 4 << 30, 50  # bytes; of the inputs
 """What reads files of anybody's making in this process, and what that may hold; batch has processes for them."""
 

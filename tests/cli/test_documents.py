@@ -72,6 +72,9 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
         reading = given.recording.model_copy(update={"vertical_acceleration": True})
         record, _ = synth.simulate(given.model_copy(update={"recording": reading}))
         write(record, made / f"{name}.record.nc")
+    whole, half = read(made / "ship.record.nc"), round(0.5 * SECONDS / 0.04)
+    for name, part in (("night-1", slice(0, half)), ("night-2", slice(half, None))):
+        write(whole.isel(time=part), made / f"{name}.record.nc")
     write(process(made / "ship.record.nc", method="projection"), made / "ship.result.nc")
     write(synchrony(read(made / "clocks-on-beam.record.nc")), made / "clocks-on-beam.result.nc")
     synth.expose_to(load_scene(made / "night.toml"), "typical", made / "ship.film.tif")

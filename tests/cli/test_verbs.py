@@ -34,6 +34,23 @@ def test_validate_names_every_fault_of_a_file_at_once(run, tmp_path, record_path
     assert "instrument/reference_gravity" in outcome.out
 
 
+def test_join_puts_parts_together(run, tmp_path, record_path):
+    record = data_schemas.read(record_path)
+    half, out = record.sizes["time"] // 2, tmp_path / "whole.record.nc"
+    parts = [tmp_path / f"{k}.record.nc" for k in range(2)]
+    for path, part in zip(parts, (slice(0, half), slice(half, None)), strict=True):
+        data_schemas.write(record.isel(time=part), path)
+    outcome = run("join", parts[1], parts[0], "-o", out)
+    assert outcome.status == 0, outcome.err
+    assert outcome.out.startswith(f"{out}: 2 parts, {record.sizes['time']} samples over ")
+    whole = data_schemas.read(out)
+    np.testing.assert_array_equal(whole["record"]["elongation"].values, record["record"]["elongation"].values)
+    assert "exists already; add --force" in run("join", *parts, "-o", out).fault
+    twice = run("join", parts[0], parts[0], "-o", tmp_path / "twice.record.nc")
+    assert twice.status == 3
+    assert "say when each began" in twice.fault
+
+
 @pytest.mark.parametrize("name", ["scene", "record", "truth", "result"])
 def test_schema_prints_json_schema(run, name):
     outcome = run("schema", name)

@@ -133,6 +133,7 @@ def _read_time(
     """The film turned the right way, its emulsion, traces and time."""
     from pipeline.film.marks.axis import time_axis
     from pipeline.film.marks.minutes import TimeReversedError
+    from pipeline.film.scan.cause import cause_in
     from pipeline.film.strobe.dense import dense_emulsion, dense_tracks
     from pipeline.film.strobe.dense_survey import Saturated
     from pipeline.film.tracking.probing import measure_emulsion
@@ -160,7 +161,8 @@ def _read_time(
             return followed(scan.upside_down(), dense)
         except RefusedError as fault:
             faults.append(fault)
-    raise faults[0]
+    cause = cause_in(scan)
+    raise faults[0] if cause is None else RefusedError(f"{cause} ({faults[0]})")
 
 
 def _stage(progress: Progress | None, stage: str) -> Callable[[int, int], None] | None:

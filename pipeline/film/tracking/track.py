@@ -120,7 +120,8 @@ def track(
     traces = len(section.swings)
     if count is not None and traces < count:
         raise RefusedError(
-            f"count is {count} traces but {traces} were found on the film: give the number that swing on it"
+            f"{traces} of {count} traces stand out on the film: another is too faint, or lies on one of them; scan "
+            "with more light, or say with --trace what swings on it"
         )
     film = Film(scan, emulsion, optics, section.period)
     tell = (lambda done: progress(done, 2 * scan.rows)) if progress is not None else (lambda done: None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -63,7 +64,7 @@ class Config:
     command: str = ""
     """As the user gave it, for the result."""
 
-    @cached_property
+    @property
     def meaning(self) -> str:
         """What the numbers of the result depend on beside input and versions, as JSON."""
         settings = {
@@ -84,5 +85,5 @@ class Config:
 
     @cached_property
     def sha256(self) -> str:
-        """Of `meaning`."""
-        return hashlib.sha256(self.meaning.encode()).hexdigest()
+        """Of `meaning`; one text for all jobs of like meaning, of which there may be a million."""
+        return sys.intern(hashlib.sha256(self.meaning.encode()).hexdigest())

@@ -104,7 +104,7 @@ OF_FILM = {
     "marks-one-trace": Words("only one trace shows the marks", "scan with more contrast"),
     "readings-disagree": Words(
         "the reading of the lines and that at the marks contradict each other",
-        "look at both with isochrony plot, or read the film at the marks (--reading strobe); sigma holds the difference",
+        "look at both with isochrony plot, or read it at the marks (--reading strobe); sigma holds the difference",
     ),
 }
 FLAGS = (

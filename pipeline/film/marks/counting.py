@@ -26,6 +26,7 @@ TAIL = 40.0  # of a change of speed, chi square beyond which its cost grows as a
 SKIP = 8  # events that may be passed over in a row
 MISSED, PASSED = 2.5, 14.0  # costs of a mark missed, of an event that is none
 PHASE_MOST = 40.0  # cost of a swing that does not fit at all
+UNSEEN = 0.25  # of a step's rows, on which no trace is followed
 LONG, UNFOLLOWED = 10, 5.0  # marks of a step where traces are lost; most that its speed, which nothing shows, may cost
 WANDER = 0.006  # rad per root of a mark: what swell does to a pendulum's phase
 CHANGE, MOST_CHANGE = (0.002, 0.015), (0.006, 0.04)  # of the relative speed from mark to mark, and over any time
@@ -164,8 +165,8 @@ def list_steps(row: Floats, spacing: float, swings: Swings) -> Steps:
     number = np.maximum(high - low + 1, 0)
     pair = np.repeat(np.arange(begin.size), number)
     marks = low[pair] + np.arange(pair.size) - (np.cumsum(number) - number)[pair]
-    lost = np.all(~np.isfinite(swings.centred), axis=0)
-    most = np.where((marks >= LONG) & (lost[begin[pair]] | lost[end[pair]]), UNFOLLOWED, np.inf)
+    lost = swings.lost[end] - swings.lost[begin] > UNSEEN * (row[end] - row[begin])
+    most = np.where((marks >= LONG) & lost[pair], UNFOLLOWED, np.inf)
     return Steps(begin[pair], end[pair], marks, most)
 
 
@@ -173,7 +174,7 @@ def costs(steps: Steps, swings: Swings) -> Floats:
     """Cost of every step by itself: marks missed, events passed over, and swings that do not fit."""
     begin, end, count, _ = steps
     cost = MISSED * np.where(count < 6, count - 1.0, 5.0 + 0.1 * (count - 6.0)) + PASSED * (end - begin - 1.0)
-    for phase, extra, advance, sigma in zip(*swings, strict=True):
+    for phase, extra, advance, sigma in zip(*swings[:4], strict=True):
         away = np.angle(np.exp(1j * (phase[end] - phase[begin] - advance * count)))
         variance = 2.0 * sigma**2 + WANDER**2 * count + extra[begin] + extra[end]
         cost += np.where(np.isfinite(away), np.minimum(away**2 / variance, PHASE_MOST), 0.0)

@@ -29,10 +29,11 @@ class Swings(NamedTuple):
     extra: Floats  # (traces, events), variance of each beside that of `sigma`
     advance: Floats  # (traces,), from mark to mark, -pi to pi
     sigma: Floats  # (traces,), 1 sigma of a phase
+    lost: Floats  # (events,), rows before each event on which no trace is followed
 
     def at(self, which: slice | NDArray[np.int64]) -> Swings:
         """At some of the events."""
-        return self._replace(phase=self.phase[:, which], extra=self.extra[:, which])
+        return self._replace(phase=self.phase[:, which], extra=self.extra[:, which], lost=self.lost[which])
 
     @property
     def centred(self) -> Floats:
@@ -43,7 +44,9 @@ class Swings(NamedTuple):
 def swings_at(tracks: Tracks, rows: Floats, places: Floats, spacing: float) -> Swings:
     """Swings at events on `rows`, which lie on each trace at `places` (traces, events); `spacing` is that of marks."""
     stretch = stretched(rows, spacing)
-    swings = Swings(*phases(tracks, places, stretch), *np.full((2, len(places)), np.nan))
+    lost = np.concatenate([[0], np.cumsum(~np.isfinite(tracks.course).any(axis=0))])
+    before = lost[np.clip(np.round(rows), 0, lost.size - 1).astype(np.int64)].astype(np.float64)
+    swings = Swings(*phases(tracks, places, stretch), *np.full((2, len(places)), np.nan), before)
     next_one = np.abs(np.diff(rows) / (spacing * stretch[1:]) - 1.0) < NEXT
     for trace, phase in enumerate(swings.centred):
         step = np.diff(phase)[next_one]

@@ -171,10 +171,13 @@ def test_change_of_speed_does_not_slip(case: Case) -> None:
 
 
 @pytest.mark.compiled
+@pytest.mark.parametrize("beside", [0.0, 1.5])  # s from the last mark to where the traces are lost
 @pytest.mark.parametrize("factor", [0.8, 0.85, 1.2])
-def test_unknown_number_of_marks_is_cut_or_right(factor: float) -> None:
-    dark = ((100.0, 107.0),)
-    truth = made(Case(minutes=5.0, hidden=dark, blackout=dark, changes=((100.5, 106.5, factor),)))
+def test_unknown_number_of_marks_is_cut_or_right(factor: float, beside: float) -> None:
+    lost = (100.0, 107.0 + beside)
+    dark = (lost[0] - beside, lost[1] + beside)
+    change = (lost[0] + 0.5, lost[1] - 0.5, factor)
+    truth = made(Case(minutes=5.0, hidden=(dark,), blackout=(lost,), changes=(change,)))
     found = axis(truth)
     assert np.all(slips(found.index, found.row, truth) == 0.0)
     late = found.seconds - truth.seconds

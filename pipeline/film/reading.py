@@ -198,15 +198,21 @@ def scale_error(reading: Reading, nominal: float | None) -> float | None:
     """By how much, relative, all elongations may be wrong where marks, dpi and nominal speed contradict each other."""
     if "dpi-disagrees" not in reading.axis.flags or nominal is None:
         return None
-    return abs(rows_per_second(reading.axis) * reading.scale / nominal - 1.0)
+    return abs(_usual_speed(reading.axis) * reading.scale / nominal - 1.0)
 
 
 def _disagreement(axis: TimeAxis, scale: float, nominal: float | None) -> str | None:
     """A warning where the marks contradict the nominal speed: dpi or mark interval may be another."""
-    speed = rows_per_second(axis) * scale
+    speed = _usual_speed(axis) * scale
     if nominal is None or not abs(speed / nominal - 1.0) > _SPEED_TOLERANCE:
         return None
     return f"the marks give {speed:.4g} mm/s, not {nominal:g}; check --dpi, --mark-interval and --speed"
+
+
+def _usual_speed(axis: TimeAxis) -> float:
+    """Rows a second from mark to mark, the median: where the paper stood does not count; NaN without two marks."""
+    steps = np.diff(axis.row) / np.diff(axis.index)
+    return float(np.median(steps)) / axis.interval if steps.size else float("nan")
 
 
 def rows_per_second(axis: TimeAxis) -> float:

@@ -13,6 +13,7 @@ from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.marks.alignment import Events
 from pipeline.film.marks.counting import Count
 from pipeline.film.marks.minutes import Minutes, doubts
+from pipeline.film.reading import scale_error
 from pipeline.film.record import AMBIGUOUS, make_record
 
 KNOWN = Known(None, FilmOptions(traces=("1", "1-2"), periods=PERIODS, gravity=9.81))
@@ -66,3 +67,13 @@ def test_a_doubtful_scale_is_an_uncertainty_of_all_elongations(tmp_path):
     assert "scale_uncertainty" not in make_record(found, known, "a")["instrument"]
     stated = float(make_record(off, known, "a")["instrument"]["scale_uncertainty"])
     assert stated == pytest.approx(1.0 - 1.0 / 1.05, rel=1e-3)
+
+
+def test_paper_that_stood_is_not_another_speed(tmp_path):
+    found = reading(tmp_path)
+    rows, index = found.axis.row, found.axis.index.copy()
+    index[index.size // 2 :] += index.size // 10  # a tenth of the time
+    stood = replace(found, axis=replace(found.axis, index=index, flags=("dpi-disagrees",)))
+    speed = float(np.median(np.diff(rows))) / found.axis.interval * found.scale
+    assert scale_error(stood, speed) == pytest.approx(0.0, abs=1e-9)
+    assert scale_error(stood, 1.05 * speed) == pytest.approx(1.0 - 1.0 / 1.05)

@@ -46,7 +46,8 @@ def swings_at(tracks: Tracks, rows: Floats, places: Floats, spacing: float) -> S
     stretch = stretched(rows, spacing)
     lost = np.concatenate([[0], np.cumsum(~np.isfinite(tracks.course).any(axis=0))])
     before = lost[np.clip(np.round(rows), 0, lost.size - 1).astype(np.int64)].astype(np.float64)
-    swings = Swings(*phases(tracks, places, stretch), *np.full((2, len(places)), np.nan), before)
+    phase, extra = phases(tracks, places, stretch)
+    swings = Swings(phase, extra, np.full(len(places), np.nan), np.full(len(places), np.nan), before)
     next_one = np.abs(np.diff(rows) / (spacing * stretch[1:]) - 1.0) < NEXT
     for trace, phase in enumerate(swings.centred):
         step = np.diff(phase)[next_one]

@@ -23,15 +23,13 @@ from synth.systems.terms import driven, driven_slope, motion
 class Sine(NamedTuple):
     """The pendulum itself."""
 
-    power: float = 1.0
-    """Unused: a tuple without fields does not compile."""
+    power: float = 1.0  # Unused: a tuple without fields does not compile
 
 
 class Linear(NamedTuple):
     """Its limit of small angles."""
 
-    power: float = 1.0
-    """Unused: a tuple without fields does not compile."""
+    power: float = 1.0  # Unused: a tuple without fields does not compile
 
 
 @by_type("restoring")
@@ -82,20 +80,13 @@ class DrivenPendulums(NamedTuple):
     Mirror: theta -> -theta with the horizontal motion reversed.
     """
 
-    natural_frequency: Floats
-    """(pendulums,) n_i at infinitesimal arc, rad/s."""
-    gravity: float = 9.80665
-    """m/s^2; only the ratio of the support's acceleration to it matters."""
-    restoring: Any = Sine()
-    """`Sine()` or `Linear()`."""
-    horizontal: Any = None
-    """x'': `Harmonics` or None."""
-    vertical: Any = None
-    """z'', up positive: `Harmonics` or None."""
-    terms: Any = None
-    """Resistances and drives, `terms.together(...)`, or None."""
-    kicks: Any = None
-    """`terms.Impulses`, which the explicit integrator alone knows, or None."""
+    natural_frequency: Floats  # (pendulums,) n_i at infinitesimal arc, rad/s
+    gravity: float = 9.80665  # m/s^2; only the ratio of the support's acceleration to it matters
+    restoring: Any = Sine()  # `Sine()` or `Linear()`
+    horizontal: Any = None  # x'': `Harmonics` or None
+    vertical: Any = None  # z'', up positive: `Harmonics` or None
+    terms: Any = None  # Resistances and drives, `terms.together(...)`, or None
+    kicks: Any = None  # `terms.Impulses`, which the explicit integrator alone knows, or None
 
     @property
     def first_angle(self) -> int:

@@ -25,16 +25,11 @@ from synth.systems.terms import driven, driven_slope, motion, weight
 class Metronomes(NamedTuple):
     """Parameters; state (th_1, th_1', th_2, th_2', ...). Mirror: all angles change sign together."""
 
-    natural_frequency: Floats
-    """(metronomes,) n_i on a board held fast, rad/s."""
-    coupling: float
-    """b."""
-    terms: Any = None
-    """What drives or resists the swing, `terms.together(...)`, or None."""
-    gravity: float = 9.80665
-    """m/s^2; only the ratio of z'' to it matters."""
-    vertical: Any = None
-    """z'' of the ship, up positive: `Harmonics` or None."""
+    natural_frequency: Floats  # (metronomes,) n_i on a board held fast, rad/s
+    coupling: float  # b
+    terms: Any = None  # What drives or resists the swing, `terms.together(...)`, or None
+    gravity: float = 9.80665  # m/s^2; only the ratio of z'' to it matters
+    vertical: Any = None  # z'' of the ship, up positive: `Harmonics` or None
 
     def difficulty(self, state: Floats) -> str | None:
         """Why there is no motion, or None."""

@@ -35,14 +35,10 @@ _ROUNDING = 1e-9
 class ReducedBeam(NamedTuple):
     """Parameters; state (u, u', y_1, y_1', y_2, y_2', ...). Mirror: y_i -> -y_i, of each alone."""
 
-    beam_damping: float
-    """d0 = eps0/w0."""
-    drive: float
-    """d = 2 eps/w0."""
-    coupling: float
-    """m0 = m S0^2/(2 l^2 (M + 2 m))."""
-    detuning: Floats
-    """(pendulums,) tau_i, from 4 w_i^2 = w0^2 (1 + tau_i)."""
+    beam_damping: float  # d0 = eps0/w0
+    drive: float  # d = 2 eps/w0
+    coupling: float  # m0 = m S0^2/(2 l^2 (M + 2 m))
+    detuning: Floats  # (pendulums,) tau_i, from 4 w_i^2 = w0^2 (1 + tau_i)
 
     def difficulty(self, state: Floats) -> str | None:
         """Why there is no motion from this state on, or None."""
@@ -112,12 +108,9 @@ class Reduction(NamedTuple):
     """System (2), and the units of its time, beam and clocks."""
 
     system: ReducedBeam
-    time_scale: float
-    """s = time_scale x t, 1/s: w0/2."""
-    displacement_scale: float
-    """x = displacement_scale x u, m: l."""
-    angle_scale: Floats
-    """(pendulums,) phi_i = angle_scale_i x y_i, rad: S0/l_i."""
+    time_scale: float  # s = time_scale x t, 1/s: w0/2
+    displacement_scale: float  # x = displacement_scale x u, m: l
+    angle_scale: Floats  # (pendulums,) phi_i = angle_scale_i x y_i, rad: S0/l_i
 
     @property
     def _units(self) -> Floats:

@@ -35,24 +35,15 @@ class ElasticBeam(NamedTuple):
     """Parameters; state (x, x', phi_1, phi_1', phi_2, phi_2', ...). Mirror: phi_i -> -phi_i, of each alone if the ship
     does not move sideways."""
 
-    beam_mass: float
-    """M, effective, kg."""
-    mass: Floats
-    """(pendulums,) m_i, kg."""
-    length: Floats
-    """(pendulums,) l_i, m."""
-    stiffness: float
-    """K, N/m."""
-    damping_rate: float = 0.0
-    """eps0, 1/s."""
-    gravity: float = 9.80665
-    """m/s^2."""
-    terms: Any = None
-    """What drives or resists the swing, `terms.together(...)`, or None."""
-    horizontal: Any = None
-    """x_h'' of the ship: `Harmonics` or None."""
-    vertical: Any = None
-    """z'' of the ship, up positive: `Harmonics` or None."""
+    beam_mass: float  # M, effective, kg
+    mass: Floats  # (pendulums,) m_i, kg
+    length: Floats  # (pendulums,) l_i, m
+    stiffness: float  # K, N/m
+    damping_rate: float = 0.0  # eps0, 1/s
+    gravity: float = 9.80665  # m/s^2
+    terms: Any = None  # What drives or resists the swing, `terms.together(...)`, or None
+    horizontal: Any = None  # x_h'' of the ship: `Harmonics` or None
+    vertical: Any = None  # z'' of the ship, up positive: `Harmonics` or None
 
     @property
     def first_angle(self) -> int:
@@ -63,24 +54,15 @@ class ElasticBeam(NamedTuple):
 class FlexibleFrame(NamedTuple):
     """Parameters; state (X, X', phi_1, phi_1', ...). Mirror: X, all phi_i and x_h'' change sign together."""
 
-    frame_mass: float
-    """M, kg."""
-    mass: Floats
-    """(pendulums,) m_i, kg."""
-    length: Floats
-    """(pendulums,) l_i, m."""
-    stiffness: float
-    """K, N/m."""
-    resistance: float = 0.0
-    """B, N s/m."""
-    gravity: float = 9.80665
-    """m/s^2."""
-    terms: Any = None
-    """What drives or resists the swing, `terms.together(...)`, or None."""
-    horizontal: Any = None
-    """x_h'' of the ship: `Harmonics` or None."""
-    vertical: Any = None
-    """z'' of the ship, up positive: `Harmonics` or None."""
+    frame_mass: float  # M, kg
+    mass: Floats  # (pendulums,) m_i, kg
+    length: Floats  # (pendulums,) l_i, m
+    stiffness: float  # K, N/m
+    resistance: float = 0.0  # B, N s/m
+    gravity: float = 9.80665  # m/s^2
+    terms: Any = None  # What drives or resists the swing, `terms.together(...)`, or None
+    horizontal: Any = None  # x_h'' of the ship: `Harmonics` or None
+    vertical: Any = None  # z'' of the ship, up positive: `Harmonics` or None
 
     @property
     def first_angle(self) -> int:

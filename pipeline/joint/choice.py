@@ -336,7 +336,9 @@ def _fitted(fit: Fitted, candidate: Candidate) -> Fitted | None:
 
 def feeds(constants: tuple[Constant, ...]) -> bool:
     """Whether friction that is not viscous would feed the swing: a wrong damping looks so."""
-    return any(each.kind in (kinds.QUADRATIC, kinds.DRY) and each.value < 0.0 for each in constants)
+    return any(
+        sum(each.value for each in constants if each.kind == kind) < 0.0 for kind in (kinds.QUADRATIC, kinds.DRY)
+    )
 
 
 def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:

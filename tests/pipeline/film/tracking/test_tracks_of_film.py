@@ -146,7 +146,7 @@ def test_what_is_no_film_is_refused(what):
 
 def test_fewer_traces_than_expected_are_refused():
     image = developed(exposure_of(APART[:1], 500, COLUMNS, shutter(500)))
-    with pytest.raises(RefusedError, match="count is 2"):
+    with pytest.raises(RefusedError, match="1 of 2 traces stand out"):
         read(image, count=2)
 
 

@@ -197,7 +197,7 @@ def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
         if label not in known:
             raise RecordError(f"instrument/pendulum: no constants for pendulum '{label}'; it knows {', '.join(known)}")
     constants = _constants(stored, [known.index(label) for label in pendulums])
-    constants |= epoch_of(record) | _times(record)
+    constants |= epoch_of(record) | clock_of(record)
     period = np.asarray(constants["period"])
     gravity = float(constants["reference_gravity"])
     time = np.asarray(record.dataset["time"].values, dtype=np.float64)
@@ -232,7 +232,7 @@ def epoch_of(record: DataTree) -> dict[str, float]:
     return {} if epoch is None else {"epoch": (epoch if epoch.tzinfo else epoch.replace(tzinfo=UTC)).timestamp()}
 
 
-def _times(record: DataTree) -> dict[str, float]:
+def clock_of(record: DataTree) -> dict[str, float]:
     """Uncertainty of the clock's rate by that of the times, relative, 1 sigma, where the record states it."""
     stated = record["record"].dataset.get("time_uncertainty")
     if stated is None:

@@ -28,10 +28,10 @@ def owner_of(folder: Path) -> str:
 class Kind:
     """How an input of one kind becomes a record: all that a further kind (a film, a table) has to bring."""
 
-    name: str  # As told to the user
-    endings: tuple[str, ...]  # Of its files' names
-    record: Callable[[Path, Config, Allow], DataTree]  # A function of a module, so that another process finds it
-    searched: bool = True  # Whether folders are searched for it
+    name: str  # as told to the user
+    endings: tuple[str, ...]  # of its files' names
+    record: Callable[[Path, Config, Allow], DataTree]  # a function of a module, so that another process finds it
+    searched: bool = True  # whether folders are searched for it
     beside: Callable[[Path], Path] | None = None
     """Path of a file that is read with an input, where there is one: its change changes the input."""
 
@@ -40,17 +40,17 @@ class Kind:
 class Config:
     """One job's settings; `method`, `pair`, `gain_uncertainty` and `accept` as `pipeline.process` takes them."""
 
-    key: str  # Name of the job within its batch: that of its output, relative to the batch's folder
-    folder: Path  # Of the batch
+    key: str  # name of the job within its batch: that of its output, relative to the batch's folder
+    folder: Path  # of the batch
     kind: Kind
     method: tuple[str, ...] = ("auto",)
     pair: str | None = None
     gain_uncertainty: float = 0.0
     accept: tuple[str, ...] = ()
-    member: int = 0  # Number of the member of a scene, from 1; 0 for the input as it is
-    variant: tuple[tuple[str, Any], ...] = ()  # What a sweep sets in a scene
-    memory: int | None = None  # Bytes the process may hold beside twelve times what the input declares; None = no limit
-    allow_paths: bool = False  # Whether the tables of a scene may lie outside its folder
+    member: int = 0  # number of the member of a scene, from 1; 0 for the input as it is
+    variant: tuple[tuple[str, Any], ...] = ()  # what a sweep sets in a scene
+    memory: int | None = None  # bytes the process may hold beside twelve times what the input declares; None = no limit
+    allow_paths: bool = False  # whether the tables of a scene may lie outside its folder
     command: str = ""
     """As the user gave it, for the result."""
 

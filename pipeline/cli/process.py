@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterable
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import data_schemas
 from data_schemas.errors import IsochronyError, UsageError, naming
@@ -17,9 +17,6 @@ from pipeline.cli.parser import did_you_mean, number, one_of
 from pipeline.cli.summary_rows import SummaryPrinter, failure
 from pipeline.flag_words import BLOCKING
 from pipeline.methods import DECLARED, METHODS, known
-
-if TYPE_CHECKING:
-    pass
 
 _METHOD_LIST = "\n".join(f"  {name:<14}  {each.words}" for name, each in DECLARED.items())
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.conditions import rate_uncertainty
 from pipeline.gravity import DAY, MGAL
+from pipeline.observation import clock_of
 from pipeline.period.cycles import find_cycles
 from pipeline.period.fit import SCALE, fit_period
 from pipeline.result import dataset, result_attributes
@@ -54,11 +54,8 @@ def period_result(record: DataTree, requested: Sequence[str], started: float, ra
     scale = float(np.max(stated.get("scale_uncertainty", SCALE)))
     fit = fit_period(find_cycles(time - time[0], elongation), linear=linear, scale_uncertainty=scale)
     true = 1.0 + float(stated.get("chronometer_rate", 0.0)) / DAY
-    times = record["record"].dataset.get("time_uncertainty")
-    clock_sigma = float(stated.get("chronometer_rate_uncertainty", 0.0)) / DAY
-    if times is not None:
-        clock_sigma = float(np.hypot(clock_sigma, rate_uncertainty(time, times.values)))
-    sigma = float(np.hypot(fit.sigma, fit.period * clock_sigma)) * true
+    rates = float(stated.get("chronometer_rate_uncertainty", 0.0)) / DAY, *clock_of(record).values()
+    sigma = float(np.linalg.norm([fit.sigma, *(fit.period * rate for rate in rates)])) * true
     flags = ["single-trace", *raised]
     if fit.scaled:
         flags.append("amplitude-scale")

@@ -6,6 +6,7 @@ The processes are started afresh, not forked: a fork copies the threads' locks b
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 import sys
 from collections import deque
@@ -51,7 +52,7 @@ def in_order(function: Callable[[Job], Result], jobs: Iterable[Job], workers: in
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_begin)
     try:
         for job in jobs:
-            ahead.append(pool.submit(function, job))
+            ahead.append(pool.submit(_run, function, job))
             if len(ahead) == 2 * workers:
                 yield ahead.popleft().result()
         while ahead:
@@ -66,6 +67,14 @@ def in_order(function: Callable[[Job], Result], jobs: Iterable[Job], workers: in
         for process in [*(pool._processes or {}).values()]:  # those that still work on what nobody waits for
             process.terminate()
         pool.shutdown(cancel_futures=True)
+
+
+def _run(function: Callable[[Job], Result], job: Job) -> Result:
+    """One job; a worker that is ended leaves: the executor would take that for an answer, and give it the next."""
+    try:
+        return function(job)
+    except SystemExit:
+        os._exit(0)
 
 
 def _begin() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import time
+from pathlib import Path
 
 import pytest
 
@@ -67,3 +68,18 @@ def test_faulty_jobs_are_raised_too() -> None:
     with pytest.raises(SceneError, match="no further job"):
         list(in_order(work, jobs(), 2))
     assert multiprocessing.active_children() == []
+
+
+def begun(path: Path) -> None:
+    path.touch()
+    if path.name > "0":
+        time.sleep(1.0)
+
+
+def test_a_worker_that_is_ended_begins_no_other_job(tmp_path: Path) -> None:
+    results = in_order(begun, [tmp_path / str(job) for job in range(8)], 2)
+    next(results)
+    while len(list(tmp_path.iterdir())) < 3:
+        time.sleep(0.01)
+    results.close()
+    assert len(list(tmp_path.iterdir())) <= 3

@@ -133,11 +133,6 @@ def film_stem(film: str | os.PathLike[str]) -> str:
     return Path(film).with_suffix("").name.removesuffix(".film")
 
 
-def is_description(content: object) -> bool:
-    """Whether the content of a TOML file says that it is a description."""
-    return isinstance(content, dict) and content.get("kind") == KIND
-
-
 def load_description(path: str | os.PathLike[str]) -> FilmDescription:
     """Read a description.
 

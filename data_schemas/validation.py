@@ -19,7 +19,7 @@ def validate(path: str | os.PathLike[str]) -> list[str]:
     Parameters
     ----------
     path : path
-        A record, truth or result; or, told by its suffix ``.toml``, a scene or the description of a film.
+        A record, truth or result; or, told by its suffix ``.toml``, a scene, the description of a film or edits of one.
 
     Returns
     -------
@@ -27,10 +27,7 @@ def validate(path: str | os.PathLike[str]) -> list[str]:
         ``path: group/name: what is wrong; what to do``.
     """
     if Path(path).suffix == ".toml":
-        from .film_description import load_description
-        from .scene import load_scene
-
-        return _faults(load_description if _describes_film(path) else load_scene, path)
+        return _faults(_loader(path), path)
     try:
         contents = load(path)
     except FileError as error:
@@ -40,14 +37,17 @@ def validate(path: str | os.PathLike[str]) -> list[str]:
     return [f"{shown(path, 400)}: {fault}" for fault in dict.fromkeys(found)]
 
 
-def _describes_film(path: str | os.PathLike[str]) -> bool:
-    from .film_description import is_description
+def _loader(path: str | os.PathLike[str]) -> Callable[[str | os.PathLike[str]], object]:
+    """What reads a TOML file of its kind."""
+    from . import film_description, film_edits
+    from .scene import load_scene
     from .toml_file import load_toml
 
+    kinds = {film_description.KIND: film_description.load_description, film_edits.KIND: film_edits.load_edits}
     try:
-        return is_description(load_toml(path, "a scene", SceneError))
+        return kinds.get(str(load_toml(path, "a scene", SceneError).get("kind")), load_scene)
     except SceneError:  # the scene's own check says what is wrong
-        return False
+        return load_scene
 
 
 def _faults(load: Callable[[str | os.PathLike[str]], object], path: str | os.PathLike[str]) -> list[str]:

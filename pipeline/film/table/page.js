@@ -1,0 +1,395 @@
+// The reading table: tools, keys, panels. The session at the server reads; this page shows and asks.
+
+import { ask } from "./ask.js?token=TOKEN";
+import * as film from "./film.js?token=TOKEN";
+
+const { view, shown, clamp } = film;
+const $ = (id) => document.getElementById(id);
+const make = (tag, properties = {}, ...children) => {
+  const node = Object.assign(document.createElement(tag), properties);
+  node.append(...children);
+  return node;
+};
+const canvas = $("film");
+const TOOLS = { // key, name, hint; N stands for the trace
+  mask: ["m", "Mask", "Drag a rectangle, or click corners and finish. Nothing is read inside."],
+  follow: ["d", "Line", "Click points along trace N from above to below, then finish. Backspace removes the last."],
+  mark: ["k", "Mark", "Click where a mark lies on trace N. Its clock time, where known, sets all times."],
+  move: ["v", "Move", "Drag a mark's tick along its trace; or click it, then where it belongs."],
+  "no-mark": ["x", "No mark", "Click the tick of what was taken for a mark and is none."],
+  break: ["b", "Break", "Click the row at which it is not known how many marks passed."],
+  ignore: ["i", "Ignore", "Drag over the rows on which trace N is not to be read, or click the first and the last."],
+};
+const IDLE = "Drag to move, wheel to zoom. A mark is moved by its tick. Choose a tool to correct the reading.";
+const DRAGGED = ["mask", "ignore"], CLICKED = 4; // px that a click may move
+let busy = false, tool = null, trace = 1, points = [], grabbed = null, drag = null, doubt = -1;
+let cross = null; // the crosshair, on the film
+let stepped = false; // whether keys moved it since the last point: then Enter sets one, otherwise Enter finishes
+
+// ---- numbers in words
+const minus = (text) => text.replace("-", "\u2212");
+const places = (size, most) => clamp(1 - Math.floor(Math.log10(Math.abs(size) || 1)), 0, most);
+const milligal = (value) => minus(value.toFixed(places(value, 3)));
+const signed = (value) => (value > 0 ? "+" : "") + milligal(value);
+const gravityText = ({ value_m_s2: value, sigma_mgal: sigma }) => value === null ? "none" : `${value.toFixed(5 + places(sigma ?? 1, 4))} m/s\u00b2`;
+const called = (number) => shown.state.traces.find((each) => each.number === number)?.name ?? number;
+const cut = (value) => Math.round(value * 10) / 10;
+
+// ---- to and from the server
+function take(state, words) {
+  const old = shown.state;
+  shown.state = state;
+  if (!old) film.start();
+  if (old?.revision !== state.revision) film.loadAxis().then(film.soon, (fault) => refuse(fault.message));
+  doubt = shown.doubt ? state.doubtful.findIndex(({ first_row: row, trace: number }) => row === shown.doubt.first_row && number === shown.doubt.trace) : -1;
+  shown.doubt = state.doubtful[doubt] ?? null;
+  render();
+  if (words) say(words + told());
+  setBusy(state.busy);
+  if (state.busy) setTimeout(refresh, 500); // another window of this session edits
+}
+const refresh = () => ask("state").then((answer) => answer.json()).then(take, (fault) => refuse(fault.message));
+async function change(path, content, words) {
+  if (busy) return false;
+  setBusy(true);
+  try {
+    const state = await (await ask(path, content)).json();
+    setBusy(false);
+    take(state, words);
+    return true;
+  } catch (fault) {
+    setBusy(false);
+    say("");
+    refuse(fault.message);
+    return false;
+  }
+}
+async function send(edits, words) { // what is drawn stays where the edit is refused, so that it can be mended
+  const more = { ...($("note").value.trim() && { note: $("note").value.trim() }) };
+  if (await change("edits", { edits: edits.map((edit) => ({ ...edit, ...more })) }, `${words}. `)) clear();
+}
+const undo = () => shown.state.can_undo && change("undo", {}, "Undone. ");
+const redo = () => shown.state.can_redo && change("redo", {}, "Done again. ");
+
+function told() {
+  const { gravity } = shown.state;
+  if (gravity.value_m_s2 === null) return `No gravity: ${gravity.refused ?? "not determined"}`;
+  const sigma = gravity.sigma_mgal === null ? "" : ` \u00b1 ${milligal(gravity.sigma_mgal)} mGal`;
+  return `Gravity ${gravityText(gravity)}${sigma}${gravity.change_mgal === null ? "" : `, changed by ${signed(gravity.change_mgal)} mGal`}`;
+}
+const say = (text) => { $("message").textContent = text; };
+function refuse(text) {
+  $("refusal").firstElementChild.textContent = text;
+  $("refusal").hidden = false;
+}
+function setBusy(now) {
+  busy = now;
+  $("spinner").hidden = !now;
+  $("table").ariaBusy = String(now);
+  const lost = document.activeElement?.closest("#tools, #options");
+  for (const id of ["tools", "options", "done", "who"]) $(id).disabled = now;
+  if (now && lost) canvas.focus();
+  if (now) say("Reading anew\u2026");
+  $("undo").disabled = !shown.state?.can_undo;
+  $("redo").disabled = !shown.state?.can_redo;
+}
+
+// ---- panels
+function render() {
+  const { name, gravity, reading, doubtful, edits, traces, saved, saved_at: at } = shown.state;
+  document.title = `${name} \u2013 reading table`;
+  Object.assign($("name"), { textContent: name, title: name });
+  $("method").textContent = `gravity by ${gravity.method}`;
+  $("gravity").textContent = gravityText(gravity);
+  $("sigma").textContent = gravity.sigma_mgal === null ? "" : `\u00b1 ${milligal(gravity.sigma_mgal)} mGal`;
+  $("change").textContent = gravity.change_mgal === null ? "\u2013" : `${signed(gravity.change_mgal)} mGal`;
+  $("samples").textContent = reading.samples.toLocaleString("en").replaceAll(",", "\u202f");
+  $("accepted").textContent = `${(100 * reading.accepted_fraction).toFixed(1)} %`;
+  const refused = [reading.refused && `The film cannot be read: ${reading.refused}`, gravity.refused && `No gravity: ${gravity.refused}`].filter(Boolean);
+  Object.assign($("refused"), { textContent: refused.join("\n"), hidden: !refused.length });
+  $("flags").replaceChildren(...reading.flags.map((flag) => {
+    const words = shown.state.flag_words[flag] ?? "";
+    return make("button", { type: "button", textContent: flag, title: words, onclick: () => say(`${flag}: ${words}`) });
+  }));
+  $("doubts").replaceChildren(...doubtful.map((each, k) => item(() => visit(k), k === doubt, each.time, each.trace, each.what,
+    make("span", { className: "harm", textContent: each.harm_mgal === null ? "?" : milligal(each.harm_mgal), title: "what it may do to gravity, mGal" }))));
+  if (!doubtful.length) $("doubts").append(make("li", { className: "none", textContent: "None." }));
+  $("edits").replaceChildren(...edits.map((edit) => {
+    const what = make("span", {}, KIND[edit.kind] ?? edit.kind, ...(edit.time ? [` ${edit.time}`] : []));
+    const made = [edit.by, edit.at?.slice(0, 16).replace("T", " ")].filter(Boolean).join(", ");
+    for (const line of [edit.note, made]) if (line) what.append(make("small", { textContent: line }));
+    const place = film.rowOf(edit);
+    return item(() => film.go(place, edit.points?.[0][1] ?? film.columnAt(edit.trace, place) ?? view.column), false, film.timeAt(place) || `row ${Math.round(place)}`, edit.trace, what);
+  }).reverse());
+  if (!edits.length) $("edits").append(make("li", { className: "none", textContent: "None yet." }));
+  $("count").textContent = edits.length || "";
+  $("notes").hidden = !reading.notes.length;
+  $("notes").lastElementChild.replaceChildren(...reading.notes.map((text) => make("li", { textContent: text })));
+  $("saved").textContent = at ? `saved ${at.slice(11, 19)} in ${saved.split(/[\\/]/).at(-1)}` : "no edits to save";
+  $("saved").title = saved;
+  if (document.activeElement !== $("who")) $("who").value = shown.state.who;
+  if ($("traces").childElementCount !== traces.length) {
+    $("traces").replaceChildren(...traces.map(({ number, name: label }) => {
+      const chip = make("span", { className: "chip" });
+      chip.style.background = film.colour(number);
+      return make("button", { type: "button", className: "trace", title: `trace ${label}, key ${number}`, ariaLabel: `trace ${label}`, onclick: () => choose(number) }, chip, label);
+    }));
+    choose(trace);
+  }
+  film.soon();
+}
+const KIND = { mask: "mask", follow: "line", mark: "mark", "no-mark": "no mark", break: "break", ignore: "ignored" };
+function item(onclick, current, when, number, ...what) {
+  const chip = number ? [Object.assign(make("span", { className: "chip", title: `trace ${called(number)}` }))] : [];
+  if (number) chip[0].style.background = film.colour(number);
+  const [words, ...rest] = what;
+  const button = make("button", { type: "button", onclick }, make("span", { className: "when", textContent: when }), ...chip, make("span", { className: "what" }, words), ...rest);
+  if (current) button.ariaCurrent = "true";
+  return make("li", {}, button);
+}
+function visit(k) {
+  const { doubtful } = shown.state;
+  if (!doubtful.length) return;
+  doubt = (k + doubtful.length) % doubtful.length;
+  const place = (shown.doubt = doubtful[doubt]);
+  film.showRows(place.first_row, place.last_row, place.trace);
+  centre();
+  [...$("doubts").children].forEach((node, i) => { node.firstElementChild.ariaCurrent = i === doubt ? "true" : null; });
+  $("doubts").children[doubt].scrollIntoView({ block: "nearest" });
+  const harm = place.harm_mgal === null ? "harm not known" : `${milligal(place.harm_mgal)} mGal`;
+  say(`Doubtful place ${doubt + 1} of ${doubtful.length}, ${place.time}${place.trace ? `, trace ${called(place.trace)}` : ""}: ${place.what}, ${harm}`);
+}
+function choose(number) {
+  if (!shown.state.traces.some((each) => each.number === number)) return;
+  trace = number;
+  [...$("traces").children].forEach((node, k) => { node.ariaPressed = String(shown.state.traces[k].number === number); });
+  sketch();
+}
+
+// ---- tools
+function sketch() {
+  const [, name, hint] = TOOLS[tool] ?? [];
+  shown.sketch = tool || grabbed ? { tool, points, cross, box: drag?.box, grabbed, trace } : null;
+  for (const each of Object.keys(TOOLS)) $(`tool-${each}`).ariaPressed = String(each === tool);
+  canvas.style.cursor = tool ? "crosshair" : "";
+  if (tool) $("hint").replaceChildren(make("b", { textContent: `${name}. ` }), hint.replace("trace N", `trace ${called(trace)}`));
+  else $("hint").textContent = IDLE;
+  $("note-field").hidden = $("cancel").hidden = !tool;
+  $("time-field").hidden = tool !== "mark";
+  $("whole").hidden = tool !== "ignore";
+  $("finish").hidden = !["mask", "follow"].includes(tool);
+  where();
+  film.soon();
+}
+function pick(name) {
+  if (busy) return;
+  const again = tool === name;
+  clear();
+  if (again) return;
+  tool = name;
+  cross = { row: view.row, column: view.column };
+  stepped = true;
+  sketch();
+  canvas.focus();
+  say($("hint").textContent);
+}
+function clear() {
+  tool = grabbed = drag = null;
+  points = [];
+  $("note").value = $("time").value = "";
+  sketch();
+}
+function cancel() {
+  if (!$("refusal").hidden) $("refusal").hidden = true;
+  else if (drag || grabbed || points.length) { drag = grabbed = null; points = []; sketch(); }
+  else { clear(); say(""); }
+  canvas.focus();
+}
+function click() { // at the crosshair, by mouse or Enter
+  if (busy) return;
+  const at = [cut(cross.row), cut(cross.column)], last = points.at(-1), [x, y] = film.toScreen(...at);
+  const same = last && Math.hypot(at[0] - last[0], at[1] - last[1]) * view.zoom < CLICKED;
+  stepped = false;
+  if (tool === "break") send([{ kind: "break", row: at[0] }], "Break set");
+  else if (tool === "mark") {
+    const time = $("time").value.trim();
+    send([{ kind: "mark", row: at[0], trace, ...(time && { time }) }], "Mark set");
+  } else if (tool === "no-mark") {
+    const tick = film.tickNear(x, y, 14);
+    send([{ kind: "no-mark", row: cut(tick?.row ?? at[0]), trace: tick?.trace ?? trace }], "Mark removed");
+  } else if (tool === "move" && !grabbed) {
+    grabbed = film.tickNear(x, y, 14);
+    say(grabbed ? `Mark on trace ${called(grabbed.trace)} taken: click where it belongs` : "No mark here: its tick must be in view, zoom in");
+    sketch();
+  } else if (tool === "move") drop();
+  else if (same) finish();
+  else if (tool) {
+    points.push(at);
+    say(`Point ${points.length} at row ${at[0]}, column ${at[1]}`);
+    if (tool === "ignore" && points.length === 2) finish();
+    sketch();
+  }
+}
+function drop() { // the mark in hand, at the crosshair's row
+  const { row, trace: number } = grabbed;
+  const known = shown.state.edits.findLast((edit) => edit.kind === "mark" && edit.time && (edit.trace ?? 1) === number && Math.abs(edit.row - row) < 2);
+  send([{ kind: "no-mark", row: cut(row), trace: number }, { kind: "mark", row: cut(cross.row), trace: number, ...(known && { time: known.time }) }], "Mark moved");
+}
+function finish() {
+  if (busy) return;
+  if (points.length < 2) return say("At least two points are needed");
+  const sorted = [...points].sort(([a], [b]) => a - b);
+  if (tool === "mask") send([{ kind: "mask", points }], "Mask set");
+  else if (tool === "follow") send([{ kind: "follow", trace, points: sorted }], "Line set");
+  else send([{ kind: "ignore", trace, first_row: sorted[0][0], last_row: sorted[1][0] }], `Trace ${called(trace)} ignored there`);
+}
+function where() {
+  if (!shown.state) return;
+  const { row, column } = cross ?? view, time = film.timeAt(row);
+  $("place").textContent = `${time && `${time}   `}row ${row.toFixed(0)}, column ${column.toFixed(0)}   ${(100 * view.zoom).toPrecision(2) * 1} %`;
+}
+function centre() { // the crosshair, where the view has moved away from it
+  if (!tool) cross = null;
+  else if (!cross || !film.inView(cross)) cross = { row: view.row, column: view.column };
+  sketch();
+}
+function step(x, y, big) {
+  stepped = true;
+  const by = (big ? 40 : 2) / view.zoom, { rows, columns } = shown.state;
+  cross = { row: clamp(cross.row + y * by, 0, rows), column: clamp(cross.column + x * by, 0, columns) };
+  const [atX, atY] = film.toScreen(cross.row, cross.column), edge = 30;
+  film.pan(Math.min(0, atX - 84 - edge) + Math.max(0, atX - canvas.clientWidth + edge), Math.min(0, atY - edge) + Math.max(0, atY - canvas.clientHeight + edge));
+  sketch();
+}
+
+// ---- mouse
+canvas.addEventListener("pointerdown", (event) => {
+  canvas.focus();
+  canvas.setPointerCapture(event.pointerId);
+  const { offsetX: x, offsetY: y, button } = event, at = film.toFilm(x, y);
+  const tick = button === 0 && (!tool || (tool === "move" && !grabbed)) && !busy && view.zoom >= 0.12 && film.tickNear(x, y, 6);
+  drag = { x, y, at, last: [x, y], far: false, tick, box: null, boxed: button === 0 && DRAGGED.includes(tool) && !points.length, button };
+});
+canvas.addEventListener("pointermove", (event) => {
+  const { offsetX: x, offsetY: y } = event, [row, column] = film.toFilm(x, y);
+  if (event.movementX || event.movementY || drag) {
+    cross = { row: clamp(row, 0, shown.state.rows), column: clamp(column, 0, shown.state.columns) };
+    stepped = false;
+  }
+  if (drag) {
+    drag.far ||= Math.hypot(x - drag.x, y - drag.y) >= CLICKED;
+    if (drag.far && drag.tick) grabbed = drag.tick;
+    else if (drag.far && drag.boxed) drag.box = [drag.at.map(cut), [cut(cross.row), cut(cross.column)]];
+    else if (drag.far) film.pan(drag.last[0] - x, drag.last[1] - y);
+    drag.last = [x, y];
+  } else if (!tool) canvas.style.cursor = view.zoom >= 0.12 && film.tickNear(x, y, 6) ? "ns-resize" : "";
+  if (tool || grabbed) sketch();
+  else where();
+});
+canvas.addEventListener("pointerup", () => {
+  const done = drag;
+  drag = null;
+  if (!done) return;
+  if (done.far && grabbed && done.tick) drop();
+  else if (done.box) { points = done.box; finish(); }
+  else if (!done.far && done.button === 0 && tool) click();
+});
+canvas.addEventListener("pointercancel", cancel);
+canvas.addEventListener("pointerleave", () => { if (!tool && !drag) { cross = null; where(); } });
+canvas.addEventListener("wheel", (event) => {
+  event.preventDefault();
+  if (event.shiftKey) film.pan(0, event.deltaY || event.deltaX);
+  else film.zoomBy(Math.exp(-clamp(event.deltaY * (event.ctrlKey ? 0.01 : 0.0015), -0.7, 0.7)), event.offsetX, event.offsetY);
+  where();
+}, { passive: false });
+
+// ---- keys
+const move = (x, y) => (event) => (tool ? step(x, y, event.shiftKey) : film.pan(x * (event.shiftKey ? 400 : 60), y * (event.shiftKey ? 400 : 60)));
+const page = (by) => () => film.pan(0, by * 0.9 * canvas.clientHeight);
+const toggle = () => {
+  shown.bare = !shown.bare;
+  $("overlay").ariaPressed = String(!shown.bare);
+  say(shown.bare ? "Bare film" : "Reading shown");
+  film.soon();
+};
+const zoom = (by) => () => film.zoomBy(by);
+const KEYS = {
+  ArrowUp: move(0, -1), ArrowDown: move(0, 1), ArrowLeft: move(-1, 0), ArrowRight: move(1, 0), PageUp: page(-1), PageDown: page(1),
+  Home: () => film.go(0), End: () => film.go(shown.state.rows), "+": zoom(1.25), "=": zoom(1.25), "-": zoom(0.8), 0: film.whole,
+  n: () => visit(doubt + 1), p: () => visit(doubt < 0 ? -1 : doubt - 1), o: toggle, u: undo, r: redo, "Ctrl+z": undo, "Ctrl+y": redo, "Ctrl+Z": redo,
+  g: () => $("where").select(), t: () => tool === "mark" && $("time").select(), "?": () => $("help").showModal(), Escape: cancel,
+  ...Object.fromEntries(Object.entries(TOOLS).map(([name, [key]]) => [key, () => pick(name)])),
+};
+const ON_FILM = {
+  Enter() {
+    if (!tool) return;
+    if (["mask", "follow"].includes(tool) && points.length && !stepped) finish();
+    else click();
+  },
+  Backspace() { if (points.pop()) { stepped = true; sketch(); } },
+};
+document.addEventListener("keydown", (event) => {
+  if (event.altKey || $("help").open || !shown.state) return;
+  if (event.target.matches("input")) {
+    if (event.key === "Escape" || (event.key === "Enter" && event.target.closest("#options"))) { event.preventDefault(); canvas.focus(); }
+    return;
+  }
+  const key = (event.ctrlKey || event.metaKey ? "Ctrl+" : "") + event.key;
+  const act = KEYS[key] ?? (event.target.matches("button, summary") ? null : ON_FILM[key]) ?? (/^[1-9]$/.test(key) ? () => choose(Number(key)) : null);
+  if (!act) return;
+  event.preventDefault();
+  act(event);
+  centre();
+});
+const HELP = [
+  [["\u2190", "\u2191", "\u2192", "\u2193"], "move over the film; with a tool, move the crosshair. Shift: bigger steps"], [["PageUp", "PageDown", "Home", "End"], "a view up or down; begin, end of the film"],
+  [["+", "\u2212", "0"], "zoom; whole width. Mouse: wheel, Shift + wheel moves"], [["g"], "go to a time or a row"], [["n", "p"], "next, previous doubtful place"],
+  [["o"], "reading on, off: compare with the bare film"], [["1", "\u2026", "9"], "trace that is meant"],
+  ...Object.values(TOOLS).map(([key, name, hint]) => [[key], `${name}. ${hint.replace("trace N", "the chosen trace")}`]),
+  [["Enter"], "click at the crosshair; once more at the same place: finish"], [["Backspace"], "remove the last point"], [["t"], "clock time of a mark"],
+  [["Esc"], "cancel; close a message; from a field back to the film"], [["u", "Ctrl+Z"], "undo"], [["r", "Ctrl+Y"], "redo"], [["?"], "these keys"],
+];
+
+// ---- the page put together
+$("keys").append(...HELP.flatMap(([keys, words]) => [make("span", {}, ...keys.flatMap((key) => [make("kbd", { textContent: key }), " "])), make("div", { textContent: words })]));
+const button = (id, words, key, onclick, more = {}) => make("button", { id, type: "button", onclick, ariaKeyShortcuts: key, ...more }, `${words} `, make("kbd", { textContent: key, ariaHidden: "true" }));
+const gap = () => make("span", { className: "gap" });
+$("tools").append(
+  ...Object.entries(TOOLS).map(([name, [key, words, hint]]) => button(`tool-${name}`, words, key, () => pick(name), { title: hint.replace("trace N", "the chosen trace"), ariaPressed: "false" })),
+  gap(), make("span", { id: "traces", className: "trace" }), gap(),
+  button("undo", "Undo", "u", undo), button("redo", "Redo", "r", redo), button("overlay", "Reading", "o", toggle, { ariaPressed: "true", title: "lay the reading over the film" }),
+);
+$("finish").onclick = finish;
+$("cancel").onclick = () => { clear(); canvas.focus(); };
+$("whole").onclick = () => send([{ kind: "ignore", trace }], `Trace ${called(trace)} ignored`);
+$("refusal").lastElementChild.onclick = cancel;
+$("help-button").onclick = () => $("help").showModal();
+$("go").onsubmit = (event) => {
+  event.preventDefault();
+  const row = film.rowAt($("where").value.trim());
+  if (row === null) return refuse(`"${$("where").value}" is neither a time of this film nor a row; write it as ${film.timeAt(view.row) || "row 4000"}`);
+  film.go(row);
+  canvas.focus();
+  centre();
+};
+$("who").onchange = () => change("who", { who: $("who").value }, "Name kept. ");
+$("csv").onclick = async () => {
+  try {
+    const link = make("a", { href: URL.createObjectURL(await (await ask("readings.csv")).blob()), download: `${shown.state.name}.readings.csv` });
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+    say(`Readings saved as ${link.download}`);
+  } catch (fault) {
+    refuse(fault.message);
+  }
+};
+$("done").onclick = async () => {
+  try {
+    const { saved } = await (await ask("done", {})).json();
+    document.body.replaceChildren(make("p", { className: "end", role: "status", textContent: `The table is closed; the edits are in ${saved}. This page may be closed too.` }));
+  } catch (fault) {
+    refuse(fault.message);
+  }
+};
+addEventListener("focus", () => { if (shown.state && !busy) refresh(); });
+refresh();

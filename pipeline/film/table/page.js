@@ -22,7 +22,7 @@ const TOOLS = { // key, name, hint; N stands for the trace
 };
 const IDLE = "Drag to move, wheel to zoom. A mark is moved by its tick. Choose a tool to correct the reading.";
 const DRAGGED = ["mask", "ignore"], CLICKED = 4; // px that a click may move
-let busy = false, tool = null, trace = 1, points = [], grabbed = null, drag = null, doubt = -1;
+let busy = false, changes = 0, tool = null, trace = 1, points = [], grabbed = null, drag = null, doubt = -1;
 let cross = null; // the crosshair, on the film
 let stepped = false; // whether keys moved it since the last point: then Enter sets one, otherwise Enter finishes
 
@@ -48,9 +48,18 @@ function take(state, words) {
   setBusy(state.busy);
   if (state.busy) setTimeout(refresh, 500); // another window of this session edits
 }
-const refresh = () => ask("state").then((answer) => answer.json()).then(take, (fault) => refuse(fault.message));
+async function refresh() {
+  const turn = changes;
+  try {
+    const state = await (await ask("state")).json();
+    if (turn === changes) take(state); // otherwise it is of before a change
+  } catch (fault) {
+    refuse(fault.message);
+  }
+}
 async function change(path, content, words) {
   if (busy) return false;
+  changes += 1;
   setBusy(true);
   try {
     const state = await (await ask(path, content)).json();
@@ -263,19 +272,21 @@ function step(x, y, big) {
 }
 
 // ---- mouse
+function point(row, column) {
+  cross = { row: clamp(row, 0, shown.state.rows), column: clamp(column, 0, shown.state.columns) };
+  stepped = false;
+}
 canvas.addEventListener("pointerdown", (event) => {
   canvas.focus();
   canvas.setPointerCapture(event.pointerId);
   const { offsetX: x, offsetY: y, button } = event, at = film.toFilm(x, y);
+  point(...at);
   const tick = button === 0 && (!tool || (tool === "move" && !grabbed)) && !busy && view.zoom >= 0.12 && film.tickNear(x, y, 6);
   drag = { x, y, at, last: [x, y], far: false, tick, box: null, boxed: button === 0 && DRAGGED.includes(tool) && !points.length, button };
 });
 canvas.addEventListener("pointermove", (event) => {
   const { offsetX: x, offsetY: y } = event, [row, column] = film.toFilm(x, y);
-  if (event.movementX || event.movementY || drag) {
-    cross = { row: clamp(row, 0, shown.state.rows), column: clamp(column, 0, shown.state.columns) };
-    stepped = false;
-  }
+  if (event.movementX || event.movementY || drag) point(row, column); // not where the page moves below the mouse
   if (drag) {
     drag.far ||= Math.hypot(x - drag.x, y - drag.y) >= CLICKED;
     if (drag.far && drag.tick) grabbed = drag.tick;

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import hmac
 import json
 import re
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -180,8 +181,11 @@ async def _content(request: Request) -> dict[str, Any]:
     return content
 
 
-def guarded(desk: Desk, token: str) -> ASGIApp:
-    """Answer requests that come from this machine's own pages and bring the token; refuse all others."""
+def guarded(desk: Desk, token: str, begin: Callable[[], object]) -> ASGIApp:
+    """Answer requests that come from this machine's own pages and bring the token; refuse all others.
+
+    `begin` is called when the first request may come, and Ctrl-C is heeded.
+    """
     folder = Path(__file__).parent
     page = {name: (folder / name).read_text(encoding="utf-8").replace("TOKEN", token) for name in _PAGE}
 
@@ -194,11 +198,18 @@ def guarded(desk: Desk, token: str) -> ASGIApp:
             return JSONResponse({"error": fault.detail}, fault.status_code, fault.headers)
         return JSONResponse({"error": str(fault)}, 422)
 
-    app = Starlette(
-        routes=[*map(static, _PAGE), *desk.routes()], exception_handlers={HTTPException: line, IsochronyError: line}
-    )
+    @contextlib.asynccontextmanager
+    async def begun(_: Starlette) -> AsyncIterator[None]:
+        begin()
+        yield
+
+    routes, faults = [*map(static, _PAGE), *desk.routes()], {HTTPException: line, IsochronyError: line}
+    app = Starlette(routes=routes, exception_handlers=faults, lifespan=begun)
 
     async def guard(scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "lifespan":
+            return await app(scope, receive, send)
+
         async def told_more(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
@@ -208,7 +219,7 @@ def guarded(desk: Desk, token: str) -> ASGIApp:
 
         refusal = _refusal(Request(scope), token)
         answer = app if refusal is None else JSONResponse({"error": refusal[1]}, refusal[0])
-        await answer(scope, receive, told_more)
+        return await answer(scope, receive, told_more)
 
     return guard
 

@@ -78,21 +78,23 @@ def serve(
     from pipeline.film.table.app import Desk, guarded
 
     token = secrets.token_urlsafe(32)
-    with _listening(port) as listener, Desk(session) as desk:
+    with contextlib.suppress(KeyboardInterrupt), _listening(port) as listener, Desk(session) as desk:
+        url = f"http://127.0.0.1:{listener.getsockname()[1]}/?token={token}"
+
+        def begin() -> None:
+            print(url, file=sys.stderr, flush=True)
+            if browser and _has_display():
+                threading.Thread(target=webbrowser.open, args=[url], daemon=True).start()
+            if ready is not None:
+                ready(url)
+
         config = uvicorn.Config(
-            guarded(desk, token), log_config=None, access_log=False, server_header=False, proxy_headers=False,
-            lifespan="off", ws="none", timeout_graceful_shutdown=_PATIENCE,
+            guarded(desk, token, begin), log_config=None, access_log=False, server_header=False, proxy_headers=False,
+            lifespan="on", ws="none", timeout_graceful_shutdown=_PATIENCE,
         )  # fmt: skip
         server = uvicorn.Server(config)
         desk.end = lambda: setattr(server, "should_exit", True)
-        url = f"http://127.0.0.1:{listener.getsockname()[1]}/?token={token}"
-        print(url, file=sys.stderr, flush=True)
-        if browser and _has_display():
-            threading.Thread(target=webbrowser.open, args=[url], daemon=True).start()
-        if ready is not None:
-            ready(url)
-        with contextlib.suppress(KeyboardInterrupt):
-            server.run(sockets=[listener])
+        server.run(sockets=[listener])
 
 
 def _listening(port: int) -> socket.socket:

@@ -30,7 +30,7 @@ _T = TypeVar("_T")
 _MOST_BYTES = 2**20  # of what is posted: an edit has some hundreds
 _TILE = 512  # px
 _HERE = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?", re.IGNORECASE)  # any port: tunnels map them
-_PAGE = ("page.html", "page.css", "page.svg", "page.js", "film.js", "ask.js")
+_PAGE = ("page.html", "page.css", "page.svg", "page.js", "panels.js", "film.js", "axis.js", "ask.js")
 _KINDS = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -61,13 +61,14 @@ class Desk:
 
     def routes(self) -> list[Route]:
         """Every address with what answers it."""
-        posted = {"edits": self._edits, "undo": self._undo, "redo": self._redo, "who": self._who}
+        changes = {"edits": self._edits, "undo": self._undo, "redo": self._redo}
         return [
             Route("/state", self._told),
             Route("/overlay", self._overlay),
             Route("/tile/{level:int}/{down:int}/{across:int}", self._tile),
             Route("/readings.csv", self._csv),
-            *(Route(f"/{name}", self._changing(change), methods=["POST"]) for name, change in posted.items()),
+            *(Route(f"/{name}", self._changing(change), methods=["POST"]) for name, change in changes.items()),
+            Route("/who", self._who, methods=["POST"]),
             Route("/done", self._done, methods=["POST"]),
         ]
 
@@ -102,6 +103,13 @@ class Desk:
     async def _csv(self, _: Request) -> Response:
         table = await self._in(self._worker, self.session.csv)
         return Response(table, media_type="text/csv", headers={"Content-Disposition": "attachment"})
+
+    async def _who(self, request: Request) -> Response:
+        name = (await _content(request)).get("who")
+        if not (isinstance(name, str) and len(name.strip()) <= 100):
+            raise HTTPException(400, "who wants a name of at most 100 letters")
+        await self._in(self._worker, setattr, self.session, "who", name.strip())
+        return await self._told(request)
 
     async def _done(self, request: Request) -> Response:
         await _content(request)
@@ -152,12 +160,6 @@ class Desk:
     def _redo(self, _: dict[str, Any]) -> None:
         for _step in range(2 if len(self._state["edits"]) + 2 in self._pairs else 1):
             self.session.redo()
-
-    def _who(self, content: dict[str, Any]) -> None:
-        name = content.get("who")
-        if not (isinstance(name, str) and len(name.strip()) <= 100):
-            raise HTTPException(400, "who wants a name of at most 100 letters")
-        self.session.who = name.strip()
 
 
 async def _content(request: Request) -> dict[str, Any]:

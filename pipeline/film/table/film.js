@@ -1,9 +1,13 @@
 // The film on its canvas: tiles, the reading laid over them, edits, ruler and the strip that shows the whole.
 
 import { ask, token } from "./ask.js?token=TOKEN";
+import { rate, secondsOf } from "./axis.js?token=TOKEN";
 
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9"]; // Okabe and Ito (2008)
-const TILE = 512, RULER = 84, MOST_TILES = 240, AT_ONCE = 4;
+const STEPS = [0.1, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 1800, 3600]; // s from label to label
+export const TICKS = 0.2; // zoom from which on marks are drawn
+export const RULER = 84; // px at the left that show times
+const TILE = 512, MOST_TILES = 240, AT_ONCE = 4;
 const canvas = document.getElementById("film"), strip = document.getElementById("strip");
 const pen = canvas.getContext("2d"), stripPen = strip.getContext("2d");
 
@@ -28,6 +32,7 @@ export function toFilm(x, y) {
 export function go(row, column = view.column) {
   view.row = clamp(row, 0, shown.state.rows);
   view.column = clamp(column, 0, shown.state.columns);
+  seek = null;
   soon();
 }
 export const pan = (x, y) => go(view.row + y / view.zoom, view.column + x / view.zoom);
@@ -39,9 +44,9 @@ export function zoomBy(factor, x = middle()[0], y = middle()[1]) {
 }
 export function showRows(first, last, trace) { // so that the rows fit, and the trace with them
   view.zoom = clamp((0.7 * canvas.clientHeight) / Math.max(last - first, 1), 2 ** -shown.state.levels, 2);
-  const middleRow = (first + last) / 2;
-  go(middleRow, view.zoom <= fitWidth() ? shown.state.columns / 2 : (columnAt(trace, middleRow) ?? view.column));
-  seek = trace && view.zoom > fitWidth() ? { trace, row: middleRow } : null;
+  const wide = view.zoom > fitWidth();
+  go((first + last) / 2, wide ? view.column : shown.state.columns / 2);
+  seek = wide ? trace : null;
 }
 export function whole() { // the film's whole width, at most at its own size
   view.zoom = Math.min(fitWidth(), 1);
@@ -54,50 +59,6 @@ export function start() {
 export function inView({ row, column }) {
   const [x, y] = toScreen(row, column);
   return x >= RULER && y >= 0 && x <= canvas.clientWidth && y <= canvas.clientHeight;
-}
-
-// ---- the time of rows, by the marks
-let axis = { rows: [], seconds: [], clock: false };
-const secondsOf = (label) => {
-  const clock = /(\d+):(\d\d):(\d\d(?:\.\d*)?)$/.exec(label);
-  return clock ? 3600 * clock[1] + 60 * clock[2] + Number(clock[3]) : Number.parseFloat(label.replace("\u2212", "-"));
-};
-export async function loadAxis() {
-  const { marks } = await (await ask(`overlay?first=0&last=${shown.state.rows}&most=2`)).json();
-  axis = { rows: [], seconds: [], clock: marks.some((mark) => mark.label.includes(":")) };
-  for (const mark of marks) {
-    let seconds = secondsOf(mark.label);
-    if (!Number.isFinite(seconds)) continue;
-    while (axis.clock && seconds < axis.seconds.at(-1) - 43200) seconds += 86400; // past midnight
-    axis.rows.push(mark.row);
-    axis.seconds.push(seconds);
-  }
-}
-function along(from, to, value) { // straight between the points, and beyond them with the mean slope
-  const end = from.length - 1;
-  if (end < 1) return null;
-  if (value < from[0] || value > from[end]) {
-    const near = value < from[0] ? 0 : end;
-    return to[near] + ((value - from[near]) * (to[end] - to[0])) / (from[end] - from[0]);
-  }
-  const k = clamp(from.findIndex((each) => each >= value), 1, end);
-  return to[k - 1] + ((value - from[k - 1]) * (to[k] - to[k - 1])) / (from[k] - from[k - 1] || 1);
-}
-export function timeAt(row) {
-  const seconds = along(axis.rows, axis.seconds, row);
-  if (seconds === null) return "";
-  if (!axis.clock) return `${seconds < 0 ? "\u2212" : "+"}${Math.abs(seconds).toFixed(1)} s`;
-  const tenths = ((Math.round(seconds * 10) % 864000) + 864000) % 864000, two = (n) => String(Math.floor(n)).padStart(2, "0");
-  return `${two(tenths / 36000)}:${two((tenths / 600) % 60)}:${two((tenths / 10) % 60)}.${tenths % 10}`;
-}
-export function rowAt(text) { // of "12:03", "12:03:00.5", "+63.5 s", "row 4000" or "4000"
-  const clock = /^(\d{1,2}):(\d\d)(?::(\d\d(?:\.\d*)?))?$/.exec(text), passed = /^([+-]?\d+(?:\.\d*)?)\s*s$/.exec(text);
-  const row = /^(?:row\s*)?(\d+(?:\.\d*)?)$/i.exec(text);
-  if (row) return Number(row[1]);
-  if (passed && !axis.clock) return along(axis.seconds, axis.rows, Number(passed[1]));
-  if (!clock || !axis.clock) return null;
-  const seconds = 3600 * clock[1] + 60 * clock[2] + Number(clock[3] ?? 0), days = Math.round((axis.seconds[0] - seconds) / 86400);
-  return along(axis.seconds, axis.rows, seconds + 86400 * days);
 }
 
 // ---- what the server gives: tiles, and the reading of the rows in view
@@ -127,8 +88,6 @@ async function wantOverlay(first, last) {
   try {
     const data = await (await ask(`overlay?first=${from}&last=${to}&most=${most}`)).json();
     overlay = { ...data, first: from, last: to, revision, zoom: view.zoom, whole: data.rows.length >= to - from };
-    if (seek) go(view.row, columnAt(seek.trace, seek.row) ?? view.column);
-    seek = null;
     soon();
   } catch { /* the next drawing asks again */ } finally { asking = false; }
 }
@@ -187,6 +146,11 @@ function draw() {
   const { rows } = shown.state, width = canvas.clientWidth, height = canvas.clientHeight;
   sized(canvas, pen);
   const first = clamp(toFilm(0, 0)[0], 0, rows), last = clamp(toFilm(0, height)[0], 0, rows);
+  if (seek && overlay?.first <= first && overlay.last >= last) { // now it is known where the trace is
+    const columns = overlay.courses[seek - 1].filter((column) => column !== null);
+    if (columns.length) view.column = columns.reduce((sum, column) => sum + column, 0) / columns.length;
+    seek = null;
+  }
   pen.save();
   pen.beginPath();
   pen.rect(RULER, 0, width - RULER, height);
@@ -202,6 +166,7 @@ function draw() {
   wantOverlay(first, last);
   const stale = overlay?.revision !== shown.state.revision;
   Object.assign(canvas.dataset, { row: view.row, column: view.column, zoom: view.zoom, waiting: wanted.length + pending.size + stale });
+  canvas.dispatchEvent(new Event("drawn"));
 }
 
 function drawTiles() {
@@ -260,10 +225,10 @@ function drawReading() {
     });
   });
   for (const mark of overlay.marks) {
-    if (view.zoom < 0.12 && !mark.minute) continue;
+    if (view.zoom < TICKS && !mark.minute) continue;
     mark.trace_rows.forEach((place, k) => {
       if (!place) return;
-      const [x] = toScreen(...place), half = mark.minute ? 16 : 9;
+      const [x] = toScreen(...place), half = (mark.minute ? 16 : 9) * clamp(2 * view.zoom, 0.4, 1);
       stroke(level(place[0], x - half, x + half), colour(k + 1), mark.minute ? 3.5 : 2, "#fff");
     });
   }
@@ -361,15 +326,16 @@ function drawRuler(first, last) {
   }
   pen.textAlign = "right";
   pen.textBaseline = "middle";
+  const step = STEPS.find((each) => each * rate() * view.zoom >= 16) ?? 0.1;
   const marks = (overlay?.marks ?? []).filter((mark) => mark.row >= first && mark.row <= last);
   for (const minute of [true, false]) { // full minutes first: where labels would touch, they stay
     pen.font = `${minute ? 600 : 400} 11px system-ui, "DejaVu Sans", sans-serif`;
+    pen.fillStyle = tint(minute ? "--ink" : "--soft");
     for (const mark of marks) {
       if (mark.minute !== minute) continue;
-      const y = toScreen(mark.row, 0)[1];
-      pen.fillStyle = tint(minute ? "--ink" : "--soft");
-      if (minute || view.zoom >= 0.08) pen.fillRect(RULER - (minute ? 11 : 6), Math.round(y) - (minute ? 1 : 0), minute ? 10 : 5, minute ? 2 : 1);
-      if (used.some((other) => Math.abs(other - y) < 15)) continue;
+      const y = toScreen(mark.row, 0)[1], steps = secondsOf(mark.label) / step, named = Math.abs(steps - Math.round(steps)) * step < 0.02;
+      if (named || view.zoom >= TICKS) pen.fillRect(RULER - (minute ? 11 : 6), Math.round(y) - (minute ? 1 : 0), minute ? 10 : 5, minute ? 2 : 1);
+      if (!named || used.some((other) => Math.abs(other - y) < 15)) continue;
       used.push(y);
       pen.fillText(mark.label, RULER - 14, y);
     }

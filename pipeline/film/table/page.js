@@ -1,15 +1,11 @@
-// The reading table: tools, keys, panels. The session at the server reads; this page shows and asks.
+// The reading table: tools, mouse and keys. The session at the server reads; this page shows and asks.
 
 import { ask } from "./ask.js?token=TOKEN";
+import { rowAt, setAxis, timeAt } from "./axis.js?token=TOKEN";
 import * as film from "./film.js?token=TOKEN";
+import { $, called, make, milligal, refuse, render, say, told } from "./panels.js?token=TOKEN";
 
 const { view, shown, clamp } = film;
-const $ = (id) => document.getElementById(id);
-const make = (tag, properties = {}, ...children) => {
-  const node = Object.assign(document.createElement(tag), properties);
-  node.append(...children);
-  return node;
-};
 const canvas = $("film");
 const TOOLS = { // key, name, hint; N stands for the trace
   mask: ["m", "Mask", "Drag a rectangle, or click corners and finish. Nothing is read inside."],
@@ -22,31 +18,33 @@ const TOOLS = { // key, name, hint; N stands for the trace
 };
 const IDLE = "Drag to move, wheel to zoom. A mark is moved by its tick. Choose a tool to correct the reading.";
 const DRAGGED = ["mask", "ignore"], CLICKED = 4; // px that a click may move
-let busy = false, changes = 0, tool = null, trace = 1, points = [], grabbed = null, drag = null, doubt = -1;
+let naming = null, busy = false, changes = 0, tool = null, trace = 1, points = [], grabbed = null, drag = null, doubt = -1;
+const cut = (value) => Math.round(value * 10) / 10; // px
 let cross = null; // the crosshair, on the film
 let stepped = false; // whether keys moved it since the last point: then Enter sets one, otherwise Enter finishes
-
-// ---- numbers in words
-const minus = (text) => text.replace("-", "\u2212");
-const places = (size, most) => clamp(1 - Math.floor(Math.log10(Math.abs(size) || 1)), 0, most);
-const milligal = (value) => minus(value.toFixed(places(value, 3)));
-const signed = (value) => (value > 0 ? "+" : "") + milligal(value);
-const gravityText = ({ value_m_s2: value, sigma_mgal: sigma }) => value === null ? "none" : `${value.toFixed(5 + places(sigma ?? 1, 4))} m/s\u00b2`;
-const called = (number) => shown.state.traces.find((each) => each.number === number)?.name ?? number;
-const cut = (value) => Math.round(value * 10) / 10;
 
 // ---- to and from the server
 function take(state, words) {
   const old = shown.state;
   shown.state = state;
   if (!old) film.start();
-  if (old?.revision !== state.revision) film.loadAxis().then(film.soon, (fault) => refuse(fault.message));
-  doubt = shown.doubt ? state.doubtful.findIndex(({ first_row: row, trace: number }) => row === shown.doubt.first_row && number === shown.doubt.trace) : -1;
+  if (old?.revision !== state.revision) times();
+  const same = (each) => each.first_row === shown.doubt?.first_row && each.trace === shown.doubt?.trace;
+  doubt = state.doubtful.findIndex(same);
   shown.doubt = state.doubtful[doubt] ?? null;
-  render();
+  show();
   if (words) say(words + told());
   setBusy(state.busy);
   if (state.busy) setTimeout(refresh, 500); // another window of this session edits
+}
+const show = () => render(doubt, { visit, choose });
+async function times() {
+  try {
+    setAxis((await (await ask(`overlay?first=0&last=${shown.state.rows}&most=2`)).json()).marks);
+    show();
+  } catch (fault) {
+    refuse(fault.message);
+  }
 }
 async function refresh() {
   const turn = changes;
@@ -62,6 +60,7 @@ async function change(path, content, words) {
   changes += 1;
   setBusy(true);
   try {
+    await naming; // the name goes with the edit
     const state = await (await ask(path, content)).json();
     setBusy(false);
     take(state, words);
@@ -80,82 +79,19 @@ async function send(edits, words) { // what is drawn stays where the edit is ref
 const undo = () => shown.state.can_undo && change("undo", {}, "Undone. ");
 const redo = () => shown.state.can_redo && change("redo", {}, "Done again. ");
 
-function told() {
-  const { gravity } = shown.state;
-  if (gravity.value_m_s2 === null) return `No gravity: ${gravity.refused ?? "not determined"}`;
-  const sigma = gravity.sigma_mgal === null ? "" : ` \u00b1 ${milligal(gravity.sigma_mgal)} mGal`;
-  return `Gravity ${gravityText(gravity)}${sigma}${gravity.change_mgal === null ? "" : `, changed by ${signed(gravity.change_mgal)} mGal`}`;
-}
-const say = (text) => { $("message").textContent = text; };
-function refuse(text) {
-  $("refusal").firstElementChild.textContent = text;
-  $("refusal").hidden = false;
-}
 function setBusy(now) {
   busy = now;
   $("spinner").hidden = !now;
   $("table").ariaBusy = String(now);
   const lost = document.activeElement?.closest("#tools, #options");
-  for (const id of ["tools", "options", "done", "who"]) $(id).disabled = now;
+  for (const id of ["tools", "options", "done"]) $(id).disabled = now;
   if (now && lost) canvas.focus();
   if (now) say("Reading anew\u2026");
   $("undo").disabled = !shown.state?.can_undo;
   $("redo").disabled = !shown.state?.can_redo;
 }
 
-// ---- panels
-function render() {
-  const { name, gravity, reading, doubtful, edits, traces, saved, saved_at: at } = shown.state;
-  document.title = `${name} \u2013 reading table`;
-  Object.assign($("name"), { textContent: name, title: name });
-  $("method").textContent = `gravity by ${gravity.method}`;
-  $("gravity").textContent = gravityText(gravity);
-  $("sigma").textContent = gravity.sigma_mgal === null ? "" : `\u00b1 ${milligal(gravity.sigma_mgal)} mGal`;
-  $("change").textContent = gravity.change_mgal === null ? "\u2013" : `${signed(gravity.change_mgal)} mGal`;
-  $("samples").textContent = reading.samples.toLocaleString("en").replaceAll(",", "\u202f");
-  $("accepted").textContent = `${(100 * reading.accepted_fraction).toFixed(1)} %`;
-  const refused = [reading.refused && `The film cannot be read: ${reading.refused}`, gravity.refused && `No gravity: ${gravity.refused}`].filter(Boolean);
-  Object.assign($("refused"), { textContent: refused.join("\n"), hidden: !refused.length });
-  $("flags").replaceChildren(...reading.flags.map((flag) => {
-    const words = shown.state.flag_words[flag] ?? "";
-    return make("button", { type: "button", textContent: flag, title: words, onclick: () => say(`${flag}: ${words}`) });
-  }));
-  $("doubts").replaceChildren(...doubtful.map((each, k) => item(() => visit(k), k === doubt, each.time, each.trace, each.what,
-    make("span", { className: "harm", textContent: each.harm_mgal === null ? "?" : milligal(each.harm_mgal), title: "what it may do to gravity, mGal" }))));
-  if (!doubtful.length) $("doubts").append(make("li", { className: "none", textContent: "None." }));
-  $("edits").replaceChildren(...edits.map((edit) => {
-    const what = make("span", {}, KIND[edit.kind] ?? edit.kind, ...(edit.time ? [` ${edit.time}`] : []));
-    const made = [edit.by, edit.at?.slice(0, 16).replace("T", " ")].filter(Boolean).join(", ");
-    for (const line of [edit.note, made]) if (line) what.append(make("small", { textContent: line }));
-    const place = film.rowOf(edit);
-    return item(() => film.go(place, edit.points?.[0][1] ?? film.columnAt(edit.trace, place) ?? view.column), false, film.timeAt(place) || `row ${Math.round(place)}`, edit.trace, what);
-  }).reverse());
-  if (!edits.length) $("edits").append(make("li", { className: "none", textContent: "None yet." }));
-  $("count").textContent = edits.length || "";
-  $("notes").hidden = !reading.notes.length;
-  $("notes").lastElementChild.replaceChildren(...reading.notes.map((text) => make("li", { textContent: text })));
-  $("saved").textContent = at ? `saved ${at.slice(11, 19)} in ${saved.split(/[\\/]/).at(-1)}` : "no edits to save";
-  $("saved").title = saved;
-  if (document.activeElement !== $("who")) $("who").value = shown.state.who;
-  if ($("traces").childElementCount !== traces.length) {
-    $("traces").replaceChildren(...traces.map(({ number, name: label }) => {
-      const chip = make("span", { className: "chip" });
-      chip.style.background = film.colour(number);
-      return make("button", { type: "button", className: "trace", title: `trace ${label}, key ${number}`, ariaLabel: `trace ${label}`, onclick: () => choose(number) }, chip, label);
-    }));
-    choose(trace);
-  }
-  film.soon();
-}
-const KIND = { mask: "mask", follow: "line", mark: "mark", "no-mark": "no mark", break: "break", ignore: "ignored" };
-function item(onclick, current, when, number, ...what) {
-  const chip = number ? [Object.assign(make("span", { className: "chip", title: `trace ${called(number)}` }))] : [];
-  if (number) chip[0].style.background = film.colour(number);
-  const [words, ...rest] = what;
-  const button = make("button", { type: "button", onclick }, make("span", { className: "when", textContent: when }), ...chip, make("span", { className: "what" }, words), ...rest);
-  if (current) button.ariaCurrent = "true";
-  return make("li", {}, button);
-}
+// ---- doubtful places and traces
 function visit(k) {
   const { doubtful } = shown.state;
   if (!doubtful.length) return;
@@ -166,7 +102,8 @@ function visit(k) {
   [...$("doubts").children].forEach((node, i) => { node.firstElementChild.ariaCurrent = i === doubt ? "true" : null; });
   $("doubts").children[doubt].scrollIntoView({ block: "nearest" });
   const harm = place.harm_mgal === null ? "harm not known" : `${milligal(place.harm_mgal)} mGal`;
-  say(`Doubtful place ${doubt + 1} of ${doubtful.length}, ${place.time}${place.trace ? `, trace ${called(place.trace)}` : ""}: ${place.what}, ${harm}`);
+  const on = place.trace ? `, trace ${called(place.trace)}` : "";
+  say(`Doubtful place ${doubt + 1} of ${doubtful.length}, ${place.time}${on}: ${place.what}, ${harm}`);
 }
 function choose(number) {
   if (!shown.state.traces.some((each) => each.number === number)) return;
@@ -187,7 +124,6 @@ function sketch() {
   $("time-field").hidden = tool !== "mark";
   $("whole").hidden = tool !== "ignore";
   $("finish").hidden = !["mask", "follow"].includes(tool);
-  where();
   film.soon();
 }
 function pick(name) {
@@ -241,8 +177,10 @@ function click() { // at the crosshair, by mouse or Enter
 }
 function drop() { // the mark in hand, at the crosshair's row
   const { row, trace: number } = grabbed;
-  const known = shown.state.edits.findLast((edit) => edit.kind === "mark" && edit.time && (edit.trace ?? 1) === number && Math.abs(edit.row - row) < 2);
-  send([{ kind: "no-mark", row: cut(row), trace: number }, { kind: "mark", row: cut(cross.row), trace: number, ...(known && { time: known.time }) }], "Mark moved");
+  const here = (edit) => edit.kind === "mark" && edit.time && (edit.trace ?? 1) === number && Math.abs(edit.row - row) < 2;
+  const known = shown.state.edits.findLast(here); // a clock time moves with its mark
+  const mark = { kind: "mark", row: cut(cross.row), trace: number, ...(known && { time: known.time }) };
+  send([{ kind: "no-mark", row: cut(row), trace: number }, mark], "Mark moved");
 }
 function finish() {
   if (busy) return;
@@ -253,8 +191,7 @@ function finish() {
   else send([{ kind: "ignore", trace, first_row: sorted[0][0], last_row: sorted[1][0] }], `Trace ${called(trace)} ignored there`);
 }
 function where() {
-  if (!shown.state) return;
-  const { row, column } = cross ?? view, time = film.timeAt(row);
+  const { row, column } = cross ?? view, time = timeAt(row);
   $("place").textContent = `${time && `${time}   `}row ${row.toFixed(0)}, column ${column.toFixed(0)}   ${(100 * view.zoom).toPrecision(2) * 1} %`;
 }
 function centre() { // the crosshair, where the view has moved away from it
@@ -267,7 +204,8 @@ function step(x, y, big) {
   const by = (big ? 40 : 2) / view.zoom, { rows, columns } = shown.state;
   cross = { row: clamp(cross.row + y * by, 0, rows), column: clamp(cross.column + x * by, 0, columns) };
   const [atX, atY] = film.toScreen(cross.row, cross.column), edge = 30;
-  film.pan(Math.min(0, atX - 84 - edge) + Math.max(0, atX - canvas.clientWidth + edge), Math.min(0, atY - edge) + Math.max(0, atY - canvas.clientHeight + edge));
+  const over = (at, low, high) => Math.min(0, at - low - edge) + Math.max(0, at - high + edge);
+  film.pan(over(atX, film.RULER, canvas.clientWidth), over(atY, 0, canvas.clientHeight));
   sketch();
 }
 
@@ -281,7 +219,7 @@ canvas.addEventListener("pointerdown", (event) => {
   canvas.setPointerCapture(event.pointerId);
   const { offsetX: x, offsetY: y, button } = event, at = film.toFilm(x, y);
   point(...at);
-  const tick = button === 0 && (!tool || (tool === "move" && !grabbed)) && !busy && view.zoom >= 0.12 && film.tickNear(x, y, 6);
+  const tick = button === 0 && (!tool || (tool === "move" && !grabbed)) && !busy && view.zoom >= film.TICKS && film.tickNear(x, y, 6);
   drag = { x, y, at, last: [x, y], far: false, tick, box: null, boxed: button === 0 && DRAGGED.includes(tool) && !points.length, button };
 });
 canvas.addEventListener("pointermove", (event) => {
@@ -293,7 +231,7 @@ canvas.addEventListener("pointermove", (event) => {
     else if (drag.far && drag.boxed) drag.box = [drag.at.map(cut), [cut(cross.row), cut(cross.column)]];
     else if (drag.far) film.pan(drag.last[0] - x, drag.last[1] - y);
     drag.last = [x, y];
-  } else if (!tool) canvas.style.cursor = view.zoom >= 0.12 && film.tickNear(x, y, 6) ? "ns-resize" : "";
+  } else if (!tool) canvas.style.cursor = view.zoom >= film.TICKS && film.tickNear(x, y, 6) ? "ns-resize" : "";
   if (tool || grabbed) sketch();
   else where();
 });
@@ -311,11 +249,11 @@ canvas.addEventListener("wheel", (event) => {
   event.preventDefault();
   if (event.shiftKey) film.pan(0, event.deltaY || event.deltaX);
   else film.zoomBy(Math.exp(-clamp(event.deltaY * (event.ctrlKey ? 0.01 : 0.0015), -0.7, 0.7)), event.offsetX, event.offsetY);
-  where();
 }, { passive: false });
+canvas.addEventListener("drawn", where);
 
 // ---- keys
-const move = (x, y) => (event) => (tool ? step(x, y, event.shiftKey) : film.pan(x * (event.shiftKey ? 400 : 60), y * (event.shiftKey ? 400 : 60)));
+const move = (x, y) => ({ shiftKey: big }) => (tool ? step(x, y, big) : film.pan(x * (big ? 400 : 60), y * (big ? 400 : 60)));
 const page = (by) => () => film.pan(0, by * 0.9 * canvas.clientHeight);
 const toggle = () => {
   shown.bare = !shown.bare;
@@ -325,9 +263,11 @@ const toggle = () => {
 };
 const zoom = (by) => () => film.zoomBy(by);
 const KEYS = {
-  ArrowUp: move(0, -1), ArrowDown: move(0, 1), ArrowLeft: move(-1, 0), ArrowRight: move(1, 0), PageUp: page(-1), PageDown: page(1),
-  Home: () => film.go(0), End: () => film.go(shown.state.rows), "+": zoom(1.25), "=": zoom(1.25), "-": zoom(0.8), 0: film.whole,
-  n: () => visit(doubt + 1), p: () => visit(doubt < 0 ? -1 : doubt - 1), o: toggle, u: undo, r: redo, "Ctrl+z": undo, "Ctrl+y": redo, "Ctrl+Z": redo,
+  ArrowUp: move(0, -1), ArrowDown: move(0, 1), ArrowLeft: move(-1, 0), ArrowRight: move(1, 0),
+  PageUp: page(-1), PageDown: page(1), Home: () => film.go(0), End: () => film.go(shown.state.rows),
+  "+": zoom(1.25), "=": zoom(1.25), "-": zoom(0.8), 0: film.whole, o: toggle,
+  n: () => visit(doubt + 1), p: () => visit(doubt < 0 ? -1 : doubt - 1),
+  u: undo, r: redo, "Ctrl+z": undo, "Ctrl+y": redo, "Ctrl+Z": redo,
   g: () => $("where").select(), t: () => tool === "mark" && $("time").select(), "?": () => $("help").showModal(), Escape: cancel,
   ...Object.fromEntries(Object.entries(TOOLS).map(([name, [key]]) => [key, () => pick(name)])),
 };
@@ -342,34 +282,55 @@ const ON_FILM = {
 document.addEventListener("keydown", (event) => {
   if (event.altKey || $("help").open || !shown.state) return;
   if (event.target.matches("input")) {
-    if (event.key === "Escape" || (event.key === "Enter" && event.target.closest("#options"))) { event.preventDefault(); canvas.focus(); }
+    if (event.key !== "Escape" && !(event.key === "Enter" && event.target.closest("#options"))) return;
+    event.preventDefault();
+    canvas.focus();
     return;
   }
   const key = (event.ctrlKey || event.metaKey ? "Ctrl+" : "") + event.key;
-  const act = KEYS[key] ?? (event.target.matches("button, summary") ? null : ON_FILM[key]) ?? (/^[1-9]$/.test(key) ? () => choose(Number(key)) : null);
+  const own = event.target.matches("button, summary"); // they are pressed by Enter themselves
+  const act = KEYS[key] ?? (/^[1-9]$/.test(key) ? () => choose(Number(key)) : own ? null : ON_FILM[key]);
   if (!act) return;
   event.preventDefault();
   act(event);
   centre();
 });
+const meant = (hint) => hint.replace("trace N", "the chosen trace");
 const HELP = [
-  [["\u2190", "\u2191", "\u2192", "\u2193"], "move over the film; with a tool, move the crosshair. Shift: bigger steps"], [["PageUp", "PageDown", "Home", "End"], "a view up or down; begin, end of the film"],
-  [["+", "\u2212", "0"], "zoom; whole width. Mouse: wheel, Shift + wheel moves"], [["g"], "go to a time or a row"], [["n", "p"], "next, previous doubtful place"],
-  [["o"], "reading on, off: compare with the bare film"], [["1", "\u2026", "9"], "trace that is meant"],
-  ...Object.values(TOOLS).map(([key, name, hint]) => [[key], `${name}. ${hint.replace("trace N", "the chosen trace")}`]),
-  [["Enter"], "click at the crosshair; once more at the same place: finish"], [["Backspace"], "remove the last point"], [["t"], "clock time of a mark"],
-  [["Esc"], "cancel; close a message; from a field back to the film"], [["u", "Ctrl+Z"], "undo"], [["r", "Ctrl+Y"], "redo"], [["?"], "these keys"],
+  ["\u2190 \u2191 \u2192 \u2193", "move over the film; with a tool, move the crosshair. Shift: bigger steps"],
+  ["PageUp PageDown Home End", "a view up or down; begin, end of the film"],
+  ["+ \u2212 0", "zoom; whole width. Mouse: wheel, Shift + wheel moves"],
+  ["g", "go to a time or a row"],
+  ["n p", "next, previous doubtful place"],
+  ["o", "reading on, off: compare with the bare film"],
+  ["1 \u2026 9", "trace that is meant"],
+  ...Object.values(TOOLS).map(([key, name, hint]) => [key, `${name}. ${meant(hint)}`]),
+  ["Enter", "click at the crosshair; once more at the same place: finish"],
+  ["Backspace", "remove the last point"],
+  ["t", "clock time of a mark"],
+  ["Esc", "cancel; close a message; from a field back to the film"],
+  ["u Ctrl+Z", "undo"],
+  ["r Ctrl+Y", "redo"],
+  ["?", "these keys"],
 ];
 
 // ---- the page put together
-$("keys").append(...HELP.flatMap(([keys, words]) => [make("span", {}, ...keys.flatMap((key) => [make("kbd", { textContent: key }), " "])), make("div", { textContent: words })]));
-const button = (id, words, key, onclick, more = {}) => make("button", { id, type: "button", onclick, ariaKeyShortcuts: key, ...more }, `${words} `, make("kbd", { textContent: key, ariaHidden: "true" }));
+for (const [keys, words] of HELP) {
+  const caps = keys.split(" ").flatMap((key) => [make("kbd", { textContent: key }), " "]);
+  $("keys").append(make("span", {}, ...caps), make("div", { textContent: words }));
+}
+function button(id, words, key, onclick, more = {}) {
+  const cap = make("kbd", { textContent: key, ariaHidden: "true" });
+  $("tools").append(make("button", { id, type: "button", onclick, ariaKeyShortcuts: key, ...more }, `${words} `, cap));
+}
 const gap = () => make("span", { className: "gap" });
-$("tools").append(
-  ...Object.entries(TOOLS).map(([name, [key, words, hint]]) => button(`tool-${name}`, words, key, () => pick(name), { title: hint.replace("trace N", "the chosen trace"), ariaPressed: "false" })),
-  gap(), make("span", { id: "traces", className: "trace" }), gap(),
-  button("undo", "Undo", "u", undo), button("redo", "Redo", "r", redo), button("overlay", "Reading", "o", toggle, { ariaPressed: "true", title: "lay the reading over the film" }),
-);
+for (const [name, [key, words, hint]] of Object.entries(TOOLS)) {
+  button(`tool-${name}`, words, key, () => pick(name), { title: meant(hint), ariaPressed: "false" });
+}
+$("tools").append(gap(), make("span", { id: "traces", className: "trace" }), gap());
+button("undo", "Undo", "u", undo);
+button("redo", "Redo", "r", redo);
+button("overlay", "Reading", "o", toggle, { ariaPressed: "true", title: "lay the reading over the film" });
 $("finish").onclick = finish;
 $("cancel").onclick = () => { clear(); canvas.focus(); };
 $("whole").onclick = () => send([{ kind: "ignore", trace }], `Trace ${called(trace)} ignored`);
@@ -377,18 +338,20 @@ $("refusal").lastElementChild.onclick = cancel;
 $("help-button").onclick = () => $("help").showModal();
 $("go").onsubmit = (event) => {
   event.preventDefault();
-  const row = film.rowAt($("where").value.trim());
-  if (row === null) return refuse(`"${$("where").value}" is neither a time of this film nor a row; write it as ${film.timeAt(view.row) || "row 4000"}`);
+  const row = rowAt($("where").value.trim());
+  const like = timeAt(view.row) || "row 4000";
+  if (row === null) return refuse(`"${$("where").value}" is neither a time of this film nor a row; write it as ${like}`);
   film.go(row);
   canvas.focus();
   centre();
 };
-$("who").onchange = () => change("who", { who: $("who").value }, "Name kept. ");
+$("who").onchange = () => { naming = ask("who", { who: $("who").value }).catch((fault) => refuse(fault.message)); };
 $("csv").onclick = async () => {
   try {
-    const link = make("a", { href: URL.createObjectURL(await (await ask("readings.csv")).blob()), download: `${shown.state.name}.readings.csv` });
+    const href = URL.createObjectURL(await (await ask("readings.csv")).blob());
+    const link = make("a", { href, download: `${shown.state.name}.readings.csv` });
     link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+    setTimeout(() => URL.revokeObjectURL(href), 60000);
     say(`Readings saved as ${link.download}`);
   } catch (fault) {
     refuse(fault.message);
@@ -397,7 +360,9 @@ $("csv").onclick = async () => {
 $("done").onclick = async () => {
   try {
     const { saved } = await (await ask("done", {})).json();
-    document.body.replaceChildren(make("p", { className: "end", role: "status", textContent: `The table is closed; the edits are in ${saved}. This page may be closed too.` }));
+    shown.state = null; // nothing more is drawn, nothing asked
+    const textContent = `The table is closed; the edits are in ${saved}. This page may be closed too.`;
+    document.body.replaceChildren(make("p", { className: "end", role: "status", textContent }));
   } catch (fault) {
     refuse(fault.message);
   }

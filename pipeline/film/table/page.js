@@ -136,7 +136,7 @@ function pick(name) {
   stepped = true;
   sketch();
   canvas.focus();
-  say($("hint").textContent);
+  say("");
 }
 function clear() {
   tool = grabbed = drag = null;

@@ -104,15 +104,14 @@ def test_what_is_no_object_is_refused(standing: Served, body: bytes) -> None:
     assert standing.ask("/undo", body)[0] == 400
 
 
-@pytest.mark.parametrize("size", ["1048577", "99999999999999", "-1", "x"])
+@pytest.mark.parametrize("size", ["1048577", "99999999999999"])
 def test_size_is_bounded(standing: Served, size: str) -> None:
-    assert standing.ask("/edits", b"{}", Content_Length=size)[0] in (400, 413)
+    assert standing.ask("/edits", b"{}", Content_Length=size)[0] == 413
 
 
 def test_size_is_bounded_where_it_is_not_said(standing: Served) -> None:
-    pieces = b"".join(b"10000\r\n" + b" " * 0x10000 + b"\r\n" for _ in range(17))
-    status = standing.ask("/edits", pieces + b"0\r\n\r\n", Transfer_Encoding="chunked", Content_Length=None)[0]
-    assert status == 413
+    pieces = 16 * (b"10000\r\n" + b" " * 0x10000 + b"\r\n") + b"1\r\n \r\n"  # a byte more than 1 MB, and no end
+    assert standing.ask("/edits", pieces, Transfer_Encoding="chunked")[0] == 413
 
 
 @pytest.mark.parametrize("edits", [None, {}, [], [1], [BREAK] * 3])

@@ -136,6 +136,7 @@ class FilmTraces:
             A trace is to be followed on a film that is too slow for it.
         """
         from pipeline.film.edits import check_scan, place
+        from pipeline.film.marks.pieces import ROWS
         from pipeline.film.marks.search import find_gaps
 
         check_scan(edits, self.scan)
@@ -148,8 +149,11 @@ class FilmTraces:
         else:
             following = self.following.again(placed, jobs)
             tracks = following.tracks
-        spans = placed.stretches(self.scan.rows, tracks.rows_per_swing) if self.following is not None else []
-        gaps = self.gaps
+        gaps, spans = self.gaps, []
+        if self.following is not None:  # in whole pieces, as all of the film was searched
+            stretches = placed.stretches(self.scan.rows, tracks.rows_per_swing)
+            pieces = sorted({piece for first, last in stretches for piece in range(first // ROWS, last // ROWS + 1)})
+            spans = [(piece * ROWS, min((piece + 1) * ROWS, self.scan.rows) - 1) for piece in pieces]
         if spans:
             again, _ = find_gaps(self.scan, self.emulsion, tracks, self.width, jobs, spans)
             old = np.all([(gaps.row < first) | (gaps.row >= last + 1) for first, last in spans], axis=0)

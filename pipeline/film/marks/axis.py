@@ -138,6 +138,7 @@ def count_gaps(
     )
     places = events.row + (alignment.offset + alignment.shear * middle)[:, None]
     swings = swings_at(tracks, events.row, places, spacing)
+    swings = swings.unsure(2.0 * np.pi / tracks.rows_per_swing * events.row_sigma)
     stands = together(bars, alignment.offset, alignment.shear, middle) if bars else []
     if marks is not None:
         stands = sorted([*stands, *(Stand(row, np.nan, True) for row in marks.breaks.tolist())])

@@ -172,6 +172,8 @@ def judge(
     stretch = 1.0 + slope**2
     followed = known > 0
     whole = np.maximum(LEAST_LIGHT * lamp, PARTIAL * lamp - PARTIAL_SIGMA * np.sqrt(light_variance))
+    # beside what is hidden a gap is not seen whole
+    followed = followed & ~binary_dilation(np.isnan(light), iterations=round(MARGIN_SPOTS * optics.spot))
     visible = followed & (light > VISIBLE * np.sqrt(light_variance)) & (light > whole)
     light_spread = _usual(light_variance, followed) / lamp**2
     visible &= (light > PARTIAL * lamp) | ~_cut(1.0 - light / lamp, light_spread, followed)

@@ -169,7 +169,9 @@ class Following:
             if begun.alive.any() or (begins >= 0).any():
                 piece = run(begun, darkness, first, 1, film.optics, begins, lines)
                 out.place[:, part], out.variance[:, part] = piece.place, piece.variance
-                out.light[:, part] = np.where(piece.followed > 0, piece.brightness, np.nan)
+                usual = np.array([[median_present(each)] for each in piece.brightness])
+                light = np.where(np.isnan(piece.brightness), usual, piece.brightness)  # where nothing is to be read
+                out.light[:, part] = np.where(piece.followed > 0, light, np.nan)
                 out.followed[:, part] = piece.followed
                 for k in range(traces):
                     good = np.flatnonzero(np.isfinite(piece.variance[k]))

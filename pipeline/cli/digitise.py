@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from math import inf
 from pathlib import Path
 from typing import Any
 
 import data_schemas
-from data_schemas.errors import IsochronyError, UsageError, naming
+from data_schemas.errors import IsochronyError, RefusedError, UsageError, naming
 from pipeline.cli.faults import exit_status, outcome_of
-from pipeline.cli.film_options import add_film_options, film_options, read_film
+from pipeline.cli.film_options import add_film_options, description, edits_of, film_options, read_film
 from pipeline.cli.outputs import make_folder, place, refuse_clashes, stem
+from pipeline.cli.parser import whole_number
+from pipeline.cli.progress import progress
 from pipeline.cli.tables import complain, print_json
 
 HELP = "read photographic films into records"
@@ -30,15 +33,23 @@ examples:
   isochrony digitise ship.film.tif                         ship.record.nc
   isochrony digitise scan.png --dpi 300 --trace 1 --trace 1-2 --lever 2000
                      --period 1=1.0099 --period 2=1.0100 --gravity 9.81
-  isochrony digitise a.tif b.tif c.tif --strips -o ship.record.nc --preview"""
+  isochrony digitise a.tif b.tif c.tif --strips -o ship.record.nc --preview
+  isochrony digitise ship.film.tif --table                 look at it and correct it in the browser
+  isochrony digitise ship.film.tif --edits                 the same corrections again: ship.edits.toml"""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """List the options."""
     add = parser.add_argument
-    add("films", metavar="FILM", nargs="+", help="image of a film")
+    add("films", metavar="FILM", nargs="*", help="image of a film")
     add("--strips", action="store_true", help="the images are overlapping strips of one film, in order")
     add("-o", dest="out", metavar="PATH", help="record file, or folder for several films; default beside the film")
+    add("--from", dest="start", metavar="S|ROWpx", help="first moment of the record, s; or, as 1200px, first row read")
+    add("--to", dest="stop", metavar="S|ROWpx", help="last moment, or row")
+    add("--table", action="store_true", help="open a page in the browser where readings are looked at and corrected")
+    add("--port", type=whole_number("--port", 0, 65535), default=0, metavar="N", help="of the page (default any)")
+    add("--no-browser", action="store_true", help="print the page's address alone (through an SSH tunnel)")
+    add("--by", metavar="NAME", help="who edits (default the user's name)")
     add("--force", action="store_true", help="overwrite existing outputs")
     add("--preview", action="store_true", help="draw what was read where (NAME.film.png beside the record)")
     add("--json", action="store_true", help="JSON Lines instead of text")
@@ -47,6 +58,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Read every film; a bad one does not stop the others."""
+    if options.edits and not options.edits.endswith(".toml"):  # the film stood behind the option
+        options.films, options.edits = [options.edits, *options.films], ""
+    if not options.films:
+        raise UsageError("digitise: no film is named; give the image of a film")
     films = [[Path(name) for name in options.films]] if options.strips else [[Path(name)] for name in options.films]
     firsts = [film[0] for film in films]
     outputs = place(firsts, options.out, ".record.nc")
@@ -58,6 +73,9 @@ def run(options: argparse.Namespace) -> int:
 
         require_matplotlib()
     film_options(options)  # what cannot be meant is told before any work
+    _stretch(options)
+    if options.table:
+        return _table(films, outputs, options)
     good = 0
     for row in _rows(films, outputs, options):
         _show(row, as_json=options.json)
@@ -97,7 +115,9 @@ def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[st
     from pipeline.film.summary import summary
 
     start = time.perf_counter()
-    reading, known = read_film(film, options, film_options(options))
+    rows, span = _stretch(options)
+    reading, known = read_film(film, options, film_options(options), rows)
+    reading = reading if span is None else reading.between(*span)
     record = make_record(reading, known, stem(film[0]))
     make_folder(output)
     data_schemas.write(record, output, overwrite=options.force)
@@ -109,6 +129,57 @@ def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[st
     row = {"input": str(film[0]), "output": str(output), "status": "ok", "error": None, **summary(record, reading)}
     row["elapsed_s"] = time.perf_counter() - start
     return row
+
+
+def _stretch(options: argparse.Namespace) -> tuple[tuple[int, int | None] | None, tuple[float, float] | None]:
+    """Rows that are to be read, and times that are to be kept, s; None: all."""
+    limits: dict[str, list[float | None]] = {"rows": [None, None], "times": [None, None]}
+    for k, (option, word) in enumerate((("--from", options.start), ("--to", options.stop))):
+        if word is not None:
+            try:
+                limits["rows" if word.endswith("px") else "times"][k] = float(word.removesuffix("px"))
+            except ValueError:
+                raise UsageError(f"{option} wants seconds, or a row as 1200px, not '{word}'") from None
+    (first, last), (begin, end) = limits["rows"], limits["times"]
+    for low, high in ((first, last), (begin, end)):
+        if low is not None and high is not None and high <= low:
+            raise UsageError(f"digitise: --to {high:g} is not after --from {low:g}")
+    rows = None if first is None and last is None else (int(first or 0), None if last is None else int(last))
+    times = None if begin is None and end is None else (-inf if begin is None else begin, inf if end is None else end)
+    return rows, times
+
+
+def _table(films: list[list[Path]], outputs: list[Path], options: argparse.Namespace) -> int:
+    """Open a film at the table; its record is written when the person is done."""
+    from pipeline.film.table.server import serve
+    from pipeline.film.table.session import Session
+
+    if len(films) > 1:
+        raise UsageError("digitise --table: one film at a time")
+    if options.start is not None or options.stop is not None:
+        raise UsageError("digitise --table: the whole film lies on the table; drop --from and --to")
+    with progress(films[0][0].name, " rows") as draw:
+        session = Session.open(
+            films[0],
+            description(options),
+            film_options(options),
+            orientation=options.orientation,
+            lines=options.lines,
+            reading=options.reading,
+            rate=options.rate,
+            edits=edits_of(films[0][0], argparse.Namespace(edits=options.edits or "")),
+            who=options.by,
+            jobs=options.jobs,
+            progress=draw,
+        )
+    serve(session, port=options.port, browser=not options.no_browser)
+    record = session.record()
+    if record is None:
+        raise RefusedError(naming(films[0][0], str(session.refusal)))
+    make_folder(outputs[0])
+    data_schemas.write(record, outputs[0], overwrite=options.force)
+    print(outputs[0])
+    return 0
 
 
 def _failure(film: list[Path], fault: IsochronyError) -> dict[str, Any]:

@@ -69,6 +69,13 @@ def add_reading_options(parser: Any) -> None:
         "--rate", type=number("--rate", above=0.0), metavar="HZ", help="samples a second, continuous (default up to 25)"
     )
     add(
+        "--edits",
+        nargs="?",
+        const="",
+        metavar="FILE",
+        help="apply a person's edits (default NAME.edits.toml beside the film)",
+    )
+    add(
         "--jobs",
         type=whole_number("--jobs", 1, 64),
         default=1,
@@ -112,8 +119,19 @@ def description(options: argparse.Namespace) -> FilmDescription | None:
     return load_description(Path(options.description))
 
 
-def read_film(film: Sequence[Path], options: argparse.Namespace, said: FilmOptions) -> tuple[Reading, Known]:
-    """Read a film as the options say, with a progress bar."""
+def edits_of(film: Path, options: argparse.Namespace) -> Path | None:
+    """File of the edits that are to be applied to a film."""
+    from data_schemas.film_edits import edits_path
+
+    if options.edits is None:
+        return None
+    return Path(options.edits) if options.edits else edits_path(film)
+
+
+def read_film(
+    film: Sequence[Path], options: argparse.Namespace, said: FilmOptions, rows: tuple[int, int | None] | None = None
+) -> tuple[Reading, Known]:
+    """Read a film, or some of its rows, as the options say, with a progress bar."""
     from pipeline.film.digitise import read
 
     with progress(film[0].name, " rows") as draw:
@@ -125,6 +143,8 @@ def read_film(film: Sequence[Path], options: argparse.Namespace, said: FilmOptio
             lines=options.lines,
             reading=options.reading,
             rate=options.rate,
+            edits=edits_of(film[0], options),
+            rows=rows,
             jobs=options.jobs,
             progress=draw,
         )

@@ -14,6 +14,7 @@ from data_schemas.film_description import (
     film_stem,
     load_description,
 )
+from data_schemas.film_edits import FilmEdits, load_edits
 from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.reading import READINGS, Progress, Reading, read_film
 from pipeline.film.record import make_record
@@ -34,6 +35,8 @@ def digitise(
     lines: str = "auto",
     reading: str = "auto",
     rate: float | None = None,
+    edits: FilmEdits | str | os.PathLike[str] | None = None,
+    rows: tuple[int, int | None] | None = None,
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> xr.DataTree:
@@ -53,6 +56,10 @@ def digitise(
         Between the marks, or at the marks alone.
     rate : float, optional
         Samples a second of the continuous reading; 25 where the film's rows support it.
+    edits : FilmEdits or path, optional
+        What a person corrects (NAME.edits.toml); applied only where it is given.
+    rows : (int, int or None), optional
+        First row of the film that is read, and the one behind the last; None: to its end.
     jobs : int
         Processor cores to use.
     progress : function, optional
@@ -78,8 +85,7 @@ def digitise(
     """
     found, known = read(
         paths, description, options=options, orientation=orientation, lines=lines, reading=reading, rate=rate,
-        jobs=jobs,
-        progress=progress,
+        edits=edits, rows=rows, jobs=jobs, progress=progress,
     )  # fmt: skip
     return make_record(found, known, film_stem(found.scan.paths[0]))
 
@@ -93,14 +99,26 @@ def read(
     lines: str = "auto",
     reading: str = "auto",
     rate: float | None = None,
+    edits: FilmEdits | str | os.PathLike[str] | None = None,
+    rows: tuple[int, int | None] | None = None,
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> tuple[Reading, Known]:
     """Read the image of a film, without making a record of it (see `digitise`)."""
     if reading not in READINGS:
         raise UsageError(f"reading '{reading}': give one of {', '.join(READINGS)}")
+    edits = load_edits(edits) if isinstance(edits, str | os.PathLike) else edits
+    if edits is not None:  # rows and columns count on the scan turned so
+        if orientation not in ("auto", str(edits.orientation)):
+            raise UsageError(f"orientation {orientation}: the edits were made at {edits.orientation} degrees")
+        orientation = str(edits.orientation)
     scan, known = open_film(paths, description, options or FilmOptions(), orientation=orientation, lines=lines)
-    return read_film(scan, known, reading=reading, rate=rate, jobs=jobs, progress=progress), known
+    if rows is not None:
+        if edits is not None:
+            raise UsageError("rows: edits count on the whole film; give times instead, or no edits")
+        scan = scan.part(*rows)
+    found = read_film(scan, known, reading=reading, rate=rate, edits=edits, jobs=jobs, progress=progress)
+    return found, known
 
 
 def open_film(

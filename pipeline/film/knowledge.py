@@ -12,6 +12,7 @@ from pipeline.film.parts import Marking
 from pipeline.importing.pendulums import combine
 
 ASSUMED_LEVER = 2000.0  # mm rad-1; historic levers were found in no source
+DEFAULT_START = "2000-01-01T00:00:00Z"
 ASSUMED_INTERVAL = 0.5  # s; half-second chronometers
 
 
@@ -119,6 +120,11 @@ class Known:
             speed=None if scale is None or self.speed is None else self.speed / scale,
             code=self.options.marks or (None if known is None else known.marks),
         )
+
+    @property
+    def start_time(self) -> str:
+        """Date and time from which the record counts its seconds."""
+        return DEFAULT_START if self.description is None else self.description.start_time
 
     @property
     def count(self) -> int | None:

@@ -68,6 +68,12 @@ class Tracks:
         a, b, c, d, e, f = np.full((6, traces, rows), np.nan)
         return Tracks(a, b, c, d, e, f, np.zeros((traces, rows), np.uint16), rows_per_swing, spot)
 
+    def forget(self, rows: slice) -> None:
+        """Take back what was read of some rows."""
+        for values in (self.position, self.sigma, self.course, self.slope, self.curvature, self.brightness):
+            values[:, rows] = np.nan
+        self.qc[:, rows] = 0
+
 
 @dataclass(frozen=True)
 class Marking:

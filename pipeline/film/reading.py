@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from data_schemas.errors import RecordError, RefusedError
+from data_schemas.errors import RecordError, RefusedError, UsageError
 from pipeline.film.comparing import PhaseDifference, compare
 from pipeline.film.knowledge import Known
 from pipeline.film.normal_points import Samples, normal_points
 from pipeline.film.parts import Emulsion, Strobe, TimeAxis, Tracks
 from pipeline.film.scan.opening import OpenScan, lines_are_light
+
+if TYPE_CHECKING:
+    from data_schemas.film_edits import FilmEdits
+    from pipeline.film.edits import Placed
+    from pipeline.film.marks.search import Gaps
+    from pipeline.film.marks.stands import Bars
+    from pipeline.film.tracking.track import Following
 
 _MM_PER_INCH = 25.4
 Progress = Callable[[str, int, int], None]
@@ -47,6 +56,10 @@ class Reading:
         Between the two readings, where both are there.
     notes : tuple of str
         What was believed and might be wrong, one sentence each.
+    left_out : tuple of int
+        Traces that a person ignores.
+    edits : FilmEdits or None
+        What a person corrected.
     """
 
     scan: OpenScan
@@ -58,6 +71,105 @@ class Reading:
     scale: float
     difference: PhaseDifference | None
     notes: tuple[str, ...]
+    left_out: tuple[int, ...] = ()
+    edits: FilmEdits | None = None
+
+    def between(self, start: float, stop: float) -> Reading:
+        """The same with the samples of a stretch of time alone, s.
+
+        Raises
+        ------
+        UsageError
+            There are none.
+        """
+        samples, inside = self.samples, (self.samples.time >= start) & (self.samples.time <= stop)
+        if not inside.any():
+            shown = " to ".join(f"{each:.1f}" for each in samples.time[[0, -1]])
+            raise UsageError(f"nothing was read from {start:g} to {stop:g} s; the film shows {shown} s")
+        time, column, sigma = samples.time[inside], samples.column[:, inside], samples.sigma[:, inside]
+        return replace(self, samples=Samples(time, column, sigma, samples.qc[:, inside]))
+
+
+@dataclass(frozen=True)
+class FilmTraces:
+    """A film whose traces were followed and whose gaps were found: what edits begin from.
+
+    Attributes
+    ----------
+    scan : OpenScan
+        As it was read: turned, if it lay upside down.
+    emulsion : Emulsion
+    tracks : Tracks
+    following : Following or None
+        What it takes to follow a stretch once more; None for dense bands.
+    width : float
+        Of a gap, px.
+    gaps : Gaps
+    bars : list
+        Of `marks.stands`.
+    left_out : tuple of int
+        Traces that a person ignores on the whole film.
+    edits : FilmEdits or None
+    placed : Placed or None
+        The same in the reader's terms.
+    """
+
+    scan: OpenScan
+    emulsion: Emulsion
+    tracks: Tracks
+    following: Following | None
+    width: float
+    gaps: Gaps
+    bars: Bars
+    left_out: tuple[int, ...] = ()
+    edits: FilmEdits | None = None
+    placed: Placed | None = None
+
+    def edited(self, edits: FilmEdits, known: Known, jobs: int = 1) -> FilmTraces:
+        """The same as a person's edits make it.
+
+        Raises
+        ------
+        RecordError
+            They are of another scan, lie outside it, or name a trace that is not there.
+        RefusedError
+            A trace is to be followed on a film that is too slow for it.
+        """
+        from pipeline.film.edits import check_scan, place
+        from pipeline.film.marks.pieces import ROWS
+        from pipeline.film.marks.search import find_gaps
+
+        check_scan(edits, self.scan)
+        placed = place(edits, self.scan, self.tracks, known.start_time)
+        if self.following is None:
+            if placed.lines:
+                raise RefusedError("edits: the strokes of this film lie too close for a trace to be followed by hand")
+            tracks = deepcopy(self.tracks)
+            placed.without_ignored(tracks)
+        else:
+            following = self.following.again(placed, jobs)
+            tracks = following.tracks
+        gaps, spans = self.gaps, []
+        if self.following is not None:  # in whole pieces, as all of the film was searched
+            stretches = placed.stretches(self.scan.rows, tracks.rows_per_swing)
+            pieces = sorted({piece for first, last in stretches for piece in range(first // ROWS, last // ROWS + 1)})
+            spans = [(piece * ROWS, min((piece + 1) * ROWS, self.scan.rows) - 1) for piece in pieces]
+        if spans:
+            again, _ = find_gaps(self.scan, self.emulsion, tracks, self.width, jobs, spans)
+            old = np.all([(gaps.row < first) | (gaps.row >= last + 1) for first, last in spans], axis=0)
+            gaps = gaps.pick(old).joined_by(again)
+        gaps = gaps.pick(placed.shows(gaps.trace, gaps.row, gaps.column))
+        left_out = placed.left_out(self.scan.rows)
+        return replace(self, tracks=tracks, gaps=gaps, left_out=left_out, edits=edits, placed=placed)
+
+    def axis(self, known: Known) -> TimeAxis:
+        """When each row was exposed; raises as `marks.axis.axis_of`."""
+        from pipeline.film.marks.axis import axis_of
+
+        marks = None if self.placed is None else self.placed.marks
+        return axis_of(
+            self.gaps, self.tracks, known.marking(self.scan.scale), self.width, self.scan.rows, self.bars, marks
+        )
 
 
 def read_film(
@@ -66,6 +178,7 @@ def read_film(
     *,
     reading: str = "auto",
     rate: float | None = None,
+    edits: FilmEdits | None = None,
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> Reading:
@@ -80,6 +193,8 @@ def read_film(
         Between the marks, or at the marks alone; auto takes the first where the film is fast enough.
     rate : float, optional
         Samples a second between the marks; the highest of 25, 20, 12.5 and 10 that the film's rows support.
+    edits : FilmEdits, optional
+        What a person corrects.
     jobs : int
         Processor cores to use.
     progress : function, optional
@@ -90,12 +205,23 @@ def read_film(
     RefusedError
         The film shows no trace, or no time, that can be trusted.
     RecordError
-        Nothing says how large a pixel is.
+        Nothing says how large a pixel is, or the edits are none of this film.
     """
+    traces, axis = find_time(scan, known, reading, edits, jobs, progress)
+    if isinstance(axis, RefusedError):
+        raise axis
+    return read_traces(traces, axis, known, reading=reading, rate=rate, jobs=jobs)
+
+
+def read_traces(
+    traces: FilmTraces, axis: TimeAxis, known: Known, *, reading: str = "auto", rate: float | None = None, jobs: int = 1
+) -> Reading:
+    """The samples of a film whose traces and time are known; parameters and faults as of `read_film`."""
     from pipeline.film.strobe.reading import read_at_marks
 
-    scan, emulsion, tracks, axis = _read_time(scan, known, reading, jobs, progress)
-    strobe = read_at_marks(scan, emulsion, tracks, axis, jobs)
+    scan, tracks = traces.scan, traces.tracks
+    strobe = read_at_marks(scan, traces.emulsion, tracks, axis, jobs)
+    strobe = strobe if traces.placed is None else traces.placed.readable(strobe, axis)
     scale, note = film_scale(scan.scale, known.speed, axis)
     disagrees = _disagreement(axis, scale, known.speed)
     if disagrees:
@@ -111,7 +237,9 @@ def read_film(
     if unread.size:
         which = "nothing of the film" if unread.size == len(samples.column) else f"nothing of trace {unread[0] + 1}"
         raise RefusedError(f"{which} could be read by the {kind} reading; look at it with isochrony plot")
-    return Reading(scan, tracks, axis, strobe, samples, kind, scale, difference, tuple(notes))
+    return Reading(
+        scan, tracks, axis, strobe, samples, kind, scale, difference, tuple(notes), traces.left_out, traces.edits
+    )
 
 
 def ways_to_follow(reading: str, speed: float | None) -> tuple[bool, ...]:
@@ -127,42 +255,86 @@ def ways_to_follow(reading: str, speed: float | None) -> tuple[bool, ...]:
     return (True, False) if speed is not None else (False, True)
 
 
-def _read_time(
-    scan: OpenScan, known: Known, reading: str, jobs: int, progress: Progress | None
-) -> tuple[OpenScan, Emulsion, Tracks, TimeAxis]:
-    """The film turned the right way, its emulsion, traces and time."""
-    from pipeline.film.marks.axis import time_axis
+def find_time(
+    scan: OpenScan,
+    known: Known,
+    reading: str = "auto",
+    edits: FilmEdits | None = None,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> tuple[FilmTraces, TimeAxis | RefusedError]:
+    """The film turned the right way with its traces, and its time or why that is refused; as of `read_film`.
+
+    Raises
+    ------
+    RefusedError
+        No trace can be followed.
+    """
     from pipeline.film.marks.minutes import TimeReversedError
     from pipeline.film.scan.cause import cause_in
-    from pipeline.film.strobe.dense import dense_emulsion, dense_tracks
-    from pipeline.film.strobe.dense_survey import Saturated
-    from pipeline.film.tracking.probing import measure_emulsion
-    from pipeline.film.tracking.track import track
 
-    count, marking = known.count, known.marking(scan.scale)
     if lines_are_light(scan.image) is None:
         raise RefusedError("no line stands out anywhere, the film is blank; scan it with more contrast")
 
-    def followed(scan: OpenScan, dense: bool) -> tuple[OpenScan, Emulsion, Tracks, TimeAxis]:
-        if dense:
-            emulsion = dense_emulsion(scan, count)
-            tracks = dense_tracks(scan, emulsion, count)
-            sure = Saturated.of(emulsion)
-            return scan, sure, tracks, time_axis(scan, sure, tracks, marking, jobs)
-        emulsion = measure_emulsion(scan)
-        tracks = track(scan, emulsion, count=count, jobs=jobs, progress=_stage(progress, "traces"))
-        return scan, emulsion, tracks, time_axis(scan, emulsion, tracks, marking, jobs)
-
-    faults = []
-    for dense in ways_to_follow(reading, marking.speed):
+    def timed(traces: FilmTraces) -> tuple[FilmTraces, TimeAxis | RefusedError]:
         try:
-            return followed(scan, dense)
+            traces = traces if edits is None else traces.edited(edits, known, jobs)
+            if traces.following is not None:
+                replace(traces.following, tracks=traces.tracks).checked()
+            return traces, traces.axis(known)
         except TimeReversedError:
-            return followed(scan.upside_down(), dense)
+            raise
+        except RefusedError as fault:
+            return traces, fault
+
+    faults: list[RefusedError] = []
+    first: FilmTraces | None = None
+    for dense in ways_to_follow(reading, known.marking(scan.scale).speed):
+        try:
+            try:
+                traces, axis = timed(follow_film(scan, known, dense, jobs, progress))
+            except TimeReversedError:
+                traces, axis = timed(follow_film(scan.upside_down(), known, dense, jobs, progress))
         except RefusedError as fault:
             faults.append(fault)
+            continue
+        if not isinstance(axis, RefusedError):
+            return traces, axis
+        faults.append(axis)
+        first = first or traces
     cause = cause_in(scan)
-    raise faults[0] if cause is None else RefusedError(f"{cause} ({faults[0]})")
+    refusal = faults[0] if cause is None else RefusedError(f"{cause} ({faults[0]})")
+    if first is None:
+        raise refusal
+    return first, refusal
+
+
+def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: Progress | None) -> FilmTraces:
+    """Traces of a film followed, as dense bands or row by row, and their gaps found.
+
+    Raises
+    ------
+    RefusedError
+        There are none.
+    """
+    from pipeline.film.marks.search import find_gaps, gap_width
+    from pipeline.film.strobe.dense import dense_emulsion, dense_tracks
+    from pipeline.film.strobe.dense_survey import Saturated
+    from pipeline.film.tracking.probing import measure_emulsion
+    from pipeline.film.tracking.track import follow_traces
+
+    following: Following | None = None
+    emulsion: Emulsion
+    if dense:
+        curve = dense_emulsion(scan, known.count)
+        tracks, emulsion = dense_tracks(scan, curve, known.count), Saturated.of(curve)
+    else:
+        emulsion = film = measure_emulsion(scan)
+        following = follow_traces(scan, film, count=known.count, jobs=jobs, progress=_stage(progress, "traces"))
+        tracks = following.tracks
+    width = gap_width(scan, emulsion, tracks, known.marking(scan.scale))
+    gaps, bars = find_gaps(scan, emulsion, tracks, width, jobs)
+    return FilmTraces(scan, emulsion, tracks, following, width, gaps, bars)
 
 
 def _stage(progress: Progress | None, stage: str) -> Callable[[int, int], None] | None:

@@ -20,7 +20,6 @@ from pipeline.film.knowledge import Known, default_traces
 from pipeline.film.marks.checks import marks_flags, marks_seen
 from pipeline.film.parts import Floats, TimeAxis
 from pipeline.film.reading import Reading, accepted_fraction, rows_per_second, scale_error
-from pipeline.film.scan.opening import sha256
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
 _MOST_TRACES = 7
 _FACTOR = 5.0  # mm: a swing wrong by a factor of e counts as a place wrong by this
 AMBIGUOUS = np.uint16(ELONGATION_FLAGS["ambiguous"])
-_DEFAULT_START = "2000-01-01T00:00:00Z"
 _ALIKE = 2.0  # s over which errors of the times are alike: the smoother's reach
 
 
@@ -60,6 +58,8 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     traces = known.traces or default_traces(reading.samples.column.shape[0])
     rest, swing = places(reading)
     order = match(traces, rest * reading.scale, swing * reading.scale)
+    kept = [k for k, found in enumerate(order) if found not in reading.left_out]
+    traces, order = tuple(traces[k] for k in kept), [order[k] for k in kept]
     lever = np.array([known.lever(trace) for trace in traces])
     radians = reading.scale / lever[:, None]
     pendulums = known.pendulums(traces)
@@ -108,7 +108,7 @@ def _root(reading: Reading, known: Known, name: str) -> xr.Dataset:
     import xarray as xr
 
     description = known.description
-    start = _DEFAULT_START if description is None else description.start_time
+    start = known.start_time
     files = ", ".join(path.name for path in reading.scan.paths)
     time = {**attributes("time"), "units": f"seconds since {start}"}
     return xr.Dataset(
@@ -146,7 +146,7 @@ def _film(
         "gap": gap,
         "scale": reading.scale,
         "source_file": ", ".join(path.name for path in reading.scan.paths),
-        "source_sha256": ", ".join(sha256(path) for path in reading.scan.paths),
+        "source_sha256": ", ".join(reading.scan.sha256),
     }
     film = dataset(
         "film",
@@ -178,6 +178,8 @@ def findings(reading: Reading) -> dict[str, Any]:
         "flags": ", ".join(flags(reading)),
         "notes": "; ".join(reading.notes),
     }
+    if reading.edits is not None:
+        found["edits"] = reading.edits.text()
     if reading.difference is not None:
         difference = reading.difference
         found["reading_difference_start"] = difference.start

@@ -8,16 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from pipeline.film.edits import MarkEdits
 from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered, lasting, refined
+from pipeline.film.marks.by_hand import Clock, with_marks
 from pipeline.film.marks.checks import DISAGREE, LEAST_LEAD, certain_part, check
 from pipeline.film.marks.counting import LEAST_MARKS, Count, counted, spacing_of
 from pipeline.film.marks.drive import Drive, drive, honest_gaps
 from pipeline.film.marks.minutes import Minutes, code_marks, doubts, find_minutes
-from pipeline.film.marks.search import Gaps, find_gaps, learned_width
+from pipeline.film.marks.search import Gaps
 from pipeline.film.marks.stands import Bars, Side, Stand, lengths, together
 from pipeline.film.marks.swings import Swings, swings_at
-from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks
-from pipeline.film.scan.opening import OpenScan
+from pipeline.film.parts import Floats, Marking, TimeAxis, Tracks
 
 ROUNDS = 2  # of drive and shear
 SPEED_TOLERANCE = 0.25  # of the stated speed
@@ -30,6 +31,7 @@ FINE = 16  # points of the paper's motion from mark to mark
 class Counted:
     """Events of a film and the count of marks among them, checked."""
 
+    gaps: Gaps
     events: Events
     count: Count
     minutes: Minutes
@@ -37,10 +39,29 @@ class Counted:
     stands: list[Stand]
     whole: bool  # nothing was cut off where the number of marks is not certain
     doubts: list[tuple[float, float, float]]  # as `minutes.doubts`
+    clock: int | None  # what clock times add to the marks' numbers
+    contradicted: bool  # the minutes that codes show are not those of the clock times
 
 
-def time_axis(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1) -> TimeAxis:
-    """When each row of a film was exposed; `jobs` threads may work.
+def axis_of(
+    gaps: Gaps,
+    tracks: Tracks,
+    marking: Marking,
+    width: float,
+    rows: int,
+    bars: Bars | None = None,
+    marks: MarkEdits | None = None,
+) -> TimeAxis:
+    """When each row of a film was exposed: the time axis that gaps make.
+
+    Parameters
+    ----------
+    width, rows
+        Of a gap, and of the film, px.
+    bars
+        Where the paper stood (`marks.stands`).
+    marks
+        Those that a person set.
 
     Raises
     ------
@@ -48,21 +69,11 @@ def time_axis(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marki
         Marks cannot be found, or their number is not certain.
     TimeReversedError
         The film lies upside down.
+    RecordError
+        A person's marks contradict each other.
     """
-    if marking.gap is not None and marking.speed is not None:
-        width = marking.gap * marking.speed
-    else:
-        width = learned_width(scan, emulsion, tracks)
-    gaps, bars = find_gaps(scan, emulsion, tracks, width, jobs)
-    return axis_of(gaps, tracks, marking, width, scan.rows, bars)
-
-
-def axis_of(
-    gaps: Gaps, tracks: Tracks, marking: Marking, width: float, rows: int, bars: Bars | None = None
-) -> TimeAxis:
-    """The time axis that gaps make; `width` of a gap and `rows` of the film in px. Raises as `time_axis`."""
-    counted = count_gaps(gaps, tracks, marking, width, bars)
-    count, alignment = counted.count, counted.alignment
+    counted = count_gaps(gaps, tracks, marking, width, bars, marks)
+    gaps, count, alignment = counted.gaps, counted.count, counted.alignment
     row, sigma, column = np.full((3, len(tracks.course), int(count.index[-1]) + 1), np.nan)
     for trace, member in enumerate(counted.events.member[:, count.event]):
         at, gap = count.index[member >= 0], member[member >= 0]
@@ -77,6 +88,7 @@ def axis_of(
     found = honest_gaps(freed, sigma, found)
     cycle = round(60.0 / marking.interval)
     shift = 0 if counted.minutes.residue is None else (-counted.minutes.residue) % cycle
+    shift = shift if counted.clock is None else counted.clock
     seconds, seconds_sigma = times_of(found, rows, float(np.hypot(lasting(freed, found), unsure)))
     seen = np.flatnonzero((np.isfinite(row) & found.used).any(axis=0))
     return TimeAxis(
@@ -98,8 +110,15 @@ def axis_of(
     )
 
 
-def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, bars: Bars | None = None) -> Counted:
-    """Gaps brought together over the traces and counted; raises as `time_axis`."""
+def count_gaps(
+    gaps: Gaps,
+    tracks: Tracks,
+    marking: Marking,
+    width: float,
+    bars: Bars | None = None,
+    marks: MarkEdits | None = None,
+) -> Counted:
+    """Gaps brought together over the traces and counted; raises as `axis_of`."""
     traces = len(tracks.course)
     busiest = int(np.argmax(np.bincount(gaps.trace, minlength=traces)))
     spacing = spacing_of(gaps.row[gaps.trace == busiest])
@@ -108,7 +127,10 @@ def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, bars:
             f"film: gaps lie {spacing:.1f} rows apart, but {marking.speed:.4g} rows per second and marks every "
             f"{marking.interval:g} s make {marking.speed * marking.interval:.1f}; state the right speed or interval"
         )
-    alignment = aligned(gaps, traces, spacing)
+    alignment, clock = aligned(gaps, traces, spacing), None
+    if marks is not None:
+        gaps = with_marks(gaps, marks, tracks, alignment, spacing, width)
+        clock = Clock.of(marks, tracks, alignment, marking.interval)
     events = gathered(gaps, alignment, traces, width)
     # an oblique image bends the swing, but its first harmonic keeps the phase of the swing's middle
     middle = np.array(
@@ -116,8 +138,11 @@ def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, bars:
     )
     places = events.row + (alignment.offset + alignment.shear * middle)[:, None]
     swings = swings_at(tracks, events.row, places, spacing)
+    swings = swings.unsure(2.0 * np.pi / tracks.rows_per_swing * events.row_sigma)
     stands = together(bars, alignment.offset, alignment.shear, middle) if bars else []
-    count, stands, whole = _past_stands(events, stands, swings, spacing, marking)
+    if marks is not None:
+        stands = sorted([*stands, *(Stand(row, np.nan, True) for row in marks.breaks.tolist())])
+    count, stands, whole = _past_stands(events, stands, swings, spacing, marking, clock)
     minutes = find_minutes(events, count, marking)
     part = certain_part(count, code_marks(minutes, events, count, marking.interval))
     if part.index.size < count.index.size:
@@ -130,13 +155,16 @@ def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, bars:
         stands = [each for each in stands if first < each.row < last]
         count, whole, minutes = part, False, find_minutes(events, part, marking)
     check(minutes, events, count, swings)
+    shift = None if clock is None else clock.offset(events, count, spacing)
     odd = minutes.against > DISAGREE * minutes.seen
     wrong = doubts(minutes, events, count, marking.interval) if odd else []
-    return Counted(events, count, minutes, alignment, stands, whole, wrong)
+    cycle, residue = round(60.0 / marking.interval), minutes.residue
+    against = shift is not None and residue is not None and (shift + residue) % cycle != 0
+    return Counted(gaps, events, count, minutes, alignment, stands, whole, wrong, shift, against)
 
 
 def _past_stands(
-    events: Events, stands: list[Stand], swings: Swings, spacing: float, marking: Marking
+    events: Events, stands: list[Stand], swings: Swings, spacing: float, marking: Marking, clock: Clock | None
 ) -> tuple[Count, list[Stand], bool]:
     """Marks counted between the stands, and joined over those whose lengths codes or pendulums show.
 
@@ -162,7 +190,13 @@ def _past_stands(
             one, other = (
                 Side(events.row[each.event], each.index, swings.at(each.event).phase) for each in (before, part)
             )
-            number, cost = lengths(one, other, swings.advance, swings.sigma, stands[at - 1], spacing)
+            times = [None if clock is None else clock.offset(events, each, spacing) for each in (before, part)]
+            if times[0] is not None and times[1] is not None:
+                number, cost = np.array([times[1] - times[0] - before.index[-1]]), np.zeros(1)
+            elif np.isnan(stands[at - 1].length):  # a person does not know either
+                number, cost = np.zeros(0, dtype=np.int64), np.zeros(0)
+            else:
+                number, cost = lengths(one, other, swings.advance, swings.sigma, stands[at - 1], spacing)
             if code is not None and minute is not None:
                 agrees = (number + before.index[-1] + code - minute) % cycle == 0
                 agrees &= cost < cost[0] + LEAST_LEAD  # a false gap may look like a code
@@ -193,9 +227,9 @@ def _flags(counted: Counted, seen: int) -> tuple[str, ...]:
     false = count.event[-1] - count.event[0] + 1 - count.index.size - (minutes.seen if minutes.kind == "double" else 0)
     shown = (events.member >= 0).any(axis=1)
     flags = {
-        "marks-without-minute-code": minutes.residue is None,
+        "marks-without-minute-code": minutes.residue is None and counted.clock is None,
         "marks-direction-unknown": minutes.residue is None or minutes.kind != "double",
-        "marks-codes-disagree": bool(counted.doubts),
+        "marks-codes-disagree": bool(counted.doubts) or counted.contradicted,
         "marks-offset-unsure": not counted.alignment.sure,
         "marks-false": false > max(2.0, FEW_FALSE * seen),
         "film-stood-still": bool(counted.stands),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
@@ -52,16 +52,25 @@ def in_order(work: Callable[[Item], Result], items: Iterable[Item], jobs: int = 
 
 
 def over_pieces(
-    scan: OpenScan, emulsion: Emulsion, work: Callable[[int, int, int, NDArray[np.float32]], Result], jobs: int
+    scan: OpenScan,
+    emulsion: Emulsion,
+    work: Callable[[int, int, int, NDArray[np.float32]], Result],
+    jobs: int,
+    spans: Sequence[tuple[int, int]] | None = None,
 ) -> list[Result]:
-    """What `work` makes of each piece in its order: rows `begin` to `stop`, first row of the exposure, exposure."""
+    """What `work` makes of each piece in its order: rows `begin` to `stop`, first row of the exposure, exposure.
 
-    def one(begin: int) -> Result:
-        stop = min(begin + ROWS, scan.rows)
+    `spans` are first and last rows of the stretches of interest; the whole scan by default.
+    """
+
+    def one(piece: tuple[int, int]) -> Result:
+        begin, stop = piece
         first = max(begin - MARGIN, 0)
         return work(begin, stop, first, exposed(scan, emulsion, first, min(stop + MARGIN, scan.rows)))
 
-    return list(in_order(one, range(0, scan.rows, ROWS), jobs))
+    spans = [(0, scan.rows - 1)] if spans is None else spans
+    pieces = [(at, min(at + ROWS, last + 1)) for first, last in spans for at in range(first, last + 1, ROWS)]
+    return list(in_order(one, pieces, jobs))
 
 
 def exposed(scan: OpenScan, emulsion: Emulsion, first: int, stop: int) -> NDArray[np.float32]:

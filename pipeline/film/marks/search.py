@@ -8,6 +8,7 @@ nothing else visible (dust, scratches and other traces' lines leave a misfit).
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -19,7 +20,7 @@ from pipeline.film.marks.curve_kernels import brightness_along
 from pipeline.film.marks.gap_kernels import Known, fit_gaps
 from pipeline.film.marks.pieces import MARGIN, exposed, grain, over_pieces
 from pipeline.film.marks.stands import Bars, bars, light_across, swept
-from pipeline.film.parts import Emulsion, Floats, Tracks
+from pipeline.film.parts import Emulsion, Floats, Marking, Tracks
 from pipeline.film.scan.opening import OpenScan
 
 LATERAL = 0.1  # px, 1 sigma of the tracker's course across the line
@@ -65,14 +66,29 @@ class Gaps:
         """Some of them."""
         return Gaps(*(getattr(self, field.name)[which] for field in fields(Gaps)))
 
+    def joined_by(self, more: Gaps) -> Gaps:
+        """Both, in order of their rows."""
+        both = Gaps(*(np.concatenate([getattr(self, each.name), getattr(more, each.name)]) for each in fields(Gaps)))
+        return both.pick(np.argsort(both.row, kind="stable"))
+
     @property
     def size(self) -> int:
         """Number of gaps."""
         return self.row.size
 
 
-def find_gaps(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, width: float, jobs: int = 1) -> tuple[Gaps, Bars]:
-    """All gaps of about `width` rows on all traces, fitted and selected; and where each shows that the paper stood."""
+def find_gaps(
+    scan: OpenScan,
+    emulsion: Emulsion,
+    tracks: Tracks,
+    width: float,
+    jobs: int = 1,
+    spans: Sequence[tuple[int, int]] | None = None,
+) -> tuple[Gaps, Bars]:
+    """All gaps of about `width` rows on all traces, fitted and selected; and where each shows that the paper stood.
+
+    `spans` as of `over_pieces`.
+    """
     across = swept(tracks, scan.columns)
 
     def of_piece(
@@ -83,7 +99,7 @@ def find_gaps(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, width: float, 
         gaps = fitted(exposure, first, emulsion, tracks, traces, np.concatenate(rows), width)
         return traces, gaps, light_across(exposure[begin - first : stop - first], across)
 
-    traces, results, light = zip(*over_pieces(scan, emulsion, of_piece, jobs), strict=True)
+    traces, results, light = zip(*over_pieces(scan, emulsion, of_piece, jobs, spans), strict=True)
     gaps = _selected(Gaps.of(np.concatenate(traces), np.concatenate(results)), width)
     return gaps, bars(np.concatenate(light, axis=2), across, tracks, emulsion)
 
@@ -168,6 +184,13 @@ def _selected(gaps: Gaps, width: float) -> Gaps:
         twice[i if gaps.row_sigma[i] > gaps.row_sigma[i + 1] else i + 1] = True
     gaps = gaps.pick(~twice)
     return gaps.pick(np.argsort(gaps.row, kind="stable"))
+
+
+def gap_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking) -> float:
+    """Rows for which the shutter closes, as stated or as the film shows; raises as `learned_width`."""
+    if marking.gap is not None and marking.speed is not None:
+        return marking.gap * marking.speed
+    return learned_width(scan, emulsion, tracks)
 
 
 def learned_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks) -> float:

@@ -35,6 +35,10 @@ class Swings(NamedTuple):
         """At some of the events."""
         return self._replace(phase=self.phase[:, which], extra=self.extra[:, which], lost=self.lost[which])
 
+    def unsure(self, phase: Floats) -> Swings:
+        """The same at events whose places make the phases wrong by so much, rad, 1 sigma."""
+        return self._replace(extra=self.extra + phase**2)
+
     @property
     def centred(self) -> Floats:
         """Phases that were not carried there; NaN for others."""

@@ -50,6 +50,22 @@ class View(Image):
 
 
 @dataclass
+class Part(View):
+    """Some rows of an image."""
+
+    first: int
+    stop: int
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.rows = self.stop - self.first
+
+    def read(self, first: int, stop: int) -> Pixels:
+        """Rows `first` to `stop` of the part."""
+        return self.image.read(self.first + first, self.first + stop)
+
+
+@dataclass
 class Inverted(View):
     """An image whose light lines have become dark."""
 

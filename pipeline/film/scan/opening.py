@@ -8,6 +8,7 @@ import io
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +22,9 @@ from pipeline.film.scan.image import (
     UPRIGHT,
     Image,
     Inverted,
+    Part,
     Pixels,
     Reversed,
-    Turn,
     View,
     WithoutBorder,
     turned,
@@ -72,15 +73,35 @@ class OpenScan(View):
     scale: float | None  # size of a pixel on the film, mm
     paths: tuple[Path, ...]  # in order
     notes: tuple[str, ...] = ()  # what was inferred from the image and might be wrong
+    orientation: int = 0  # degrees by which it is turned clockwise
 
     def read(self, first: int, stop: int) -> Pixels:
         """Rows `first` to `stop`, (stop - first, columns); only what lies in the scan."""
         return self.image.read(max(0, first), min(self.rows, stop))
 
+    @cached_property
+    def sha256(self) -> tuple[str, ...]:
+        """Of the files, in order."""
+        return tuple(sha256(path) for path in self.paths)
+
+    def part(self, first: int, stop: int | None) -> OpenScan:
+        """Some rows of the same scan.
+
+        Raises
+        ------
+        UsageError
+            There are no such rows.
+        """
+        last = self.rows if stop is None else min(stop, self.rows)
+        if not 0 <= first < last:
+            raise UsageError(f"rows {first} to {last}: the film has rows 0 to {self.rows}")
+        notes = (*self.notes, f"rows {first} to {last} of {self.rows} were read")
+        return OpenScan(Part(self.image, first, last), self.scale, self.paths, notes, self.orientation)
+
     def upside_down(self) -> OpenScan:
         """The same scan turned by half a turn."""
         notes = (*self.notes, "the scan lay upside down and was turned")
-        return OpenScan(Reversed(self.image), self.scale, self.paths, notes)
+        return OpenScan(Reversed(self.image), self.scale, self.paths, notes, (self.orientation + 180) % 360)
 
 
 def open_scan(
@@ -101,7 +122,11 @@ def open_scan(
         raise UsageError("no film is named; give the image of a film, or its strips in order")
     files = [open_image(name) for name in named]
     notes: list[str] = []
-    images = [without_border(turned(file, _turn(file, options))) for file in files]
+    degrees = [_degrees(file, options) for file in files]
+    images = [
+        without_border(turned(file, UPRIGHT[file.upright].then(CLOCKWISE[each])))
+        for file, each in zip(files, degrees, strict=True)
+    ]
     if any(isinstance(image, WithoutBorder) for image in images):
         notes.append("a border beside the film was found and overlaid")
     if options.lines == "light" or (options.lines == "auto" and lines_are_light(images[0])):
@@ -112,16 +137,15 @@ def open_scan(
         from pipeline.film.scan.strips import join
 
         image = join(images, named)
-    return OpenScan(image, scale, named, tuple(notes))
+    return OpenScan(image, scale, named, tuple(notes), degrees[0])
 
 
-def _turn(file: ImageFile, options: ScanOptions) -> Turn:
-    """From the rows of the file to rows in time."""
-    upright = UPRIGHT[file.upright]
+def _degrees(file: ImageFile, options: ScanOptions) -> int:
+    """By how much the upright image is turned clockwise, so that its rows run with time."""
     if options.orientation != "auto":
-        return upright.then(CLOCKWISE[int(options.orientation)])
-    lies_across = file.rows > file.columns if upright.transposed else file.columns > file.rows
-    return upright.then(CLOCKWISE[90 if lies_across else 0])
+        return int(options.orientation)
+    transposed = UPRIGHT[file.upright].transposed
+    return 90 if (file.rows > file.columns if transposed else file.columns > file.rows) else 0
 
 
 def _scale(files: Sequence[ImageFile], options: ScanOptions, notes: list[str]) -> float | None:

@@ -132,7 +132,7 @@ def fitted_gaps(
     period : float
         Rows in a swing.
     """
-    table, exposure = np.concatenate(gaps) - first, emulsion.lit(darkness)
+    table, exposure = np.concatenate(gaps) - first, emulsion.lit(np.nan_to_num(darkness))
     trace = np.repeat(np.arange(len(gaps)), [len(each) for each in gaps])
     known = Known(emulsion.spot, *grain(emulsion), LATERAL, LENGTH_PRIOR, 0.5 * period)
     result = fit_gaps(exposure, 0, place, slope, trace, table.mean(axis=1), table[:, 1] - table[:, 0], known)
@@ -172,6 +172,8 @@ def judge(
     stretch = 1.0 + slope**2
     followed = known > 0
     whole = np.maximum(LEAST_LIGHT * lamp, PARTIAL * lamp - PARTIAL_SIGMA * np.sqrt(light_variance))
+    # beside what is hidden a gap is not seen whole
+    followed = followed & ~binary_dilation(np.isnan(light), iterations=round(MARGIN_SPOTS * optics.spot))
     visible = followed & (light > VISIBLE * np.sqrt(light_variance)) & (light > whole)
     light_spread = _usual(light_variance, followed) / lamp**2
     visible &= (light > PARTIAL * lamp) | ~_cut(1.0 - light / lamp, light_spread, followed)
@@ -224,9 +226,10 @@ def _cut(lack: Floats, variance: Floats, followed: NDArray[np.bool_]) -> NDArray
     return np.asarray(np.any([lacking[k : k + lack.size] for k in range(CUT_ROWS)], axis=0))
 
 
-def flag_lost(position: Floats, course: Floats, qc: NDArray[np.uint16], period: float) -> None:
-    """Where a trace was followed without being read for long it is lost: course NaN, in place."""
+def flag_lost(position: Floats, course: Floats, qc: NDArray[np.uint16], period: float, some: slice) -> None:
+    """Where a trace was followed on some rows without being read for long it is lost: course NaN, in place."""
     size = 2 * max(4, round(LOST_SWINGS * period)) + 1
     lost = ~np.isfinite(course) | ~maximum_filter1d(np.isfinite(position), size, mode="constant")
+    lost[: some.start], lost[some.stop :] = False, False
     course[lost] = np.nan
     qc[lost] = ELONGATION_FLAGS["lost"]

@@ -34,6 +34,8 @@ BEND_GROWTH, FREQUENCY_GROWTH, PAIR_GROWTH = 0.01, 1e-3, 1e-6
 FIRST_PLACE, FIRST_RATE, FIRST_BEND, FIRST_FREQUENCY = 0.03, 0.3, 0.5, 0.03
 QUALITY_SWINGS = 0.5
 FORWARD, BACKWARD, BOTH = 1, 2, 3
+HAND, SURE = 2.0, 0.8  # spots, 1 sigma of a line drawn by hand; share of good rows where there is one
+NO_LINES = np.zeros((0, 0))
 
 
 class Filter(NamedTuple):
@@ -122,29 +124,42 @@ def run(
     order: int,
     optics: Optics,
     begins: NDArray[np.int64] | None = None,
+    lines: Floats | None = None,
 ) -> Piece:
     """Follow all traces over a piece of film, along it (order 1) or against it (-1).
 
-    `begins` names rows of the piece from which on traces are followed that are not alive, -1 for none.
+    `begins` names rows of the piece from which on traces are followed that are not alive, -1 for none; `lines`
+    (traces, rows) are columns where a person says that traces run, NaN elsewhere.
     """
     piece = Piece.empty(begun.alive.size, darkness.shape[0])
     begins = np.full(begun.alive.size, -1) if begins is None else begins
-    follow(darkness, first, order, begun, begins, optics.lens(), piece)
+    follow(darkness, first, order, begun, begins, NO_LINES if lines is None else lines, optics.lens(), piece)
     return piece
 
 
-def run_again(begun: Filter, place: Floats, variance: Floats, followed: NDArray[np.uint8], optics: Optics) -> Piece:
+def run_again(
+    begun: Filter, place: Floats, variance: Floats, followed: NDArray[np.uint8], optics: Optics,
+    lines: Floats | None = None,
+) -> Piece:  # fmt: skip
     """A piece once more from the readings that were kept of it, (traces, rows), without the film."""
     piece = Piece.empty(*place.shape)
     piece.place[:], piece.variance[:], piece.followed[:] = place, variance, followed
-    replay(begun, optics.shear, piece)
+    replay(begun, NO_LINES if lines is None else lines, optics.spot, optics.shear, piece)
     return piece
 
 
 @kernel
+def pulled(state: Floats, covariance: Floats, column: float, spot: float, shear: float, work: Floats) -> None:
+    """Move a trace to where a person says that it runs, as surely as a hand draws."""
+    slope = slope_of(state, shear)
+    spread = HAND * HAND * spot * spot * (1.0 + slope * slope)
+    correct(state, covariance, column - state[0] - state[3], spread, shear, work)
+
+
+@kernel
 def follow(
-    darkness: NDArray[np.float32], first: int, order: int, begun: Filter, begins: NDArray[np.int64], lens: Lens,
-    piece: Piece,
+    darkness: NDArray[np.float32], first: int, order: int, begun: Filter, begins: NDArray[np.int64], lines: Floats,
+    lens: Lens, piece: Piece,
 ) -> None:  # fmt: skip
     """Read and follow all traces over the rows of a piece, which begins at row `first` of the film (see `run`).
 
@@ -164,6 +179,9 @@ def follow(
                 advance(states[k], covariances[k], begun.noise[k], float(order), shear, work)
             elif begins[k] == i:
                 alive[k] = 1
+            if lines.shape[0] > 0 and alive[k] != 0 and not math.isnan(lines[k, i]):
+                pulled(states[k], covariances[k], lines[k, i], spot, shear, work)
+                quality[k] = max(quality[k], SURE)
             if alive[k] != 0:
                 prior[k, 0] = place_variance(states[k], covariances[k], shear)
                 prior[k, 1] = max(slope_variance(states[k], covariances[k]), LEAST_SLOPE_VARIANCE)
@@ -183,7 +201,7 @@ def follow(
             spread = spread * max(1.0, fit[k, 4]) + spot * spot * stretch * (1e-3 + 2.25 * dim * dim)
             limit = GATE * GATE * (prior[k, 0] + spread + SLACK * SLACK * spot * spot * stretch)
             good = visible and shift * shift <= limit
-            if not fit[k, 1] > DEGENERATE * fit[k, 5]:
+            if not (fit[k, 1] > DEGENERATE * fit[k, 5] or math.isnan(light)):
                 quality[k] += begun.memory * ((1.0 if good else 0.0) - quality[k])
             if good:
                 piece.place[k, i], piece.variance[k, i] = states[k, 0] + states[k, 3] + shift, spread
@@ -196,7 +214,7 @@ def follow(
 
 
 @kernel
-def replay(begun: Filter, shear: float, piece: Piece) -> None:
+def replay(begun: Filter, lines: Floats, spot: float, shear: float, piece: Piece) -> None:
     """Once more along a piece that was followed before, from its readings alone; overwrites what `follow` kept."""
     states, covariances, alive = begun.states, begun.covariances, begun.alive
     work = np.empty((2, 6, 6))
@@ -208,6 +226,8 @@ def replay(begun: Filter, shear: float, piece: Piece) -> None:
                 alive[k] = 1
             else:
                 advance(states[k], covariances[k], begun.noise[k], 1.0, shear, work)
+            if lines.shape[0] > 0 and not math.isnan(lines[k, i]):
+                pulled(states[k], covariances[k], lines[k, i], spot, shear, work)
             piece.states[i, k] = states[k]
             piece.covariances[i, k] = covariances[k]
             if np.isfinite(piece.variance[k, i]):

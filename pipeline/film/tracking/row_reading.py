@@ -198,7 +198,7 @@ def read_row(
     Parameters
     ----------
     darkness : (columns,) array
-        Above blank film.
+        Above blank film; NaN where nothing is to be read: the brightness of a trace that meets it is NaN.
     row : float
         Centre line of the row, px.
     states, alive : (traces, 6), (traces,) arrays
@@ -242,7 +242,14 @@ def read_row(
                 low_pixel, high_pixel = min(low_pixel, windows[k, 0]), max(high_pixel, windows[k, 1])
         if count > 0:
             pixels, members = darkness[low_pixel:high_pixel], windows[:count, 3]
-            fit_row(pixels, low_pixel, members, lens, lamp, prior, settled, work)
+            total = np.float32(0.0)
+            for value in pixels:
+                total += value
+            if not math.isnan(total):
+                fit_row(pixels, low_pixel, members, lens, lamp, prior, settled, work)
+                continue
+            for k in members:  # nothing is to be read here
+                fit[k, 2] = math.nan
 
 
 @kernel

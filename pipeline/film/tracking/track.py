@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations, permutations
 from typing import Any
 
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats, median_present
+from pipeline.film.edits import Placed
 from pipeline.film.emulsion import FilmEmulsion
 from pipeline.film.marks.pieces import in_order
 from pipeline.film.parts import Tracks
@@ -45,8 +46,15 @@ WORST = 40.0
 MOST_TRACES = 6
 PIECE_SWINGS, SECTION_SWINGS = 4.0, 6.0
 SOUND = 0.6  # share of rows read by which the last good row of a lost trace is told
+LEAST_LINE = 0.5  # of a swing, from which a line that a person drew takes up a trace
 LIT = 0.5  # of the usual light: what is fainter may be chance in the grain beyond the ends of the film
 Progress = Callable[[int, int], None]
+Last = list[tuple[float, Floats]]
+"""Row and state at which each trace was read last."""
+
+
+def silent(done: int) -> None:
+    """Tell nobody how far the work is."""
 
 
 @dataclass
@@ -57,6 +65,8 @@ class Film:
     emulsion: FilmEmulsion
     optics: Optics
     period: float
+    edits: Placed | None = None
+    lines: Floats | None = None  # (traces, rows), columns where a person says that traces run
     pieces: list[tuple[int, int]] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -65,8 +75,9 @@ class Film:
         self.pieces = [(first, min(first + height, self.scan.rows)) for first in firsts]
 
     def darkness(self, first: int, stop: int) -> NDArray[np.float32]:
-        """Rows `first` to `stop`, above blank film."""
-        return self.emulsion.darkness(self.scan.read(first, stop), first)
+        """Rows `first` to `stop`, above blank film; NaN where nothing is to be read."""
+        darkness = self.emulsion.darkness(self.scan.read(first, stop), first)
+        return darkness if self.edits is None else self.edits.hide(darkness, first)
 
     def pixels(self, pieces: list[tuple[int, int]], jobs: int) -> Iterator[NDArray[np.float32]]:
         """The darkness of some pieces, in their order."""
@@ -75,13 +86,133 @@ class Film:
 
 @dataclass
 class Forward:
-    """What the way along the film left: arrays (traces, rows), and the filter before each piece."""
+    """What the way along the film left: arrays (traces, rows); the filter before each piece, and where traces were."""
 
     place: Floats
     variance: Floats
     light: Floats
     followed: NDArray[np.uint8]
-    checkpoints: list[Filter]
+    checkpoints: dict[int, tuple[Filter, Last]]
+
+
+@dataclass
+class Following:
+    """Traces followed along the film and back, and what it takes to follow a stretch of it once more."""
+
+    film: Film
+    section: Section
+    ahead: Forward
+    behind: dict[int, Filter]  # before each piece, on the way back
+    tracks: Tracks
+    misfit: NDArray[np.float32]
+
+    @staticmethod
+    def of(film: Film, section: Section) -> Following:
+        """Nothing followed yet; the traces are those of a section."""
+        place, variance, light = np.full((3, len(section.swings), film.scan.rows), [[[0.0]], [[np.inf]], [[np.nan]]])
+        ahead = Forward(place, variance, light, np.zeros(place.shape, np.uint8), {})
+        tracks = Tracks.empty(len(place), film.scan.rows, film.period, film.optics.spot)
+        return Following(film, section, ahead, {}, tracks, np.full(place.shape, np.nan, np.float32))
+
+    def all_along(self, progress: Callable[[int], None] = silent, jobs: int = 1) -> None:
+        """Follow all traces over the whole film, both ways."""
+        swings, pieces = self.section.swings, range(len(self.film.pieces))
+        last = [(swing.row, swing.state) for swing in swings]
+        self.forward(pieces, Filter.idle(len(swings), self.film.period), last, progress, jobs)
+        self.backward(pieces, Filter.idle(len(swings), self.film.period), progress, jobs)
+
+    def checked(self) -> Tracks:
+        """The traces, where they can be trusted.
+
+        Raises
+        ------
+        RefusedError
+            Something else lies on a trace, one is hardly read, or two are one line.
+        """
+        for k, misfit in enumerate(self.misfit):
+            _refuse_strangers(misfit, k)
+        _refuse_unread(self.tracks)
+        _refuse_doubles(self.tracks)
+        return self.tracks
+
+    def again(self, edits: Placed, jobs: int = 1) -> Following:
+        """The same with the stretches that a person edited followed once more."""
+        traces, rows = self.tracks.course.shape
+        film = replace(self.film, edits=edits, lines=edits.courses(traces, rows))
+        out = replace(self, film=film, ahead=deepcopy(self.ahead), tracks=deepcopy(self.tracks))
+        out.misfit, out.behind = self.misfit.copy(), dict(self.behind)
+        firsts = [first for first, _ in film.pieces]
+        for first_row, last_row in edits.stretches(rows, film.period):
+            first, last = np.searchsorted(firsts, [first_row, last_row], side="right").tolist()
+            some = range(first - 1, last)
+            out.tracks.forget(slice(firsts[first - 1], film.pieces[last - 1][1]))
+            out.forward(some, *deepcopy(self.ahead.checkpoints[some[0]]), jobs=jobs)
+            out.backward(some, deepcopy(self.behind[some[-1]]), jobs=jobs)
+        edits.without_ignored(out.tracks)
+        return out
+
+    def forward(
+        self, pieces: range, begun: Filter, last: Last, progress: Callable[[int], None] = silent, jobs: int = 1
+    ) -> None:
+        """Follow all traces along some pieces; what is lost is looked for again at the start of each."""
+        film, out, section = self.film, self.ahead, self.section
+        traces, spans = len(last), film.pieces[pieces.start : pieces.stop]
+        for number, (first, stop), darkness in zip(pieces, spans, film.pixels(spans, jobs), strict=True):
+            begins, part = np.full(traces, -1), slice(first, stop)
+            if first >= section.first - (stop - first) and not begun.alive.all():
+                _look_again(film, begun, begins, first, stop, section, last)
+            lines = _lines(film, part)
+            _take_up(begun, begins, lines, first, film.period)
+            out.checkpoints[number] = deepcopy(begun), list(last)
+            out.place[:, part], out.variance[:, part], out.followed[:, part] = 0.0, np.inf, 0
+            out.light[:, part] = np.nan
+            if begun.alive.any() or (begins >= 0).any():
+                piece = run(begun, darkness, first, 1, film.optics, begins, lines)
+                out.place[:, part], out.variance[:, part] = piece.place, piece.variance
+                usual = np.array([[median_present(each)] for each in piece.brightness])
+                light = np.where(np.isnan(piece.brightness), usual, piece.brightness)  # where nothing is to be read
+                out.light[:, part] = np.where(piece.followed > 0, light, np.nan)
+                out.followed[:, part] = piece.followed
+                for k in range(traces):
+                    good = np.flatnonzero(np.isfinite(piece.variance[k]))
+                    if good.size:
+                        last[k] = (first + good[-1] + 0.5, piece.states[good[-1], k].copy())
+            progress(stop)
+
+    def backward(self, pieces: range, begun: Filter, progress: Callable[[int], None] = silent, jobs: int = 1) -> None:
+        """Follow all traces back, join both ways piece by piece, and read every row."""
+        film = self.film
+
+        def read(piece: tuple[Any, ...]) -> int:
+            if len(piece) > 1:
+                read_both(film.emulsion, film.optics, self.tracks, self.misfit, *piece)
+            return int(piece[0])
+
+        for first in in_order(read, self._followed_back(pieces, begun, jobs), jobs):
+            progress(2 * film.scan.rows - first)
+        some = slice(film.pieces[pieces.start][0], film.pieces[pieces.stop - 1][1])
+        for position, course, qc in zip(self.tracks.position, self.tracks.course, self.tracks.qc, strict=True):
+            flag_lost(position, course, qc, film.period, some)
+
+    def _followed_back(self, pieces: range, begun: Filter, jobs: int) -> Iterator[tuple[Any, ...]]:
+        """Follow all traces back and join both ways: the first row of each piece, and what its rows are read with."""
+        film, ahead = self.film, self.ahead
+        spans, margin = film.pieces[pieces.start : pieces.stop][::-1], 4 * round(MARGIN_SPOTS * film.optics.spot)
+        for number, (first, stop), darkness in zip(pieces[::-1], spans, film.pixels(spans, jobs), strict=True):
+            part = slice(first, stop)
+            lines, known = _lines(film, part), deepcopy(ahead.checkpoints[number][0])
+            kept = ahead.place[:, part], ahead.variance[:, part], ahead.followed[:, part]
+            forth = run_again(known, *kept, film.optics, lines)
+            self.behind[number] = deepcopy(begun)
+            begins = _turn_back(begun, forth, ahead, first, stop, film.period)
+            if not (begun.alive.any() or (begins >= 0).any() or forth.followed.any()):
+                yield (first,)
+                continue
+            back = run(begun, darkness, first, -1, film.optics, begins, lines)
+            alone = (ahead.followed[:, part] == 0) & (back.followed > 0)
+            ahead.light[:, part][alone] = back.brightness[alone]
+            low = max(0, first - margin)
+            yield first, darkness, forth, back, first - low, ahead.light[:, low : stop + margin].copy()
 
 
 def track(
@@ -94,10 +225,30 @@ def track(
 ) -> Tracks:
     """Find the traces of a film, `count` if known, follow them both ways and read them row by row.
 
+    Raises
+    ------
+    RefusedError
+        Nothing swings on the film, fewer traces than were expected, or some that cannot be trusted.
+    """
+    return follow_traces(scan, emulsion, count=count, jobs=jobs, progress=progress).checked()
+
+
+def follow_traces(
+    scan: OpenScan,
+    emulsion: FilmEmulsion,
+    *,
+    count: int | None = None,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> Following:
+    """Find the traces of a film, and follow them both ways.
+
     Parameters
     ----------
     scan, emulsion
         Of `measure_emulsion`.
+    count : int, optional
+        Number of traces.
     jobs : int
         Threads that may work.
     progress : callable, optional
@@ -124,14 +275,10 @@ def track(
             "with more light, or say with --trace what swings on it"
         )
     film = Film(scan, emulsion, optics, section.period)
-    tell = (lambda done: progress(done, 2 * scan.rows)) if progress is not None else (lambda done: None)
-    tracks, misfit = backward(film, forward(film, _first_section(film, section), tell, jobs), tell, jobs)
-    for k in range(traces):
-        _refuse_strangers(misfit[k], k)
-        flag_lost(tracks.position[k], tracks.course[k], tracks.qc[k], film.period)
-    _refuse_unread(tracks)
-    _refuse_doubles(tracks)
-    return tracks
+    tell = silent if progress is None else lambda done: progress(done, 2 * scan.rows)
+    out = Following.of(film, _first_section(film, section))
+    out.all_along(tell, jobs)
+    return out
 
 
 def _refuse_strangers(misfit: NDArray[np.float32], trace: int) -> None:
@@ -226,31 +373,6 @@ def _cost(section: Section, chosen: tuple[int, ...], names: tuple[int, ...], las
     return float(total + np.sum((apart / PHASE) ** 2) + (common / COMMON) ** 2)
 
 
-def forward(film: Film, first_section: Section, progress: Callable[[int], None], jobs: int = 1) -> Forward:
-    """Follow all traces along the film; what is lost is looked for again at the start of each piece."""
-    traces = len(first_section.swings)
-    place, variance, light = np.full((3, traces, film.scan.rows), [[[0.0]], [[np.inf]], [[np.nan]]])
-    out = Forward(place, variance, light, np.zeros(place.shape, np.uint8), [])
-    begun = Filter.idle(traces, film.period)
-    last = [(swing.row, swing.state) for swing in first_section.swings]
-    for (first, stop), darkness in zip(film.pieces, film.pixels(film.pieces, jobs), strict=True):
-        begins = np.full(traces, -1)
-        if first >= first_section.first - (stop - first) and not begun.alive.all():
-            _look_again(film, begun, begins, first, stop, first_section, last)
-        out.checkpoints.append(deepcopy(begun))
-        if begun.alive.any() or (begins >= 0).any():
-            piece = run(begun, darkness, first, 1, film.optics, begins)
-            out.place[:, first:stop], out.variance[:, first:stop] = piece.place, piece.variance
-            out.light[:, first:stop] = np.where(piece.followed > 0, piece.brightness, np.nan)
-            out.followed[:, first:stop] = piece.followed
-            for k in range(traces):
-                good = np.flatnonzero(np.isfinite(piece.variance[k]))
-                if good.size:
-                    last[k] = (first + good[-1] + 0.5, piece.states[good[-1], k].copy())
-        progress(stop)
-    return out
-
-
 def _look_again(
     film: Film, begun: Filter, begins: NDArray[np.int64], first: int, stop: int, first_section: Section,
     last: list[tuple[float, Floats]],
@@ -291,49 +413,26 @@ def _solid_from(read: NDArray[np.bool_], least: int, period: float) -> int | Non
     return int(solid[0]) if solid.size else None
 
 
-def backward(
-    film: Film, ahead: Forward, progress: Callable[[int], None], jobs: int = 1
-) -> tuple[Tracks, NDArray[np.float32]]:
-    """Follow all traces back, join both ways piece by piece, and read every row.
-
-    Returns
-    -------
-    tracks : Tracks
-    misfit : (traces, rows) array
-        Mean square residual of each row's fit over that of the grain.
-    """
-    traces, rows = ahead.place.shape
-    tracks = Tracks.empty(traces, rows, film.period, film.optics.spot)
-    misfit = np.full((traces, rows), np.nan, np.float32)
-
-    def read(piece: tuple[Any, ...]) -> int:
-        if len(piece) > 1:
-            read_both(film.emulsion, film.optics, tracks, misfit, *piece)
-        return int(piece[0])
-
-    for first in in_order(read, _followed_back(film, ahead, jobs), jobs):
-        progress(2 * film.scan.rows - first)
-    return tracks, misfit
+def _lines(film: Film, part: slice) -> Floats | None:
+    """The lines that traces follow on some rows, where a person says so."""
+    lines = None if film.lines is None else np.ascontiguousarray(film.lines[:, part])
+    return lines if lines is not None and np.isfinite(lines).any() else None
 
 
-def _followed_back(film: Film, ahead: Forward, jobs: int) -> Iterator[tuple[Any, ...]]:
-    """Follow all traces back and join both ways: the first row of each piece, and what its rows are read with."""
-    begun = Filter.idle(ahead.place.shape[0], film.period)
-    backwards, margin = film.pieces[::-1], 4 * round(MARGIN_SPOTS * film.optics.spot)
-    for (first, stop), darkness in zip(backwards, film.pixels(backwards, jobs), strict=True):
-        part = slice(first, stop)
-        forth = run_again(
-            ahead.checkpoints.pop(), ahead.place[:, part], ahead.variance[:, part], ahead.followed[:, part], film.optics
-        )
-        begins = _turn_back(begun, forth, ahead, first, stop, film.period)
-        if not (begun.alive.any() or (begins >= 0).any() or forth.followed.any()):
-            yield (first,)
+def _take_up(begun: Filter, begins: NDArray[np.int64], lines: Floats | None, first: int, period: float) -> None:
+    """Take up traces that are not followed where a line of half a swing or more says how they run."""
+    if lines is None:
+        return
+    for k in np.flatnonzero((begun.alive == 0) & (begins < 0)).tolist():
+        rows = np.flatnonzero(np.isfinite(lines[k]))[: round(period)]
+        if rows.size < LEAST_LINE * period:
             continue
-        back = run(begun, darkness, first, -1, film.optics, begins)
-        alone = (ahead.followed[:, part] == 0) & (back.followed > 0)
-        ahead.light[:, part][alone] = back.brightness[alone]
-        low = max(0, first - margin)
-        yield first, darkness, forth, back, first - low, ahead.light[:, low : stop + margin].copy()
+        turn, away = 2.0 * np.pi / period, rows - rows[0]
+        terms = np.stack([np.ones(rows.size), np.cos(turn * away), np.sin(turn * away)], axis=1)
+        rest, cosine, sine = np.linalg.lstsq(terms, lines[k, rows], rcond=None)[0].tolist()
+        begins[k] = rows[0]
+        # the pair is amplitude times cosine and sine of the phase, which turns with the rows
+        begun.restart(k, np.array([rest, 0.0, 0.0, cosine, -sine, turn]), alive=False)
 
 
 def _turn_back(begun: Filter, forth: Piece, ahead: Forward, first: int, stop: int, period: float) -> NDArray[np.int64]:

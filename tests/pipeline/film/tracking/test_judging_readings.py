@@ -120,7 +120,7 @@ def test_a_gap_lets_no_light_through_and_takes_its_length_in_all() -> None:
 def test_a_trace_that_is_followed_but_not_read_is_lost() -> None:
     position, course, qc = np.full(ROWS, 5.0), np.full(ROWS, 5.0), np.zeros(ROWS, np.uint16)
     position[10:30] = np.nan
-    flag_lost(position, course, qc, period=20.0)
+    flag_lost(position, course, qc, period=20.0, some=slice(0, ROWS))
     lost = qc == ELONGATION_FLAGS["lost"]
     assert np.array_equal(lost, np.isnan(course))
     assert np.flatnonzero(lost).tolist() == list(range(16, 24))  # half a dozen rows from the nearest reading

@@ -18,7 +18,7 @@ from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.outcome import fitted_gaps
 from pipeline.film.tracking.probing import SURE, sections
 from pipeline.film.tracking.section import Section, read_section
-from pipeline.film.tracking.track import _first_section, forward, track
+from pipeline.film.tracking.track import Following, _first_section, track
 
 ROWS, BEGIN, BLACK = 110, 15.0, 128.0
 FIRST_ROWS = round(8.0 * PERIOD)  # a section, on films that are shorter than usual ones
@@ -108,7 +108,9 @@ def test_a_chance_reading_on_blank_film_does_not_lose_the_trace(short: Tiny, sec
     place = section.place.copy()
     place[:, :18] = np.nan
     place[0, 3] = section.states[3, 0, 0]  # the grain looked like a line for a row
-    ahead = forward(short.film, replace(section, place=place), lambda done: None)
+    following = Following.of(short.film, replace(section, place=place))
+    following.all_along()
+    ahead = following.ahead
     lit = np.arange(ROWS) > BEGIN + 0.5 * PERIOD
     assert np.all(ahead.followed[:, lit] > 0)
 

@@ -1,0 +1,214 @@
+"""A person's edits in the reader's terms: pixels that are hidden, lines that traces follow, marks, breaks.
+
+Edits apply to the reading of the untouched film: the stretches that they touch are followed once more from what was
+known on either side. So an edit costs no more than its stretch, and the same edits give the same numbers whenever they
+were made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schemas.errors import RecordError
+from data_schemas.film_edits import Break, FilmEdits, Follow, Ignore, Mark, Mask, NoMark
+from pipeline.film.parts import Floats, Strobe, TimeAxis, Tracks
+from pipeline.film.scan.opening import OpenScan
+
+BESIDE = 4.0  # swings followed again on either side of what was edited, in which the filter forgets
+TOUCHES = 0.25  # of the marks' spacing, within which a mark is meant
+BY_HAND = 1.0  # px, 1 sigma of a mark that was set by hand
+
+
+class MarkEdits(NamedTuple):
+    """Marks that a person set, cleared or named; rows on the traces, px."""
+
+    row: Floats  # (n,) of marks that are there
+    trace: NDArray[np.int64]
+    seconds: Floats  # (n,) their times, s since the record's start; NaN where not said
+    cleared: Floats  # (m,) rows without a mark
+    cleared_trace: NDArray[np.int64]
+    breaks: Floats  # rows where marks are not counted on
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Edits of a film, its traces as the tracker numbers them."""
+
+    masks: tuple[Floats, ...]  # corners (n, 2), row and column
+    lines: tuple[tuple[int, Floats], ...]  # trace, points (n, 2)
+    ignored: tuple[tuple[int, float, float], ...]  # trace, first and last row
+    marks: MarkEdits
+
+    def hide(self, darkness: NDArray[np.float32], first: int) -> NDArray[np.float32]:
+        """The same rows from `first` on, NaN where nothing is to be read."""
+        for corners in self.masks:
+            if corners[:, 0].max() > first and corners[:, 0].min() < first + len(darkness):
+                darkness[drawn(corners, first, darkness.shape)] = np.nan
+        return darkness
+
+    def hides(self, rows: Floats, columns: Floats) -> NDArray[np.bool_]:
+        """Which of some places lie in a mask."""
+        found = np.zeros(np.shape(rows), dtype=bool)
+        for corners in self.masks:
+            found |= contains(corners, rows, columns)
+        return found
+
+    def courses(self, traces: int, rows: int) -> Floats | None:
+        """Columns (traces, rows) of the lines that traces follow, NaN elsewhere; None without lines."""
+        from scipy.interpolate import PchipInterpolator
+
+        if not self.lines:
+            return None
+        out = np.full((traces, rows), np.nan)
+        for trace, points in self.lines:
+            centres = np.arange(max(int(points[0, 0] + 0.5), 0), min(int(points[-1, 0] + 0.5), rows))
+            out[trace, centres] = PchipInterpolator(*points.T)(centres + 0.5)
+        return out
+
+    def stretches(self, rows: int, period: float) -> list[tuple[int, int]]:
+        """Rows, first and last, that are to be followed once more, apart from each other and in order."""
+        touched = [*self.masks, *(points for _, points in self.lines)]
+        margin = BESIDE * period
+        spans = sorted((float(each[:, 0].min()) - margin, float(each[:, 0].max()) + margin) for each in touched)
+        joined: list[tuple[int, int]] = []
+        for low, high in spans:
+            first, last = max(int(low), 0), min(int(high), rows - 1)
+            if joined and first <= joined[-1][1]:
+                joined[-1] = joined[-1][0], max(last, joined[-1][1])
+            else:
+                joined.append((first, last))
+        return joined
+
+    def left_out(self, rows: int) -> tuple[int, ...]:
+        """Traces that are ignored on the whole film."""
+        return tuple(sorted({trace for trace, first, last in self.ignored if first <= 0.0 and last >= rows}))
+
+    def shows(self, trace: NDArray[np.int64], row: Floats, column: Floats) -> NDArray[np.bool_]:
+        """Which places on traces are neither hidden nor ignored."""
+        out = ~self.hides(row, column)
+        for ignored, first, last in self.ignored:
+            out &= (trace != ignored) | (row < first) | (row > last)
+        return out
+
+    def without_ignored(self, tracks: Tracks) -> None:
+        """Make a trace unknown on the rows on which it is ignored, in place; not one that is ignored as a whole."""
+        whole = self.left_out(tracks.course.shape[1])
+        for trace, first, last in (each for each in self.ignored if each[0] not in whole):
+            some = slice(max(int(first), 0), max(int(last) + 1, 0))
+            for values in (tracks.position, tracks.sigma, tracks.course, tracks.slope, tracks.curvature):
+                values[trace, some] = np.nan
+
+    def readable(self, strobe: Strobe, axis: TimeAxis) -> Strobe:
+        """Places at the marks but for those that are hidden."""
+        if not self.masks:
+            return strobe
+        rows = np.interp(strobe.index, axis.index, axis.row)
+        column = strobe.position
+        hidden = self.hides(rows + axis.offset[:, None] + axis.shear * np.nan_to_num(column), column)
+        return Strobe(strobe.index, np.where(hidden, np.nan, column), np.where(hidden, np.nan, strobe.sigma), strobe.qc)
+
+
+def place(edits: FilmEdits, scan: OpenScan, tracks: Tracks, start: str) -> Placed:
+    """Edits in the reader's terms; `start` is the date from which the record counts its seconds.
+
+    Raises
+    ------
+    RecordError
+        One lies outside the image, or names a trace that is not there.
+    """
+    rest = [float(np.nanmedian(course)) if np.isfinite(course).any() else np.inf for course in tracks.course]
+    order = np.argsort(rest, kind="stable")
+
+    def number(each: Any, at: int) -> int:
+        if each.trace > order.size:
+            raise RecordError(f"edits[{at}]: there is no trace {each.trace}; the film shows {order.size}")
+        return int(order[each.trace - 1])
+
+    def inside(points: Sequence[tuple[float, float]], at: int) -> Floats:
+        for row, column in points:
+            if not (0.0 <= row <= scan.rows and 0.0 <= column <= scan.columns):
+                raise RecordError(
+                    f"edits[{at}]: row {row:g}, column {column:g} lies outside the image of {scan.rows} rows and "
+                    f"{scan.columns} columns"
+                )
+        return np.array(points, dtype=np.float64)
+
+    masks: list[Floats] = []
+    lines: list[tuple[int, Floats]] = []
+    ignored: list[tuple[int, float, float]] = []
+    marks: list[tuple[float, int, float]] = []
+    cleared: list[tuple[float, int]] = []
+    breaks: list[float] = []
+    for at, each in enumerate(edits.edits):
+        match each:
+            case Mask():
+                masks.append(inside(each.points, at))
+            case Follow():
+                lines.append((number(each, at), inside(each.points, at)))
+            case Ignore():
+                last = scan.rows if each.last_row is None else each.last_row
+                ignored.append((number(each, at), each.first_row or 0.0, last))
+            case Mark():
+                seconds = each.seconds(start)
+                inside([(each.row, 0.0)], at)
+                marks.append((each.row, number(each, at), np.nan if seconds is None else seconds))
+            case NoMark():
+                inside([(each.row, 0.0)], at)
+                cleared.append((each.row, number(each, at)))
+            case Break():
+                inside([(each.row, 0.0)], at)
+                breaks.append(each.row)
+    there, gone = np.array(marks, dtype=np.float64).reshape(-1, 3), np.array(cleared, dtype=np.float64).reshape(-1, 2)
+    return Placed(
+        tuple(masks),
+        tuple(lines),
+        tuple(ignored),
+        MarkEdits(
+            there[:, 0], there[:, 1].astype(np.int64), there[:, 2], gone[:, 0], gone[:, 1].astype(np.int64),
+            np.array(breaks),
+        ),
+    )  # fmt: skip
+
+
+def check_scan(edits: FilmEdits, scan: OpenScan) -> None:
+    """Refuse edits that were made for another scan.
+
+    Raises
+    ------
+    RecordError
+    """
+    own = scan.sha256
+    if edits.sha256 != own:
+        raise RecordError(
+            f"edits: made for another scan (sha256 {edits.sha256[0][:12]}..., this one is {own[0][:12]}...); give the "
+            "edits of this scan"
+        )
+
+
+def drawn(corners: Floats, first: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Which pixels of rows from `first` on have their centres in a polygon, or in the rectangle of two corners."""
+    out = np.zeros(shape[:2], dtype=bool)
+    low = np.clip(np.floor(corners.min(axis=0) - [first, 0]).astype(int), 0, shape[:2])
+    high = np.clip(np.ceil(corners.max(axis=0) - [first, 0]).astype(int) + 1, 0, shape[:2])
+    rows, columns = np.mgrid[low[0] : high[0], low[1] : high[1]] + 0.5
+    out[low[0] : high[0], low[1] : high[1]] = contains(corners, rows + first, columns)
+    return out
+
+
+def contains(corners: Floats, rows: Floats, columns: Floats) -> NDArray[np.bool_]:
+    """Which places lie in a polygon (even-odd rule), or in the rectangle of two opposite corners."""
+    if len(corners) == 2:
+        (top, left), (bottom, right) = corners.min(axis=0), corners.max(axis=0)
+        return np.asarray((rows >= top) & (rows <= bottom) & (columns >= left) & (columns <= right))
+    found = np.zeros(np.shape(rows), dtype=bool)
+    for (row, column), (next_row, next_column) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        if row == next_row:
+            continue
+        crosses = (row > rows) != (next_row > rows)
+        found ^= crosses & (columns < column + (rows - row) * (next_column - column) / (next_row - row))
+    return found

@@ -1,0 +1,97 @@
+"""Places of a film that a person should look at, in order of what they may do to gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from data_schemas.variables_record import ELONGATION_FLAGS
+from pipeline.film.parts import Floats
+from pipeline.film.reading import Reading
+
+G_MGAL = 9.81e5
+MOST = 200
+APART = 3  # swings, within which places are one
+WRONG = 1.0  # spots, by which an ambiguous reading may be wrong
+LEAST = {"lost": 0.5, "ambiguous": 0.1, "outlier": 0.5, "saturated": 0.5}  # swings, shorter places are not told
+WORDS = {
+    "lost": "trace not followed",
+    "ambiguous": "two ways along the film disagree",
+    "outlier": "readings do not fit",
+    "saturated": "too dark to read",
+}
+
+
+def doubtful(reading: Reading, clock: Callable[[float], str]) -> list[dict[str, Any]]:
+    """Places in order of harm; `harm_mgal` is by how much gravity moves if the place is as wrong as it may be.
+
+    A phase wrong by d rad for s seconds at x from the middle of a record of length T changes the rate of its phase by
+    12 d s x / T^3, a step of the clock by t at the share y of the record by 6 t y (1 - y) / T of itself; gravity, over
+    itself, by twice what the rate is changed by.
+    """
+    axis, tracks = reading.axis, reading.tracks
+    known = np.flatnonzero(np.isfinite(axis.seconds))
+    if known.size < 2:
+        return []
+    seconds = np.interp(np.arange(axis.seconds.size), known, axis.seconds[known])
+    begin, end = float(axis.seconds[known[0]]), float(axis.seconds[known[-1]])
+    found = [*_of_time(reading, seconds, begin, end)]
+    rate = 2.0 * np.pi / tracks.rows_per_swing * float(axis.seconds.size - 1) / max(seconds[-1] - seconds[0], 1e-9)
+    for trace, qc in enumerate(tracks.qc):
+        size = 0.5 * float(np.ptp(np.nanpercentile(tracks.course[trace], (2, 98)))) if known.size else 1.0
+        for name, words in WORDS.items():
+            which = ((qc & ELONGATION_FLAGS[name]) > 0) & np.isfinite(axis.seconds)
+            for first, last in _runs(which, APART * tracks.rows_per_swing if name != "lost" else 1.0):
+                length = float(seconds[last] - seconds[first])
+                if length * rate / (2.0 * np.pi) < LEAST[name]:
+                    continue
+                middle = 0.5 * float(seconds[first] + seconds[last]) - 0.5 * (begin + end)
+                phase = WRONG * tracks.spot / max(size, tracks.spot) * float(which[first : last + 1].mean())
+                turned = 12.0 * phase * length * abs(middle) / (end - begin) ** 3
+                found.append(_place(first, last, trace, words, 2.0 * turned / rate * G_MGAL))
+    for each in found:
+        each["time"] = clock(float(seconds[min(int(each["first_row"]), seconds.size - 1)]))
+    return sorted(found, key=lambda each: -each["harm_mgal"])[:MOST]
+
+
+def _of_time(reading: Reading, seconds: Floats, begin: float, end: float) -> list[dict[str, Any]]:
+    """Where marks may be miscounted, or are missing over long stretches."""
+    axis, found = reading.axis, []
+    for first, last, by in axis.doubts:
+        low, high = np.searchsorted(seconds, [first, last]).tolist()
+        words = f"marks may be miscounted, by {by:g} s"
+        found.append(_place(low, min(high, seconds.size - 1), None, words, _step(by, 0.5 * (first + last), begin, end)))
+    gaps = np.diff(axis.index)
+    for at in np.flatnonzero(gaps > 4):
+        words = f"{gaps[at] - 1} marks missing"
+        harm = _step(axis.interval, float(axis.index[at] * axis.interval), begin, end)
+        found.append(_place(int(axis.row[at]), int(axis.row[at + 1]), None, words, 0.1 * harm))
+    for first, last in _runs(~np.isfinite(axis.seconds), 1.0):
+        if first > 0 and last < axis.seconds.size - 1:
+            harm = _step(axis.interval, float(seconds[first]), begin, end)
+            found.append(_place(first, last, None, "the paper stood still", 0.1 * harm))
+    return found
+
+
+def _step(by: float, at: float, begin: float, end: float) -> float:
+    """Change of gravity by a step of the clock, mGal."""
+    share = float(np.clip((at - begin) / (end - begin), 0.0, 1.0))
+    return 2.0 * G_MGAL * 6.0 * by * share * (1.0 - share) / (end - begin)
+
+
+def _place(first: int, last: int, trace: int | None, words: str, harm: float) -> dict[str, Any]:
+    number = None if trace is None else trace + 1
+    return {"first_row": float(first), "last_row": float(last + 1), "trace": number, "what": words, "harm_mgal": harm}
+
+
+def _runs(which: Any, apart: float) -> list[tuple[int, int]]:
+    """First and last rows of stretches that lie farther apart than so many rows."""
+    rows = np.flatnonzero(which)
+    if not rows.size:
+        return []
+    breaks = np.flatnonzero(np.diff(rows) > max(apart, 1.0))
+    return list(
+        zip(rows[np.append(0, breaks + 1)].tolist(), rows[np.append(breaks, rows.size - 1)].tolist(), strict=True)
+    )

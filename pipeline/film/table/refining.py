@@ -1,0 +1,130 @@
+"""Gravity of a record that changes while a person looks on: told at once from the last reduction, then reduced anew."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from data_schemas.errors import IsochronyError
+from pipeline.joint import choice
+from pipeline.joint.course import mean_gravity
+from pipeline.joint.explanation import Fitted, fitted
+from pipeline.joint.gather import gather
+from pipeline.joint.reduction import Joint, reduce_jointly
+from pipeline.ledger.entry import MGAL
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """What is known of gravity: m s-2, and its 1 sigma in mGal; None where it is not, and why."""
+
+    value: float | None = None
+    sigma: float | None = None
+    method: str = ""
+    refused: str | None = None
+
+    def plain(self) -> dict[str, Any]:
+        """As the page takes it."""
+        return {"value_m_s2": self.value, "sigma_mgal": self.sigma, "method": self.method, "refused": self.refused}
+
+    def change(self, before: Gravity) -> float:
+        """Against another, mGal."""
+        assert self.value is not None
+        assert before.value is not None
+        return (self.value - before.value) / MGAL
+
+
+def going_on(record: DataTree, last: Joint | None) -> Gravity:
+    """Gravity by the explanation of an earlier reduction, fitted to other readings of the same film.
+
+    What other explanations, gaps and doubts added to value and sigma there is added here. Nothing is told where the
+    record reaches over another time: its path is another.
+    """
+    if last is None or last.reduction.gravity is None:
+        return Gravity()
+    old = last.outcome.fit
+    try:
+        problem = gather(record).problem
+        lattice = problem.lattice
+        if (lattice.nodes, lattice.start, lattice.step) != _grid(old):
+            return Gravity()
+        fit = fitted(replace(old.model, problem=problem), old.path, most=1)
+    except (IsochronyError, np.linalg.LinAlgError):
+        return Gravity()
+    duration = lattice.duration
+    (value, sigma), (was, spread) = mean_gravity(fit.solution, duration), mean_gravity(old.solution, duration)
+    more = max(last.outcome.sigma**2 - spread**2, 0.0)
+    own = float(np.sqrt(sigma**2 + more)) * max(choice.unexplained(fit), last.outcome.spread)
+    ratio, total = 1.0 + (value - was) / last.outcome.mean, last.reduction.gravity
+    return Gravity(
+        total.gravity * ratio,
+        float(total.sigma * own / (last.outcome.sigma * last.outcome.spread)),
+        "joint, gone on with from the last reduction",
+    )
+
+
+def _grid(fit: Fitted) -> tuple[int, float, float]:
+    lattice = fit.model.problem.lattice
+    return lattice.nodes, lattice.start, lattice.step
+
+
+class Refining:
+    """The whole reduction of a record, in a process of its own."""
+
+    def __init__(self) -> None:
+        self.last: Joint | None = None
+        self._process: Any = None
+        self._result: Any = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a reduction is under way."""
+        return self._process is not None
+
+    def begin(self, record: DataTree) -> None:
+        """Reduce a record; what was under way is ended."""
+        self.end()
+        context = get_context("spawn")
+        self._result, sender = context.Pipe(duplex=False)
+        self._process = context.Process(target=_reduce, args=(record.to_dict(), sender), daemon=True)
+        self._process.start()
+        sender.close()
+
+    def latest(self, known: Gravity) -> Gravity:
+        """Gravity by the reduction, once it is there; else what is `known`."""
+        if self._process is None or not (self._result.poll() or not self._process.is_alive()):
+            return known
+        try:
+            found = self._result.recv()
+        except (EOFError, OSError):
+            found = "the reduction ended before it was done; is there memory enough?"
+        self.end()
+        if isinstance(found, str):
+            return Gravity(refused=found)
+        self.last = found
+        total = found.reduction.gravity
+        return Gravity(total.gravity, total.sigma, "joint")
+
+    def end(self) -> None:
+        """End what is under way."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._process.close()
+            self._result.close()
+            self._process = None
+
+
+def _reduce(groups: dict[str, Any], sender: Any) -> None:
+    from xarray import DataTree
+
+    try:
+        sender.send(reduce_jointly(DataTree.from_dict(groups), None, 0.0))
+    except IsochronyError as fault:
+        sender.send(str(fault))

@@ -1,0 +1,318 @@
+"""One film on the table: its reading, a person's edits, and the gravity that they give.
+
+The traces of the untouched film are followed once. An edit follows its own stretch again, counts the marks anew and
+gives a new record, as `digitise --edits` does. Its gravity is told at once by going on from the last reduction; the
+whole reduction follows in a process of its own, which the next edit ends.
+"""
+
+from __future__ import annotations
+
+import getpass
+import io
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from data_schemas.checksum import numbers_sha256
+from data_schemas.errors import IsochronyError, RecordError, RefusedError
+from data_schemas.film_description import FilmDescription
+from data_schemas.film_edits import FilmEdits, edits_path, load_edits
+from data_schemas.scene_faults import one_line
+from pipeline.film.digitise import open_film
+from pipeline.film.knowledge import FilmOptions, Known
+from pipeline.film.reading import FilmTraces, Progress, Reading, find_time, read_traces
+from pipeline.film.record import make_record
+from pipeline.film.table.doubtful import doubtful
+from pipeline.film.table.refining import Gravity, Refining, going_on
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+TILE = 512  # px, of a side
+LEVELS = 6
+
+
+@dataclass
+class Session:
+    """A film, its edits and what they make of it; not for several threads at once, but for `tile` and `overlay`.
+
+    Attributes
+    ----------
+    untouched : FilmTraces
+        The film without edits.
+    known : Known
+    edits : FilmEdits
+    path : Path
+        Where the edits are kept.
+    who : str
+        Kept with every edit.
+    """
+
+    untouched: FilmTraces
+    known: Known
+    edits: FilmEdits
+    path: Path
+    who: str
+    name: str
+    options: dict[str, Any]
+    reading: Reading | None = None
+    refusal: IsochronyError | None = None
+    saved_at: str | None = None
+
+    def __post_init__(self) -> None:
+        self._undone: list[Any] = []
+        self._revision = 0
+        self._record: DataTree | None = None
+        self._refining = Refining()
+        self._before: Gravity | None = None
+        self._gravity = Gravity()
+        self._read()
+
+    @staticmethod
+    def open(
+        paths: Sequence[Path],
+        description: FilmDescription | None = None,
+        options: FilmOptions | None = None,
+        *,
+        orientation: str = "auto",
+        lines: str = "auto",
+        reading: str = "auto",
+        rate: float | None = None,
+        edits: Path | None = None,
+        who: str | None = None,
+        jobs: int = 1,
+        progress: Progress | None = None,
+    ) -> Session:
+        """Follow the traces of a film; its edits are taken up where their file is there.
+
+        Raises
+        ------
+        FileError, RecordError, RefusedError
+            The film cannot be opened, nothing swings on it, or the edits are of another scan.
+        """
+        from pipeline.film.edits import check_scan
+
+        path = edits_path(paths[0]) if edits is None else edits
+        made = load_edits(path) if path.exists() else None
+        orientation = orientation if made is None else str(made.orientation)
+        scan, known = open_film(paths, description, options or FilmOptions(), orientation=orientation, lines=lines)
+        if made is not None:
+            check_scan(made, scan)
+        traces, _ = find_time(scan, known, reading, None, jobs, progress)
+        own = {"sha256": traces.scan.sha256, "orientation": traces.scan.orientation}
+        made = made or FilmEdits.model_validate(own)
+        name, asked = paths[0].name, {"reading": reading, "rate": rate, "jobs": jobs}
+        return Session(traces, known, made, path, who or _user(), name, asked)
+
+    def state(self) -> dict[str, Any]:
+        """All that the page shows but for the film, plain."""
+        self._gravity = self._refining.latest(self._gravity)
+        gravity, before, reading = self._gravity, self._before, self.reading
+        change = None if before is None or None in (before.value, gravity.value) else gravity.change(before)
+        scan, refused = self.untouched.scan, None if self.refusal is None else str(self.refusal)
+        told: dict[str, Any] = {"samples": 0, "accepted_fraction": 0.0, "flags": [], "notes": [], "refused": refused}
+        if reading is not None and self._record is not None:
+            from pipeline.film.summary import summary
+
+            row = summary(self._record, reading)
+            told |= {key: row[key] for key in ("samples", "accepted_fraction", "flags", "notes")}
+        return {
+            "name": self.name,
+            "rows": scan.rows,
+            "columns": scan.columns,
+            "orientation": self.edits.orientation,
+            "seconds_per_row": self._seconds_per_row(),
+            "traces": self._traces(),
+            "edits": self.edits.model_dump(mode="json")["edits"],
+            "can_undo": bool(self.edits.edits),
+            "can_redo": bool(self._undone),
+            "revision": self._revision,
+            "gravity": {**gravity.plain(), "change_mgal": change, "refining": self._refining.busy},
+            "reading": told,
+            "doubtful": [] if reading is None else doubtful(reading, self._clock),
+            "saved": str(self.path),
+            "saved_at": self.saved_at,
+            "numbers_sha256": None if self._record is None else numbers_sha256(self._record),
+        }
+
+    def edit(self, edit: dict[str, Any]) -> dict[str, Any]:
+        """Add an edit, and read its stretch again.
+
+        Raises
+        ------
+        RecordError
+            It cannot be meant; nothing is changed.
+        """
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        made = {key: value for key, value in edit.items() if value is not None} | {"by": self.who, "at": now}
+        content = self.edits.model_dump(mode="json")
+        try:
+            edits = FilmEdits.model_validate({**content, "edits": [*content["edits"], made]})
+        except ValidationError as error:
+            raise RecordError(one_line(error, FilmEdits)) from None
+        return self._take(edits, [])
+
+    def undo(self) -> dict[str, Any]:
+        """Take back the last edit."""
+        if not self.edits.edits:
+            raise RecordError("there is nothing to undo")
+        *rest, last = self.edits.edits
+        return self._take(self.edits.model_copy(update={"edits": tuple(rest)}), [*self._undone, last])
+
+    def redo(self) -> dict[str, Any]:
+        """Make the edit again that was taken back last."""
+        if not self._undone:
+            raise RecordError("there is nothing to redo")
+        *rest, last = self._undone
+        return self._take(self.edits.model_copy(update={"edits": (*self.edits.edits, last)}), rest)
+
+    def record(self) -> DataTree | None:
+        """The record as it is now; None where the film is refused."""
+        return self._record
+
+    def close(self) -> None:
+        """End what still runs."""
+        self._refining.end()
+
+    def csv(self) -> str:
+        """Readings: time and angle of every trace with its uncertainty, as text."""
+        if self._record is None:
+            raise RefusedError(str(self.refusal))
+        traces, out = self._record["record"].dataset, io.StringIO()
+        names = [str(each) for each in traces["trace"].values]
+        head = ["time_s", *(f"{name}_rad" for name in names), *(f"{name}_sigma_rad" for name in names)]
+        columns = [self._record.dataset["time"].values, *traces["elongation"].values]
+        columns += [*traces["elongation_uncertainty"].values]
+        np.savetxt(out, np.column_stack(columns), "%.9g", ",", header=",".join(head), comments="")
+        return out.getvalue()
+
+    @property
+    def levels(self) -> int:
+        """Sizes in which tiles are there, each half of the one before."""
+        return LEVELS
+
+    def tile(self, level: int, down: int, across: int) -> bytes:
+        """A tile of the film as PNG, at 1/2**level of its size.
+
+        Raises
+        ------
+        RecordError
+            There is no such tile.
+        """
+        from PIL import Image
+
+        scan, side = self.untouched.scan, TILE << level
+        first, left = down * side, across * side
+        if not (0 <= level < LEVELS and 0 <= first < scan.rows and 0 <= left < scan.columns):
+            raise RecordError(f"tile {level}/{down}/{across}: the film has no such tile")
+        pixels = np.asarray(scan.read(first, min(first + side, scan.rows))[:, left : left + side])
+        pixels = (pixels >> 8 if scan.full_scale > 255 else pixels).astype(np.uint8)
+        picture = Image.fromarray(pixels)
+        width, height = (max(1, -(-each // (1 << level))) for each in picture.size)
+        out = io.BytesIO()
+        picture.resize((width, height), Image.Resampling.BOX).save(out, "PNG", compress_level=1)
+        return out.getvalue()
+
+    def overlay(self, first_row: int, last_row: int, most: int) -> dict[str, Any]:
+        """Courses, readings and marks on some rows, at most so many of them."""
+        reading, traces = self.reading, self._now
+        first, last = max(0, first_row), min(last_row, self.untouched.scan.rows - 1)
+        rows = np.unique(np.linspace(first, last, min(most, max(last - first + 1, 1))).astype(int))
+        position = traces.tracks.position if len(rows) > last - first else traces.tracks.position * np.nan
+        out: dict[str, Any] = {
+            "rows": (rows + 0.5).tolist(),
+            "courses": [_listed(each[rows]) for each in traces.tracks.course],
+            "read": [_listed(each[rows]) for each in position],
+            "marks": [],
+        }
+        if reading is not None:
+            axis = reading.axis
+            for at in np.flatnonzero((axis.row >= first - 50) & (axis.row <= last + 50))[:most].tolist():
+                places = [
+                    None
+                    if np.isnan(row)
+                    else [float(row), float(np.nan_to_num(course[min(int(row), course.size - 1)]))]
+                    for row, course in zip(axis.row_of_trace[:, at], traces.tracks.course, strict=True)
+                ]
+                seconds = float(axis.index[at] * axis.interval)
+                mark = {"row": float(axis.row[at]), "trace_rows": places, "label": self._clock(seconds)}
+                out["marks"].append(
+                    mark | {"minute": bool(round(seconds / axis.interval) * axis.interval % 60.0 == 0.0)}
+                )
+        return out
+
+    def _take(self, edits: FilmEdits, undone: list[Any]) -> dict[str, Any]:
+        """Read the film with other edits; where they cannot be meant, all stays as it was."""
+        before, own = self.edits, self._undone
+        self._before, self.edits, self._undone = self._refining.latest(self._gravity), edits, undone
+        try:
+            self._read()
+        except RecordError:
+            self.edits, self._undone = before, own
+            raise
+        self.edits.save(self.path)
+        self.saved_at = datetime.now(UTC).isoformat(timespec="seconds")
+        return self.state()
+
+    def _read(self) -> None:
+        """The reading and its gravity under the edits as they are."""
+        jobs = self.options["jobs"]
+        now = self.untouched.edited(self.edits, self.known, jobs) if self.edits.edits else self.untouched
+        reading: Reading | None = None
+        record: DataTree | None = None
+        refusal: IsochronyError | None = None
+        try:
+            if now.following is not None:
+                now.following.checked()
+            axis = now.axis(self.known)
+            reading = read_traces(now, axis, self.known, **self.options)
+            record = make_record(reading, self.known, self.name)
+        except RefusedError as fault:
+            refusal = fault
+        self._now, self.reading, self._record, self.refusal = now, reading, record, refusal
+        self._revision += 1
+        self._refining.end()
+        if record is None:
+            self._gravity = Gravity(refused=str(refusal))
+            return
+        self._gravity = going_on(record, self._refining.last)
+        self._refining.begin(record)
+
+    def _seconds_per_row(self) -> float | None:
+        if self.reading is None:
+            return None
+        seconds = self.reading.axis.seconds
+        known = np.flatnonzero(np.isfinite(seconds))
+        return float((seconds[known[-1]] - seconds[known[0]]) / max(known[-1] - known[0], 1)) if known.size else None
+
+    def _traces(self) -> list[dict[str, Any]]:
+        count = len(self.untouched.tracks.course)
+        names = [trace.name for trace in self.known.traces]
+        return [{"number": k + 1, "name": names[k] if len(names) == count else str(k + 1)} for k in range(count)]
+
+    def _clock(self, seconds: float) -> str:
+        """A time of the record as the clock showed it; seconds from a full minute where that is not known."""
+        from datetime import timedelta
+
+        stated = self.known.description is not None and "start_time" in self.known.description.model_fields_set
+        if not stated and not any(getattr(each, "time", None) for each in self.edits.edits):
+            return f"{seconds:+.1f} s"
+        begin = datetime.fromisoformat(self.known.start_time)
+        return (begin + timedelta(seconds=seconds)).strftime("%H:%M:%S.%f")[:-5]
+
+
+def _listed(values: Any) -> list[float | None]:
+    return [None if np.isnan(value) else round(float(value), 2) for value in values]
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):  # no such user is known to the system
+        return os.environ.get("USER", "")

@@ -63,7 +63,7 @@ class Desk:
         """Every address with what answers it."""
         changes = {"edits": self._edits, "undo": self._undo, "redo": self._redo}
         return [
-            Route("/state", self._told),
+            Route("/state", self._now),
             Route("/overlay", self._overlay),
             Route("/tile/{level:int}/{down:int}/{across:int}", self._tile),
             Route("/readings.csv", self._csv),
@@ -75,7 +75,16 @@ class Desk:
     async def _in(self, pool: ThreadPoolExecutor, call: Callable[..., _T], *given: Any) -> _T:
         return await asyncio.get_running_loop().run_in_executor(pool, call, *given)
 
-    async def _told(self, _: Request) -> Response:
+    async def _now(self, _: Request) -> Response:
+        """The state: of the last finished reading while an edit is under way, otherwise as gravity is by now."""
+        if not self._busy:
+            await self._in(self._worker, self._look)
+        return self._told()
+
+    def _look(self) -> None:
+        self._state = self.session.state()
+
+    def _told(self) -> Response:
         state, session = self._state, self.session
         words = {flag: told(flag) for flag in state["reading"]["flags"] if flag in FLAGS}
         extra = {"busy": self._busy, "who": session.who, "levels": session.levels, "flag_words": words}
@@ -109,7 +118,7 @@ class Desk:
         if not (isinstance(name, str) and len(name.strip()) <= 100):
             raise HTTPException(400, "who wants a name of at most 100 letters")
         await self._in(self._worker, setattr, self.session, "who", name.strip())
-        return await self._told(request)
+        return self._told()
 
     async def _done(self, request: Request) -> Response:
         await _content(request)
@@ -128,7 +137,7 @@ class Desk:
                 await self._in(self._worker, self._changed, change, content)
             finally:
                 self._busy = False
-            return await self._told(request)
+            return self._told()
 
         return answer
 
@@ -136,7 +145,7 @@ class Desk:
         try:
             change(content)
         finally:
-            self._state = self.session.state()
+            self._look()
 
     def _edits(self, content: dict[str, Any]) -> None:
         """Make one edit, or two as one: all or none."""

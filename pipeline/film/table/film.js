@@ -83,7 +83,7 @@ async function wantOverlay(first, last) {
   const holds = old && old.revision === revision && old.first <= first && old.last >= last;
   if (asking || last <= first || (holds && (old.whole || view.zoom < 1.5 * old.zoom))) return;
   const from = Math.max(0, Math.floor(first - span / 2)), to = Math.min(rows, Math.ceil(last + span / 2));
-  const most = clamp(2 * canvas.clientHeight, 100, 10000);
+  const most = clamp(6 * canvas.clientHeight, 100, 10000); // every row, where the film is shown at its size or so
   asking = true;
   try {
     const data = await (await ask(`overlay?first=${from}&last=${to}&most=${most}`)).json();

@@ -18,14 +18,15 @@ const TOOLS = { // key, name, hint; N stands for the trace
 };
 const IDLE = "Drag to move, wheel to zoom. A mark is moved by its tick. Choose a tool to correct the reading.";
 const DRAGGED = ["mask", "ignore"], CLICKED = 4; // px that a click may move
-let naming = null, busy = false, changes = 0, tool = null, trace = 1, points = [], grabbed = null, drag = null, doubt = -1;
+let timer = 0, naming = null, busy = false, changes = 0, tool = null, trace = 1, points = [], grabbed = null, drag = null, doubt = -1;
 const cut = (value) => Math.round(value * 10) / 10; // px
 let cross = null; // the crosshair, on the film
 let stepped = false; // whether keys moved it since the last point: then Enter sets one, otherwise Enter finishes
 
 // ---- to and from the server
 function take(state, words) {
-  const old = shown.state;
+  const old = shown.state, refined = old?.gravity.refining && !state.gravity.refining;
+  if (JSON.stringify(old) === JSON.stringify(state)) return later();
   shown.state = state;
   if (!old) film.start();
   if (old?.revision !== state.revision) times();
@@ -33,20 +34,26 @@ function take(state, words) {
   doubt = state.doubtful.findIndex(same);
   shown.doubt = state.doubtful[doubt] ?? null;
   show();
-  if (words) say(words + told());
   setBusy(state.busy);
-  if (state.busy) setTimeout(refresh, 500); // another window of this session edits
+  if (words || refined) say((words ?? "Reduced anew. ") + told());
+  later();
+}
+function later() { // ask again, while another window edits or a better gravity is under way
+  const { busy: other, gravity } = shown.state;
+  clearTimeout(timer);
+  if (other || gravity.refining) timer = setTimeout(refresh, 700);
 }
 const show = () => render(doubt, { visit, choose });
 async function times() {
   try {
-    setAxis((await (await ask(`overlay?first=0&last=${shown.state.rows}&most=2`)).json()).marks);
+    setAxis((await (await ask(`overlay?first=0&last=${shown.state.rows}&most=10000`)).json()).marks);
     show();
   } catch (fault) {
     refuse(fault.message);
   }
 }
 async function refresh() {
+  if (busy && !shown.state?.busy) return; // an edit of this window brings its own state
   const turn = changes;
   try {
     const state = await (await ask("state")).json();
@@ -349,7 +356,7 @@ $("who").onchange = () => { naming = ask("who", { who: $("who").value }).catch((
 $("csv").onclick = async () => {
   try {
     const href = URL.createObjectURL(await (await ask("readings.csv")).blob());
-    const link = make("a", { href, download: `${shown.state.name}.readings.csv` });
+    const link = make("a", { href, download: `${shown.state.name.replace(/(\.film)?\.\w+$/, "")}.readings.csv` });
     link.click();
     setTimeout(() => URL.revokeObjectURL(href), 60000);
     say(`Readings saved as ${link.download}`);
@@ -361,6 +368,8 @@ $("done").onclick = async () => {
   try {
     const { saved } = await (await ask("done", {})).json();
     shown.state = null; // nothing more is drawn, nothing asked
+    changes += 1;
+    clearTimeout(timer);
     const textContent = `The table is closed; the edits are in ${saved}. This page may be closed too.`;
     document.body.replaceChildren(make("p", { className: "end", role: "status", textContent }));
   } catch (fault) {

@@ -14,16 +14,16 @@ const minus = (text) => text.replace("-", "\u2212");
 const places = (size, most) => clamp(1 - Math.floor(Math.log10(Math.abs(size) || 1)), 0, most);
 export const milligal = (value) => minus(value.toFixed(places(value, 3)));
 const signed = (value) => (value > 0 ? "+" : "") + milligal(value);
-const gravityText = ({ value_m_s2: value, sigma_mgal: sigma }) =>
-  value === null ? "none" : `${value.toFixed(5 + places(sigma ?? 1, 4))} m/s\u00b2`;
+const gravityText = ({ value_m_s2: value, sigma_mgal: sigma, refining }) =>
+  value === null ? (refining ? "\u2026" : "none") : `${value.toFixed(5 + places(sigma ?? 1, 4))} m/s\u00b2`;
 export const called = (number) => shown.state.traces.find((each) => each.number === number)?.name ?? number;
 
 export function told() {
   const { gravity } = shown.state;
-  if (gravity.value_m_s2 === null) return `No gravity: ${gravity.refused ?? "not determined"}`;
+  if (gravity.value_m_s2 === null) return gravity.refining ? "Gravity is being reduced\u2026" : `No gravity: ${gravity.refused ?? "not determined"}`;
   const sigma = gravity.sigma_mgal === null ? "" : ` \u00b1 ${milligal(gravity.sigma_mgal)} mGal`;
   const change = gravity.change_mgal === null ? "" : `, changed by ${signed(gravity.change_mgal)} mGal`;
-  return `Gravity ${gravityText(gravity)}${sigma}${change}`;
+  return `Gravity ${gravityText(gravity)}${sigma}${change}${gravity.refining ? "; being reduced anew\u2026" : ""}`;
 }
 export const say = (text) => { $("message").textContent = text; };
 export function refuse(text) {
@@ -35,7 +35,9 @@ export function render(doubt, on) {
   const { name, gravity, reading, doubtful, edits, traces, saved, saved_at: at } = shown.state;
   document.title = `${name} \u2013 reading table`;
   Object.assign($("name"), { textContent: name, title: name });
-  $("method").textContent = `gravity by ${gravity.method}`;
+  const method = gravity.method.split(",")[0];
+  $("method").textContent = `gravity${method && ` by ${method}`}${gravity.refining ? ", being reduced anew" : ""}`;
+  $("method").title = gravity.method;
   $("gravity").textContent = gravityText(gravity);
   $("sigma").textContent = gravity.sigma_mgal === null ? "" : `\u00b1 ${milligal(gravity.sigma_mgal)} mGal`;
   $("change").textContent = gravity.change_mgal === null ? "\u2013" : `${signed(gravity.change_mgal)} mGal`;

@@ -10,7 +10,7 @@ import socket
 import sys
 import threading
 import webbrowser
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from data_schemas.errors import UsageError
@@ -27,11 +27,13 @@ class Session(Protocol):
 
     who: str
     """Name of the person, kept with every edit."""
-    levels: int
-    """Number of sizes of the film: level 0 is its own, each further one half of the one before."""
+
+    @property
+    def levels(self) -> int:
+        """Number of sizes of the film: level 0 is its own, each further one half of the one before."""
 
     def state(self) -> dict[str, Any]:
-        """Film, traces, edits, gravity, doubtful places: plain JSON."""
+        """Film, traces, edits, gravity (`refining`: a better one is under way), doubtful places: plain JSON."""
 
     def overlay(self, first_row: int, last_row: int, most: int) -> dict[str, Any]:
         """Courses, accepted readings and marks of some rows, at `most` rows at the most."""
@@ -39,7 +41,7 @@ class Session(Protocol):
     def tile(self, level: int, down: int, across: int) -> bytes:
         """PNG of 512 by 512 pixels of the film at 1 / 2**level of its size."""
 
-    def edit(self, edit: Mapping[str, Any]) -> dict[str, Any]:
+    def edit(self, edit: dict[str, Any]) -> dict[str, Any]:
         """Take an edit, read anew, give the state; an `IsochronyError` changes nothing."""
 
     def undo(self) -> dict[str, Any]:

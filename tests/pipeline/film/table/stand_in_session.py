@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import threading
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from http.client import HTTPConnection, HTTPResponse
@@ -54,7 +53,7 @@ class StandInSession:
     levels = 6
 
     def __init__(self) -> None:
-        self.who, self.revision, self.change = "", 0, None
+        self.who, self.revision, self.change, self.refining, self.sigma = "", 0, None, False, 0.52
         self.edits: list[dict[str, Any]] = []
         self.undone: list[dict[str, Any]] = []
         self.gate = threading.Event()  # cleared: edits take until it is set
@@ -65,10 +64,11 @@ class StandInSession:
     def state(self) -> dict[str, Any]:
         value = 9.8123456 + 1e-5 * self._shift(len(self.edits))
         return {
-            "name": "ship", "rows": ROWS, "columns": COLUMNS, "orientation": 0, "seconds_per_row": 0.5 / INTERVAL,
-            "traces": [{"number": 1, "name": "1"}, {"number": 2, "name": "1-2"}], "edits": list(self.edits),
+            "name": "ship.film.tif", "rows": ROWS, "columns": COLUMNS, "orientation": 0,
+            "seconds_per_row": 0.5 / INTERVAL, "traces": [{"number": 1, "name": "1"}, {"number": 2, "name": "1-2"}], "edits": list(self.edits),
             "can_undo": bool(self.edits), "can_redo": bool(self.undone), "revision": self.revision,
-            "gravity": {"value_m_s2": value, "sigma_mgal": 0.52, "change_mgal": self.change, "method": "joint",
+            "gravity": {"value_m_s2": value, "sigma_mgal": self.sigma, "change_mgal": self.change, "method": "joint",
+                        "refining": self.refining,
                         "refused": None},
             "reading": {"samples": 1250, "accepted_fraction": 0.987, "flags": ["marks-many-missing"],
                         "notes": ["lever assumed 2000 mm/rad"], "refused": None},
@@ -100,7 +100,7 @@ class StandInSession:
         size.crop((x, y, min(x + 512, size.width), min(y + 512, size.height))).save(out, "PNG", compress_level=1)
         return out.getvalue()
 
-    def edit(self, edit: Mapping[str, Any]) -> dict[str, Any]:
+    def edit(self, edit: dict[str, Any]) -> dict[str, Any]:
         self.gate.wait(20)
         edits = [*self.edits, {**edit, "by": self.who, "at": "1937-01-02T12:00:00+00:00"}]
         try:

@@ -121,7 +121,7 @@ def near(points: Any, expected: Any) -> None:
 
 
 def test_head_line_tells_gravity(page: Page) -> None:
-    assert page.text("#name") == "ship"
+    assert page.text("#name") == "ship.film.tif"
     assert page.text("#gravity") == "9.8123456 m/s\u00b2"
     assert page.text("#sigma") == "\u00b1 0.52 mGal"
     assert page.text("#samples") == "1\u202f250"
@@ -374,6 +374,17 @@ def test_gravity_is_told_politely(page: Page) -> None:
         "Break set. Gravity 9.8123425 m/s\u00b2 \u00b1 0.52 mGal, changed by \u22120.31 mGal"
     )
     assert page.text("#change") == "\u22120.31 mGal"
+
+
+def test_better_gravity_is_told_when_it_is_there(page: Page) -> None:
+    page.session.refining = True
+    page.type("b", Keys.ENTER)
+    page.until(lambda: page.text("#method") == "gravity by joint, being reduced anew")
+    assert page.text("#message").endswith("being reduced anew\u2026")
+    page.session.refining, page.session.sigma = False, 0.49
+    page.until(lambda: page.text("#method") == "gravity by joint")
+    assert page.text("#sigma") == "\u00b1 0.49 mGal"
+    assert page.text("#message").startswith("Reduced anew. Gravity 9.8123425")
 
 
 def test_refusal_is_shown_whole_and_the_tool_kept(page: Page) -> None:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T")
 _MOST_BYTES = 2**20  # of what is posted: an edit has some hundreds
+_MOST_ROWS = 10_000  # of an overlay
 _TILE = 512  # px
 _HERE = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?", re.IGNORECASE)  # any port: tunnels map them
 _PAGE = ("page.html", "page.css", "page.svg", "page.js", "panels.js", "film.js", "axis.js", "ask.js")
@@ -65,6 +66,7 @@ class Desk:
         return [
             Route("/state", self._now),
             Route("/overlay", self._overlay),
+            Route("/times", self._times),
             Route("/tile/{level:int}/{down:int}/{across:int}", self._tile),
             Route("/readings.csv", self._csv),
             *(Route(f"/{name}", self._changing(change), methods=["POST"]) for name, change in changes.items()),
@@ -96,9 +98,14 @@ class Desk:
         except (KeyError, ValueError):
             raise HTTPException(400, "overlay wants whole numbers first, last and most") from None
         rows = self._state["rows"]
-        if not (0 <= first < last <= rows and 1 <= most <= 10_000):
-            raise HTTPException(400, f"overlay wants 0 <= first < last <= {rows} and 1 <= most <= 10000")
+        if not (0 <= first < last <= rows and 1 <= most <= _MOST_ROWS):
+            raise HTTPException(400, f"overlay wants 0 <= first < last <= {rows} and 1 <= most <= {_MOST_ROWS}")
         return JSONResponse(await self._in(self._looker, self.session.overlay, first, last, most))
+
+    async def _times(self, _: Request) -> Response:
+        """Rows of all marks on the first trace, with their labels."""
+        shown = await self._in(self._looker, self.session.overlay, 0, self._state["rows"], _MOST_ROWS)
+        return JSONResponse([[mark["row"], mark["label"]] for mark in shown["marks"]])
 
     async def _tile(self, request: Request) -> Response:
         level, down, across = (request.path_params[name] for name in ("level", "down", "across"))

@@ -10,12 +10,12 @@ export const rate = () => (rows.at(-1) - rows[0]) / (seconds.at(-1) - seconds[0]
 
 export function setAxis(marks) {
   [rows, seconds] = [[], []];
-  clock = marks.some((mark) => mark.label.includes(":"));
-  for (const mark of marks) {
-    let time = secondsOf(mark.label);
+  clock = marks.some(([, label]) => label.includes(":"));
+  for (const [row, label] of marks) {
+    let time = secondsOf(label);
     if (!Number.isFinite(time)) continue;
     while (clock && time < seconds.at(-1) - 43200) time += 86400; // past midnight
-    rows.push(mark.row);
+    rows.push(row);
     seconds.push(time);
   }
 }

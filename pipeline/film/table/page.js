@@ -3,7 +3,7 @@
 import { ask } from "./ask.js?token=TOKEN";
 import { rowAt, setAxis, timeAt } from "./axis.js?token=TOKEN";
 import * as film from "./film.js?token=TOKEN";
-import { $, called, make, milligal, refuse, render, say, told } from "./panels.js?token=TOKEN";
+import { $, called, harmText, make, refuse, render, say, told } from "./panels.js?token=TOKEN";
 
 const { view, shown, clamp } = film;
 const canvas = $("film");
@@ -41,12 +41,12 @@ function take(state, words) {
 function later() { // ask again, while another window edits or a better gravity is under way
   const { busy: other, gravity } = shown.state;
   clearTimeout(timer);
-  if (other || gravity.refining) timer = setTimeout(refresh, 700);
+  if (other || gravity.refining) timer = setTimeout(refresh, 1000);
 }
 const show = () => render(doubt, { visit, choose });
 async function times() {
   try {
-    setAxis((await (await ask(`overlay?first=0&last=${shown.state.rows}&most=10000`)).json()).marks);
+    setAxis(await (await ask("times")).json());
     show();
   } catch (fault) {
     refuse(fault.message);
@@ -108,7 +108,7 @@ function visit(k) {
   centre();
   [...$("doubts").children].forEach((node, i) => { node.firstElementChild.ariaCurrent = i === doubt ? "true" : null; });
   $("doubts").children[doubt].scrollIntoView({ block: "nearest" });
-  const harm = place.harm_mgal === null ? "harm not known" : `${milligal(place.harm_mgal)} mGal`;
+  const harm = place.harm_mgal === null ? "harm not known" : `${harmText(place.harm_mgal)} mGal`;
   const on = place.trace ? `, trace ${called(place.trace)}` : "";
   say(`Doubtful place ${doubt + 1} of ${doubtful.length}, ${place.time}${on}: ${place.what}, ${harm}`);
 }

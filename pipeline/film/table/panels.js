@@ -13,6 +13,7 @@ export const make = (tag, properties = {}, ...children) => {
 const minus = (text) => text.replace("-", "\u2212");
 const places = (size, most) => clamp(1 - Math.floor(Math.log10(Math.abs(size) || 1)), 0, most);
 export const milligal = (value) => minus(value.toFixed(places(value, 3)));
+export const harmText = (value) => (value === null ? "?" : value < 0.001 ? "< 0.001" : milligal(value));
 const signed = (value) => (value > 0 ? "+" : "") + milligal(value);
 const gravityText = ({ value_m_s2: value, sigma_mgal: sigma, refining }) =>
   value === null ? (refining ? "\u2026" : "none") : `${value.toFixed(5 + places(sigma ?? 1, 4))} m/s\u00b2`;
@@ -20,7 +21,8 @@ export const called = (number) => shown.state.traces.find((each) => each.number 
 
 export function told() {
   const { gravity } = shown.state;
-  if (gravity.value_m_s2 === null) return gravity.refining ? "Gravity is being reduced\u2026" : `No gravity: ${gravity.refused ?? "not determined"}`;
+  if (gravity.value_m_s2 === null && gravity.refining) return "Gravity is being reduced\u2026";
+  if (gravity.value_m_s2 === null) return `No gravity: ${gravity.refused ?? "not determined"}`;
   const sigma = gravity.sigma_mgal === null ? "" : ` \u00b1 ${milligal(gravity.sigma_mgal)} mGal`;
   const change = gravity.change_mgal === null ? "" : `, changed by ${signed(gravity.change_mgal)} mGal`;
   return `Gravity ${gravityText(gravity)}${sigma}${change}${gravity.refining ? "; being reduced anew\u2026" : ""}`;
@@ -53,9 +55,8 @@ export function render(doubt, on) {
     return make("button", { type: "button", textContent: flag, title: words, onclick: () => say(`${flag}: ${words}`) });
   }));
   $("doubts").replaceChildren(...doubtful.map((each, k) => {
-    const harm = each.harm_mgal === null ? "?" : milligal(each.harm_mgal);
-    const shownHarm = make("span", { className: "harm", textContent: harm, title: "what it may do to gravity, mGal" });
-    return item(() => on.visit(k), k === doubt, each.time, each.trace, each.what, shownHarm);
+    const harm = { className: "harm", textContent: harmText(each.harm_mgal), title: "what it may do to gravity, mGal" };
+    return item(() => on.visit(k), k === doubt, each.time, each.trace, each.what, make("span", harm));
   }));
   if (!doubtful.length) $("doubts").append(make("li", { className: "none", textContent: "None." }));
   $("edits").replaceChildren(...edits.map((edit) => {

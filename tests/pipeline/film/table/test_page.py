@@ -416,7 +416,8 @@ def test_reading_without_gravity_says_why(page: Page, monkeypatch: pytest.Monkey
     state["gravity"] |= {"value_m_s2": None, "sigma_mgal": None, "change_mgal": None, "refused": "one trace is left"}
     monkeypatch.setattr(page.session, "state", lambda: state | {"revision": 9, "doubtful": []})
     page.type("b", Keys.ENTER)
-    page.until(lambda: page.text("#gravity") == "none")
+    page.until(lambda: page.text("#message").startswith("Break set. "))
+    assert page.text("#gravity") == "none"
     assert page.text("#refused") == page.text("#message").removeprefix("Break set. ") == "No gravity: one trace is left"
     assert page.text("#doubts") == "None."
 

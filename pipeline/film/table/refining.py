@@ -65,7 +65,7 @@ def going_on(record: DataTree, last: Joint | None) -> Gravity:
     ratio, total = 1.0 + (value - was) / last.outcome.mean, last.reduction.gravity
     return Gravity(
         total.gravity * ratio,
-        float(total.sigma * own / (last.outcome.sigma * last.outcome.spread)),
+        total.sigma * max(1.0, own / (last.outcome.sigma * last.outcome.spread)),
         "joint, gone on with from the last reduction",
     )
 

@@ -46,7 +46,8 @@ def test_an_edit_gives_gravity_at_once_and_then_as_digitise_and_process_do(sessi
     last = refined(session)
     sigma = last["gravity"]["sigma_mgal"]
     assert abs(at_once["gravity"]["value_m_s2"] - last["gravity"]["value_m_s2"]) < 0.2e-5 * sigma
-    assert at_once["gravity"]["sigma_mgal"] == pytest.approx(sigma, rel=0.2)
+    assert at_once["gravity"]["sigma_mgal"] >= first["gravity"]["sigma_mgal"]
+    assert 0.5 < at_once["gravity"]["sigma_mgal"] / sigma < 2.0
     assert abs(last["gravity"]["change_mgal"]) < sigma
     made = load_edits(session.path)
     assert [(each.kind, each.by) for each in made.edits] == [("mask", "A. B.")]

@@ -1,0 +1,116 @@
+"""Serve the table to the browsers of this machine, from the first page to "Done" or Ctrl-C."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import os
+import secrets
+import socket
+import sys
+import threading
+import webbrowser
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from data_schemas.errors import UsageError
+
+_PATIENCE = 10  # s that requests under way are given when the server ends
+
+
+class Session(Protocol):
+    """The reading of one film under correction.
+
+    `state`, `edit`, `undo`, `redo`, `csv` and `who` are used in one thread. `tile` and `overlay` are called in a second
+    one, while an edit may be under way: they show the last finished reading.
+    """
+
+    who: str
+    """Name of the person, kept with every edit."""
+
+    @property
+    def levels(self) -> int:
+        """Number of sizes of the film: level 0 is its own, each further one half of the one before."""
+
+    def state(self) -> dict[str, Any]:
+        """Film, traces, edits, gravity (`refining`: a better one is under way), doubtful places: plain JSON."""
+
+    def overlay(self, first_row: int, last_row: int, most: int) -> dict[str, Any]:
+        """Courses, accepted readings and marks of some rows, at `most` rows at the most."""
+
+    def tile(self, level: int, down: int, across: int) -> bytes:
+        """PNG of 512 by 512 pixels of the film at 1 / 2**level of its size."""
+
+    def edit(self, edit: dict[str, Any]) -> dict[str, Any]:
+        """Take an edit, read anew, give the state; an `IsochronyError` changes nothing."""
+
+    def undo(self) -> dict[str, Any]:
+        """Take the last edit back."""
+
+    def redo(self) -> dict[str, Any]:
+        """Make the edit that was taken back last."""
+
+    def csv(self) -> str:
+        """All readings as a table."""
+
+
+def serve(
+    session: Session, *, port: int = 0, browser: bool = True, ready: Callable[[str], object] | None = None
+) -> None:
+    """Serve a session on 127.0.0.1 until the person is done, or Ctrl-C. The address, with its token, goes to stderr.
+
+    Parameters
+    ----------
+    port
+        Port to listen on; 0: any that is free.
+    browser
+        Open the page in a browser, where this machine has a display.
+    ready
+        Called with the address as soon as requests are taken.
+
+    Raises
+    ------
+    UsageError
+        The extra `table` is not installed, or the port cannot be had.
+    """
+    if any(importlib.util.find_spec(name) is None for name in ("starlette", "uvicorn")):
+        raise UsageError("the table needs starlette and uvicorn; pip install 'isochrony[table]'")
+    import uvicorn
+
+    from pipeline.film.table.app import Desk, guarded
+
+    token = secrets.token_urlsafe(32)
+    with contextlib.suppress(KeyboardInterrupt), _listening(port) as listener, Desk(session) as desk:
+        url = f"http://127.0.0.1:{listener.getsockname()[1]}/?token={token}"
+
+        def begin() -> None:
+            print(url, file=sys.stderr, flush=True)
+            if browser and _has_display():
+                threading.Thread(target=webbrowser.open, args=[url], daemon=True).start()
+            if ready is not None:
+                ready(url)
+
+        config = uvicorn.Config(
+            guarded(desk, token, begin), log_config=None, access_log=False, server_header=False, proxy_headers=False,
+            lifespan="on", ws="none", timeout_graceful_shutdown=_PATIENCE,
+        )  # fmt: skip
+        server = uvicorn.Server(config)
+        desk.end = lambda: setattr(server, "should_exit", True)
+        server.run(sockets=[listener])
+
+
+def _listening(port: int) -> socket.socket:
+    """Listen to this machine alone."""
+    remedy = "choose another, or 0 for any that is free"
+    if not 0 <= port <= 65535:
+        raise UsageError(f"port {port} is none (0 to 65535); {remedy}")
+    try:
+        return socket.create_server(("127.0.0.1", port))
+    except OSError as fault:
+        raise UsageError(f"port {port} cannot be had ({fault.strerror}); {remedy}") from None
+
+
+def _has_display() -> bool:
+    """Whether a browser would open in a window: one in the terminal of an SSH session would take the terminal."""
+    windows = sys.platform in ("win32", "darwin")
+    return windows or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

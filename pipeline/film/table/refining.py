@@ -11,8 +11,9 @@ import numpy as np
 from data_schemas.errors import IsochronyError
 from pipeline.joint import choice
 from pipeline.joint.course import mean_gravity
-from pipeline.joint.explanation import Fitted, fitted
+from pipeline.joint.explanation import fitted
 from pipeline.joint.gather import gather
+from pipeline.joint.problem import Problem
 from pipeline.joint.reduction import Joint, reduce_jointly
 from pipeline.ledger.entry import MGAL
 
@@ -50,27 +51,27 @@ def going_on(record: DataTree, last: Joint | None) -> Gravity:
         return Gravity()
     old = last.outcome.fit
     try:
-        problem = gather(record).problem
-        lattice = problem.lattice
-        if (lattice.nodes, lattice.start, lattice.step) != _grid(old):
+        problems = (gather(record, calm=calm).problem for calm in (True, False))
+        problem = next((each for each in problems if _grid(each) == _grid(old.model.problem)), None)
+        if problem is None:
             return Gravity()
         fit = fitted(replace(old.model, problem=problem), old.path, most=1)
     except (IsochronyError, np.linalg.LinAlgError):
         return Gravity()
-    duration = lattice.duration
+    duration = problem.lattice.duration
     (value, sigma), (was, spread) = mean_gravity(fit.solution, duration), mean_gravity(old.solution, duration)
     more = max(last.outcome.sigma**2 - spread**2, 0.0)
     own = float(np.sqrt(sigma**2 + more)) * max(choice.unexplained(fit), last.outcome.spread)
     ratio, total = 1.0 + (value - was) / last.outcome.mean, last.reduction.gravity
     return Gravity(
         total.gravity * ratio,
-        float(total.sigma * own / (last.outcome.sigma * last.outcome.spread)),
+        total.sigma * max(1.0, own / (last.outcome.sigma * last.outcome.spread)),
         "joint, gone on with from the last reduction",
     )
 
 
-def _grid(fit: Fitted) -> tuple[int, float, float]:
-    lattice = fit.model.problem.lattice
+def _grid(problem: Problem) -> tuple[int, float, float]:
+    lattice = problem.lattice
     return lattice.nodes, lattice.start, lattice.step
 
 

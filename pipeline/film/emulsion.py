@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter, median_filter
 
 from pipeline.arrays import Floats
 from pipeline.film.scan.opening import OpenScan
@@ -25,6 +25,12 @@ MOST_STRIPS = 48
 BLOCK_COLUMNS = 64
 CLIP = 2.0  # sigma; a normal distribution cut there has this much smaller a sigma:
 CLIPPED_SIGMA = 0.8796
+BLANK, BESIDE = 3.5, (5, 17)  # sigmas, within which a pixel is one of blank film; px that are left out about others
+CLUMPS, PLATEAU, FAINT = (
+    12,
+    8,
+    0.02,
+)  # px over which grain may be alike; and over which background is; correlation of none
 ROUNDS = 4
 LEAST_SIGMA = 2.5e-3  # of a pixel of blank film: without grain it is rounded, and no background is known better
 LEAST_GROWTH = 5e-5  # the model of a line leaves a hundredth or so of its darkness, whatever the grain
@@ -48,6 +54,8 @@ class FilmEmulsion:
         Variance of a pixel's darkness on blank film, and its growth per unit of darkness above it.
     spot : float
         1 sigma of the spot as the scan shows it, px; 0 where it is not known.
+    clumps : (n,) array
+        Correlation of the grain of pixels by their distance across the film, px.
     """
 
     full_scale: int
@@ -55,6 +63,7 @@ class FilmEmulsion:
     curve: ToneCurve
     grain: Floats
     spot: float = 0.0
+    clumps: Floats = field(default_factory=lambda: np.ones(1))
     _table: NDArray[np.float32] = field(init=False, repr=False)
     _exposures: NDArray[np.float32] = field(init=False, repr=False)
 
@@ -91,6 +100,16 @@ class FilmEmulsion:
         out = np.empty_like(darkness)
         look_up(darkness, self._exposures, np.float32((self._exposures.size - 1) / self.curve.darkest), out)
         return out
+
+    def clumped(self, slope: Floats) -> Floats:
+        """Factor in the variance of a line's column on a row, by its slope, where grain is alike on pixels near by.
+
+        The column is a sum over pixels weighed by the derivative of the line's profile along the row, a Gaussian's of
+        1 sigma s: two errors at the distance d with correlation r add `r (1 - d^2 / 2 s^2) exp(-d^2 / 4 s^2)`.
+        """
+        squares = np.square(np.arange(1, self.clumps.size)) / (self.spot**2 * (1.0 + slope[..., None] ** 2))
+        added = self.clumps[1:] * (1.0 - 0.5 * squares) * np.exp(-0.25 * squares)
+        return np.asarray(np.maximum(1.0 + 2.0 * added.sum(axis=-1), 1.0))
 
     def noise(self, exposure: NDArray[np.float32]) -> NDArray[np.float32]:
         """1 sigma of the grain in units of exposure; on blank film that of the faintest exposure that stands out."""
@@ -182,6 +201,27 @@ def measure_blank(scan: OpenScan) -> Blank:
         for j in range(edges.size - 1):
             level[i, j], spread[i, j] = _clipped_mean(strip[:, edges[j] : edges[j + 1]].ravel().astype(np.float64))
     return Blank(firsts + 0.5 * height, 0.5 * (edges[1:] + edges[:-1]), _smoothed(level), float(np.median(spread)))
+
+
+def clumps_of(scan: OpenScan, emulsion: FilmEmulsion) -> Floats:
+    """Correlation of the grain of pixels beside each other, by their distance from 0 on, px, as blank film shows it.
+
+    What pixels far from each other share is the background's, and a line's place does not feel it.
+    """
+    lags, height = np.arange(CLUMPS + PLATEAU), min(STRIP_ROWS, scan.rows)
+    products, pairs = np.zeros((2, lags.size))
+    for first in np.linspace(0, scan.rows - height, MOST_STRIPS).astype(int).tolist():
+        away = emulsion.darkness(scan.read(first, first + height), first)
+        away -= np.median(away, axis=0)
+        blank = ~maximum_filter(np.abs(away) > BLANK * np.sqrt(emulsion.grain[0]), BESIDE)  # the wings of lines are none
+        away = np.where(blank, away, 0.0)
+        for lag in lags.tolist():
+            products[lag] += np.vdot(away[:, lag:], away[:, : away.shape[1] - lag])
+            pairs[lag] += np.count_nonzero(blank[:, lag:] & blank[:, : away.shape[1] - lag])
+    alike = products / np.maximum(pairs, 1.0)
+    alike -= alike[CLUMPS:].mean()
+    faint = np.flatnonzero(alike < FAINT * alike[0])
+    return np.asarray(alike[: faint[0] if faint.size else CLUMPS] / max(float(alike[0]), 1e-12))
 
 
 def _clipped_mean(values: Floats) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion import LEAST_GROWTH, STEEPEST_GRAIN, FilmEmulsion, ToneCurve, plain_emulsion
+from pipeline.film.emulsion import LEAST_GROWTH, STEEPEST_GRAIN, FilmEmulsion, ToneCurve, clumps_of, plain_emulsion
 from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.line_profile import MOST_NODES, Optics, nodes_of, profile
 from pipeline.film.tracking.row_reading import lit_columns
@@ -49,7 +49,8 @@ def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
     if probed is None:
         return plain
     _, optics = probed
-    return FilmEmulsion(scan.full_scale, plain.blank, optics.curve, optics.grain, optics.spot)
+    clumps = clumps_of(scan, plain)
+    return FilmEmulsion(scan.full_scale, plain.blank, optics.curve, optics.grain, optics.spot, clumps)
 
 
 def first_optics(darkness: NDArray[np.float32], sigma: float) -> Optics:

@@ -172,7 +172,10 @@ def _table(films: list[list[Path]], outputs: list[Path], options: argparse.Names
             jobs=options.jobs,
             progress=draw,
         )
-    serve(session, port=options.port, browser=not options.no_browser)
+    try:
+        serve(session, port=options.port, browser=not options.no_browser)
+    finally:
+        session.close()
     record = session.record()
     if record is None:
         raise RefusedError(naming(films[0][0], str(session.refusal)))

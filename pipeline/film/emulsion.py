@@ -213,7 +213,9 @@ def clumps_of(scan: OpenScan, emulsion: FilmEmulsion) -> Floats:
     for first in np.linspace(0, scan.rows - height, MOST_STRIPS).astype(int).tolist():
         away = emulsion.darkness(scan.read(first, first + height), first)
         away -= np.median(away, axis=0)
-        blank = ~maximum_filter(np.abs(away) > BLANK * np.sqrt(emulsion.grain[0]), BESIDE)  # the wings of lines are none
+        blank = ~maximum_filter(
+            np.abs(away) > BLANK * np.sqrt(emulsion.grain[0]), BESIDE
+        )  # the wings of lines are none
         away = np.where(blank, away, 0.0)
         for lag in lags.tolist():
             products[lag] += np.vdot(away[:, lag:], away[:, : away.shape[1] - lag])

@@ -49,7 +49,6 @@ class Desk:
         self.session = session
         self.end: Callable[[], object] = lambda: None
         self._busy = False
-        self._pairs: set[int] = set()  # number of edits after each two that were made as one
         self._worker, self._looker = ThreadPoolExecutor(1, "table-edit"), ThreadPoolExecutor(1, "table-look")
         self._state = self._worker.submit(session.state).result()
 
@@ -155,27 +154,17 @@ class Desk:
             self._look()
 
     def _edits(self, content: dict[str, Any]) -> None:
-        """Make one edit, or two as one: all or none."""
+        """Make one edit, or several as one step: all or none."""
         edits = content.get("edits")
-        if not (isinstance(edits, list) and 1 <= len(edits) <= 2 and all(isinstance(each, dict) for each in edits)):
-            raise HTTPException(400, "edits wants a list of one edit or two")
-        before = len(self._state["edits"])
-        for made, edit in enumerate(edits):
-            try:
-                self.session.edit(edit)
-            except IsochronyError:
-                for _ in range(made):
-                    self.session.undo()
-                raise
-        self._pairs = {end for end in self._pairs if end <= before} | ({before + 2} if len(edits) == 2 else set())
+        if not (isinstance(edits, list) and 1 <= len(edits) <= 9 and all(isinstance(each, dict) for each in edits)):
+            raise HTTPException(400, "edits wants a list of one edit or a few")
+        self.session.edit(*edits)
 
     def _undo(self, _: dict[str, Any]) -> None:
-        for _step in range(2 if len(self._state["edits"]) in self._pairs else 1):
-            self.session.undo()
+        self.session.undo()
 
     def _redo(self, _: dict[str, Any]) -> None:
-        for _step in range(2 if len(self._state["edits"]) + 2 in self._pairs else 1):
-            self.session.redo()
+        self.session.redo()
 
 
 async def _content(request: Request) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
@@ -125,6 +126,7 @@ class Refining:
 def _reduce(groups: dict[str, Any], sender: Any) -> None:
     from xarray import DataTree
 
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's; it ends this process
     try:
         sender.send(reduce_jointly(DataTree.from_dict(groups), None, 0.0))
     except IsochronyError as fault:

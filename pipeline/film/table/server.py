@@ -41,14 +41,14 @@ class Session(Protocol):
     def tile(self, level: int, down: int, across: int) -> bytes:
         """PNG of 512 by 512 pixels of the film at 1 / 2**level of its size."""
 
-    def edit(self, edit: dict[str, Any]) -> dict[str, Any]:
-        """Take an edit, read anew, give the state; an `IsochronyError` changes nothing."""
+    def edit(self, *edits: dict[str, Any]) -> dict[str, Any]:
+        """Take an edit, or several as one step, read anew, give the state; an `IsochronyError` changes nothing."""
 
     def undo(self) -> dict[str, Any]:
-        """Take the last edit back."""
+        """Take the last step back."""
 
     def redo(self) -> dict[str, Any]:
-        """Make the edit that was taken back last."""
+        """Make the step that was taken back last."""
 
     def csv(self) -> str:
         """All readings as a table."""

@@ -66,7 +66,8 @@ class Session:
     saved_at: str | None = None
 
     def __post_init__(self) -> None:
-        self._undone: list[Any] = []
+        self._undone: list[tuple[Any, ...]] = []
+        self._together = [1] * len(self.edits.edits)  # edits of each step
         self._revision = 0
         self._record: DataTree | None = None
         self._refining = Refining()
@@ -141,8 +142,8 @@ class Session:
             "numbers_sha256": None if self._record is None else numbers_sha256(self._record),
         }
 
-    def edit(self, edit: dict[str, Any]) -> dict[str, Any]:
-        """Add an edit, and read its stretch again.
+    def edit(self, *edits: dict[str, Any]) -> dict[str, Any]:
+        """Add an edit, or several as one step, and read their stretches again.
 
         Raises
         ------
@@ -150,27 +151,32 @@ class Session:
             It cannot be meant; nothing is changed.
         """
         now = datetime.now(UTC).isoformat(timespec="seconds")
-        made = {key: value for key, value in edit.items() if value is not None} | {"by": self.who, "at": now}
+        made = [
+            {**{key: value for key, value in each.items() if value is not None}, "by": self.who, "at": now}
+            for each in edits
+        ]
         content = self.edits.model_dump(mode="json")
         try:
-            edits = FilmEdits.model_validate({**content, "edits": [*content["edits"], made]})
+            all_edits = FilmEdits.model_validate({**content, "edits": [*content["edits"], *made]})
         except ValidationError as error:
             raise RecordError(one_line(error, FilmEdits)) from None
-        return self._take(edits, [])
+        return self._take(all_edits, [], [*self._together, len(edits)])
 
     def undo(self) -> dict[str, Any]:
-        """Take back the last edit."""
+        """Take back the last step."""
         if not self.edits.edits:
             raise RecordError("there is nothing to undo")
-        *rest, last = self.edits.edits
-        return self._take(self.edits.model_copy(update={"edits": tuple(rest)}), [*self._undone, last])
+        *steps, size = self._together
+        rest, last = self.edits.edits[:-size], self.edits.edits[-size:]
+        return self._take(self.edits.model_copy(update={"edits": rest}), [*self._undone, last], steps)
 
     def redo(self) -> dict[str, Any]:
-        """Make the edit again that was taken back last."""
+        """Make the step again that was taken back last."""
         if not self._undone:
             raise RecordError("there is nothing to redo")
         *rest, last = self._undone
-        return self._take(self.edits.model_copy(update={"edits": (*self.edits.edits, last)}), rest)
+        edits = self.edits.model_copy(update={"edits": (*self.edits.edits, *last)})
+        return self._take(edits, rest, [*self._together, len(last)])
 
     def record(self) -> DataTree | None:
         """The record as it is now; None where the film is refused."""
@@ -233,7 +239,8 @@ class Session:
         }
         if reading is not None:
             axis = reading.axis
-            for at in np.flatnonzero((axis.row >= first - 50) & (axis.row <= last + 50))[:most].tolist():
+            inside = np.flatnonzero((axis.row >= first - 50) & (axis.row <= last + 50))
+            for at in inside[:: -(-inside.size // most)].tolist() if inside.size else ():
                 places = [
                     None
                     if np.isnan(row)
@@ -247,15 +254,15 @@ class Session:
                 )
         return out
 
-    def _take(self, edits: FilmEdits, undone: list[Any]) -> dict[str, Any]:
+    def _take(self, edits: FilmEdits, undone: list[Any], together: list[int]) -> dict[str, Any]:
         """Read the film with other edits; where they cannot be meant, all stays as it was."""
-        before, own = self.edits, self._undone
-        self._before, self.edits, self._undone = self._refining.latest(self._gravity), edits, undone
+        before, self.edits, known = self.edits, edits, self._refining.latest(self._gravity)
         try:
             self._read()
         except RecordError:
-            self.edits, self._undone = before, own
+            self.edits = before
             raise
+        self._before, self._undone, self._together = known, undone, together
         self.edits.save(self.path)
         self.saved_at = datetime.now(UTC).isoformat(timespec="seconds")
         return self.state()

@@ -58,6 +58,7 @@ class StandInSession:
         self.undone: list[dict[str, Any]] = []
         self.gate = threading.Event()  # cleared: edits take until it is set
         self.gate.set()
+        self.steps: list[int] = []
         self._film = Image.fromarray(film())
         self._sizes = {level: self._film.reduce(2**level) for level in range(self.levels)}
 
@@ -101,26 +102,29 @@ class StandInSession:
         size.crop((x, y, min(x + 512, size.width), min(y + 512, size.height))).save(out, "PNG", compress_level=1)
         return out.getvalue()
 
-    def edit(self, edit: dict[str, Any]) -> dict[str, Any]:
+    def edit(self, *made: dict[str, Any]) -> dict[str, Any]:
         self.gate.wait(20)
-        edits = [*self.edits, {**edit, "by": self.who, "at": "1937-01-02T12:00:00+00:00"}]
+        edits = [*self.edits, *({**each, "by": self.who, "at": "1937-01-02T12:00:00+00:00"} for each in made)]
         try:
             FilmEdits.model_validate({"sha256": ["0" * 64], "edits": edits})
         except ValidationError as error:
             raise RecordError(f"the edit is refused: {one_line(error, FilmEdits)}") from None
-        self.undone = []
+        self.undone, self.steps = [], [*self.steps, len(made)]
         return self._now(edits)
 
     def undo(self) -> dict[str, Any]:
         if not self.edits:
             raise RecordError("there is nothing to undo")
-        self.undone.append(self.edits[-1])
-        return self._now(self.edits[:-1])
+        *self.steps, size = self.steps
+        self.undone.append(self.edits[-size:])
+        return self._now(self.edits[:-size])
 
     def redo(self) -> dict[str, Any]:
         if not self.undone:
             raise RecordError("there is nothing to redo")
-        return self._now([*self.edits, self.undone.pop()])
+        again = self.undone.pop()
+        self.steps = [*self.steps, len(again)]
+        return self._now([*self.edits, *again])
 
     def csv(self) -> str:
         return "time,1,1-2\n0.0,0.01,0.02\n"

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from synth.integrators.explicit_tableau import CORRECTION, DENSE, ERRORS, NODES, WEIGHTS
 from synth.kernels.compiled import kernel, summing_kernel
-from synth.phase import Floats, Integers
+from synth.phase import Floats
 from synth.systems.dispatch import derivative
 
 _A, _B, _L, _C, _D, _E = WEIGHTS, WEIGHTS[12], CORRECTION, NODES, np.array(DENSE), np.array(ERRORS)
@@ -28,47 +28,11 @@ _SURELY = 0.25  # of the size expected
 _SMALL_SCALE = 1e-6  # a component more than a million times smaller than the largest is held to that size
 
 
-class Progress(NamedTuple):
-    """All that a march has in hand, so that it can be halted and taken up again; changed in place.
-
-    For a state of n components: arrays (n,) where not said otherwise.
-    """
-
-    state: Floats
-    """At the start of the step in hand, as the sum of two doubles,"""
-    low: Floats
-    following: Floats
-    """and at its end,"""
-    left_over: Floats
-    increment: Floats
-    scale: Floats
-    """Largest size of each component so far."""
-    expected: Floats
-    """What each will grow to at least, seen from the start."""
-    allowed: Floats
-    """Error allowed to each in a step."""
-    slope: Floats
-    """At the end of the step."""
-    point: Floats
-    """Working space."""
-    spare: Floats
-    k: Floats
-    """(16, n) slopes of the stages."""
-    polynomial: Floats
-    """(7, n) dense output of the step."""
-    clock: Floats
-    """(6,) start of the step as a sum of two doubles, its length, length of the next, error of the last, share of a
-    crossing in it."""
-    counts: Integers
-    """(10,) steps, rejected, evaluations; steps at the edge of stability and since; whether the polynomial is made;
-    whether the step ends the march; outputs of the last call; impulses so far, and whether the step ends at the next."""
-
-
 @kernel
 def attempt(
     time: float, h: float, state: Floats, k: Floats, point: Floats, slope: Floats, increment: Floats, system: Any
 ) -> None:
-    """Fill slopes k[1..11] from k[0], and the increment of the state over a step of h; arrays as of `Progress`."""
+    """Fill slopes k[1..11] (16, n) from k[0], and the increment of the state over a step of h; others are (n,)."""
     n = state.size
     for i in range(n):
         point[i] = state[i] + h * (_A[1][0] * k[0, i])

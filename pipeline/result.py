@@ -50,28 +50,18 @@ _EXTRA = {
 
 @dataclass(frozen=True)
 class Parts:
-    """What a result is made from.
-
-    Attributes
-    ----------
-    record : DataTree
-    prepared : Prepared
-        That phases and corrections are drawn from.
-    own : Prepared or None
-        That which methods of one difference looked at, where it is another one.
-    reductions : sequence of Reduction
-        In the order they were asked for.
-    joint : Joint or None
-    full : bool
-        Whether what is costly is laid out too: the pendulums' angles at the record's own times.
-    """
+    """What a result is made from."""
 
     record: DataTree
     prepared: Prepared
+    """That phases and corrections are drawn from."""
     own: Prepared | None
+    """That which methods of one difference looked at, where it is another one."""
     reductions: Sequence[Reduction]
+    """In the order they were asked for."""
     joint: Joint | None
     full: bool
+    """Whether what is costly is laid out too: the pendulums' angles at the record's own times."""
 
 
 def build_result(parts: Parts, started: float) -> DataTree:

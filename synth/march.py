@@ -23,38 +23,27 @@ WORST_ERROR = 1e-6
 
 @dataclass(frozen=True)
 class Course:
-    """What happened.
-
-    Attributes
-    ----------
-    theta : (pendulums, readings) float64
-        Angles, rad.
-    free : (pendulums, readings) complex128 or None
-        Free harmonics Z, near-resonant beats included, rad; None for the sine law, which does not superpose.
-    slow : (pendulums, readings) float64 or None
-        Where `free` is None: what linear pendulums would answer to the support away from their own frequency, rad;
-        None too on a support that yields or is still.
-    horizontal_acceleration, vertical_acceleration : (readings,) float64
-        m/s^2
-    estimated_error : float
-        Of theta, relative to the largest angle.
-    propagator : str
-        By what, as the truth calls it.
-    support_displacement : (readings,) float64 or None
-        Of a support that yields, m.
-    gravity_change : (readings,) float64 or None
-        What is added to the scene's gravity, m/s^2.
-    """
+    """What happened."""
 
     theta: Floats
+    """(pendulums, readings) angles, rad."""
     free: Phasors | None
+    """(pendulums, readings) free harmonics Z, near-resonant beats included, rad; None for the sine law, which does not
+    superpose."""
     slow: Floats | None
+    """(pendulums, readings) where `free` is None: what linear pendulums would answer to the support away from their own
+    frequency, rad; None too on a support that yields or is still."""
     horizontal_acceleration: Floats
     vertical_acceleration: Floats
+    """(readings,) m/s^2"""
     estimated_error: float
+    """Of theta, relative to the largest angle."""
     propagator: str
+    """By what, as the truth calls it."""
     support_displacement: Floats | None = None
+    """(readings,) of a support that yields, m."""
     gravity_change: Floats | None = None
+    """(readings,) what is added to the scene's gravity, m/s^2."""
 
 
 Angles = tuple[Floats, float, str]

@@ -31,30 +31,20 @@ Expansion = Callable[[Floats, float], tuple[Floats, Floats, Floats]]
 
 @dataclass(frozen=True)
 class Fit:
-    """Least squares for the start, n2, gamma2 and the zero line.
-
-    Attributes
-    ----------
-    frequency, damping_rate : float
-        n2 at infinitesimal arc, rad s-1, and gamma2, s-1.
-    noise : float
-        1-sigma residual, rad.
-    model, residual : (n,) arrays
-        Of the difference, rad.
-    influence : (n,) array
-        d n2 / d (sample of the difference), s-1.
-    stiffness : (n,) array
-        dN/dd, s-2.
-    weights : Weights
-    """
+    """Least squares for the start, n2, gamma2 and the zero line."""
 
     frequency: float
     damping_rate: float
+    """n2 at infinitesimal arc, rad s-1, and gamma2, s-1."""
     noise: float
+    """1-sigma residual, rad."""
     model: Floats
     residual: Floats
+    """(n,) of the difference, rad."""
     influence: Floats
+    """(n,) d n2 / d (sample of the difference), s-1."""
     stiffness: Floats
+    """(n,) dN/dd, s-2."""
     weights: Weights
 
     @property
@@ -70,23 +60,15 @@ class Fit:
 
 @dataclass(frozen=True)
 class Identity:
-    """A record as an identity sees it; all samples are there.
-
-    Attributes
-    ----------
-    seen : Observation
-    held : float
-        h, rad s-1: near n2, or in wide arcs near the frequency that the difference shows.
-    expand : callable
-        See `Expansion`.
-    inside : slice
-        The samples that are fitted.
-    """
+    """A record as an identity sees it; all samples are there."""
 
     seen: Observation
     held: float
+    """h, rad s-1: near n2, or in wide arcs near the frequency that the difference shows."""
     expand: Expansion
+    """See `Expansion`."""
     inside: slice = field(default_factory=lambda: slice(None))
+    """The samples that are fitted."""
 
     def source(self, by: Weights, series: Floats) -> Floats:
         """What a right-hand side adds at each sample but the first two, (n - 2,)."""

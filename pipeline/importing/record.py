@@ -217,21 +217,14 @@ def _dataset(group: str, variables: Mapping[str, Any], labels: Mapping[str, list
 
 @dataclass(frozen=True)
 class Clock:
-    """The times of a table.
-
-    Attributes
-    ----------
-    start : str
-        ISO date for the units "seconds since ..."; a conventional one if the table gives numbers.
-    reading : str
-        What the table's own clock read at the first row.
-    seconds : (rows,) array
-        Seconds from the first row, strictly increasing.
-    """
+    """The times of a table."""
 
     start: str
+    """ISO date for the units "seconds since ..."; a conventional one if the table gives numbers."""
     reading: str
+    """What the table's own clock read at the first row."""
     seconds: NDArray[np.float64]
+    """(rows,) seconds from the first row, strictly increasing."""
 
 
 def relative_times(table: Table, column: int) -> Clock:

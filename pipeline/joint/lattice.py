@@ -16,27 +16,20 @@ FAST_ANGLE = 0.3  # the same of readings that share a node where the ship vibrat
 
 @dataclass(frozen=True)
 class Lattice:
-    """Steps and readings.
-
-    Attributes
-    ----------
-    start, step : float
-        Time of the first node by the record's clock, and spacing, s.
-    nodes : int
-    node, trace : (r,) arrays of int
-    offset, value : (r,) arrays
-        s after the node; rad, or acceleration over reference gravity.
-    combination : (t, p) array
-    """
+    """Steps and readings."""
 
     start: float
     step: float
+    """Time of the first node by the record's clock, and spacing, s."""
     nodes: int
     node: np.ndarray
     trace: np.ndarray
+    """(r,)."""
     offset: Floats
     value: Floats
+    """(r,) s after the node; rad, or acceleration over reference gravity."""
     combination: Floats
+    """(t, p)."""
 
     @cached_property
     def time(self) -> Floats:

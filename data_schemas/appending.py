@@ -7,8 +7,9 @@ arrays, and only then given its name.
 from __future__ import annotations
 
 import contextlib
+import io
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import Any, Self
 
@@ -21,9 +22,67 @@ from .encoding import LIBRARY, array, lay_out, node, write_attributes
 from .errors import FileError
 from .reading import CHUNK_CACHE
 from .shield import shielded
-from .sink import Sink
 from .slabs import skim
 from .writing import beside, give_name, may_write, place_of, reason
+
+
+class Sink(io.FileIO):
+    """A file of bytes; what goes wrong is kept in `fault`, and nothing is written after that.
+
+    What could not be written is remembered and read back: HDF5 trusts what it reads, and crashes on what is not as it
+    wrote it. Memory for that is bounded by what is written until somebody asks for the fault.
+    """
+
+    fault: BaseException | None = None
+
+    def __init__(self, path: Any, mode: str) -> None:
+        super().__init__(path, mode)
+        self._lost: list[tuple[int, bytes]] = []
+
+    def check(self) -> None:
+        """Raise what went wrong, if anything did."""
+        if self.fault is not None:
+            raise self.fault
+
+    def write(self, data: Any, /) -> int:
+        """Write all bytes, at once or in parts."""
+        view = memoryview(data).cast("B")
+        at = self.tell()
+
+        def write_all() -> None:
+            left = view
+            while left:
+                left = left[super(Sink, self).write(left) :]
+
+        self._kept(write_all)
+        if self.fault is not None:
+            self._lost.append((at, bytes(view)))
+        return len(view)
+
+    def readinto(self, buffer: Any, /) -> int:
+        """Fill a buffer with what was written, to the disk or not; zeros beyond the end."""
+        view = memoryview(buffer).cast("B")
+        begin, known = self.tell(), 0
+        while known < len(view) and (more := super().readinto(view[known:])):
+            known += more
+        view[known:] = bytes(len(view) - known)
+        for at, data in self._lost:
+            first, last = max(at, begin), min(at + len(data), begin + len(view))
+            if first < last:
+                view[first - begin : last - begin] = data[first - at : last - at]
+        return len(view)
+
+    def truncate(self, size: int | None = None, /) -> int:
+        """Set the length of the file."""
+        self._kept(lambda: super(Sink, self).truncate(size))
+        return self.tell() if size is None else size
+
+    def _kept(self, step: Callable[[], object]) -> None:
+        if self.fault is None:
+            try:
+                step()
+            except BaseException as fault:  # kept, not swallowed: `check` raises it
+                self.fault = fault
 
 
 class Appended:

@@ -14,9 +14,19 @@ from typing import Any
 from .variable import Variable
 from .variables_film_truth import MARKS, SLICES
 from .variables_record import FILM, INSTRUMENT, RECORD
-from .variables_result import CORRECTION, COURSE, DIFFERENCE, GRAVITY, PENDULUMS, PERIOD, PHASES, SHIP, SPECTRUM
+from .variables_result import (
+    CORRECTION,
+    COURSE,
+    DIFFERENCE,
+    GRAVITY,
+    PENDULUMS,
+    PERIOD,
+    PHASES,
+    SHIP,
+    SPECTRUM,
+    SYNCHRONY,
+)
 from .variables_summary import SUMMARY
-from .variables_synchrony import SYNCHRONY
 from .variables_truth import TRUTH
 
 __all__ = ["VARIABLES", "Variable", "attributes"]

@@ -13,7 +13,7 @@ from data_schemas.scene import Scene
 from data_schemas.scene_checks import felt_gravity, frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
 from synth.case import lift_of_roll, tilt
-from synth.choice import NAMES, Choice, chosen_at_sight, chosen_by_rates
+from synth.choice import NAMES, Choice, chosen_at_sight, chosen_by_rates, needs
 from synth.conditions import stiffening
 from synth.gravity_course import gravity_change, mean_change, tidal_change
 from synth.kicks import Kicks, held, kicks
@@ -21,7 +21,6 @@ from synth.motion.harmonic_sum import HarmonicSum, add
 from synth.motion.harmonics import harmonics, near_resonant
 from synth.motion.sea import sea
 from synth.motion.tabulated import tabulated
-from synth.needs import needs
 from synth.pendulums.linear import Response, respond
 from synth.propagators.times import EvenTimes, UnevenTimes
 from synth.recording.clock import Clock

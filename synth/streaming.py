@@ -18,8 +18,7 @@ from synth.recording.apparatus import Apparatus
 from synth.recording.clock import Clock, set_clock
 from synth.recording.defects import Defects
 from synth.recording.observe import observe
-from synth.truth import reveal
-from synth.unwrapping import Unwrapping
+from synth.truth import Unwrapping, reveal
 
 if TYPE_CHECKING:
     import xarray as xr

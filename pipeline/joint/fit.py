@@ -12,11 +12,10 @@ from pipeline.joint import apparatus, choice, explanation, motion, spectrum
 from pipeline.joint.cold_start import ACCELEROMETER, CAPTURE, DIFFERENCE, KICK, Begun, again, released
 from pipeline.joint.course import mean_gravity, mean_row
 from pipeline.joint.explanation import LONG_GAP, grown
-from pipeline.joint.gaps import change_in_gaps
+from pipeline.joint.gaps import change_by_rounding, change_in_gaps
 from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import GATE, OUTLIER, better, heard_again, isolated, smoothed, standing
 from pipeline.joint.problem import LEVEL, Assumed
-from pipeline.joint.rounding import change_by_rounding
 from pipeline.joint.unresolved import unseen
 
 SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate, when this is known; s-1

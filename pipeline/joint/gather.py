@@ -13,9 +13,8 @@ from data_schemas.errors import RecordError, RefusedError
 from pipeline.arrays import Floats, evened
 from pipeline.conditions import TEMPERATURE
 from pipeline.joint import plausible
-from pipeline.joint.calm import WINDOW, is_calm
 from pipeline.joint.flow import NODES, POINTS
-from pipeline.joint.lattice import Lattice, lay
+from pipeline.joint.lattice import WINDOW, Lattice, is_calm, lay
 from pipeline.joint.problem import Problem
 from pipeline.joint.spectrum import folded
 from pipeline.ledger import eotvos, tide

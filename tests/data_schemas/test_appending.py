@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 from data_schemas import content_sha256, encoding, heaps, read, validate, write, writing
-from data_schemas.appending import Appended
+from data_schemas.appending import Appended, Sink
 from data_schemas.contents import Contents, Entry, Group, from_tree
 from data_schemas.errors import FileError
-from data_schemas.sink import Sink
 from data_schemas.slabs import skim, slabs
 
 

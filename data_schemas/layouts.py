@@ -34,6 +34,13 @@ class Layout:
     """Value of the root attribute schema_version; older ones are brought up to it as they are read."""
 
 
+def root_attributes(kind: Kind, record_id: str, **words: str) -> dict[str, str]:
+    """What every file says at its root, and further words: title, history, source."""
+    layout = LAYOUTS[kind]
+    named = {"Conventions": CONVENTIONS, "schema": layout.schema, "schema_version": layout.version}
+    return {**named, "record_id": record_id, **words}
+
+
 _COMMON = {
     "Conventions": False,
     "schema": True,

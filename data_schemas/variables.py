@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .variable import Variable
-from .variables_film_truth import MARKS, SLICES
 from .variables_record import FILM, INSTRUMENT, RECORD
 from .variables_result import (
     CORRECTION,
@@ -29,7 +28,7 @@ from .variables_result import (
     SYNCHRONY,
 )
 from .variables_summary import SUMMARY
-from .variables_truth import TRUTH
+from .variables_truth import MARKS, SLICES, TRUTH
 
 __all__ = ["VARIABLES", "Variable", "attributes", "dataset"]
 

@@ -17,8 +17,7 @@ from synth.choice import NAMES, Choice, chosen_at_sight, chosen_by_rates, needs
 from synth.conditions import stiffening
 from synth.gravity_course import gravity_change, mean_change, tidal_change
 from synth.kicks import Kicks, held, kicks
-from synth.motion.harmonic_sum import HarmonicSum, add
-from synth.motion.harmonics import harmonics, near_resonant
+from synth.motion.harmonic_sum import HarmonicSum, add, harmonics, near_resonant
 from synth.motion.sea import sea
 from synth.motion.tabulated import tabulated
 from synth.pendulums.linear import Response, respond

@@ -9,7 +9,7 @@ import numpy as np
 
 from .contents import from_tree, identifier, shown, to_tree
 from .errors import RecordError
-from .layouts import CONVENTIONS, LAYOUTS
+from .layouts import root_attributes
 from .reading import read
 from .upgrading import current
 from .variables import VARIABLES, attributes
@@ -79,8 +79,7 @@ def _laid_out(traces: xr.Dataset) -> xr.DataTree:
         }
         groups[f"/{group}"] = xr.Dataset(of, attrs=words)
     time = traces["time"]
-    root = {"Conventions": CONVENTIONS, "schema": LAYOUTS["record"].schema, "schema_version": LAYOUTS["record"].version}
-    root |= {"record_id": identifier(str(traces.attrs.get("record_id", "traces")))}
+    root = root_attributes("record", identifier(str(traces.attrs.get("record_id", "traces"))))
     stamps = xr.Variable(("time",), time.values, attributes("time") | time.attrs, time.encoding)
     return xr.DataTree.from_dict({"/": xr.Dataset(coords={"time": stamps}, attrs=root), **groups})
 

@@ -11,7 +11,7 @@ from .checking_record import record_faults, result_faults
 from .contents import IDENTIFIER, Contents, Entry, from_tree, key, shown, type_name
 from .errors import FileError
 from .layouts import LAYOUTS, Kind
-from .units import same_unit
+from .variable import same_unit
 from .variables import VARIABLES, Variable
 
 if TYPE_CHECKING:

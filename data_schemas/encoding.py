@@ -11,7 +11,7 @@ import numpy as np
 from .contents import Contents, Entry, Group, key, shown, type_name
 from .errors import FileError
 from .guard import BOOKKEEPING
-from .packing import PACKING
+from .upgrading import PACKING
 
 CHUNK = 1 << 16  # elements: half a MiB of float64, a fraction of a second of record to lose to one damaged byte
 PLACEHOLDER = "This is a netCDF dimension but not a netCDF variable."  # as all programs write it

@@ -36,51 +36,33 @@ _FILTERS = frozenset({h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHE
 
 @dataclass
 class Found:
-    """A group or an array that passed.
-
-    Attributes
-    ----------
-    path : str
-        Of the group, without leading slash; for an array that of its group.
-    name : str
-        Of the array; empty for a group.
-    id : h5py identifier
-        Open, of the low-level interface.
-    attributes : list of AttrID
-        Those that passed, bookkeeping left out.
-    address : int
-        Where its header lies in the file; references point there.
-    """
+    """A group or an array that passed."""
 
     path: str
+    """Of the group, without leading slash; for an array that of its group."""
     name: str
+    """Of the array; empty for a group."""
     id: h5g.GroupID | h5d.DatasetID
+    """Open, of the low-level interface."""
     attributes: list[h5a.AttrID]
+    """Those that passed, bookkeeping left out."""
     address: int
+    """Where its header lies in the file; references point there."""
 
 
 @dataclass
 class Survey:
-    """Everything that passed, in the file's order, and what it may take.
-
-    Attributes
-    ----------
-    budget : Budget
-    groups, arrays : list of Found
-    declared : int
-        Bytes of all values, unpacked.
-    heap : int
-        Bytes that the rest of the file can hold of text at most.
-    text : int
-        Bytes of text that were read.
-    """
+    """Everything that passed, in the file's order, and what it may take."""
 
     budget: Budget
     groups: list[Found] = field(default_factory=list)
     arrays: list[Found] = field(default_factory=list)
     declared: int = 0
+    """Bytes of all values, unpacked."""
     heap: int = 0
+    """Bytes that the rest of the file can hold of text at most."""
     text: int = 0
+    """Bytes of text that were read."""
 
 
 def ordinary(path: str | os.PathLike[str], most: int = Budget().file) -> int:

@@ -1,24 +1,20 @@
 """JSON Schema of each kind of file, made from the table of variables; of a scene, from its model.
 
 A netCDF file is no JSON: the schemas of record, truth and result describe its *header*, what ``ncdump -h``
-shows, as `header` gives it: attributes, variables (dimensions, type, attributes) and groups. What a header
-cannot show (values, lengths, labels) is the business of `check`.
+shows: attributes, variables (dimensions, type, attributes) and groups; numbers that JSON lacks are null. What a
+header cannot show (values, lengths, labels) is the business of `check`.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from .checking_record import WORDS
-from .contents import Group, from_tree, type_name
 from .errors import UsageError
 from .layouts import LAYOUTS, Kind
 from .variables import VARIABLES, Variable
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _ATTRIBUTE = {
@@ -59,38 +55,6 @@ def json_schema(name: Literal["scene", "record", "truth", "result", "film-truth"
         if name == kind:
             return _file_schema(kind)
     raise UsageError(f"schema {name!r} is not known; give scene, {', '.join(LAYOUTS)}")
-
-
-def header(tree: xr.DataTree) -> dict[str, Any]:
-    """The header of a file in memory as plain JSON values: what `json_schema` describes.
-
-    Raises
-    ------
-    FileError
-        A variable or attribute has a type that no file can hold.
-    """
-    contents = from_tree(tree)
-    groups = {path: _group_header(group) for path, group in contents.items() if path}
-    return {**_group_header(contents[""]), "groups": groups}
-
-
-def _group_header(group: Group) -> dict[str, Any]:
-    variables = {
-        name: {
-            "dimensions": list(entry.dims),
-            "type": type_name(entry.values),
-            "attributes": {label: _json(value) for label, value in entry.attrs.items()},
-        }
-        for name, entry in group.variables.items()
-    }
-    return {"attributes": {name: _json(value) for name, value in group.attrs.items()}, "variables": variables}
-
-
-def _json(value: Any) -> Any:
-    plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-    many = plain if isinstance(plain, list) else [plain]
-    finite = [one if isinstance(one, str) or np.isfinite(one) else None for one in many]
-    return finite if isinstance(plain, list) else finite[0]
 
 
 def _file_schema(kind: Kind) -> dict[str, Any]:
@@ -151,7 +115,9 @@ def _variable_schema(row: Variable) -> dict[str, Any]:
     attributes: dict[str, Any] = {"units": units}
     if row.standard_name is not None:
         attributes["standard_name"] = {"const": row.standard_name}
-    attributes |= {name: {"const": _json(value)} for name, value in row.attrs.items() if name.startswith("flag_")}
+    attributes |= {
+        name: {"const": np.asarray(value).tolist()} for name, value in row.attrs.items() if name.startswith("flag_")
+    }
     limit = f"; {row.limit}" if row.limit else ""
     return {
         "type": "object",

@@ -16,33 +16,29 @@ Kind = Literal["record", "truth", "result", "film-truth", "summary"]
 
 @dataclass(frozen=True)
 class Layout:
-    """One kind of file.
-
-    Attributes
-    ----------
-    schema : str
-        Value of the root attribute of that name.
-    groups : mapping of str to bool
-        The groups it knows, and whether each must be there.
-    one_of : tuple of str
-        Groups of which at least one must be there.
-    attrs : mapping of str to bool
-        Root attributes it knows, and whether each must be there.
-    json_attrs : tuple of str
-        Root attributes whose text is JSON.
-    root : str
-        Group of the table of variables whose rows stand at the root, in place of a time.
-    version : str
-        Value of the root attribute schema_version; older ones are brought up to it as they are read.
-    """
+    """One kind of file."""
 
     schema: str
+    """Value of the root attribute of that name."""
     groups: Mapping[str, bool]
+    """The groups it knows, and whether each must be there."""
     attrs: Mapping[str, bool]
+    """Root attributes it knows, and whether each must be there."""
     one_of: tuple[str, ...] = ()
+    """Groups of which at least one must be there."""
     json_attrs: tuple[str, ...] = ()
+    """Root attributes whose text is JSON."""
     root: str = ""
+    """Group of the table of variables whose rows stand at the root, in place of a time."""
     version: str = VERSION
+    """Value of the root attribute schema_version; older ones are brought up to it as they are read."""
+
+
+def root_attributes(kind: Kind, record_id: str, **words: str) -> dict[str, str]:
+    """What every file says at its root, and further words: title, history, source."""
+    layout = LAYOUTS[kind]
+    named = {"Conventions": CONVENTIONS, "schema": layout.schema, "schema_version": layout.version}
+    return {**named, "record_id": record_id, **words}
 
 
 _COMMON = {

@@ -21,8 +21,7 @@ from .guard import Found, Survey, full_chunks, ordinary, survey
 from .guard_types import Budget, is_text
 from .heaps import Heaps, sound_heaps, text_bytes
 from .layouts import REWRITTEN
-from .packing import unpacked
-from .upgrading import current
+from .upgrading import current, unpacked
 
 if TYPE_CHECKING:
     import xarray as xr

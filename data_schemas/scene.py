@@ -14,11 +14,10 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from data_schemas.errors import SceneError
 from data_schemas.scene_apparatus import Case, Handling
 from data_schemas.scene_checks import check_physics
-from data_schemas.scene_conditions import Conditions
+from data_schemas.scene_conditions import Conditions, GravityCourse
 from data_schemas.scene_faults import one_line
 from data_schemas.scene_fields import Number, Section, quantity
 from data_schemas.scene_film import Film
-from data_schemas.scene_gravity import GravityCourse
 from data_schemas.scene_motion import Motion
 from data_schemas.scene_pendulum import Pendulum
 from data_schemas.scene_recording import Recording, Seed, Trace

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from data_schemas.scene_gravity import LARGEST_CHANGE, LinearCourse, SineCourse
+from data_schemas.scene_conditions import LARGEST_CHANGE, LinearCourse, SineCourse
 from data_schemas.scene_pendulum import RESISTANCES, FreeStart, Pendulum
 from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
 

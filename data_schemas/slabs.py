@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import h5py
@@ -24,8 +24,6 @@ SLAB = 1 << 16
 """Elements read at once."""
 
 Place = tuple[int | slice, ...]
-Watch = Callable[[str, "NDArray[Any]"], None]
-"""Is shown every slab of numbers with its ``group/name``, in order."""
 
 
 def slabs(shape: tuple[int, ...], most: int = SLAB) -> Iterator[Place]:
@@ -51,14 +49,8 @@ def slabs(shape: tuple[int, ...], most: int = SLAB) -> Iterator[Place]:
             yield (slice(begin, begin + step),)
 
 
-def skim(path: str | os.PathLike[str], watch: Watch | None = None) -> tuple[Contents, str]:
+def skim(path: str | os.PathLike[str]) -> tuple[Contents, str]:
     """Look a file over and sum it up in bounded memory.
-
-    Parameters
-    ----------
-    path : path
-    watch : callable, optional
-        Is shown the numbers as they pass.
 
     Returns
     -------
@@ -79,18 +71,14 @@ def skim(path: str | os.PathLike[str], watch: Watch | None = None) -> tuple[Cont
         arrays[where] = array
         return np.broadcast_to(np.zeros((), array.get_type().dtype.newbyteorder("=")), array.shape)
 
-    def blocks(where: str, array: h5d.DatasetID) -> Iterator[NDArray[Any]]:
+    def blocks(array: h5d.DatasetID) -> Iterator[NDArray[Any]]:
         stored = h5py.Dataset(array)
-        for place in slabs(array.shape):
-            numbers = np.asarray(stored[place])
-            if watch is not None:
-                watch(where, numbers)
-            yield numbers
+        return (np.asarray(stored[place]) for place in slabs(array.shape))
 
     with opened(path, Budget()) as contents_by:
         contents = contents_by(shape_only)
         stored = contents[""].attrs.pop(ATTRIBUTE, None)
-        found = digest(contents, {where: blocks(where, array) for where, array in arrays.items()})
+        found = digest(contents, {where: blocks(array) for where, array in arrays.items()})
     if stored not in (None, found):
         raise FileError(f"{shown(path, 400)}: {ATTRIBUTE} does not match the content, the file was damaged or edited")
     return contents, found

@@ -1,7 +1,8 @@
-"""One row of the table of variables."""
+"""One row of the table of variables; which spellings of its unit mean the same, as other programs write records too."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -11,37 +12,75 @@ Limit = Literal["positive", "not negative"]
 
 @dataclass(frozen=True)
 class Variable:
-    """What a variable must be.
-
-    Attributes
-    ----------
-    dims : tuple of str
-        Its dimensions, in order; () for a scalar.
-    dtype : {"f8", "u2", "u1", "i8", "str"}
-        Number type in memory and on disk; "str" is variable-length UTF-8.
-    units, long_name : str
-        As attached to the variable; "1" for counts, labels and ratios.
-    standard_name : str or None
-        Only where the CF table has a name that means exactly this.
-    required : bool
-        Whether its group is incomplete without it.
-    attrs : mapping
-        Further attributes (calendar, flag_masks and the like).
-    also : tuple of tuple of str
-        Other dimensions that are accepted.
-    limit : {"positive", "not negative"} or None
-        What physics allows.
-    missing : bool
-        Whether NaN (a missing value) is allowed. Infinite values never are.
-    """
+    """What a variable must be."""
 
     dims: tuple[str, ...]
+    """Its dimensions, in order; () for a scalar."""
     dtype: str
+    """Number type in memory and on disk; "str" is variable-length UTF-8."""
     units: str
     long_name: str
+    """As attached to the variable; "1" for counts, labels and ratios."""
     standard_name: str | None = None
+    """Only where the CF table has a name that means exactly this."""
     required: bool = False
+    """Whether its group is incomplete without it."""
     attrs: Mapping[str, Any] = field(default_factory=dict)
+    """Further attributes (calendar, flag_masks and the like)."""
     also: tuple[tuple[str, ...], ...] = ()
+    """Other dimensions that are accepted."""
     limit: Limit | None = None
+    """What physics allows."""
     missing: bool = False
+    """Whether NaN (a missing value) is allowed. Infinite values never are."""
+
+
+_SPELLINGS = {
+    "1": ("", "dimensionless"),
+    "rad": ("radian", "radians"),
+    "s": ("sec", "second", "seconds"),
+    "m": ("meter", "metre", "meters", "metres"),
+    "K": ("kelvin", "Kelvin"),
+    "kg": ("kilogram", "kilograms"),
+    "m s-2": ("m/s2", "m/s^2", "m s^-2", "m s**-2", "m/s**2", "m.s-2"),
+    "m s-1": ("m/s", "m s^-1", "m s**-1", "m.s-1"),
+    "s-1": ("1/s", "s^-1", "s**-1", "Hz"),
+    "rad s-1": ("rad/s", "rad s^-1", "rad s**-1", "rad.s-1", "radian s-1", "radians per second"),
+    "m2 s-4": ("m2/s4", "m^2/s^4", "m2 s^-4", "m**2 s**-4"),
+    "rad2": ("rad^2", "rad**2"),
+    "rad2 s": ("rad^2 s", "rad**2 s", "rad2/Hz", "rad^2/Hz"),
+    "kg m-3": ("kg/m3", "kg/m^3", "kg m^-3", "kg m**-3"),
+    "s day-1": ("s/day", "s d-1", "s/d"),
+    "s K-1": ("s/K",),
+    "N m-1": ("N/m",),
+    "mm rad-1": ("mm/rad",),
+    "mm s-1": ("mm/s",),
+    "mm px-1": ("mm/px",),
+    "degrees": ("degree", "deg"),
+    "degrees_north": ("degree_north", "degree_N", "degrees_N"),
+    "degrees_east": ("degree_east", "degree_E", "degrees_E"),
+    "mGal": ("milligal",),
+}
+_MEANING = {spelling: unit for unit, others in _SPELLINGS.items() for spelling in (unit, *others)}
+_SINCE = re.compile(r"(?:s|sec|second|seconds) since [-+]?\d{1,4}-\d{1,2}-\d{1,2}(?:[T ].*)?")
+
+
+def same_unit(given: object, wanted: str) -> bool:
+    """Whether a unit as found in a file means the unit of the table.
+
+    A unit of time with an epoch matches any epoch.
+
+    Examples
+    --------
+    >>> same_unit("m/s^2", "m s-2"), same_unit("deg", "rad")
+    (True, False)
+    >>> same_unit("seconds since 1958-07-01", "seconds since 2000-01-01")
+    True
+    """
+    if not isinstance(given, str):
+        # a dimensionless unit is written by some as the number 1
+        return wanted == "1" and given == 1
+    text = given.strip()
+    if " since " in wanted:
+        return _SINCE.fullmatch(text) is not None
+    return _MEANING.get(text, text) == wanted

@@ -9,17 +9,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from .variable import Variable
-from .variables_film_truth import MARKS, SLICES
 from .variables_record import FILM, INSTRUMENT, RECORD
-from .variables_result import CORRECTION, COURSE, DIFFERENCE, GRAVITY, PENDULUMS, PERIOD, PHASES, SHIP, SPECTRUM
+from .variables_result import (
+    CORRECTION,
+    COURSE,
+    DIFFERENCE,
+    GRAVITY,
+    PENDULUMS,
+    PERIOD,
+    PHASES,
+    SHIP,
+    SPECTRUM,
+    SYNCHRONY,
+)
 from .variables_summary import SUMMARY
-from .variables_synchrony import SYNCHRONY
-from .variables_truth import TRUTH
+from .variables_truth import MARKS, SLICES, TRUTH
 
-__all__ = ["VARIABLES", "Variable", "attributes"]
+__all__ = ["VARIABLES", "Variable", "attributes", "dataset"]
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 TIME = Variable(
     ("time",),
@@ -88,3 +102,31 @@ def attributes(key: str) -> dict[str, Any]:
     row = VARIABLES[key]
     named = {} if row.standard_name is None else {"standard_name": row.standard_name}
     return {"units": row.units, "long_name": row.long_name, **named, **row.attrs}
+
+
+def dataset(
+    group: str,
+    values: Mapping[str, Any],
+    coordinates: Mapping[str, Any] = MappingProxyType({}),
+    extra: Mapping[str, tuple[str, str]] = MappingProxyType({}),
+    dims: tuple[str, ...] = (),
+) -> xr.Dataset:
+    """A group of a file: dimensions, units and meaning of its values from the table.
+
+    `extra` has units and meanings of values that the table does not know, all with the dimensions `dims`.
+    """
+    import xarray as xr
+
+    def entry(name: str, value: Any) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
+        if name in extra:
+            units, long_name = extra[name]
+            return dims, value, {"units": units, "long_name": long_name}
+        row = VARIABLES[f"{group}/{name}"]
+        own = next((each for each in (row.dims, *row.also) if len(each) == np.ndim(value)), row.dims)
+        return own, value, attributes(f"{group}/{name}")
+
+    labels = {
+        name: value if isinstance(value, np.ndarray) else np.array(list(value), dtype=object)
+        for name, value in coordinates.items()
+    }
+    return xr.Dataset(*({name: entry(name, value) for name, value in each.items()} for each in (values, labels)))

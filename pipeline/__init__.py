@@ -16,17 +16,7 @@ _WHERE = {
     "observe": "pipeline.observation",
     "Observation": "pipeline.observation",
 }
-__all__ = [
-    "METHODS",
-    "Observation",
-    "digitise",
-    "observe",
-    "process",
-    "register_correction",
-    "register_method",
-    "summaries",
-    "synchrony",
-]
+__all__ = sorted(_WHERE)
 
 
 def __getattr__(name: str) -> Any:

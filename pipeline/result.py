@@ -6,14 +6,13 @@ import json
 import time as clock
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from data_schemas.checksum import numbers_sha256
-from data_schemas.layouts import LAYOUTS
-from data_schemas.variables import VARIABLES, attributes
+from data_schemas.layouts import root_attributes
+from data_schemas.variables import dataset
 from pipeline import quantities
 from pipeline.anomaly import anomalies
 from pipeline.arrays import Floats
@@ -27,7 +26,7 @@ from pipeline.provenance import provenance
 from pipeline.reduction import Reduction
 
 if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
+    from xarray import DataTree
 
     from pipeline.joint.reduction import Joint
 
@@ -50,28 +49,18 @@ _EXTRA = {
 
 @dataclass(frozen=True)
 class Parts:
-    """What a result is made from.
-
-    Attributes
-    ----------
-    record : DataTree
-    prepared : Prepared
-        That phases and corrections are drawn from.
-    own : Prepared or None
-        That which methods of one difference looked at, where it is another one.
-    reductions : sequence of Reduction
-        In the order they were asked for.
-    joint : Joint or None
-    full : bool
-        Whether what is costly is laid out too: the pendulums' angles at the record's own times.
-    """
+    """What a result is made from."""
 
     record: DataTree
     prepared: Prepared
+    """That phases and corrections are drawn from."""
     own: Prepared | None
+    """That which methods of one difference looked at, where it is another one."""
     reductions: Sequence[Reduction]
+    """In the order they were asked for."""
     joint: Joint | None
     full: bool
+    """Whether what is costly is laid out too: the pendulums' angles at the record's own times."""
 
 
 def build_result(parts: Parts, started: float) -> DataTree:
@@ -134,10 +123,7 @@ def result_attributes(record: DataTree, configuration: Mapping[str, Any], starte
     """Root attributes: identity, provenance, configuration and time taken."""
     record_id = str(record.attrs.get("record_id", ""))
     return {
-        "Conventions": "CF-1.11",
-        "schema": "isochrony-result",
-        "schema_version": LAYOUTS["result"].version,
-        "record_id": record_id,
+        **root_attributes("result", record_id),
         "title": f"gravity of record {record_id}",
         "source": "isochrony process",
         "configuration": json.dumps(dict(configuration), sort_keys=True),
@@ -219,31 +205,3 @@ def _labels(reductions: Sequence[Reduction]) -> list[str]:
 
 def _text(values: Any) -> np.ndarray:
     return np.array(list(values), dtype=object)
-
-
-def dataset(
-    group: str,
-    values: Mapping[str, Any],
-    coordinates: Mapping[str, Any] = MappingProxyType({}),
-    extra: Mapping[str, tuple[str, str]] = MappingProxyType({}),
-    dims: tuple[str, ...] = (),
-) -> Dataset:
-    """A group of a result: dimensions, units and meaning of its values from the table of variables.
-
-    `extra` has units and meanings of values that the table does not know, all with the dimensions `dims`.
-    """
-    from xarray import Dataset
-
-    def entry(name: str, value: Any) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
-        if name in extra:
-            units, long_name = extra[name]
-            return dims, value, {"units": units, "long_name": long_name}
-        return VARIABLES[f"{group}/{name}"].dims, value, attributes(f"{group}/{name}")
-
-    return Dataset(
-        {name: entry(name, value) for name, value in values.items()},
-        coords={
-            name: entry(name, value if isinstance(value, np.ndarray) else _text(value))
-            for name, value in coordinates.items()
-        },
-    )

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from synth.ensemble import simulate_ensemble as simulate_ensemble
-    from synth.ensemble_files import write_ensemble as write_ensemble
+    from synth.ensemble import write_ensemble as write_ensemble
     from synth.film.exposing import expose as expose
     from synth.film.exposing import expose_to as expose_to
     from synth.film.exposing import film_truth_path as film_truth_path
@@ -33,7 +33,7 @@ _HOMES = {
     "simulate": "synth.streaming",
     "simulate_to": "synth.streaming",
     "simulate_ensemble": "synth.ensemble",
-    "write_ensemble": "synth.ensemble_files",
+    "write_ensemble": "synth.ensemble",
     "scenes": "synth.shipped",
     "scene_path": "synth.shipped",
 }

@@ -1,4 +1,4 @@
-"""From a scene to equations of motion: a system of `synth.systems`, its start, and its kicks.
+"""From a scene to equations of motion and their states: a system of `synth.systems`, its start, kicks, an integrator.
 
 Only scenes that need a general integrator come here, and only here are systems and their compiler imported.
 """
@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
+from data_schemas.errors import RefusedError
 from data_schemas.scene import Scene
 from data_schemas.scene_checks import felt_gravity
 from data_schemas.scene_pendulum import FreeStart, ImpulseEscapement, Pendulum, VanDerPolEscapement
+from data_schemas.scene_simulation import Propagator
 from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
 from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum
@@ -29,29 +32,19 @@ _DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
 
 @dataclass(frozen=True)
 class Assembly:
-    """Equations of motion with their start.
-
-    Attributes
-    ----------
-    system : NamedTuple
-        Of `synth.systems`.
-    start : (n,) float64
-        State at t = 0, in the system's own units.
-    kicks : Escapement or None
-    time_scale : float
-        The system's time over seconds.
-    units : (n,) float64 or None
-        Physical state over the system's own; None where they are the same.
-    board : float or None
-        Displacement of a rolling board by the sum of the sines, m.
-    """
+    """Equations of motion with their start."""
 
     system: Any
+    """Of `synth.systems`."""
     start: Floats
+    """(n,) state at t = 0, in the system's own units."""
     kicks: Any = None
     time_scale: float = 1.0
+    """The system's time over seconds."""
     units: Floats | None = None
+    """(n,) physical state over the system's own; None where they are the same."""
     board: float | None = None
+    """Displacement of a rolling board by the sum of the sines, m."""
 
     def rows(self, states: Floats) -> Floats:
         """Angles of the pendulums, and below them the displacement of a support that yields.
@@ -192,3 +185,53 @@ def _kicks(system: Any, pendulums: Sequence[Pendulum], inertias: Floats) -> Any:
 
     number, angle, energy, direction = (np.array(column) for column in zip(*kicking, strict=True))
     return escapement(system, number, angle, energy, direction)
+
+
+_MODULES: dict[Propagator, str] = {
+    "beam-collocation": "synth.integrators.collocation",
+    "explicit": "synth.integrators.explicit",
+    "radau": "synth.integrators.radau",
+}
+
+
+def integrated(
+    assembly: Assembly, propagators: Sequence[Propagator], seconds: Floats, tolerance: float
+) -> tuple[Floats, float, Propagator]:
+    """Integrate by the first of the propagators that does not refuse.
+
+    `RefusedError` if all refuse; the message holds every reason.
+
+    Parameters
+    ----------
+    assembly
+        What moves.
+    propagators
+        In the order to be tried.
+    seconds : (k,)
+        The moments, increasing, none before t = 0, s.
+    tolerance : float
+        Error wanted, relative.
+
+    Returns
+    -------
+    rows : (pendulums or pendulums + 1, k) float64
+        As `Assembly.rows` gives them.
+    estimated_error : float
+        Of the worst component, relative to its largest size.
+    propagator : str
+        Who did it.
+    """
+    times = seconds * assembly.time_scale
+    begins = int(times[0] > 0.0)  # states are wanted from t = 0 on
+    instants = np.concatenate([[0.0], times]) if begins else times
+    event: dict[str, Any] = {} if assembly.kicks is None else {"event": assembly.kicks}  # of the explicit one alone
+    reasons = []
+    for name in propagators:
+        integrate = import_module(_MODULES[name]).integrate  # one, and no other
+        try:
+            found = integrate(assembly.system, assembly.start, instants, tolerance=tolerance, **event)
+        except RefusedError as refusal:
+            reasons.append(str(refusal))
+        else:
+            return assembly.rows(found.states[begins:]), found.estimated_error, name
+    raise RefusedError("; ".join(reasons))

@@ -22,8 +22,7 @@ import numpy as np
 from data_schemas.scene import Scene
 from data_schemas.scene_apparatus import GimbalTilt, HarmonicTilt, Tilt
 from data_schemas.scene_checks import felt_gravity, period
-from synth.motion.harmonic_sum import HarmonicSum
-from synth.motion.harmonics import harmonics
+from synth.motion.harmonic_sum import HarmonicSum, harmonics
 from synth.motion.tabulated import continued, tabulated
 from synth.phase import Floats
 from synth.propagators.times import EvenTimes

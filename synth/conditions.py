@@ -20,8 +20,7 @@ import numpy as np
 from data_schemas.scene import Scene
 from data_schemas.scene_checks import felt_gravity, period
 from data_schemas.scene_motion import HarmonicMotion
-from synth.motion.harmonic_sum import HarmonicSum
-from synth.motion.harmonics import harmonics
+from synth.motion.harmonic_sum import HarmonicSum, harmonics
 from synth.phase import Floats
 from synth.seeds import generator
 

@@ -25,39 +25,26 @@ _MOST_PERIODS = 4
 
 @dataclass(frozen=True)
 class Explanation:
-    """A scene's way through the simulator.
-
-    Attributes
-    ----------
-    pendulums : str
-        How many, and their periods.
-    terms : dict
-        Terms of the equations of motion, each in words with its numbers.
-    left_out : tuple of str
-        Terms that the scene does not name: no code is compiled or run for them.
-    readings : str
-        How many, and when.
-    propagator : str
-        As the truth calls it.
-    why : str
-        In one line.
-    instead : tuple of str
-        Who would stand in for it, should it refuse.
-    tolerance : float or None
-        Error that the scene asks for.
-    expected_error : float
-        Of the largest angle.
-    """
+    """A scene's way through the simulator."""
 
     pendulums: str
+    """How many, and their periods."""
     terms: dict[str, str]
+    """Terms of the equations of motion, each in words with its numbers."""
     left_out: tuple[str, ...]
+    """Terms that the scene does not name: no code is compiled or run for them."""
     readings: str
+    """How many, and when."""
     propagator: str
+    """As the truth calls it."""
     why: str
+    """In one line."""
     instead: tuple[str, ...]
+    """Who would stand in for it, should it refuse."""
     tolerance: float | None
+    """Error that the scene asks for."""
     expected_error: float
+    """Of the largest angle."""
 
 
 def explain(scene: Scene) -> Explanation:

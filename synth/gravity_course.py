@@ -16,7 +16,7 @@ import numpy as np
 
 from data_schemas.errors import SceneError
 from data_schemas.scene import Scene
-from data_schemas.scene_gravity import LARGEST_CHANGE, LinearCourse, SineCourse
+from data_schemas.scene_conditions import LARGEST_CHANGE, LinearCourse, SineCourse
 from synth.kernels.tide import tide
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.motion.tabulated import continued, tabulated

@@ -32,44 +32,28 @@ _BLOCK = 4096  # impulses of one generator
 
 @dataclass(frozen=True)
 class Jump:
-    """What is done to a pendulum at an impulse.
-
-    Attributes
-    ----------
-    number, pendulum : int
-    angle, rate : float
-        rad, of theta and theta'/n: what they become; of a knock, what is added to them.
-    adds : bool
-        Whether it is a knock.
-    """
+    """What is done to a pendulum at an impulse."""
 
     number: int
     pendulum: int
     angle: float
     rate: float
+    """rad, of theta and theta'/n: what they become; of a knock, what is added to them."""
     adds: bool
+    """Whether it is a knock."""
 
 
 @dataclass(frozen=True)
 class Kicks:
-    """Impulses of all pendulums; impulse `number`, from 0, comes at (number + 1) * step.
-
-    Attributes
-    ----------
-    step : Fraction
-        h in s, true time; a multiple or a whole part of the sampling step.
-    sizes : (pendulums,) float64
-        k sqrt(h), rad: standard deviation of the change of theta'/n.
-    seed : int
-    labels : tuple of str
-        Of the pendulums.
-    jumps : tuple of Jump
-    """
+    """Impulses of all pendulums; impulse `number`, from 0, comes at (number + 1) * step."""
 
     step: Fraction
+    """h in s, true time; a multiple or a whole part of the sampling step."""
     sizes: Floats
+    """(pendulums,) k sqrt(h), rad: standard deviation of the change of theta'/n."""
     seed: int
     labels: tuple[str, ...]
+    """Of the pendulums."""
     jumps: tuple[Jump, ...] = ()
 
     def some(self, first: int, count: int) -> Floats:

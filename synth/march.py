@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +13,45 @@ from synth.choice import NAMES
 from synth.pendulums.linear import start_state
 from synth.phase import Floats, Phasors
 from synth.plan import Plan
-from synth.portions import recut
 from synth.recording.clock import Clock
+
+
+def recut(pieces: Iterable[Floats], sizes: Iterable[int]) -> Iterator[Floats]:
+    """Cut what comes in pieces anew; no more is held than one portion and one piece.
+
+    `ValueError` if the pieces end too early.
+
+    Parameters
+    ----------
+    pieces
+        (rows, any number of moments) each, in order of time.
+    sizes
+        Moments of each portion; together no more than the pieces hold.
+
+    Yields
+    ------
+    (rows, size) float64
+
+    Examples
+    --------
+    >>> pieces = [np.array([[0.0, 1.0, 2.0]]), np.array([[3.0, 4.0]])]
+    >>> [portion.tolist() for portion in recut(pieces, [2, 3])]
+    [[[0.0, 1.0]], [[2.0, 3.0, 4.0]]]
+    """
+    source = iter(pieces)
+    held: list[Floats] = []
+    have = 0
+    for size in sizes:
+        while have < size or not held:
+            piece = next(source, None)
+            if piece is None:
+                raise ValueError(f"the motion ends {size - have} moments before the record does")
+            held.append(piece)
+            have += piece.shape[-1]
+        joined = held[0] if len(held) == 1 else np.concatenate(held, axis=-1)
+        yield joined[..., :size]
+        held, have = [joined[..., size:]], have - size
+
 
 CLOSED_FORM_ERROR = 1e-15
 WORST_ERROR = 1e-6
@@ -23,38 +60,27 @@ WORST_ERROR = 1e-6
 
 @dataclass(frozen=True)
 class Course:
-    """What happened.
-
-    Attributes
-    ----------
-    theta : (pendulums, readings) float64
-        Angles, rad.
-    free : (pendulums, readings) complex128 or None
-        Free harmonics Z, near-resonant beats included, rad; None for the sine law, which does not superpose.
-    slow : (pendulums, readings) float64 or None
-        Where `free` is None: what linear pendulums would answer to the support away from their own frequency, rad;
-        None too on a support that yields or is still.
-    horizontal_acceleration, vertical_acceleration : (readings,) float64
-        m/s^2
-    estimated_error : float
-        Of theta, relative to the largest angle.
-    propagator : str
-        By what, as the truth calls it.
-    support_displacement : (readings,) float64 or None
-        Of a support that yields, m.
-    gravity_change : (readings,) float64 or None
-        What is added to the scene's gravity, m/s^2.
-    """
+    """What happened."""
 
     theta: Floats
+    """(pendulums, readings) angles, rad."""
     free: Phasors | None
+    """(pendulums, readings) free harmonics Z, near-resonant beats included, rad; None for the sine law, which does not
+    superpose."""
     slow: Floats | None
+    """(pendulums, readings) where `free` is None: what linear pendulums would answer to the support away from their own
+    frequency, rad; None too on a support that yields or is still."""
     horizontal_acceleration: Floats
     vertical_acceleration: Floats
+    """(readings,) m/s^2"""
     estimated_error: float
+    """Of theta, relative to the largest angle."""
     propagator: str
+    """By what, as the truth calls it."""
     support_displacement: Floats | None = None
+    """(readings,) of a support that yields, m."""
     gravity_change: Floats | None = None
+    """(readings,) what is added to the scene's gravity, m/s^2."""
 
 
 Angles = tuple[Floats, float, str]
@@ -168,7 +194,7 @@ def _picard(plan: Plan, clock: Clock, rows: int) -> Iterator[Angles]:
 
 def _integrated(plan: Plan, clock: Clock, rows: int) -> Iterator[Angles]:
     """By a general integrator."""
-    from synth.integration import integrated  # only here: it brings numba
+    from synth.assembly import integrated  # only here: it brings numba
 
     choice = plan.choice
     able = [choice.propagator, *choice.instead] if choice.integrates else choice.instead

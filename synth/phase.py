@@ -36,18 +36,12 @@ _UNIT = 2.0 * math.pi / _WORD  # rad
 
 @dataclass(frozen=True)
 class Turns:
-    """How far each of several harmonics turns in one step.
-
-    Attributes
-    ----------
-    units : (harmonics,) uint64
-        Whole units of 2^-64 turn a step, modulo one turn.
-    remainder : (harmonics,) float64
-        What is left, in units.
-    """
+    """How far each of several harmonics turns in one step."""
 
     units: NDArray[np.uint64]
+    """(harmonics,) whole units of 2^-64 turn a step, modulo one turn."""
     remainder: Floats
+    """(harmonics,) what is left, in units."""
 
     def angles(self, index: Integers) -> Floats:
         """Angles after `index` steps, within half a turn of zero.

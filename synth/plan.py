@@ -13,15 +13,13 @@ from data_schemas.scene import Scene
 from data_schemas.scene_checks import felt_gravity, frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
 from synth.case import lift_of_roll, tilt
-from synth.choice import NAMES, Choice, chosen_at_sight, chosen_by_rates
+from synth.choice import NAMES, Choice, chosen_at_sight, chosen_by_rates, needs
 from synth.conditions import stiffening
 from synth.gravity_course import gravity_change, mean_change, tidal_change
 from synth.kicks import Kicks, held, kicks
-from synth.motion.harmonic_sum import HarmonicSum, add
-from synth.motion.harmonics import harmonics, near_resonant
+from synth.motion.harmonic_sum import HarmonicSum, add, harmonics, near_resonant
 from synth.motion.sea import sea
 from synth.motion.tabulated import tabulated
-from synth.needs import needs
 from synth.pendulums.linear import Response, respond
 from synth.propagators.times import EvenTimes, UnevenTimes
 from synth.recording.clock import Clock
@@ -33,65 +31,44 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything that the march needs, and nothing of the scene's words.
-
-    Attributes
-    ----------
-    gravity : float
-        What accelerations compare with, m/s^2.
-    motion, vertical : HarmonicSum
-        Horizontal and vertical acceleration of the ship; an empty sum where it is still.
-    lift : HarmonicSum
-        The vertical one with what acts like it: a temperature or gravity that changes within the record.
-    frequencies, damping_rates : tuple of float
-        n in rad/s at infinitesimal arc on a rigid support, gamma in 1/s.
-    responses : tuple of Response
-        Linear answer of each pendulum; none on a support that yields, or where a pendulum creeps.
-    times : EvenTimes or UnevenTimes
-        When.
-    choice : Choice
-        By what, and why.
-    tolerance : float or None
-        Error wanted, of the largest angle; None for the least that can be had.
-    assembly : callable
-        Builds the equations of motion, for general integrators only: it imports the compiler. Once built, they stay.
-    yields : bool
-        Whether the support moves with the pendulums.
-    linear : bool
-        Whether the law is linear.
-    kicks : Kicks or None
-        Random impulses.
-    gravity_change : HarmonicSum or None
-        What is added to the scene's gravity over time, m/s^2.
-    mean_change : float
-        Its mean over the record, m/s^2.
-    pitch : HarmonicSum or None
-        Tilt of the case in the plane of swing, rad.
-    planes : tuple of Plan
-        Of each pendulum alone, where their planes of swing are not parallel.
-    held : list of (pendulum, begin, end, angle)
-        See `kicks.held`.
-    """
+    """Everything that the march needs, and nothing of the scene's words."""
 
     gravity: float
+    """What accelerations compare with, m/s^2."""
     motion: HarmonicSum
     vertical: HarmonicSum
+    """Horizontal and vertical acceleration of the ship; an empty sum where it is still."""
     lift: HarmonicSum
+    """The vertical one with what acts like it: a temperature or gravity that changes within the record."""
     frequencies: tuple[float, ...]
     damping_rates: tuple[float, ...]
+    """n in rad/s at infinitesimal arc on a rigid support, gamma in 1/s."""
     responses: tuple[Response, ...]
+    """Linear answer of each pendulum; none on a support that yields, or where a pendulum creeps."""
     times: EvenTimes | UnevenTimes
+    """When."""
     choice: Choice
+    """By what, and why."""
     tolerance: float | None
+    """Error wanted, of the largest angle; None for the least that can be had."""
     assembly: Callable[[], Assembly]
+    """Builds the equations of motion, for general integrators only: it imports the compiler. Once built, they stay."""
     yields: bool
+    """Whether the support moves with the pendulums."""
     linear: bool
+    """Whether the law is linear."""
     kicks: Kicks | None
+    """Random impulses."""
     gravity_change: HarmonicSum | None
+    """What is added to the scene's gravity over time, m/s^2."""
     mean_change: float
+    """Its mean over the record, m/s^2."""
     pitch: HarmonicSum | None = None
+    """Tilt of the case in the plane of swing, rad."""
     planes: tuple[Plan, ...] = ()
+    """Of each pendulum alone, where their planes of swing are not parallel."""
     held: Sequence[tuple[int, float, float, float]] = ()
+    """See `kicks.held`."""
 
     @property
     def propagator(self) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from data_schemas.appending import Appended
-from data_schemas.contents import Contents, to_tree
-from data_schemas.joining import Joined
+from data_schemas.contents import Contents, Entry, Group, to_tree
 from data_schemas.scene import Scene
 from data_schemas.shield import shielded
 from synth.march import march
@@ -17,8 +18,7 @@ from synth.recording.apparatus import Apparatus
 from synth.recording.clock import Clock, set_clock
 from synth.recording.defects import Defects
 from synth.recording.observe import observe
-from synth.truth import reveal
-from synth.unwrapping import Unwrapping
+from synth.truth import Unwrapping, reveal
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -53,12 +53,25 @@ def simulated(scene: Scene) -> tuple[Contents, Contents]:
 
     `SceneError` as `simulate`.
     """
-    clock = set_clock(scene)
-    record, truth = Joined(clock.count), Joined(clock.count)
-    for seen, true in stream(scene, clock):
-        record.append(seen)
-        truth.append(true)
-    return record.whole(), truth.whole()
+    record, truth = (_joined(portions) for portions in zip(*stream(scene, set_clock(scene)), strict=True))
+    return record, truth
+
+
+def _joined(portions: Sequence[Contents]) -> Contents:
+    """Portions of one content put together along time; what does not change with it, and attributes, of the last."""
+    if len(portions) == 1:
+        return portions[0]
+
+    def whole(path: str, name: str, last: Entry) -> Entry:
+        if "time" not in last.dims:
+            return last
+        values = np.concatenate([each[path].variables[name].values for each in portions], axis=-1)
+        return Entry(last.dims, values, last.attrs)
+
+    return {
+        path: Group(group.attrs, {name: whole(path, name, last) for name, last in group.variables.items()})
+        for path, group in portions[-1].items()
+    }
 
 
 def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:

@@ -1,4 +1,4 @@
-"""What is to be done with one input: everything its result depends on, and where that goes."""
+"""What is to be done with one input, with everything its result depends on; and what became of it."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import json
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -77,3 +77,34 @@ class Config:
     def sha256(self) -> str:
         """Of `meaning`; one text for all jobs of like meaning, of which there may be a million."""
         return sys.intern(hashlib.sha256(self.meaning.encode()).hexdigest())
+
+
+Status = Literal["ok", "refused", "failed"]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one input; a line of the ledger. "ok": at least one method gave a value."""
+
+    key: str
+    """Of the job, see `Config`."""
+    status: Status
+    error_class: str | None = None
+    error: str | None = None
+    """Why there is no value, in one line. Beside the names of exceptions: "Crashed", "TimedOut", "WorkerLost"."""
+    input_sha256: str | None = None
+    output_sha256: str | None = None
+    """Of the files' bytes, where they were read and written."""
+    rows: tuple[dict[str, Any], ...] = ()
+    """What the summary says of each method."""
+    seconds: float = 0.0
+
+    def took(self, seconds: float) -> Outcome:
+        """The same with its time."""
+        return replace(self, seconds=round(seconds, 6))
+
+
+def failure(key: str, error_class: str, error: str, input_sha256: str | None = None) -> Outcome:
+    """Outcome of an input that gave nothing; the reason on one line of bounded length."""
+    line = " ".join(error.split())
+    return Outcome(key, "failed", error_class, line if len(line) <= 500 else line[:497] + "...", input_sha256)

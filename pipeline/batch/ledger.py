@@ -21,8 +21,7 @@ from data_schemas.contents import shown
 from data_schemas.errors import FileError, UsageError
 from data_schemas.variables_summary import SUMMARY
 from data_schemas.writing import reason, sync_folder
-from pipeline.batch.config import Config
-from pipeline.batch.outcome import Outcome, Status
+from pipeline.batch.config import Config, Outcome, Status
 
 NAME = "ledger.jsonl"
 _CRC = ', "crc32": "'

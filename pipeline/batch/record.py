@@ -14,8 +14,7 @@ from data_schemas.contents import shown
 from data_schemas.errors import FileError, IsochronyError, RefusedError, naming
 from data_schemas.ordinary import MOST_BYTES, ordinary_size
 from data_schemas.writing import sync_folder
-from pipeline.batch.config import Config, Kind, owner_of
-from pipeline.batch.outcome import Outcome, failure
+from pipeline.batch.config import Config, Kind, Outcome, failure, owner_of
 from pipeline.memory import bounded
 
 if TYPE_CHECKING:

@@ -54,28 +54,21 @@ def small_record(count: int = 2250) -> DataTree:
     """Two free pendulums, `count` readings at 25 Hz; a minute and a half is the least that every method takes."""
     from xarray import Dataset, DataTree
 
-    from data_schemas.variables import VARIABLES, attributes
-
-    def dataset(group: str, **values: object) -> Dataset:
-        keys = {name: f"{group}/{name}" for name in values}
-        return Dataset({name: (VARIABLES[key].dims, values[name], attributes(key)) for name, key in keys.items()})
+    from data_schemas.layouts import root_attributes
+    from data_schemas.variables import attributes, dataset
 
     time = np.arange(count) * 0.04
     period = np.array([1.00966, 1.009760966])
     swing = 0.01 * np.cos(2.0 * np.pi / period[:, None] * time + np.array([[0.4], [2.2]]))
-    labels = np.array(["1", "2"])
-    head = {"Conventions": "CF-1.11", "schema": "isochrony-record", "schema_version": "1", "record_id": "warm"}
+    labels = {"pendulum": ["1", "2"]}
+    combination = np.array([[1.0, 0.0], [1.0, -1.0]])
+    angles = {"combination": combination, "elongation": combination @ swing}
+    head = root_attributes("record", "warm")
     return DataTree.from_dict(
         {
             "/": Dataset({"time": ("time", time, attributes("time"))}, attrs=head),
-            "/record": dataset(
-                "record",
-                trace=np.array(["1", "1-2"]),
-                pendulum=labels,
-                combination=np.array([[1.0, 0.0], [1.0, -1.0]]),
-                elongation=np.stack([swing[0], swing[0] - swing[1]]),
-            ),
-            "/instrument": dataset("instrument", pendulum=labels, period=period, reference_gravity=9.81),
+            "/record": dataset("record", angles, {"trace": ["1", "1-2"], **labels}),
+            "/instrument": dataset("instrument", {"period": period, "reference_gravity": 9.81}, labels),
         }
     )
 

@@ -112,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
 def _do(options: argparse.Namespace, jobs: Any, ledger: Any, log: Any, tally: Any) -> bool:
     """Do the work; whether the summary could be written."""
     from pipeline.batch import campaign
-    from pipeline.batch.resume import remove_leftovers
+    from pipeline.batch.campaign import remove_leftovers
     from pipeline.batch.summary import write_summary
     from pipeline.cli.outputs import orderly
     from pipeline.cli.progress import progress
@@ -158,7 +158,7 @@ def _executor(options: argparse.Namespace, jobs: Any) -> Any:
             told=complain,
         )
     if options.executor == "serial":
-        from pipeline.batch.executors.serial import serial
+        from pipeline.batch.executors.pool import serial
 
         return serial
     from pipeline.batch.executors.pool import pooled

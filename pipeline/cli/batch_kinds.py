@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from xarray import DataTree
 
     from data_schemas.scene import Scene
-    from pipeline.batch.sweep import Variant
+    from pipeline.batch.inputs import Variant
 
 
 def read_record(path: Path, _config: Config, allow: Allow) -> DataTree:

@@ -62,7 +62,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Import the table and write the record."""
-    from pipeline.importing import ImportOptions, import_csv
+    from pipeline.importing.pendulums import ImportOptions
+    from pipeline.importing.record import import_csv
 
     path = Path(options.table)
     output = place([path], options.out, ".record.nc")[0]

@@ -73,30 +73,20 @@ def _exact(taps: Floats, conditions: Floats, wanted: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Motion:
-    """First pendulum and heave, of the samples less the ends that the filters lose.
-
-    Attributes
-    ----------
-    seen : Observation
-    inside : slice
-        These samples, in the record.
-    filters : Filters
-    low, bend : (m,) arrays
-        theta1 free of the noise above three times the swing, rad; `n2^2 w = (theta1'' + 2 gamma1 theta1') / ratio^2`,
-        s-2.
-    shift : float
-        What the noise of theta1 that the filters let pass adds to the factor of sin d on average, s-2.
-    held : float
-        h, rad s-1.
-    """
+    """First pendulum and heave, of the samples less the ends that the filters lose."""
 
     seen: Observation
     inside: slice
+    """These samples, in the record."""
     filters: Filters
     low: Floats
     bend: Floats
+    """(m,) theta1 free of the noise above three times the swing, rad; `n2^2 w = (theta1'' + 2 gamma1 theta1') /
+    ratio^2`, s-2."""
     shift: float
+    """What the noise of theta1 that the filters let pass adds to the factor of sin d on average, s-2."""
     held: float
+    """h, rad s-1."""
 
     def stiffness(self, frequency: float) -> Floats | float:
         """`n2^2 (1 + zeta)`, s-2; heave's part does not depend on n2."""

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from data_schemas.contents import identifier, shown
 from data_schemas.errors import RecordError, UsageError
-from data_schemas.layouts import CONVENTIONS, VERSION
-from data_schemas.variables import attributes
+from data_schemas.layouts import root_attributes
+from data_schemas.variables import VARIABLES, attributes, dataset
 from pipeline.importing.pendulums import ImportOptions, combine, constant, periods
 from pipeline.importing.table import Table, choose_columns, find_column, is_date, read_columns, read_table, unit_in
 
@@ -86,18 +86,19 @@ def import_csv(path: str | os.PathLike[str], options: ImportOptions | None = Non
         )
     pendulums, combination = combine(list(chosen), options.combinations)
     period = periods(pendulums, options, needed=len(chosen) > 1)
+    values = {"combination": combination, "elongation": angles}
+    values |= {name: np.array(table.numbers(find_column(table, of))) for name, of in options.accelerations.items()}
+    if options.noise is not None:
+        values["elongation_uncertainty"] = options.noise * scale
     groups = {
         "/": _root(table, clock, chosen, options),
-        "/record": _traces(table, options, list(chosen), pendulums, combination, angles),
+        "/record": dataset("record", values, {"trace": list(chosen), "pendulum": pendulums}),
     }
-    if options.noise is not None:
-        noise = (("trace",), options.noise * scale, attributes("record/elongation_uncertainty"))
-        groups["/record"]["elongation_uncertainty"] = noise
     if period is not None or options.gravity is not None or options.instrument:
         groups["/instrument"] = _instrument(pendulums, period, options)
     if options.lever is not None:
         lever = np.full(len(chosen), options.lever)
-        groups["/film"] = _dataset("film", {"optical_lever": lever}, {"trace": list(chosen)})
+        groups["/film"] = dataset("film", {"optical_lever": lever}, {"trace": list(chosen)})
     return xr.DataTree.from_dict(groups)
 
 
@@ -121,15 +122,13 @@ def _root(table: Table, clock: Clock, chosen: Mapping[str, int], options: Import
     time = {**attributes("time"), "units": f"seconds since {clock.start}"}
     return xr.Dataset(
         coords={"time": ("time", clock.seconds, time)},
-        attrs={
-            "Conventions": CONVENTIONS,
-            "schema": "isochrony-record",
-            "schema_version": VERSION,
-            "record_id": identifier(Path(name).stem),
-            "title": f"pendulum record imported from {name}",
-            "history": f"imported by isochrony: {columns}, in {options.unit or 'the units of the headers, else rad'}",
-            "source": f"{name}, whose own clock reads {clock.reading} at the start",
-        },
+        attrs=root_attributes(
+            "record",
+            identifier(Path(name).stem),
+            title=f"pendulum record imported from {name}",
+            history=f"imported by isochrony: {columns}, in {options.unit or 'the units of the headers, else rad'}",
+            source=f"{name}, whose own clock reads {clock.reading} at the start",
+        ),
     )
 
 
@@ -157,26 +156,11 @@ def with_angle(table: Table, position: str) -> tuple[Table, dict[str, int]]:
     return replace(table, names=(*table.names, "angle (rad)"), rows=rows), {"1": len(table.names)}
 
 
-def _traces(
-    table: Table,
-    options: ImportOptions,
-    traces: list[str],
-    pendulums: list[str],
-    combination: NDArray[np.float64],
-    elongation: NDArray[np.float64],
-) -> xr.Dataset:
-    given = {name: np.array(table.numbers(find_column(table, of))) for name, of in options.accelerations.items()}
-    values = {"combination": combination, "elongation": elongation, **given}
-    return _dataset("record", values, {"trace": traces, "pendulum": pendulums})
-
-
 def _instrument(pendulums: list[str], period: NDArray[np.float64] | None, options: ImportOptions) -> xr.Dataset:
     """Group /instrument.
 
     `UsageError`: a constant that is not known, or that has no value for a pendulum.
     """
-    from data_schemas.variables import VARIABLES
-
     values: dict[str, Any] = {"period": period}
     words = {}
     for name, value in {"reference_gravity": options.gravity, **options.instrument}.items():
@@ -196,42 +180,19 @@ def _instrument(pendulums: list[str], period: NDArray[np.float64] | None, option
         else:
             values[name] = value if value is None else constant(name, value)
     given = {name: value for name, value in values.items() if value is not None}
-    return _dataset("instrument", given, {"pendulum": pendulums}).assign_attrs(words)
-
-
-def _dataset(group: str, variables: Mapping[str, Any], labels: Mapping[str, list[str]]) -> xr.Dataset:
-    """A group's dataset, its dimensions and attributes from the table of variables."""
-    import xarray as xr
-
-    from data_schemas.variables import VARIABLES
-
-    def entry(name: str, value: Any) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
-        key = f"{group}/{name}"
-        return VARIABLES[key].dims, value, attributes(key)
-
-    return xr.Dataset(
-        {name: entry(name, value) for name, value in variables.items()},
-        coords={name: entry(name, np.array(values)) for name, values in labels.items()},
-    )
+    return dataset("instrument", given, {"pendulum": pendulums}).assign_attrs(words)
 
 
 @dataclass(frozen=True)
 class Clock:
-    """The times of a table.
-
-    Attributes
-    ----------
-    start : str
-        ISO date for the units "seconds since ..."; a conventional one if the table gives numbers.
-    reading : str
-        What the table's own clock read at the first row.
-    seconds : (rows,) array
-        Seconds from the first row, strictly increasing.
-    """
+    """The times of a table."""
 
     start: str
+    """ISO date for the units "seconds since ..."; a conventional one if the table gives numbers."""
     reading: str
+    """What the table's own clock read at the first row."""
     seconds: NDArray[np.float64]
+    """(rows,) seconds from the first row, strictly increasing."""
 
 
 def relative_times(table: Table, column: int) -> Clock:

@@ -23,24 +23,16 @@ _NUMBERED_TRACE = re.compile(r"\d+(-\d+)*")
 
 @dataclass(frozen=True)
 class Table:
-    """Cells of a text table as they were written.
-
-    Attributes
-    ----------
-    source : str
-        The file, for messages.
-    names : tuple of str
-        Name of each column; "" where the table has no header.
-    lines : tuple of int
-        Line number in the file of each row, from 1.
-    rows : tuple of tuple of str
-        Stripped cells; every row has as many as there are names.
-    """
+    """Cells of a text table as they were written."""
 
     source: str
+    """The file, for messages."""
     names: tuple[str, ...]
+    """Name of each column; "" where the table has no header."""
     lines: tuple[int, ...]
+    """Line number in the file of each row, from 1."""
     rows: tuple[tuple[str, ...], ...]
+    """Stripped cells; every row has as many as there are names."""
 
     def title(self, column: int) -> str:
         """What to call a column in a message: its name, or its number from 1."""

@@ -139,20 +139,12 @@ def followed(
 
 @dataclass(frozen=True)
 class Begun:
-    """A law with its cold start.
-
-    Attributes
-    ----------
-    gathered : Gathered
-    assumed : Assumed
-    first : tuple of Constant
-        With their priors.
-    rough : explanation.Fitted
-    """
+    """A law with its cold start."""
 
     gathered: Gathered
     assumed: Assumed
     first: tuple[Constant, ...]
+    """With their priors."""
     rough: explanation.Fitted
 
     @staticmethod

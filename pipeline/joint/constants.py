@@ -13,37 +13,25 @@ from pipeline.joint.passes import Columns
 
 @dataclass(frozen=True)
 class Constant:
-    """One unknown constant.
-
-    Attributes
-    ----------
-    name : str
-        For reports, as "zero of trace 1".
-    kind : int
-        Of `pipeline.joint.filtering`.
-    prior : float
-        1 sigma about `mean`, in the constant's own unit.
-    index : int
-        Pendulum, trace or state it belongs to; -1: all pendulums.
-    mean : float
-        Of the prior.
-    value : float
-        The latest.
-    centre, width : float
-        s; see `passes.Columns`.
-    stated : bool
-        Whether the record states its uncertainty: the prior is then not to be doubted.
-    """
+    """One unknown constant."""
 
     name: str
+    """For reports, as "zero of trace 1"."""
     kind: int
+    """Of `pipeline.joint.filtering`."""
     prior: float
+    """1 sigma about `mean`, in the constant's own unit."""
     index: int = -1
+    """Pendulum, trace or state it belongs to; -1: all pendulums."""
     mean: float = 0.0
+    """Of the prior."""
     value: float = 0.0
+    """The latest."""
     centre: float = 0.0
     width: float = 0.0
+    """s; see `passes.Columns`."""
     stated: bool = False
+    """Whether the record states its uncertainty: the prior is then not to be doubted."""
 
 
 def columns(constants: tuple[Constant, ...]) -> Columns:
@@ -74,29 +62,20 @@ def total(constants: tuple[Constant, ...], kind: int, size: int) -> Floats:
 
 @dataclass(frozen=True)
 class Solution:
-    """Posterior of the constants.
-
-    Attributes
-    ----------
-    constants : tuple of Constant
-        With the new values.
-    step : (c,) array
-        Change from the values before.
-    covariance : (c, c) array
-    log_likelihood : float
-        Marginal, of the readings.
-    squares : float
-        Sum of squares of the whitened prediction errors at the solution.
-    count : int
-        Of the readings.
-    """
+    """Posterior of the constants."""
 
     constants: tuple[Constant, ...]
+    """With the new values."""
     step: Floats
+    """(c,) change from the values before."""
     covariance: Floats
+    """(c, c)."""
     log_likelihood: float
+    """Marginal, of the readings."""
     squares: float
+    """Sum of squares of the whitened prediction errors at the solution."""
     count: int
+    """Of the readings."""
 
     def of(self, name: str) -> Constant:
         """The constant of a name."""

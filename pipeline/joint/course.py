@@ -19,18 +19,12 @@ LENGTHS = np.array([0.1, 0.3, 1.0])
 
 @dataclass(frozen=True)
 class Course:
-    """Prior of a course: Gaussian, squared-exponential in time.
-
-    Attributes
-    ----------
-    size : float
-        Root mean square over reference gravity.
-    length : float
-        Correlation time, s.
-    """
+    """Prior of a course: Gaussian, squared-exponential in time."""
 
     size: float
+    """Root mean square over reference gravity."""
     length: float
+    """Correlation time, s."""
 
 
 def knots(duration: float) -> tuple[Constant, ...]:

@@ -22,57 +22,36 @@ CONTRACTION, LONG_GAP = 0.01, 5.0  # of what bends, a pass; s
 
 @dataclass(frozen=True)
 class Model:
-    """One explanation.
-
-    Attributes
-    ----------
-    words : tuple of str
-        What it adds to the plainest one.
-    assumed : Assumed
-    constants : tuple of Constant
-    course : Course or None
-    problem : Problem
-    begun : tuple of Component
-        The ship before any was added or moved.
-    """
+    """One explanation."""
 
     words: tuple[str, ...]
+    """What it adds to the plainest one."""
     assumed: Assumed
     constants: tuple[Constant, ...]
     problem: Problem
     begun: tuple[Component, ...]
+    """The ship before any was added or moved."""
     course: Course | None = None
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """An explanation with what it gives.
-
-    Attributes
-    ----------
-    model : Model
-    solution : Solution
-    path : (k, d) array
-    of : passes.Pass
-        The last pass: prediction errors at the solution, and the products of their derivatives.
-    about : tuple of Constant
-        What it went about.
-    doubt : float
-        Of gravity over itself, from a path that does not settle: in long gaps the ship's is hardly known.
-    bent : float
-        See `bend`, between the last two paths.
-    spectra : dict
-        Of the errors, once they are asked for; see `whiteness.errors_by_frequency`.
-    """
+    """An explanation with what it gives."""
 
     model: Model
     solution: Solution
     path: Floats
+    """(k, d)."""
     of: passes.Pass
+    """The last pass: prediction errors at the solution, and the products of their derivatives."""
     about: tuple[Constant, ...]
+    """What it went about."""
     doubt: float = 0.0
+    """Of gravity over itself, from a path that does not settle: in long gaps the ship's is hardly known."""
     bent: float = 0.0
+    """See `bend`, between the last two paths."""
     spectra: dict[tuple[int, int], tuple[Floats, Floats, np.ndarray]] = field(default_factory=dict, init=False)
+    """Of the errors, once they are asked for; see `whiteness.errors_by_frequency`."""
 
     def without(self, constant: Constant) -> Fitted:
         """The same without a constant that hardly differs from zero: by the last pass, linearised."""

@@ -12,11 +12,10 @@ from pipeline.joint import apparatus, choice, explanation, motion, spectrum
 from pipeline.joint.cold_start import ACCELEROMETER, CAPTURE, DIFFERENCE, KICK, Begun, again, released
 from pipeline.joint.course import mean_gravity, mean_row
 from pipeline.joint.explanation import LONG_GAP, grown
-from pipeline.joint.gaps import change_in_gaps
+from pipeline.joint.gaps import change_by_rounding, change_in_gaps
 from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import GATE, OUTLIER, better, heard_again, isolated, smoothed, standing
 from pipeline.joint.problem import LEVEL, Assumed
-from pipeline.joint.rounding import change_by_rounding
 from pipeline.joint.unresolved import unseen
 
 SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate, when this is known; s-1
@@ -24,31 +23,21 @@ SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate,
 
 @dataclass(frozen=True)
 class Outcome:
-    """Posterior of gravity, every explanation weighed.
-
-    Attributes
-    ----------
-    fit : explanation.Fitted
-        The best explanation.
-    close : list of explanation.Candidate
-        Those that stay close to it.
-    mean, sigma : float
-        Gravity over reference gravity, mean over the record, and its 1 sigma from the readings.
-    spread : float
-        Factor in `sigma` by which the prediction errors exceed the model; 1: they are white.
-    left_out : int
-        Readings that were not used.
-    still : tuple of str
-        See `gather.Gathered`.
-    """
+    """Posterior of gravity, every explanation weighed."""
 
     fit: explanation.Fitted
+    """The best explanation."""
     close: list[explanation.Candidate]
+    """Those that stay close to it."""
     mean: float
     sigma: float
+    """Gravity over reference gravity, mean over the record, and its 1 sigma from the readings."""
     spread: float
+    """Factor in `sigma` by which the prediction errors exceed the model; 1: they are white."""
     left_out: int
+    """Readings that were not used."""
     still: tuple[str, ...]
+    """See `gather.Gathered`."""
 
     @property
     def words(self) -> str:

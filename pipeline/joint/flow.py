@@ -26,69 +26,50 @@ HALVINGS = 6  # Van Loan's exponential is taken of a short step, then doubled: s
 
 
 class Flow(NamedTuple):
-    """Matrices of one step; p pendulums, d states, 4 nodes.
-
-    Attributes
-    ----------
-    step : float
-        s.
-    sine : bool
-        Restoring law; False: linear.
-    gravity : float
-        G of the linear part.
-    fade : float
-        Speed below which knife-edge friction fades, rad s-1; 0: where a pendulum turns.
-    kappa, damping, quadratic, dry : (p,) arrays
-        n^2 at reference gravity, s-2; viscous rate, s-1; factor of |theta'| theta', 1; of sign theta', s-2.
-    rows : (8 p + 8 + d, d) array
-        What the linear flow makes of a state: each pendulum's angle at the four nodes, each one's speed, U, Z, and the
-        state at the end.
-    noise : (d, d) array
-        Covariance of the process noise.
-    heave_noise : float
-        White noise of a recorded heave over reference gravity times the root of its sampling step, s1/2: it acts on the
-        pendulums by their angles.
-    response : (p, 5, 4, 2) array
-        Angle and speed at each node and at the end to the Lagrange polynomials of an acceleration at the nodes.
-    angles : (p, e, d) array
-        Rows of each pendulum's angle, as it is read, near a node by the powers of the time from it, under the linear
-        flow.
-    horizontal, vertical : (e, d) arrays
-        The same of U and Z.
-    pull : (4, 4) array
-        Lagrange polynomials of the nodes, integrated twice from the step's start: factors of the square to the fifth
-        power of the time.
-    driven : (2, d) array
-        Covariance with the process noise of Z and its derivative at the step's end.
-    heaves : bool
-        Whether vertical motion that is not recorded acts: what drives it acts within the step too.
-    drives : int
-        Ways in which noise acts on the pendulums within a step: what drives that motion, noise of a recorded one.
-    varying : bool
-        Whether the flow's derivative turns with the swing; the covariance then follows it. (What the ship's motion does
-        to two pendulums differs by their arcs as much as by their periods: a gain without the arcs errs by 2 mGal.)
-    """
+    """Matrices of one step; p pendulums, d states, 4 nodes."""
 
     step: float
+    """s."""
     sine: bool
+    """Restoring law; False: linear."""
     gravity: float
+    """G of the linear part."""
     kappa: Floats
     damping: Floats
     quadratic: Floats
     dry: Floats
+    """(p,) n^2 at reference gravity, s-2; viscous rate, s-1; factor of |theta'| theta', 1; of sign theta', s-2."""
     fade: float
+    """Speed below which knife-edge friction fades, rad s-1; 0: where a pendulum turns."""
     rows: Floats
+    """(8 p + 8 + d, d) what the linear flow makes of a state: each pendulum's angle at the four nodes, each one's
+    speed, U, Z, and the state at the end."""
     noise: Floats
+    """(d, d) covariance of the process noise."""
     heave_noise: float
+    """White noise of a recorded heave over reference gravity times the root of its sampling step, s1/2: it acts on the
+    pendulums by their angles."""
     response: Floats
+    """(p, 5, 4, 2) angle and speed at each node and at the end to the Lagrange polynomials of an acceleration at the
+    nodes."""
     angles: Floats
+    """(p, e, d) rows of each pendulum's angle, as it is read, near a node by the powers of the time from it, under the
+    linear flow."""
     horizontal: Floats
     vertical: Floats
+    """(e, d) the same of U and Z."""
     pull: Floats
+    """(4, 4) lagrange polynomials of the nodes, integrated twice from the step's start: factors of the square to the
+    fifth power of the time."""
     driven: Floats
+    """(2, d) covariance with the process noise of Z and its derivative at the step's end."""
     heaves: bool
+    """Whether vertical motion that is not recorded acts: what drives it acts within the step too."""
     drives: int
+    """Ways in which noise acts on the pendulums within a step: what drives that motion, noise of a recorded one."""
     varying: bool
+    """Whether the flow's derivative turns with the swing; the covariance then follows it. (What the ship's motion does
+    to two pendulums differs by their arcs as much as by their periods: a gain without the arcs errs by 2 mGal.)"""
 
 
 def flow(

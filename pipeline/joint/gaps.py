@@ -1,4 +1,4 @@
-"""What the ship does to gravity in gaps, where its motion is guessed from either side.
+"""What acts on gravity unread: the ship in gaps, where its motion is guessed from either side; rounding of readings.
 
 Horizontal motion at x times the swing's frequency stiffens a pendulum by <u^2> (r - r^2 / 2) of gravity, with
 r = 1 / (1 - x^2); vertical motion slackens it by <zeta^2> / (4 - x^2). If slow: <u^2> / 2 and <zeta^2> / 4, Browne's
@@ -14,7 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint.explanation import Fitted, again, values
+from pipeline.joint import kinds
+from pipeline.joint.constants import total
+from pipeline.joint.explanation import Fitted, again, angles, values
 
 SHORTEST = 2.0  # s: nothing hides in shorter gaps
 FORETOLD = 20.0  # s: half of what happens in so long a gap is foretold
@@ -59,3 +61,27 @@ def change_in_gaps(fit: Fitted, gravity: Floats) -> tuple[float, float]:
     missed = float(change[~inside].mean() - change[inside].mean()) / level
     squares = max(float(inside.sum()) * lattice.step / INDEPENDENT, 1.0)
     return whole * missed, abs(whole) * float(np.sqrt(0.5 / squares))
+
+
+def change_by_rounding(fit: Fitted, gravity: Floats) -> float:
+    """Change of gravity over reference gravity that rounding has made.
+
+    Parameters
+    ----------
+    fit : Fitted
+    gravity : (c,) array
+        Row that gives gravity from the constants.
+    """
+    problem, lattice = fit.model.problem, fit.model.problem.lattice
+    own = np.flatnonzero(lattice.trace < problem.traces)
+    trace = lattice.trace[own]
+    exact = np.einsum("rp,rp->r", lattice.combination[trace], angles(fit, lattice.time[own]))
+    exact += total(fit.model.constants, kinds.ZERO, problem.traces + 2)[trace]
+    step = problem.steps[trace]
+    rounded = np.where(step > 0.0, np.rint(exact / np.maximum(step, 1e-300)) * step, exact)
+    found = []
+    for readings in (rounded, exact):
+        value = lattice.value.copy()
+        value[own] = readings
+        found.append(again(fit, replace(problem, lattice=replace(lattice, value=value))))
+    return float(gravity @ (found[0] - found[1]))

@@ -13,9 +13,8 @@ from data_schemas.errors import RecordError, RefusedError
 from pipeline.arrays import Floats, evened
 from pipeline.conditions import TEMPERATURE
 from pipeline.joint import plausible
-from pipeline.joint.calm import WINDOW, is_calm
 from pipeline.joint.flow import NODES, POINTS
-from pipeline.joint.lattice import Lattice, lay
+from pipeline.joint.lattice import WINDOW, Lattice, is_calm, lay
 from pipeline.joint.problem import Problem
 from pipeline.joint.spectrum import folded
 from pipeline.ledger import eotvos, tide
@@ -42,39 +41,26 @@ NEIGHBOURS, ENOUGH = 7, 20000  # values whose sixth difference shows their noise
 
 @dataclass(frozen=True)
 class Gathered:
-    """Readings and constants.
-
-    Attributes
-    ----------
-    problem : Problem
-    pendulums, traces : tuple of str
-        Labels.
-    constants : mapping
-        What /instrument states; see `pipeline.observation.instrument`.
-    noise : (t,) array
-        Stated reading noise, rad; NaN = not stated.
-    heave_noise : float
-        White noise of a recording that is interpolated, over reference gravity, times the root of its step, s1/2.
-    heave_doubt : float
-        1 sigma of its mean over reference gravity, which gravity shares.
-    still : tuple of str
-        Traces that stand still for a while, and when, in words.
-    tilts : bool
-        Whether elongations are measured from a case whose tilt is not recorded.
-    denser : callable
-        The same with as many nodes as readings, for motion that the traces do not show before they are fitted.
-    """
+    """Readings and constants."""
 
     problem: Problem
     pendulums: tuple[str, ...]
     traces: tuple[str, ...]
+    """Labels."""
     constants: dict[str, Any]
+    """What /instrument states; see `pipeline.observation.instrument`."""
     noise: Floats
+    """(t,) stated reading noise, rad; NaN = not stated."""
     heave_noise: float
+    """White noise of a recording that is interpolated, over reference gravity, times the root of its step, s1/2."""
     heave_doubt: float
+    """1 sigma of its mean over reference gravity, which gravity shares."""
     still: tuple[str, ...]
+    """Traces that stand still for a while, and when, in words."""
     tilts: bool
+    """Whether elongations are measured from a case whose tilt is not recorded."""
     denser: Callable[[], Gathered]
+    """The same with as many nodes as readings, for motion that the traces do not show before they are fitted."""
 
     @property
     def law(self) -> str | None:

@@ -29,63 +29,42 @@ KEPT = 2**26  # bytes that are kept at once for the smoother
 
 @dataclass(frozen=True)
 class Assumed:
-    """What is random, and how much of it.
-
-    Attributes
-    ----------
-    ship : tuple of Component
-    kick : (p,) array
-        rad s-1/2.
-    noise : (t + 2,) array
-        1 sigma of the readings of each trace, rad, and of recorded accelerations over reference gravity.
-    sine : bool
-        Restoring law.
-    heave_noise : float
-        Of an interpolated recording of the heave; see `flow.Flow`.
-    breaks : tuple of (int, int)
-        Nodes from which a pendulum goes on as nothing before tells, and that pendulum: a knock, a restart.
-    """
+    """What is random, and how much of it."""
 
     ship: tuple[Component, ...]
     kick: Floats
+    """(p,) rad s-1/2."""
     noise: Floats
+    """(t + 2,) 1 sigma of the readings of each trace, rad, and of recorded accelerations over reference gravity."""
     sine: bool
+    """Restoring law."""
     heave_noise: float = 0.0
+    """Of an interpolated recording of the heave; see `flow.Flow`."""
     breaks: tuple[tuple[int, int], ...] = ()
+    """Nodes from which a pendulum goes on as nothing before tells, and that pendulum: a knock, a restart."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A record laid out.
-
-    Attributes
-    ----------
-    lattice : Lattice
-    kappa, damping : (p,) arrays
-        n^2 at reference gravity, s-2; stated damping rates, s-1.
-    recorded : (k, 4) array
-        Recorded heave over reference gravity at the nodes of each step; empty: not recorded, or a reading.
-    slope : (k, 4) array
-        Its derivative with time.
-    left_out : (r,) array of bool
-        Readings that are not used.
-    heave : callable, optional
-        The same recording at any times since the first node, s.
-    track : (k, 4) array
-        Known change of gravity along the track, from its mean, over reference gravity, at the nodes; empty: none.
-    steps : (t,) array
-        rad, to which samples were rounded, which leaves lines of its own; 0: not so that it shows.
-    """
+    """A record laid out."""
 
     lattice: Lattice
     kappa: Floats
     damping: Floats
+    """(p,) n^2 at reference gravity, s-2; stated damping rates, s-1."""
     recorded: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))
+    """(k, 4) recorded heave over reference gravity at the nodes of each step; empty: not recorded, or a reading."""
     slope: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))
+    """(k, 4) its derivative with time."""
     left_out: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    """(r,) readings that are not used."""
     heave: Callable[[Floats], Floats] | None = None
+    """The same recording at any times since the first node, s."""
     track: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))
+    """(k, 4) known change of gravity along the track, from its mean, over reference gravity, at the nodes; empty:
+    none."""
     steps: Floats = field(default_factory=lambda: np.zeros(0))
+    """(t,) rad, to which samples were rounded, which leaves lines of its own; 0: not so that it shows."""
 
     @property
     def pendulums(self) -> int:

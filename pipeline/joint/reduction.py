@@ -33,22 +33,14 @@ WIDENED = 1.1  # factor in sigma from which the flag says so
 
 @dataclass(frozen=True)
 class Joint:
-    """The method's outcome on a record.
-
-    Attributes
-    ----------
-    reduction : Reduction
-    prepared : Prepared
-        The smoothed pendulums of the pair, even and without gaps.
-    outcome : Outcome
-    columns : (int, int)
-        Places of the pair among the pendulums.
-    """
+    """The method's outcome on a record."""
 
     reduction: Reduction
     prepared: Prepared
+    """The smoothed pendulums of the pair, even and without gaps."""
     outcome: Outcome
     columns: tuple[int, int]
+    """(int, int) places of the pair among the pendulums."""
 
     @property
     def eotvos(self) -> str:

@@ -38,22 +38,15 @@ def _answer(own: float, damping: float, frequency: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Oscillators:
-    """A chain of damped oscillators driven by white noise; an acceleration in units of reference gravity.
-
-    Attributes
-    ----------
-    frequency, damping : float
-        Of each oscillator, rad s-1 and s-1.
-    rms : float
-        Of the acceleration over reference gravity.
-    axis : {"horizontal", "transverse", "vertical", "tilt"}
-        Transverse: what all pendulums but the first feel, whose planes of swing are not parallel to its own.
-    """
+    """A chain of damped oscillators driven by white noise; an acceleration in units of reference gravity."""
 
     frequency: float
     damping: float
+    """Of each oscillator, rad s-1 and s-1."""
     rms: float
+    """Of the acceleration over reference gravity."""
     axis: Axis = "horizontal"
+    """Transverse: what all pendulums but the first feel, whose planes of swing are not parallel to its own."""
 
     @property
     def peak(self) -> float:
@@ -104,21 +97,14 @@ class Engine(Oscillators):
 
 @dataclass(frozen=True)
 class Vibration:
-    """A smooth broad-band component: Matern process of smoothness 5/2.
-
-    Attributes
-    ----------
-    rate : float
-        Inverse of the correlation time, s-1.
-    rms : float
-        Of the acceleration over reference gravity.
-    axis : {"horizontal", "transverse", "vertical", "tilt"}
-        Transverse: what all pendulums but the first feel, whose planes of swing are not parallel to its own.
-    """
+    """A smooth broad-band component: Matern process of smoothness 5/2."""
 
     rate: float
+    """Inverse of the correlation time, s-1."""
     rms: float
+    """Of the acceleration over reference gravity."""
     axis: Axis = "horizontal"
+    """Transverse: what all pendulums but the first feel, whose planes of swing are not parallel to its own."""
 
     def system(self) -> tuple[Floats, Floats, int]:
         """Drift matrix (3, 3), output row (3,), and the state that is driven."""

@@ -91,35 +91,25 @@ def _sharp(frequency: Floats, power: Floats, edges: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Band:
-    """A trace's errors in bins of frequency; f of them, onto each of which m frequencies fall where samples are sparse.
-
-    Attributes
-    ----------
-    trace : int
-    power, weight : (f,) arrays
-        Mean power of the errors, and number of ordinates.
-    frequency : (m, f) array
-        rad s-1, the bin's own in the middle row.
-    across, aside, upright : (m, f) arrays
-        Square of the trace's answer to U, to U of all but the first pendulum, and to Z on either side of the swing.
-    kicked : (m, f, p) array
-        The same to the kicks of each pendulum.
-    step : float
-        s between samples.
-    level : float
-        The same to the tilt of the case.
-    """
+    """Errors of a trace, in bins of frequency, f of them; m frequencies fall on each where samples are sparse."""
 
     trace: int
     power: Floats
     weight: Floats
+    """(f,) mean power of the errors, and number of ordinates."""
     frequency: Floats
+    """(m, f) rad s-1, the bin's own in the middle row."""
     across: Floats
     aside: Floats
     upright: Floats
+    """(m, f) square of the trace's answer to U, to U of all but the first pendulum, and to Z on either side of the
+    swing."""
     kicked: Floats
+    """(m, f, p) the same to the kicks of each pendulum."""
     step: float
+    """s between samples."""
     level: float
+    """The same to the tilt of the case."""
 
     @staticmethod
     def of(fit: Fitted, trace: int, lines: tuple[Component, ...], beside: float) -> Band | None:
@@ -173,19 +163,12 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """The errors of all traces beside what a fit assumes; n bins in all bands.
-
-    Attributes
-    ----------
-    bands : tuple of Band
-    assumed : Assumed
-    swing : float
-        rad s-1.
-    """
+    """The errors of all traces beside what a fit assumes; n bins in all bands."""
 
     bands: tuple[Band, ...]
     assumed: Assumed
     swing: float
+    """rad s-1."""
     _answers: dict[tuple[object, ...], Floats] = field(default_factory=dict)
 
     @staticmethod

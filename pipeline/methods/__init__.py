@@ -23,21 +23,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Method:
-    """What help, demonstration, pictures and results say of a method.
-
-    Attributes
-    ----------
-    function : callable or str
-        `Prepared -> Estimate`; "module:name" where it is imported when it is asked for; empty: it fits all traces.
-    short : str
-        What it is, in a few words.
-    words : str
-        The same in a line.
-    """
+    """What help, demonstration, pictures and results say of a method."""
 
     function: Function | str
+    """`Prepared -> Estimate`; "module:name" where it is imported when it is asked for; empty: it fits all traces."""
     short: str
+    """What it is, in a few words."""
     words: str
+    """The same in a line."""
 
 
 DECLARED: dict[str, Method] = {

@@ -29,20 +29,13 @@ LEAST_WHOLE = 30
 
 @dataclass(frozen=True)
 class Phases:
-    """Phase of the difference relative to the carrier, and the separated harmonics it came from.
-
-    Attributes
-    ----------
-    envelope : Envelope
-    phase : (k,) array
-        phi less carrier times time, rad.
-    weight : (k,) array
-        a^2 times coverage: the phase's variance goes as 1/a^2.
-    """
+    """Phase of the difference relative to the carrier, and the separated harmonics it came from."""
 
     envelope: Envelope
     phase: Floats
+    """(k,) phi less carrier times time, rad."""
     weight: Floats
+    """(k,) a^2 times coverage: the phase's variance goes as 1/a^2."""
 
 
 def phases(prepared: Prepared, *, through_zero: bool = False) -> Phases:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from data_schemas.variables import dataset
 from pipeline.gravity import DAY, MGAL
 from pipeline.observation import clock_of
 from pipeline.period.cycles import find_cycles
 from pipeline.period.fit import SCALE, fit_period
-from pipeline.result import dataset, result_attributes
+from pipeline.result import result_attributes
 from pipeline.summary import without_gravity
 
 if TYPE_CHECKING:

@@ -12,8 +12,9 @@ from xarray import Dataset, DataTree
 
 from data_schemas import check
 from data_schemas.errors import RecordError, RefusedError
+from data_schemas.variables import dataset
 from pipeline.arrays import Floats, row_means_present
-from pipeline.result import dataset, result_attributes
+from pipeline.result import result_attributes
 from pipeline.summary import without_gravity
 from pipeline.synchronism.phases import Phases, beam, phases
 from pipeline.synchronism.verdict import REMEDY, allan_deviation, available, instantaneous, judge, mean_rate

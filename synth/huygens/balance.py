@@ -6,8 +6,9 @@ felt. Put into (8),
     E_i^2 + delta^2 g_i^2 = s,       s = q^2 = (nu d/(2 d0)) sum g_i (1 - g_i),       beta s = (nu/2) sum (1 - g_i) E_i:
 
 three conics in g_1, g_2 whose coefficients are polynomials of beta. They meet only where their resultant vanishes, a
-polynomial of degree 20 of beta, and since 0 <= s <= nu d/(4 d0), |E_i| <= sqrt(s) shuts beta into an interval.
-All its roots there are isolated in exact arithmetic, and in each all intersections are tried: so none is missed.
+polynomial of degree 20 of beta (4 times the coefficients' 2, 2 and 1), and since 0 <= s <= nu d/(4 d0),
+|E_i| <= sqrt(s) shuts beta into an interval. All its roots there are isolated in exact arithmetic, and in each all
+intersections are tried: so none is missed.
 
 Symmetries are divided out: alpha_i counts modulo pi (y_i -> -y_i, of each alone), and q >= 0 fixes where z begins. A
 clock that stands still (A_i = 0) solves the equations of motion but not (7), and is not among them.
@@ -23,11 +24,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synth.huygens.clocks import Clocks, checked
-from synth.huygens.real_roots import Conic, interpolated, real_roots, resultant
+from synth.huygens.real_roots import Conic, real_roots, resultant
 from synth.phase import Floats
 
-DEGREE = 20
-"""Of the resultant in beta: 4 times the degrees of the conics' coefficients, 2, 2 and 1."""
 _WIDTH = Fraction(1, 1 << 70)  # of a root's bracket
 _LARGEST_SHARE = Fraction(12072, 10000)  # of A^2/4: (g, g) lies within a circle about (1/2, 1/2)
 _ALIKE = 1e-9  # solutions nearer than this share of their size are one
@@ -79,8 +78,7 @@ def solutions(clocks: Clocks, *, shifts: bool = False) -> list[Regime]:
     equations = _Equations(checked(clocks), shifts)
     found: list[Regime] = []
     low, high = equations.interval()
-    polynomial = interpolated(lambda beta: resultant(equations.conics(beta)), DEGREE, Fraction(1, 1 << 6))
-    for root in real_roots(polynomial, low, high, _WIDTH) if low < high else []:
+    for root in real_roots(resultant(equations.conics), low, high, _WIDTH) if low < high else []:
         for point in equations.intersections(float(root)):
             polished = equations.polished(point)
             if polished is None:
@@ -158,7 +156,7 @@ class _Equations:
         high = min((1 + reach + self._arc * _LARGEST_SHARE) / tuning - 1 for tuning in self._tuning)
         return max(low, Fraction(-1)), high
 
-    def conics(self, beta: Fraction) -> list[Conic]:
+    def conics(self, beta: Any) -> list[Conic]:
         """E_1^2 + delta^2 g_1^2 - s, the same of the second, beta s - (nu/2) sum (1 - g_i) E_i; E_i = D_i + arc g_i."""
         loss = self._drive**2 * (1 + beta)
         feed, arc, none = self._feed, self._arc, Fraction(0)

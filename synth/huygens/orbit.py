@@ -20,8 +20,7 @@ import numpy as np
 from data_schemas.errors import RefusedError, UsageError
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks, mirrored
-from synth.integrators.explicit_step import INSIDE
-from synth.integrators.explicit_tableau import NODES
+from synth.integrators.explicit_step import INSIDE, NODES
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative, jacobian

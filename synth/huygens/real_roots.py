@@ -12,11 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from typing import Any
 
-Conic = tuple[Fraction, Fraction, Fraction, Fraction, Fraction, Fraction]
-"""Coefficients of x^2, x y, y^2, x, y, 1."""
-_Terms = dict[tuple[int, int], Fraction]  # by powers of x and y; the third unknown makes up the degree
-_POWERS = ((2, 0), (1, 1), (0, 2), (1, 0), (0, 1), (0, 0))
+Conic = tuple[Any, Any, Any, Any, Any, Any]
+"""Coefficients of x^2, x y, y^2, x, y, 1: fractions, or polynomials with rational coefficients."""
 
 
 def real_roots(values: Sequence[Fraction], low: Fraction, high: Fraction, width: Fraction) -> list[Fraction]:
@@ -53,54 +52,26 @@ def real_roots(values: Sequence[Fraction], low: Fraction, high: Fraction, width:
     return [(left + right) / 2 for left, right in ends if right > low]
 
 
-def resultant(conics: Sequence[Conic]) -> Fraction:
-    """Number that is zero if and only if three conics have a point in common, real or not, finite or not."""
-    from sympy import QQ
+def resultant(conics: Callable[[Any], Sequence[Conic]]) -> list[Fraction]:
+    """Coefficients, lowest power first, of the polynomial of one unknown that is zero if and only if three conics have
+    a point in common, real or not, finite or not.
+
+    Parameters
+    ----------
+    conics : callable
+        Of the unknown: the three, whose coefficients are rational polynomials of it.
+    """
+    from sympy import QQ, ring
     from sympy.polys.matrices import DomainMatrix
 
-    forms: list[_Terms] = [dict(zip(_POWERS, conic, strict=True)) for conic in conics]
-    slopes = [[_slope(form, variable, 2) for variable in range(3)] for form in forms]
-    jacobian: _Terms = {}
-    for (i, j, k), sign in (
-        ((0, 1, 2), 1), ((1, 2, 0), 1), ((2, 0, 1), 1), ((0, 2, 1), -1), ((2, 1, 0), -1), ((1, 0, 2), -1),
-    ):  # fmt: skip
-        product = _product(_product(slopes[0][i], slopes[1][j]), slopes[2][k])
-        for powers, value in product.items():
-            jacobian[powers] = jacobian.get(powers, Fraction(0)) + sign * value
-    forms += [_slope(jacobian, variable, 3) for variable in range(3)]
-    rows = [
-        [QQ(value.numerator, value.denominator) for value in (form.get(powers, Fraction(0)) for powers in _POWERS)]
-        for form in forms
-    ]
-    found = DomainMatrix(rows, (6, 6), QQ).det()
-    return Fraction(int(found.numerator), int(found.denominator))
-
-
-def interpolated(function: Callable[[Fraction], Fraction], degree: int, step: Fraction) -> list[Fraction]:
-    """Coefficients (lowest power first) of the polynomial of at most this degree that a function is, exactly."""
-    from sympy import QQ
-    from sympy.polys.matrices import DomainMatrix
-
-    places = [QQ(index * step.numerator, step.denominator) for index in range(degree + 1)]
-    values = [function(index * step) for index in range(degree + 1)]
-    powers = DomainMatrix([[place**power for power in range(degree + 1)] for place in places], (degree + 1,) * 2, QQ)
-    right = DomainMatrix([[QQ(each.numerator, each.denominator)] for each in values], (degree + 1, 1), QQ)
-    return [Fraction(int(each.numerator), int(each.denominator)) for each in powers.lu_solve(right).to_list_flat()]
-
-
-def _slope(form: _Terms, variable: int, degree: int) -> _Terms:
-    """Partial derivative; variables x, y and the third."""
-    found: _Terms = {}
-    for (i, j), value in form.items():
-        power = (i, j, degree - i - j)[variable]
-        if power:
-            found[i - (variable == 0), j - (variable == 1)] = power * value
-    return found
-
-
-def _product(one: _Terms, other: _Terms) -> _Terms:
-    found: _Terms = {}
-    for (i, j), value in one.items():
-        for (k, m), factor in other.items():
-            found[i + k, j + m] = found.get((i + k, j + m), Fraction(0)) + value * factor
-    return found
+    numbers, unknown = ring("unknown", QQ)
+    domain = numbers.to_domain()
+    plane, x, y, z = ring("x, y, z", domain)
+    terms = (x * x, x * y, y * y, x * z, y * z, z * z)
+    forms = [sum(term * numbers(value) for term, value in zip(terms, conic, strict=True)) for conic in conics(unknown)]
+    slopes = DomainMatrix([[form.diff(place) for place in (x, y, z)] for form in forms], (3, 3), plane.to_domain())
+    jacobian = slopes.det()
+    rows = [[form.coeff(term) for term in terms] for form in (*forms, *(jacobian.diff(place) for place in (x, y, z)))]
+    found = DomainMatrix(rows, (6, 6), domain).det()
+    values = [found.coeff(unknown**power) for power in range(max(found.degree(), 0) + 1)]
+    return [Fraction(int(each.numerator), int(each.denominator)) for each in values]

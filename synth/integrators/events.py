@@ -77,39 +77,15 @@ class Memory(NamedTuple):
     lefts: Floats
     work: Floats
     impulse: Floats
-    noted: Integers
-    """(1,) number of crossings so far."""
-    times: Floats
-    """(capacity,) and their times,"""
-    lows: Floats
-    """what rounding left over of them,"""
-    which: Integers
-    """and the kick that was given at each."""
 
 
-def memory(event: Escapement | None, size: int, capacity: int = 1024) -> Memory | None:
+def memory(event: Escapement | None, size: int) -> Memory | None:
     """Working space for the kicks of a state of `size` components; None for no event."""
     if event is None:
         return None
     kicks = event.level.size
-    capacity = max(capacity, kicks)
     watched = np.zeros(kicks, dtype=np.int64), np.full(kicks, np.inf), np.full(kicks, NONE)
-    spaces = np.zeros((60, DEGREE + 1)), np.zeros((60, 2)), np.zeros(DEGREE + 1), np.zeros(size)
-    noted = np.zeros(capacity), np.zeros(capacity), np.zeros(capacity, dtype=np.int64)
-    return Memory(*watched, *spaces, np.zeros(1, dtype=np.int64), *noted)
-
-
-def roomier(notes: Memory) -> Memory:
-    """The same, with room for twice as many kicks."""
-    return notes._replace(**{name: np.concatenate([getattr(notes, name)] * 2) for name in ("times", "lows", "which")})
-
-
-def happenings(notes: Memory | None) -> tuple[Floats, Integers]:
-    """Times of the kicks noted, and the number of each."""
-    if notes is None:
-        return np.zeros(0), np.zeros(0, dtype=np.int64)
-    count = int(notes.noted[0])
-    return notes.times[:count] + notes.lows[:count], notes.which[:count].copy()
+    return Memory(*watched, np.zeros((60, DEGREE + 1)), np.zeros((60, 2)), np.zeros(DEGREE + 1), np.zeros(size))
 
 
 @kernel
@@ -182,24 +158,17 @@ def _happens(event: Any, memory: Memory, j: int, share: float, following: Floats
 
 
 @kernel
-def full(event: Any, memory: Any) -> bool:
-    """Whether the memory may have no room for what happens next."""
-    return event is not None and memory.noted[0] + memory.sides.size > memory.times.size
-
-
-@kernel
 def strike(
-    event: Any, memory: Any, share: float, time: float, time_low: float, following: Floats, left_over: Floats,
-    system: Any,
-) -> None:  # fmt: skip
-    """Note what crosses at this instant, and give the kicks."""
-    if event is not None:
-        for j in range(event.level.size):
-            if _happens(event, memory, j, share, following, left_over):
-                place = memory.noted[0]
-                memory.times[place], memory.lows[place], memory.which[place] = time, time_low, j
-                memory.noted[0] = place + 1
-                _kick(event, j, memory.impulse, following, system)
+    event: Escapement, memory: Memory, share: float, time: float, following: Floats, left_over: Floats, system: Any,
+    moments: Floats, which: Integers, noted: int,
+) -> int:  # fmt: skip
+    """Give the kicks of what crosses at this instant, and note them; how many are noted."""
+    for j in range(event.level.size):
+        if _happens(event, memory, j, share, following, left_over):
+            moments[noted], which[noted] = time, j
+            noted += 1
+            _kick(event, j, memory.impulse, following, system)
+    return noted
 
 
 @kernel

@@ -172,7 +172,7 @@ def decided(made: Refinement, event: Escapement) -> None:
 def _same_kicks(rough: Run, fine: Run) -> bool:
     """Whether two runs gave the same kicks, but for a last one next to the end."""
     largest, end = 0.0, float(fine.times[-1])
-    (times, which), (others, which_others) = rough.happenings(), fine.happenings()
+    (times, which), (others, which_others) = rough.happenings, fine.happenings
     for kick in np.union1d(which, which_others):
         one, other = times[which == kick], others[which_others == kick]
         common = min(one.size, other.size)
@@ -260,7 +260,7 @@ def apart_at(one: Run, other: Run, few: Floats) -> float:
     Kicks are at slightly different times in the two: only instants between the same kicks are compared.
     """
     states = [each.states[np.searchsorted(each.times, few)] for each in (one, other)]
-    before = [np.searchsorted(each.happenings()[0], few) for each in (one, other)]
+    before = [np.searchsorted(each.happenings[0], few) for each in (one, other)]
     comparable = before[0] == before[1]
     if np.count_nonzero(comparable) < (1.0 - _FEW) * few.size - 1:
         return 1.0

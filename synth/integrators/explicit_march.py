@@ -1,8 +1,7 @@
 """The march of the explicit integrator: steps of its own choice, outputs from the dense polynomial, kicks where asked.
 
 State and time are kept as sums of two doubles: a step adds an increment that is small against the state, and what
-rounding drops from the first double is kept in the second. Outputs never shorten a step, so that they change nothing;
-nor does a halt for room to note kicks, since a march goes on with the step that it has in hand.
+rounding drops from the first double is kept in the second. Outputs never shorten a step, so that they change nothing.
 """
 
 from __future__ import annotations
@@ -12,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from synth.integrators.events import Escapement, Memory, begin, full, happenings, locate, memory, miss, roomier, strike
+from synth.integrators.events import Escapement, Memory, begin, locate, memory, miss, strike
 from synth.integrators.explicit_step import (
-    Progress,
     add,
     allow,
     attempt,
@@ -33,56 +31,23 @@ from synth.phase import Floats, Integers
 from synth.systems.dispatch import derivative
 from synth.systems.terms import halt, jolt, kicks_of
 
-TIME, TIME_LOW, STEP, PROPOSED, ERROR, SHARE = range(6)  # of `Progress.clock`
-STEPS, REJECTED, EVALUATIONS, STIFF, CALM, READY, FINAL, WRITTEN, KICKS, HALTED = range(10)  # of `Progress.counts`
-DONE, UNDERFLOW, NOT_FINITE, TOO_STIFF, TOO_LONG, FULL = range(6)
+STEPS, REJECTED, EVALUATIONS = range(3)  # of the counts
+DONE, UNDERFLOW, NOT_FINITE, TOO_STIFF, TOO_LONG = range(5)
 MOST_STEPS = 2_000_000_000
 STIFF_STEPS = 15
 _CALM_STEPS = 6
 _ASIDE = 1e-4  # of a first step, to see the curvature
 _LARGEST_GROWTH = 6.0
 _CONTROL, _MEMORY = 0.7 / 8.0, 0.4 / 8.0  # proportional-integral step control (Gustafsson)
-_NOT_YET, _AVERAGE = 2.0, 1e-4
-
-
-def begin_at(start: Floats, time: float) -> Progress:
-    """Progress before the first step, of no length, which ends at `start`."""
-    n = start.size
-    spaces = {name: np.zeros(n) for name in Progress._fields}
-    spaces |= {"state": start.copy(), "following": start.copy(), "k": np.zeros((16, n)), "polynomial": np.zeros((7, n))}
-    spaces["clock"] = np.array([time, 0.0, 0.0, 0.0, _AVERAGE, _NOT_YET])
-    return Progress(**spaces | {"counts": np.array([0, 0, 0, 0, 0, 1, 0, 0, 0, 0])})
-
-
-@kernel
-def start_march(system: Any, event: Any, memory: Any, progress: Progress, end: float, tolerance: float) -> int:
-    """Slope at the start, sizes of the components and a first step; to be called once before `march`."""
-    clock, start, slope = progress.clock, progress.following, progress.slope
-    point, spare = progress.point, progress.spare
-    derivative(clock[TIME], start, system, slope)
-    progress.counts[EVALUATIONS] = 2
-    if not (is_finite(slope) and is_finite(start)):
-        return NOT_FINITE
-    aside = _ASIDE * first_step(start, slope, np.ones(start.size), 1.0, end - clock[TIME])
-    for i in range(start.size):
-        point[i] = start[i] + aside * slope[i]
-    derivative(clock[TIME] + aside, point, system, spare)
-    for i in range(start.size):
-        spare[i] = (spare[i] - slope[i]) / aside if aside > 0.0 else 0.0
-    expect(start, slope, spare, progress.expected)
-    for i in range(start.size):
-        progress.scale[i] = abs(start[i])
-    begin(event, memory, start)
-    allow(progress.scale, progress.expected, tolerance, progress.allowed)
-    clock[PROPOSED] = first_step(start, slope, progress.allowed, tolerance, end - clock[TIME])
-    return DONE
+_AVERAGE = 1e-4  # error of a step before the first
+_NOTED = 1024  # kicks for which there is room at first
 
 
 @kernel
 def march(
-    system: Any, event: Any, memory: Any, progress: Progress, times: Floats, end: float, tolerance: float, states: Floats,
-    patience: int, amiss: float,
-) -> int:  # fmt: skip
+    system: Any, event: Any, memory: Any, start: Floats, times: Floats, tolerance: float, patience: int, amiss: float,
+    states: Floats, scale: Floats, counts: Integers,
+) -> tuple[int, float, Floats, Floats, Integers]:  # fmt: skip
     """Integrate over `times` and fill `states` there.
 
     Parameters
@@ -90,37 +55,57 @@ def march(
     system : NamedTuple
     event, memory : NamedTuple or None
         `Escapement`, with its memory; None compiles to nothing.
-    progress : Progress
-        From `begin_at`, made ready by `start_march`; the march can be taken up again with it.
+    start : (n,) array
+        State at the first of the times.
     times : (k,) array
-        Increasing, from the time reached so far.
-    end : float
-        Where the whole march ends: the last step is cut off there.
+        Increasing.
     tolerance : float
-        Local error allowed, relative to `progress.scale`, which grows on the way.
-    states : (k, n) array
-        Result.
+        Local error allowed, relative to `scale`.
     patience : int
         Steps at the edge of stability after which the motion counts as stiff; `STIFF_STEPS`, or many.
     amiss : float
         Put to the state at each step, relative, up or down by chance: 0, or much more than rounding to see what the
         motion makes of it.
+    states : (k, n) array
+        Result.
+    scale : (n,) array
+        Receives the largest size of each component.
+    counts : (3,) integer array
+        Receives steps, rejected steps, evaluations.
 
     Returns
     -------
-    int
-        DONE; FULL when the memory has no room for further events and the march waits for more, with the number of
-        `states` filled in `progress.counts[WRITTEN]`; or why it ended before.
+    status, time, state
+        DONE, or why it ended before; how far it came.
+    moments, which
+        Times of the kicks, and the number of each.
     """
-    state, low, following, left_over = progress.state, progress.low, progress.following, progress.left_over
-    increment, slope, k, polynomial = progress.increment, progress.slope, progress.k, progress.polynomial
-    scale, allowed, expected = progress.scale, progress.allowed, progress.expected
-    point, spare, clock, counts, n = progress.point, progress.spare, progress.clock, progress.counts, slope.size
-    time, time_low, step, proposed = clock[TIME], clock[TIME_LOW], clock[STEP], clock[PROPOSED]
-    error, share, ready, final = clock[ERROR], clock[SHARE], counts[READY] != 0, counts[FINAL] != 0
-    halted = counts[HALTED] != 0
+    n, end = start.size, times[-1]
+    state, low, following, left_over = start.copy(), np.zeros(n), start.copy(), np.zeros(n)
+    increment, slope, point, spare = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    allowed, expected, k, polynomial = np.zeros(n), np.zeros(n), np.zeros((16, n)), np.zeros((7, n))
+    moments, which, noted = np.zeros(_NOTED), np.zeros(_NOTED, dtype=np.int64), 0
+    time, time_low, step = times[0], 0.0, 0.0
+    derivative(time, start, system, slope)
+    counts[EVALUATIONS] = 2
+    if not (is_finite(slope) and is_finite(start)):
+        return NOT_FINITE, time, state, moments[:0], which[:0]
+    aside = _ASIDE * first_step(start, slope, np.ones(n), 1.0, end - time)
+    for i in range(n):
+        point[i] = start[i] + aside * slope[i]
+    derivative(time + aside, point, system, spare)
+    for i in range(n):
+        spare[i] = (spare[i] - slope[i]) / aside if aside > 0.0 else 0.0
+    expect(start, slope, spare, expected)
+    for i in range(n):
+        scale[i] = abs(start[i])
+    begin(event, memory, start)
+    allow(scale, expected, tolerance, allowed)
+    proposed = first_step(start, slope, allowed, tolerance, end - time)
+    # the step in hand is of no length, and ends at the start
+    error, share, ready, final, halted = _AVERAGE, 2.0, True, False, False
     shortest = 4e-16 * max(abs(time), abs(end))
-    written, status = 0, DONE
+    written, status, stiff, calm, kicks = 0, DONE, 0, 0, 0
     while True:
         reached = time + (time_low + step)
         while written < times.size and (final or times[written] <= reached):
@@ -134,22 +119,23 @@ def march(
             written += 1
         if written == times.size:
             break
-        if full(event, memory):
-            status = FULL
-            break
         small = time_low + step  # to the end of the step in hand
         total = time + small
         rest = total - time
         time_low = (time - (total - rest)) + (small - rest)
         time = total
         if share <= 1.0:
-            strike(event, memory, share, time, time_low, following, left_over, system)
+            if event is not None:
+                if noted + event.level.size > moments.size:
+                    moments = np.concatenate((moments, np.empty_like(moments)))
+                    which = np.concatenate((which, np.empty_like(which)))
+                noted = strike(event, memory, share, time, following, left_over, system, moments, which, noted)
             derivative(time + time_low, following, system, slope)
             counts[EVALUATIONS] += 1
         if halted:
-            jolt(kicks_of(system), counts[KICKS], following)
+            jolt(kicks_of(system), kicks, following)
             derivative(time + time_low, following, system, slope)
-            counts[KICKS] += 1
+            kicks += 1
             counts[EVALUATIONS] += 1
         shaken = amiss if share > 1.0 else 0.0  # a state put on a level stays there, lest it cross again
         for i in range(n):
@@ -160,7 +146,7 @@ def march(
         allow(scale, expected, tolerance, allowed)
         step, growth, error_before = proposed, _LARGEST_GROWTH, max(error, 1e-8)
         while status == DONE:
-            stop = halt(kicks_of(system), counts[KICKS], end)
+            stop = halt(kicks_of(system), kicks, end)
             left = (stop - time) - time_low
             final = step >= left * (1.0 - 1e-12)
             if final:
@@ -186,13 +172,13 @@ def march(
             break
         counts[STEPS] += 1
         if is_stiff(step, k, slope, following, point, allowed):
-            counts[STIFF] += 1
-            counts[CALM] = 0
+            stiff += 1
+            calm = 0
         else:
-            counts[CALM] += 1
-            if counts[CALM] == _CALM_STEPS:
-                counts[STIFF] = 0
-        if counts[STIFF] >= patience:
+            calm += 1
+            if calm == _CALM_STEPS:
+                stiff = 0
+        if stiff >= patience:
             status = TOO_STIFF
             break
         if counts[STEPS] == MOST_STEPS:
@@ -221,10 +207,7 @@ def march(
                     for i in range(n):
                         increment[i] += late * slope[i]
                     add(state, low, increment, following, left_over)
-    clock[TIME], clock[TIME_LOW], clock[STEP], clock[PROPOSED] = time, time_low, step, proposed
-    clock[ERROR], clock[SHARE] = error, share
-    counts[READY], counts[FINAL], counts[WRITTEN], counts[HALTED] = int(ready), int(final), written, int(halted)
-    return status
+    return status, time, state, moments[:noted], which[:noted]
 
 
 _REASONS = {
@@ -265,26 +248,15 @@ class Run:
         self.times, self.tolerance = times, tolerance
         self.states: Floats = np.empty((times.size, start.size))
         self.events: Memory | None = memory(event, start.size)
-        progress, end, written = begin_at(start, float(times[0])), float(times[-1]), 0
-        status = start_march(system, event, self.events, progress, end, tolerance)
-        while status in (DONE, FULL):
-            status = march(
-                system, event, self.events, progress, times[written:], end, tolerance, self.states[written:], patience,
-                amiss,
-            )  # fmt: skip
-            if status != FULL or self.events is None:
-                break
-            written += int(progress.counts[WRITTEN])
-            self.events = roomier(self.events)
+        self.scale: Floats = np.zeros(start.size)
+        """(n,) largest size of each component."""
+        self.counts: Integers = np.zeros(3, dtype=np.int64)
+        """Steps, rejected steps, evaluations."""
+        status, time, state, *self.happenings = march(
+            system, event, self.events, start, times, tolerance, patience, amiss, self.states, self.scale, self.counts
+        )
+        """Times of the kicks, and the number of each."""
         if status != DONE:
             kind = StiffError if status == TOO_STIFF else RefusedError
-            why = reason(system, progress.state, _REASONS[status])
-            raise kind(f"explicit, {type(system).__name__} at t = {progress.clock[TIME]:.6g}: {why}")
-        self.scale: Floats = progress.scale
-        """(n,) largest size of each component."""
-        self.counts: Integers = progress.counts[:3]
-        """Steps, rejected steps, evaluations."""
-
-    def happenings(self) -> tuple[Floats, Integers]:
-        """Times of the kicks, and the number of each."""
-        return happenings(self.events)
+            why = reason(system, state, _REASONS[status])
+            raise kind(f"explicit, {type(system).__name__} at t = {time:.6g}: {why}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -9,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from data_schemas.scene_motion import Harmonics, NearResonantMotion
 from synth.phase import Floats, Integers, Phasors, full_turn
 from synth.propagators.blocks import PeriodicSums
 
@@ -17,20 +19,13 @@ _SPLITTER = (1 << 27) + 1  # leaves half of a double's digits (Dekker 1971)
 
 @dataclass(frozen=True)
 class Comb:
-    """Harmonics k = 0, 1 ... count - 1 of one period, so many that they are better summed by a Fourier transform.
-
-    Attributes
-    ----------
-    first : int
-        Place of k = 0 among all harmonics of the sum.
-    count : int
-    period : Fraction
-        s, exact; their frequencies are these multiples, and `angular_frequency` holds them rounded.
-    """
+    """Harmonics k = 0, 1 ... count - 1 of one period, so many that they are better summed by a Fourier transform."""
 
     first: int
+    """Place of k = 0 among all harmonics of the sum."""
     count: int
     period: Fraction
+    """s, exact; their frequencies are these multiples, and `angular_frequency` holds them rounded."""
 
     @property
     def span(self) -> slice:
@@ -53,21 +48,14 @@ class Comb:
 
 @dataclass(frozen=True)
 class HarmonicSum:
-    """x''(t) = Re sum acceleration * exp(i angular_frequency t).
-
-    Attributes
-    ----------
-    angular_frequency : (harmonics,) float64
-        rad/s, not negative; taken as exact, but for those of combs.
-    acceleration : (harmonics,) complex128
-        Amplitude and phase, m/s^2.
-    combs : tuple of Comb
-        The last harmonics, if they are many multiples of one frequency.
-    """
+    """x''(t) = Re sum acceleration * exp(i angular_frequency t)."""
 
     angular_frequency: Floats
+    """(harmonics,) rad/s, not negative; taken as exact, but for those of combs."""
     acceleration: Phasors
+    """(harmonics,) amplitude and phase, m/s^2."""
     combs: tuple[Comb, ...] = ()
+    """The last harmonics, if they are many multiples of one frequency."""
 
     @property
     def alone(self) -> int:
@@ -100,3 +88,28 @@ def add(terms: Iterable[HarmonicSum]) -> HarmonicSum:
             for comb in term.combs
         ),
     )
+
+
+def harmonics(term: Harmonics) -> HarmonicSum:
+    """Turn the lists of a scene into phasors; a period T becomes 2 pi/T."""
+    amplitude = np.array(term.amplitude)
+    phase = np.zeros_like(amplitude) if term.phase is None else np.array(term.phase)
+    if term.angular_frequency is not None:
+        rate = np.array(term.angular_frequency)
+    else:
+        rate = 2 * math.pi / np.array(term.period)
+    return HarmonicSum(rate, amplitude * np.exp(1j * phase))
+
+
+def near_resonant(term: NearResonantMotion, frequency: float) -> HarmonicSum:
+    """Place the harmonic beside a pendulum.
+
+    Parameters
+    ----------
+    term
+        Its detuning nu, or the time pi/nu between the vanishings of the beat.
+    frequency
+        n of the pendulum it is close to, rad/s.
+    """
+    phasor = term.amplitude * complex(np.exp(1j * term.phase))
+    return HarmonicSum(np.array([frequency - 2 * term.nu]), np.array([phasor]))

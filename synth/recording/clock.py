@@ -23,21 +23,14 @@ _UNEVEN = 2  # how many times fewer they are at uneven moments, which take the v
 
 @dataclass(frozen=True)
 class Clock:
-    """Moments of the readings, or of a portion of them.
-
-    Attributes
-    ----------
-    times : EvenTimes or UnevenTimes
-        The propagator's moments, in true time.
-    kept : (readings,) int64 or slice
-        Which of the propagator's moments are recorded: readings that are absent are left out afterwards.
-    scale : Fraction
-        True time over the chronometer's.
-    """
+    """Moments of the readings, or of a portion of them."""
 
     times: EvenTimes | UnevenTimes
+    """The propagator's moments, in true time."""
     kept: Integers | slice
+    """(readings,) which of the propagator's moments are recorded: readings that are absent are left out afterwards."""
     scale: Fraction
+    """True time over the chronometer's."""
 
     @property
     def count(self) -> int:

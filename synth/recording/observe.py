@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.contents import Contents, Entry, Group
-from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION, Kind
+from data_schemas.layouts import Kind, root_attributes
 from data_schemas.scene import Scene
 from data_schemas.scene_apparatus import Accelerometer
 from data_schemas.variables import attributes
@@ -94,10 +94,7 @@ def root(scene: Scene, clock: Clock, kind: Kind, attrs: dict[str, Any]) -> Group
     time = attributes("time") | {"units": f"seconds since {scene.start_time}"}
     return Group(
         {
-            "Conventions": CONVENTIONS,
-            "schema": LAYOUTS[kind].schema,
-            "schema_version": VERSION,
-            "record_id": scene.record_id,
+            **root_attributes(kind, scene.record_id),
             "title": scene.title,
             "history": history(scene),
             "source": "model",

@@ -15,7 +15,7 @@ from batch_parts import METHODS, config_of
 from data_schemas.errors import FileError
 from pipeline.batch import campaign, warming
 from pipeline.batch.campaign import Tally
-from pipeline.batch.executors.serial import serial
+from pipeline.batch.executors.pool import serial
 from pipeline.batch.ledger import Ledger
 from pipeline.batch.log import NAME, Log
 

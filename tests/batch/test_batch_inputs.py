@@ -9,8 +9,7 @@ import os
 import pytest
 
 from data_schemas.errors import UsageError
-from pipeline.batch.inputs import find_inputs, kind_of
-from pipeline.batch.sweep import grid, parse_sweep
+from pipeline.batch.inputs import find_inputs, grid, kind_of, parse_sweep
 from pipeline.cli.batch_kinds import KINDS
 
 

@@ -13,11 +13,10 @@ from batch_parts import METHODS, config_of
 
 from pipeline.batch import campaign
 from pipeline.batch.campaign import Tally
-from pipeline.batch.config import Kind
+from pipeline.batch.config import Kind, Outcome
 from pipeline.batch.executors.isolated import Isolated
 from pipeline.batch.ledger import Ledger
 from pipeline.batch.log import Log
-from pipeline.batch.outcome import Outcome
 from pipeline.cli.batch_kinds import read_record
 
 pytestmark = [

@@ -12,11 +12,10 @@ import pytest
 from batch_parts import POISON, config_of
 
 from data_schemas.errors import FileError
-from pipeline.batch.config import owner_of
+from pipeline.batch.campaign import holds, remove_leftovers
+from pipeline.batch.config import failure, owner_of
 from pipeline.batch.ledger import NAME, Ledger
-from pipeline.batch.outcome import failure
 from pipeline.batch.record import process_record
-from pipeline.batch.resume import holds, remove_leftovers
 from pipeline.batch.summary import write_summary
 
 

@@ -11,8 +11,8 @@ from batch_parts import config_of
 
 import data_schemas
 from pipeline.batch import summary
+from pipeline.batch.config import Outcome, failure
 from pipeline.batch.ledger import Ledger
-from pipeline.batch.outcome import Outcome, failure
 from pipeline.batch.summary import write_summary
 
 ROWS = (

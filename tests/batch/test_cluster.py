@@ -18,7 +18,7 @@ from batch_parts import METHODS, alike, config_of, numbers_of
 from data_schemas.errors import UsageError
 from pipeline.batch.executors import cluster
 from pipeline.batch.executors.cluster import clustered
-from pipeline.batch.executors.serial import serial
+from pipeline.batch.executors.pool import serial
 
 distributed = pytest.importorskip("distributed")  # before any test could have changed what is imported
 

@@ -19,13 +19,11 @@ from batch_parts import METHODS, POISON, alike, config_of, numbers_of, write_rec
 from pebble import ProcessExpired
 
 from pipeline.batch import warming
-from pipeline.batch.config import Kind
+from pipeline.batch.config import Kind, Outcome
 from pipeline.batch.executors import isolated
 from pipeline.batch.executors import pool as module
 from pipeline.batch.executors.isolated import Isolated
-from pipeline.batch.executors.pool import pooled
-from pipeline.batch.executors.serial import serial
-from pipeline.batch.outcome import Outcome
+from pipeline.batch.executors.pool import pooled, serial
 from pipeline.batch.record import process_record
 
 FAULTS = {"crash": "Crashed", "leave": "Crashed", "hang": "TimedOut", "greedy": "MemoryError", "cut": "FileError"}

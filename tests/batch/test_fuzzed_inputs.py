@@ -13,7 +13,7 @@ from data_schemas.errors import IsochronyError
 from pipeline.batch.config import Kind
 from pipeline.batch.executors.isolated import Isolated
 from pipeline.cli.batch_kinds import digitise_film, read_record, simulate_scene
-from pipeline.importing import import_csv
+from pipeline.importing.record import import_csv
 
 HANG = 10.0  # s
 

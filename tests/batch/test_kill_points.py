@@ -20,15 +20,13 @@ from batch_parts import METHODS, alike, config_of, numbers_of, write_record
 
 import data_schemas
 from data_schemas import encoding, writing
-from pipeline.batch import campaign, ledger, resume, summary
-from pipeline.batch.campaign import Tally
+from pipeline.batch import campaign, ledger, summary
+from pipeline.batch.campaign import Tally, remove_leftovers
 from pipeline.batch.config import owner_of
 from pipeline.batch.executors import isolated
-from pipeline.batch.executors.pool import pooled
-from pipeline.batch.executors.serial import serial
+from pipeline.batch.executors.pool import pooled, serial
 from pipeline.batch.ledger import Index, Ledger
 from pipeline.batch.log import Log
-from pipeline.batch.resume import remove_leftovers
 from pipeline.batch.summary import NAMES, write_summary
 
 fcntl = pytest.importorskip("fcntl")
@@ -129,10 +127,10 @@ POINTS = {
     "summary: all written": lambda: set_attribute(summary, "write", nth(summary.write, 1, before=False)),
 }
 RESUMED = {
-    "resume: leftovers half removed": lambda: set_os(resume, unlink=nth(os.unlink, 1, before=False)),
+    "resume: leftovers half removed": lambda: set_os(campaign, unlink=nth(os.unlink, 1, before=False)),
     "resume: before the torn end is cut": lambda: set_os(ledger, ftruncate=nth(os.ftruncate, 1)),
     "resume: after the torn end is cut": lambda: set_os(ledger, ftruncate=nth(os.ftruncate, 1, before=False)),
-    "resume: while what holds is looked at": lambda: set_attribute(resume, "_sum_of", nth(resume._sum_of, 2)),
+    "resume: while what holds is looked at": lambda: set_attribute(campaign, "_sum_of", nth(campaign._sum_of, 2)),
     "resume: before the second result is made again": lambda: set_attribute(encoding, "lay_out", die),
 }
 

@@ -21,9 +21,9 @@ from simulated_system import FAULTS, MET, Killed, System, calls_replaced
 from simulated_workers import FATES
 
 from data_schemas import writing
-from pipeline.batch import campaign, ledger, resume
+from pipeline.batch import campaign, ledger
+from pipeline.batch.config import Outcome
 from pipeline.batch.ledger import Ledger
-from pipeline.batch.outcome import Outcome
 from pipeline.batch.record import input_sha256
 
 FOUND = {
@@ -87,7 +87,7 @@ def written_alone(book, lines):
 
 def row_before_result(path, config, book, **settings):
     """As `holds`, and what does not is in the ledger before it is done."""
-    held = resume.holds(path, config, book, **settings)
+    held = campaign.holds(path, config, book, **settings)
     if not held:
         row = {"record_id": "?", "status": "ok"}
         digest = input_sha256(path, config.kind)
@@ -108,8 +108,8 @@ BROKEN = {
     "a row is written before its result": (campaign, "holds", row_before_result),
     "a result is kept because it exists": (campaign, "holds", by_existence),
     "a torn end stays": (ledger.os, "ftruncate", lambda *_: None),
-    "leftovers stay": (resume, "remove_leftovers", lambda _: 0),
-    "leftovers of others go": (resume, "owner_of", lambda _: ""),
+    "leftovers stay": (campaign, "remove_leftovers", lambda _: 0),
+    "leftovers of others go": (campaign, "owner_of", lambda _: ""),
 }
 
 

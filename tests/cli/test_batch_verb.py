@@ -20,8 +20,8 @@ from test_process import CONTRACT
 
 import data_schemas
 import synth
+from pipeline.batch.config import failure
 from pipeline.batch.ledger import NAME
-from pipeline.batch.outcome import failure
 from pipeline.batch.summary import NAMES
 from pipeline.cli.parser import processors
 
@@ -342,7 +342,7 @@ def test_who_does_the_work(run, cruises, monkeypatch, words, where, wanted):
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_an_interrupt_keeps_what_is_done(run, cruises, monkeypatch, number, status):
-    from pipeline.batch.executors import serial as module
+    from pipeline.batch.executors import pool as module
 
     process = module.process_record
 

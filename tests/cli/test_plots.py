@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 
 import numpy as np
@@ -164,15 +163,6 @@ def test_a_result_without_a_corrected_phase_speed_says_so():
     result = made_result()
     result["correction"].dataset = result["correction"].to_dataset(inherit=False).drop_vars("corrected_gravity")
     assert "no method gave a corrected" in result_figure(result).axes[2].texts[0].get_text()
-
-
-@pytest.mark.parametrize("name", ["pipeline.importing"])
-def test_the_package_is_lazy_and_lists_what_it_has(name):
-    package = importlib.import_module(name)
-    assert set(package.__all__) == set(dir(package))
-    assert all(callable(getattr(package, member)) for member in package.__all__)
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        package.nothing  # noqa: B018
 
 
 def test_a_zoom_without_readings_says_so():

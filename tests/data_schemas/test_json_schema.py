@@ -3,16 +3,44 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import jsonschema
 import numpy as np
 import pytest
+import xarray as xr
 
 from data_schemas import json_schema, read, write
+from data_schemas.contents import Group, from_tree, type_name
 from data_schemas.errors import UsageError
-from data_schemas.json_schema import header
 from data_schemas.layouts import LAYOUTS
 from data_schemas.variables import VARIABLES
+
+
+def header(tree: xr.DataTree) -> dict[str, Any]:
+    """The header of a file in memory as plain JSON values: what `json_schema` describes."""
+    contents = from_tree(tree)
+    groups = {path: _group_header(group) for path, group in contents.items() if path}
+    return {**_group_header(contents[""]), "groups": groups}
+
+
+def _group_header(group: Group) -> dict[str, Any]:
+    variables = {
+        name: {
+            "dimensions": list(entry.dims),
+            "type": type_name(entry.values),
+            "attributes": {label: _json(value) for label, value in entry.attrs.items()},
+        }
+        for name, entry in group.variables.items()
+    }
+    return {"attributes": {name: _json(value) for name, value in group.attrs.items()}, "variables": variables}
+
+
+def _json(value: Any) -> Any:
+    plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    many = plain if isinstance(plain, list) else [plain]
+    finite = [one if isinstance(one, str) or np.isfinite(one) else None for one in many]
+    return finite if isinstance(plain, list) else finite[0]
 
 
 @pytest.mark.parametrize("kind", ["scene", *LAYOUTS])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from data_schemas.sink import Sink
+from data_schemas.appending import Sink
 
 
 def test_what_could_not_be_written_is_read_back(tmp_path: Path) -> None:

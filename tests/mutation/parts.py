@@ -14,7 +14,7 @@ class Part(NamedTuple):
 
 PARTS = {
     "ledger": Part(
-        ("pipeline/ledger/*.py", "pipeline/batch/ledger.py", "pipeline/batch/resume.py"),
+        ("pipeline/ledger/*.py", "pipeline/batch/ledger.py", "pipeline/batch/campaign.py"),
         (
             "tests/pipeline/ledger/test_*.py",
             "tests/pipeline/test_gravity_and_ledger.py",
@@ -23,10 +23,7 @@ PARTS = {
         ),
     ),
     "writer": Part(
-        tuple(
-            f"data_schemas/{name}.py"
-            for name in ["writing", "checksum", "encoding", "sink", "appending", "joining", "shield"]
-        ),
+        tuple(f"data_schemas/{name}.py" for name in ["writing", "checksum", "encoding", "appending", "shield"]),
         tuple(
             f"tests/data_schemas/test_{name}.py"
             for name in ["encoding", "checksum", "sink", "shield", "round_trip", "atomic", "write_faults", "appending"]

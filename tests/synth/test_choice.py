@@ -11,9 +11,8 @@ from data_schemas import load_scene
 from data_schemas.errors import SceneError
 from data_schemas.scene import Scene
 from data_schemas.scene_pendulum import RESISTANCES, Pendulum
-from synth.choice import NAMES, chosen_at_sight
+from synth.choice import NAMES, chosen_at_sight, needs
 from synth.explanation import explain
-from synth.needs import needs
 from synth.plan import plan
 from synth.recording.clock import set_clock
 from synth.systems.resistance import LAWS

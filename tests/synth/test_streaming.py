@@ -19,11 +19,11 @@ from data_schemas import content_sha256, load_scene, read
 from data_schemas.errors import SceneError
 from data_schemas.scene import Scene
 from synth import scene_path, simulate, simulate_to
-from synth.portions import recut
+from synth.march import recut
 from synth.recording import clock
 from synth.recording.clock import set_clock
 from synth.streaming import stream
-from synth.unwrapping import Unwrapping
+from synth.truth import Unwrapping
 
 Maker = Callable[..., Scene]
 

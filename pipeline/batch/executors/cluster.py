@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data_schemas.errors import UsageError
-from pipeline.batch.config import Config
+from pipeline.batch.config import Config, Outcome, failure
 from pipeline.batch.executors.isolated import Isolated
-from pipeline.batch.outcome import Outcome, failure
 
 if TYPE_CHECKING:
     from distributed import Future

@@ -22,9 +22,8 @@ from pathlib import Path
 
 from pebble import ProcessExpired, ProcessPool
 
-from pipeline.batch.config import Config
+from pipeline.batch.config import Config, Outcome, failure
 from pipeline.batch.confinement import confine
-from pipeline.batch.outcome import Outcome, failure
 from pipeline.batch.record import process_record
 from pipeline.batch.warming import warm
 from synth.kernels.cache import cache_folder

@@ -1,4 +1,4 @@
-"""Several isolated processes on this machine: the default."""
+"""Who works on this machine: several isolated processes, the default; or this one, for files that are trusted."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from collections.abc import Generator, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from pathlib import Path
 
-from pipeline.batch.config import Config
+from pipeline.batch.config import Config, Outcome
 from pipeline.batch.executors.isolated import LOOK, Isolated
-from pipeline.batch.outcome import Outcome
+from pipeline.batch.record import process_record
 
 
 def pooled(
@@ -54,3 +54,9 @@ def pooled(
             feed()
             if outcomes:
                 yield outcomes
+
+
+def serial(jobs: Iterable[tuple[Path, Config]]) -> Generator[list[Outcome]]:
+    """Outcomes of jobs in their order, one at a time."""
+    for path, config in jobs:
+        yield [process_record(path, config)]

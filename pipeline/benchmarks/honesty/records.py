@@ -19,7 +19,7 @@ from pipeline.benchmarks.honesty.kinds import MIXABLE, Case, case_of
 from pipeline.benchmarks.honesty.plain import Floats
 
 if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
+    from xarray import DataTree
 
 
 _BURST = 2.0  # s
@@ -263,50 +263,33 @@ def _tree(
     """The record in its layout, with what it states."""
     import xarray as xr
 
-    from data_schemas.layouts import CONVENTIONS, VERSION
+    from data_schemas.layouts import root_attributes
+    from data_schemas.variables import attributes, dataset
 
     count = frequency.size
-    labels = [str(k + 1) for k in range(count)]
+    labels = {"pendulum": [str(k + 1) for k in range(count)]}
+    traces_of = {"trace": ["1", *(f"{k}-{k + 1}" for k in range(1, count))]}
     rows = np.vstack([np.eye(count)[:1], np.eye(count)[:-1] - np.eye(count)[1:]])
     period = 2.0 * np.pi / frequency
     period[1:] *= 1.0 + case.ratio_error * random.choice([-1, 1])
-    read_values: dict[str, Any] = {
-        "trace": (("trace",), ["1", *(f"{k}-{k + 1}" for k in range(1, count))]),
-        "pendulum": (("pendulum",), labels),
-        "combination": (("trace", "pendulum"), rows),
-        "elongation": (("trace", "time"), traces),
-    }
+    angles = {"combination": rows, "elongation": traces, **states}
     if case.noise and case.states_noise:
-        read_values["elongation_uncertainty"] = (("trace",), np.full(count, case.noise))
-    read_values |= {name: (("time",), values) for name, values in states.items()}
-    instrument: dict[str, Any] = {"pendulum": (("pendulum",), labels), "period": (("pendulum",), period)}
-    instrument["reference_gravity"] = ((), REFERENCE)
+        angles["elongation_uncertainty"] = np.full(count, case.noise)
+    instrument: dict[str, Any] = {"period": period, "reference_gravity": REFERENCE}
     if case.states_damping:
-        instrument["damping_rate"] = (("pendulum",), damping * (1.0 + case.damping_error))
+        instrument["damping_rate"] = damping * (1.0 + case.damping_error)
     if case.rocking:
         mean_square = 0.5 * case.rocking**2
-        instrument["transverse_acceleration_mean_square"] = ((), mean_square)
-        instrument["rocking_rate_mean_square"] = ((), mean_square * (2.0 * np.pi / _SLOW / REFERENCE) ** 2)
+        instrument["transverse_acceleration_mean_square"] = mean_square
+        instrument["rocking_rate_mean_square"] = mean_square * (2.0 * np.pi / _SLOW / REFERENCE) ** 2
     if case.states_scale:
-        instrument["scale_uncertainty"] = ((), case.states_scale)
+        instrument["scale_uncertainty"] = case.states_scale
     law = {"restoring": "linear" if case.linear else "sine"} if case.states_law else {}
     reference = {"reference": "case"} if (case.tilt or case.follows) and case.states_tilt else {}
-    root = {"Conventions": CONVENTIONS, "schema": "isochrony-record", "schema_version": VERSION}
-    root |= {"record_id": identifier(label), "title": f"benchmark record {label}", "history": "", "source": "model"}
+    root = root_attributes("record", identifier(label), title=f"benchmark record {label}", history="", source="model")
     groups = {
-        "/": _dataset("", {"time": (("time",), times)}).assign_attrs(root),
-        "/record": _dataset("record/", read_values).assign_attrs(reference),
-        "/instrument": _dataset("instrument/", instrument).assign_attrs(law),
+        "/": xr.Dataset(coords={"time": ("time", times, attributes("time"))}, attrs=root),
+        "/record": dataset("record", angles, traces_of | labels).assign_attrs(reference),
+        "/instrument": dataset("instrument", instrument, labels).assign_attrs(law),
     }
     return xr.DataTree.from_dict(groups)
-
-
-def _dataset(group: str, values: dict[str, Any]) -> Dataset:
-    """Variables with the units and names of the table."""
-    import xarray as xr
-
-    from data_schemas.variables import attributes
-
-    table = {name: (*value, attributes(group + name)) for name, value in values.items()}
-    labels = {name: table.pop(name) for name in ("time", "trace", "pendulum") if name in table}
-    return xr.Dataset(table, coords=labels)

@@ -25,7 +25,7 @@ def integrate_with_events(
 ) -> tuple[Trajectory, Events]:
     found = integrate(system, start, times, tolerance=tolerance, event=event)
     made = refine(system, event, np.array(start, dtype=float), found.times, tolerance)
-    return found, Events(*made.runs[-1].happenings())
+    return found, Events(*made.runs[-1].happenings)
 
 
 def crossings(system: Any, level: float, direction: int = 1) -> Escapement:

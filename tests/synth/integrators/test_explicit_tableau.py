@@ -7,7 +7,7 @@ from math import prod
 
 import pytest
 
-from synth.integrators.explicit_tableau import CORRECTION, DENSE, ERRORS, NODES, WEIGHTS
+from synth.integrators.explicit_step import CORRECTION, DENSE, ERRORS, NODES, WEIGHTS
 
 A = [[Fraction(value) for value in row] for row in WEIGHTS[:12]]
 B = [Fraction(value) + Fraction(small) for value, small in zip(WEIGHTS[12], CORRECTION, strict=True)]

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion
-from synth.motion.harmonic_sum import add
-from synth.motion.harmonics import harmonics, near_resonant
+from synth.motion.harmonic_sum import add, harmonics, near_resonant
 
 
 def test_period_and_angular_frequency_say_the_same() -> None:

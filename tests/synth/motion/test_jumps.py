@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synth.motion.jumps import first_jump
+from synth.motion.tabulated import first_jump
 from synth.phase import Floats
 
 INDEX = np.arange(5000.0)

@@ -154,12 +154,46 @@ def scipy(problem: Problem, tolerance: float, method: str) -> Call:
     return call
 
 
+def cvode(problem: Problem, tolerance: float, method: str) -> Call:
+    """SUNDIALS CVODE by scikit-sundae."""
+    from numba import njit
+    from sksundae.cvode import CVODE
+
+    system = problem.system
+
+    def slopes(time: float, state: Floats, out: Floats) -> None:
+        derivative(time, state, system, out)
+
+    def matrix(time: float, state: Floats, out: Floats) -> None:
+        jacobian(time, state, system, out)
+
+    right: Any = njit(slopes)
+    slope_matrix: Any = njit(matrix)
+    options: dict[str, Any] = {"rtol": tolerance, "atol": ABSOLUTE * tolerance, "max_num_steps": 10_000_000}
+    if problem.stiff:
+        options["jacfn"] = lambda time, state, rates, out: slope_matrix(time, state, out)
+    solver = CVODE(lambda time, state, out: right(time, state, out), method=method, **options)
+
+    def call() -> Floats:
+        found = solver.solve(problem.times, problem.start)
+        states = np.asarray(found.y)
+        if found.success and problem.times.size == 2:
+            return states[[0, -1]]  # two instants mean every step to it
+        if not found.success or len(found.t) != problem.times.size:
+            raise RefusedError(f"CVODE {method}: {found.message}")
+        return states
+
+    return call
+
+
 PEERS: Mapping[str, Peer] = {
     "heyoka": Peer("heyoka", heyoka, None),
     "CyRK DOP853": Peer("CyRK", partial(cyrk, method="DOP853"), False),
     "CyRK RADAU": Peer("CyRK", partial(cyrk, method="RADAU"), True),
     "scipy DOP853": Peer("scipy", partial(scipy, method="DOP853"), False),
     "scipy Radau": Peer("scipy", partial(scipy, method="Radau"), True),
+    "CVODE Adams": Peer("sksundae", partial(cvode, method="Adams"), False),
+    "CVODE BDF": Peer("sksundae", partial(cvode, method="BDF"), True),
 }
 """All of them, by the names under which rows and pictures show them."""
 

@@ -29,6 +29,7 @@ LOOKS: Mapping[str, tuple[str, str]] = {
     CLOSED: (BLUE, "o"), PICARD: (GREEN, "o"), COLLOCATION: (ORANGE, "o"), RADAU: (VERMILION, "o"),
     EXPLICIT: (PURPLE, "o"), "heyoka": ("#000000", "D"), "CyRK DOP853": (GREY, "s"), "CyRK RADAU": (GREY, "s"),
     "scipy DOP853": ("#8c8c8c", "^"), "scipy Radau": ("#8c8c8c", "v"),
+    "CVODE Adams": ("#b0b0b0", "P"), "CVODE BDF": ("#b0b0b0", "X"),
 }  # fmt: skip
 """Method -> colour and mark; the project's are coloured, peers grey."""
 _COLUMNS = 3

@@ -64,11 +64,12 @@ def small_record(count: int = 2250) -> DataTree:
     combination = np.array([[1.0, 0.0], [1.0, -1.0]])
     angles = {"combination": combination, "elongation": combination @ swing}
     head = root_attributes("record", "warm")
+    instrument = dataset("instrument", {"period": period, "reference_gravity": 9.81}, labels)
     return DataTree.from_dict(
         {
             "/": Dataset({"time": ("time", time, attributes("time"))}, attrs=head),
             "/record": dataset("record", angles, {"trace": ["1", "1-2"], **labels}),
-            "/instrument": dataset("instrument", {"period": period, "reference_gravity": 9.81}, labels),
+            "/instrument": instrument.assign_attrs(restoring="sine"),  # not stated, so few swings do not tell it
         }
     )
 

@@ -86,6 +86,10 @@ OF_FILM = {
     "film-stood-still": Words(
         "the paper stood still; for how long is told by codes, pendulums and the bar's light", "none is needed"
     ),
+    "paper-wandered": Words(
+        "the paper wandered sideways, as the slow part of a difference's trace shows; that is taken off all traces",
+        "none is needed",
+    ),
     "film-cut": Words(
         "how many marks passed somewhere is not known: the longest part is read, the others have no time",
         "read the other parts one by one",

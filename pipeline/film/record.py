@@ -20,6 +20,7 @@ from pipeline.film.knowledge import Known, default_traces
 from pipeline.film.marks.checks import marks_flags, marks_seen
 from pipeline.film.parts import Floats, TimeAxis
 from pipeline.film.reading import Reading, accepted_fraction, rows_per_second, scale_error
+from pipeline.film.wander import wander
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -65,6 +66,9 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     pendulums = known.pendulums(traces)
     labels = [str(each.label) for each in pendulums]
     combination = np.array([[trace.combination.get(label, 0.0) for label in labels] for trace in traces])
+    column, period = reading.samples.column[order], reading.tracks.rows_per_swing / rows_per_second(reading.axis)
+    wandered = wander(reading.samples.time, column, combination.sum(axis=1), period)
+    column = column if wandered is None else column - wandered
     doubtful = np.zeros(reading.samples.time.size)
     for first, last, by in reading.axis.doubts:
         doubtful[(reading.samples.time >= first) & (reading.samples.time <= last)] = by
@@ -74,7 +78,7 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
             "record",
             {
                 "combination": combination,
-                "elongation": (reading.samples.column[order] - rest[order, None]) * radians,
+                "elongation": (column - rest[order, None]) * radians,
                 "elongation_uncertainty": reading.samples.sigma[order] * radians,
                 "elongation_qc": reading.samples.qc[order] | np.where(doubtful > 0.0, AMBIGUOUS, np.uint16(0)),
                 "time_uncertainty": np.hypot(doubtful, 0.0 if reading.kind == "strobe" else time_sigma(reading.axis)),
@@ -83,6 +87,10 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
         ),
         "/film": _film(reading, known, traces, lever, rest, order),
     }
+    if wandered is not None:
+        attrs = groups["/film"].attrs
+        attrs["flags"] = ", ".join([*filter(None, [attrs["flags"]]), "paper-wandered"])
+        attrs["paper_wander"] = float(np.std(wandered)) * reading.scale  # mm
     instrument = instrument_of(
         known,
         pendulums,

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.film.reading import Reading, accepted_fraction, rows_per_second
-from pipeline.film.record import flags
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -37,7 +36,7 @@ def summary(record: DataTree, reading: Reading) -> dict[str, Any]:
         "scale_mm_px": reading.scale,
         "skew_degrees": film.attrs["skew"],
         "time_sigma_s": film.attrs["time_sigma"],
-        "flags": flags(reading),
+        "flags": [part for part in str(film.attrs["flags"]).split(", ") if part],
         "notes": list(reading.notes),
         "assumed": [part for part in str(film.attrs["assumed"]).split("; ") if part],
     }

@@ -213,6 +213,7 @@ def truth_of(film: plain.Film) -> dict[str, Any]:
         "width": film.geometry.width // factor,
         "code": case.code,
         "style": case.style,
+        "paper_of_row": _rounded(film.geometry.wandered(centres * factor) / factor),
         "events": film.events,
         "marks": marks,
         "time_of_row": _rounded(of_row(middle, times)),

@@ -133,12 +133,16 @@ class Geometry(NamedTuple):
     """px by which the film lies to the right, at each row of the film from -height/8 on."""
     skew: float
 
+    def wandered(self, rows: Floats) -> Floats:
+        """px by which the film lies to the right on some rows."""
+        start = -(self.height // 8)
+        return np.interp(rows, np.arange(start, start + self.sideways.size), self.sideways)
+
     def place(self, x: Floats, along: Floats) -> tuple[Floats, Floats]:
         """Rows and columns of points of the film, in mm."""
         rows = along * self.ratio
-        start = -(self.height // 8)
         columns = self.margin + x * self.across
-        columns = columns + np.interp(rows, np.arange(start, start + self.sideways.size), self.sideways)
+        columns = columns + self.wandered(rows)
         sine, cosine = math.sin(self.skew), math.cos(self.skew)
         middle, centre = 0.5 * self.height, 0.5 * self.width
         rows, columns = rows - middle, columns - centre

@@ -99,7 +99,9 @@ def compare(record: Path, truth: dict[str, Any]) -> dict[str, float]:
     paths, scales = [], []
     for trace in truth["traces"]:
         row_times, kept = np.unique(trace["time_of_row"], return_index=True)
-        paths.append(make_interp_spline(row_times + begin, np.array(trace["column_of_row"])[kept], k=3))
+        # a pendulum's place is that on paper that lies straight
+        columns = np.array(trace["column_of_row"]) - np.array(truth.get("paper_of_row", 0.0))
+        paths.append(make_interp_spline(row_times + begin, columns[kept], k=3))
         scales.append(trace["lever"] * truth["dpi"] / INCH)
     order = [names.index(trace["name"]) for trace in truth["traces"]]
     angles, doubt = angles[order] * np.array(scales)[:, None], doubt[order]

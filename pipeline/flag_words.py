@@ -98,6 +98,10 @@ OF_FILM = {
     "marks-offset-unsure": Words(
         "the traces' offset along the film may be wrong by the distance of one mark", "measure the optics' offset"
     ),
+    "marks-beside-traces": Words(
+        "the marks lie beside the traces: the times of each trace may be wrong by what it lies off them along the film",
+        "measure the optics' offset",
+    ),
     "marks-many-missing": Words("more than a tenth of the marks were not found", "scan with more contrast"),
     "marks-long-gap": Words("over more than five seconds no mark was found", "look at the film there"),
     "marks-false": Words("gaps were found that are neither marks nor minute codes", "clean the film"),

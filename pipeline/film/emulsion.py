@@ -7,14 +7,15 @@ the middle, clipped again and again.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import median_filter
 
 from pipeline.arrays import Floats
+from pipeline.film.marks.lines import Lines, lines_across
 from pipeline.film.scan.opening import OpenScan
 from synth.kernels.compiled import kernel
 
@@ -80,7 +81,7 @@ class FilmEmulsion:
         levels = np.stack([np.interp(centres, self.blank.columns, level) for level in shown]).astype(np.float32)
         out = np.empty(pixels.shape, dtype=np.float32)
         darkness_above(pixels, self._table, levels, strip - top, weight.astype(np.float32), out)
-        return out
+        return out if self.blank.across is None else out - self.blank.across.over(first, rows, columns)
 
     def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
         """Relative exposure of rows from `first` on, 0 on blank film, 1 on the axis of a line at rest."""
@@ -149,17 +150,22 @@ def plain_emulsion(scan: OpenScan) -> FilmEmulsion:
     """Blank film and its grain; the rest is untold."""
     blank = measure_blank(scan)
     sigma = max(blank.sigma, LEAST_SIGMA)
-    return FilmEmulsion(scan.full_scale, blank, UNTOLD, np.array([sigma**2, 10.0 * sigma**2]))
+    plain = FilmEmulsion(scan.full_scale, blank, UNTOLD, np.array([sigma**2, 10.0 * sigma**2]))
+    across = lines_across(lambda first, stop: plain.darkness(scan.read(first, stop), first), scan.rows, scan.columns)
+    return plain if across is None else replace(plain, blank=blank._replace(across=across))
 
 
-@dataclass(frozen=True)
-class Blank:
-    """Darkness of blank film (m, n), log10 units below full scale, at blocks' centres, px; and sigma of one pixel."""
+class Blank(NamedTuple):
+    """Darkness of blank film (m, n), log10 units below full scale, at blocks' centres, px; and sigma of one pixel.
+
+    Time marks that run across all of the film are blank film, too.
+    """
 
     rows: Floats
     columns: Floats
     darkness: Floats
     sigma: float
+    across: Lines | None = None
 
 
 def darkness_table(full_scale: int) -> NDArray[np.float32]:

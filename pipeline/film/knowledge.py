@@ -27,6 +27,8 @@ class FilmOptions:
         Time between marks, s.
     marks : str or None
         What the shutter does at a full minute: "double", "long", "omitted" or "none".
+    mark_kind : str or None
+        What marks the film: "gaps" in the traces, "dark-lines" or "bright-lines" across, or ticks at its "edge".
     speed : float or None
         Nominal speed, mm s-1.
     dpi : float or None
@@ -44,6 +46,7 @@ class FilmOptions:
     lever: float | None = None
     mark_interval: float | None = None
     marks: str | None = None
+    mark_kind: str | None = None
     speed: float | None = None
     dpi: float | None = None
     traces: Sequence[str] = ()
@@ -109,8 +112,8 @@ class Known:
             said.append(f"marks every {ASSUMED_INTERVAL:g} s are assumed (--mark-interval says otherwise)")
         return said
 
-    def marking(self, scale: float | None) -> Marking:
-        """What is known of the marks."""
+    def marking(self, scale: float | None, directed: bool = False) -> Marking:
+        """What is known of the marks; `directed` whether the user said how time runs."""
         known = self.description
         return Marking(
             interval=self.mark_interval,
@@ -118,6 +121,8 @@ class Known:
             minute_code=None if known is None else known.minute_code,
             speed=None if scale is None or self.speed is None else self.speed / scale,
             code=self.options.marks or (None if known is None else known.marks),
+            kind=self.options.mark_kind or (None if known is None else known.mark_kind),
+            directed=directed,
         )
 
     @property

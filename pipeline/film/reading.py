@@ -139,7 +139,7 @@ def _read_time(
     from pipeline.film.tracking.probing import measure_emulsion
     from pipeline.film.tracking.track import track
 
-    count, marking = known.count, known.marking(scan.scale)
+    count, marking = known.count, known.marking(scan.scale, scan.directed)
     if lines_are_light(scan.image) is None:
         raise RefusedError("no line stands out anywhere, the film is blank; scan it with more contrast")
 
@@ -148,10 +148,10 @@ def _read_time(
             emulsion = dense_emulsion(scan, count)
             tracks = dense_tracks(scan, emulsion, count)
             sure = Saturated.of(emulsion)
-            return scan, sure, tracks, time_axis(scan, sure, tracks, marking, jobs)
+            return scan, sure, tracks, time_axis(scan, sure, tracks, marking, jobs, emulsion.blank.across)
         emulsion = measure_emulsion(scan)
         tracks = track(scan, emulsion, count=count, jobs=jobs, progress=_stage(progress, "traces"))
-        return scan, emulsion, tracks, time_axis(scan, emulsion, tracks, marking, jobs)
+        return scan, emulsion, tracks, time_axis(scan, emulsion, tracks, marking, jobs, emulsion.blank.across)
 
     faults = []
     for dense in ways_to_follow(reading, marking.speed):

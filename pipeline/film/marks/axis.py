@@ -4,17 +4,32 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
+from pipeline.arrays import median_present
 from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered, lasting, refined
 from pipeline.film.marks.checks import DISAGREE, LEAST_LEAD, certain_part, check
 from pipeline.film.marks.counting import LEAST_MARKS, Count, counted, spacing_of
 from pipeline.film.marks.drive import Drive, drive, honest_gaps
-from pipeline.film.marks.minutes import Minutes, code_marks, doubts, find_minutes
+from pipeline.film.marks.lines import Lines, NoMarksError, fitted, ticks
+from pipeline.film.marks.minutes import Minutes, TimeReversedError, code_marks, doubts, find_minutes
+from pipeline.film.marks.pieces import exposed, over_pieces
 from pipeline.film.marks.search import Gaps, find_gaps, learned_width
-from pipeline.film.marks.stands import Bars, Side, Stand, lengths, together
+from pipeline.film.marks.stands import (
+    Bars,
+    Side,
+    Stand,
+    bars,
+    free_columns,
+    lengths,
+    light_across,
+    swept,
+    together,
+)
 from pipeline.film.marks.swings import Swings, swings_at
 from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks
 from pipeline.film.scan.opening import OpenScan
@@ -39,8 +54,13 @@ class Counted:
     doubts: list[tuple[float, float, float]]  # as `minutes.doubts`
 
 
-def time_axis(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1) -> TimeAxis:
-    """When each row of a film was exposed; `jobs` threads may work.
+def time_axis(
+    scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1, across: Lines | None = None
+) -> TimeAxis:
+    """When each row of a film was exposed, by gaps, by lines `across` it or by ticks beside the traces.
+
+    What marks the film is as `marking` says. Otherwise dark lines count, which leave no gaps; then gaps; then the rest.
+    `jobs` threads may work.
 
     Raises
     ------
@@ -49,31 +69,78 @@ def time_axis(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marki
     TimeReversedError
         The film lies upside down.
     """
-    if marking.gap is not None and marking.speed is not None:
-        width = marking.gap * marking.speed
-    else:
-        width = learned_width(scan, emulsion, tracks)
-    gaps, bars = find_gaps(scan, emulsion, tracks, width, jobs)
-    return axis_of(gaps, tracks, marking, width, scan.rows, bars)
+    kind = marking.kind or ("gaps" if across is None or across.kind == "bright-lines" else across.kind)
+    if kind != "gaps":
+        return _beside(scan, emulsion, tracks, marking, jobs, across, kind)
+    try:
+        if marking.gap is not None and marking.speed is not None:
+            width = marking.gap * marking.speed
+        else:
+            width = learned_width(scan, emulsion, tracks)
+        gaps, bars = find_gaps(scan, emulsion, tracks, width, jobs)
+        return axis_of(gaps, tracks, marking, width, scan.rows, bars)
+    except TimeReversedError:
+        raise
+    except RefusedError as fault:
+        if marking.kind is not None:
+            raise
+        try:
+            return _beside(scan, emulsion, tracks, marking, jobs, across, "edge" if across is None else across.kind)
+        except NoMarksError:
+            raise fault from None
+
+
+def _beside(
+    scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int, across: Lines | None, kind: str
+) -> TimeAxis:
+    """The time axis by marks beside the traces; raises as `time_axis`."""
+    if kind == "edge":
+        across = ticks(partial(exposed, scan, emulsion), scan.rows, free_columns(tracks, scan.columns))
+    if across is None or across.kind != kind:
+        raise NoMarksError(f"film: no {kind.replace('-', ' ')} run across it; state another mark_kind")
+    if not np.isfinite(tracks.position).any():
+        raise RefusedError(
+            f"film: it is marked by {across.kind}, and swings as dense as these are read in gaps alone; "
+            "scan a faster film, or read it with --reading continuous"
+        )
+    own = swept(tracks, scan.columns)
+
+    def light(begin: int, stop: int, first: int, exposure: NDArray[np.float32]) -> Floats:
+        return light_across(exposure[begin - first : stop - first], own)
+
+    shown = bars(np.concatenate(over_pieces(scan, emulsion, light, jobs), axis=2), own, tracks, emulsion)
+    return axis_of(fitted(across), tracks, marking, 1.0, scan.rows, shown, across)
 
 
 def axis_of(
-    gaps: Gaps, tracks: Tracks, marking: Marking, width: float, rows: int, bars: Bars | None = None
+    gaps: Gaps,
+    tracks: Tracks,
+    marking: Marking,
+    width: float,
+    rows: int,
+    bars: Bars | None = None,
+    across: Lines | None = None,
 ) -> TimeAxis:
-    """The time axis that gaps make; `width` of a gap and `rows` of the film in px. Raises as `time_axis`."""
-    counted = count_gaps(gaps, tracks, marking, width, bars)
+    """The time axis that gaps make, or marks `across`; `width` of a gap and `rows` of the film in px.
+
+    Raises as `time_axis`.
+    """
+    counted = count_gaps(gaps, tracks, marking, width, bars, across)
     count, alignment = counted.count, counted.alignment
-    row, sigma, column = np.full((3, len(tracks.course), int(count.index[-1]) + 1), np.nan)
+    row, sigma, column = np.full((3, len(counted.events.member), int(count.index[-1]) + 1), np.nan)
     for trace, member in enumerate(counted.events.member[:, count.event]):
         at, gap = count.index[member >= 0], member[member >= 0]
         row[trace, at], sigma[trace, at], column[trace, at] = gaps.row[gap], gaps.row_sigma[gap], gaps.column[gap]
     offset, shear, unsure = alignment.offset, alignment.shear, 0.0
     jumps = count.index[np.searchsorted(counted.events.row[count.event], [each.row for each in counted.stands])]
-    found = drive(row - offset[:, None] - shear * column, sigma, marking.interval, jumps=jumps)
-    for _ in range(ROUNDS):
+    freed = row - offset[: len(row), None] - shear * column
+    found = drive(freed, sigma, marking.interval, jumps=jumps)
+    for _ in range(ROUNDS if across is None else 0):
         offset, shear, unsure = refined(row, sigma, column, found)
         freed = row - offset[:, None] - shear * column
         found = drive(freed, sigma, marking.interval, found, jumps=jumps)
+    if across is not None:
+        unsure = across.shear_sigma * float(np.nanstd(tracks.course - np.nanmean(tracks.course, axis=1)[:, None]))
     found = honest_gaps(freed, sigma, found)
     cycle = round(60.0 / marking.interval)
     shift = 0 if counted.minutes.residue is None else (-counted.minutes.residue) % cycle
@@ -85,35 +152,45 @@ def axis_of(
         row_sigma=found.row_sigma[seen],
         shear=shear,
         offset=offset,
-        row_of_trace=row[:, seen],
+        row_of_trace=row[:, seen] if across is None else np.full((len(tracks.course), seen.size), np.nan),
         interval=marking.interval,
         seconds=seconds + shift * marking.interval,
         seconds_sigma=seconds_sigma,
-        flags=_flags(counted, seen.size),
+        flags=_flags(counted, seen.size, marking.directed, across is not None),
         rate_sigma=float(np.sqrt(np.mean((found.speed_sigma / np.maximum(found.speed, 1e-9)) ** 2))),
         doubts=tuple(
             ((first + shift) * marking.interval, (last + shift) * marking.interval, by)
             for first, last, by in counted.doubts
         ),
+        kind="gaps" if across is None else across.kind,
     )
 
 
-def count_gaps(gaps: Gaps, tracks: Tracks, marking: Marking, width: float, bars: Bars | None = None) -> Counted:
-    """Gaps brought together over the traces and counted; raises as `time_axis`."""
+def count_gaps(
+    gaps: Gaps,
+    tracks: Tracks,
+    marking: Marking,
+    width: float,
+    bars: Bars | None = None,
+    across: Lines | None = None,
+) -> Counted:
+    """Gaps, or marks `across` the film, brought together over the traces and counted; raises as `time_axis`."""
     traces = len(tracks.course)
     busiest = int(np.argmax(np.bincount(gaps.trace, minlength=traces)))
     spacing = spacing_of(gaps.row[gaps.trace == busiest])
     if marking.speed is not None and abs(spacing / (marking.speed * marking.interval) - 1.0) > SPEED_TOLERANCE:
         raise RefusedError(
-            f"film: gaps lie {spacing:.1f} rows apart, but {marking.speed:.4g} rows per second and marks every "
+            f"film: marks lie {spacing:.1f} rows apart, but {marking.speed:.4g} rows per second and marks every "
             f"{marking.interval:g} s make {marking.speed * marking.interval:.1f}; state the right speed or interval"
         )
-    alignment = aligned(gaps, traces, spacing)
-    events = gathered(gaps, alignment, traces, width)
+    if across is None:
+        alignment = aligned(gaps, traces, spacing)
+        events = gathered(gaps, alignment, traces, width)
+    else:
+        alignment = Alignment(np.zeros(traces), across.shear, True)
+        events = Events(gaps.row, gaps.row_sigma, gaps.width, gaps.width_sigma, np.arange(gaps.size)[None])
     # an oblique image bends the swing, but its first harmonic keeps the phase of the swing's middle
-    middle = np.array(
-        [float(np.median(gaps.column[gaps.trace == k])) if (gaps.trace == k).any() else 0.0 for k in range(traces)]
-    )
+    middle = np.array([median_present(each) for each in tracks.course])
     places = events.row + (alignment.offset + alignment.shear * middle)[:, None]
     swings = swings_at(tracks, events.row, places, spacing)
     stands = together(bars, alignment.offset, alignment.shear, middle) if bars else []
@@ -188,14 +265,15 @@ def _past_stands(
     return count, own, whole
 
 
-def _flags(counted: Counted, seen: int) -> tuple[str, ...]:
+def _flags(counted: Counted, seen: int, directed: bool, beside: bool) -> tuple[str, ...]:
     minutes, count, events = counted.minutes, counted.count, counted.events
     false = count.event[-1] - count.event[0] + 1 - count.index.size - (minutes.seen if minutes.kind == "double" else 0)
     shown = (events.member >= 0).any(axis=1)
     flags = {
         "marks-without-minute-code": minutes.residue is None,
-        "marks-direction-unknown": minutes.residue is None or minutes.kind != "double",
+        "marks-direction-unknown": not directed and (minutes.residue is None or minutes.kind != "double"),
         "marks-codes-disagree": bool(counted.doubts),
+        "marks-beside-traces": beside,
         "marks-offset-unsure": not counted.alignment.sure,
         "marks-false": false > max(2.0, FEW_FALSE * seen),
         "film-stood-still": bool(counted.stands),

@@ -1,0 +1,212 @@
+"""Marks that lie not in the traces but beside them: lines across the film, dark or bright, and ticks at its edge.
+
+Film that no trace sweeps shows them, group by group of columns, as each row's median; lines slant with the image, and
+the slant under which most groups agree is its shear. What the groups share then, row by row, is the light of the marks,
+and every peak of it is fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from data_schemas.errors import RefusedError
+from pipeline.arrays import Floats
+from pipeline.film.marks.search import Gaps
+
+Light = Callable[[int, int], NDArray[np.float32]]
+"""Of the rows between two, (rows, columns): darkness above blank film, or exposure."""
+
+NONE = "film: no marks beside the traces were found; check that the film bears them, or state another mark_kind"
+GROUP, TICK = 32, 8  # columns of a group, for lines across and for ticks
+WIDE = 8  # groups that are looked at together at first
+PLACES, ROWS = 7, 1024  # sections that are looked at first, and rows in each
+STANDS_OUT, FAINTEST = 8.0, 0.02  # of a peak: sigmas, and darkness
+FEWEST = 3  # peaks in a section
+MOSTLY = 0.6  # of groups or sections, that show marks
+STEEPEST, STEP, SEARCHED = 0.035, 0.00125, 6000  # tangents of the shear, up to 2 degrees, and rows by which it is found
+ALIKE = 0.7  # correlation with the others, of a group that shows the marks
+ROUNDS = 4
+USUAL, ODD = 0.3, 1.4  # of a usual mark's height: of a peak that is one; and from which more than a mark lies there
+REACH = 1.5  # breadths of a mark, within which its light lies
+SPREAD, NEAR = (0.6, 12.0), 4.0  # rows, of a mark's sigma; of it, that are fitted about a peak
+Rows = NDArray[np.int64]
+
+
+class NoMarksError(RefusedError):
+    """No marks lie beside the traces."""
+
+
+class Lines(NamedTuple):
+    """Light of the marks beside the traces."""
+
+    kind: str  # "dark-lines", "bright-lines" or "edge"
+    light: Floats  # (rows,), where the marks' lines cross column 0: what marks have more of, of bright ones the lack
+    usual: Floats  # the same of usual marks alone: where more light fell, the paper stood
+    noise: float  # 1 sigma of it
+    shear: float  # rows by which the image lags per column
+    shear_sigma: float
+
+    def over(self, first: int, rows: int, columns: int) -> NDArray[np.float32]:
+        """Darkness that the marks add on some rows from `first` on, (rows, columns)."""
+        top = first - self.shear * (np.arange(columns) + 0.5)
+        low = np.floor(top).astype(np.int64)
+        share, at = top - low, np.clip(np.arange(rows)[:, None] + low, 0, self.light.size - 2)
+        added = (1.0 - share) * self.usual[at] + share * self.usual[at + 1]
+        return (-added if self.kind == "bright-lines" else added).astype(np.float32)
+
+    def marks(self) -> tuple[Rows, Floats]:
+        """Rows of the marks' peaks, and their breadths, rows, at half their height."""
+        from scipy.signal import find_peaks, peak_widths
+
+        least = max(STANDS_OUT * self.noise, FAINTEST)
+        top, _ = find_peaks(self.light, height=least, prominence=0.5 * least)
+        top = top[self.light[top] > USUAL * np.median(self.light[top])] if top.size else top
+        return top, peak_widths(self.light, top)[0]
+
+    def cleared(self) -> Lines:
+        """The same with what the usual marks' light is."""
+        top, breadth = self.marks()
+        usual = self.light[top] < ODD * np.median(self.light[top])
+        near = np.zeros(self.light.size, dtype=bool)
+        for row, wide in zip(top[usual], breadth[usual], strict=True):
+            near[max(int(row - REACH * wide), 0) : int(row + REACH * wide) + 2] = True
+        return self._replace(usual=np.where(near, self.light, 0.0))
+
+
+def lines_across(darkness: Light, rows: int, columns: int) -> Lines | None:
+    """Lines from edge to edge, None where there are none; only a few sections are read of a film without."""
+    groups = np.arange(columns // GROUP * GROUP).reshape(-1, GROUP)
+    if len(groups) < 2 * WIDE:
+        return None
+    wide = [groups[k : k + WIDE] for k in range(0, len(groups) - WIDE + 1, WIDE)]
+
+    def show(first: int, stop: int) -> bool:
+        each = medians(darkness, groups, first, stop)
+        signs = [shown(np.median(each[g[0, 0] // GROUP :][:WIDE], axis=0)) for g in wide]
+        return max(np.mean(np.array(signs) == sign) for sign in (-1, 1)) > MOSTLY
+
+    if np.mean([show(*piece) for piece in sections(rows)]) < MOSTLY:
+        return None
+    found = _lined(darkness, groups, rows)
+    return None if found is None else found.cleared()
+
+
+def ticks(light: Light, rows: int, free: Rows) -> Lines:
+    """Marks on a strip of the columns `free`, which no trace sweeps.
+
+    Raises
+    ------
+    RefusedError
+        There are none.
+    """
+    runs = np.split(free, np.flatnonzero(np.diff(free) > 1) + 1)
+    groups = np.concatenate([run[: run.size // TICK * TICK].reshape(-1, TICK) for run in runs])
+    pieces = sections(rows)
+    share = np.zeros(len(groups))
+    for piece in pieces:
+        share += [shown(each) != 0 for each in medians(light, groups, *piece)]
+    marked = np.flatnonzero(share > MOSTLY * len(pieces))
+    beside = np.split(marked, np.flatnonzero(np.diff(groups[marked, 0]) > TICK) + 1)
+    best = max(beside, key=len)
+    found = _lined(light, groups[best], rows) if best.size > 1 else None
+    if found is None:
+        raise NoMarksError(NONE)
+    return found._replace(kind="edge")
+
+
+def sections(rows: int) -> list[tuple[int, int]]:
+    """Some pieces of a film, first row and that behind the last."""
+    height = min(rows, ROWS)
+    return [(first, first + height) for first in np.unique(np.linspace(0, rows - height, PLACES).astype(int)).tolist()]
+
+
+def medians(light: Light, groups: Rows, first: int, stop: int) -> NDArray[np.float32]:
+    """Median of each row in each group of columns, (groups, rows)."""
+    return np.asarray(np.median(light(first, stop)[:, groups], axis=2).T, dtype=np.float32)
+
+
+def spread(values: NDArray[np.floating]) -> float:
+    """1 sigma of values, but for outliers."""
+    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
+
+
+def shown(light: NDArray[np.floating]) -> int:
+    """Whether rows show some peaks, dark (1) or bright (-1), or none (0)."""
+    away, least = light - np.median(light), max(STANDS_OUT * spread(light), FAINTEST)
+    counts = [int(np.count_nonzero(np.diff((sign * away > least).astype(np.int8)) > 0)) for sign in (1, -1)]
+    return 0 if max(counts) < FEWEST else 1 if counts[0] >= counts[1] else -1
+
+
+def _lined(light: Light, groups: Rows, rows: int) -> Lines | None:
+    """What groups of columns share along the film's slant, None where they share no peaks."""
+    each = np.concatenate([medians(light, groups, at, min(at + ROWS, rows)) for at in range(0, rows, ROWS)], axis=1)
+    each -= np.median(each, axis=1, keepdims=True)
+    column, at = groups.mean(axis=1) + 0.5, np.arange(rows, dtype=np.float64)
+
+    def slanted(shear: float, part: slice) -> Floats:
+        return np.stack([np.interp(at[part] + shear * c, at, own) for c, own in zip(column, each, strict=True)])
+
+    middle = slice(max(rows - SEARCHED, 0) // 2, max(rows - SEARCHED, 0) // 2 + SEARCHED)
+    tried = np.arange(-STEEPEST, STEEPEST + 1e-9, STEP)
+    shear = float(max(tried, key=lambda tan: float(np.mean(np.median(slanted(tan, middle), axis=0) ** 2))))
+    sigma = 0.0
+    for _ in range(ROUNDS):
+        shifted = slanted(shear, slice(None))
+        common = np.median(shifted, axis=0)
+        steep = np.gradient(common)
+        alike = shifted @ common > ALIKE * np.linalg.norm(shifted, axis=1) * np.linalg.norm(common)
+        if alike.sum() < 2:
+            return None
+        lag = -((shifted[alike] - common) @ steep) / (steep @ steep)
+        slope, level = np.polyfit(column[alike], lag, 1)
+        freedom = max(int(alike.sum()) - 2, 1)
+        error = float(np.sum((lag - slope * column[alike] - level) ** 2)) / freedom
+        error = max(error, spread(common) ** 2 / float(steep @ steep))
+        sigma = float(np.sqrt(error * (1.0 + 4.0 / freedom) / np.sum((column[alike] - column[alike].mean()) ** 2)))
+        shear += float(slope)
+    common = np.median(slanted(shear, slice(None))[alike], axis=0)
+    sign = shown(common)
+    kind = "dark-lines" if sign > 0 else "bright-lines"
+    return Lines(kind, sign * common, sign * common, spread(common), shear, sigma) if sign else None
+
+
+def fitted(lines: Lines) -> Gaps:
+    """All marks, each a Gaussian fitted to its peak and those near it; widths by their light, a usual mark's 1."""
+    from scipy.optimize import least_squares
+
+    top, breadth = lines.marks()
+    if not top.size:
+        raise NoMarksError(NONE)
+    usual = float(np.clip(np.median(breadth) / 2.355, *SPREAD))
+    found = []
+    for near in np.split(np.arange(top.size), np.flatnonzero(np.diff(top) > 2.0 * NEAR * usual) + 1):
+        begin = max(int(top[near[0]] - NEAR * usual - breadth[near[0]]), 0)
+        part = lines.light[begin : int(top[near[-1]] + NEAR * usual + breadth[near[-1]]) + 2]
+        at = begin + np.arange(part.size) + 0.5
+
+        def shape(value: Floats, at: Floats = at) -> Floats:
+            row, wide, high = value[1:].reshape(-1, 3).T[:, :, None]
+            return np.asarray(value[0] + np.sum(high * np.exp(-0.5 * ((at - row) / wide) ** 2), axis=0))
+
+        def away(value: Floats, part: Floats = part, shape: Callable[[Floats], Floats] = shape) -> Floats:
+            return np.asarray((shape(value) - part) / lines.noise)
+
+        start = np.concatenate([[0.0], *([row + 0.5, usual, lines.light[row]] for row in top[near])])
+        fit = least_squares(away, start, method="lm" if part.size > start.size else "trf")
+        misfit = max(1.0, 2.0 * fit.cost / max(part.size - start.size, 1))
+        spread = misfit * np.linalg.pinv(fit.jac.T @ fit.jac)
+        for k in range(1, start.size, 3):
+            row, wide, high = fit.x[k : k + 3]
+            share = np.array([1.0 / wide, 1.0 / high])
+            error = float(share @ spread[k + 1 : k + 3, k + 1 : k + 3] @ share)
+            found.append([row, np.sqrt(spread[k, k]), abs(wide) * high, abs(wide) * high * np.sqrt(max(error, 0.0))])
+    row, sigma, light, light_sigma = np.array(found).T
+    good = np.isfinite(sigma) & (sigma < usual) & (light > 0.0)
+    row, sigma, light, light_sigma = (each[good][np.argsort(row[good])] for each in (row, sigma, light, light_sigma))
+    none, one = np.zeros(row.size), np.ones(row.size)
+    usual = float(np.median(light))
+    gaps = (row, sigma, none, none, none, light / usual, light_sigma / usual, one, none, one, one)
+    return Gaps(none.astype(np.int64), *gaps)

@@ -27,6 +27,7 @@ BLOCK_COLUMNS = 64
 CLIP = 2.0  # sigma; a normal distribution cut there has this much smaller a sigma:
 CLIPPED_SIGMA = 0.8796
 ROUNDS = 4
+TURNS, LEAST_PIXELS = 2, 64  # of what lies between marks and what marks are; of a block, that lie between marks
 LEAST_SIGMA = 2.5e-3  # of a pixel of blank film: without grain it is rounded, and no background is known better
 LEAST_GROWTH = 5e-5  # the model of a line leaves a hundredth or so of its darkness, whatever the grain
 STEEPEST_GRAIN = 100.0  # growth of the variance over that on blank film, per unit of darkness
@@ -148,11 +149,19 @@ UNTOLD = ToneCurve(0.6, 0.2, 1.5)
 
 def plain_emulsion(scan: OpenScan) -> FilmEmulsion:
     """Blank film and its grain; the rest is untold."""
-    blank = measure_blank(scan)
-    sigma = max(blank.sigma, LEAST_SIGMA)
-    plain = FilmEmulsion(scan.full_scale, blank, UNTOLD, np.array([sigma**2, 10.0 * sigma**2]))
-    across = lines_across(lambda first, stop: plain.darkness(scan.read(first, stop), first), scan.rows, scan.columns)
-    return plain if across is None else replace(plain, blank=blank._replace(across=across))
+
+    def with_blank(across: Lines | None) -> FilmEmulsion:
+        blank = measure_blank(scan, across)
+        sigma = max(blank.sigma, LEAST_SIGMA)
+        return FilmEmulsion(scan.full_scale, blank, UNTOLD, np.array([sigma**2, 10.0 * sigma**2]))
+
+    plain, across = with_blank(None), None
+    for _ in range(TURNS):  # marks across the film mislead what lies between them
+        across = lines_across(lambda first, stop: plain.darkness(scan.read(first, stop), first), scan.rows, scan.columns)
+        if across is None:
+            return plain
+        plain = with_blank(across)
+    return replace(plain, blank=plain.blank._replace(across=across))
 
 
 class Blank(NamedTuple):
@@ -175,8 +184,8 @@ def darkness_table(full_scale: int) -> NDArray[np.float32]:
     return np.log10(full_scale / values).astype(np.float32)
 
 
-def measure_blank(scan: OpenScan) -> Blank:
-    """Blank film from strips spread over the whole scan."""
+def measure_blank(scan: OpenScan, across: Lines | None = None) -> Blank:
+    """Blank film from strips spread over the whole scan, between the time marks `across` it."""
     table = darkness_table(scan.full_scale)
     strips = int(np.clip(scan.rows // (4 * STRIP_ROWS), 1, MOST_STRIPS))
     height = min(STRIP_ROWS, scan.rows)
@@ -185,8 +194,11 @@ def measure_blank(scan: OpenScan) -> Blank:
     level, spread = np.empty((strips, edges.size - 1)), np.empty((strips, edges.size - 1))
     for i, first in enumerate(firsts):
         strip = table[scan.read(int(first), int(first) + height)]
+        open_film = np.full(strip.shape, True) if across is None else across.over(int(first), *strip.shape) == 0.0
         for j in range(edges.size - 1):
-            level[i, j], spread[i, j] = _clipped_mean(strip[:, edges[j] : edges[j + 1]].ravel().astype(np.float64))
+            block = slice(edges[j], edges[j + 1])
+            unmarked = strip[:, block][open_film[:, block]].astype(np.float64)
+            level[i, j], spread[i, j] = _clipped_mean(unmarked if unmarked.size >= LEAST_PIXELS else strip[:, block].ravel())
     return Blank(firsts + 0.5 * height, 0.5 * (edges[1:] + edges[:-1]), _smoothed(level), float(np.median(spread)))
 
 

@@ -141,7 +141,7 @@ def _light(film: Film, trace: int) -> Trace:
     times = edges[:-1] + 0.5 * step
     rows, columns = path(film, trace, times)
     spans = list(film.dark[trace])
-    if case.style == "gaps":
+    if case.style in ("gaps", "wire"):
         spans += _shut(film)
     on = 1.0 - np.diff(paper.closed(spans, edges)) / step
     lamp = case.lamp * (case.faint if trace == len(film.combinations) - 1 else 1.0)
@@ -170,7 +170,7 @@ def _stray(film: Film) -> tuple[Grey, Grey]:
     step = film.drive.times[1] - film.drive.times[0]
     gone = paper.closed(_shut(film), np.append(film.drive.times, film.drive.times[-1] + step) - 0.5 * step)
     shut = np.diff(gone) / step
-    on = 1.0 - shut if case.style == "bright lines" else np.ones_like(shut)
+    on = 1.0 - shut if case.style in ("bright lines", "wire") else np.ones_like(shut)
     out = []
     for light in (on, shut):
         whole = np.floor(rows).astype(int)

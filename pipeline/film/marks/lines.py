@@ -81,11 +81,11 @@ def lines_across(darkness: Light, rows: int, columns: int) -> Lines | None:
     groups = np.arange(columns // GROUP * GROUP).reshape(-1, GROUP)
     if len(groups) < 2 * WIDE:
         return None
-    wide = [groups[k : k + WIDE] for k in range(0, len(groups) - WIDE + 1, WIDE)]
 
     def show(first: int, stop: int) -> bool:
         each = medians(darkness, groups, first, stop)
-        signs = [shown(np.median(each[g[0, 0] // GROUP :][:WIDE], axis=0)) for g in wide]
+        noise = noise_of(each, WIDE)
+        signs = [shown(np.median(each[k : k + WIDE], axis=0), noise) for k in range(0, len(groups) - WIDE + 1, WIDE)]
         return max(np.mean(np.array(signs) == sign) for sign in (-1, 1)) > MOSTLY
 
     if np.mean([show(*piece) for piece in sections(rows)]) < MOSTLY:
@@ -107,7 +107,8 @@ def ticks(light: Light, rows: int, free: Rows) -> Lines:
     pieces = sections(rows)
     share = np.zeros(len(groups))
     for piece in pieces:
-        share += [shown(each) != 0 for each in medians(light, groups, *piece)]
+        each = medians(light, groups, *piece)
+        share += [shown(own, noise_of(each, 1)) != 0 for own in each]
     marked = np.flatnonzero(share > MOSTLY * len(pieces))
     beside = np.split(marked, np.flatnonzero(np.diff(groups[marked, 0]) > TICK) + 1)
     best = max(beside, key=len)
@@ -128,14 +129,16 @@ def medians(light: Light, groups: Rows, first: int, stop: int) -> NDArray[np.flo
     return np.asarray(np.median(light(first, stop)[:, groups], axis=2).T, dtype=np.float32)
 
 
-def spread(values: NDArray[np.floating]) -> float:
-    """1 sigma of values, but for outliers."""
-    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
+def noise_of(each: NDArray[np.floating], number: int) -> float:
+    """1 sigma of the median of a `number` of groups (groups, rows), by how neighbours differ: they share the marks."""
+    apart = np.diff(each, axis=0)
+    one = 1.4826 * np.median(np.abs(apart - np.median(apart, axis=1, keepdims=True)), axis=1) / np.sqrt(2.0)
+    return float(np.median(one) * np.sqrt(0.5 * np.pi / number))
 
 
-def shown(light: NDArray[np.floating]) -> int:
-    """Whether rows show some peaks, dark (1) or bright (-1), or none (0)."""
-    away, least = light - np.median(light), max(STANDS_OUT * spread(light), FAINTEST)
+def shown(light: NDArray[np.floating], noise: float) -> int:
+    """Whether rows with 1 sigma of `noise` show some peaks, dark (1) or bright (-1), or none (0)."""
+    away, least = light - np.median(light), max(STANDS_OUT * noise, FAINTEST)
     counts = [int(np.count_nonzero(np.diff((sign * away > least).astype(np.int8)) > 0)) for sign in (1, -1)]
     return 0 if max(counts) < FEWEST else 1 if counts[0] >= counts[1] else -1
 
@@ -152,7 +155,7 @@ def _lined(light: Light, groups: Rows, rows: int) -> Lines | None:
     middle = slice(max(rows - SEARCHED, 0) // 2, max(rows - SEARCHED, 0) // 2 + SEARCHED)
     tried = np.arange(-STEEPEST, STEEPEST + 1e-9, STEP)
     shear = float(max(tried, key=lambda tan: float(np.mean(np.median(slanted(tan, middle), axis=0) ** 2))))
-    sigma = 0.0
+    sigma = noise = 0.0
     for _ in range(ROUNDS):
         shifted = slanted(shear, slice(None))
         common = np.median(shifted, axis=0)
@@ -164,13 +167,15 @@ def _lined(light: Light, groups: Rows, rows: int) -> Lines | None:
         slope, level = np.polyfit(column[alike], lag, 1)
         freedom = max(int(alike.sum()) - 2, 1)
         error = float(np.sum((lag - slope * column[alike] - level) ** 2)) / freedom
-        error = max(error, spread(common) ** 2 / float(steep @ steep))
+        noise = noise_of(shifted[alike], 1)
+        error = max(error, noise**2 / float(steep @ steep))
         sigma = float(np.sqrt(error * (1.0 + 4.0 / freedom) / np.sum((column[alike] - column[alike].mean()) ** 2)))
         shear += float(slope)
     common = np.median(slanted(shear, slice(None))[alike], axis=0)
-    sign = shown(common)
+    noise *= float(np.sqrt(0.5 * np.pi / alike.sum()))
+    sign = shown(common, noise)
     kind = "dark-lines" if sign > 0 else "bright-lines"
-    return Lines(kind, sign * common, sign * common, spread(common), shear, sigma) if sign else None
+    return Lines(kind, sign * common, sign * common, noise, shear, sigma) if sign else None
 
 
 def fitted(lines: Lines) -> Gaps:

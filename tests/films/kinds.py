@@ -213,17 +213,17 @@ KINDS: dict[str, Kind] = {
     "wire": _kind("marks", _READABLE, {"fog": (0.2, 0.1, 0.05)}, style="wire"),
     "dark lines askew": _kind("marks", _READABLE, {"skew": (0.1, 0.25, 0.5)}, style="dark lines"),
     "edge marks askew": _kind("marks", _READABLE, {"skew": (0.1, 0.25, 0.5)}, style="edge"),
-    "dark lines, minute omitted": _kind(
+    "dark lines minute omitted": _kind(
         "marks", _READABLE, {"missing": (0.0, 0.02, 0.1), "false": (0, 2, 8)}, style="dark lines", code="omitted"
     ),
-    "edge marks, minute long": _kind(
+    "edge marks minute long": _kind(
         "marks", _READABLE, {"missing": (0.0, 0.02, 0.1), "false": (0, 2, 8)}, style="edge", code="long"
     ),
     "edge marks of 1 s": _kind("marks", _READABLE, {"missing": (0.0, 0.02, 0.1)}, style="edge", interval=1.0),
-    "dark lines, wrong end": _kind("marks", _READABLE, {"missing": (0.0, 0.02, 0.1)}, style="dark lines", reversed=True),
-    "dark lines, still 1.01 s": _kind("marks", _READABLE, _STILL, style="dark lines", still=1.01),
-    "edge marks, still 1.01 s": _kind("marks", _READABLE, _STILL, style="edge", still=1.01),
-    "bright lines, still 1.01 s": _kind(
+    "dark lines wrong end": _kind("marks", _READABLE, {"missing": (0.0, 0.02, 0.1)}, style="dark lines", reversed=True),
+    "dark lines still 1.01 s": _kind("marks", _READABLE, _STILL, style="dark lines", still=1.01),
+    "edge marks still 1.01 s": _kind("marks", _READABLE, _STILL, style="edge", still=1.01),
+    "bright lines still 1.01 s": _kind(
         "marks", _READABLE, {"fog": (0.4, 0.3, 0.2)}, style="bright lines", lamp=0.2, still=1.01
     ),
     "contacts of 1 s": _kind("marks", _MOSTLY, {"missing": (0.0, 0.02, 0.1)}, interval=1.0),

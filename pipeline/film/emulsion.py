@@ -82,7 +82,11 @@ class FilmEmulsion:
         levels = np.stack([np.interp(centres, self.blank.columns, level) for level in shown]).astype(np.float32)
         out = np.empty(pixels.shape, dtype=np.float32)
         darkness_above(pixels, self._table, levels, strip - top, weight.astype(np.float32), out)
-        return out if self.blank.across is None else out - self.blank.across.over(first, rows, columns)
+        if self.blank.across is None:
+            return out
+        # grain is as strong as the darkness below: what shows on a dark mark counts by as much less
+        added = self.blank.across.over(first, rows, columns)
+        return (out - added) / np.sqrt(1.0 + np.float32(self.grain[1] / self.grain[0]) * np.maximum(added, 0.0))
 
     def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
         """Relative exposure of rows from `first` on, 0 on blank film, 1 on the axis of a line at rest."""

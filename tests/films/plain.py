@@ -302,7 +302,7 @@ def _within(rows: Floats, columns: Floats, weight: Floats, top: int, shape: tupl
 
 def _across(film: Film, fog: Grey, line: Grey, top: int, shape: tuple[int, int]) -> Grey:
     """Exposure by what reaches across the film, slanting with it."""
-    skew = math.tan(film.geometry.skew)
+    sine, cosine = math.sin(film.geometry.skew), math.cos(film.geometry.skew)
     columns = np.arange(shape[1]) + 0.5 - 0.5 * film.geometry.width
     lit = np.zeros(shape[1], np.float32)
     if film.case.style == "dark lines":
@@ -311,10 +311,11 @@ def _across(film: Film, fog: Grey, line: Grey, top: int, shape: tuple[int, int])
         edge = film.geometry.margin + np.array([2.0, 6.0]) * film.geometry.across
         lit[int(edge[0]) : int(edge[1])] = 1.0
     rows = np.arange(shape[0]) + 0.5 + top + BLOCK - 0.5  # entry BLOCK holds the first row's centre
-    if not skew:
+    if not sine:
         at = rows.astype(int)
         return fog[at][:, None] + line[at][:, None] * lit
-    slanted = (rows[:, None] + skew * columns).ravel()
+    middle = 0.5 * film.geometry.height + BLOCK - 0.5
+    slanted = (middle + (rows[:, None] - middle) * cosine + sine * columns).ravel()
     index = np.arange(fog.size)
     both = [np.interp(slanted, index, values).reshape(shape).astype(np.float32) for values in (fog, line)]
     return both[0] + both[1] * lit

@@ -194,6 +194,7 @@ def count_gaps(
     places = events.row + (alignment.offset + alignment.shear * middle)[:, None]
     swings = swings_at(tracks, events.row, places, spacing)
     stands = together(bars, alignment.offset, alignment.shear, middle) if bars else []
+    stands = [each for each in stands if events.row[0] < each.row < events.row[-1]]
     count, stands, whole = _past_stands(events, stands, swings, spacing, marking)
     minutes = find_minutes(events, count, marking)
     part = certain_part(count, code_marks(minutes, events, count, marking.interval))

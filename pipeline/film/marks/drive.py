@@ -174,7 +174,8 @@ def _line(rows: Floats, found: Drive) -> tuple[float, float] | None:
         return None
     calm = found.model._replace(roughness=CALM, shake=CALM, floor=0.05)
     smooth = run_drive(rows, np.full_like(rows, 0.05), calm, found.used, found.jumps, True)
-    remainder = found.row - smooth.row
+    shown = found.used.sum(axis=0)  # of the marks themselves: the most likely motion may take a line for their errors
+    remainder = np.where(found.used, rows - smooth.row, 0.0).sum(axis=0) / np.maximum(shown, 1)
     power = np.abs(np.fft.rfft((remainder - remainder.mean()) * np.hanning(marks), 4 * marks)) ** 2
     turn = 2.0 * np.pi * np.arange(power.size) / (4 * marks * found.model.step)
     inside = np.flatnonzero((turn > 2.0 * np.pi / SLOWEST) & (turn < 2.0 * np.pi / FASTEST))

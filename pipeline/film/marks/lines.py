@@ -30,6 +30,7 @@ STEEPEST, STEP, SEARCHED = 0.035, 0.00125, 6000  # tangents of the shear, up to 
 ALIKE = 0.7  # correlation with the others, of a group that shows the marks
 ROUNDS = 4
 USUAL, ODD = 0.3, 1.4  # of a usual mark's height: of a peak that is one; and from which more than a mark lies there
+LAGS, PAD = 32, 24  # of a row, in which lags of lines are drawn; rows on either side, for the spline
 REACH = 1.5  # breadths of a mark, within which its light lies
 SPREAD, NEAR = (0.6, 12.0), 4.0  # rows, of a mark's sigma; of it, that are fitted about a peak
 Rows = NDArray[np.int64]
@@ -51,10 +52,14 @@ class Lines(NamedTuple):
 
     def over(self, first: int, rows: int, columns: int) -> NDArray[np.float32]:
         """Darkness that the marks add on some rows from `first` on, (rows, columns)."""
-        top = first - self.shear * (np.arange(columns) + 0.5)
-        low = np.floor(top).astype(np.int64)
-        share, at = top - low, np.clip(np.arange(rows)[:, None] + low, 0, self.light.size - 2)
-        added = (1.0 - share) * self.usual[at] + share * self.usual[at + 1]
+        from scipy.ndimage import spline_filter1d, map_coordinates
+
+        lag, which = np.unique(np.round(self.shear * (np.arange(columns) + 0.5) * LAGS) / LAGS, return_inverse=True)
+        reach = int(np.abs(lag).max()) + PAD
+        low, stop = max(first - reach, 0), min(first + rows + reach, self.usual.size)
+        part = spline_filter1d(self.usual[low:stop], 3, mode="mirror")
+        at = first - low + np.arange(rows)[:, None] - lag
+        added = map_coordinates(part, [at], order=3, prefilter=False, mode="nearest")[:, which]
         return (-added if self.kind == "bright-lines" else added).astype(np.float32)
 
     def marks(self) -> tuple[Rows, Floats]:
@@ -145,12 +150,14 @@ def shown(light: NDArray[np.floating], noise: float) -> int:
 
 def _lined(light: Light, groups: Rows, rows: int) -> Lines | None:
     """What groups of columns share along the film's slant, None where they share no peaks."""
+    from scipy.ndimage import shift
+
     each = np.concatenate([medians(light, groups, at, min(at + ROWS, rows)) for at in range(0, rows, ROWS)], axis=1)
     each -= np.median(each, axis=1, keepdims=True)
-    column, at = groups.mean(axis=1) + 0.5, np.arange(rows, dtype=np.float64)
+    column = groups.mean(axis=1) + 0.5
 
     def slanted(shear: float, part: slice) -> Floats:
-        return np.stack([np.interp(at[part] + shear * c, at, own) for c, own in zip(column, each, strict=True)])
+        return np.stack([shift(own[part], -shear * c, order=3, mode="nearest") for c, own in zip(column, each, strict=True)])
 
     middle = slice(max(rows - SEARCHED, 0) // 2, max(rows - SEARCHED, 0) // 2 + SEARCHED)
     tried = np.arange(-STEEPEST, STEEPEST + 1e-9, STEP)

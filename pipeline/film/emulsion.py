@@ -8,6 +8,7 @@ the middle, clipped again and again.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -161,11 +162,16 @@ def plain_emulsion(scan: OpenScan) -> FilmEmulsion:
 
     plain, across = with_blank(None), None
     for _ in range(TURNS):  # marks across the film mislead what lies between them
-        across = lines_across(lambda first, stop: plain.darkness(scan.read(first, stop), first), scan.rows, scan.columns)
+        across = lines_across(partial(shown_darkness, plain, scan), scan.rows, scan.columns)
         if across is None:
             return plain
         plain = with_blank(across)
     return replace(plain, blank=plain.blank._replace(across=across))
+
+
+def shown_darkness(emulsion: FilmEmulsion, scan: OpenScan, first: int, stop: int) -> NDArray[np.float32]:
+    """Darkness above blank film of the rows `first` to `stop` of a scan."""
+    return emulsion.darkness(scan.read(first, stop), first)
 
 
 class Blank(NamedTuple):

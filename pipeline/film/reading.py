@@ -148,10 +148,10 @@ def _read_time(
             emulsion = dense_emulsion(scan, count)
             tracks = dense_tracks(scan, emulsion, count)
             sure = Saturated.of(emulsion)
-            return scan, sure, tracks, time_axis(scan, sure, tracks, marking, jobs, emulsion.blank.across)
+            return scan, sure, tracks, time_axis(scan, sure, tracks, marking, jobs, emulsion)
         emulsion = measure_emulsion(scan)
         tracks = track(scan, emulsion, count=count, jobs=jobs, progress=_stage(progress, "traces"))
-        return scan, emulsion, tracks, time_axis(scan, emulsion, tracks, marking, jobs, emulsion.blank.across)
+        return scan, emulsion, tracks, time_axis(scan, emulsion, tracks, marking, jobs, emulsion)
 
     faults = []
     for dense in ways_to_follow(reading, marking.speed):

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import median_present
+from pipeline.film.emulsion import FilmEmulsion, shown_darkness
 from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered, lasting, refined
 from pipeline.film.marks.checks import DISAGREE, LEAST_LEAD, certain_part, check
 from pipeline.film.marks.counting import LEAST_MARKS, Count, counted, spacing_of
 from pipeline.film.marks.drive import Drive, drive, honest_gaps
 from pipeline.film.marks.lines import Lines, NoMarksError, fitted, ticks
 from pipeline.film.marks.minutes import Minutes, TimeReversedError, code_marks, doubts, find_minutes
-from pipeline.film.marks.pieces import exposed, over_pieces
+from pipeline.film.marks.pieces import over_pieces
 from pipeline.film.marks.search import Gaps, find_gaps, learned_width
 from pipeline.film.marks.stands import (
     Bars,
@@ -55,9 +56,14 @@ class Counted:
 
 
 def time_axis(
-    scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1, across: Lines | None = None
+    scan: OpenScan,
+    emulsion: Emulsion,
+    tracks: Tracks,
+    marking: Marking,
+    jobs: int = 1,
+    film: FilmEmulsion | None = None,
 ) -> TimeAxis:
-    """When each row of a film was exposed, by gaps, by lines `across` it or by ticks beside the traces.
+    """When each row of a film was exposed, by gaps in its traces or by marks beside them, as `film` shows those.
 
     What marks the film is as `marking` says. Otherwise dark lines count, which leave no gaps; then gaps; then the rest.
     `jobs` threads may work.
@@ -69,9 +75,10 @@ def time_axis(
     TimeReversedError
         The film lies upside down.
     """
-    kind = marking.kind or ("gaps" if across is None or across.kind == "bright-lines" else across.kind)
-    if kind != "gaps":
-        return _beside(scan, emulsion, tracks, marking, jobs, across, kind)
+    across = None if film is None else film.blank.across
+    kind = marking.kind or ("dark-lines" if across is not None and across.kind == "dark-lines" else "gaps")
+    if film is not None and kind != "gaps":
+        return _beside(scan, emulsion, tracks, marking, jobs, film, kind)
     try:
         if marking.gap is not None and marking.speed is not None:
             width = marking.gap * marking.speed
@@ -82,25 +89,26 @@ def time_axis(
     except TimeReversedError:
         raise
     except RefusedError as fault:
-        if marking.kind is not None:
+        if film is None or marking.kind is not None:
             raise
         try:
-            return _beside(scan, emulsion, tracks, marking, jobs, across, "edge" if across is None else across.kind)
+            return _beside(scan, emulsion, tracks, marking, jobs, film, "edge" if across is None else across.kind)
         except NoMarksError:
             raise fault from None
 
 
 def _beside(
-    scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int, across: Lines | None, kind: str
+    scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int, film: FilmEmulsion, kind: str
 ) -> TimeAxis:
     """The time axis by marks beside the traces; raises as `time_axis`."""
+    lines = film.blank.across
     if kind == "edge":
-        across = ticks(partial(exposed, scan, emulsion), scan.rows, free_columns(tracks, scan.columns))
-    if across is None or across.kind != kind:
+        lines = ticks(partial(shown_darkness, film, scan), scan.rows, free_columns(tracks, scan.columns))
+    if lines is None or lines.kind != kind:
         raise NoMarksError(f"film: no {kind.replace('-', ' ')} run across it; state another mark_kind")
     if not np.isfinite(tracks.position).any():
         raise RefusedError(
-            f"film: it is marked by {across.kind}, and swings as dense as these are read in gaps alone; "
+            f"film: {kind.replace('-', ' ')} mark it, and swings as dense as these are read in gaps alone; "
             "scan a faster film, or read it with --reading continuous"
         )
     own = swept(tracks, scan.columns)
@@ -109,7 +117,7 @@ def _beside(
         return light_across(exposure[begin - first : stop - first], own)
 
     shown = bars(np.concatenate(over_pieces(scan, emulsion, light, jobs), axis=2), own, tracks, emulsion)
-    return axis_of(fitted(across), tracks, marking, 1.0, scan.rows, shown, across)
+    return axis_of(fitted(lines), tracks, marking, 1.0, scan.rows, shown, lines)
 
 
 def axis_of(

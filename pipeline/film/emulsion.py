@@ -29,6 +29,7 @@ CLIP = 2.0  # sigma; a normal distribution cut there has this much smaller a sig
 CLIPPED_SIGMA = 0.8796
 ROUNDS = 4
 TURNS, LEAST_PIXELS = 2, 64  # of what lies between marks and what marks are; of a block, that lie between marks
+BLIND = 0.05  # darkness of a mark, from which what lies on it is no longer told: there it looks like a closed shutter
 LEAST_SIGMA = 2.5e-3  # of a pixel of blank film: without grain it is rounded, and no background is known better
 LEAST_GROWTH = 5e-5  # the model of a line leaves a hundredth or so of its darkness, whatever the grain
 STEEPEST_GRAIN = 100.0  # growth of the variance over that on blank film, per unit of darkness
@@ -85,9 +86,8 @@ class FilmEmulsion:
         darkness_above(pixels, self._table, levels, strip - top, weight.astype(np.float32), out)
         if self.blank.across is None:
             return out
-        # grain is as strong as the darkness below: what shows on a dark mark counts by as much less
         added = self.blank.across.over(first, rows, columns)
-        return (out - added) / np.sqrt(1.0 + np.float32(self.grain[1] / self.grain[0]) * np.maximum(added, 0.0))
+        return np.where(added > BLIND, np.float32(0.0), out - added)
 
     def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
         """Relative exposure of rows from `first` on, 0 on blank film, 1 on the axis of a line at rest."""

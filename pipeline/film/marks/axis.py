@@ -15,7 +15,7 @@ from pipeline.film.emulsion import FilmEmulsion, shown_darkness
 from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered, lasting, refined
 from pipeline.film.marks.checks import DISAGREE, LEAST_LEAD, certain_part, check
 from pipeline.film.marks.counting import LEAST_MARKS, Count, counted, spacing_of
-from pipeline.film.marks.drive import Drive, drive, honest_gaps
+from pipeline.film.marks.drive import Drive, aliased, drive, honest_gaps
 from pipeline.film.marks.lines import Lines, NoMarksError, fitted, ticks
 from pipeline.film.marks.minutes import Minutes, TimeReversedError, code_marks, doubts, find_minutes
 from pipeline.film.marks.pieces import over_pieces
@@ -152,7 +152,9 @@ def axis_of(
     found = honest_gaps(freed, sigma, found)
     cycle = round(60.0 / marking.interval)
     shift = 0 if counted.minutes.residue is None else (-counted.minutes.residue) % cycle
-    seconds, seconds_sigma = times_of(found, rows, float(np.hypot(lasting(freed, found), unsure)))
+    hidden, hidden_speed = aliased(freed, found)
+    lasts = float(np.linalg.norm([lasting(freed, found), unsure, hidden]))
+    seconds, seconds_sigma = times_of(found, rows, lasts)
     seen = np.flatnonzero((np.isfinite(row) & found.used).any(axis=0))
     return TimeAxis(
         index=(seen + shift).astype(np.int64),
@@ -165,7 +167,7 @@ def axis_of(
         seconds=seconds + shift * marking.interval,
         seconds_sigma=seconds_sigma,
         flags=_flags(counted, seen.size, marking.directed, across is not None),
-        rate_sigma=float(np.sqrt(np.mean((found.speed_sigma / np.maximum(found.speed, 1e-9)) ** 2))),
+        rate_sigma=float(np.sqrt(np.mean((found.speed_sigma**2 + hidden_speed**2) / np.maximum(found.speed, 1e-9) ** 2))),
         doubts=tuple(
             ((first + shift) * marking.interval, (last + shift) * marking.interval, by)
             for first, last, by in counted.doubts

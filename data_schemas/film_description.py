@@ -85,7 +85,9 @@ class FilmDescription(Section):
         None, "", "what the shutter does at each full minute: closes twice, for longer, not at all, or as ever"
     )
     mark_kind: Literal["gaps", "dark-lines", "bright-lines", "edge"] | None = quantity(
-        None, "", "what marks the time: gaps in the traces, lines across the film, or ticks at its edge; left out: sought"
+        None,
+        "",
+        "what marks the time: gaps in the traces, lines across the film, or ticks at its edge; left out: sought",
     )
     restoring: Literal["sine", "linear"] = quantity("sine", "", "restoring law of the pendulums")
     traces: tuple[DescribedTrace, ...] = quantity(..., "", "the traces", min_length=1)

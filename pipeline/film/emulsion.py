@@ -208,7 +208,9 @@ def measure_blank(scan: OpenScan, across: Lines | None = None) -> Blank:
         for j in range(edges.size - 1):
             block = slice(edges[j], edges[j + 1])
             unmarked = strip[:, block][open_film[:, block]].astype(np.float64)
-            level[i, j], spread[i, j] = _clipped_mean(unmarked if unmarked.size >= LEAST_PIXELS else strip[:, block].ravel())
+            level[i, j], spread[i, j] = _clipped_mean(
+                unmarked if unmarked.size >= LEAST_PIXELS else strip[:, block].ravel()
+            )
     return Blank(firsts + 0.5 * height, 0.5 * (edges[1:] + edges[:-1]), _smoothed(level), float(np.median(spread)))
 
 

@@ -27,8 +27,6 @@ class FilmOptions:
         Time between marks, s.
     marks : str or None
         What the shutter does at a full minute: "double", "long", "omitted" or "none".
-    mark_kind : str or None
-        What marks the film: "gaps" in the traces, "dark-lines" or "bright-lines" across, or ticks at its "edge".
     speed : float or None
         Nominal speed, mm s-1.
     dpi : float or None
@@ -46,7 +44,6 @@ class FilmOptions:
     lever: float | None = None
     mark_interval: float | None = None
     marks: str | None = None
-    mark_kind: str | None = None
     speed: float | None = None
     dpi: float | None = None
     traces: Sequence[str] = ()
@@ -121,7 +118,7 @@ class Known:
             minute_code=None if known is None else known.minute_code,
             speed=None if scale is None or self.speed is None else self.speed / scale,
             code=self.options.marks or (None if known is None else known.marks),
-            kind=self.options.mark_kind or (None if known is None else known.mark_kind),
+            kind=None if known is None else known.mark_kind,
             directed=directed,
         )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import partial
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered, 
 from pipeline.film.marks.checks import DISAGREE, LEAST_LEAD, certain_part, check
 from pipeline.film.marks.counting import LEAST_MARKS, Count, counted, spacing_of
 from pipeline.film.marks.drive import Drive, aliased, drive, honest_gaps
-from pipeline.film.marks.lines import Lines, NoMarksError, fitted, ticks
+from pipeline.film.marks.lines import Lines, NoMarksError, fitted, ticks, widened
 from pipeline.film.marks.minutes import Minutes, TimeReversedError, code_marks, doubts, find_minutes
 from pipeline.film.marks.pieces import over_pieces
 from pipeline.film.marks.search import Gaps, find_gaps, learned_width
@@ -39,6 +40,7 @@ ROUNDS = 2  # of drive and shear
 SPEED_TOLERANCE = 0.25  # of the stated speed
 FEW_FALSE = 0.005  # share of marks that may be false
 LEAST_PART = 0.2  # of the film, of a part that is read where others are uncertain
+SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")
 FINE = 16  # points of the paper's motion from mark to mark
 
 
@@ -167,7 +169,9 @@ def axis_of(
         seconds=seconds + shift * marking.interval,
         seconds_sigma=seconds_sigma,
         flags=_flags(counted, seen.size, marking.directed, across is not None),
-        rate_sigma=float(np.sqrt(np.mean((found.speed_sigma**2 + hidden_speed**2) / np.maximum(found.speed, 1e-9) ** 2))),
+        rate_sigma=float(
+            np.sqrt(np.mean((found.speed_sigma**2 + hidden_speed**2) / np.maximum(found.speed, 1e-9) ** 2))
+        ),
         doubts=tuple(
             ((first + shift) * marking.interval, (last + shift) * marking.interval, by)
             for first, last, by in counted.doubts
@@ -207,6 +211,9 @@ def count_gaps(
     stands = [each for each in stands if events.row[0] < each.row < events.row[-1]]
     count, stands, whole = _past_stands(events, stands, swings, spacing, marking)
     minutes = find_minutes(events, count, marking)
+    if across is not None and across.kind == "dark-lines":  # on either side of a broad one the number is not certain
+        beside = [np.searchsorted(events.row[count.event], widened(gaps), side) - 1 for side in SIDES]
+        count.lead[np.clip(beside, 0, count.lead.size - 1)] = 0.0
     part = certain_part(count, code_marks(minutes, events, count, marking.interval))
     if part.index.size < count.index.size:
         if part.index[-1] < LEAST_PART * count.index[-1]:

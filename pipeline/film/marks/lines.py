@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.film.marks.search import Gaps
@@ -20,7 +21,7 @@ Light = Callable[[int, int], NDArray[np.float32]]
 """Of the rows between two, (rows, columns): darkness above blank film, or exposure."""
 
 NONE = "film: no marks beside the traces were found; check that the film bears them, or state another mark_kind"
-GROUP, TICK = 32, 8  # columns of a group, for lines across and for ticks
+GROUP, TICK, LEAST = 32, 4, 4  # columns of a group, for lines across and for ticks; fewest groups
 WIDE = 8  # groups that are looked at together at first
 PLACES, ROWS = 7, 1024  # sections that are looked at first, and rows in each
 STANDS_OUT, FAINTEST = 8.0, 0.02  # of a peak: sigmas, and darkness
@@ -30,9 +31,10 @@ STEEPEST, STEP, SEARCHED = 0.035, 0.00125, 6000  # tangents of the shear, up to 
 ALIKE = 0.7  # correlation with the others, of a group that shows the marks
 ROUNDS = 4
 USUAL, ODD = 0.3, 1.4  # of a usual mark's height: of a peak that is one; and from which more than a mark lies there
+NEIGHBOURS, BROADER = 31, (0.06, 0.8)  # marks; by how much more light one that hides a stand of the paper has
 LAGS, PAD = 32, 24  # of a row, in which lags of lines are drawn; rows on either side, for the spline
 REACH = 1.5  # breadths of a mark, within which its light lies
-SPREAD, NEAR = (0.6, 12.0), 4.0  # rows, of a mark's sigma; of it, that are fitted about a peak
+NARROWEST, NEAR, FULL = 0.6, 4.0, 2.355  # rows, of a mark's sigma; of it, fitted about a peak, and in a breadth
 Rows = NDArray[np.int64]
 
 
@@ -52,7 +54,7 @@ class Lines(NamedTuple):
 
     def over(self, first: int, rows: int, columns: int) -> NDArray[np.float32]:
         """Darkness that the marks add on some rows from `first` on, (rows, columns)."""
-        from scipy.ndimage import spline_filter1d, map_coordinates
+        from scipy.ndimage import map_coordinates, spline_filter1d
 
         lag, which = np.unique(np.round(self.shear * (np.arange(columns) + 0.5) * LAGS) / LAGS, return_inverse=True)
         reach = int(np.abs(lag).max()) + PAD
@@ -78,7 +80,7 @@ class Lines(NamedTuple):
         near = np.zeros(self.light.size, dtype=bool)
         for row, wide in zip(top[usual], breadth[usual], strict=True):
             near[max(int(row - REACH * wide), 0) : int(row + REACH * wide) + 2] = True
-        return self._replace(usual=np.where(near, self.light, 0.0))
+        return self._replace(usual=np.where(near, np.maximum(self.light, 0.0), 0.0))
 
 
 def lines_across(darkness: Light, rows: int, columns: int) -> Lines | None:
@@ -117,7 +119,7 @@ def ticks(light: Light, rows: int, free: Rows) -> Lines:
     marked = np.flatnonzero(share > MOSTLY * len(pieces))
     beside = np.split(marked, np.flatnonzero(np.diff(groups[marked, 0]) > TICK) + 1)
     best = max(beside, key=len)
-    found = _lined(light, groups[best], rows) if best.size > 1 else None
+    found = _lined(light, groups[best], rows) if best.size >= LEAST else None
     if found is None:
         raise NoMarksError(NONE)
     return found._replace(kind="edge")
@@ -149,40 +151,33 @@ def shown(light: NDArray[np.floating], noise: float) -> int:
 
 
 def _lined(light: Light, groups: Rows, rows: int) -> Lines | None:
-    """What groups of columns share along the film's slant, None where they share no peaks."""
+    """What groups of columns share along the film's slant, None where too few share any peaks."""
     from scipy.ndimage import shift
 
     each = np.concatenate([medians(light, groups, at, min(at + ROWS, rows)) for at in range(0, rows, ROWS)], axis=1)
     each -= np.median(each, axis=1, keepdims=True)
-    column = groups.mean(axis=1) + 0.5
+    column, begin = groups.mean(axis=1) + 0.5, max(rows - SEARCHED, 0) // 2
 
-    def slanted(shear: float, part: slice) -> Floats:
-        return np.stack([shift(own[part], -shear * c, order=3, mode="nearest") for c, own in zip(column, each, strict=True)])
+    def slanted(shear: float, part: slice = slice(None)) -> Floats:
+        return np.stack([shift(own[part], -shear * c, mode="nearest") for c, own in zip(column, each, strict=True)])
 
-    middle = slice(max(rows - SEARCHED, 0) // 2, max(rows - SEARCHED, 0) // 2 + SEARCHED)
     tried = np.arange(-STEEPEST, STEEPEST + 1e-9, STEP)
-    shear = float(max(tried, key=lambda tan: float(np.mean(np.median(slanted(tan, middle), axis=0) ** 2))))
-    sigma = noise = 0.0
+    shared = [np.median(slanted(tan, slice(begin, begin + SEARCHED)), axis=0) for tan in tried]
+    shear, error = float(tried[np.argmax(np.square(shared).mean(axis=1))]), 0.0
     for _ in range(ROUNDS):
-        shifted = slanted(shear, slice(None))
+        shifted = slanted(shear)
         common = np.median(shifted, axis=0)
         steep = np.gradient(common)
         alike = shifted @ common > ALIKE * np.linalg.norm(shifted, axis=1) * np.linalg.norm(common)
-        if alike.sum() < 2:
+        if alike.sum() < LEAST:
             return None
-        lag = -((shifted[alike] - common) @ steep) / (steep @ steep)
-        slope, level = np.polyfit(column[alike], lag, 1)
-        freedom = max(int(alike.sum()) - 2, 1)
-        error = float(np.sum((lag - slope * column[alike] - level) ** 2)) / freedom
-        noise = noise_of(shifted[alike], 1)
-        error = max(error, noise**2 / float(steep @ steep))
-        sigma = float(np.sqrt(error * (1.0 + 4.0 / freedom) / np.sum((column[alike] - column[alike].mean()) ** 2)))
-        shear += float(slope)
-    common = np.median(slanted(shear, slice(None))[alike], axis=0)
-    noise *= float(np.sqrt(0.5 * np.pi / alike.sum()))
+        lag = (common - shifted[alike]) @ steep / (steep @ steep)
+        (slope, _), covariance = np.polyfit(column[alike], lag, 1, cov=True)
+        shear, error = shear + float(slope), float(np.sqrt(covariance[0, 0]))
+    common, noise = np.median(slanted(shear)[alike], axis=0), noise_of(shifted[alike], int(alike.sum()))
     sign = shown(common, noise)
     kind = "dark-lines" if sign > 0 else "bright-lines"
-    return Lines(kind, sign * common, sign * common, noise, shear, sigma) if sign else None
+    return Lines(kind, sign * common, sign * common, noise, shear, error) if sign else None
 
 
 def fitted(lines: Lines) -> Gaps:
@@ -192,33 +187,41 @@ def fitted(lines: Lines) -> Gaps:
     top, breadth = lines.marks()
     if not top.size:
         raise NoMarksError(NONE)
-    usual = float(np.clip(np.median(breadth) / 2.355, *SPREAD))
-    found = []
+    usual, found = max(float(np.median(breadth)) / FULL, NARROWEST), []
     for near in np.split(np.arange(top.size), np.flatnonzero(np.diff(top) > 2.0 * NEAR * usual) + 1):
-        begin = max(int(top[near[0]] - NEAR * usual - breadth[near[0]]), 0)
-        part = lines.light[begin : int(top[near[-1]] + NEAR * usual + breadth[near[-1]]) + 2]
+        reach = NEAR * usual + breadth[near]
+        begin = max(int(top[near[0]] - reach[0]), 0)
+        part = lines.light[begin : int(top[near[-1]] + reach[-1]) + 2]
+        start = np.concatenate([[0.0], *([row + 0.5, usual, usual * lines.light[row]] for row in top[near])])
+        if part.size <= start.size:
+            continue
         at = begin + np.arange(part.size) + 0.5
-
-        def shape(value: Floats, at: Floats = at) -> Floats:
-            row, wide, high = value[1:].reshape(-1, 3).T[:, :, None]
-            return np.asarray(value[0] + np.sum(high * np.exp(-0.5 * ((at - row) / wide) ** 2), axis=0))
-
-        def away(value: Floats, part: Floats = part, shape: Callable[[Floats], Floats] = shape) -> Floats:
-            return np.asarray((shape(value) - part) / lines.noise)
-
-        start = np.concatenate([[0.0], *([row + 0.5, usual, lines.light[row]] for row in top[near])])
-        fit = least_squares(away, start, method="lm" if part.size > start.size else "trf")
-        misfit = max(1.0, 2.0 * fit.cost / max(part.size - start.size, 1))
-        spread = misfit * np.linalg.pinv(fit.jac.T @ fit.jac)
-        for k in range(1, start.size, 3):
-            row, wide, high = fit.x[k : k + 3]
-            share = np.array([1.0 / wide, 1.0 / high])
-            error = float(share @ spread[k + 1 : k + 3, k + 1 : k + 3] @ share)
-            found.append([row, np.sqrt(spread[k, k]), abs(wide) * high, abs(wide) * high * np.sqrt(max(error, 0.0))])
-    row, sigma, light, light_sigma = np.array(found).T
-    good = np.isfinite(sigma) & (sigma < usual) & (light > 0.0)
-    row, sigma, light, light_sigma = (each[good][np.argsort(row[good])] for each in (row, sigma, light, light_sigma))
+        fit = least_squares(_misfit, start, args=(at, part, lines.noise), method="lm")
+        spread = np.linalg.pinv(fit.jac.T @ fit.jac) * max(1.0, 2.0 * fit.cost / (part.size - start.size))
+        sigma = np.sqrt(np.diag(spread))
+        found += [(fit.x[k], sigma[k], fit.x[k + 2], sigma[k + 2]) for k in range(1, start.size, 3)]
+    row, sigma, light, light_sigma = np.array(sorted(found)).T
+    good = (sigma < usual) & (np.abs(light) > 0.0)
+    row, sigma, light, light_sigma = row[good], sigma[good], np.abs(light[good]), light_sigma[good]
     none, one = np.zeros(row.size), np.ones(row.size)
-    usual = float(np.median(light))
-    gaps = (row, sigma, none, none, none, light / usual, light_sigma / usual, one, none, one, one)
-    return Gaps(none.astype(np.int64), *gaps)
+    width = light / np.median(light), light_sigma / np.median(light)
+    return Gaps(none.astype(np.int64), row, sigma, none, none, none, *width, one, none, one, one)
+
+
+def widened(marks: Gaps) -> Floats:
+    """Rows of marks broader than those around them, though not by as much as long ones: the paper may have stood there.
+
+    On a dark line that is black anyway, more light shows in no other way; it may be a false mark's, too.
+    """
+    from scipy.ndimage import median_filter
+
+    more = marks.width / median_filter(marks.width, NEIGHBOURS, mode="nearest") - 1.0
+    return marks.row[(more > max(BROADER[0], STANDS_OUT * float(np.median(np.abs(more))))) & (more < BROADER[1])]
+
+
+def _misfit(value: Floats, at: Floats, light: Floats, noise: float) -> Floats:
+    """Level, and row, sigma and light of each peak, against what is there, in sigmas."""
+    row, wide, area = value[1:].reshape(-1, 3).T[:, :, None]
+    return np.asarray(
+        (value[0] + np.sum(area / wide * np.exp(-0.5 * ((at - row) / wide) ** 2), axis=0) - light) / noise
+    )

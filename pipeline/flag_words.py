@@ -76,7 +76,7 @@ OF_FILM = {
         "no minute code was found: the count of marks is checked by the pendulums alone", "compare with the log"
     ),
     "marks-direction-unknown": Words(
-        "the marks do not tell in which direction the film ran", "say which end came first in the film's TOML"
+        "the marks do not tell in which direction the film ran", "say how time runs with --orientation"
     ),
     "marks-codes-disagree": Words(
         "a minute code is out of step with the count of marks: the film may have stood still",

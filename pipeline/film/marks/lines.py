@@ -34,6 +34,7 @@ USUAL, ODD = 0.3, 1.4  # of a usual mark's height: of a peak that is one; and fr
 NEIGHBOURS, BROADER = 31, (0.06, 0.8)  # marks; by how much more light one that hides a stand of the paper has
 LAGS, PAD = 32, 24  # of a row, in which lags of lines are drawn; rows on either side, for the spline
 REACH = 1.5  # breadths of a mark, within which its light lies
+ALONE = 0.75  # of the usual distance, from which marks are fitted one by one
 NARROWEST, NEAR, FULL = 0.6, 4.0, 2.355  # rows, of a mark's sigma; of it, fitted about a peak, and in a breadth
 Rows = NDArray[np.int64]
 
@@ -93,7 +94,7 @@ def lines_across(darkness: Light, rows: int, columns: int) -> Lines | None:
         each = medians(darkness, groups, first, stop)
         noise = noise_of(each, WIDE)
         signs = [shown(np.median(each[k : k + WIDE], axis=0), noise) for k in range(0, len(groups) - WIDE + 1, WIDE)]
-        return max(np.mean(np.array(signs) == sign) for sign in (-1, 1)) > MOSTLY
+        return max(signs.count(-1), signs.count(1)) > MOSTLY * len(signs)
 
     if np.mean([show(*piece) for piece in sections(rows)]) < MOSTLY:
         return None
@@ -188,7 +189,8 @@ def fitted(lines: Lines) -> Gaps:
     if not top.size:
         raise NoMarksError(NONE)
     usual, found = max(float(np.median(breadth)) / FULL, NARROWEST), []
-    for near in np.split(np.arange(top.size), np.flatnonzero(np.diff(top) > 2.0 * NEAR * usual) + 1):
+    apart = min(2.0 * NEAR * usual, ALONE * float(np.median(np.diff(top)))) if top.size > 1 else 0.0
+    for near in np.split(np.arange(top.size), np.flatnonzero(np.diff(top) > apart) + 1):
         reach = NEAR * usual + breadth[near]
         begin = max(int(top[near[0]] - reach[0]), 0)
         part = lines.light[begin : int(top[near[-1]] + reach[-1]) + 2]
@@ -197,8 +199,9 @@ def fitted(lines: Lines) -> Gaps:
             continue
         at = begin + np.arange(part.size) + 0.5
         fit = least_squares(_misfit, start, args=(at, part, lines.noise), method="lm")
-        spread = np.linalg.pinv(fit.jac.T @ fit.jac) * max(1.0, 2.0 * fit.cost / (part.size - start.size))
-        sigma = np.sqrt(np.diag(spread))
+        jacobian = np.asarray(fit.jac)
+        excess = max(1.0, 2.0 * fit.cost / (part.size - start.size))
+        sigma = np.sqrt(excess * np.diag(np.linalg.pinv(jacobian.T @ jacobian)))
         found += [(fit.x[k], sigma[k], fit.x[k + 2], sigma[k + 2]) for k in range(1, start.size, 3)]
     row, sigma, light, light_sigma = np.array(sorted(found)).T
     good = (sigma < usual) & (np.abs(light) > 0.0)

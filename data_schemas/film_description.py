@@ -84,6 +84,11 @@ class FilmDescription(Section):
     marks: Literal["double", "long", "omitted", "none"] | None = quantity(
         None, "", "what the shutter does at each full minute: closes twice, for longer, not at all, or as ever"
     )
+    mark_kind: Literal["gaps", "dark-lines", "bright-lines", "edge"] | None = quantity(
+        None,
+        "",
+        "what marks the time: gaps in the traces, lines across the film, or ticks at its edge; left out: sought",
+    )
     restoring: Literal["sine", "linear"] = quantity("sine", "", "restoring law of the pendulums")
     traces: tuple[DescribedTrace, ...] = quantity(..., "", "the traces", min_length=1)
     pendulums: tuple[DescribedPendulum, ...] = quantity(..., "", "the pendulums", min_length=1)

@@ -76,7 +76,7 @@ OF_FILM = {
         "no minute code was found: the count of marks is checked by the pendulums alone", "compare with the log"
     ),
     "marks-direction-unknown": Words(
-        "the marks do not tell in which direction the film ran", "say which end came first in the film's TOML"
+        "the marks do not tell in which direction the film ran", "say how time runs with --orientation"
     ),
     "marks-codes-disagree": Words(
         "a minute code is out of step with the count of marks: the film may have stood still",
@@ -101,6 +101,10 @@ OF_FILM = {
     ),
     "marks-offset-unsure": Words(
         "the traces' offset along the film may be wrong by the distance of one mark", "measure the optics' offset"
+    ),
+    "marks-beside-traces": Words(
+        "the marks lie beside the traces: the times of each trace may be wrong by what it lies off them along the film",
+        "measure the optics' offset",
     ),
     "marks-many-missing": Words("more than a tenth of the marks were not found", "scan with more contrast"),
     "marks-long-gap": Words("over more than five seconds no mark was found", "look at the film there"),

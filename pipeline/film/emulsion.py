@@ -7,14 +7,16 @@ the middle, clipped again and again.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import maximum_filter, median_filter
 
 from pipeline.arrays import Floats
+from pipeline.film.marks.lines import Lines, lines_across
 from pipeline.film.scan.opening import OpenScan
 from synth.kernels.compiled import kernel
 
@@ -32,6 +34,8 @@ CLUMPS, PLATEAU, FAINT = (
     0.02,
 )  # px over which grain may be alike; and over which background is; correlation of none
 ROUNDS = 4
+TURNS, LEAST_PIXELS = 2, 64  # of what lies between marks and what marks are; of a block, that lie between marks
+BLIND = 0.05  # darkness of a mark, from which what lies on it is no longer told: there it looks like a closed shutter
 LEAST_SIGMA = 2.5e-3  # of a pixel of blank film: without grain it is rounded, and no background is known better
 LEAST_GROWTH = 5e-5  # the model of a line leaves a hundredth or so of its darkness, whatever the grain
 STEEPEST_GRAIN = 100.0  # growth of the variance over that on blank film, per unit of darkness
@@ -89,7 +93,10 @@ class FilmEmulsion:
         levels = np.stack([np.interp(centres, self.blank.columns, level) for level in shown]).astype(np.float32)
         out = np.empty(pixels.shape, dtype=np.float32)
         darkness_above(pixels, self._table, levels, strip - top, weight.astype(np.float32), out)
-        return out
+        if self.blank.across is None:
+            return out
+        added = self.blank.across.over(first, rows, columns)
+        return np.where(added > BLIND, np.float32(0.0), out - added)
 
     def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
         """Relative exposure of rows from `first` on, 0 on blank film, 1 on the axis of a line at rest."""
@@ -166,19 +173,37 @@ UNTOLD = ToneCurve(0.6, 0.2, 1.5)
 
 def plain_emulsion(scan: OpenScan) -> FilmEmulsion:
     """Blank film and its grain; the rest is untold."""
-    blank = measure_blank(scan)
-    sigma = max(blank.sigma, LEAST_SIGMA)
-    return FilmEmulsion(scan.full_scale, blank, UNTOLD, np.array([sigma**2, 10.0 * sigma**2]))
+
+    def with_blank(across: Lines | None) -> FilmEmulsion:
+        blank = measure_blank(scan, across)
+        sigma = max(blank.sigma, LEAST_SIGMA)
+        return FilmEmulsion(scan.full_scale, blank, UNTOLD, np.array([sigma**2, 10.0 * sigma**2]))
+
+    plain, across = with_blank(None), None
+    for _ in range(TURNS):  # marks across the film mislead what lies between them
+        across = lines_across(partial(shown_darkness, plain, scan), scan.rows, scan.columns)
+        if across is None:
+            return plain
+        plain = with_blank(across)
+    return replace(plain, blank=plain.blank._replace(across=across))
 
 
-@dataclass(frozen=True)
-class Blank:
-    """Darkness of blank film (m, n), log10 units below full scale, at blocks' centres, px; and sigma of one pixel."""
+def shown_darkness(emulsion: FilmEmulsion, scan: OpenScan, first: int, stop: int) -> NDArray[np.float32]:
+    """Darkness above blank film of the rows `first` to `stop` of a scan."""
+    return emulsion.darkness(scan.read(first, stop), first)
+
+
+class Blank(NamedTuple):
+    """Darkness of blank film (m, n), log10 units below full scale, at blocks' centres, px; and sigma of one pixel.
+
+    Time marks that run across all of the film are blank film, too.
+    """
 
     rows: Floats
     columns: Floats
     darkness: Floats
     sigma: float
+    across: Lines | None = None
 
 
 def darkness_table(full_scale: int) -> NDArray[np.float32]:
@@ -188,8 +213,8 @@ def darkness_table(full_scale: int) -> NDArray[np.float32]:
     return np.log10(full_scale / values).astype(np.float32)
 
 
-def measure_blank(scan: OpenScan) -> Blank:
-    """Blank film from strips spread over the whole scan."""
+def measure_blank(scan: OpenScan, across: Lines | None = None) -> Blank:
+    """Blank film from strips spread over the whole scan, between the time marks `across` it."""
     table = darkness_table(scan.full_scale)
     strips = int(np.clip(scan.rows // (4 * STRIP_ROWS), 1, MOST_STRIPS))
     height = min(STRIP_ROWS, scan.rows)
@@ -198,8 +223,13 @@ def measure_blank(scan: OpenScan) -> Blank:
     level, spread = np.empty((strips, edges.size - 1)), np.empty((strips, edges.size - 1))
     for i, first in enumerate(firsts):
         strip = table[scan.read(int(first), int(first) + height)]
+        open_film = np.full(strip.shape, True) if across is None else across.over(int(first), *strip.shape) == 0.0
         for j in range(edges.size - 1):
-            level[i, j], spread[i, j] = _clipped_mean(strip[:, edges[j] : edges[j + 1]].ravel().astype(np.float64))
+            block = slice(edges[j], edges[j + 1])
+            unmarked = strip[:, block][open_film[:, block]].astype(np.float64)
+            level[i, j], spread[i, j] = _clipped_mean(
+                unmarked if unmarked.size >= LEAST_PIXELS else strip[:, block].ravel()
+            )
     return Blank(firsts + 0.5 * height, 0.5 * (edges[1:] + edges[:-1]), _smoothed(level), float(np.median(spread)))
 
 

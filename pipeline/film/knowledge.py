@@ -110,8 +110,8 @@ class Known:
             said.append(f"marks every {ASSUMED_INTERVAL:g} s are assumed (--mark-interval says otherwise)")
         return said
 
-    def marking(self, scale: float | None) -> Marking:
-        """What is known of the marks."""
+    def marking(self, scale: float | None, directed: bool = False) -> Marking:
+        """What is known of the marks; `directed` whether the user said how time runs."""
         known = self.description
         return Marking(
             interval=self.mark_interval,
@@ -119,6 +119,8 @@ class Known:
             minute_code=None if known is None else known.minute_code,
             speed=None if scale is None or self.speed is None else self.speed / scale,
             code=self.options.marks or (None if known is None else known.marks),
+            kind=None if known is None else known.mark_kind,
+            directed=directed,
         )
 
     @property

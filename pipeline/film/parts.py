@@ -84,6 +84,8 @@ class Marking:
     minute_code: float | None = None  # delay of the second gap at each full minute, s
     speed: float | None = None  # nominal rows per second
     code: str | None = None  # of a full minute: "double", "long", "omitted" or "none"
+    kind: str | None = None  # "gaps" of the traces, or beside them "dark-lines", "bright-lines" or ticks at the "edge"
+    directed: bool = False  # whether it is stated how time runs
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,8 @@ class TimeAxis:
         1 sigma of how much faster or slower than true the times run from one mark to the next, s/s.
     doubts : tuple of (float, float, float)
         Times from which to which the marks may be miscounted, and what they would be wrong by, s.
+    kind : str
+        Of the marks, as that of a `Marking`.
     """
 
     index: NDArray[np.int64]
@@ -130,6 +134,7 @@ class TimeAxis:
     flags: tuple[str, ...]
     rate_sigma: float
     doubts: tuple[tuple[float, float, float], ...] = ()
+    kind: str = "gaps"
 
 
 @dataclass(frozen=True)

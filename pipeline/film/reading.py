@@ -19,8 +19,8 @@ from pipeline.film.scan.opening import OpenScan, lines_are_light
 if TYPE_CHECKING:
     from data_schemas.film_edits import FilmEdits
     from pipeline.film.edits import Placed
-    from pipeline.film.marks.search import Gaps
-    from pipeline.film.marks.stands import Bars
+    from pipeline.film.emulsion import FilmEmulsion
+    from pipeline.film.marks.axis import GapSearch
     from pipeline.film.tracking.track import Following
 
 _MM_PER_INCH = 25.4
@@ -102,11 +102,10 @@ class FilmTraces:
     tracks : Tracks
     following : Following or None
         What it takes to follow a stretch once more; None for dense bands.
-    width : float
-        Of a gap, px.
-    gaps : Gaps
-    bars : list
-        Of `marks.stands`.
+    film : FilmEmulsion
+        That of the rows, also where `emulsion` is that of dense bands.
+    found : GapSearch or RefusedError or None
+        Gaps on the traces; None where marks lie beside them.
     left_out : tuple of int
         Traces that a person ignores on the whole film.
     edits : FilmEdits or None
@@ -118,9 +117,8 @@ class FilmTraces:
     emulsion: Emulsion
     tracks: Tracks
     following: Following | None
-    width: float
-    gaps: Gaps
-    bars: Bars
+    film: FilmEmulsion
+    found: GapSearch | RefusedError | None
     left_out: tuple[int, ...] = ()
     edits: FilmEdits | None = None
     placed: Placed | None = None
@@ -149,27 +147,28 @@ class FilmTraces:
         else:
             following = self.following.again(placed, jobs)
             tracks = following.tracks
-        gaps, spans = self.gaps, []
+        found, spans = self.found, []
         if self.following is not None:  # in whole pieces, as all of the film was searched
             stretches = placed.stretches(self.scan.rows, tracks.rows_per_swing)
             pieces = sorted({piece for first, last in stretches for piece in range(first // ROWS, last // ROWS + 1)})
             spans = [(piece * ROWS, min((piece + 1) * ROWS, self.scan.rows) - 1) for piece in pieces]
-        if spans:
-            again, _ = find_gaps(self.scan, self.emulsion, tracks, self.width, jobs, spans)
-            old = np.all([(gaps.row < first) | (gaps.row >= last + 1) for first, last in spans], axis=0)
-            gaps = gaps.pick(old).joined_by(again)
-        gaps = gaps.pick(placed.shows(gaps.trace, gaps.row, gaps.column))
+        if not isinstance(found, RefusedError | None):
+            gaps = found.gaps
+            if spans:
+                again, _ = find_gaps(self.scan, self.emulsion, tracks, found.width, jobs, spans)
+                old = np.all([(gaps.row < first) | (gaps.row >= last + 1) for first, last in spans], axis=0)
+                gaps = gaps.pick(old).joined_by(again)
+            found = found._replace(gaps=gaps.pick(placed.shows(gaps.trace, gaps.row, gaps.column)))
         left_out = placed.left_out(self.scan.rows)
-        return replace(self, tracks=tracks, gaps=gaps, left_out=left_out, edits=edits, placed=placed)
+        return replace(self, tracks=tracks, found=found, left_out=left_out, edits=edits, placed=placed)
 
-    def axis(self, known: Known) -> TimeAxis:
-        """When each row was exposed; raises as `marks.axis.axis_of`."""
-        from pipeline.film.marks.axis import axis_of
+    def axis(self, known: Known, jobs: int = 1) -> TimeAxis:
+        """When each row of a film was exposed; raises as `marks.axis.time_axis`."""
+        from pipeline.film.marks.axis import time_axis
 
+        marking = known.marking(self.scan.scale, self.scan.directed)
         marks = None if self.placed is None else self.placed.marks
-        return axis_of(
-            self.gaps, self.tracks, known.marking(self.scan.scale), self.width, self.scan.rows, self.bars, marks
-        )
+        return time_axis(self.scan, self.emulsion, self.tracks, marking, jobs, self.film, self.found, marks)
 
 
 def read_film(
@@ -281,7 +280,7 @@ def find_time(
             traces = traces if edits is None else traces.edited(edits, known, jobs)
             if traces.following is not None:
                 replace(traces.following, tracks=traces.tracks).checked()
-            return traces, traces.axis(known)
+            return traces, traces.axis(known, jobs)
         except TimeReversedError:
             raise
         except RefusedError as fault:
@@ -289,7 +288,7 @@ def find_time(
 
     faults: list[RefusedError] = []
     first: FilmTraces | None = None
-    for dense in ways_to_follow(reading, known.marking(scan.scale).speed):
+    for dense in ways_to_follow(reading, known.marking(scan.scale, scan.directed).speed):
         try:
             try:
                 traces, axis = timed(follow_film(scan, known, dense, jobs, progress))
@@ -317,7 +316,7 @@ def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: 
     RefusedError
         There are none.
     """
-    from pipeline.film.marks.search import find_gaps, gap_width
+    from pipeline.film.marks.axis import kind_of, search_gaps
     from pipeline.film.strobe.dense import dense_emulsion, dense_tracks
     from pipeline.film.strobe.dense_survey import Saturated
     from pipeline.film.tracking.probing import measure_emulsion
@@ -326,15 +325,20 @@ def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: 
     following: Following | None = None
     emulsion: Emulsion
     if dense:
-        curve = dense_emulsion(scan, known.count)
-        tracks, emulsion = dense_tracks(scan, curve, known.count), Saturated.of(curve)
+        film = dense_emulsion(scan, known.count)
+        tracks, emulsion = dense_tracks(scan, film, known.count), Saturated.of(film)
     else:
         emulsion = film = measure_emulsion(scan)
         following = follow_traces(scan, film, count=known.count, jobs=jobs, progress=_stage(progress, "traces"))
         tracks = following.tracks
-    width = gap_width(scan, emulsion, tracks, known.marking(scan.scale))
-    gaps, bars = find_gaps(scan, emulsion, tracks, width, jobs)
-    return FilmTraces(scan, emulsion, tracks, following, width, gaps, bars)
+    marking = known.marking(scan.scale, scan.directed)
+    found: GapSearch | RefusedError | None = None
+    if kind_of(marking, film) == "gaps":
+        try:
+            found = search_gaps(scan, emulsion, tracks, marking, jobs)
+        except RefusedError as fault:
+            found = fault
+    return FilmTraces(scan, emulsion, tracks, following, film, found)
 
 
 def _stage(progress: Progress | None, stage: str) -> Callable[[int, int], None] | None:

@@ -75,7 +75,7 @@ class Case:
     interval: float = 0.5
     gap: float = 0.035
     style: str = "gaps"
-    """"gaps", "bright lines", "dark lines" or "edge"."""
+    """"gaps", "wire" (gaps in all light), "bright lines" (in the fog alone), "dark lines" or "edge"."""
     code: str = "double"
     """Of a full minute: "double", "omitted", "long" or "none"."""
     missing: float = 0.0
@@ -210,6 +210,22 @@ KINDS: dict[str, Kind] = {
     "bright lines": _kind("marks", _READABLE, {"fog": (0.4, 0.3, 0.2)}, style="bright lines", lamp=0.2),
     "dark lines": _kind("marks", _READABLE, {"missing": (0.0, 0.02, 0.1)}, style="dark lines"),
     "edge marks": _kind("marks", _READABLE, {"missing": (0.0, 0.02, 0.1)}, style="edge"),
+    "wire": _kind("marks", _READABLE, {"fog": (0.2, 0.1, 0.05)}, style="wire"),
+    "dark lines askew": _kind("marks", _READABLE, {"skew": (0.1, 0.25, 0.5)}, style="dark lines"),
+    "edge marks askew": _kind("marks", _READABLE, {"skew": (0.1, 0.25, 0.5)}, style="edge"),
+    "dark lines minute omitted": _kind(
+        "marks", _READABLE, {"missing": (0.0, 0.02, 0.1), "false": (0, 2, 8)}, style="dark lines", code="omitted"
+    ),
+    "edge marks minute long": _kind(
+        "marks", _READABLE, {"missing": (0.0, 0.02, 0.1), "false": (0, 2, 8)}, style="edge", code="long"
+    ),
+    "edge marks of 1 s": _kind("marks", _READABLE, {"missing": (0.0, 0.02, 0.1)}, style="edge", interval=1.0),
+    "dark lines wrong end": _kind("marks", _READABLE, {"missing": (0.0, 0.02, 0.1)}, style="dark lines", reversed=True),
+    "dark lines still 1.01 s": _kind("marks", _READABLE, _STILL, style="dark lines", still=1.01),
+    "edge marks still 1.01 s": _kind("marks", _READABLE, _STILL, style="edge", still=1.01),
+    "bright lines still 1.01 s": _kind(
+        "marks", _READABLE, {"fog": (0.4, 0.3, 0.2)}, style="bright lines", lamp=0.2, still=1.01
+    ),
     "contacts of 1 s": _kind("marks", _MOSTLY, {"missing": (0.0, 0.02, 0.1)}, interval=1.0),
     "contacts of 2 s": _kind("marks", _MOSTLY, {"missing": (0.0, 0.02, 0.1)}, interval=2.0),
     "from the wrong end": _kind("marks", _MOSTLY, {"missing": (0.0, 0.05, 0.2)}, reversed=True),

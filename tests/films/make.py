@@ -145,7 +145,7 @@ def description(film: plain.Film, label: str) -> str:
     case = film.case
     lines = ['kind = "film-description"', f'record_id = "{label}"', f"speed = {case.speed}"]
     lines += [f"dpi = {case.dpi * (1.0 + case.dpi_error):.6g}", f"mark_interval = {case.interval}", f"gap = {case.gap}"]
-    lines.append(f"minute_code = {paper.CODE if case.code == 'double' and case.style == 'gaps' else 0.0}")
+    lines.append(f"minute_code = {paper.CODE if case.code == 'double' else 0.0}")
     later = {
         "marks": f'"{case.code}"',
         "optics": '"tangent"' if case.tangent else '"linear"',

@@ -141,7 +141,7 @@ def _light(film: Film, trace: int) -> Trace:
     times = edges[:-1] + 0.5 * step
     rows, columns = path(film, trace, times)
     spans = list(film.dark[trace])
-    if case.style == "gaps":
+    if case.style in ("gaps", "wire"):
         spans += _shut(film)
     on = 1.0 - np.diff(paper.closed(spans, edges)) / step
     lamp = case.lamp * (case.faint if trace == len(film.combinations) - 1 else 1.0)
@@ -170,7 +170,7 @@ def _stray(film: Film) -> tuple[Grey, Grey]:
     step = film.drive.times[1] - film.drive.times[0]
     gone = paper.closed(_shut(film), np.append(film.drive.times, film.drive.times[-1] + step) - 0.5 * step)
     shut = np.diff(gone) / step
-    on = 1.0 - shut if case.style == "bright lines" else np.ones_like(shut)
+    on = 1.0 - shut if case.style in ("bright lines", "wire") else np.ones_like(shut)
     out = []
     for light in (on, shut):
         whole = np.floor(rows).astype(int)
@@ -302,7 +302,7 @@ def _within(rows: Floats, columns: Floats, weight: Floats, top: int, shape: tupl
 
 def _across(film: Film, fog: Grey, line: Grey, top: int, shape: tuple[int, int]) -> Grey:
     """Exposure by what reaches across the film, slanting with it."""
-    skew = math.tan(film.geometry.skew)
+    sine, cosine = math.sin(film.geometry.skew), math.cos(film.geometry.skew)
     columns = np.arange(shape[1]) + 0.5 - 0.5 * film.geometry.width
     lit = np.zeros(shape[1], np.float32)
     if film.case.style == "dark lines":
@@ -311,10 +311,11 @@ def _across(film: Film, fog: Grey, line: Grey, top: int, shape: tuple[int, int])
         edge = film.geometry.margin + np.array([2.0, 6.0]) * film.geometry.across
         lit[int(edge[0]) : int(edge[1])] = 1.0
     rows = np.arange(shape[0]) + 0.5 + top + BLOCK - 0.5  # entry BLOCK holds the first row's centre
-    if not skew:
+    if not sine:
         at = rows.astype(int)
         return fog[at][:, None] + line[at][:, None] * lit
-    slanted = (rows[:, None] + skew * columns).ravel()
+    middle = 0.5 * film.geometry.height + BLOCK - 0.5
+    slanted = (middle + (rows[:, None] - middle) * cosine + sine * columns).ravel()
     index = np.arange(fog.size)
     both = [np.interp(slanted, index, values).reshape(shape).astype(np.float32) for values in (fog, line)]
     return both[0] + both[1] * lit

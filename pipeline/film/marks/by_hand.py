@@ -25,10 +25,19 @@ def freed(row: Floats, trace: np.ndarray, tracks: Tracks, alignment: Alignment) 
 
 
 def with_marks(
-    gaps: Gaps, marks: MarkEdits, tracks: Tracks, alignment: Alignment, spacing: float, width: float
+    gaps: Gaps,
+    marks: MarkEdits,
+    tracks: Tracks,
+    alignment: Alignment,
+    spacing: float,
+    width: float,
+    across: bool,
 ) -> Gaps:
-    """Gaps without those at marks that were cleared, and with marks that were set where none was found."""
-    rows, reach = freed(gaps.row, gaps.trace, tracks, alignment), TOUCHES * spacing
+    """Gaps without those at marks that were cleared, and with marks that were set where none was found.
+
+    `across`: gaps are marks beside the traces, their rows those at column 0.
+    """
+    rows, reach = gaps.row if across else freed(gaps.row, gaps.trace, tracks, alignment), TOUCHES * spacing
     gone = freed(marks.cleared, marks.cleared_trace, tracks, alignment)
     kept = np.all(np.abs(rows[:, None] - gone) > reach, axis=1)
     gaps, rows = gaps.pick(kept), rows[kept]
@@ -39,11 +48,13 @@ def with_marks(
     row, trace, one = marks.row[new], marks.trace[new], np.ones(new.size)
     at = np.clip(row.astype(np.int64), 0, tracks.course.shape[1] - 1)
     column, slope = np.nan_to_num(tracks.course[trace, at]), np.nan_to_num(tracks.slope[trace, at])
+    if across:
+        row, trace, column, slope = there[new], 0 * trace, 0.0 * column, 0.0 * slope
     sigma = max(BY_HAND, 0.1 * width) * one
     # the width is the usual one: a minute's code is not told by a mark that was set
-    usual = float(np.median(gaps.width)) if gaps.size else width
-    across, wide = sigma * np.abs(slope) + one, usual * one
-    return gaps.joined_by(Gaps(trace, row, sigma, column, across, slope, wide, 0.35 * wide, one, one, one, one))
+    wide = one * (float(np.median(gaps.width)) if gaps.size else width)
+    side = sigma * np.abs(slope) + one
+    return gaps.joined_by(Gaps(trace, row, sigma, column, side, slope, wide, 0.35 * wide, one, one, one, one))
 
 
 @dataclass(frozen=True)

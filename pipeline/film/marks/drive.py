@@ -167,17 +167,28 @@ def run_drive(
     return Drive(model, *paths, row_sigma, speed_sigma, used, jumps, likelihood)
 
 
-def _line(rows: Floats, found: Drive) -> tuple[float, float] | None:
-    """The line that stands out most of what smooth motion leaves: circular frequency and amplitude, or None."""
+def aliased(rows: Floats, found: Drive) -> tuple[float, float]:
+    """1 sigma of wow that marks as far apart as these cannot tell from wow of another period, px and px s-1."""
+    turn, size = _line(rows, found, told=False) or (0.0, 0.0)
+    return size / math.sqrt(2.0), size / math.sqrt(2.0) * max(turn, 2.0 * np.pi / found.model.step - turn)
+
+
+def _line(rows: Floats, found: Drive, told: bool = True) -> tuple[float, float] | None:
+    """The line that stands out most of what smooth motion leaves: circular frequency and amplitude, or None.
+
+    Looked for where its alias, which the marks show no otherwise, would be too fast for wow, or else only where not.
+    """
     marks = rows.shape[1]
     if marks * found.model.step < 2.0 * SLOWEST / 3.0:
         return None
     calm = found.model._replace(roughness=CALM, shake=CALM, floor=0.05)
     smooth = run_drive(rows, np.full_like(rows, 0.05), calm, found.used, found.jumps, True)
-    remainder = found.row - smooth.row
+    shown = found.used.sum(axis=0)  # of the marks themselves: the most likely motion may take a line for their errors
+    remainder = np.where(found.used, rows - smooth.row, 0.0).sum(axis=0) / np.maximum(shown, 1)
     power = np.abs(np.fft.rfft((remainder - remainder.mean()) * np.hanning(marks), 4 * marks)) ** 2
     turn = 2.0 * np.pi * np.arange(power.size) / (4 * marks * found.model.step)
-    inside = np.flatnonzero((turn > 2.0 * np.pi / SLOWEST) & (turn < 2.0 * np.pi / FASTEST))
+    alone = 2.0 * np.pi / found.model.step - turn > 2.0 * np.pi / FASTEST
+    inside = np.flatnonzero((turn > 2.0 * np.pi / SLOWEST) & (turn < 2.0 * np.pi / FASTEST) & (alone == told))
     if inside.size < 16:
         return None
     top = inside[int(np.argmax(power[inside] * turn[inside] ** 2))]

@@ -84,9 +84,15 @@ def find_minutes(events: Events, count: Count, marking: Marking) -> Minutes:
         if delay is None and ahead.delay > 0.5 * interval:  # a code follows its minute's mark
             late, early = 0, ahead.seen
         if early > late + 2 * ahead.against:
+            backwards = f"({early} of its second marks come before the minute's mark, {late} after it)"
+            if marking.directed:
+                raise RefusedError(
+                    f"film: with the --orientation given, the minute code reads backwards {backwards}; "
+                    "leave it out, state the code's delay, or say --marks none"
+                )
             raise TimeReversedError(
-                f"film: the minute code reads backwards ({early} of its second gaps come before the minute's mark, "
-                f"{late} after it): the film lies upside down; turn the scan by 180 degrees, or state the code's delay"
+                f"film: the minute code reads backwards {backwards}: the film lies upside down; "
+                "turn the scan by 180 degrees, or state the code's delay"
             )
         return ahead
     width, sigma = events.width[count.event], events.width_sigma[count.event]

@@ -20,7 +20,7 @@ from pipeline.film.marks.curve_kernels import brightness_along
 from pipeline.film.marks.gap_kernels import Known, fit_gaps
 from pipeline.film.marks.pieces import MARGIN, exposed, grain, over_pieces
 from pipeline.film.marks.stands import Bars, bars, light_across, swept
-from pipeline.film.parts import Emulsion, Floats, Marking, Tracks
+from pipeline.film.parts import Emulsion, Floats, Tracks
 from pipeline.film.scan.opening import OpenScan
 
 LATERAL = 0.1  # px, 1 sigma of the tracker's course across the line
@@ -184,13 +184,6 @@ def _selected(gaps: Gaps, width: float) -> Gaps:
         twice[i if gaps.row_sigma[i] > gaps.row_sigma[i + 1] else i + 1] = True
     gaps = gaps.pick(~twice)
     return gaps.pick(np.argsort(gaps.row, kind="stable"))
-
-
-def gap_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking) -> float:
-    """Rows for which the shutter closes, as stated or as the film shows; raises as `learned_width`."""
-    if marking.gap is not None and marking.speed is not None:
-        return marking.gap * marking.speed
-    return learned_width(scan, emulsion, tracks)
 
 
 def learned_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks) -> float:

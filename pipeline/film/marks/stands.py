@@ -69,13 +69,23 @@ class Swept(NamedTuple):
     peak: float  # light on the stroke's axis
 
 
+def ends_of(tracks: Tracks) -> list[Floats]:
+    """Columns between which each trace swings nearly always, (2,)."""
+    return [np.nanpercentile(each, (2.0, 98.0)) if np.isfinite(each).any() else np.zeros(2) for each in tracks.course]
+
+
+def free_columns(tracks: Tracks, columns: int, margin: int = 0) -> NDArray[np.int64]:
+    """Of so many columns, those that no trace sweeps, but for a `margin` at either edge."""
+    free = np.arange(margin, columns - margin)
+    for low, high in ends_of(tracks):
+        free = free[(free < low - CLEAR * tracks.spot) | (free > high + CLEAR * tracks.spot)]
+    return free
+
+
 def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
     """Columns across the swing of each trace, of so many; None where it is too small to show a bar."""
     found: list[Swept | None] = []
-    ends = [np.nanpercentile(each, (2.0, 98.0)) if np.isfinite(each).any() else np.zeros(2) for each in tracks.course]
-    free = np.arange(columns // 50, columns - columns // 50)
-    for low, high in ends:
-        free = free[(free < low - CLEAR * tracks.spot) | (free > high + CLEAR * tracks.spot)]
+    ends, free = ends_of(tracks), free_columns(tracks, columns, columns // 50)
     for trace, (low, high) in enumerate(ends):
         half = 0.5 * float(high - low)
         if half < LEAST_COLUMNS:

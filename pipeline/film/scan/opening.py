@@ -34,6 +34,7 @@ from pipeline.film.scan.image import (
 SAMPLES, SAMPLE_ROWS = 24, 48  # pieces of the image that show whether lines are light
 BLOCK = 48  # columns of one level of the blank film
 FAINTEST = 6.0  # times the grain: what counts as a line
+ACROSS = 1.5  # times the grain, of a block's row of which half the pixels depart
 ORIENTATIONS = ("auto", "0", "90", "180", "270")
 LINES = ("auto", "dark", "light")
 MM_PER_INCH = 25.4
@@ -74,6 +75,7 @@ class OpenScan(View):
     paths: tuple[Path, ...]  # in order
     notes: tuple[str, ...] = ()  # what was inferred from the image and might be wrong
     orientation: int = 0  # degrees by which it is turned clockwise
+    directed: bool = False  # whether the user said how time runs
 
     def read(self, first: int, stop: int) -> Pixels:
         """Rows `first` to `stop`, (stop - first, columns); only what lies in the scan."""
@@ -96,7 +98,7 @@ class OpenScan(View):
         if not 0 <= first < last:
             raise UsageError(f"rows {first} to {last}: the film has rows 0 to {self.rows}")
         notes = (*self.notes, f"rows {first} to {last} of {self.rows} were read")
-        return OpenScan(Part(self.image, first, last), self.scale, self.paths, notes, self.orientation)
+        return OpenScan(Part(self.image, first, last), self.scale, self.paths, notes, self.orientation, self.directed)
 
     def upside_down(self) -> OpenScan:
         """The same scan turned by half a turn."""
@@ -137,7 +139,7 @@ def open_scan(
         from pipeline.film.scan.strips import join
 
         image = join(images, named)
-    return OpenScan(image, scale, named, tuple(notes), degrees[0])
+    return OpenScan(image, scale, named, tuple(notes), degrees[0], options.orientation != "auto")
 
 
 def _degrees(file: ImageFile, options: ScanOptions) -> int:
@@ -195,6 +197,8 @@ def _departures(pixels: Pixels) -> NDArray[np.float32]:
     grain = 1.4826 * np.median(np.abs(blocks), axis=(0, 2), keepdims=True)
     # a block of even noise is film; one across the film's edge is wide, and its departures no lines
     blocks /= np.maximum(grain, np.median(grain)) + 0.5
+    # a time mark across the film departs from end to end
+    blocks[np.abs(np.median(blocks, axis=2)) > ACROSS] = 0.0
     blocks[np.abs(blocks) < FAINTEST] = 0.0
     return blocks
 

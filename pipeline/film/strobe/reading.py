@@ -45,6 +45,9 @@ def read_at_marks(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, axis: Time
     RefusedError
         There are too few gaps to tell how long the shutter closed.
     """
+    if axis.kind != "gaps":
+        nothing = np.empty((len(tracks.course), 0))
+        return Strobe(axis.index[:0], nothing, nothing, nothing.astype(np.uint16))
     index, row = _expected(axis)
     usual = learned_width(scan, emulsion, tracks)
     pace = np.gradient(row, index * axis.interval)

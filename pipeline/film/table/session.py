@@ -277,7 +277,7 @@ class Session:
         try:
             if now.following is not None:
                 now.following.checked()
-            axis = now.axis(self.known)
+            axis = now.axis(self.known, jobs)
             reading = read_traces(now, axis, self.known, **self.options)
             record = make_record(reading, self.known, self.name)
         except RefusedError as fault:

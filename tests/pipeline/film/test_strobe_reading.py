@@ -7,9 +7,8 @@ import pytest
 from small_film import Film, film
 
 from data_schemas.errors import RefusedError
-from pipeline.film.marks.axis import axis_of
-from pipeline.film.marks.search import find_gaps, gap_width
-from pipeline.film.parts import Marking, Strobe, TimeAxis, Tracks
+from pipeline.film.marks.axis import time_axis
+from pipeline.film.parts import Marking, Strobe, TimeAxis
 from pipeline.film.strobe.dense import dense_tracks
 from pipeline.film.strobe.reading import GAP, read_at_marks
 
@@ -17,14 +16,8 @@ pytestmark = pytest.mark.compiled
 PAIR = {"sizes": (70.0, 60.0), "middles": (110.0, 300.0), "periods": (1.00966, 1.00976), "phases": (0.4, 2.2)}
 
 
-def axis_from(made: Film, tracks: Tracks, marking: Marking) -> TimeAxis:
-    width = gap_width(made.scan, made.emulsion, tracks, marking)
-    gaps, bars = find_gaps(made.scan, made.emulsion, tracks, width)
-    return axis_of(gaps, tracks, marking, width, made.scan.rows, bars)
-
-
 def both(made: Film, marking: Marking = Marking()) -> tuple[TimeAxis, Strobe]:  # noqa: B008
-    axis = axis_from(made, made.tracks, marking)
+    axis = time_axis(made.scan, made.emulsion, made.tracks, marking)
     return axis, read_at_marks(made.scan, made.emulsion, made.tracks, axis)
 
 
@@ -99,7 +92,7 @@ def test_a_slow_film_is_read_at_its_marks() -> None:
         away = (tracks.course[trace] - made.tracks.course[trace]) / np.hypot(1.0, made.tracks.slope[trace])
         assert np.nanmedian(np.abs(away)) < 0.1
         assert np.isfinite(tracks.course[trace]).mean() > 0.9
-    axis = axis_from(made, tracks, Marking())
+    axis = time_axis(made.scan, made.emulsion, tracks, Marking())
     strobe = read_at_marks(made.scan, made.emulsion, tracks, axis)
     shift = shift_of(made, axis)
     for trace in range(2):

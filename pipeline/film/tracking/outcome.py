@@ -170,6 +170,7 @@ def judge(
         Where the darkest pixel by the line can be no darker.
     """
     shift, variance, light, light_variance, misfit, alone, slope = reading.T
+    light_variance = np.where(light_variance > 0.0, light_variance, np.inf)  # what lies there is no line
     stretch = 1.0 + slope**2
     followed = known > 0
     whole = np.maximum(LEAST_LIGHT * lamp, PARTIAL * lamp - PARTIAL_SIGMA * np.sqrt(light_variance))

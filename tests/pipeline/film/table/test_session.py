@@ -30,7 +30,7 @@ def session(path, tmp_path):
 
 
 def refined(session: Session) -> dict:
-    end = time.monotonic() + 120.0
+    end = time.monotonic() + 600.0
     while (state := session.state())["gravity"]["refining"]:
         assert time.monotonic() < end
         time.sleep(0.05)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import median_filter
 
 from pipeline.arrays import Floats
-from pipeline.film.marks.lines import Lines, lines_across
+from pipeline.film.marks.lines import BLIND, Lines, lines_across
 from pipeline.film.scan.opening import OpenScan
 from synth.kernels.compiled import kernel
 
@@ -29,7 +29,6 @@ CLIP = 2.0  # sigma; a normal distribution cut there has this much smaller a sig
 CLIPPED_SIGMA = 0.8796
 ROUNDS = 4
 TURNS, LEAST_PIXELS = 2, 64  # of what lies between marks and what marks are; of a block, that lie between marks
-BLIND = 0.05  # darkness of a mark, from which what lies on it is no longer told: there it looks like a closed shutter
 LEAST_SIGMA = 2.5e-3  # of a pixel of blank film: without grain it is rounded, and no background is known better
 LEAST_GROWTH = 5e-5  # the model of a line leaves a hundredth or so of its darkness, whatever the grain
 STEEPEST_GRAIN = 100.0  # growth of the variance over that on blank film, per unit of darkness

@@ -132,6 +132,7 @@ def _read_time(
 ) -> tuple[OpenScan, Emulsion, Tracks, TimeAxis]:
     """The film turned the right way, its emulsion, traces and time."""
     from pipeline.film.marks.axis import time_axis
+    from pipeline.film.marks.lines import hide
     from pipeline.film.marks.minutes import TimeReversedError
     from pipeline.film.scan.cause import cause_in
     from pipeline.film.strobe.dense import dense_emulsion, dense_tracks
@@ -151,6 +152,8 @@ def _read_time(
             return scan, sure, tracks, time_axis(scan, sure, tracks, marking, jobs, emulsion)
         emulsion = measure_emulsion(scan)
         tracks = track(scan, emulsion, count=count, jobs=jobs, progress=_stage(progress, "traces"))
+        if emulsion.blank.across is not None:
+            tracks = hide(tracks, emulsion.blank.across)
         return scan, emulsion, tracks, time_axis(scan, emulsion, tracks, marking, jobs, emulsion)
 
     faults = []
@@ -191,7 +194,11 @@ def _choose(reading: str, tracks: Tracks, axis: TimeAxis) -> str:
     if reading != "auto":
         return reading
     fast = rows_per_second(axis) >= SLOW
-    return "continuous" if fast and accepted_fraction(tracks, axis) >= _LEAST_ACCEPTED else "strobe"
+    return (
+        "continuous"
+        if fast and (axis.kind != "gaps" or accepted_fraction(tracks, axis) >= _LEAST_ACCEPTED)
+        else "strobe"
+    )
 
 
 def scale_error(reading: Reading, nominal: float | None) -> float | None:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import maximum_filter, median_filter
 
 from pipeline.arrays import Floats
-from pipeline.film.marks.lines import Lines, lines_across
+from pipeline.film.marks.lines import BLIND, Lines, lines_across
 from pipeline.film.scan.opening import OpenScan
 from synth.kernels.compiled import kernel
 
@@ -35,7 +35,6 @@ CLUMPS, PLATEAU, FAINT = (
 )  # px over which grain may be alike; and over which background is; correlation of none
 ROUNDS = 4
 TURNS, LEAST_PIXELS = 2, 64  # of what lies between marks and what marks are; of a block, that lie between marks
-BLIND = 0.05  # darkness of a mark, from which what lies on it is no longer told: there it looks like a closed shutter
 LEAST_SIGMA = 2.5e-3  # of a pixel of blank film: without grain it is rounded, and no background is known better
 LEAST_GROWTH = 5e-5  # the model of a line leaves a hundredth or so of its darkness, whatever the grain
 STEEPEST_GRAIN = 100.0  # growth of the variance over that on blank film, per unit of darkness

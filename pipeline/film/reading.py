@@ -145,8 +145,7 @@ class FilmTraces:
             tracks = deepcopy(self.tracks)
             placed.without_ignored(tracks)
         else:
-            following = self.following.again(placed, jobs)
-            tracks = following.tracks
+            tracks = _beside_lines(self.following.again(placed, jobs).tracks, self.film)
         found, spans = self.found, []
         if self.following is not None:  # in whole pieces, as all of the film was searched
             stretches = placed.stretches(self.scan.rows, tracks.rows_per_swing)
@@ -330,7 +329,7 @@ def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: 
     else:
         emulsion = film = measure_emulsion(scan)
         following = follow_traces(scan, film, count=known.count, jobs=jobs, progress=_stage(progress, "traces"))
-        tracks = following.tracks
+        tracks = _beside_lines(following.tracks, film)
     marking = known.marking(scan.scale, scan.directed)
     found: GapSearch | RefusedError | None = None
     if kind_of(marking, film) == "gaps":
@@ -339,6 +338,13 @@ def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: 
         except RefusedError as fault:
             found = fault
     return FilmTraces(scan, emulsion, tracks, following, film, found)
+
+
+def _beside_lines(tracks: Tracks, film: FilmEmulsion) -> Tracks:
+    """Traces but for the rows on which lines across the film hide them."""
+    from pipeline.film.marks.lines import hide
+
+    return tracks if film.blank.across is None else hide(tracks, film.blank.across)
 
 
 def _stage(progress: Progress | None, stage: str) -> Callable[[int, int], None] | None:
@@ -367,7 +373,11 @@ def _choose(reading: str, tracks: Tracks, axis: TimeAxis) -> str:
     if reading != "auto":
         return reading
     fast = rows_per_second(axis) >= SLOW
-    return "continuous" if fast and accepted_fraction(tracks, axis) >= _LEAST_ACCEPTED else "strobe"
+    return (
+        "continuous"
+        if fast and (axis.kind != "gaps" or accepted_fraction(tracks, axis) >= _LEAST_ACCEPTED)
+        else "strobe"
+    )
 
 
 def scale_error(reading: Reading, nominal: float | None) -> float | None:

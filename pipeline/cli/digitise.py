@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Iterator
 from math import inf
 from pathlib import Path
@@ -169,7 +170,7 @@ def _table(films: list[list[Path]], outputs: list[Path], options: argparse.Names
             rate=options.rate,
             edits=edits_of(films[0][0], argparse.Namespace(edits=options.edits or "")),
             who=options.by,
-            jobs=options.jobs,
+            jobs=max(options.jobs, min(2, os.cpu_count() or 1)),  # a person waits; numbers are the same
             progress=draw,
         )
     try:

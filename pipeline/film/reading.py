@@ -271,6 +271,7 @@ def find_time(
     from pipeline.film.marks.minutes import TimeReversedError
     from pipeline.film.scan.cause import cause_in
 
+    _ = known.traces  # names that cannot be meant are told before any work
     if lines_are_light(scan.image) is None:
         raise RefusedError("no line stands out anywhere, the film is blank; scan it with more contrast")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import Field, ValidationError, create_model, model_validator
 
@@ -25,6 +25,7 @@ from data_schemas.toml_file import load_toml
 KIND = "film-description"
 
 Text = Annotated[str, Field(strict=True)]
+Kind = TypeVar("Kind", bound=Section)
 
 
 class DescribedTrace(Section):
@@ -148,8 +149,13 @@ def load_description(path: str | os.PathLike[str]) -> FilmDescription:
     RecordError
         With one line that names the file, every faulty key, its value and what is allowed.
     """
-    content = load_toml(path, "a film's description", FileError)
+    return load_section(path, FilmDescription, "a film's description")
+
+
+def load_section(path: str | os.PathLike[str], kind: type[Kind], what: str) -> Kind:
+    """Read what stands beside a film; raises as `load_description`."""
+    content = load_toml(path, what, FileError)
     try:
-        return FilmDescription.model_validate(content)
+        return kind.model_validate(content)
     except ValidationError as error:
-        raise RecordError(f"{path}: {one_line(error, FilmDescription)}") from None
+        raise RecordError(f"{path}: {one_line(error, kind)}") from None

@@ -11,15 +11,12 @@ import os
 from datetime import datetime, time, timedelta
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from data_schemas.errors import FileError, RecordError
-from data_schemas.film_description import Text, film_stem
-from data_schemas.scene_faults import one_line
+from data_schemas.film_description import Text, film_stem, load_section
 from data_schemas.scene_fields import Count, Number, Section, quantity
-from data_schemas.toml_file import load_toml
 from data_schemas.toml_text import toml_text
 from data_schemas.writing import write_text
 
@@ -158,10 +155,6 @@ class FilmEdits(Section):
         """Write them, whole or not at all."""
         write_text(self.text(), path, overwrite=True)
 
-    def of(self, kind: type[Any]) -> list[Any]:
-        """Those of one kind, in order."""
-        return [each for each in self.edits if isinstance(each, kind)]
-
 
 def edits_path(film: str | os.PathLike[str]) -> Path:
     """Where the edits of a film are kept: beside its image.
@@ -184,8 +177,4 @@ def load_edits(path: str | os.PathLike[str]) -> FilmEdits:
     RecordError
         With one line that names the file, every faulty key, its value and what is allowed.
     """
-    content = load_toml(path, "edits of a film", FileError)
-    try:
-        return FilmEdits.model_validate(content)
-    except ValidationError as error:
-        raise RecordError(f"{path}: {one_line(error, FilmEdits)}") from None
+    return load_section(path, FilmEdits, "edits of a film")

@@ -139,13 +139,15 @@ class FilmTraces:
 
         check_scan(edits, self.scan)
         placed = place(edits, self.scan, self.tracks, known.start_time)
+        following = self.following
         if self.following is None:
             if placed.lines:
                 raise RefusedError("edits: the strokes of this film lie too close for a trace to be followed by hand")
             tracks = deepcopy(self.tracks)
             placed.without_ignored(tracks)
         else:
-            tracks = _beside_lines(self.following.again(placed, jobs).tracks, self.film)
+            following = self.following.again(placed, jobs)
+            tracks = _beside_lines(following.tracks, self.film)
         found, spans = self.found, []
         if self.following is not None:  # in whole pieces, as all of the film was searched
             stretches = placed.stretches(self.scan.rows, tracks.rows_per_swing)
@@ -159,12 +161,16 @@ class FilmTraces:
                 gaps = gaps.pick(old).joined_by(again)
             found = found._replace(gaps=gaps.pick(placed.shows(gaps.trace, gaps.row, gaps.column)))
         left_out = placed.left_out(self.scan.rows)
-        return replace(self, tracks=tracks, found=found, left_out=left_out, edits=edits, placed=placed)
+        return replace(
+            self, tracks=tracks, following=following, found=found, left_out=left_out, edits=edits, placed=placed
+        )
 
     def axis(self, known: Known, jobs: int = 1) -> TimeAxis:
         """When each row of a film was exposed; raises as `marks.axis.time_axis`."""
         from pipeline.film.marks.axis import time_axis
 
+        if self.following is not None:
+            replace(self.following, tracks=self.tracks).checked()
         marking = known.marking(self.scan.scale, self.scan.directed)
         marks = None if self.placed is None else self.placed.marks
         return time_axis(self.scan, self.emulsion, self.tracks, marking, jobs, self.film, self.found, marks)
@@ -278,8 +284,6 @@ def find_time(
     def timed(traces: FilmTraces) -> tuple[FilmTraces, TimeAxis | RefusedError]:
         try:
             traces = traces if edits is None else traces.edited(edits, known, jobs)
-            if traces.following is not None:
-                replace(traces.following, tracks=traces.tracks).checked()
             return traces, traces.axis(known, jobs)
         except TimeReversedError:
             raise

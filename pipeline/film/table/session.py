@@ -275,8 +275,6 @@ class Session:
         record: DataTree | None = None
         refusal: IsochronyError | None = None
         try:
-            if now.following is not None:
-                now.following.checked()
             axis = now.axis(self.known, jobs)
             reading = read_traces(now, axis, self.known, **self.options)
             record = make_record(reading, self.known, self.name)

@@ -28,7 +28,8 @@ Progress = Callable[[str, int, int], None]
 """Told the stage, how much of it is done, and of how much."""
 
 READINGS = ("auto", "continuous", "strobe")
-RATES = (25.0, 20.0, 12.5, 10.0)  # Hz; more than eight samples a swing
+RATES = (10.0, 12.5, 20.0, 25.0)  # Hz
+SAMPLES = 12.0  # a swing; more say the same again, as neighbouring rows see the same grain
 _ROWS_PER_SAMPLE = 1.2  # fewer leave samples without a row
 SLOW = 25.0  # rows a second; below it the strokes of a swing lie a dozen rows apart, and the swing is a dense band
 _LEAST_ACCEPTED = 0.5  # of the rows; a film of which less can be read between the marks is too slow for it
@@ -234,7 +235,7 @@ def read_traces(
     kind = _choose(reading, tracks, axis)
     samples, difference = at_marks(strobe, axis), None
     if np.isfinite(tracks.position).any():  # rows were read, too
-        between = normal_points(tracks, axis, rate or _rate(axis))
+        between = normal_points(tracks, axis, rate or _rate(tracks, axis))
         difference = compare(tracks, axis, between, strobe) if between.time.size and strobe.index.size else None
         samples = between if kind == "continuous" else samples
     unread = np.flatnonzero(~np.any(np.isfinite(samples.column), axis=1))
@@ -368,10 +369,12 @@ def accepted_fraction(tracks: Tracks, axis: TimeAxis) -> float:
     return float(np.isfinite(tracks.position[:, timed]).mean()) if timed.any() else 0.0
 
 
-def _rate(axis: TimeAxis) -> float:
-    """The highest usual rate that leaves a row for every sample."""
+def _rate(tracks: Tracks, axis: TimeAxis) -> float:
+    """The lowest usual rate of so many samples a swing, or the highest that leaves a row for every sample."""
     rows = rows_per_second(axis)
-    return next((rate for rate in RATES if rows >= _ROWS_PER_SAMPLE * rate), RATES[-1])
+    enough = SAMPLES * rows / tracks.rows_per_swing
+    rates = [rate for rate in RATES if rows >= _ROWS_PER_SAMPLE * rate]
+    return next((rate for rate in rates if rate >= enough), rates[-1] if rates else RATES[0])
 
 
 def _choose(reading: str, tracks: Tracks, axis: TimeAxis) -> str:

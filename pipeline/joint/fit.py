@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.joint import apparatus, choice, explanation, motion, spectrum
+from pipeline.joint import apparatus, choice, explanation, motion, repeating, spectrum
 from pipeline.joint.cold_start import ACCELEROMETER, CAPTURE, DIFFERENCE, KICK, Begun, again, released
 from pipeline.joint.course import mean_gravity, mean_row
 from pipeline.joint.explanation import LONG_GAP, grown
@@ -46,7 +46,9 @@ class Outcome:
         law = "sine" if model.assumed.sine else "linear"
         faults = apparatus.found(self.fit.solution)
         named = [words for words in model.words if not any(fault.startswith(f"{words}:") for fault in faults)]
-        parts = [f"restoring = {law}", *named, *faults, *self.still]
+        repeating = model.problem.repeating
+        errors = f"errors repeating with the swing: {repeating.max():.2g} rad" if repeating.size else ""
+        parts = [f"restoring = {law}", *([errors] if errors else []), *named, *faults, *self.still]
         near = [
             f"{(other.words or ('nothing else',))[-1]} at {value - self.fit.solution.log_likelihood:+.1f}"
             for value, other, _ in self.close
@@ -65,6 +67,8 @@ def reduce(gathered: Gathered) -> Outcome:
     reference = float(gathered.constants["reference_gravity"])
     try:
         found = fitted(gathered)
+        if len(found) == 1:
+            found = [repeating.corrected(found[0])]
         fit, close = choice.settle(found[0])
         if len(found) > 1 and (strained(fit) or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
             fit, close = weighed([(fit, close), choice.settle(found[1])], reference)
@@ -85,7 +89,8 @@ def reduce(gathered: Gathered) -> Outcome:
     hidden, doubt = change_in_gaps(fit, row)
     lifted, waves = unseen(fit)
     mean += hidden + lifted - rounding
-    doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, of_planes(found[0], fit), waves)
+    others = (of_planes(found[0], fit), waves, repeating.doubt(fit))
+    doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, *others)
     sigma = float(np.sqrt(sigma**2 + np.sum(np.square(doubts))))
     spread = choice.unexplained(fit)
     if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:

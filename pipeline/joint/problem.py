@@ -65,6 +65,8 @@ class Problem:
     none."""
     steps: Floats = field(default_factory=lambda: np.zeros(0))
     """(t,) rad, to which samples were rounded, which leaves lines of its own; 0: not so that it shows."""
+    repeating: Floats = field(default_factory=lambda: np.zeros(0))
+    """(t,) rad, root mean square of the errors repeating with the swing that the readings are without; empty: none."""
 
     @property
     def pendulums(self) -> int:

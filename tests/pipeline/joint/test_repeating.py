@@ -1,0 +1,69 @@
+"""Errors that repeat with the swing: taken off the readings, without a move of gravity, and for nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.signal import hilbert
+from test_apparatus import changed
+from test_method import in_sigmas, record
+
+from pipeline import process, summaries
+from pipeline.joint import repeating
+from pipeline.joint.fit import fitted
+from pipeline.joint.gather import gather
+
+pytestmark = pytest.mark.compiled
+RATE = {"sampling_rate": 25, "noise": 5e-6}
+
+
+def with_harmonics(made: xr.DataTree, size: float) -> xr.DataTree:
+    """Errors of the second to the fourth harmonic of each trace's own phase."""
+
+    def change(time: np.ndarray, value: np.ndarray) -> np.ndarray:
+        turn = hilbert(value - value.mean(axis=1, keepdims=True), axis=1)
+        phase = np.angle(turn)
+        return value + size * (np.cos(2 * phase + 0.3) - np.cos(3 * phase) + 0.5 * np.sin(4 * phase))
+
+    return changed(made, "elongation", change)
+
+
+def test_they_are_taken_off_and_leave_gravity() -> None:
+    made, gravity = record(recording=RATE, motion=[], duration=900.0)
+    found = summaries(process(with_harmonics(made, 6e-7), method="joint"))[0]
+    plain = summaries(process(record(recording=RATE, motion=[], duration=900.0)[0], method="joint"))[0]
+    assert "errors repeating with the swing" in found["choice_reason"]
+    assert "motion at" not in found["choice_reason"]
+    assert abs(in_sigmas(found, gravity)) < 3.5
+    of_the_optics = 0.75 * np.sqrt(2.0) * 0.012 * 6e-7 * np.sqrt(1.125) * gravity / 1e-5
+    assert found["gravity_sigma_mgal"] < 1.2 * np.hypot(plain["gravity_sigma_mgal"], of_the_optics)
+    moved = abs(found["gravity_m_s2"] - plain["gravity_m_s2"]) / 1e-5
+    assert moved < 0.3 * plain["gravity_sigma_mgal"]
+
+
+def test_their_size_is_what_was_added() -> None:
+    made, _ = record(recording=RATE, motion=[], duration=900.0)
+    fit = repeating.corrected(fitted(gather(with_harmonics(made, 6e-7)))[0])
+    expected = 6e-7 * np.sqrt(0.5 * (1.0 + 1.0 + 0.25))
+    np.testing.assert_allclose(fit.model.problem.repeating, expected, rtol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("recording", "size"),
+    [(RATE, 0.0), ({"sampling_rate": 2, "noise": 5e-6}, 6e-7)],
+    ids=["none", "sampled too seldom"],
+)
+def test_nothing_is_taken_off(recording: dict[str, float], size: float) -> None:
+    made, _ = record(recording=recording, motion=[], duration=900.0)
+    fit = fitted(gather(with_harmonics(made, size)))[0]
+    assert repeating.corrected(fit) is fit
+
+
+def test_a_third_harmonic_may_be_the_optics() -> None:
+    """The doubt is what a cubic error of the same third harmonic makes of gravity, by the arc: A^2/8 and 3 c A^2/4."""
+    made, _ = record(recording=RATE, motion=[], duration=900.0)
+    fit = repeating.corrected(fitted(gather(with_harmonics(made, 6e-7)))[0])
+    amplitude, third = 0.012, 6e-7
+    arc = 2.0 * amplitude**2 / 8.0 * 3.0 * third / amplitude
+    assert arc < repeating.doubt(fit) < 2.5 * arc

@@ -87,7 +87,7 @@ OF_FILM = {
         "the paper stood still; for how long is told by codes, pendulums and the bar's light", "none is needed"
     ),
     "paper-wandered": Words(
-        "the paper wandered sideways, as the slow part of a difference's trace shows; that is taken off all traces",
+        "the paper moved sideways or has creases, as all traces show at once; that is taken off, creases are left out",
         "none is needed",
     ),
     "film-cut": Words(

@@ -20,14 +20,14 @@ from pipeline.film.knowledge import Known, default_traces
 from pipeline.film.marks.checks import marks_flags, marks_seen
 from pipeline.film.parts import Floats, TimeAxis
 from pipeline.film.reading import Reading, accepted_fraction, rows_per_second, scale_error
-from pipeline.film.wander import wander
+from pipeline.film.wander import paper_motion
 
 if TYPE_CHECKING:
     import xarray as xr
 
 _MOST_TRACES = 7
 _FACTOR = 5.0  # mm: a swing wrong by a factor of e counts as a place wrong by this
-AMBIGUOUS = np.uint16(ELONGATION_FLAGS["ambiguous"])
+AMBIGUOUS, LOST = (np.uint16(ELONGATION_FLAGS[name]) for name in ("ambiguous", "lost"))
 _ALIKE = 2.0  # s over which errors of the times are alike: the smoother's reach
 
 
@@ -67,8 +67,9 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     labels = [str(each.label) for each in pendulums]
     combination = np.array([[trace.combination.get(label, 0.0) for label in labels] for trace in traces])
     column, period = reading.samples.column[order], reading.tracks.rows_per_swing / rows_per_second(reading.axis)
-    wandered = wander(reading.samples.time, column, combination.sum(axis=1), period)
-    column = column if wandered is None else column - wandered
+    paper = paper_motion(reading.samples.time, column, combination.sum(axis=1), period)
+    if paper is not None:
+        column = np.where(paper.creased, np.nan, column - paper.shift)
     doubtful = np.zeros(reading.samples.time.size)
     for first, last, by in reading.axis.doubts:
         doubtful[(reading.samples.time >= first) & (reading.samples.time <= last)] = by
@@ -80,17 +81,20 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
                 "combination": combination,
                 "elongation": (column - rest[order, None]) * radians,
                 "elongation_uncertainty": reading.samples.sigma[order] * radians,
-                "elongation_qc": reading.samples.qc[order] | np.where(doubtful > 0.0, AMBIGUOUS, np.uint16(0)),
+                "elongation_qc": reading.samples.qc[order]
+                | np.where(doubtful > 0.0, AMBIGUOUS, np.uint16(0))
+                | np.where(paper is not None and paper.creased, LOST, np.uint16(0)),
                 "time_uncertainty": np.hypot(doubtful, 0.0 if reading.kind == "strobe" else time_sigma(reading.axis)),
             },
             {"trace": [trace.name for trace in traces], "pendulum": labels},
         ),
         "/film": _film(reading, known, traces, lever, rest, order),
     }
-    if wandered is not None:
+    if paper is not None:
         attrs = groups["/film"].attrs
         attrs["flags"] = ", ".join([*filter(None, [attrs["flags"]]), "paper-wandered"])
-        attrs["paper_wander"] = float(np.std(wandered)) * reading.scale  # mm
+        attrs["paper_wander"] = float(np.std(paper.shift)) * reading.scale  # mm
+        attrs["paper_steps"], attrs["paper_creases"] = paper.steps, paper.creases
     instrument = instrument_of(
         known,
         pendulums,

@@ -67,8 +67,8 @@ def reduce(gathered: Gathered) -> Outcome:
     reference = float(gathered.constants["reference_gravity"])
     try:
         found = fitted(gathered)
-        if len(found) == 1:
-            found = [repeating.corrected(found[0])]
+        found = [repeating.corrected(each, tells_law=len(found) > 1) for each in found]
+        found.sort(key=of_the_law, reverse=True)
         fit, close = choice.settle(found[0])
         if len(found) > 1 and (strained(fit) or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
             fit, close = weighed([(fit, close), choice.settle(found[1])], reference)

@@ -19,10 +19,16 @@ PAYS = 15.0  # in log-likelihood, of the four constants of a harmonic
 MOST = 3e-4  # of the swing; larger ones are left to explanations that move gravity, as optics that are not linear do
 
 
-def corrected(fit: Fitted) -> Fitted:
+def corrected(fit: Fitted, *, tells_law: bool = False) -> Fitted:
     """The fit to readings less the harmonics of each trace's own swing that they show beside the path.
 
     The size of each harmonic is linear in the amplitude. Rounded readings err in steps, which are met elsewhere.
+
+    Parameters
+    ----------
+    fit : Fitted
+    tells_law : bool
+        Whether the law is open: a third harmonic beside which that of the sine's law counts, A^3/192, is left.
     """
     problem, lattice, noise = fit.model.problem, fit.model.problem.lattice, fit.model.assumed.noise
     if problem.steps.any():
@@ -40,11 +46,14 @@ def corrected(fit: Fitted) -> Fitted:
             continue
         rest = lattice.value[own] - angles(fit, lattice.time[own]) @ lattice.combination[trace]
         rest -= rest.mean()
-        for wave in _powers(turn, harmonics):
+        amplitude = np.sqrt(2.0) * float(np.std(lattice.value[own]))
+        for k, wave in zip(harmonics, _powers(turn, harmonics), strict=True):
             parts = np.stack([wave.real, wave.imag, size * wave.real, size * wave.imag], axis=1)
             error = parts @ np.linalg.solve(parts.T @ parts + TINY * np.eye(4), parts.T @ rest)
-            square, swing = float(error @ error), float(np.sum(lattice.value[own] ** 2))
-            if 2.0 * PAYS * noise[trace] ** 2 < square < MOST**2 * swing:
+            square = float(error @ error)
+            if tells_law and k == 3 and own.size * (amplitude**3 / 192.0) ** 2 > NOTHING**2 * square:
+                continue
+            if 2.0 * PAYS * noise[trace] ** 2 < square < own.size * (MOST * amplitude) ** 2:
                 value[own] -= error
                 rest -= error
                 squares[trace] += square / own.size
@@ -83,4 +92,5 @@ def _powers(turn: np.ndarray, harmonics: list[int]) -> Iterator[np.ndarray]:
 
 
 LEAST = 1000  # readings
+NOTHING = 0.03  # of an error
 TINY = 1e-12

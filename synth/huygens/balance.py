@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synth.huygens.clocks import Clocks, checked
-from synth.huygens.real_roots import Conic, real_roots, resultant
+from synth.huygens.real_roots import Conic, rational, real_roots, resultant
 from synth.phase import Floats
 
 _WIDTH = Fraction(1, 1 << 70)  # of a root's bracket
@@ -158,11 +158,9 @@ class _Equations:
 
     def conics(self, beta: Any) -> list[Conic]:
         """E_1^2 + delta^2 g_1^2 - s, the same of the second, beta s - (nu/2) sum (1 - g_i) E_i; E_i = D_i + arc g_i."""
-        loss = self._drive**2 * (1 + beta)
-        feed, arc, none = self._feed, self._arc, Fraction(0)
-        one, two = ((1 + beta) * tuning - 1 - arc for tuning in self._tuning)
-        square = arc**2 + loss
-        half = self._coupling / 2
+        feed, arc, half, none = (rational(each) for each in (self._feed, self._arc, self._coupling / 2, Fraction(0)))
+        one, two = ((1 + beta) * rational(tuning) - 1 - arc for tuning in self._tuning)
+        square = arc**2 + rational(self._drive) ** 2 * (1 + beta)
         even, first, second = half * arc - beta * feed, half * (arc - one), half * (arc - two)
         return [
             (square + feed, none, feed, 2 * arc * one - feed, -feed, one**2),

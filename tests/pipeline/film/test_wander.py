@@ -1,17 +1,18 @@
-"""Paper that wanders: told by the slow part of a difference's trace, and by nothing else."""
+"""Paper that moves: told by what is common to all traces and in a difference cannot be the ship's, and by nothing else."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from pipeline.film.wander import slow_part, wander
+from pipeline.film.wander import events, paper_motion, slow_part
 
-TIME, PERIOD = np.arange(0.0, 300.0, 0.04), 1.00966
+TIME, PERIOD = np.arange(0.0, 300.0, 0.08), 1.00966
 SUMS = np.array([1.0, 0.0])
+STILL = np.zeros(TIME.size)
 
 
-def traces(paper: np.ndarray, sway: np.ndarray) -> np.ndarray:
+def traces(paper: np.ndarray, sway: np.ndarray = STILL) -> np.ndarray:
     """Columns of one pendulum and a difference; a ship sways the first alone."""
     one = 118.0 * np.cos(2.0 * np.pi / PERIOD * TIME) * np.exp(-1e-4 * TIME)
     beat = 95.0 * np.cos(2.0 * np.pi / 1.009760966 * TIME + 0.5 * np.sin(0.002 * TIME))
@@ -20,25 +21,62 @@ def traces(paper: np.ndarray, sway: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("period", [8.0, 20.0, 90.0])
-def test_what_the_paper_does_is_taken_off(period):
+def test_slow_wander_is_taken_off(period: float) -> None:
     paper, sway = 12.0 * np.sin(2.0 * np.pi / period * TIME), 20.0 * np.cos(0.3 * TIME)
-    found = wander(TIME, traces(paper, sway), SUMS, PERIOD)
-    inside = slice(100, -100)
-    left = found - (paper - paper.mean())
+    found = paper_motion(TIME, traces(paper, sway), SUMS, PERIOD)
+    assert found is not None
+    inside = slice(50, -50)
+    left = found.shift - (paper - paper.mean())
     assert np.std(left[inside]) < (0.25 if period == 8.0 else 0.1)
+    assert not found.creased.any()
 
 
-def test_a_ship_alone_is_no_wander():
-    assert wander(TIME, traces(np.zeros(TIME.size), 30.0 * np.cos(0.3 * TIME)), SUMS, PERIOD) is None
+def test_steps_are_taken_off() -> None:
+    """Also two within two swings, and beside a swell."""
+    at, sizes = np.array([60.3, 152.0, 153.7, 240.51]), np.array([3.0, -1.2, 2.0, -4.0])
+    paper = (sizes[:, None] * (TIME >= at[:, None])).sum(axis=0)
+    found = paper_motion(TIME, traces(paper, 8.0 * np.cos(0.6 * TIME)), SUMS, PERIOD)
+    assert found is not None
+    assert (found.steps, found.creases) == (4, 0)
+    left = (found.shift - paper)[~found.creased]
+    assert np.std(left) < 0.1
+    assert found.creased.sum() < 20
 
 
-def test_without_a_difference_nothing_tells():
+@pytest.mark.parametrize("length", [0.25, 0.5, 0.8])
+def test_creases_are_left_out(length: float) -> None:
+    paper = 4.0 * np.exp(-np.abs(TIME - 80.03) / length) - 3.0 * np.exp(-np.abs(TIME - 200.7) / length)
+    found = paper_motion(TIME, traces(paper, 5.0 * np.cos(0.6 * TIME)), SUMS, PERIOD)
+    assert found is not None
+    assert found.creases >= 2
+    assert np.abs(paper[~found.creased]).max() < 0.6
+    assert found.creased.sum() < 150
+
+
+def test_what_one_trace_does_alone_is_not_the_paper() -> None:
+    column = traces(STILL)
+    column[1, TIME > 150.0] += 3.0
+    column[0, np.abs(TIME - 60.0) < 0.3] -= 4.0
+    assert paper_motion(TIME, column, SUMS, PERIOD) is None
+
+
+def test_a_ship_alone_is_no_wander() -> None:
+    assert paper_motion(TIME, traces(STILL, 30.0 * np.cos(0.3 * TIME)), SUMS, PERIOD) is None
+
+
+def test_white_noise_has_no_events() -> None:
+    assert events(TIME, traces(STILL), 1, PERIOD) == []
+
+
+def test_without_a_difference_nothing_tells() -> None:
     paper = 12.0 * np.sin(0.3 * TIME)
-    assert wander(TIME, traces(paper, paper), np.array([1.0, 1.0]), PERIOD) is None
+    assert paper_motion(TIME, traces(paper, paper), np.array([1.0, 1.0]), PERIOD) is None
 
 
-def test_gaps_and_short_records():
-    column = traces(12.0 * np.sin(0.1 * TIME), np.zeros(TIME.size))[1]
-    column[1000:1400] = np.nan
-    assert np.isfinite(slow_part(TIME, column, PERIOD)).all()
-    assert slow_part(TIME[:60], column[:60], PERIOD) is None
+def test_gaps_and_short_records() -> None:
+    column = traces(12.0 * np.sin(0.1 * TIME))[1]
+    column[500:700] = np.nan
+    part = slow_part(TIME, column, PERIOD)
+    assert part is not None
+    assert np.isfinite(part).all()
+    assert slow_part(TIME[:30], column[:30], PERIOD) is None

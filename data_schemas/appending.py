@@ -172,7 +172,7 @@ class Appended:
         with shielded(), self._told():
             for path, attrs in self._attrs.items():
                 attrs.pop(ATTRIBUTE, None)
-                write_attributes(node(self._file, path).attrs, attrs, path or "root")
+                write_attributes(node(self._file, path), attrs, path or "root")
             self._close()
         with self._told():
             digest = self._verified()

@@ -69,7 +69,9 @@ def identifier(text: str) -> str:
 
 def shown(text: object, most: int = 80) -> str:
     """Text from a file made fit for one line of a message."""
-    plain = "".join(letter if letter.isprintable() else "?" for letter in str(text))
+    plain = str(text)
+    if not plain.isprintable():
+        plain = "".join(letter if letter.isprintable() else "?" for letter in plain)
     return plain if len(plain) <= most else plain[: most - 3] + "..."
 
 

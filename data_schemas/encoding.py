@@ -7,10 +7,13 @@ from typing import Any
 
 import h5py
 import numpy as np
+from h5py import h5a, h5ds, h5s, h5t
+from numpy.typing import NDArray
 
 from .contents import Contents, Entry, Group, key, shown, type_name
 from .errors import FileError
-from .guard import BOOKKEEPING
+from .guard import BOOKKEEPING, survey
+from .guard_types import Budget
 from .upgrading import PACKING
 
 CHUNK = 1 << 16  # elements: half a MiB of float64, a fraction of a second of record to lose to one damaged byte
@@ -42,22 +45,49 @@ def encoded(contents: Contents) -> memoryview:
     Raises
     ------
     FileError
-        A name or attribute that netCDF reserves or cannot hold.
+        A name or attribute that netCDF reserves or cannot hold, or more than `read` takes.
     """
     with h5py.File("memory", "w", driver="core", backing_store=False, libver=LIBRARY, track_order=True) as file:
-        lay_out(file, contents)
+        arrays = lay_out(file, contents)
         for path, group in contents.items():
-            write_attributes(node(file, path).attrs, group.attrs, path or "root")
+            write_attributes(node(file, path), group.attrs, path or "root")
             for name, entry in group.variables.items():
                 if entry.values.size:
-                    text = type_name(entry.values) == "str"
-                    array(file, path, name)[...] = entry.values.astype(object) if text else entry.values
+                    put(arrays[key(path, name)], entry.values, key(path, name))
         file.flush()
-        return memoryview(file.id.get_file_image())
+        image = memoryview(file.id.get_file_image())
+        try:
+            survey(file, image.nbytes, Budget())
+        except FileError as error:
+            raise FileError(f"was not written, it would not read back: {error}") from None
+        return image
 
 
-def lay_out(file: h5py.File, contents: Contents) -> None:
+def put(array: h5py.Dataset, values: NDArray[Any], where: str) -> None:
+    """Write all values of an array, and read them back.
+
+    Raises
+    ------
+    FileError
+        Other values come back.
+    """
+    if type_name(values) == "str":
+        array[...] = values.astype(object)
+        same = array.asstr()[...].tolist() == values.tolist()
+    else:
+        meant = np.ascontiguousarray(values)
+        array.id.write(h5s.ALL, h5s.ALL, meant)
+        stored = np.empty_like(meant)
+        array.id.read(h5s.ALL, h5s.ALL, stored)
+        same = stored.tobytes() == meant.tobytes()
+    if not same:
+        raise FileError(f"{where}: was not written, it would not read back: other values come back")
+
+
+def lay_out(file: h5py.File, contents: Contents) -> dict[str, h5py.Dataset]:
     """Make all groups, dimensions and variables with their attributes, but no values and no attributes of groups.
+
+    Gives the arrays of the variables, by ``group/name``.
 
     Dimensions are HDF5 dimension scales, as netCDF-4 has them: a coordinate is its own, others have a placeholder.
 
@@ -67,6 +97,7 @@ def lay_out(file: h5py.File, contents: Contents) -> None:
         As `encoded`.
     """
     scales: dict[str, dict[str, h5py.Dataset]] = {}
+    arrays: dict[str, h5py.Dataset] = {}
     number = 0
     for path in sorted(contents, key=lambda one: (one.count("/"), one)):
         made = file.create_group("/" + path, track_order=True) if path else file
@@ -93,10 +124,12 @@ def lay_out(file: h5py.File, contents: Contents) -> None:
             own = known.get(name) if entry.dims == (name,) else None
             held = own if own is not None and own.name == f"{made.name.rstrip('/')}/{name}" else None
             stored = held if held is not None else _variable(made, _stored_name(name, known), entry)
-            write_attributes(stored.attrs, entry.attrs, where)
+            write_attributes(stored, entry.attrs, where)
             if held is None:
                 for axis, dim in enumerate(entry.dims):
-                    stored.dims[axis].attach_scale(known[dim])
+                    h5ds.attach_scale(stored.id, known[dim].id, axis)
+            arrays[where] = stored
+    return arrays
 
 
 def node(file: h5py.File, path: str) -> Any:
@@ -135,6 +168,10 @@ def _variable(group: Any, name: str, entry: Entry) -> h5py.Dataset:
     return group.create_dataset(name, shape, **made)
 
 
+_TEXT = np.empty((), dtype=h5py.string_dtype())
+_TEXTS, _SCALAR = h5t.py_create(_TEXT.dtype, logical=True), h5s.create(h5s.SCALAR)
+
+
 def write_attributes(target: Any, attrs: dict[str, Any], where: str) -> None:
     """Give attributes to a group or variable.
 
@@ -147,7 +184,11 @@ def write_attributes(target: Any, attrs: dict[str, Any], where: str) -> None:
         if name.encode() in BOOKKEEPING or name in PACKING:
             raise FileError(f"{where}, attribute {shown(name)}: is reserved by netCDF; remove it")
         _usable(name, f"{where}, attribute {shown(name)}")
-        target[name] = np.array(value, dtype=object) if isinstance(value, list) else value
+        if isinstance(value, str):
+            _TEXT[()] = value
+            h5a.create(target.id, name.encode(), _TEXTS, _SCALAR).write(_TEXT)
+        else:
+            target.attrs[name] = np.array(value, dtype=object) if isinstance(value, list) else value
 
 
 def _usable(name: str, where: str) -> None:

@@ -7,10 +7,12 @@ import os
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from data_schemas import read, write, writing
+from data_schemas import encoding, read, write, writing
 from data_schemas.errors import FileError
 
 
@@ -113,14 +115,40 @@ def test_what_would_not_read_back_is_not_written(tmp_path, record):
 
 
 def test_a_library_that_writes_something_else_is_found_out(tmp_path, record, monkeypatch):
-    encode = writing.encoded
+    class Wrong:
+        """HDF5 with a fault in its last bit."""
 
-    def wrong(contents):
-        contents["record"].variables["elongation"].values[0, 0] += 1e-16
-        return encode(contents)
+        def __init__(self, array):
+            self._array = array
 
-    monkeypatch.setattr(writing, "encoded", wrong)
-    with pytest.raises(FileError, match="would not read back: content_sha256 does not match"):
+        def __getattr__(self, name):
+            return getattr(self._array, name)
+
+        def write(self, memory, file, values):
+            self._array.write(memory, file, np.nextafter(values, np.inf) if values.dtype.kind == "f" else values)
+
+    lay_out = encoding.lay_out
+    monkeypatch.setattr(
+        encoding,
+        "lay_out",
+        lambda *given: {name: SimpleNamespace(id=Wrong(each.id)) for name, each in lay_out(*given).items()},
+    )
+    with pytest.raises(FileError, match="was not written, it would not read back: other values come back"):
+        write(record, tmp_path / "file.nc")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_gives_something_else_back_is_found_out(tmp_path, record, monkeypatch):
+    flushed = writing._flushed
+
+    def wrong(temporary, image):
+        flushed(temporary, image)
+        with temporary.open("r+b") as file:
+            file.seek(image.nbytes // 2)
+            file.write(bytes([image[image.nbytes // 2] ^ 1]))
+
+    monkeypatch.setattr(writing, "_flushed", wrong)
+    with pytest.raises(FileError, match="was not written, the disk gives other bytes back; check the disk"):
         write(record, tmp_path / "file.nc")
     assert list(tmp_path.iterdir()) == []
 

@@ -120,6 +120,8 @@ class TimeAxis:
         Times from which to which the marks may be miscounted, and what they would be wrong by, s.
     kind : str
         Of the marks, as that of a `Marking`.
+    mark_sigma : float
+        1 sigma of the time at a single mark, s: noise of the shutter and of its reading, another at each mark.
     """
 
     index: NDArray[np.int64]
@@ -135,6 +137,7 @@ class TimeAxis:
     rate_sigma: float
     doubts: tuple[tuple[float, float, float], ...] = ()
     kind: str = "gaps"
+    mark_sigma: float = 0.0
 
 
 @dataclass(frozen=True)

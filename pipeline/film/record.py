@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 _MOST_TRACES = 7
 _FACTOR = 5.0  # mm: a swing wrong by a factor of e counts as a place wrong by this
 AMBIGUOUS, LOST = (np.uint16(ELONGATION_FLAGS[name]) for name in ("ambiguous", "lost"))
-_ALIKE = 2.0  # s over which errors of the times are alike: the smoother's reach
 
 
 def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
@@ -214,13 +213,13 @@ def _rate_uncertainty(reading: Reading) -> float | None:
     relative = None
     if reading.difference is not None:
         relative = clock_uncertainty(reading.difference, reading.tracks.rows_per_swing / rows_per_second(reading.axis))
-    return 86400.0 * (_short_rate(reading.axis) if relative is None else relative)
+    return 86400.0 * max(marks_rate(reading.axis), relative or 0.0)
 
 
-def _short_rate(axis: TimeAxis) -> float:
-    """Relative 1 sigma of the rate of a film too short to tell it: of a line through times alike for seconds."""
+def marks_rate(axis: TimeAxis) -> float:
+    """Relative 1 sigma of the rate of a line through all marks: what their noise leaves, however smooth the paper."""
     length = float(np.nanmax(axis.seconds) - np.nanmin(axis.seconds))
-    return time_sigma(axis) * float(np.sqrt(12.0 * _ALIKE / length)) / length
+    return axis.mark_sigma * float(np.sqrt(12.0 * axis.interval / length)) / length
 
 
 def time_sigma(axis: TimeAxis) -> float:

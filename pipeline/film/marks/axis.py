@@ -216,7 +216,16 @@ def axis_of(
             for first, last, by in counted.doubts
         ),
         kind="gaps" if across is None else across.kind,
+        mark_sigma=mark_sigma(freed, sigma, found),
     )
+
+
+def mark_sigma(freed: Floats, sigma: Floats, found: Drive) -> float:
+    """1 sigma of a mark's time, s, of all traces together: what they leave of the motion, and what that took of it."""
+    weight = np.where(found.used, 1.0 / (sigma**2 + found.floor**2), 0.0)
+    seen = weight.any(axis=0)
+    left = np.nansum(weight * (freed - found.row), axis=0)[seen] / weight.sum(axis=0)[seen]
+    return float(np.sqrt(np.mean(left**2 + found.row_sigma[seen] ** 2)) / np.median(found.speed))
 
 
 def count_gaps(

@@ -18,6 +18,7 @@ INNER, LEAST_COLUMNS = 0.8, 12.0  # of the swing, that a bar fills; px, of the l
 QUANTILE = 0.25  # of the columns, which other traces and their gaps leave alone
 SWEPT, FAINT = 0.4, 0.5  # of the light of one stroke, from which rows are a bar; of that, where another trace has one
 CERTAIN = 6.0  # sigmas of the grain
+ALONE = 0.5  # of the swing: across less, a stroke near its turn fills as much as a bar
 DENSE = 0.7  # of a line at rest, light from which a bar may be blacker than it shows
 APART = 20.0  # rows within which bars of several traces are one
 BY_LIGHT, WANDER, PHASE_MOST = 0.35, 0.006, 60.0  # 1 sigma of a length's logarithm; rad a root mark; cost
@@ -96,7 +97,7 @@ def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
         alone = np.ones(column.size, dtype=bool)
         for a, b in ends[:trace] + ends[trace + 1 :]:
             alone &= (column < a) | (column > b)
-        if alone.sum() >= 0.2 * alone.size:  # where another trace does not add its light
+        if alone.sum() >= ALONE * alone.size:  # where another trace does not add its light
             column, aside = column[alone], aside[alone]
         slope = 2.0 * np.pi * half / tracks.rows_per_swing
         stroke, speed = float(np.sqrt(2.0 * np.pi)) * tracks.spot / slope, np.sqrt(1.0 - (aside / half) ** 2)

@@ -10,8 +10,8 @@ import pytest
 
 from pipeline.film import digitise
 from pipeline.film.marks.axis import axis_of
-from pipeline.film.marks.stands import Stand, together
-from pipeline.film.parts import Marking, TimeAxis
+from pipeline.film.marks.stands import Stand, swept, together
+from pipeline.film.parts import Marking, TimeAxis, Tracks
 from tests.films.make import write
 from tests.pipeline.film.mark_lists import Case, Made, made, slips
 
@@ -121,3 +121,14 @@ def test_a_faint_bar_counts_where_another_trace_has_a_sure_one() -> None:
     assert together([[faint], [faint]], none, 0.0, none) == []
     assert together([[sure], []], none, 0.0, none) == []
     assert len(together([[sure], None], none, 0.0, none)) == 1
+
+
+@pytest.mark.parametrize("apart", [30.0, 70.0, 140.0, 400.0])
+def test_a_bar_is_sought_across_half_of_a_swing_at_least(apart: float) -> None:
+    """Two traces that cross: near its turn, a stroke fills a few columns at once."""
+    tracks = Tracks.empty(2, 600, 57.0, 1.5)
+    turn = np.cos(2.0 * np.pi / 57.0 * np.arange(600))
+    tracks.course[:] = 700.0 + 100.0 * turn, 700.0 + apart + 110.0 * turn
+    for own, half in zip(swept(tracks, 1500), (100.0, 110.0), strict=True):
+        assert own is not None
+        assert np.ptp(own.columns) > 0.7 * half

@@ -117,13 +117,14 @@ def dataset(
     """
     import xarray as xr
 
-    def entry(name: str, value: Any) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
+    def entry(name: str, value: Any) -> xr.Variable:
+        data = np.asarray(value, dtype=object if isinstance(value, str) else None)
         if name in extra:
             units, long_name = extra[name]
-            return dims, value, {"units": units, "long_name": long_name}
+            return xr.Variable(dims, data, {"units": units, "long_name": long_name}, fastpath=True)
         row = VARIABLES[f"{group}/{name}"]
-        own = next((each for each in (row.dims, *row.also) if len(each) == np.ndim(value)), row.dims)
-        return own, value, attributes(f"{group}/{name}")
+        own = next((each for each in (row.dims, *row.also) if len(each) == data.ndim), row.dims)
+        return xr.Variable(own, data, attributes(f"{group}/{name}"), fastpath=True)
 
     labels = {
         name: value if isinstance(value, np.ndarray) else np.array(list(value), dtype=object)

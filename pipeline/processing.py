@@ -33,6 +33,7 @@ def process(
     pair: str | None = None,
     gain_uncertainty: float = 0.0,
     full: bool = False,
+    quantities: str = "all",
     accept: Collection[str] = (),
 ) -> DataTree:
     """Reduce a record to gravity by one or several methods; a single trace to its period.
@@ -50,6 +51,8 @@ def process(
         Relative 1-sigma uncertainty of the first pendulum's scale.
     full : bool
         Whether the pendulums' fitted angles at the record's own times are in the result too.
+    quantities : str
+        `all`, or `gravity` alone: no phases, corrections, course, difference and spectrum.
     accept : collection of str
         Flags of a film that make time or scale doubtful and shall not block; sigma holds the doubt.
 
@@ -65,7 +68,7 @@ def process(
     RefusedError
         No method can use it.
     UsageError
-        A name that is not a method or pair, or a negative uncertainty.
+        A name that is not a method, pair or choice of quantities, or a negative uncertainty.
     """
     from data_schemas import adopted, check
 
@@ -73,6 +76,8 @@ def process(
     requested = [_named(each) for each in ([method] if isinstance(method, str) or callable(method) else method)]
     if not gain_uncertainty >= 0.0:
         raise UsageError(f"gain_uncertainty: {gain_uncertainty} is not a relative uncertainty; give 0 or more")
+    if quantities not in ("all", "gravity"):
+        raise UsageError(f"quantities: {quantities!r} is not known; give all or gravity")
     record = adopted(record)
     faults = check(record, "record")
     if faults:
@@ -98,7 +103,7 @@ def process(
     reductions = [found[name] for name in requested]
     if raised:
         reductions = [replace(each, flags=(*each.flags, *raised)) for each in reductions]
-    return build_result(Parts(record, source, own_of_pair, reductions, joint, full), started)
+    return build_result(Parts(record, source, own_of_pair, reductions, joint, full, quantities == "gravity"), started)
 
 
 def _named(method: str | Function) -> str:

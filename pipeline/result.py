@@ -26,7 +26,7 @@ from pipeline.provenance import provenance
 from pipeline.reduction import Reduction
 
 if TYPE_CHECKING:
-    from xarray import DataTree
+    from xarray import Dataset, DataTree
 
     from pipeline.joint.reduction import Joint
 
@@ -61,17 +61,36 @@ class Parts:
     joint: Joint | None
     full: bool
     """Whether what is costly is laid out too: the pendulums' angles at the record's own times."""
+    bare: bool = False
+    """Whether gravity alone is laid out."""
 
 
 def build_result(parts: Parts, started: float) -> DataTree:
     """Lay out gravity, phases, corrections, course, residual and provenance."""
     from xarray import Dataset, DataTree
 
-    record, prepared, reductions, joint = parts.record, parts.prepared, parts.reductions, parts.joint
-    seen, envelope = prepared.observation, prepared.sliding
-    components = [seen.first, seen.second, f"{seen.first}-{seen.second}"]
+    record, reductions, seen = parts.record, parts.reductions, parts.prepared.observation
+    components, names = [seen.first, seen.second, f"{seen.first}-{seen.second}"], _labels(reductions)
+    gravity = _gravity(reductions, components, names, seen.constants, record)
     of_time = dict(record.dataset["time"].attrs)
-    time, names = envelope.time + seen.start, _labels(reductions)
+    gravity["epoch"].attrs["units"] = of_time["units"]
+    if parts.bare:
+        groups = {"/": Dataset(coords={"time": ("time", gravity["epoch"].values[:1], of_time)}), "/gravity": gravity}
+    else:
+        groups = _of_time(parts, components, names, gravity)
+    tree = DataTree.from_dict(groups)
+    tree.attrs.update(result_attributes(record, {"pair": components[2], "methods": names}, started))
+    tree.attrs["numbers_sha256"] = numbers_sha256(tree)
+    return tree
+
+
+def _of_time(parts: Parts, components: list[str], names: list[str], gravity: Dataset) -> dict[str, Dataset]:
+    """All groups, those that are series of time among them."""
+    from xarray import Dataset
+
+    record, prepared, reductions, joint = parts.record, parts.prepared, parts.reductions, parts.joint
+    seen, of_time = prepared.observation, dict(record.dataset["time"].attrs)
+    time = prepared.sliding.time + seen.start
     record_time = np.asarray(record.dataset["time"].values, dtype=np.float64)
     difference = _difference(parts, record_time)
     known = record_time[np.isfinite(difference["elongation"])] - seen.start
@@ -79,7 +98,7 @@ def build_result(parts: Parts, started: float) -> DataTree:
     corrected = quantities.correction(prepared, reductions, parts.own)
     groups: dict[str, Any] = {
         "/": Dataset(coords={"time": ("time", time, of_time)}),
-        "/gravity": _gravity(reductions, components, names, seen.constants, record),
+        "/gravity": gravity,
         "/phases": dataset("phases", of_phases, {"component": components, "formula": quantities.FORMULAS}),
         "/correction": dataset("correction", corrected, {"estimator": names}),
     }
@@ -92,13 +111,10 @@ def build_result(parts: Parts, started: float) -> DataTree:
     if parts.full and joint is not None:
         angle = {"theta": joint.pendulums(record_time)}
         groups["/pendulums"] = dataset("pendulums", angle, {"pendulum": components[:2], "record_time": record_time})
-    for where, name in (("/difference", "record_time"), ("/pendulums", "record_time"), ("/gravity", "epoch")):
+    for where in ("/difference", "/pendulums"):
         if where in groups:
-            groups[where][name].attrs["units"] = of_time["units"]
-    tree = DataTree.from_dict(groups)
-    tree.attrs.update(result_attributes(record, {"pair": components[2], "methods": names}, started))
-    tree.attrs["numbers_sha256"] = numbers_sha256(tree)
-    return tree
+            groups[where]["record_time"].attrs["units"] = of_time["units"]
+    return groups
 
 
 def _difference(parts: Parts, time: Floats) -> dict[str, Floats]:

@@ -67,8 +67,9 @@ def reduce(gathered: Gathered) -> Outcome:
     reference = float(gathered.constants["reference_gravity"])
     try:
         found = fitted(gathered)
-        found = [repeating.corrected(each, tells_law=len(found) > 1) for each in found]
-        found.sort(key=of_the_law, reverse=True)
+        if gathered.film:  # of other records the harmonics tell friction and optics that are not linear
+            found = [repeating.corrected(each, tells_law=len(found) > 1) for each in found]
+            found.sort(key=of_the_law, reverse=True)
         fit, close = choice.settle(found[0])
         if len(found) > 1 and (strained(fit) or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
             fit, close = weighed([(fit, close), choice.settle(found[1])], reference)

@@ -59,6 +59,8 @@ class Gathered:
     """Traces that stand still for a while, and when, in words."""
     tilts: bool
     """Whether elongations are measured from a case whose tilt is not recorded."""
+    film: bool
+    """Whether the traces were read from a film, whose spots and optics err with the swing."""
     denser: Callable[[], Gathered]
     """The same with as many nodes as readings, for motion that the traces do not show before they are fitted."""
 
@@ -170,6 +172,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         doubt,
         still,
         tilts,
+        "film" in record.children,
         partial(gather, record, calm=False),
     )
 

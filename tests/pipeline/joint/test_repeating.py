@@ -26,7 +26,9 @@ def with_harmonics(made: xr.DataTree, size: float) -> xr.DataTree:
         phase = np.angle(turn)
         return value + size * (np.cos(2 * phase + 0.3) - np.cos(3 * phase) + 0.5 * np.sin(4 * phase))
 
-    return changed(made, "elongation", change)
+    made = changed(made, "elongation", change)
+    made["film"] = xr.DataTree(xr.Dataset())
+    return made
 
 
 def test_they_are_taken_off_and_leave_gravity() -> None:

@@ -39,7 +39,7 @@ def _step(system: Any, time: float, state: Floats, step: float, stages: int) -> 
     count, size = (0,) * stages, (0,) * n
     work = _space(stages, n)
     slopes = np.zeros((n, n))
-    jacobian(time, state, system, slopes)
+    jacobian(time, state, system, slopes, work.point, work.slope)
     scale = 1.0 / np.maximum(np.abs(state), 1e-3)
     outcome, _, _ = collocate(time, step, state, scale, 1e-15, slopes.ravel(), count, size, work, system)
     return outcome, work.z.reshape(stages, n)

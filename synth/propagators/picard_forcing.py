@@ -16,10 +16,9 @@ from functools import cached_property
 import numpy as np
 
 from synth.kernels.collocation_weights import FINE, gauss_nodes, interpolation
-from synth.kernels.picard import read
 from synth.motion.harmonic_sum import Comb
 from synth.phase import Floats, Integers, Phasors, rational_turns, turns
-from synth.propagators.blocks import FEWEST_ROWS, ONE_THREAD, EvenTicks, PeriodicSums, halves
+from synth.propagators.blocks import EvenTicks, PeriodicSums, product
 from synth.propagators.times import EvenTimes, UnevenTimes
 
 _MOST_STEPS = 4096  # in an interval: bounds the table of weights
@@ -62,11 +61,9 @@ class Grid:
         s; exact.
     group : int
         Intervals of a block, even.
-    most : int
-        Most centres asked for at once: the work space for them is kept, for fresh memory costs as much as the sums.
     """
 
-    def __init__(self, sums: Sums, interval: Fraction, group: int, most: int) -> None:
+    def __init__(self, sums: Sums, interval: Fraction, group: int) -> None:
         fine_step, nodes = interval / (2 * FINE), gauss_nodes()
         starts = (2 * np.arange(group // 2, dtype=np.int64) + 1) * FINE  # middles of intervals after the centre
         frequencies = sums.angular_frequency[: sums.alone].tolist()
@@ -76,9 +73,6 @@ class Grid:
         half = starts.size * nodes.size
         table = (fine.phasors(starts)[:, :, None] * fine.phasors(nodes)[:, None, :]).reshape(len(frequencies), half)
         self._even, self._odd = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
-        self._result = np.empty((len(sums.coefficients) * most, 2 * half))
-        rows = max(FEWEST_ROWS, ONE_THREAD // max(table.size, 1))
-        self._parts = np.empty((2, min(rows, len(self._result)), half))
         reaches = (starts[:, None] + nodes).ravel()
         both = np.concatenate([-reaches[::-1], reaches])
         self._combs = [
@@ -87,16 +81,15 @@ class Grid:
         ]
 
     def evaluate(self, centres: EvenTicks) -> Floats:
-        """Real parts of the sums, (sums, centres * moments), in order of time; valid until the next call.
+        """Real parts of the sums, (sums, centres * moments), in order of time.
 
         A harmonic Re(U exp(i w (t_b + tau))) has an even part in tau, Re(U_b) cos(w tau), and an odd part,
         -Im(U_b) sin(w tau).
         """
         head = centres.phasors(self._rate)
-        weights = (self._coefficients[:, None, :] * head.T).reshape(len(self._coefficients) * centres.count, len(head))
-        real, imaginary = np.ascontiguousarray(weights.real), np.ascontiguousarray(weights.imag)
-        result = self._result[: len(weights)]
-        halves((real, self._even), (imaginary, self._odd), result, self._parts)
+        weights = (self._coefficients.T[:, :, None] * head[:, None, :]).reshape(len(head), -1)
+        result = np.empty((weights.shape[1], 2 * self._even.shape[1]))
+        product([(weights.real, self._even)], [(weights.imag, self._odd)], result)
         for transform, turn, within in self._combs:
             places = turn.wrapped(centres.index).T + within
             result += transform.at(places.ravel()).reshape(result.shape)
@@ -160,10 +153,9 @@ class EvenReadings:
             for values, each in zip(result, points, strict=True):
                 values += (each @ self._table.T).reshape(-1)[:count]
             return
-        edges = -(-np.arange(first, first + points.shape[1] + 1, dtype=np.int64) * self.steps // self.parts)
-        index = np.arange(edges[0], edges[0] + count, dtype=np.int64)
-        begin = np.minimum(edges - edges[0], count)
-        read(points, begin, index * self.parts % self.steps, self._table, result)
+        begin = self.portion(first, 1).start
+        number, place = np.divmod(np.arange(begin, begin + count, dtype=np.int64) * self.parts, self.steps)
+        _read(points, number - first, self._table[place], result)
 
 
 @dataclass(frozen=True)
@@ -204,7 +196,13 @@ class UnevenReadings:
 
     def read(self, points: Floats, first: int, result: Floats) -> None:
         """Add y at readings, from its points in intervals from the `first`, to the result (pendulums, readings)."""
-        edges = np.searchsorted(self._number, np.arange(first, first + points.shape[1] + 1))
-        index = slice(int(edges[0]), int(edges[-1]))
-        place = self.times.seconds[index] / self.length - self._number[index]
-        read(points, edges - edges[0], np.arange(place.size), interpolation(place), result)
+        index = self.portion(first, points.shape[1])
+        number = self._number[index]
+        place = self.times.seconds[index] / self.length - number
+        _read(points, number - first, interpolation(place), result)
+
+
+def _read(points: Floats, number: Integers, rows: Floats, result: Floats) -> None:
+    """Add y in intervals of these numbers, by rows of weights (readings, POINTS)."""
+    for values, each in zip(result, points, strict=True):
+        values += np.einsum("ij,ij->i", each[number], rows)

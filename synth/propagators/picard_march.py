@@ -82,9 +82,9 @@ class _Level:
         same = np.array_equal(horizontal.angular_frequency, vertical.angular_frequency)
         if same and horizontal.combs == vertical.combs:
             merged = replace(horizontal, coefficients=np.vstack([vertical.coefficients, horizontal.coefficients]))
-            self._grids = [Grid(merged, readings.interval, GROUP, blocks)]
+            self._grids = [Grid(merged, readings.interval, GROUP)]
         else:
-            self._grids = [Grid(each, readings.interval, GROUP, blocks) for each in (vertical, horizontal)]
+            self._grids = [Grid(each, readings.interval, GROUP) for each in (vertical, horizontal)]
         self.points = np.empty((self._pendulums, self.most, POINTS))
         self._still = np.zeros((self.most, NODES))
         self._kicks = equations.kicks

@@ -87,8 +87,9 @@ class Grid:
         -Im(U_b) sin(w tau).
         """
         head = centres.phasors(self._rate)
-        weights = (self._coefficients.T[:, :, None] * head[:, None, :]).reshape(len(head), -1)
-        result = np.empty((weights.shape[1], 2 * self._even.shape[1]))
+        rows = len(self._coefficients) * centres.count
+        weights = (self._coefficients.T[:, :, None] * head[:, None, :]).reshape(len(head), rows)
+        result = np.empty((rows, 2 * self._even.shape[1]))
         product([(weights.real, self._even)], [(weights.imag, self._odd)], result)
         for transform, turn, within in self._combs:
             places = turn.wrapped(centres.index).T + within
@@ -109,100 +110,64 @@ def steady_at(times: EvenTimes | UnevenTimes, sums: Sums, portion: slice) -> Flo
 
 
 @dataclass(frozen=True)
-class EvenReadings:
-    """Readings 0, step, 2 step ... among intervals of steps/parts steps."""
+class Readings:
+    """Readings in order of time, none before t = 0, among intervals of one length."""
 
-    times: EvenTimes
-    steps: int
-    parts: int
-    """An interval is `steps` steps long, divided by `parts`."""
+    times: EvenTimes | UnevenTimes
+    length: Fraction
+    """Of an interval in steps, or in the chronometer's seconds: then a power of two, so that intervals begin at exact
+    times."""
 
     @classmethod
-    def among(cls, times: EvenTimes, longest: float) -> EvenReadings:
-        """Choose the longest intervals, at most `longest` seconds, that fit the step."""
+    def among(cls, times: EvenTimes | UnevenTimes, longest: float) -> Readings:
+        """Choose the longest intervals, at most `longest` seconds of true time, that fit the readings."""
+        if isinstance(times, UnevenTimes):
+            return cls(times, Fraction(math.ldexp(1.0, math.frexp(longest / float(times.scale))[1] - 1)))
         steps = min(max(1, math.floor(longest / times.step)), _MOST_STEPS)
-        return cls(times, steps, math.ceil(times.step * steps / Fraction(longest)))
-
-    @property
-    def intervals(self) -> int:
-        """How many intervals hold all readings."""
-        return (self.times.count - 1) * self.parts // self.steps + 1 if self.times.count else 0
+        return cls(times, Fraction(steps, math.ceil(times.step * steps / Fraction(longest))))
 
     @property
     def interval(self) -> Fraction:
         """Length of an interval, s."""
-        return self.times.step * self.steps / self.parts
+        return self.length * (self.times.step if isinstance(self.times, EvenTimes) else self.times.scale)
 
-    def halved(self) -> EvenReadings:
+    @property
+    def intervals(self) -> int:
+        """How many intervals hold all readings."""
+        return int(self._places(slice(self.times.count - 1, self.times.count))[0][0]) + 1 if self.times.count else 0
+
+    def halved(self) -> Readings:
         """The same readings among intervals half as long."""
-        return EvenReadings(self.times, *Fraction(self.steps, 2 * self.parts).as_integer_ratio())
+        return Readings(self.times, self.length / 2)
+
+    def _places(self, some: slice) -> tuple[Integers, Floats | Integers]:
+        """The interval of each reading, and where in it: in intervals, or, of even ones, the row of a table."""
+        if isinstance(self.times, UnevenTimes):
+            turns = self.times.seconds[some] / float(self.length)
+            number = np.floor(turns).astype(np.int64)
+            return number, turns - number
+        index = np.arange(some.start, some.stop, dtype=np.int64) * self.length.denominator
+        return np.divmod(index, self.length.numerator)
 
     @cached_property
     def _table(self) -> Floats:
-        return interpolation(np.arange(self.steps) / self.steps)
+        return interpolation(np.arange(self.length.numerator) / self.length.numerator)
 
     def portion(self, first: int, count: int) -> slice:
         """Readings within `count` intervals from the `first`."""
-        begin, end = (min(-(-edge * self.steps // self.parts), self.times.count) for edge in (first, first + count))
-        return slice(begin, end)
+        edges = [first * self.length, (first + count) * self.length]
+        if isinstance(self.times, UnevenTimes):
+            return slice(*np.searchsorted(self.times.seconds, [float(edge) for edge in edges]).tolist())
+        return slice(*(min(math.ceil(edge), self.times.count) for edge in edges))
 
     def read(self, points: Floats, first: int, result: Floats) -> None:
         """Add y at readings, from its points in intervals from the `first`, to the result (pendulums, readings)."""
-        count = result.shape[1]
-        if self.parts == 1:  # all intervals are read at the same places
+        even = isinstance(self.times, EvenTimes)
+        if even and self.length.denominator == 1:  # all intervals are read at the same places
             for values, each in zip(result, points, strict=True):
-                values += (each @ self._table.T).reshape(-1)[:count]
+                values += (each @ self._table.T).reshape(-1)[: result.shape[1]]
             return
-        begin = self.portion(first, 1).start
-        number, place = np.divmod(np.arange(begin, begin + count, dtype=np.int64) * self.parts, self.steps)
-        _read(points, number - first, self._table[place], result)
-
-
-@dataclass(frozen=True)
-class UnevenReadings:
-    """Readings at increasing times of a chronometer, not negative."""
-
-    times: UnevenTimes
-    length: float
-    """Length of an interval in the chronometer's seconds: a power of two, so that intervals begin at exact times."""
-
-    @classmethod
-    def among(cls, times: UnevenTimes, longest: float) -> UnevenReadings:
-        """Choose the longest intervals of at most `longest` seconds of true time."""
-        return cls(times, math.ldexp(1.0, math.frexp(longest / float(times.scale))[1] - 1))
-
-    @property
-    def intervals(self) -> int:
-        """How many intervals hold all readings."""
-        return int(self._number[-1]) + 1 if self.times.count else 0
-
-    @property
-    def interval(self) -> Fraction:
-        """Length of an interval, s."""
-        return Fraction(self.length) * self.times.scale
-
-    def halved(self) -> UnevenReadings:
-        """The same readings among intervals half as long."""
-        return UnevenReadings(self.times, self.length / 2)
-
-    @cached_property
-    def _number(self) -> Integers:
-        return np.floor(self.times.seconds / self.length).astype(np.int64)
-
-    def portion(self, first: int, count: int) -> slice:
-        """Readings within `count` intervals from the `first`."""
-        begin, end = np.searchsorted(self._number, [first, first + count]).tolist()
-        return slice(begin, end)
-
-    def read(self, points: Floats, first: int, result: Floats) -> None:
-        """Add y at readings, from its points in intervals from the `first`, to the result (pendulums, readings)."""
-        index = self.portion(first, points.shape[1])
-        number = self._number[index]
-        place = self.times.seconds[index] / self.length - number
-        _read(points, number - first, interpolation(place), result)
-
-
-def _read(points: Floats, number: Integers, rows: Floats, result: Floats) -> None:
-    """Add y in intervals of these numbers, by rows of weights (readings, POINTS)."""
-    for values, each in zip(result, points, strict=True):
-        values += np.einsum("ij,ij->i", each[number], rows)
+        number, place = self._places(self.portion(first, points.shape[1]))
+        rows = self._table[place] if even else interpolation(place)
+        for values, each in zip(result, points, strict=True):
+            values += np.einsum("ij,ij->i", each[number - first], rows)

@@ -22,7 +22,7 @@ from synth.kicks import Kicks
 from synth.phase import Floats
 from synth.propagators.blocks import EvenTicks
 from synth.propagators.picard_error import Estimate
-from synth.propagators.picard_forcing import EvenReadings, Grid, Sums, UnevenReadings, steady_at
+from synth.propagators.picard_forcing import Grid, Readings, Sums, steady_at
 
 GROUP = 32
 """Intervals in a block of the forcing."""
@@ -72,7 +72,7 @@ class Swing(NamedTuple):
 class _Level:
     """One length of intervals: forcing, weights and readings."""
 
-    def __init__(self, equations: Equations, readings: EvenReadings | UnevenReadings, shown: int) -> None:
+    def __init__(self, equations: Equations, readings: Readings, shown: int) -> None:
         blocks = min(_BLOCKS, -(-readings.intervals // GROUP))
         self.readings = readings
         self.most = blocks * GROUP
@@ -131,7 +131,7 @@ class _Level:
         return Forcing(horizontal[: self._pendulums], vertical, rest[0], drive, self._impulses(first, count))
 
 
-def march(equations: Equations, readings: Sequence[EvenReadings | UnevenReadings]) -> Iterator[Swing]:
+def march(equations: Equations, readings: Sequence[Readings]) -> Iterator[Swing]:
     """Angles of stride after stride.
 
     The first stride is tried in intervals of several lengths, longest first; later ones halve what it took.

@@ -134,20 +134,21 @@ class Readings:
     @property
     def intervals(self) -> int:
         """How many intervals hold all readings."""
-        return int(self._places(slice(self.times.count - 1, self.times.count))[0][0]) + 1 if self.times.count else 0
+        return int(self._weights(slice(self.times.count - 1, self.times.count))[0][0]) + 1 if self.times.count else 0
 
     def halved(self) -> Readings:
         """The same readings among intervals half as long."""
         return Readings(self.times, self.length / 2)
 
-    def _places(self, some: slice) -> tuple[Integers, Floats | Integers]:
-        """The interval of each reading, and where in it: in intervals, or, of even ones, the row of a table."""
+    def _weights(self, some: slice) -> tuple[Integers, Floats]:
+        """The interval of each reading, and the weights of its points, (readings, POINTS)."""
         if isinstance(self.times, UnevenTimes):
             turns = self.times.seconds[some] / float(self.length)
             number = np.floor(turns).astype(np.int64)
-            return number, turns - number
+            return number, interpolation(turns - number)
         index = np.arange(some.start, some.stop, dtype=np.int64) * self.length.denominator
-        return np.divmod(index, self.length.numerator)
+        number, place = np.divmod(index, self.length.numerator)
+        return number, self._table[place]
 
     @cached_property
     def _table(self) -> Floats:
@@ -162,12 +163,10 @@ class Readings:
 
     def read(self, points: Floats, first: int, result: Floats) -> None:
         """Add y at readings, from its points in intervals from the `first`, to the result (pendulums, readings)."""
-        even = isinstance(self.times, EvenTimes)
-        if even and self.length.denominator == 1:  # all intervals are read at the same places
+        if isinstance(self.times, EvenTimes) and self.length.denominator == 1:  # the same places in all
             for values, each in zip(result, points, strict=True):
                 values += (each @ self._table.T).reshape(-1)[: result.shape[1]]
             return
-        number, place = self._places(self.portion(first, points.shape[1]))
-        rows = self._table[place] if even else interpolation(place)
+        number, rows = self._weights(self.portion(first, points.shape[1]))
         for values, each in zip(result, points, strict=True):
             values += np.einsum("ij,ij->i", each[number - first], rows)

@@ -122,11 +122,11 @@ def jacobian(time: float, state: Any, system: Any, out: Any, here: Any, there: A
     for j in range(state.size):
         kept = state[j]
         state[j] = kept + _STEP * max(1.0, abs(kept))
-        step = state[j] - kept
+        share = 1.0 / (state[j] - kept)
         derivative(time, state, system, there)
         state[j] = kept
         for i in range(state.size):
-            out[i, j] = (there[i] - here[i]) / step
+            out[i, j] = (there[i] - here[i]) * share
 
 
 def plain_jacobian(time: float, state: Any, system: Any) -> Any:

@@ -137,7 +137,7 @@ def scipy(problem: Problem, tolerance: float, method: str) -> Call:
 
     def matrix(time: float, state: Floats) -> Floats:
         out = np.empty((size, size))
-        jacobian(time, state, system, out)
+        jacobian(time, state.copy(), system, out, np.empty(size), np.empty(size))
         return out
 
     right: Any = njit(slopes)
@@ -165,7 +165,7 @@ def cvode(problem: Problem, tolerance: float, method: str) -> Call:
         derivative(time, state, system, out)
 
     def matrix(time: float, state: Floats, out: Floats) -> None:
-        jacobian(time, state, system, out)
+        jacobian(time, state.copy(), system, out, np.empty(state.size), np.empty(state.size))
 
     right: Any = njit(slopes)
     slope_matrix: Any = njit(matrix)

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.collocation_remainders import linear_part
 from synth.integrators.collocation_run import COARSEST, COMPANION, FINEST, Problem, Run, chosen, run
-from synth.integrators.trajectory import Trajectory, checked, difference
+from synth.integrators.trajectory import Trajectory, checked, difference, spread
 from synth.kernels.collocation import NODES
 from synth.phase import Floats
 from synth.systems.metronomes import Metronomes
@@ -38,13 +38,15 @@ SYSTEMS = (ElasticBeam, ReducedBeam, FlexibleFrame, Metronomes)
 """Types of systems that can be collocated."""
 
 _LOOSER = 3.0
-_LOOSEST = 1e-9  # looser tolerances are integrated as this one: they save next to nothing
-_TIGHTER = 0.25  # power by which tight tolerances ask for more: what a swing errs, the next one repeats
+_LOOSEST = 1e-6  # looser tolerances are integrated as this one: they save next to nothing
+_TIGHT = 1e-9
+_TIGHTER = 0.25  # power by which tighter tolerances than this ask for more: what a swing errs, the next one repeats
 _SHARE = 0.5  # of the difference: the companion errs more than the result
 _ALIKE = 1e-13  # limits from which both err by rounding alone
 _SWINGS = 3000.0  # records longer than this many swings ask more of each interval
 _ROUNDED = 2.2e-16
-_CHECKS = 65  # instants at which runs are compared, at least: an error may pass through zero at a single one
+_CHECKS = 65  # instants at which runs are compared, at least: an error may pass through zero at a single one,
+_MOST_CHECKS = 1000  # and at most
 _BITS = 10  # of the linear part that the members of an ensemble carry
 
 
@@ -65,17 +67,18 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
     every = instants
     if 1 < instants.size < _CHECKS:
         every = np.union1d(instants, np.linspace(instants[0], instants[-1], _CHECKS)[:-1])
+    some = np.unique((spread(_MOST_CHECKS) * every.size).astype(np.int64)) if every.size > _MOST_CHECKS else slice(None)
     _check_collocates(system)
     problem = Problem.of(system)
     local = _local_tolerance(tolerance, instants, problem.longest)
     states, result = run(problem, first, every, _limits_for(local))
     error, counts = math.inf, np.zeros(3, dtype=np.int64)
     for _ in range(2):
-        rough, companion = run(problem, first, every, _limits_for(_LOOSER * local), COMPANION, result.depth)
+        rough, companion = run(problem, first, every[some], _limits_for(_LOOSER * local), COMPANION, result.depth)
         for each in (result, companion):
             counts += [each.report[2], NODES * each.report[1], each.rejected]
         share = _SHARE if local > _ALIKE else 1.0
-        error = share * difference(states, rough, np.abs(states).max(axis=0)) + _ROUNDED * (
+        error = share * difference(states[some], rough, np.abs(states).max(axis=0)) + _ROUNDED * (
             2.0 + 0.2 * math.sqrt(result.report[2])
         )
         if error <= tolerance or local <= FINEST[0]:
@@ -90,7 +93,11 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
 def _local_tolerance(tolerance: float, times: Floats, half_swing: float) -> float:
     """What to ask of an interval, so that a record of this length is as good as wanted."""
     asked = min(tolerance, _LOOSEST)
-    return asked * (asked / _LOOSEST) ** _TIGHTER / (1.0 + float(times[-1] - times[0]) / (2.0 * half_swing * _SWINGS))
+    return (
+        asked
+        * min(1.0, asked / _TIGHT) ** _TIGHTER
+        / (1.0 + float(times[-1] - times[0]) / (2.0 * half_swing * _SWINGS))
+    )
 
 
 def _limits_for(local: float) -> tuple[float, float]:

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synth.integrators.collocation_remainders import Work, nodes_of
-from synth.kernels.collocation import NODES, POINTS, advance, change, last_terms
-from synth.kernels.compiled import kernel, summing_kernel
+from synth.kernels.collocation import NODES, advance, change, last_terms
+from synth.kernels.compiled import kernel
 from synth.kernels.lanes import LANES, load, store, total, wide
 from synth.phase import Floats, Integers
 from synth.systems.dispatch import remainder, taken_in
@@ -37,7 +37,24 @@ _CAUTION = 4.0  # a turn may change this many times more than the turns of the i
 _WILD = 1e4  # change of a position in sizes, squared, from which no later turn leads back
 _RENEWAL = 16  # intervals after which convergence is watched from the first turn to the second, and guesses compared
 _LEAST = 1e-300  # square of a size: what a first guess leaves at rest has none
+_ASIDE = 2.0**-51  # from a node, in half intervals
 _STALL = 1e3  # changes this many times the smallest that matters are rounding if they fall no longer
+
+
+class Nodes(NamedTuple):
+    """What every march needs of the nodes, whatever the system."""
+
+    places: Floats
+    """(NODES,) in intervals, 0 to 1."""
+    tail: Floats
+    """(1, 4 * NODES) rows of the Legendre tail."""
+    continuation: Floats
+    """(1, NODES * NODES) nodes of the interval to come (fast index) from those of the interval before (slow index)."""
+    points: Floats
+    shares: Floats
+    """(NODES,) the nodes on [-1, 1], with their barycentric shares,"""
+    end_shares: tuple[float, float]
+    """and those of start and end of the interval."""
 
 
 class Level(NamedTuple):
@@ -58,7 +75,7 @@ class Level(NamedTuple):
 
 @kernel
 def march(
-    system: Any, horizontal: Any, vertical: Any, level: Level, plan: Any, work: Work, limits: Any, begin: float,
+    system: Any, horizontal: Any, vertical: Any, level: Level, nodes: Nodes, work: Work, limits: Any, begin: float,
     count: int, times: Floats, states: Floats, report: Integers,
 ) -> int:  # fmt: skip
     """Carry the system through consecutive intervals and read it on the way; the number of intervals done.
@@ -71,9 +88,7 @@ def march(
         Of the ship.
     level : Level
         Length of the intervals, whose multiples are exact, and the weights of all components.
-    plan : tuple
-        Nodes in intervals (NODES,), rows of the Legendre tail (1, 4 * NODES), barycentric points (POINTS,) on [-1, 1],
-        shares (POINTS,), and the polynomial guess (1, NODES * NODES).
+    nodes : Nodes
     work : Work
         State, amplitude and memory move on.
     limits : (float, float)
@@ -91,18 +106,18 @@ def march(
     interval, mirror, reach = level.interval, level.mirror, level.reach
     state, amplitude, memory, known = work.state, work.amplitude, work.memory, work.known
     base, position, rate = work.base, work.position, work.rate
-    places, tail, points, shares, continuation = plan
+    tail, continuation = nodes.tail, nodes.continuation
     components = state.shape[0]
     sample = np.zeros((2, NODES))
     sideways, upwards = nodes_of(horizontal, sample[0]), nodes_of(vertical, sample[1])
-    spots, table, worth = np.empty((2 * components, POINTS)), np.empty(POINTS), np.empty(components)
+    begun, worth = np.empty((components, 4)), np.empty(components)
     settled, unresolved = limits
     now, unchecked, falling = 0, 1, 1.0
     report[3] = DONE
     for i in range(count):
         start = begin + i * interval
-        _sample(start, interval, places, horizontal, sample[0])
-        _sample(start, interval, places, vertical, sample[1])
+        _sample(start, interval, nodes.places, horizontal, sample[0])
+        _sample(start, interval, nodes.places, vertical, sample[1])
         following = start + interval
         reading = report[0] < times.size and times[report[0]] < following
         for c in range(components):
@@ -160,19 +175,12 @@ def march(
             remember(memory, slot, mirror, known, now)
         report[1] += turns
         report[2] += 1
-        if reading:
-            for c in range(components):
-                spots[2 * c, 0], spots[2 * c + 1, 0] = state[c, 0], state[c, 2]
-                for j in range(NODES):
-                    spots[2 * c, j + 1] = position[c, j]
-                    spots[2 * c + 1, j + 1] = rate[c, j]
+        for c in range(components):
+            begun[c, 0], begun[c, 2] = state[c, 0], state[c, 2]
         advance(state, level.propagator, level.end, known, now)
-        if reading:
-            for c in range(components):
-                spots[2 * c, POINTS - 1], spots[2 * c + 1, POINTS - 1] = state[c, 0], state[c, 2]
-            while report[0] < times.size and times[report[0]] < following:
-                _read((times[report[0]] - start) / interval, points, shares, table, spots, states, report[0])
-                report[0] += 1
+        while report[0] < times.size and times[report[0]] < following:
+            _read((times[report[0]] - start) / interval, nodes, begun, work, states, report[0])
+            report[0] += 1
     return count
 
 
@@ -216,28 +224,25 @@ def _square(position: Floats, c: int) -> float:
     return total(first * first + second * second)
 
 
-@summing_kernel
-def _read(
-    place: float, points: Floats, shares: Floats, table: Floats, spots: Floats, states: Floats, reading: int
-) -> None:
-    """Fill a row of states at a place in the interval, 0 to 1; barycentric."""
-    x = 2.0 * place - 1.0
-    total, hit = 0.0, -1
-    for j in range(POINTS):
-        apart = x - points[j]
-        if apart == 0.0:
-            hit, apart = j, 1.0
-        table[j] = shares[j] / apart
-        total += table[j]
-    if hit >= 0:
-        for c in range(spots.shape[0]):
-            states[reading, c] = spots[c, hit]
+@kernel
+def _read(place: float, nodes: Nodes, begun: Floats, work: Work, states: Floats, reading: int) -> None:
+    """Fill a row of states at a place in the interval, 0 to 1: barycentric, through its start, nodes and end."""
+    if place == 0.0:
+        for c in range(begun.shape[0]):
+            states[reading, 2 * c], states[reading, 2 * c + 1] = begun[c, 0], begun[c, 2]
         return
-    for c in range(spots.shape[0]):
-        value = 0.0
-        for j in range(POINTS):
-            value += table[j] * spots[c, j]
-        states[reading, c] = value / total
+    x, whole = 2.0 * place - 1.0, np.inf
+    while not abs(whole) < np.inf:
+        first = load(nodes.shares, (0,)) / (x - load(nodes.points, (0,)))
+        second = load(nodes.shares, (LANES,)) / (x - load(nodes.points, (LANES,)))
+        start, end = nodes.end_shares[0] / (x + 1.0), nodes.end_shares[1] / (x - 1.0)
+        whole = (start + end) + total(first + second)
+        x += _ASIDE  # at a node the sum is not finite
+    for c in range(begun.shape[0]):
+        one = total(first * load(work.position, (c, 0)) + second * load(work.position, (c, LANES)))
+        two = total(first * load(work.rate, (c, 0)) + second * load(work.rate, (c, LANES)))
+        states[reading, 2 * c] = (one + start * begun[c, 0] + end * work.state[c, 0]) / whole
+        states[reading, 2 * c + 1] = (two + start * begun[c, 2] + end * work.state[c, 2]) / whole
 
 
 @kernel
@@ -255,7 +260,7 @@ def guess(memory: Floats, slot: int, which: int, mirror: Floats, continuation: F
     mirror : (components,)
         What `lag` intervals do to the remainder, 1 or -1.
     continuation : (1, NODES * NODES)
-        Nodes of the interval to come (fast index) from those of the interval before (slow index).
+        As in `Nodes`.
     """
     before = (slot - 1) % memory.shape[0]
     for c in range(mirror.size):

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from synth.integrators.collocation_march import ORDERS, ROUGH, Level, march
+from synth.integrators.collocation_march import ORDERS, ROUGH, Level, Nodes, march
 from synth.integrators.collocation_remainders import Work, excess_of, linear_part, mirror_of
 from synth.integrators.trajectory import reason
 from synth.kernels.collocation import NODES
@@ -34,7 +34,7 @@ _STRETCH = 512  # intervals between looks at longer ones
 _PATIENCE = 8  # stretches after which longer intervals are tried again
 _LONGEST_LAG = 32  # intervals; where more make whole half swings, guesses go by the interval before
 FINEST = (1e-15, 1e-14)
-COARSEST = (1e-9, 1e-7)
+COARSEST = (1e-7, 1e-5)
 
 Ladder = tuple[Fraction, Fraction]
 LADDER: Ladder = (Fraction(1), Fraction(2, 3))
@@ -57,8 +57,6 @@ class Problem:
     """(components,) what half a swing does to the remainder, 1 or -1."""
     longest: float
     """Length of the longest intervals to try, s: half a swing."""
-    levels: dict[Fraction, Level] = field(default_factory=dict)
-    """Lengths used so far."""
 
     @classmethod
     def of(cls, system: Any, carried: tuple[Floats, Floats] | None = None, longest: float | None = None) -> Problem:
@@ -84,15 +82,10 @@ class Problem:
     def level(self, depth: int, ladder: Ladder) -> Level:
         """Intervals so many steps down a ladder; two steps halve them."""
         part = ladder[depth % 2] / (1 << (depth // 2))
-        if part not in self.levels:
-            interval = _exact(self.longest * part.numerator / part.denominator)
-            each = zip(self.square.tolist(), self.loss.tolist(), strict=True)
-            made = [weights(square, loss, interval) for square, loss in each]
-            packed = [aligned(np.array(column)) for column in zip(*made, strict=True)]
-            repeats = part.denominator <= _LONGEST_LAG
-            mirror = self.mirror if repeats and part.numerator % 2 else np.ones_like(self.mirror)
-            self.levels[part] = Level._make([interval, part.denominator if repeats else 1, mirror, *packed])
-        return self.levels[part]
+        interval, repeats = _exact(self.longest * part.numerator / part.denominator), part.denominator <= _LONGEST_LAG
+        mirror = self.mirror if repeats and part.numerator % 2 else np.ones_like(self.mirror)
+        packed = _packed(interval, *zip(self.square.tolist(), self.loss.tolist(), strict=True))
+        return Level(interval, part.denominator if repeats else 1, mirror, *packed)
 
 
 class Run:
@@ -123,7 +116,7 @@ class Run:
             self.work = self.work._replace(memory=aligned(np.zeros((level.lag, *memory.shape[1:]))))
         ship = getattr(system, "horizontal", None), getattr(system, "vertical", None)
         limits = self.limits[0] ** 2, self.limits[1] ** 2
-        done = march(system, *ship, level, _plan(), self.work, limits, self.time, count, times, states, self.report)
+        done = march(system, *ship, level, _nodes(), self.work, limits, self.time, count, times, states, self.report)
         self.time += done * level.interval
         return bool(done == count)
 
@@ -202,10 +195,17 @@ def _refused(here: Run, level: Level) -> RefusedError:
 
 
 @functools.cache
-def _plan() -> tuple[Floats, ...]:
-    """What every march needs of the nodes; see `march`."""
-    continued = aligned(continuation().T.reshape(1, -1))
-    return (gauss_nodes() / FINE + 1.0) / 2.0, aligned(legendre_tail()[None, :]), *barycentric(), continued
+def _nodes() -> Nodes:
+    points, shares = barycentric()
+    continued, tail = aligned(continuation().T.reshape(1, -1)), aligned(legendre_tail()[None, :])
+    middle = aligned(points[1:-1]), aligned(shares[1:-1]), (float(shares[0]), float(shares[-1]))
+    return Nodes((gauss_nodes() / FINE + 1.0) / 2.0, tail, continued, *middle)
+
+
+@functools.lru_cache(maxsize=256)
+def _packed(interval: float, *parts: tuple[float, float]) -> list[Floats]:
+    """Weights of all components, from square and loss of each."""
+    return [aligned(np.array(column)) for column in zip(*(weights(*each, interval) for each in parts), strict=True)]
 
 
 def _exact(interval: float) -> float:

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from data_schemas.errors import RefusedError
 from synth.integrators.events import Escapement
 from synth.integrators.explicit_march import MOST_STEPS, Run, StiffError
-from synth.integrators.trajectory import Trajectory, checked, difference, relative_error
+from synth.integrators.trajectory import Trajectory, checked, difference, relative_error, spread
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
@@ -210,10 +210,8 @@ def _change(system: Any, times: Floats, states: Floats, moment: float, out: Floa
 
 
 def instants(begin: float, end: float) -> Floats:
-    """Where marches are compared: spread unevenly, lest they beat with the swing, and whatever the outputs are."""
-    count = np.arange(_COMPARED)
-    shares = (count + count * 0.6180339887498949 % 1.0) / _COMPARED
-    return np.unique(np.concatenate([begin + (end - begin) * shares, [end]]))
+    """Where marches are compared, whatever the outputs are."""
+    return np.unique(np.concatenate([begin + (end - begin) * spread(_COMPARED), [end]]))
 
 
 def _probe(march: March, rough: Run, fine: Run, few: Floats, tolerance: float) -> Probe | None:

@@ -44,7 +44,7 @@ _REASONS = {
 def integrate(
     system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10, stages: tuple[int, int] | None = None
 ) -> Trajectory:
-    """States of a stiff system of up to about 12 unknowns at `times`; see `trajectory`. It has a Jacobian too.
+    """States of a stiff system of up to about 12 unknowns at `times`; see `trajectory`.
 
     Two marches, one at a tolerance ten times looser, are compared. The estimate is half of their difference, which is
     the error of the looser one, and as many roundings as the root of the number of steps. Steps are held to a tolerance

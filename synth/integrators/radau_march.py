@@ -93,6 +93,7 @@ def march(
     scale, carry = address(space, 36 * n), address(space, 37 * n)
     state, slope = space[38 * n : 39 * n], space[39 * n : 40 * n]
     point, other = space[40 * n : 41 * n], space[41 * n : 42 * n]
+    spare = space[35 * n : 36 * n]
     here, slope_at, square = address(space, 38 * n), address(space, 39 * n), n * n
     slopes, slopes_at = space[42 * n : 42 * n + square].reshape(n, n), address(space, 42 * n)
     work = Work(z, f, g, address(space, 42 * n + square), address(places, 0), point, other)
@@ -106,9 +107,8 @@ def march(
         largest[c] = abs(state[c])
     out[0] = state
     done = 1
-    derivative(time, state, system, slope)
-    counts[EVALUATIONS] += 1
-    jacobian(time, state, system, slopes)
+    counts[EVALUATIONS] += n + 1
+    jacobian(time, state, system, slopes, slope, other)
     # two marches that grow their steps alike must not begin alike: their difference would tell nothing
     step = first_step(here, slope_at, slopes_at, span, size) * (tolerance / _BROAD) ** 0.125
     step = max(step, 10.0 * _SHORTEST * span)
@@ -139,7 +139,8 @@ def march(
         for c in range(n):
             point[c] = state[c] + z[(s - 1) * n + c]
             top = max(top, largest[c], least[c])
-        jacobian(time + step if old > 0 else time, point, system, slopes)
+        jacobian(time + step if old > 0 else time, point, system, slopes, other, spare)
+        counts[EVALUATIONS] += n + 1
         for c in range(n):
             floor = max(_FLOOR * max(largest[c], least[c]), _SMALL * top, 1e-300)
             scale[c] = 1.0 / max(abs(state[c]), abs(point[c]), floor)

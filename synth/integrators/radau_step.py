@@ -27,7 +27,7 @@ _ROUNDING, _NOISY = 1e-14, 0.3  # of the state: corrections below this that hard
 _SLOWEST = 0.9  # contraction from which an iteration is not worth its evaluations
 _CAREFUL = 0.1  # share of every time scale at the start that the first step may take
 
-_S3, _S5, _S7 = (0,) * 3, (0,) * 5, (0,) * 7
+_ONE, _S3, _S5, _S7 = (0,), (0,) * 3, (0,) * 5, (0,) * 7
 _N3, _N5, _N7 = THREE.nodes, FIVE.nodes, SEVEN.nodes
 _A3, _A5, _A7 = THREE.inverse, FIVE.inverse, SEVEN.inverse
 _M3, _M5, _M7 = THREE.modes, FIVE.modes, SEVEN.modes
@@ -100,14 +100,13 @@ def _correct(step: float, count: Any, size: Any, work: Work) -> None:
 
 
 @summing_kernel
-def _moved(count: Any, size: Any, scale: Any, g: Any) -> float:
-    """Weighted mean square of a correction."""
-    n, s = len(size), len(count)
-    total = 0.0
-    for i in range(s):
+def _size(rows: Any, size: Any, scale: Any, values: Any) -> float:
+    """Weighted root mean square of values, in as many rows as the first tuple is long."""
+    n, total = len(size), 0.0
+    for i in range(len(rows)):
         for c in range(n):
-            total += (g[i * n + c] * scale[c]) * (g[i * n + c] * scale[c])
-    return total / (n * s)
+            total += (values[i * n + c] * scale[c]) * (values[i * n + c] * scale[c])
+    return math.sqrt(total / (n * len(rows)))
 
 
 @kernel
@@ -164,7 +163,7 @@ def collocate(
         _correct(step, count, size, work)
         if turn == 1:  # before it is measured: a ratio of corrections measured by different sizes would say nothing
             _lower(state, count, size, z, scale)
-        moved = math.sqrt(_moved(count, size, scale, work.g))
+        moved = _size(count, size, scale, work.g)
         if not moved < 1e100:
             return NOT_FINITE, turn, 1.0
         if turn > 1:
@@ -223,28 +222,22 @@ def evaluate(at: float, s: int, size: Any, polynomial: Any, out: Any, row: int) 
 
 
 @summing_kernel
-def extrapolate(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, base: Any) -> None:
-    """Increments (s, n) of a step that starts at the share `begin` of one of `old` stages and is `ratio` as long."""
+def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, base: Any) -> None:
+    """First guess of a step of s stages from the polynomial of another one of `old` stages (0: none).
+
+    It starts at the share `begin` of that one, and is `ratio` times as long.
+    """
     n = len(size)
     nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
+    if old == 0:
+        for i in range(s * n):
+            z[i] = 0.0
+        return
     evaluate(begin, old, size, polynomial, base, 0)
     for i in range(s):
         evaluate(begin + ratio * nodes[i], old, size, polynomial, z, i)
         for c in range(n):
             z[i * n + c] -= base[c]
-
-
-@kernel
-def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, point: Any) -> None:
-    """First guess of a step from the polynomial of another one of `old` stages (0: none).
-
-    It starts at the share `begin` of that one, and is `ratio` times as long.
-    """
-    if old == 0:
-        for i in range(s * len(size)):
-            z[i] = 0.0
-    else:
-        extrapolate(s, old, begin, ratio, size, polynomial, z, point)
 
 
 @kernel
@@ -261,14 +254,6 @@ def part_step(
     for c in range(len(size)):
         work.point[c] = work.z[(s - 1) * len(size) + c]
     return turns if outcome == SOLVED else 0
-
-
-@kernel
-def _size(size: Any, values: Any, scale: Any) -> float:
-    total = 0.0
-    for c in range(len(size)):
-        total += (values[c] * scale[c]) * (values[c] * scale[c])
-    return math.sqrt(total / len(size))
 
 
 @kernel
@@ -293,7 +278,7 @@ def local_error(
         f[n + c] = gain * total
         f[c] = slope[c] + f[n + c]
     solve(size, work.stack, work.exchanges, f)
-    error = _size(size, f, scale)
+    error = _size(_ONE, size, scale, f)
     if error > again:
         for c in range(n):
             point[c] = state[c] + f[c]
@@ -301,7 +286,7 @@ def local_error(
         for c in range(n):
             f[c] = other[c] + f[n + c]
         solve(size, work.stack, work.exchanges, f)
-        error = _size(size, f, scale)
+        error = _size(_ONE, size, scale, f)
     return error
 
 

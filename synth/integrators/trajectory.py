@@ -64,6 +64,13 @@ def reason(system: Any, state: Floats, otherwise: str) -> str:
     return (difficulty(state) if difficulty is not None else None) or otherwise
 
 
+def spread(count: int) -> Floats:
+    """Shares of a span, from 0 on, at which runs are compared: spread unevenly, lest they beat with the swing."""
+    numbers = np.arange(count)
+    shares: Floats = (numbers + numbers * 0.6180339887498949 % 1.0) / count
+    return shares
+
+
 def relative_error(difference: Floats, largest: Floats) -> float:
     """Largest of |difference| (k, n) over `largest` (n,), or of one component; one that never left zero counts as it is."""
     size = np.where(largest > 0.0, largest, 1.0)

@@ -12,12 +12,12 @@ Nothing is allocated in inner loops. Kernels of the remainder are odd in (theta,
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from synth.kernels.collocation import NODES, POINTS, advance, change, last_terms, turned
-from synth.kernels.compiled import kernel, summing_kernel
+from synth.kernels.compiled import kernel
 from synth.kernels.lanes import LANES, load, store, total, wide
 from synth.phase import Floats
 
@@ -141,27 +141,6 @@ def march(
 
 
 @kernel
-def read(points: Any, begin: Any, row: Any, table: Any, result: Any) -> None:
-    """Add y at readings to the result (pendulums, readings).
-
-    Parameters
-    ----------
-    points : (pendulums, intervals, POINTS)
-        As `march` leaves them.
-    begin : (intervals + 1,)
-        First reading of each interval.
-    row : (readings,)
-        Which row of the table tells where in its interval a reading lies.
-    table : (rows, POINTS)
-        Weights of interpolation.
-    """
-    for p in range(points.shape[0]):
-        for i in range(points.shape[1]):
-            for k in range(begin[i], begin[i + 1]):
-                result[p, k] += _at(table, row[k], points, p, i)
-
-
-@kernel
 def _free(flow: Floats, steady: Floats, p: int, i: int, angle: float, speed: float, out: Floats) -> None:
     for j in range(0, NODES, LANES):
         own = load(flow, (p, j)) * angle + load(flow, (p, NODES + j)) * speed
@@ -181,14 +160,6 @@ def _couple(matrix: Floats, known: Floats, now: int, p: int, base: Floats, out: 
         fourth += load(matrix, (p, row + LANES)) * value
     store(out, (p, 0), first + third)
     store(out, (p, LANES), second + fourth)
-
-
-@summing_kernel
-def _at(table: Any, row: int, points: Any, p: int, i: int) -> float:
-    total = 0.0
-    for j in range(POINTS):
-        total += table[row, j] * points[p, i, j]
-    return total
 
 
 @kernel

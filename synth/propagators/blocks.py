@@ -33,13 +33,11 @@ from synth.phase import Floats, Integers, Phasors, Turns, turns
 
 ONE_THREAD = 1 << 18
 """Multiplications up to which OpenBLAS keeps to one thread."""
-FEWEST_ROWS = 8
+_FEWEST_ROWS = 8
 _POINTS = 16  # of the grid under the kernel
 _HALF = _POINTS // 2
 _SHAPE = 1.5 * math.pi * _HALF  # beta: the kernel's transform ends where the aliases of K = M/4 begin
 _TERMS = 16  # of the polynomials: 1e-16 of the largest
-_STRIP = 512  # moments of one matrix product, which then keeps to one thread
-_STRIPS = 8  # at a time: in the processor's cache
 Places = NDArray[np.uint64]
 """Where in the period, in 2^-64 of it."""
 
@@ -141,33 +139,18 @@ def product(even: Sequence[tuple[Floats, Floats]], odd: Sequence[tuple[Floats, F
     result : (blocks, moments) float64
     """
     evens, odds = ([np.concatenate(column) for column in zip(*each, strict=True)] for each in (even, odd))
+    reaches = evens[1].shape[1]
     rows = ONE_THREAD // max(evens[1].size, 1)
-    rows = len(result) if rows < FEWEST_ROWS else min(rows, len(result))
-    space = np.empty((2, max(rows, 1), evens[1].shape[1]))
-    halves((evens[0].T, evens[1]), (odds[0].T, odds[1]), result, space)
-
-
-def halves(even: tuple[Floats, Floats], odd: tuple[Floats, Floats], result: Floats, space: Floats) -> None:
-    """Both halves of a product, in strips of rows.
-
-    Parameters
-    ----------
-    even, odd : pairs of float64
-        Weights (blocks, functions), and table (functions, reaches).
-    result : (blocks, 2 * reaches)
-        As of `product`.
-    space : (2, rows, reaches)
-        Working space for so many rows at a time.
-    """
-    reaches = space.shape[2]
+    rows = max(1, len(result) if rows < _FEWEST_ROWS else min(rows, len(result)))
+    space = np.empty((2, rows, reaches))  # once: fresh memory costs as much as the sums
     before, after = result[:, reaches - 1 :: -1], result[:, reaches:]
-    for begin in range(0, len(result), space.shape[1]):
-        strip = slice(begin, begin + space.shape[1])
+    for begin in range(0, len(result), rows):
+        strip = slice(begin, begin + rows)
         some = after[strip]
-        evens = np.matmul(even[0][strip], even[1], out=space[0, : len(some)])
-        odds = np.matmul(odd[0][strip], odd[1], out=space[1, : len(some)])
-        np.add(evens, odds, out=before[strip])
-        np.subtract(evens, odds, out=some)
+        one = np.matmul(evens[0].T[strip], evens[1], out=space[0, : len(some)])
+        other = np.matmul(odds[0].T[strip], odds[1], out=space[1, : len(some)])
+        np.add(one, other, out=before[strip])
+        np.subtract(one, other, out=some)
 
 
 @dataclass(frozen=True)
@@ -203,28 +186,12 @@ class PeriodicSums:
         places : (moments,)
         """
         result = np.empty((len(self.coefficients), places.size))
-        strips = _STRIP * _STRIPS
-        for begin in range(0, places.size, strips):
-            some = places[begin : begin + strips]
-            cell = (some >> np.uint64(64 - self._digits)).astype(np.intp)
-            inside = (some << np.uint64(self._digits)).astype(np.float64) * 2.0**-64
-            kernel = _kernel(inside)
-            for each, windows in zip(result, self._windows, strict=True):
-                np.einsum("ij,ij->i", windows[cell], kernel, out=each[begin : begin + strips])
+        cell = (places >> np.uint64(64 - self._digits)).astype(np.intp)
+        inside = (places << np.uint64(self._digits)).astype(np.float64) * 2.0**-64
+        kernel = np.polynomial.chebyshev.chebvander(2 * inside - 1, _TERMS - 1) @ _polynomials()
+        for each, windows in zip(result, self._windows, strict=True):
+            np.einsum("ij,ij->i", windows[cell], kernel, out=each)
         return result
-
-
-def _kernel(inside: Floats) -> Floats:
-    """The 16 values of phi at places within a step, 0 to 1, (moments, 16)."""
-    rows = -(-inside.size // _STRIP)
-    basis = np.ones((_TERMS, rows * _STRIP))
-    basis[1, : inside.size] = 2 * inside - 1
-    twice = 2 * basis[1]
-    for term in range(2, _TERMS):
-        np.multiply(twice, basis[term - 1], out=basis[term])
-        basis[term] -= basis[term - 2]
-    values: Floats = np.matmul(basis.reshape(_TERMS, rows, _STRIP).transpose(1, 2, 0), _polynomials())
-    return values.reshape(rows * _STRIP, _POINTS)[: inside.size]
 
 
 @functools.cache

@@ -27,7 +27,7 @@ from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import NEAR_RESONANT_BAND
 from synth.phase import Floats
-from synth.propagators.picard_forcing import EvenReadings, Sums, UnevenReadings
+from synth.propagators.picard_forcing import Readings, Sums
 from synth.propagators.picard_march import Equations, Swing, march
 from synth.propagators.times import EvenTimes, UnevenTimes
 
@@ -95,20 +95,16 @@ class PicardPlan:
         """
         return march(self._equations(), self._readings())
 
-    def _readings(self) -> list[EvenReadings] | list[UnevenReadings]:
+    def _readings(self) -> list[Readings]:
         """The readings among intervals of each length to try."""
         times, kicks = self.times, self.kicks
         motions = (self.horizontal, self.vertical)
         fastest = max(float(np.max(motion.angular_frequency, initial=0.0)) for motion in motions)
         own = float(np.max(self.frequencies))
         longest = [min(reach / (own + fastest), _READ / own) for reach in _REACH]
-        if isinstance(times, EvenTimes):
-            if kicks is not None:
-                return [EvenReadings(times, *(kicks.step / times.step).as_integer_ratio())]
-            return [EvenReadings.among(times, each) for each in longest]
         if kicks is not None:
-            return [UnevenReadings(times, float(kicks.step / times.scale))]
-        return [UnevenReadings.among(times, each) for each in longest]
+            return [Readings(times, kicks.step / (times.step if isinstance(times, EvenTimes) else times.scale))]
+        return [Readings.among(times, each) for each in longest]
 
     def _equations(self) -> Equations:
         horizontal, vertical = _at_least_one(self.horizontal), _at_least_one(self.vertical)

@@ -16,10 +16,9 @@ from functools import cached_property
 import numpy as np
 
 from synth.kernels.collocation_weights import FINE, gauss_nodes, interpolation
-from synth.kernels.picard import read
 from synth.motion.harmonic_sum import Comb
 from synth.phase import Floats, Integers, Phasors, rational_turns, turns
-from synth.propagators.blocks import FEWEST_ROWS, ONE_THREAD, EvenTicks, PeriodicSums, halves
+from synth.propagators.blocks import EvenTicks, PeriodicSums, product
 from synth.propagators.times import EvenTimes, UnevenTimes
 
 _MOST_STEPS = 4096  # in an interval: bounds the table of weights
@@ -62,11 +61,9 @@ class Grid:
         s; exact.
     group : int
         Intervals of a block, even.
-    most : int
-        Most centres asked for at once: the work space for them is kept, for fresh memory costs as much as the sums.
     """
 
-    def __init__(self, sums: Sums, interval: Fraction, group: int, most: int) -> None:
+    def __init__(self, sums: Sums, interval: Fraction, group: int) -> None:
         fine_step, nodes = interval / (2 * FINE), gauss_nodes()
         starts = (2 * np.arange(group // 2, dtype=np.int64) + 1) * FINE  # middles of intervals after the centre
         frequencies = sums.angular_frequency[: sums.alone].tolist()
@@ -76,9 +73,6 @@ class Grid:
         half = starts.size * nodes.size
         table = (fine.phasors(starts)[:, :, None] * fine.phasors(nodes)[:, None, :]).reshape(len(frequencies), half)
         self._even, self._odd = np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
-        self._result = np.empty((len(sums.coefficients) * most, 2 * half))
-        rows = max(FEWEST_ROWS, ONE_THREAD // max(table.size, 1))
-        self._parts = np.empty((2, min(rows, len(self._result)), half))
         reaches = (starts[:, None] + nodes).ravel()
         both = np.concatenate([-reaches[::-1], reaches])
         self._combs = [
@@ -87,16 +81,16 @@ class Grid:
         ]
 
     def evaluate(self, centres: EvenTicks) -> Floats:
-        """Real parts of the sums, (sums, centres * moments), in order of time; valid until the next call.
+        """Real parts of the sums, (sums, centres * moments), in order of time.
 
         A harmonic Re(U exp(i w (t_b + tau))) has an even part in tau, Re(U_b) cos(w tau), and an odd part,
         -Im(U_b) sin(w tau).
         """
         head = centres.phasors(self._rate)
-        weights = (self._coefficients[:, None, :] * head.T).reshape(len(self._coefficients) * centres.count, len(head))
-        real, imaginary = np.ascontiguousarray(weights.real), np.ascontiguousarray(weights.imag)
-        result = self._result[: len(weights)]
-        halves((real, self._even), (imaginary, self._odd), result, self._parts)
+        rows = len(self._coefficients) * centres.count
+        weights = (self._coefficients.T[:, :, None] * head[:, None, :]).reshape(len(head), rows)
+        result = np.empty((rows, 2 * self._even.shape[1]))
+        product([(weights.real, self._even)], [(weights.imag, self._odd)], result)
         for transform, turn, within in self._combs:
             places = turn.wrapped(centres.index).T + within
             result += transform.at(places.ravel()).reshape(result.shape)
@@ -116,95 +110,63 @@ def steady_at(times: EvenTimes | UnevenTimes, sums: Sums, portion: slice) -> Flo
 
 
 @dataclass(frozen=True)
-class EvenReadings:
-    """Readings 0, step, 2 step ... among intervals of steps/parts steps."""
+class Readings:
+    """Readings in order of time, none before t = 0, among intervals of one length."""
 
-    times: EvenTimes
-    steps: int
-    parts: int
-    """An interval is `steps` steps long, divided by `parts`."""
+    times: EvenTimes | UnevenTimes
+    length: Fraction
+    """Of an interval in steps, or in the chronometer's seconds: then a power of two, so that intervals begin at exact
+    times."""
 
     @classmethod
-    def among(cls, times: EvenTimes, longest: float) -> EvenReadings:
-        """Choose the longest intervals, at most `longest` seconds, that fit the step."""
+    def among(cls, times: EvenTimes | UnevenTimes, longest: float) -> Readings:
+        """Choose the longest intervals, at most `longest` seconds of true time, that fit the readings."""
+        if isinstance(times, UnevenTimes):
+            return cls(times, Fraction(math.ldexp(1.0, math.frexp(longest / float(times.scale))[1] - 1)))
         steps = min(max(1, math.floor(longest / times.step)), _MOST_STEPS)
-        return cls(times, steps, math.ceil(times.step * steps / Fraction(longest)))
-
-    @property
-    def intervals(self) -> int:
-        """How many intervals hold all readings."""
-        return (self.times.count - 1) * self.parts // self.steps + 1 if self.times.count else 0
+        return cls(times, Fraction(steps, math.ceil(times.step * steps / Fraction(longest))))
 
     @property
     def interval(self) -> Fraction:
         """Length of an interval, s."""
-        return self.times.step * self.steps / self.parts
+        return self.length * (self.times.step if isinstance(self.times, EvenTimes) else self.times.scale)
 
-    def halved(self) -> EvenReadings:
+    @property
+    def intervals(self) -> int:
+        """How many intervals hold all readings."""
+        return int(self._weights(slice(self.times.count - 1, self.times.count))[0][0]) + 1 if self.times.count else 0
+
+    def halved(self) -> Readings:
         """The same readings among intervals half as long."""
-        return EvenReadings(self.times, *Fraction(self.steps, 2 * self.parts).as_integer_ratio())
+        return Readings(self.times, self.length / 2)
+
+    def _weights(self, some: slice) -> tuple[Integers, Floats]:
+        """The interval of each reading, and the weights of its points, (readings, POINTS)."""
+        if isinstance(self.times, UnevenTimes):
+            turns = self.times.seconds[some] / float(self.length)
+            number = np.floor(turns).astype(np.int64)
+            return number, interpolation(turns - number)
+        index = np.arange(some.start, some.stop, dtype=np.int64) * self.length.denominator
+        number, place = np.divmod(index, self.length.numerator)
+        return number, self._table[place]
 
     @cached_property
     def _table(self) -> Floats:
-        return interpolation(np.arange(self.steps) / self.steps)
+        return interpolation(np.arange(self.length.numerator) / self.length.numerator)
 
     def portion(self, first: int, count: int) -> slice:
         """Readings within `count` intervals from the `first`."""
-        begin, end = (min(-(-edge * self.steps // self.parts), self.times.count) for edge in (first, first + count))
-        return slice(begin, end)
+        edges = [first * self.length, (first + count) * self.length]
+        if isinstance(self.times, UnevenTimes):
+            return slice(*np.searchsorted(self.times.seconds, [float(edge) for edge in edges]).tolist())
+        return slice(*(min(math.ceil(edge), self.times.count) for edge in edges))
 
     def read(self, points: Floats, first: int, result: Floats) -> None:
         """Add y at readings, from its points in intervals from the `first`, to the result (pendulums, readings)."""
-        count = result.shape[1]
-        if self.parts == 1:  # all intervals are read at the same places
+        if isinstance(self.times, EvenTimes) and self.length.denominator == 1:  # the same places in all
             for values, each in zip(result, points, strict=True):
-                values += (each @ self._table.T).reshape(-1)[:count]
+                values += (each @ self._table.T).reshape(-1)[: result.shape[1]]
             return
-        edges = -(-np.arange(first, first + points.shape[1] + 1, dtype=np.int64) * self.steps // self.parts)
-        index = np.arange(edges[0], edges[0] + count, dtype=np.int64)
-        begin = np.minimum(edges - edges[0], count)
-        read(points, begin, index * self.parts % self.steps, self._table, result)
-
-
-@dataclass(frozen=True)
-class UnevenReadings:
-    """Readings at increasing times of a chronometer, not negative."""
-
-    times: UnevenTimes
-    length: float
-    """Length of an interval in the chronometer's seconds: a power of two, so that intervals begin at exact times."""
-
-    @classmethod
-    def among(cls, times: UnevenTimes, longest: float) -> UnevenReadings:
-        """Choose the longest intervals of at most `longest` seconds of true time."""
-        return cls(times, math.ldexp(1.0, math.frexp(longest / float(times.scale))[1] - 1))
-
-    @property
-    def intervals(self) -> int:
-        """How many intervals hold all readings."""
-        return int(self._number[-1]) + 1 if self.times.count else 0
-
-    @property
-    def interval(self) -> Fraction:
-        """Length of an interval, s."""
-        return Fraction(self.length) * self.times.scale
-
-    def halved(self) -> UnevenReadings:
-        """The same readings among intervals half as long."""
-        return UnevenReadings(self.times, self.length / 2)
-
-    @cached_property
-    def _number(self) -> Integers:
-        return np.floor(self.times.seconds / self.length).astype(np.int64)
-
-    def portion(self, first: int, count: int) -> slice:
-        """Readings within `count` intervals from the `first`."""
-        begin, end = np.searchsorted(self._number, [first, first + count]).tolist()
-        return slice(begin, end)
-
-    def read(self, points: Floats, first: int, result: Floats) -> None:
-        """Add y at readings, from its points in intervals from the `first`, to the result (pendulums, readings)."""
-        edges = np.searchsorted(self._number, np.arange(first, first + points.shape[1] + 1))
-        index = slice(int(edges[0]), int(edges[-1]))
-        place = self.times.seconds[index] / self.length - self._number[index]
-        read(points, edges - edges[0], np.arange(place.size), interpolation(place), result)
+        number, rows = self._weights(self.portion(first, points.shape[1]))
+        for values, each in zip(result, points, strict=True):
+            values += np.einsum("ij,ij->i", each[number - first], rows)

@@ -22,7 +22,7 @@ from synth.kicks import Kicks
 from synth.phase import Floats
 from synth.propagators.blocks import EvenTicks
 from synth.propagators.picard_error import Estimate
-from synth.propagators.picard_forcing import EvenReadings, Grid, Sums, UnevenReadings, steady_at
+from synth.propagators.picard_forcing import Grid, Readings, Sums, steady_at
 
 GROUP = 32
 """Intervals in a block of the forcing."""
@@ -72,7 +72,7 @@ class Swing(NamedTuple):
 class _Level:
     """One length of intervals: forcing, weights and readings."""
 
-    def __init__(self, equations: Equations, readings: EvenReadings | UnevenReadings, shown: int) -> None:
+    def __init__(self, equations: Equations, readings: Readings, shown: int) -> None:
         blocks = min(_BLOCKS, -(-readings.intervals // GROUP))
         self.readings = readings
         self.most = blocks * GROUP
@@ -82,9 +82,9 @@ class _Level:
         same = np.array_equal(horizontal.angular_frequency, vertical.angular_frequency)
         if same and horizontal.combs == vertical.combs:
             merged = replace(horizontal, coefficients=np.vstack([vertical.coefficients, horizontal.coefficients]))
-            self._grids = [Grid(merged, readings.interval, GROUP, blocks)]
+            self._grids = [Grid(merged, readings.interval, GROUP)]
         else:
-            self._grids = [Grid(each, readings.interval, GROUP, blocks) for each in (vertical, horizontal)]
+            self._grids = [Grid(each, readings.interval, GROUP) for each in (vertical, horizontal)]
         self.points = np.empty((self._pendulums, self.most, POINTS))
         self._still = np.zeros((self.most, NODES))
         self._kicks = equations.kicks
@@ -131,7 +131,7 @@ class _Level:
         return Forcing(horizontal[: self._pendulums], vertical, rest[0], drive, self._impulses(first, count))
 
 
-def march(equations: Equations, readings: Sequence[EvenReadings | UnevenReadings]) -> Iterator[Swing]:
+def march(equations: Equations, readings: Sequence[Readings]) -> Iterator[Swing]:
     """Angles of stride after stride.
 
     The first stride is tried in intervals of several lengths, longest first; later ones halve what it took.

@@ -1,1 +1,1 @@
-"""Equations of motion: each system is a NamedTuple of parameters with a derivative, and a Jacobian if one is needed."""
+"""Equations of motion: each system is a NamedTuple of parameters with a derivative."""

@@ -17,7 +17,7 @@ import numpy as np
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import by_type, or_none, registered
-from synth.systems.terms import driven, driven_slope, motion
+from synth.systems.terms import driven, motion
 
 
 class Sine(NamedTuple):
@@ -46,32 +46,16 @@ def pull(angle: float, horizontal: float | None, vertical: float | None, restori
     """
 
 
-@by_type("restoring")
-def pull_slope(angle: float, horizontal: float | None, vertical: float | None, restoring: Any) -> Any:
-    """Derivative of `pull` by the angle."""
-
-
 @registered("pull", Sine)
 def _pull(angle: float, horizontal: float | None, vertical: float | None, restoring: Sine) -> float:
     back = math.sin(angle) if vertical is None else (1.0 + vertical) * math.sin(angle)
     return back if horizontal is None else back + horizontal * math.cos(angle)
 
 
-@registered("pull_slope", Sine)
-def _pull_slope(angle: float, horizontal: float | None, vertical: float | None, restoring: Sine) -> float:
-    slope = math.cos(angle) if vertical is None else (1.0 + vertical) * math.cos(angle)
-    return slope if horizontal is None else slope - horizontal * math.sin(angle)
-
-
 @registered("pull", Linear)
 def _pull_linear(angle: float, horizontal: float | None, vertical: float | None, restoring: Linear) -> float:
     back = angle if vertical is None else (1.0 + vertical) * angle
     return back if horizontal is None else back + horizontal
-
-
-@registered("pull_slope", Linear)
-def _pull_slope_linear(angle: float, horizontal: float | None, vertical: float | None, restoring: Linear) -> float:
-    return 1.0 if vertical is None else 1.0 + vertical
 
 
 class DrivenPendulums(NamedTuple):
@@ -112,23 +96,6 @@ def _derivative(time: float, state: Floats, system: DrivenPendulums, out: Floats
         back = -square * pull(angle, horizontal, vertical, restoring)
         out[2 * i] = rate
         out[2 * i + 1] = driven(back, i, angle, rate, terms)
-
-
-@registered("jacobian", DrivenPendulums)
-@kernel
-def _jacobian(time: float, state: Floats, system: DrivenPendulums, out: Floats) -> None:
-    out[:] = 0.0
-    horizontal = relative(motion(time, system.horizontal), system.gravity)
-    vertical = relative(motion(time, system.vertical), system.gravity)
-    frequencies, restoring, terms = system.natural_frequency, system.restoring, system.terms
-    for i in range(frequencies.size):
-        angle, rate = state[2 * i], state[2 * i + 1]
-        square = frequencies[i] * frequencies[i]
-        slope = -square * pull_slope(angle, horizontal, vertical, restoring)
-        by_angle, by_rate = driven_slope((slope, 0.0), i, angle, rate, terms)
-        out[2 * i, 2 * i + 1] = 1.0
-        out[2 * i + 1, 2 * i] = by_angle
-        out[2 * i + 1, 2 * i + 1] = by_rate
 
 
 @registered("response", DrivenPendulums)

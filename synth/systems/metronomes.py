@@ -14,12 +14,10 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import registered, taken_in
-from synth.systems.terms import driven, driven_slope, motion, weight
+from synth.systems.terms import driven, motion, weight
 
 
 class Metronomes(NamedTuple):
@@ -69,32 +67,6 @@ def _derivative(time: float, state: Floats, system: Metronomes, out: Floats) -> 
     for i in range(system.natural_frequency.size):
         out[2 * i + 1] += system.coupling * out[2 * i] * board
         out[2 * i] = state[2 * i + 1]
-
-
-@registered("jacobian", Metronomes)
-@kernel
-def _jacobian(time: float, state: Floats, system: Metronomes, out: Floats) -> None:
-    frequencies, coupling, gravity, terms = system.natural_frequency, system.coupling, system.gravity, system.terms
-    upwards = motion(time, system.vertical)
-    out[:] = 0.0
-    held = np.empty(state.size)
-    board, inertia = _held(time, state, system, held)
-    for j in range(frequencies.size):
-        angle, rate = state[2 * j], state[2 * j + 1]
-        cosine, sine = held[2 * j], math.sin(angle)
-        square = frequencies[j] * frequencies[j] / gravity
-        free = held[2 * j + 1]
-        steeper = -square * weight(cosine, -sine, gravity, None, upwards)
-        by_angle, by_rate = driven_slope((steeper, 0.0), j, angle, rate, terms)
-        share = cosine * by_angle - sine * free - cosine * rate * rate - 2.0 * coupling * sine * cosine * board
-        board_angle, board_rate = share / inertia, (cosine * by_rate - 2.0 * sine * rate) / inertia
-        for i in range(frequencies.size):
-            lever = coupling * held[2 * i]
-            out[2 * i + 1, 2 * j] += lever * board_angle
-            out[2 * i + 1, 2 * j + 1] += lever * board_rate
-        out[2 * j, 2 * j + 1] = 1.0
-        out[2 * j + 1, 2 * j] += by_angle - coupling * sine * board
-        out[2 * j + 1, 2 * j + 1] += by_rate
 
 
 @registered("response", Metronomes)

@@ -26,7 +26,7 @@ def fastest_rate(system: Any, start: ArrayLike) -> float:
     Parameters
     ----------
     system : NamedTuple
-        Registered with a jacobian.
+        Registered with a derivative.
     start : (n,) array
         State at the start.
 
@@ -44,9 +44,8 @@ def fastest_rate(system: Any, start: ArrayLike) -> float:
 
 
 def _matrix(system: Any, state: Floats) -> Floats:
-    out = np.zeros((state.size, state.size))
-    plain_jacobian(0.0, state, system, out)
-    return out
+    matrix: Floats = plain_jacobian(0.0, state, system)
+    return matrix
 
 
 def _likely(system: Any, start: Floats) -> list[Floats]:

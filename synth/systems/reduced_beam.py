@@ -80,30 +80,6 @@ def _derivative(time: float, state: Floats, system: ReducedBeam, out: Floats) ->
         out[2 * i + 3] += beam * state[2 * i + 2]
 
 
-@registered("jacobian", ReducedBeam)
-@kernel
-def _jacobian(time: float, state: Floats, system: ReducedBeam, out: Floats) -> None:
-    detuning, drive, coupling = system.detuning, system.drive, 2.0 * system.coupling
-    held = np.empty(state.size)
-    beam, inertia = _held(state, system, held)
-    out[:] = 0.0
-    out[0, 1] = 1.0
-    out[1, 0] = -4.0 / inertia
-    out[1, 1] = -2.0 * system.beam_damping / inertia
-    for i in range(detuning.size):
-        y, rate, free = state[2 * i + 2], state[2 * i + 3], held[2 * i + 3]
-        by_angle = -2.0 * drive * y * rate - (1.0 + detuning[i])
-        by_rate = drive * (1.0 - y * y)
-        out[1, 2 * i + 2] = coupling * (free + y * by_angle + 2.0 * y * beam) / inertia
-        out[1, 2 * i + 3] = coupling * (2.0 * rate + y * by_rate) / inertia
-        out[2 * i + 2, 2 * i + 3] = 1.0
-        out[2 * i + 3, 2 * i + 2] = by_angle + beam
-        out[2 * i + 3, 2 * i + 3] = by_rate
-    for i in range(detuning.size):
-        for column in range(state.size):
-            out[2 * i + 3, column] += state[2 * i + 2] * out[1, column]
-
-
 class Reduction(NamedTuple):
     """System (2), and the units of its time, beam and clocks."""
 

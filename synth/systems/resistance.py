@@ -1,7 +1,7 @@
 """What resists or drives the swing of one pendulum: angular acceleration as a function of angle and rate.
 
 Each term holds one value a pendulum. A kernel takes the acceleration so far, in rad/s^2, and returns it with its share
-added; beside it stands the kernel of the partial derivatives by angle and rate.
+added.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from data_schemas.scene_pendulum import RESISTANCES, Pendulum
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import registered
-from synth.systems.terms import Slopes
 
 LAWS: dict[str, type] = {}
 """Kinds of terms by the field of a scene's pendulum that brings them."""
@@ -66,12 +65,6 @@ def _viscous(acceleration: float, index: int, angle: float, rate: float, term: V
     return acceleration - 2.0 * term.damping_rate[index] * rate
 
 
-@registered("driven_slope", Viscous)
-@kernel
-def _viscous_slope(slopes: Slopes, index: int, angle: float, rate: float, term: Viscous) -> Slopes:
-    return slopes[0], slopes[1] - 2.0 * term.damping_rate[index]
-
-
 @law("quadratic_damping")
 class Quadratic(NamedTuple):
     """Turbulent air: `-c |theta'| theta'`."""
@@ -84,12 +77,6 @@ class Quadratic(NamedTuple):
 @kernel
 def _quadratic(acceleration: float, index: int, angle: float, rate: float, term: Quadratic) -> float:
     return acceleration - term.coefficient[index] * abs(rate) * rate
-
-
-@registered("driven_slope", Quadratic)
-@kernel
-def _quadratic_slope(slopes: Slopes, index: int, angle: float, rate: float, term: Quadratic) -> Slopes:
-    return slopes[0], slopes[1] - 2.0 * term.coefficient[index] * abs(rate)
 
 
 @law("knife_edge")
@@ -108,13 +95,6 @@ def _knife_edge(acceleration: float, index: int, angle: float, rate: float, term
     return acceleration - term.friction[index] * math.tanh(rate / term.scale[index])
 
 
-@registered("driven_slope", KnifeEdge)
-@kernel
-def _knife_edge_slope(slopes: Slopes, index: int, angle: float, rate: float, term: KnifeEdge) -> Slopes:
-    share = math.tanh(rate / term.scale[index])
-    return slopes[0], slopes[1] - term.friction[index] / term.scale[index] * (1.0 - share * share)
-
-
 class VanDerPolDrive(NamedTuple):
     """Escapement of Kanunnikov and Lamper, `Q_i/(m l_i) = eps (1 - S_i^2/S0^2) S_i'`, S_i = l_i phi_i."""
 
@@ -131,14 +111,6 @@ def _van_der_pol(acceleration: float, index: int, angle: float, rate: float, ter
     return acceleration + term.rate[index] * (1.0 - share * share) * rate
 
 
-@registered("driven_slope", VanDerPolDrive)
-@kernel
-def _van_der_pol_slope(slopes: Slopes, index: int, angle: float, rate: float, term: VanDerPolDrive) -> Slopes:
-    share = angle / term.angle[index]
-    by_angle = -2.0 * term.rate[index] * share / term.angle[index] * rate
-    return slopes[0] + by_angle, slopes[1] + term.rate[index] * (1.0 - share * share)
-
-
 class VanDerPol(NamedTuple):
     """The oscillator `y'' = mu (1 - y^2) y' - y`, the field's stiff reference problem; state (y, y')."""
 
@@ -151,12 +123,3 @@ class VanDerPol(NamedTuple):
 def _derivative(time: float, state: Floats, system: VanDerPol, out: Floats) -> None:
     out[0] = state[1]
     out[1] = system.stiffness * (1.0 - state[0] * state[0]) * state[1] - state[0]
-
-
-@registered("jacobian", VanDerPol)
-@kernel
-def _jacobian(time: float, state: Floats, system: VanDerPol, out: Floats) -> None:
-    out[0, 0] = 0.0
-    out[0, 1] = 1.0
-    out[1, 0] = -2.0 * system.stiffness * state[0] * state[1] - 1.0
-    out[1, 1] = system.stiffness * (1.0 - state[0] * state[0])

@@ -1,10 +1,9 @@
 """Terms of an equation of motion, composed by TYPE: what a scene leaves out is `None` and compiles to nothing.
 
-Three questions are put to a term, and each is answered by the kernel that the term's type was registered with:
+Two questions are put to a term, and each is answered by the kernel that the term's type was registered with:
 
     motion(time, term)                                   -> acceleration of the support, or None
     driven(acceleration, index, angle, rate, term)       -> acceleration with the term's share added
-    driven_slope(slopes, index, angle, rate, term)       -> (d/d angle, d/d rate) with the term's share added
 
 `Both(first, second)` is the sum of two terms; `together(...)` folds any number of them.
 
@@ -22,8 +21,6 @@ from numba.extending import overload
 
 from synth.phase import Floats
 from synth.systems.dispatch import by_type, registered, taken_in
-
-Slopes = tuple[float, float]
 
 
 class Both(NamedTuple):
@@ -69,11 +66,6 @@ def driven(acceleration: float, index: int, angle: float, rate: float, term: Any
     """Angular acceleration of pendulum `index`, rad/s^2, with the share of `term` added."""
 
 
-@by_type("term")
-def driven_slope(slopes: Slopes, index: int, angle: float, rate: float, term: Any) -> Any:
-    """Partial derivatives of `driven` by angle and rate."""
-
-
 @registered("motion", type(None))
 def _still(time: float, term: None) -> None:
     return None
@@ -84,19 +76,9 @@ def _undriven(acceleration: float, index: int, angle: float, rate: float, term: 
     return acceleration
 
 
-@registered("driven_slope", type(None))
-def _undriven_slope(slopes: Slopes, index: int, angle: float, rate: float, term: None) -> Slopes:
-    return slopes
-
-
 @registered("driven", Both)
 def _both(acceleration: float, index: int, angle: float, rate: float, term: Both) -> Any:
     return driven(driven(acceleration, index, angle, rate, term.first), index, angle, rate, term.second)
-
-
-@registered("driven_slope", Both)
-def _both_slopes(slopes: Slopes, index: int, angle: float, rate: float, term: Both) -> Any:
-    return driven_slope(driven_slope(slopes, index, angle, rate, term.first), index, angle, rate, term.second)
 
 
 @taken_in

@@ -28,7 +28,7 @@ import numpy as np
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import by_type, registered, taken_in
-from synth.systems.terms import carried, driven, driven_slope, motion, weight
+from synth.systems.terms import carried, driven, motion, weight
 
 
 class ElasticBeam(NamedTuple):
@@ -132,46 +132,6 @@ def _derivative(time: float, state: Floats, system: Any, out: Floats) -> None:
     for i in range(lengths.size):
         out[2 * i + 3] = out[2 * i + 3] + out[2 * i + 2] * yielding
         out[2 * i + 2] = state[2 * i + 3]
-
-
-@registered("jacobian", FlexibleFrame)
-@registered("jacobian", ElasticBeam)
-@kernel
-def _jacobian(time: float, state: Floats, system: Any, out: Floats) -> None:
-    masses, lengths, gravity, terms = system.mass, system.length, system.gravity, system.terms
-    sideways, upwards = motion(time, system.horizontal), motion(time, system.vertical)
-    out[:] = 0.0
-    rates = out[0]
-    _derivative(time, state, system, rates)
-    whole = own_mass(system)
-    inertia = whole
-    for i in range(lengths.size):
-        arm, slope = lever(math.sin(state[2 * i + 2]), math.cos(state[2 * i + 2]), system)
-        whole += masses[i]
-        inertia += masses[i] * slope * slope
-    drag, _ = pushed(whole, system, sideways, upwards)
-    out[1, 0] = -system.stiffness / inertia
-    out[1, 1] = -drag / inertia
-    for i in range(lengths.size):
-        angle, rate = state[2 * i + 2], state[2 * i + 3]
-        sine, cosine = math.sin(angle), math.cos(angle)
-        arm, slope = lever(sine, cosine, system)
-        free = rates[2 * i + 3] - arm / lengths[i] * rates[1]
-        steeper = -weight(cosine, -sine, gravity, sideways, upwards) / lengths[i]
-        by_angle, by_rate = driven_slope((steeper, 0.0), i, angle, rate, terms)
-        moment = masses[i] * lengths[i]
-        share = moment * (slope * free + arm * by_angle - arm * rate * rate)
-        out[1, 2 * i + 2] = (share + 2.0 * masses[i] * arm * slope * rates[1]) / inertia
-        out[1, 2 * i + 3] = moment * (2.0 * slope * rate + arm * by_rate) / inertia
-        out[2 * i + 2, 2 * i + 3] = 1.0
-        out[2 * i + 3, 2 * i + 2] = by_angle + slope * rates[1] / lengths[i]
-        out[2 * i + 3, 2 * i + 3] = by_rate
-    for i in range(lengths.size):
-        arm, _ = lever(math.sin(state[2 * i + 2]), math.cos(state[2 * i + 2]), system)
-        for column in range(state.size):
-            out[2 * i + 3, column] += arm / lengths[i] * out[1, column]
-    rates[:] = 0.0
-    rates[1] = 1.0
 
 
 @registered("response", FlexibleFrame)

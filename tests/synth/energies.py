@@ -29,11 +29,6 @@ def _pull_at_top(angle: float, horizontal: None, vertical: None, restoring: Sine
     return -math.sin(angle)
 
 
-@registered("pull_slope", SineFromTop)
-def _pull_slope_at_top(angle: float, horizontal: None, vertical: None, restoring: SineFromTop) -> float:
-    return -math.cos(angle)
-
-
 @by_type("system")
 def energy(state: Any, system: Any) -> Any:
     """Energy of a conservative system (without drive and damping)."""

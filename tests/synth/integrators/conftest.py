@@ -24,14 +24,6 @@ def _linear(time: float, state: Floats, system: Linear, out: Floats) -> None:
             out[i] += system.matrix[i, j] * state[j]
 
 
-@registered("jacobian", Linear)
-@kernel
-def _linear_slope(time: float, state: Floats, system: Linear, out: Floats) -> None:
-    for i in range(state.size):
-        for j in range(state.size):
-            out[i, j] = system.matrix[i, j]
-
-
 class Cliff(NamedTuple):
     """`y' = -1` before `edge`, not a number from there on."""
 
@@ -42,9 +34,3 @@ class Cliff(NamedTuple):
 @kernel
 def _cliff(time: float, state: Floats, system: Cliff, out: Floats) -> None:
     out[0] = -1.0 if time < system.edge else float("nan")
-
-
-@registered("jacobian", Cliff)
-@kernel
-def _cliff_slope(time: float, state: Floats, system: Cliff, out: Floats) -> None:
-    out[0, 0] = 0.0

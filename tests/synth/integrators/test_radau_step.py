@@ -17,7 +17,7 @@ from synth.integrators.radau_step import (
     collocate,
     differences,
     evaluate,
-    extrapolate,
+    guess,
 )
 from synth.phase import Floats
 from synth.systems.dispatch import jacobian
@@ -39,7 +39,7 @@ def _step(system: Any, time: float, state: Floats, step: float, stages: int) -> 
     count, size = (0,) * stages, (0,) * n
     work = _space(stages, n)
     slopes = np.zeros((n, n))
-    jacobian(time, state, system, slopes)
+    jacobian(time, state, system, slopes, work.point, work.slope)
     scale = 1.0 / np.maximum(np.abs(state), 1e-3)
     outcome, _, _ = collocate(time, step, state, scale, 1e-15, slopes.ravel(), count, size, work, system)
     return outcome, work.z.reshape(stages, n)
@@ -123,7 +123,7 @@ def test_the_polynomial_goes_through_its_nodes(stages: int) -> None:
     assert outcome == SOLVED
     evaluate(0.0, stages, (0, 0), polynomial, point, 0)
     assert np.max(np.abs(point)) < 1e-16
-    extrapolate(stages, stages, 0.0, 1.0, (0, 0), polynomial, increments, point)
+    guess(stages, stages, 0.0, 1.0, (0, 0), polynomial, increments, point)
     np.testing.assert_allclose(increments, z.ravel(), rtol=0.0, atol=1e-16)
     # in between it keeps the order s: 0.1^(s + 1) of a solution of size 1 with rates up to 3
     _, half = _step(VanDerPol(1.0), 0.0, np.array([2.0, 0.0]), 0.05, stages)

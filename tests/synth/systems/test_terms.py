@@ -11,17 +11,12 @@ from system_examples import DRIVE, KNIFE, QUADRATIC, UPWARDS, VISCOUS, opposite
 
 from synth.kernels.compiled import kernel
 from synth.systems.harmonic_motion import Harmonics, harmonics
-from synth.systems.terms import Both, Impulses, driven, driven_slope, halt, jolt, motion, together
+from synth.systems.terms import Both, Impulses, driven, halt, jolt, motion, together
 
 
 @kernel
 def _total(term: Any) -> float:
     return driven(0.25, 1, 0.3, -0.7, term)
-
-
-@kernel
-def _slopes(term: Any) -> tuple[float, float]:
-    return driven_slope((0.5, 0.125), 1, 0.3, -0.7, term)
 
 
 @kernel
@@ -33,7 +28,6 @@ def test_terms_add_up() -> None:
     alone = [_total(term) - 0.25 for term in (VISCOUS, QUADRATIC, KNIFE, DRIVE)]
     assert _total(together(VISCOUS, QUADRATIC, KNIFE, DRIVE)) == pytest.approx(0.25 + sum(alone), rel=1e-15)
     assert _total(None) == 0.25
-    assert _slopes(None) == (0.5, 0.125)
 
 
 def test_terms_are_what_their_formulas_say() -> None:

@@ -163,6 +163,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
             spline,
             _track(known, all_times, lattice),
             steps,
+            _time_doubt(record) if "film" in record.children else 0.0,
         ),
         labels,
         traces,
@@ -303,6 +304,13 @@ def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:
     nodes = lattice.start + lattice.step * np.arange(lattice.nodes)
     mean = np.interp(nodes, time, change).mean()
     return np.asarray(np.interp(nodes[:, None] + lattice.step * NODES, time, change) - mean)
+
+
+def _time_doubt(record: DataTree) -> float:
+    """1 sigma of the times of a film, s; what is doubted by more is no noise."""
+    stated = record["record"].dataset.get("time_uncertainty")
+    known = np.array([]) if stated is None else np.asarray(stated.values)[np.isfinite(stated.values)]
+    return float(np.median(known)) if known.size else 0.0
 
 
 def _far(trace: np.ndarray, value: Floats, traces: int) -> np.ndarray:

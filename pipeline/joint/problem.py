@@ -65,6 +65,8 @@ class Problem:
     none."""
     steps: Floats = field(default_factory=lambda: np.zeros(0))
     """(t,) rad, to which samples were rounded, which leaves lines of its own; 0: not so that it shows."""
+    time_doubt: float = 0.0
+    """1 sigma of a film's times, s: errors that last for seconds, and feign changes of gravity."""
     repeating: Floats = field(default_factory=lambda: np.zeros(0))
     """(t,) rad, root mean square of the errors repeating with the swing that the readings are without; empty: none."""
 

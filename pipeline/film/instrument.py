@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from data_schemas.errors import UsageError
 from data_schemas.film_conditions import BASE, BASES, COURSES, PENDULUM, PERIODS
 from data_schemas.film_description import FilmDescription
-from data_schemas.variables import VARIABLES, attributes
+from data_schemas.variables import dataset
 from pipeline.film.knowledge import Known
 from pipeline.film.parts import Floats
 
@@ -113,19 +113,3 @@ def _readings(description: FilmDescription, time: Floats) -> dict[str, Floats]:
         if read:
             found[name] = np.interp(time, *np.array(read, dtype=np.float64).T)
     return found
-
-
-def dataset(group: str, variables: Mapping[str, Any], labels: Mapping[str, list[str]]) -> xr.Dataset:
-    """A group's dataset, its dimensions and attributes from the table of variables."""
-    import xarray as xr
-
-    def entry(name: str, value: Any) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
-        key = f"{group}/{name}"
-        dims = VARIABLES[key].dims
-        also = [each for each in VARIABLES[key].also if len(each) == np.ndim(value)]
-        return dims if len(dims) == np.ndim(value) else also[0], value, attributes(key)
-
-    return xr.Dataset(
-        {name: entry(name, value) for name, value in variables.items()},
-        coords={name: entry(name, np.array(values)) for name, values in labels.items()},
-    )

@@ -12,10 +12,10 @@ from data_schemas.contents import identifier
 from data_schemas.errors import RecordError
 from data_schemas.film_description import DescribedTrace, FilmDescription
 from data_schemas.layouts import CONVENTIONS, VERSION
-from data_schemas.variables import attributes
+from data_schemas.variables import attributes, dataset
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.film.comparing import clock_uncertainty
-from pipeline.film.instrument import dataset, instrument_of
+from pipeline.film.instrument import instrument_of
 from pipeline.film.knowledge import Known, default_traces
 from pipeline.film.marks.checks import marks_flags, marks_seen
 from pipeline.film.parts import Floats, TimeAxis

@@ -135,8 +135,8 @@ def _flushed(temporary: Path, image: memoryview) -> None:
 
 def _verified(temporary: Path, image: memoryview, path: str | os.PathLike[str]) -> None:
     """Compare the file on the disk with what was meant, which passed the guard."""
-    with temporary.open("rb", buffering=0) as file:
-        for begin in range(0, image.nbytes + 1, _BLOCK):
+    with open(temporary, "rb") as file:
+        for begin in range(0, len(image) + 1, _BLOCK):
             if file.read(_BLOCK) != image[begin : begin + _BLOCK]:
                 raise FileError(f"{shown(path, 400)}: was not written, the disk gives other bytes back; check the disk")
 

@@ -30,7 +30,6 @@ from simulated_work import (
     decoded,
     encoded,
     hold,
-    load,
     process,
     summaries,
     table,
@@ -155,7 +154,7 @@ class Command:
             (isolated, "gc", SimpleNamespace(collect=lambda: 0)),
             (record, "time", clock), (log, "datetime", SimpleNamespace(datetime=moment, UTC=datetime.UTC)),
             (writing, "secrets", names), (writing, "from_tree", contents_of), (writing, "encoded", encoded),
-            (writing, "load", load), (summary.Columns, "tree", table), (batch_jobs, "KINDS", kinds),
+            (summary.Columns, "tree", table), (batch_jobs, "KINDS", kinds),
             (pipeline.processing, "process", process), (pipeline.summary, "summaries", summaries),
             (Ledger, "append", appended), (sys, "argv", ["isochrony", "batch"]), (System, "mounted", self.system),
         ]  # fmt: skip

@@ -55,14 +55,6 @@ def decoded(data: bytes) -> dict[str, Any]:
     return attrs
 
 
-def load(path: Any) -> dict[str, Any]:
-    try:
-        with open(path, "rb") as file:
-            return decoded(file.read())
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror}") from None
-
-
 def process(made: dict[str, Any], *, gain_uncertainty: float, **_: object) -> Result:
     if made["fate"] == "refused":
         raise RefusedError("the record is one that nobody can use")

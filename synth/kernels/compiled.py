@@ -19,6 +19,7 @@ import numba
 from numba.core import caching, types
 
 from synth.kernels.cache import PACKAGES, cache_folder
+from synth.kernels.parts import Kernel
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -63,10 +64,11 @@ def _compile(function: Function, fastmath: bool | set[str]) -> Function:
     config: Any = numba.config
     if config.DISABLE_JIT:
         return function
+    options = {"nopython": True, "fastmath": fastmath, "error_model": "numpy", "nogil": True}
     before = config.CACHE_DIR
     config.CACHE_DIR = str(cache_folder())
     try:
-        compiled: Any = numba.njit(fastmath=fastmath, error_model="numpy", nogil=True)(function)
+        compiled: Any = Kernel(function, targetoptions=options)
         compiled._cache = _OwnCache(function)  # as `cache=True` does, with a choice of what to keep
     finally:
         config.CACHE_DIR = before

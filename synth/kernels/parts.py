@@ -1,0 +1,81 @@
+"""What a kernel calls becomes a part of it: typed and lowered once, optimised and turned into machine code with its caller.
+
+Numba makes of every function that another one calls a program of its own, callable from Python, which nobody calls:
+wrappers that unpack the arguments, all of LLVM's passes, machine code. With three levels of calls that is done three
+times; without it the first command compiles in half the time, to code that runs as fast.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.core import codegen, types
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import CPUDispatcher, cpu_target
+
+_Library: Any = codegen.JITCodeLibrary
+_Dispatcher: Any = CPUDispatcher
+_PART = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+class _LazyLibrary(_Library):  # type: ignore[misc]  # Numba is untyped
+    """A library that is optimised and turned into machine code when somebody asks for an address in it."""
+
+    _emitted = False
+
+    def finalize(self) -> None:
+        """Link what it calls, and no more."""
+        for library in dict.fromkeys(self._linking_libraries):
+            self._reload_init.update(library._reload_init)
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._finalized = True
+
+    def _finalize_final_module(self) -> None:
+        self._emitted = True
+        super()._finalize_final_module()
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Address of a function; 0 for a wrapper that was not made."""
+        self._ensure_finalized()
+        if not self._emitted:
+            if all(each.name != name for each in self._final_module.functions):
+                return 0
+            self._optimize_final_module()
+            self._final_module.verify()
+            self._finalize_final_module()
+        return int(super().get_pointer_to_function(name))
+
+    @property
+    def codegen(self) -> Any:
+        """Who is told of the function's environment: nobody while there is no machine code that could ask for it."""
+        return self._codegen if self._emitted else self
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Nothing to do; see `codegen`."""
+
+
+class Kernel(_Dispatcher):  # type: ignore[misc]
+    """A compiled function that Python and other kernels call; for the latter it compiles a part of them."""
+
+    def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None, **more: Any) -> None:
+        super().__init__(py_func, locals or {}, targetoptions, **more)
+        self._part = _Dispatcher(py_func, {}, {**targetoptions, **_PART})
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Signature for a caller; numbers that stand in its source are like others, not a type of their own."""
+        plain = {name: types.unliteral(each) for name, each in kws.items()}
+        return self._part.get_call_template([types.unliteral(each) for each in args], plain)
+
+    def get_overload(self, sig: Any) -> Any:
+        """The function that its callers link."""
+        return self._part.get_overload(sig)
+
+    def compile(self, sig: Any) -> Any:
+        """Load or compile it for Python, and all that it calls as its parts."""
+        generator: Any = cpu_target.target_context.codegen()
+        with global_compiler_lock:
+            before, generator._library_class = generator._library_class, _LazyLibrary
+            try:
+                return super().compile(sig)
+            finally:
+                generator._library_class = before

@@ -1,6 +1,6 @@
-"""What a kernel calls becomes a part of it: typed and lowered once, optimised and turned into machine code with its caller.
+"""What a kernel calls becomes a part of it: typed and lowered once, optimised and made machine code with its caller.
 
-Numba makes of every function that another one calls a program of its own, callable from Python, which nobody calls:
+Numba makes of every function that another one calls a program of its own, which Python could call and does not:
 wrappers that unpack the arguments, all of LLVM's passes, machine code. With three levels of calls that is done three
 times; without it the first command compiles in half the time, to code that runs as fast.
 """
@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.core import codegen, types
+from numba.core import codegen, environment, types
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
 
 _Library: Any = codegen.JITCodeLibrary
 _Dispatcher: Any = CPUDispatcher
+_unliteral: Any = types.unliteral
+_environment_of: Any = environment.lookup_environment
 _PART = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
@@ -33,6 +35,10 @@ class _LazyLibrary(_Library):  # type: ignore[misc]  # Numba is untyped
     def _finalize_final_module(self) -> None:
         self._emitted = True
         super()._finalize_final_module()
+        for each in self._final_module.global_variables:
+            known = _environment_of(each.name)
+            if known is not None:
+                self._codegen.set_env(each.name, known)
 
     def get_pointer_to_function(self, name: str) -> int:
         """Address of a function; 0 for a wrapper that was not made."""
@@ -50,6 +56,23 @@ class _LazyLibrary(_Library):  # type: ignore[misc]  # Numba is untyped
         """Who is told of the function's environment: nobody while there is no machine code that could ask for it."""
         return self._codegen if self._emitted else self
 
+    def serialize_using_object_code(self) -> Any:
+        """Machine code, and the names in it; who calls the kernel in another process compiles a part of its own."""
+        self._ensure_finalized()
+        every = (*self._final_module.functions, *self._final_module.global_variables)
+        names = [each.name for each in every if not each.is_declaration]
+        return self.name, "object", (self._get_compiled_object(), names)
+
+    @classmethod
+    def _unserialize(cls, codegen: Any, state: Any) -> Any:
+        name, _, (code, names) = state
+        self = cls(codegen, name)
+        self.enable_object_caching()
+        self._set_compiled_object(code)
+        self._finalize_final_module()
+        codegen._engine._defined_symbols.update(names)
+        return self
+
     def set_env(self, name: str, environment: Any) -> None:
         """Nothing to do; see `codegen`."""
 
@@ -63,8 +86,8 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Signature for a caller; numbers that stand in its source are like others, not a type of their own."""
-        plain = {name: types.unliteral(each) for name, each in kws.items()}
-        return self._part.get_call_template([types.unliteral(each) for each in args], plain)
+        plain = {name: _unliteral(each) for name, each in kws.items()}
+        return self._part.get_call_template([_unliteral(each) for each in args], plain)
 
     def get_overload(self, sig: Any) -> Any:
         """The function that its callers link."""

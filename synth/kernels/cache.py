@@ -16,19 +16,22 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 
 _KEPT_GENERATIONS = 4  # older cache folders are removed, so that upgrades do not fill the disk
 _INHERITED = "ISOCHRONY_CACHE"  # variable of the environment: where the process that started this one keeps kernels
-_VERSIONS = " ".join([*map(version, ("numba", "llvmlite", "numpy", "scipy")), str(sys.implementation.cache_tag)])
+_RUNS_WITH = ("numba", "llvmlite", "numpy", "scipy")
+WATCHERS: list[Callable[[str], None]] = []
+"""Told the name of every kernel that is about to be compiled for Python."""
 
 
 @functools.cache
 def cache_folder() -> Path:
     """Folder for compiled kernels, of this installation; created on first use."""
-    digest = hashlib.sha256(f"{_VERSIONS} {Path(__file__).parent}".encode())
+    versions = " ".join([*map(version, _RUNS_WITH), str(sys.implementation.cache_tag)])
+    digest = hashlib.sha256(f"{versions} {Path(__file__).parent}".encode())
     base = next((each for each in _bases() if _made(each)), None) or _fresh()
     folder = base / digest.hexdigest()[:16]
     if not folder.exists():

@@ -16,7 +16,6 @@ from typing import Any, TypeVar, cast
 import numba
 
 from synth.kernels.parts import Kernel
-from synth.kernels.stored import Stored
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -40,6 +39,4 @@ def _compile(function: Function, fastmath: bool | set[str]) -> Function:
     if config.DISABLE_JIT:
         return function
     options = {"nopython": True, "fastmath": fastmath, "error_model": "numpy", "nogil": True}
-    compiled: Any = Kernel(function, targetoptions=options)
-    compiled._cache = Stored(function)  # as `cache=True` does, by other rules
-    return cast(Function, compiled)
+    return cast(Function, Kernel(function, targetoptions=options))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import glob
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from typing import Any
 from numba.core import caching, types
 from numba.core.compiler import CompileResult
 
-from synth.kernels.cache import cache_folder
+from synth.kernels.cache import WATCHERS, cache_folder
 from synth.kernels.sources import PACKAGES, ROOT, stamp
 
 _KEPT = 4
@@ -33,6 +34,7 @@ class Stored(_Cache):  # type: ignore[misc]  # Numba is untyped
     def __init__(self, function: Callable[..., Any]) -> None:
         self._py_func, self._name = function, repr(function)
         self._impl = None  # of numba's own ways to find a folder
+        self._held: int | None = None
         self.enable()
 
     @property
@@ -41,16 +43,39 @@ class Stored(_Cache):  # type: ignore[misc]  # Numba is untyped
         return str(cache_folder())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """What was compiled for a signature, from the present sources; None if nothing was."""
+        """What was compiled for a signature, from the present sources; None if nothing was.
+
+        Of several processes that miss a kernel one compiles it, and the others wait until it is there.
+        """
         file = self._file(sig)
-        if file is None:
-            return None
         target_context.refresh()
-        try:
-            data = file.load(self._index_key(sig, target_context.codegen()))
-        except OSError:
-            return None
-        return None if data is None else _Result._rebuild(target_context, *data)
+        found = self._read(file, sig, target_context)
+        if found is None and file is not None:
+            self._hold()
+            found = self._read(file, sig, target_context)
+        if found is None:
+            for watcher in WATCHERS:
+                watcher(self._py_func.__name__)
+        return found
+
+    def _read(self, file: Any, sig: Any, target_context: Any) -> Any:
+        with contextlib.suppress(OSError):
+            data = None if file is None else file.load(self._index_key(sig, target_context.codegen()))
+            return None if data is None else _Result._rebuild(target_context, *data)
+
+    def _hold(self) -> None:
+        """Let other processes wait; where the system has no such locks, each compiles for itself."""
+        with contextlib.suppress(ImportError, OSError):
+            import fcntl
+
+            self._held = os.open(cache_folder(), os.O_RDONLY)
+            fcntl.flock(self._held, fcntl.LOCK_EX)
+
+    def release(self) -> None:
+        """Let other processes go on."""
+        if self._held is not None:
+            os.close(self._held)
+            self._held = None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the machine code of one signature, or not."""

@@ -114,7 +114,11 @@ def test_another_users_folder_in_the_common_place_is_left_alone(tmp_path: Path) 
     planted = common / "isochrony-65534"
     planted.mkdir()
     planted.chmod(0o777)
-    code = "import os; from synth.kernels import cache; os.setuid(65534); print(cache.cache_folder())"
+    # what the interpreter reads of versions it may not read as somebody else
+    code = (
+        "import os; from synth.kernels import cache; cache.version('numba'); os.setuid(65534);"
+        "print(cache.cache_folder())"
+    )
     given = {**os.environ, "HOME": "/nonexistent", "XDG_CACHE_HOME": "", "TMPDIR": str(common), "ISOCHRONY_CACHE": ""}
     ran = subprocess.run([sys.executable, "-c", code], env=given, capture_output=True, text=True, check=True)
     folder = Path(ran.stdout.strip())
@@ -197,19 +201,18 @@ def tiny(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def ran(folder: Path, middle: str = "") -> list[str]:
-    """Value of each kernel, and whether it came from the cache."""
+def begun(folder: Path, middle: str = "") -> subprocess.Popen[str]:
+    """A process that calls each kernel, and tells its value and whether it came from the cache."""
     given = {**os.environ, "PYTHONPATH": str(folder), "XDG_CACHE_HOME": str(folder / "cache")}
     given |= {"ISOCHRONY_CACHE": "", "PYTHONDONTWRITEBYTECODE": "1"}  # bytecode knows edits by the second
-    told = subprocess.run(
-        [sys.executable, "-c", RUN.format(middle=middle)],
-        cwd=folder,
-        env=given,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return told.stdout.splitlines()
+    code = [sys.executable, "-c", RUN.format(middle=middle)]
+    return subprocess.Popen(code, cwd=folder, env=given, stdout=subprocess.PIPE, text=True)
+
+
+def ran(folder: Path, middle: str = "") -> list[str]:
+    """What such a process told."""
+    told = begun(folder, middle).communicate()[0]
+    return told.splitlines()
 
 
 @pytest.mark.compiled
@@ -231,6 +234,14 @@ def test_what_a_process_compiles_after_an_edit_is_nobody_elses(tiny: Path) -> No
     edit = f"open({str(tiny / 'synth/numbers.py')!r}, 'w').write('ADDED = 2.0')"
     assert ran(tiny, middle=edit) == ["20.0 0", "2.0 0", "-1.0 0"]
     assert ran(tiny) == ["30.0 0", "3.0 0", "-1.0 1"]
+
+
+@pytest.mark.compiled
+def test_of_processes_that_begin_together_one_compiles(tiny: Path) -> None:
+    together = [begun(tiny) for _ in range(3)]
+    told = [line for each in together for line in each.communicate()[0].splitlines()]
+    for value in ("20.0", "2.0", "-1.0"):
+        assert sorted(line for line in told if line.startswith(f"{value} ")) == [f"{value} 0", *[f"{value} 1"] * 2]
 
 
 def test_a_kernel_through_the_registry_is_made_from_all_that_is_registered() -> None:

@@ -8,6 +8,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import data_schemas
@@ -70,11 +71,11 @@ def _steps(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
     """What is done, and how it is called."""
     from pipeline.batch.warming import warm
 
-    yield "process", lambda: warm([name for name in METHODS if name != "auto"])
+    yield "process", partial(warm, [name for name in METHODS if name != "auto"])
     for name in sorted(synth.scenes()):
-        yield f"simulate {name}", lambda name=name: _simulate(name)
-    yield "expose", lambda: _expose(folder)
-    yield "digitise", lambda: _digitise(folder)
+        yield f"simulate {name}", partial(_simulate, name)
+    yield "expose", partial(_expose, folder)
+    yield "digitise", partial(_digitise, folder)
 
 
 def _simulate(name: str) -> None:

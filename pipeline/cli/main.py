@@ -30,15 +30,17 @@ from pipeline.cli import (
     schema,
     simulate,
     validate,
+    warm,
 )
 from pipeline.cli.parser import Parser, did_you_mean
 from pipeline.cli.tables import Printable, complain
 from pipeline.memory import bounded
+from synth.kernels import cache
 
 _VERBS: dict[str, Any] = {
     "demo": demo, "simulate": simulate, "process": process, "expose": expose, "digitise": digitise, "batch": batch,
     "benchmark": benchmark, "plot": plot, "import": import_csv, "join": join, "validate": validate, "schema": schema,
-    "explain": explain,
+    "explain": explain, "warm": warm,
 }  # fmt: skip
 
 _READERS = ("process", "plot", "validate", "digitise", "import", "join")
@@ -81,6 +83,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     _use_streams()
     _calm_blas()
+    if arguments is None and words[:1] != ["batch"]:
+        sys.modules.setdefault("dask", None)  # type: ignore[arg-type]  # xarray would import it: .3 s, and no verb has use for it
     try:
         with contextlib.redirect_stdout(Printable(sys.stdout)):
             status = _dispatch(words)
@@ -115,6 +119,7 @@ def _dispatch(words: list[str]) -> int:
         module.add_options(parsers[name])
     if words and words[0] in parsers:
         options = parsers[words[0]].parse_strictly(words[1:])
+        cache.WATCHERS[:] = [_say_compiling]
         with bounded(_allowed(options) if words[0] in _READERS else None):
             status: int = _VERBS[words[0]].run(options)
         return status
@@ -126,6 +131,12 @@ def _dispatch(words: list[str]) -> int:
         print(f"isochrony {_version()}")
         return 0
     top.error(f"a verb is missing; known: {', '.join(parsers)}")
+
+
+def _say_compiling(_kernel: str) -> None:
+    """Say once why a first command takes long."""
+    cache.WATCHERS.clear()
+    complain("compiling kernels, once after installation or an upgrade (`isochrony warm` compiles all ahead)")
 
 
 def _allowed(options: argparse.Namespace) -> int:

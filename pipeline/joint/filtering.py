@@ -16,10 +16,11 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint.flow import POINTS, Flow
 from pipeline.joint.forcing import derive_errors, remain
-from pipeline.joint.kinds import GAIN, START, ZERO
+from pipeline.joint.kinds import CUBIC, GAIN, START, ZERO
 from pipeline.joint.passes import Columns, Kept, Pass, Readings, Slots
 from pipeline.joint.remainder import Steps, collocate, ends_of, lay_known, reach, room_for, sources
 from pipeline.joint.updating import (
+    add,
     add_drive,
     add_noise,
     change_of,
@@ -35,6 +36,7 @@ from pipeline.joint.updating import (
     set_aside,
     square_up,
     substitute,
+    take_off,
 )
 from synth.kernels.compiled import kernel
 
@@ -59,7 +61,8 @@ def follow(about: Floats, k: int, rows: Floats, ends: Floats, onward: Floats, pa
         for q in range(path.shape[1]):
             path[s, q] = about[k + s, q]
     np.dot(rows, path[:-1].T, steps.nodes)
-    steps.away[:] = np.dot(ends, path[1:].T) - np.dot(onward, path[:-1].T)
+    np.dot(ends, path[1:].T, steps.away)
+    take_off(np.dot(onward, path[:-1].T), steps.away)
 
 
 @kernel
@@ -92,7 +95,7 @@ def lay_by(columns: Columns, of_traces: np.ndarray, trace: int, seen: Floats, j:
 @kernel
 def sum_up(buffer: Floats, rows: int, normal: Floats) -> None:
     """Add the products of whitened errors and derivatives."""
-    normal[:] += np.dot(buffer[:rows].T, buffer[:rows])
+    add(np.dot(buffer[:rows].T, buffer[:rows]), normal)
 
 
 @kernel
@@ -125,6 +128,17 @@ def keep_gain(keep: Kept, begin: int, slots: Slots, used: int, root: Floats, gai
                 total -= root[j, q] * keep.row[begin + q, r]
             keep.row[begin + j, r] = total / root[j, j]
             keep.gain[begin + j, r] = gain[j, r]
+
+
+@kernel
+def kinds_between(columns: Columns, least: int, end: int) -> np.ndarray:
+    """Which constants are of a kind from `least` up to `end`."""
+    count, chosen = 0, np.empty(columns.kind.size, dtype=np.int64)
+    for c in range(columns.kind.size):
+        if least <= columns.kind[c] < end:
+            chosen[count] = c
+            count += 1
+    return chosen[:count]
 
 
 @kernel
@@ -178,9 +192,10 @@ def sweep(
     square, root = np.zeros((most, most)), np.zeros((most, most))
     seen, gain, old_gain = np.zeros((most, constants + 1)), np.zeros((most, size)), np.zeros((most, size))
     buffer, rows = np.zeros((ROWS, constants + 1)), 0
-    forced = np.flatnonzero((columns.kind > START) & (columns.kind < ZERO))
-    of_traces = np.flatnonzero(columns.kind >= ZERO)
-    plain = not flow.sine and not np.any(flow.quadratic) and not np.any(flow.dry) and known.shape[0] == 0
+    forced, of_traces = kinds_between(columns, START + 1, ZERO), kinds_between(columns, ZERO, CUBIC + 1)
+    plain = not flow.sine and known.shape[0] == 0
+    for i in range(count):
+        plain = plain and flow.quadratic[i] == 0.0 and flow.dry[i] == 0.0
     keeping, kept, end_kept = keep.swing.shape[0] > 0, 0, 0
     given = about.shape[0] > 0
     joined, at, chunk = flow.sine and given, 0, begin - CHUNK
@@ -305,5 +320,6 @@ def sweep(
         moving = moving and not settling
     sum_up(buffer, rows, of.normal)
     of.totals[0] += np.log(product)
-    of.state[:], of.covariance[:] = state, covariance
+    copy(state, of.state)
+    copy(covariance, of.covariance)
     return True

@@ -64,7 +64,9 @@ def remain(
     if joined:
         join_ends(flow, n, steps)
     if plain:
-        steps.extra[:] = 0.0  # a knock of steps before
+        for r in range(steps.extra.shape[0]):
+            for s in range(n):
+                steps.extra[r, s] = 0.0  # a knock of steps before
     else:
         differentiate(flow, known, k, n, steps)
         for i in range(rows.shape[0]):

@@ -63,7 +63,8 @@ def room_for(flow: Flow, forced: int, n: int) -> Steps:
     for i in range(count):
         for r in range(2):
             for m in range(POINTS):
-                weight[i, r, m] = flow.response[i, POINTS, m, r]
+                for s in range(n):
+                    weight[i, r, m, s] = flow.response[i, POINTS, m, r]
     return Steps(
         np.zeros((2 * POINTS * (count + 1), n)), np.zeros((4 + 2 * count, n)), np.zeros((2 * POINTS, n)),
         np.zeros((count, 6, POINTS, n)), np.zeros((count, 4, POINTS, n)), weight,
@@ -306,7 +307,8 @@ def sources(flow: Flow) -> Floats:
     for i in range(count):
         for m in range(POINTS):
             for c, group in enumerate((i, count + i, 2 * count, 2 * count + 1)):
-                out[i, 4 * m + c] = flow.rows[POINTS * group + m]
+                for q in range(out.shape[2]):
+                    out[i, 4 * m + c, q] = flow.rows[POINTS * group + m, q]
     return out
 
 

@@ -53,8 +53,11 @@ def smooth(
         gather_readings(readings, k, begin, whitened, keep, adjoint, later)
         for q in range(size):
             path[k - begin, q] = adjoint[q]
-    at_break, driven, onward = 0, np.dot(path[: end - begin], flow.noise), np.zeros_like(ahead)
-    onward[:, two:], felt = ahead[:, two:].T, np.zeros(2)
+    at_break, driven, felt = 0, np.dot(path[: end - begin], flow.noise), np.zeros(2)
+    onward = np.zeros(ahead.shape)
+    for r in range(ahead.shape[0]):
+        for q in range(ahead.shape[0]):
+            onward[r, two + q] = ahead[q, two + r]
     for r in range(size):
         for q in range(size):
             state[r] += covariance[r, q] * adjoint[q]

@@ -245,6 +245,22 @@ def copy(source: Floats, to: Floats) -> None:
 
 
 @kernel
+def add(what: Floats, to: Floats) -> None:
+    """Add a matrix."""
+    for r in range(what.shape[0]):
+        for q in range(what.shape[1]):
+            to[r, q] += what[r, q]
+
+
+@kernel
+def take_off(what: Floats, of: Floats) -> None:
+    """Subtract a matrix."""
+    for r in range(what.shape[0]):
+        for q in range(what.shape[1]):
+            of[r, q] -= what[r, q]
+
+
+@kernel
 def add_drive(flow: Flow, push: Floats, begin: int, s: int, covariance: Floats) -> None:
     """Add what the process noise of vertical motion does within step s, from rows `begin` and the next of `push`."""
     two = push.shape[1]

@@ -1,47 +1,43 @@
 """Where compiled kernels are kept; known without numba, whose import takes a second.
 
-Numba's cache watches only the file of the function that was called: a kernel edited in another file would
-silently run old code. The cache folder is therefore named by a hash of all kernel sources and versions.
+One folder for each installation and the versions that it runs with; what a kernel in it was made from, its name tells
+(`stored.py`).
 """
 
 from __future__ import annotations
 
 import atexit
+import contextlib
 import functools
 import hashlib
 import os
 import re
 import shutil
 import stat
+import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
 _KEPT_GENERATIONS = 4  # older cache folders are removed, so that upgrades do not fill the disk
 _INHERITED = "ISOCHRONY_CACHE"  # variable of the environment: where the process that started this one keeps kernels
-PACKAGES = ("synth", "pipeline")
-_VERSIONS = f"{version('numba')} {np.__version__}"
-_COMPILED = (b"kernel\n", b"numba", b"@registered(", b"@taken_in")
-"""What files hold whose code is compiled."""
+_RUNS_WITH = ("numba", "llvmlite", "numpy", "scipy")
+WATCHERS: list[Callable[[str], None]] = []
+"""Told the name of every kernel that is about to be compiled for Python."""
 
 
 @functools.cache
 def cache_folder() -> Path:
-    """Folder for compiled kernels, unique to the present sources; created on first use."""
-    root = Path(__file__).parents[2]
-    digest = hashlib.sha256(_VERSIONS.encode())
-    for package in PACKAGES:
-        for source in sorted((root / package).rglob("*.py")):
-            text = source.read_bytes()
-            if any(mark in text for mark in _COMPILED):
-                digest.update(source.relative_to(root).as_posix().encode() + b"\0" + text)
+    """Folder for compiled kernels, of this installation; created on first use."""
+    versions = " ".join([*map(version, _RUNS_WITH), str(sys.implementation.cache_tag)])
+    digest = hashlib.sha256(f"{versions} {Path(__file__).parent}".encode())
     base = next((each for each in _bases() if _made(each)), None) or _fresh()
     folder = base / digest.hexdigest()[:16]
     if not folder.exists():
         _prune(base)
+    with contextlib.suppress(OSError):
+        os.utime(folder)  # in use
     if not _made(folder) or not all(_is_own(each.lstat()) for each in folder.rglob("*")):
         folder = _fresh() / folder.name
         folder.mkdir(mode=0o700, exist_ok=True)

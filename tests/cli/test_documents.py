@@ -52,7 +52,7 @@ def test_a_command_parses(command: str) -> None:
 SECONDS = 120  # of what the shipped scenes last here
 ELSEWHERE = (
     "benchmark", "--scheduler", "--repeat", "--strips", "--resume", "scan.png", "--retry-failed", "kill", "--table",
-    "--edits",
+    "--edits", "isochrony warm",
 )  # fmt: skip
 """Of commands that take minutes, another machine, or several scans: their own tests run them."""
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from synth.kernels import cache, compiled
+from synth.kernels import cache, compiled, sources, stored
 from synth.systems.resistance import Viscous
 
 
@@ -92,7 +92,7 @@ def test_kernels_of_a_folder_that_others_may_write_to_are_never_loaded(planted: 
     assert cache.cache_folder() == folder
 
 
-def test_only_kernels_of_older_sources_are_removed(kept: Path) -> None:
+def test_only_kernels_of_installations_unused_for_long_are_removed(kept: Path) -> None:
     base = kept / "home/.cache/isochrony"
     names = [f"{number:016x}" for number in range(6)]
     for name in [*names, "notes"]:
@@ -114,8 +114,10 @@ def test_another_users_folder_in_the_common_place_is_left_alone(tmp_path: Path) 
     planted = common / "isochrony-65534"
     planted.mkdir()
     planted.chmod(0o777)
+    # what the interpreter reads of versions it may not read as somebody else
     code = (
-        "import os; from synth.kernels import cache; cache.PACKAGES = (); os.setuid(65534); print(cache.cache_folder())"
+        "import os; from synth.kernels import cache; cache.version('numba'); os.setuid(65534);"
+        "print(cache.cache_folder())"
     )
     given = {**os.environ, "HOME": "/nonexistent", "XDG_CACHE_HOME": "", "TMPDIR": str(common), "ISOCHRONY_CACHE": ""}
     ran = subprocess.run([sys.executable, "-c", code], env=given, capture_output=True, text=True, check=True)
@@ -150,7 +152,7 @@ def test_only_types_of_the_project_are_kept(
     argument: Any, kept: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An index that names a module which is not there cannot be read by anybody else."""
-    monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(stored, "cache_folder", lambda: tmp_path)
     made = compiled.kernel(add_one)
     assert np.all(made(argument) == 2.0)
     assert bool(list(tmp_path.rglob("*.nbi"))) == kept
@@ -158,3 +160,98 @@ def test_only_types_of_the_project_are_kept(
         again: Any = compiled.kernel(add_one)
         again(argument)
         assert sum(again.stats.cache_hits.values()) == 1
+
+
+@pytest.mark.compiled
+def test_of_one_kernel_the_last_four_kinds_of_sources_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stored, "cache_folder", lambda: tmp_path)
+    for number in range(6):
+        monkeypatch.setattr(stored, "stamp", lambda *_, name=f"{number:016x}": name)
+        compiled.kernel(add_one)((1.0,))
+        for index in tmp_path.glob(f"*{number:016x}.nbi"):
+            os.utime(index, (number, number))
+    assert sorted(each.stem[-16:] for each in tmp_path.glob("*.nbi")) == [f"{number:016x}" for number in range(2, 6)]
+    assert len(list(tmp_path.iterdir())) == 8
+
+
+MODULES = {
+    "low.py": "from synth.kernels.compiled import kernel\nfrom synth.numbers import (\n    ADDED,\n)\n\n\n"
+    "@kernel\ndef low(x):\n    return x + ADDED\n",
+    "high.py": "from synth.kernels.compiled import kernel\nfrom synth import low as other\n\nlow = other.low\n\n\n"
+    "@kernel\ndef high(x):\n    return 10.0 * low(x)\n",
+    "apart.py": "from synth.kernels.compiled import kernel\n\n\n@kernel\ndef apart(x):\n    return -x\n",
+    "numbers.py": "ADDED = 1.0\n",
+}
+RUN = (
+    "from synth.high import high; from synth.low import low; from synth.apart import apart\n{middle}\n"
+    "for each in (high, low, apart):\n    print(each(1.0), sum(each.stats.cache_hits.values()))"
+)
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> Path:
+    """A package with three kernels and the project's own way to compile them."""
+    (tmp_path / "synth").mkdir()
+    kernels = Path(cache.__file__).parent
+    (tmp_path / "synth/kernels").mkdir()
+    for name in ("__init__", "cache", "compiled", "parts", "sources", "stored"):
+        (tmp_path / f"synth/kernels/{name}.py").write_text((kernels / f"{name}.py").read_text())
+    for name, text in MODULES.items():
+        (tmp_path / "synth" / name).write_text(text)
+    return tmp_path
+
+
+def begun(folder: Path, middle: str = "") -> subprocess.Popen[str]:
+    """A process that calls each kernel, and tells its value and whether it came from the cache."""
+    given = {**os.environ, "PYTHONPATH": str(folder), "XDG_CACHE_HOME": str(folder / "cache")}
+    given |= {"ISOCHRONY_CACHE": "", "PYTHONDONTWRITEBYTECODE": "1"}  # bytecode knows edits by the second
+    code = [sys.executable, "-c", RUN.format(middle=middle)]
+    return subprocess.Popen(code, cwd=folder, env=given, stdout=subprocess.PIPE, text=True)
+
+
+def ran(folder: Path, middle: str = "") -> list[str]:
+    """What such a process told."""
+    told = begun(folder, middle).communicate()[0]
+    return told.splitlines()
+
+
+@pytest.mark.compiled
+def test_an_edit_recompiles_what_depends_on_it_and_nothing_else(tiny: Path) -> None:
+    assert ran(tiny) == ["20.0 0", "2.0 0", "-1.0 0"]
+    assert ran(tiny) == ["20.0 1", "2.0 1", "-1.0 1"]
+    (tiny / "synth/numbers.py").write_text("ADDED = 2.0\n")
+    assert ran(tiny) == ["30.0 0", "3.0 0", "-1.0 1"]
+    high = tiny / "synth/high.py"
+    high.write_text("# a line more\n" + high.read_text().replace("10.0", "100.0"))
+    assert ran(tiny) == ["300.0 0", "3.0 1", "-1.0 1"]
+    (tiny / "synth/numbers.py").write_text("ADDED = 1.0\n")
+    assert ran(tiny)[1:] == ["2.0 1", "-1.0 1"]
+
+
+@pytest.mark.compiled
+def test_what_a_process_compiles_after_an_edit_is_nobody_elses(tiny: Path) -> None:
+    """It has loaded what the file held before."""
+    edit = f"open({str(tiny / 'synth/numbers.py')!r}, 'w').write('ADDED = 2.0')"
+    assert ran(tiny, middle=edit) == ["20.0 0", "2.0 0", "-1.0 0"]
+    assert ran(tiny) == ["30.0 0", "3.0 0", "-1.0 1"]
+
+
+@pytest.mark.compiled
+def test_of_processes_that_begin_together_one_compiles(tiny: Path) -> None:
+    together = [begun(tiny) for _ in range(3)]
+    told = [line for each in together for line in each.communicate()[0].splitlines()]
+    for value in ("20.0", "2.0", "-1.0"):
+        assert sorted(line for line in told if line.startswith(f"{value} ")) == [f"{value} 0", *[f"{value} 1"] * 2]
+
+
+def test_a_kernel_through_the_registry_is_made_from_all_that_is_registered() -> None:
+    found = sources.closure([sources.ROOT / "synth/systems/dispatch.py"])
+    assert {sources.ROOT / f"synth/systems/{name}.py" for name in ("resistance", "yielding", "metronomes")} <= set(
+        found
+    )
+
+
+def test_kernels_of_the_joint_fit_are_made_from_few_files() -> None:
+    found = sources.closure([sources.ROOT / "pipeline/joint/filtering.py"])
+    assert sources.ROOT / "pipeline/joint/remainder.py" in found
+    assert len(found) < 20

@@ -29,7 +29,7 @@ Progress = Callable[[str, int, int], None]
 
 READINGS = ("auto", "continuous", "strobe")
 RATES = (10.0, 12.5, 20.0, 25.0)  # Hz
-SAMPLES = 12.0  # a swing; more say the same again, as neighbouring rows see the same grain
+SAMPLES, SINGLE = 12.0, 24.0  # a swing; more say the same again, but a single trace's turns are fitted one by one
 _ROWS_PER_SAMPLE = 1.2  # fewer leave samples without a row
 SLOW = 25.0  # rows a second; below it the strokes of a swing lie a dozen rows apart, and the swing is a dense band
 _LEAST_ACCEPTED = 0.5  # of the rows; a film of which less can be read between the marks is too slow for it
@@ -372,7 +372,7 @@ def accepted_fraction(tracks: Tracks, axis: TimeAxis) -> float:
 def _rate(tracks: Tracks, axis: TimeAxis) -> float:
     """The lowest usual rate of so many samples a swing, or the highest that leaves a row for every sample."""
     rows = rows_per_second(axis)
-    enough = SAMPLES * rows / tracks.rows_per_swing
+    enough = (SINGLE if len(tracks.course) == 1 else SAMPLES) * rows / tracks.rows_per_swing
     rates = [rate for rate in RATES if rows >= _ROWS_PER_SAMPLE * rate]
     return next((rate for rate in rates if rate >= enough), rates[-1] if rates else RATES[0])
 

@@ -21,8 +21,8 @@ from scipy.special import ellipkm1
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 
-LEAST_SAMPLES = 6  # a swing
-LEAST_CYCLES = 5
+LEAST_SAMPLES = 16  # a swing: four about each turning point
+LEAST_CYCLES, LEAST_READINGS = 5, 30
 CROSSING_SHARE = 0.125  # of a period, on each side of a crossing or turning point, that its fit takes in
 LAWS = ("viscous", "quadratic", "knife-edge")
 
@@ -73,7 +73,7 @@ def find_cycles(time: Floats, theta: Floats) -> Cycles:
     """
     present = np.isfinite(theta)
     time, theta = time[present], theta[present]
-    if theta.size < LEAST_CYCLES * LEAST_SAMPLES:
+    if theta.size < LEAST_READINGS:
         raise RefusedError(f"record/elongation: {theta.size} readings are too few for a period; give more than 30")
     rest = 0.5 * float(np.quantile(theta, 0.99) + np.quantile(theta, 0.01))
     signs = _signs(theta - rest)

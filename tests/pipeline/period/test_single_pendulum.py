@@ -120,6 +120,7 @@ def test_linear_pendulums_need_no_arc() -> None:
         (np.cos(np.arange(20) * 0.3), 0.05, "too few"),
         (np.cos(2 * np.pi * np.arange(300) * 0.01), 0.01, "swings"),
         (np.cos(2 * np.pi * np.arange(600) * 0.3), 0.3, "samples a swing"),
+        (np.cos(2 * np.pi * np.arange(900) * 0.1), 0.1, "samples a swing"),
         (np.full(500, np.nan), 0.01, "too few"),
         (np.full(500, 0.3), 0.01, "swings"),
     ],

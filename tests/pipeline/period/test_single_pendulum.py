@@ -124,7 +124,7 @@ def test_linear_pendulums_need_no_arc() -> None:
         (np.full(500, np.nan), 0.01, "too few"),
         (np.full(500, 0.3), 0.01, "swings"),
     ],
-    ids=["twenty readings", "three swings", "three a swing", "nothing", "at rest"],
+    ids=["twenty readings", "three swings", "three a swing", "ten a swing", "nothing", "at rest"],
 )
 def test_what_gives_no_period_is_refused(theta: np.ndarray, step: float, named: str) -> None:
     with pytest.raises(RefusedError, match=named):

@@ -22,6 +22,8 @@ CASE = Case(duration=(75.0, 75.0), missing=0.02)
 BESIDE = {"dark lines": {}, "bright lines": {"fog": 0.3, "lamp": 0.2}, "edge": {"skew": 0.2}}
 ALL = {"kind": "dark-lines", "noise": 0.01, "shear": 0.01, "shear_sigma": 0.0}
 
+pytestmark = pytest.mark.compiled  # whole films are read
+
 
 def expose(folder: Path, **changes):
     film = plain.expose(replace(CASE, **changes), np.random.default_rng(4))

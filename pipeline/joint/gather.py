@@ -264,7 +264,16 @@ def _moving(time: Floats, series: Floats, swing: float, names: tuple[str, ...]) 
             break  # samples so sparse show a swing that is nearly still
         bounds = np.searchsorted(time, np.arange(time[0], time[-1], window))
         stretches = [slice(a, b) for a, b in zip(bounds, [*bounds[1:], time.size], strict=True)]
-        stands = np.array([[_stands(time[part], own[part], swing, least) for part in stretches] for own in out])
+        quiet = _quiet(out, bounds, 2.0 * least)
+        stands = np.array(
+            [
+                [
+                    bool(calm) and _stands(time[part], own[part], swing, least)
+                    for calm, part in zip(row, stretches, strict=True)
+                ]
+                for own, row in zip(out, quiet, strict=True)
+            ]
+        )
         for j, own in enumerate(series):
             still = stands.all(axis=0) if together else stands[j]
             edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8))).reshape(-1, 2)
@@ -276,6 +285,16 @@ def _moving(time: Floats, series: Floats, swing: float, names: tuple[str, ...]) 
                 out[j, part] = np.nan
                 words.append(f"trace '{names[j]}' stands still from {time[part][0]:.0f} to {time[part][-1]:.0f} s")
     return out, tuple(dict.fromkeys(words))
+
+
+def _quiet(series: Floats, bounds: np.ndarray, most: float) -> np.ndarray:
+    """Stretches, (t, k), that begin at `bounds`, in which a trace varies less than that or hardly was read."""
+    known = np.isfinite(series)
+    away = np.where(
+        known, series - np.nanmean(np.where(known.any(axis=1, keepdims=True), series, 0.0), axis=1)[:, None], 0.0
+    )
+    count, total, square = (np.add.reduceat(each, bounds, axis=1) for each in (known.astype(float), away, away**2))
+    return np.asarray(square - total**2 / np.maximum(count, 1.0) <= most * np.maximum(count, 1.0))
 
 
 def _stands(time: Floats, value: Floats, swing: float, least: float) -> bool:

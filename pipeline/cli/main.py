@@ -83,8 +83,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     _use_streams()
     _calm_blas()
-    if arguments is None and words[:1] != ["batch"]:
-        sys.modules.setdefault("dask", None)  # type: ignore[arg-type]  # xarray would import it: .3 s, and no verb has use for it
+    if arguments is None and words[:1] and words[0] in _READERS:
+        # xarray would import it, .3 s, and these have no use for it
+        sys.modules.setdefault("dask", None)  # type: ignore[arg-type]
     try:
         with contextlib.redirect_stdout(Printable(sys.stdout)):
             status = _dispatch(words)

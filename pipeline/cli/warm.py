@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import hashlib
 import sys
 import tempfile
 import time
@@ -15,6 +14,7 @@ import data_schemas
 import synth
 from pipeline.methods import METHODS
 from synth.kernels.cache import WATCHERS, cache_folder
+from synth.kernels.sources import stamp
 
 HELP = "compile ahead what the other verbs need"
 DESCRIPTION = """\
@@ -39,8 +39,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Do a little of everything."""
     begun, compiled = time.perf_counter(), list[str]()
-    ready = cache_folder() / f"ready-{_sources()}"
-    if ready.exists():
+    made_from = stamp(__file__)
+    ready = cache_folder() / f"ready-{made_from}"
+    if made_from is not None and ready.exists():
         print("all kernels are ready")
         return 0
     WATCHERS[:] = [compiled.append]
@@ -53,18 +54,10 @@ def run(options: argparse.Namespace) -> int:
             print(f"{number} of {len(every)}: {what}: {told}", file=sys.stderr, flush=True)
     for other in ready.parent.glob("ready-*"):
         other.unlink(missing_ok=True)
-    ready.touch()
+    if made_from is not None:
+        ready.touch()
     print(f"all kernels are ready: {len(compiled)} compiled in {time.perf_counter() - begun:.0f} s")
     return 0
-
-
-def _sources() -> str:
-    """Name for all sources as they are."""
-    root, told = Path(synth.__file__).parents[1], hashlib.sha256()
-    for package in ("data_schemas", "pipeline", "synth"):
-        for path in sorted((root / package).rglob("*.py")):
-            told.update(path.as_posix().encode() + b"\0" + path.read_bytes())
-    return told.hexdigest()[:16]
 
 
 def _steps(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:

@@ -290,9 +290,8 @@ def _moving(time: Floats, series: Floats, swing: float, names: tuple[str, ...]) 
 def _quiet(series: Floats, bounds: np.ndarray, most: float) -> np.ndarray:
     """Stretches, (t, k), that begin at `bounds`, in which a trace varies less than that or hardly was read."""
     known = np.isfinite(series)
-    away = np.where(
-        known, series - np.nanmean(np.where(known.any(axis=1, keepdims=True), series, 0.0), axis=1)[:, None], 0.0
-    )
+    mean = np.where(known, series, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    away = np.where(known, series - mean[:, None], 0.0)
     count, total, square = (np.add.reduceat(each, bounds, axis=1) for each in (known.astype(float), away, away**2))
     return np.asarray(square - total**2 / np.maximum(count, 1.0) <= most * np.maximum(count, 1.0))
 

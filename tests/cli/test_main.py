@@ -226,3 +226,18 @@ def test_what_a_verb_may_hold_grows_with_its_inputs(run, tmp_path, monkeypatch):
         assert outcome.fault.endswith("may not hold so much memory: one is damaged or too large; split it")
     assert resource.getrlimit(resource.RLIMIT_AS) == before
     assert seen[1] - seen[0] == pytest.approx(50 * (1 << 28), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("verb", "hidden"), [("process", True), ("benchmark", False), ("batch", False), ("demo", False)]
+)
+def test_dask_is_hidden_from_xarray_where_nothing_uses_it(verb: str, hidden: bool) -> None:
+    """`benchmark batch` and `batch` start clusters of it."""
+    told = (
+        "import contextlib, sys; from pipeline.cli.main import main; "
+        f"sys.argv = ['isochrony', '{verb}', '--help']\n"
+        "with contextlib.suppress(SystemExit): main()\n"
+        "print(sys.modules.get('dask', 1) is None)"
+    )
+    done = python("-c", told, check=True)
+    assert done.stdout.splitlines()[-1] == str(hidden)

@@ -45,9 +45,7 @@ class Tableau(NamedTuple):
 
 def _tableau(stages: int) -> Tableau:
     every = range(stages)
-    precision = ctx.prec
-    ctx.prec = _BITS
-    try:
+    with ctx.workprec(_BITS):
         residue = _legendre(stages) - _legendre(stages - 1)
         exact = sorted((root.real for root, _ in residue.complex_roots()), key=float)
         # A c^(k-1) = c^k/k
@@ -71,8 +69,6 @@ def _tableau(stages: int) -> Tableau:
         square = [np.array([[float(each) for each in row] for row in m.table()]) for m in (inverse, modes, modes.inv())]
         nodes, weights = (np.array([float(each) for each in row]) for row in (exact, error))
         return Tableau(nodes, rates, square[0], square[1], square[2], weights, 1.0 / distance)
-    finally:
-        ctx.prec = precision
 
 
 def _legendre(degree: int) -> Any:

@@ -1,4 +1,4 @@
-"""The march of the explicit integrator: steps of its own choice, outputs from the dense polynomial, kicks where asked.
+"""Integration by explicit steps: of its own choice, outputs from the dense polynomial, kicks where asked.
 
 State and time are kept as sums of two doubles: a step adds an increment that is small against the state, and what
 rounding drops from the first double is kept in the second. Outputs never shorten a step, so that they change nothing.
@@ -48,17 +48,12 @@ def march(
     system: Any, event: Any, memory: Any, start: Floats, times: Floats, tolerance: float, patience: int, amiss: float,
     states: Floats, scale: Floats, counts: Integers,
 ) -> tuple[int, float, Floats, Floats, Integers]:  # fmt: skip
-    """Integrate over `times` and fill `states` there.
+    """Integrate from `start` (n,) over increasing `times` (k,) and fill `states` (k, n) there.
 
     Parameters
     ----------
-    system : NamedTuple
     event, memory : NamedTuple or None
         `Escapement`, with its memory; None compiles to nothing.
-    start : (n,) array
-        State at the first of the times.
-    times : (k,) array
-        Increasing.
     tolerance : float
         Local error allowed, relative to `scale`.
     patience : int
@@ -66,8 +61,6 @@ def march(
     amiss : float
         Put to the state at each step, relative, up or down by chance: 0, or much more than rounding to see what the
         motion makes of it.
-    states : (k, n) array
-        Result.
     scale : (n,) array
         Receives the largest size of each component.
     counts : (3,) integer array
@@ -224,22 +217,7 @@ class StiffError(RefusedError):
 
 
 class Run:
-    """A march that is done.
-
-    `RefusedError`: why there are no states at some of the times.
-
-    Parameters
-    ----------
-    system, event
-        As of `march`.
-    start : (n,) array
-    times : (k,) array
-        Increasing, s; the first is the time of the start.
-    tolerance : float
-        Local error allowed, relative to the largest size of each component so far.
-    patience, amiss
-        As of `march`.
-    """
+    """An integration that is done, see `march`; `RefusedError` where there are no states at some of the times."""
 
     def __init__(
         self, system: Any, event: Escapement | None, start: Floats, times: Floats, tolerance: float,
@@ -260,3 +238,7 @@ class Run:
             kind = StiffError if status == TOO_STIFF else RefusedError
             why = reason(system, state, _REASONS[status])
             raise kind(f"explicit, {type(system).__name__} at t = {time:.6g}: {why}")
+
+    def at(self, times: Floats) -> Floats:
+        """States (k, n) at some of its times."""
+        return self.states[np.searchsorted(self.times, times)]

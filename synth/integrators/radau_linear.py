@@ -44,18 +44,10 @@ overload(address, strict=False)(lambda array: lambda array: _address(array))
 
 @summing_kernel
 def factor(rate: float, jacobian: Any, size: Any, stack: Any, exchanges: Any) -> bool:
-    """Factor the real `rate - jacobian` in place 0; False if it is singular or not finite.
+    """Factor the real `rate - jacobian` (n, n) in place 0; False if it is singular or not finite.
 
-    Parameters
-    ----------
-    rate : float
-        Real eigenvalue of A^-1 over the step.
-    jacobian : (n, n) array
-    size : tuple of length n
-    stack : (s, n, n) array
-        L below the diagonal, inverse pivots on it, U above.
-    exchanges : (s, n) integer array
-        Row exchanged with row k at stage k.
+    The stack (s, n, n) receives L below the diagonal, inverse pivots on it, U above; `exchanges` (s, n) the row exchanged
+    with row k at stage k. `size` is a tuple of length n.
     """
     n = len(size)
     for i in range(n):

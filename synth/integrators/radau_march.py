@@ -60,14 +60,12 @@ def march(
     system: Any, arrays: Space, times: Any, least: Any, tolerances: tuple[float, float], orders: tuple[int, int],
     size: Any, out: Any, counts: Any,
 ) -> tuple[int, float]:  # fmt: skip
-    """Integrate from the first to the last of `times`.
+    """Integrate from the first to the last of increasing `times` (k,) and fill `out` (k, n) there.
 
     Parameters
     ----------
-    system : NamedTuple
     arrays : Space
         As of `space`; its state and largest sizes move on.
-    times : (k,) increasing array
     least : (n,) array
         What counts as small of each component.
     tolerances : tuple
@@ -75,8 +73,6 @@ def march(
     orders : tuple
         Fewest and most stages, of 3, 5, 7.
     size : tuple of length n
-    out : (k, n) array
-        Receives the states.
     counts : (3,) integer array
         Receives steps, evaluations, rejected steps.
 

@@ -13,6 +13,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from synth.integrators.events import Escapement, Memory, begin, locate, memory, miss, strike
 from synth.integrators.explicit_step import (
+    Space,
     add,
     allow,
     attempt,
@@ -74,9 +75,12 @@ def march(
         Times of the kicks, and the number of each.
     """
     n, end = start.size, times[-1]
-    state, low, following, left_over = start.copy(), np.zeros(n), start.copy(), np.zeros(n)
-    increment, slope, point, spare = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    allowed, expected, k, polynomial = np.zeros(n), np.zeros(n), np.zeros((16, n)), np.zeros((7, n))
+    space = Space(
+        start.copy(), np.zeros(n), start.copy(), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
+        np.zeros(n), np.zeros(n), scale, np.zeros((16, n)), np.zeros((7, n)),
+    )  # fmt: skip
+    state, low, following, left_over, slope = space.state, space.low, space.following, space.left_over, space.slope
+    increment, point, spare, k = space.increment, space.point, space.spare, space.k
     moments, which, noted = np.zeros(_NOTED), np.zeros(_NOTED, dtype=np.int64), 0
     time, time_low, step = times[0], 0.0, 0.0
     derivative(time, start, system, slope)
@@ -89,12 +93,12 @@ def march(
     derivative(time + aside, point, system, spare)
     for i in range(n):
         spare[i] = (spare[i] - slope[i]) / aside if aside > 0.0 else 0.0
-    expect(start, slope, spare, expected)
+    expect(start, slope, spare, space.expected)
     for i in range(n):
         scale[i] = abs(start[i])
     begin(event, memory, start)
-    allow(scale, expected, tolerance, allowed)
-    proposed = first_step(start, slope, allowed, tolerance, end - time)
+    allow(tolerance, space)
+    proposed = first_step(start, slope, space.allowed, tolerance, end - time)
     # the step in hand is of no length, and ends at the start
     error, share, ready, final, halted = _AVERAGE, 2.0, True, False, False
     shortest = 4e-16 * max(abs(time), abs(end))
@@ -103,12 +107,12 @@ def march(
         reached = time + (time_low + step)
         while written < times.size and (final or times[written] <= reached):
             if not ready:
-                dense(time + time_low, step, state, k, point, slope, spare, increment, polynomial, system)
+                dense(time + time_low, step, space, system)
                 counts[EVALUATIONS] += 3
                 ready = True
             part = min(1.0, ((times[written] - time) - time_low) / step) if step > 0.0 else 1.0
             for i in range(n):
-                states[written, i] = between(part, state[i], low[i], polynomial, i)
+                states[written, i] = between(part, space, i)
             written += 1
         if written == times.size:
             break
@@ -122,7 +126,7 @@ def march(
                 if noted + event.level.size > moments.size:
                     moments = np.concatenate((moments, np.empty_like(moments)))
                     which = np.concatenate((which, np.empty_like(which)))
-                noted = strike(event, memory, share, time, following, left_over, system, moments, which, noted)
+                noted = strike(event, memory, share, time, space, system, moments, which, noted)
             derivative(time + time_low, following, system, slope)
             counts[EVALUATIONS] += 1
         if halted:
@@ -136,7 +140,7 @@ def march(
             low[i] = left_over[i] + shaken * noise(counts[STEPS], i) * following[i]
             k[0, i] = slope[i]
             scale[i] = max(scale[i], abs(state[i]))
-        allow(scale, expected, tolerance, allowed)
+        allow(tolerance, space)
         step, growth, error_before = proposed, _LARGEST_GROWTH, max(error, 1e-8)
         while status == DONE:
             stop = halt(kicks_of(system), kicks, end)
@@ -146,11 +150,11 @@ def march(
                 step = left
             halted = final and stop < end
             final = final and not halted
-            attempt(time + time_low, step, state, k, point, slope, increment, system)
+            attempt(time + time_low, step, space, system)
             counts[EVALUATIONS] += 11
-            error = local_error(step, k, allowed)
+            error = local_error(step, space)
             if error <= 1.0:
-                add(state, low, increment, following, left_over)
+                add(space)
                 derivative(time + (time_low + step), following, system, slope)
                 counts[EVALUATIONS] += 1
                 if is_finite(slope):
@@ -164,7 +168,7 @@ def march(
         if status != DONE:
             break
         counts[STEPS] += 1
-        if is_stiff(step, k, slope, following, point, allowed):
+        if is_stiff(step, space):
             stiff += 1
             calm = 0
         else:
@@ -181,25 +185,25 @@ def march(
         proposed = step * min(growth, max(0.2, factor))
         ready, share = False, 2.0
         if event is not None:
-            dense(time + time_low, step, state, k, point, slope, spare, increment, polynomial, system)
+            dense(time + time_low, step, space, system)
             counts[EVALUATIONS] += 3
             ready = True
-            share = locate(event, memory, state, low, following, left_over, polynomial)
+            share = locate(event, memory, space)
             if share <= 1.0:
                 step *= share
                 final = halted = False
                 ready = False
-                attempt(time + time_low, step, state, k, point, slope, increment, system)
-                add(state, low, increment, following, left_over)
+                attempt(time + time_low, step, space, system)
+                add(space)
                 derivative(time + (time_low + step), following, system, slope)
                 counts[EVALUATIONS] += 12
-                component, lack = miss(event, memory, share, following, left_over)
+                component, lack = miss(event, memory, share, space)
                 late = lack / slope[component] if slope[component] != 0.0 else 0.0
                 if abs(late) <= 1e-3 * step:  # to the level by the tangent; near a touch the root stands as found
                     step += late
                     for i in range(n):
                         increment[i] += late * slope[i]
-                    add(state, low, increment, following, left_over)
+                    add(space)
     return status, time, state, moments[:noted], which[:noted]
 
 

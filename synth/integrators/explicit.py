@@ -59,7 +59,7 @@ def integrate(
     ----------
     event : Escapement, optional
         Kicks to give; the motion restarts after each. Crossings are found on the dense polynomial by a method that
-        cannot miss one (`events_roots`), the step is then made anew up to the crossing, and the rest removed along
+        cannot miss one (`events`), the step is then made anew up to the crossing, and the rest removed along
         the tangent: instants are as good as the states.
 
     Raises

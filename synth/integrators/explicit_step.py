@@ -60,29 +60,19 @@ _SMALL_SCALE = 1e-6  # a component more than a million times smaller than the la
 class Space(NamedTuple):
     """Arrays of an integration, of the size of the state (n,) where nothing else is said."""
 
-    state: Floats
-    low: Floats
-    """At the start of the step: state, and what its rounding left over;"""
-    following: Floats
+    state: Floats  # at the start of the step,
+    low: Floats  # with the rest that its rounding left over;
+    following: Floats  # the same at its end
     left_over: Floats
-    """the same at its end."""
-    increment: Floats
-    """Of the state over the step."""
-    slope: Floats
-    """Derivative evaluated last."""
-    point: Floats
-    """Where the last stage was evaluated."""
+    increment: Floats  # of the state over the step
+    slope: Floats  # derivative evaluated last,
+    point: Floats  # and where the last stage was
     spare: Floats
-    allowed: Floats
-    """Error allowed in a step."""
-    expected: Floats
-    """Sizes that the components will grow to at least."""
-    scale: Floats
-    """Largest sizes so far."""
-    k: Floats
-    """(16, n) slopes of the stages."""
-    polynomial: Floats
-    """(7, n) coefficients of the dense output."""
+    allowed: Floats  # error of the step
+    expected: Floats  # sizes that the components will grow to at least
+    scale: Floats  # largest sizes so far
+    k: Floats  # (16, n) slopes of the stages
+    polynomial: Floats  # (7, n) coefficients of the dense output
 
 
 @kernel

@@ -42,34 +42,21 @@ _D3, _D5, _D7 = THREE.reciprocals, FIVE.reciprocals, SEVEN.reciprocals
 class Space(NamedTuple):
     """Arrays of an integration of n unknowns in steps of up to 7 stages; or their addresses, for the kernels of a step."""
 
-    state: Any
-    """(n,) at the start of the step,"""
-    slope: Any
-    """(n,) its derivative there,"""
-    slopes: Any
-    """(n, n) and the Jacobian of the step."""
-    scale: Any
-    """(n,) inverse sizes of the components."""
-    largest: Any
-    """(n,) largest sizes of the components so far."""
-    carry: Any
-    """(n,) what the rounding of the state left over."""
-    z: Any
-    """(s, n) increments."""
-    f: Any
-    """(s, n) slopes at the nodes."""
-    g: Any
-    """(s, n) amplitudes of a correction, in eigenvectors."""
-    polynomial: Any
-    """(s + 1, n) divided differences of the increments."""
-    stack: Any
-    """(s, n, n) factored matrices,"""
-    exchanges: Any
-    """(s, n) with their exchanges of rows, see `radau_linear`."""
-    point: Any
+    state: Any  # (n,) at the start of the step,
+    slope: Any  # (n,) its derivative there,
+    slopes: Any  # (n, n) and the Jacobian of the step
+    scale: Any  # (n,) inverse sizes of the components
+    largest: Any  # (n,) their largest sizes so far
+    carry: Any  # (n,) what the rounding of the state left over
+    z: Any  # (s, n) increments at the nodes,
+    f: Any  # (s, n) slopes there,
+    g: Any  # (s, n) amplitudes of a correction, in eigenvectors
+    polynomial: Any  # (s + 1, n) divided differences of the increments
+    stack: Any  # (s, n, n) factored matrices,
+    exchanges: Any  # (s, n) and their exchanges of rows, see `radau_linear`
+    point: Any  # (n,) each
     other: Any
     spare: Any
-    """(n,) each."""
 
 
 def space(start: Any) -> Space:

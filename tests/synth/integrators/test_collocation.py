@@ -11,9 +11,8 @@ from energies import energy
 
 from data_schemas.errors import RefusedError
 from synth.integrators import explicit
-from synth.integrators.collocation import integrate
+from synth.integrators.collocation import FINEST, Problem, integrate, run
 from synth.integrators.collocation_remainders import excess_of, linear_part
-from synth.integrators.collocation_run import FINEST, Problem, run
 from synth.systems.driven_pendulums import plain
 from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synth.integrators.events_roots import DEGREE, NONE, TO_BERNSTEIN, first_crossing, margin
+from synth.integrators.events import DEGREE, NONE, TO_BERNSTEIN, first_crossing, margin
 from synth.phase import Floats
 
 

@@ -37,7 +37,8 @@ def with_clock(fit: Fitted) -> Fitted:
     _, of = problem.run(model.assumed, whole, about=fit.path, root=prior_root(whole, model.course))
 
     def likelihood(constants: tuple[Constant, ...]) -> float:
-        return log_likelihood(constants, of.normal, *of.totals[:2].tolist(), prior_root(constants, model.course))
+        root = prior_root(constants, model.course)
+        return log_likelihood(constants, of.normal, float(of.totals[0]), float(of.totals[1]), root)
 
     tried = [_weighed(whole, size, part * highest * np.pi / duration) for size, part in product(SIZES, CORNERS)]
     return fitted(replace(model, constants=max(tried, key=likelihood)), fit.path)

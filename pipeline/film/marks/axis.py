@@ -18,7 +18,7 @@ from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered, 
 from pipeline.film.marks.by_hand import Clock, with_marks
 from pipeline.film.marks.checks import DISAGREE, LEAST_LEAD, certain_part, check
 from pipeline.film.marks.counting import LEAST_MARKS, Count, counted, spacing_of
-from pipeline.film.marks.drive import Drive, aliased, drive, honest_gaps
+from pipeline.film.marks.drive import Drive, aliased, drive, honest_gaps, slips
 from pipeline.film.marks.lines import Lines, NoMarksError, fitted, ticks, widened
 from pipeline.film.marks.minutes import Minutes, TimeReversedError, code_marks, doubts, find_minutes
 from pipeline.film.marks.pieces import over_pieces
@@ -182,6 +182,7 @@ def axis_of(
     offset, shear, unsure = alignment.offset, alignment.shear, 0.0
     jumps = count.index[np.searchsorted(counted.events.row[count.event], [each.row for each in counted.stands])]
     freed = row - offset[: len(row), None] - shear * column
+    jumps = np.union1d(jumps, slips(freed)) if across is None else jumps
     found = drive(freed, sigma, marking.interval, jumps=jumps)
     for _ in range(ROUNDS if across is None else 0):
         offset, shear, unsure = refined(row, sigma, column, found)

@@ -120,7 +120,7 @@ def slips(rows: Floats) -> NDArray[np.int64]:
     least = max(SLIP * 1.4826 * float(np.median(np.abs(off))), LEAST_SLIP)
     before, after = np.append(0.0, off[:-1]), np.append(off[1:], 0.0)
     lasting = np.minimum(np.abs(off + before), np.abs(off + after)) > 0.5 * np.abs(off)
-    return marks[1:][(np.abs(off) > least * np.sqrt(count)) & lasting & (count < ABOUT)]
+    return np.asarray(marks[1:][(np.abs(off) > least * np.sqrt(count)) & lasting & (count < ABOUT)])
 
 
 def _most_likely(rows: Floats, sigma: Floats, model: Model, used: NDArray[np.bool_], jumps: NDArray[np.int64]) -> Drive:

@@ -80,7 +80,7 @@ class Plan:
         """What to know of a yielding support's start before believing the motion, or None."""
         if not self.yields:
             return None
-        from synth.huygens.clocks import CAUTION, symmetric
+        from synth.systems.symmetry import CAUTION, symmetric
 
         made = self.assembly()
         return CAUTION if symmetric(made.system, made.start) else None

@@ -118,13 +118,12 @@ def orbits(clocks: Clocks, *, full: bool = False, steps: int = STEPS) -> list[Or
 
 
 def orbit(regime: Regime, clocks: Clocks, *, full: bool = False, steps: int = STEPS) -> Orbit:
-    """Find the orbit near a synchronous regime.
+    """Find the orbit near a synchronous regime, of system (2) or the full one.
 
     Parameters
     ----------
-    regime : Regime
+    regime, clocks
         Where to start.
-    clocks : Clocks
     full : bool
         Of the full system (1) instead of (2).
     steps : int
@@ -152,11 +151,10 @@ def orbit(regime: Regime, clocks: Clocks, *, full: bool = False, steps: int = ST
     guess = start_of(regime) * units
     state, half, residual = _shot(system, guess, math.pi * math.sqrt(1.0 + regime.beta), steps)
     states, tangents = carried(system, state, half, steps)
-    multipliers = _multipliers(tangents, system, state)
     coarse, rough = carried(system, state, half, steps // 2)
     apart = float(np.abs((coarse[-1] - states[-1]) / units).max() + np.abs(rough - tangents).max())
-    error = apart / (2.0**_ORDER - 1.0)
-    return Orbit(state, half, residual, error, _harmonics(states[:-1] / units, half), multipliers)
+    regime, multipliers = _harmonics(states[:-1] / units, half), _multipliers(tangents, system, state)
+    return Orbit(state, half, residual, apart / (2.0**_ORDER - 1.0), regime, multipliers)
 
 
 def start_of(regime: Regime) -> Floats:

@@ -24,15 +24,9 @@ _STEP = 1e-30
 
 
 def rates(state: Any, beta: float, clocks: Clocks) -> Any:
-    """Rates of (alpha_1, alpha_2, A_1, A_2, Re Q, Im Q) per z, (6,).
+    """Rates of (alpha_1, alpha_2, A_1, A_2, Re Q, Im Q) per z, (6,), at a real or complex state of these.
 
-    Parameters
-    ----------
-    state : (6,) array
-        Real or complex.
-    beta : float
-        Of the frequency that z counts: w0^2/w^2 - 1.
-    clocks : Clocks
+    `beta` is that of the frequency that z counts, w0^2/w^2 - 1.
     """
     stretch = math.sqrt(abs(1.0 + beta))
     delta, damping = clocks.drive * stretch, clocks.beam_damping * stretch
@@ -65,18 +59,9 @@ class Stability(NamedTuple):
 
 
 def stability(regime: Regime, clocks: Clocks) -> Stability:
-    """Whether a fixed point of the slow flow is stable.
+    """Whether a fixed point of the slow flow, a regime of `balance.solutions(clocks, shifts=True)`, is stable.
 
-    Parameters
-    ----------
-    regime : Regime
-        From `balance.solutions(clocks, shifts=True)`.
-    clocks : Clocks
-
-    Raises
-    ------
-    UsageError
-        If the regime is no fixed point of these clocks' slow flow.
+    `UsageError` if the regime is no fixed point of these clocks' slow flow.
 
     Examples
     --------

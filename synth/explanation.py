@@ -10,7 +10,7 @@ from typing import Any
 from data_schemas.scene import Scene
 from data_schemas.scene_fields import Section, extra
 from data_schemas.scene_pendulum import RESISTANCES, ImpulseEscapement, Pendulum, VanDerPolEscapement
-from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
+from data_schemas.scene_support import BeamSupport, BoardSupport
 from synth.choice import NAMES, expected_error, listed
 from synth.plan import Plan, plan
 from synth.recording.clock import Clock, set_clock
@@ -25,7 +25,7 @@ _MOST_PERIODS = 4
 
 @dataclass(frozen=True)
 class Explanation:
-    """A scene's way through the simulator."""
+    """How a scene is computed."""
 
     pendulums: str
     """How many, and their periods."""
@@ -64,7 +64,7 @@ def explain(scene: Scene) -> Explanation:
     """
     clock = set_clock(scene)
     made = plan(scene, clock)
-    terms = dict(_terms(scene, made))
+    terms = {name: words for name, words in _terms(scene, made) if words}
     choice = made.choice
     return Explanation(
         _periods(scene.pendulums),
@@ -82,13 +82,9 @@ def explain(scene: Scene) -> Explanation:
 def _terms(scene: Scene, made: Plan) -> Iterator[tuple[str, str]]:
     pendulums = scene.pendulums
     yield "restoring", "the full sine" if scene.restoring == "sine" else "linear, for small arcs"
-    said: dict[str, Callable[[Pendulum], Any]] = {
-        name: partial(_resistance, field) for field, name in RESISTANCES.items()
-    }
-    for name, words in (said | {"escapement": _escapement}).items():
-        found = _each(pendulums, words)
-        if found:
-            yield name, found
+    for field, name in RESISTANCES.items():
+        yield name, _each(pendulums, partial(_resistance, field))
+    yield "escapement", _each(pendulums, _escapement)
     if scene.support.kind != "fixed":
         yield "yielding support", _support(scene.support)
     for axis, motion in (("horizontal", made.motion), ("vertical", made.vertical)):
@@ -97,23 +93,19 @@ def _terms(scene: Scene, made: Plan) -> Iterator[tuple[str, str]]:
             count = motion.angular_frequency.size
             of_what = "" if list(kinds) == ["harmonics"] else f": {listed(kinds)}"
             yield f"{axis} motion", f"{count} harmonic{'s' if count > 1 else ''}{of_what}"
-    found = _each(pendulums, lambda each: each.kick_intensity and f"{each.kick_intensity:g} rad s-1/2")
-    if found:
-        yield "random kicks", found
+    yield (
+        "random kicks",
+        _each(pendulums, lambda one: f"{one.kick_intensity:g} rad s-1/2" if one.kick_intensity else ""),
+    )
     if scene.gravity_course is not None:
         yield "changing gravity", f"{scene.gravity_course.kind}, mean change {made.mean_change:.3g} m/s2"
-    if scene.conditions.tide:
-        yield "tide", "of a yielding Earth"
+    yield "tide", "of a yielding Earth" if scene.conditions.tide else ""
     if scene.case is not None:
         tilts = [name for name in ("pitch", "roll") if getattr(scene.case, name) is not None]
         yield "tilting case", f"{listed(tilts) or 'at rest'}, elongations from the {scene.case.reference}"
-    found = _each(pendulums, lambda each: each.plane and f"{each.plane:g} rad off")
-    if found:
-        yield "planes of swing", found
-    if scene.events:
-        yield "handling", listed(f"{each.kind} of {each.pendulum} at {each.time:g} s" for each in scene.events)
-    if made.caution is not None:
-        yield "caution", made.caution
+    yield "planes of swing", _each(pendulums, partial(_number, "plane", "rad off"))
+    yield "handling", listed(f"{each.kind} of {each.pendulum} at {each.time:g} s" for each in scene.events)
+    yield "caution", made.caution or ""
 
 
 def _periods(pendulums: Sequence[Pendulum]) -> str:
@@ -123,16 +115,19 @@ def _periods(pendulums: Sequence[Pendulum]) -> str:
     return f"{len(periods)}, period{'s' if len(periods) > 1 else ''} {listed(f'{each:.7g}' for each in periods)} s"
 
 
-def _each(pendulums: Sequence[Pendulum], said: Callable[[Pendulum], Any]) -> str:
+def _each(pendulums: Sequence[Pendulum], said: Callable[[Pendulum], str]) -> str:
     """Words of the pendulums that have the term; those of the same words together."""
     by_words: dict[str, list[str]] = {}
     for each in pendulums:
-        words = said(each)
-        if words:
-            by_words.setdefault(words, []).append(each.label)
-    if [len(labels) for labels in by_words.values()] == [len(pendulums)]:
+        by_words.setdefault(said(each), []).append(each.label)
+    if len(by_words) == 1:
         return next(iter(by_words))
-    return "; ".join(f"{listed(labels)}: {words}" for words, labels in by_words.items())
+    return "; ".join(f"{listed(labels)}: {words}" for words, labels in by_words.items() if words)
+
+
+def _number(field: str, unit: str, pendulum: Pendulum) -> str:
+    value = getattr(pendulum, field)
+    return f"{value:g} {unit}" if value else ""
 
 
 def _resistance(field: str, pendulum: Pendulum) -> str:
@@ -149,26 +144,23 @@ def _resistance(field: str, pendulum: Pendulum) -> str:
     )
 
 
-def _escapement(pendulum: Pendulum) -> str | None:
+def _escapement(pendulum: Pendulum) -> str:
     match pendulum.escapement:
         case VanDerPolEscapement() as drive:
             return f"van der Pol, {drive.rate:g} 1/s up to {drive.angle:g} rad"
         case ImpulseEscapement() as kick:
             ways = "both ways" if kick.direction == "both" else kick.direction
             return f"kicks of {kick.energy:g} rad2/s2 at {kick.angle:g} rad, {ways}"
-    return None
+    return ""
 
 
 def _support(support: Any) -> str:
-    match support:
-        case BeamSupport():
-            system = {"full": "system (1)", "reduced": "system (2)"}[support.equations]
-            return f"elastic beam, {system}, {support.mass:g} kg on {support.stiffness:g} N/m"
-        case FrameSupport():
-            return f"flexible frame, {support.mass:g} kg on {support.stiffness:g} N/m"
-        case BoardSupport():
-            return f"rolling board, coupling {support.coupling:g}"
-    return "fixed"
+    if isinstance(support, BoardSupport):
+        return f"rolling board, coupling {support.coupling:g}"
+    what = "flexible frame"
+    if isinstance(support, BeamSupport):
+        what = f"elastic beam, system ({1 if support.equations == 'full' else 2})"
+    return f"{what}, {support.mass:g} kg on {support.stiffness:g} N/m"
 
 
 def _readings(scene: Scene, clock: Clock) -> str:

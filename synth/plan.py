@@ -12,11 +12,9 @@ from data_schemas.errors import RefusedError, SceneError
 from data_schemas.scene import Scene
 from data_schemas.scene_checks import felt_gravity, frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
-from synth.case import lift_of_roll, tilt
 from synth.choice import NAMES, Choice, chosen_at_sight, chosen_by_rates, needs
-from synth.conditions import stiffening
-from synth.gravity_course import gravity_change, mean_change, tidal_change
 from synth.kicks import Kicks, held, kicks
+from synth.lift import gravity_change, lift_of_roll, mean_change, stiffening, tidal_change, tilt
 from synth.motion.harmonic_sum import HarmonicSum, add, harmonics, near_resonant
 from synth.motion.sea import sea
 from synth.motion.tabulated import tabulated
@@ -93,18 +91,20 @@ def plan(scene: Scene, clock: Clock) -> Plan:
     asked.
     """
     frequencies = [frequency(scene, pendulum) for pendulum in scene.pendulums]
-    axes = ("horizontal", "transverse", "vertical")
-    motion, transverse, vertical = (_motion(scene, frequencies, clock, axis) for axis in axes)
-    change, end, gravity = gravity_change(scene, clock.true_end), clock.true_end, felt_gravity(scene)
-    case, pitch, rolled = scene.case, None, None
-    if case is not None and case.pitch is not None:
-        pitch = tilt(case.pitch, motion, gravity, end)
+    end, gravity, case = clock.true_end, felt_gravity(scene), scene.case
+    motion, transverse, vertical = (
+        _motion(scene, frequencies, end, axis) for axis in ("horizontal", "transverse", "vertical")
+    )
+    pitch = None if case is None or case.pitch is None else tilt(case.pitch, motion, gravity, end)
+    change = gravity_change(scene, end)
+    upright = math.cos(scene.conditions.tilt or 0.0)  # the share that a tilted plane of swing feels
+    changes = [each for each in (change, tidal_change(scene, end)) if each is not None]
+    lifts = [vertical, stiffening(scene)]
+    lifts += [replace(each, acceleration=upright * each.acceleration) for each in changes]
     if case is not None and case.roll is not None:
-        rolled = lift_of_roll(scene, tilt(case.roll, transverse, gravity, end), transverse, vertical, end)
-    tidal = tidal_change(scene, end)
-    acting = (stiffening(scene), _in_swing_plane(scene, change), _in_swing_plane(scene, tidal), rolled)
-    like_heave = [each for each in acting if each is not None]
-    lift = add([vertical, *like_heave]) if like_heave else vertical
+        roll = tilt(case.roll, transverse, gravity, end)
+        lifts.append(lift_of_roll(scene, roll, transverse, vertical, end))
+    lift = add(each for each in lifts if each is not None)
     impulses = kicks(scene, max(frequencies), clock.times)
 
     @functools.cache
@@ -112,7 +112,7 @@ def plan(scene: Scene, clock: Clock) -> Plan:
         from synth.assembly import assemble
 
         try:
-            return assemble(scene, frequencies, motion, lift, impulses, clock.true_end)
+            return assemble(scene, frequencies, motion, lift, impulses, end)
         except RefusedError as refusal:
             raise SceneError(str(refusal)) from None
 
@@ -144,11 +144,9 @@ def plan(scene: Scene, clock: Clock) -> Plan:
 def _alone(scene: Scene, whole: Plan, transverse: HarmonicSum, place: int) -> Plan:
     """The plan of one pendulum in its own plane of swing."""
     pendulum, kicked = scene.pendulums[place], whole.kicks
-    turned = [
-        replace(each, acceleration=share * each.acceleration)
-        for share, each in ((math.cos(pendulum.plane), whole.motion), (math.sin(pendulum.plane), transverse))
-    ]
-    motion, own = add(turned), whole.frequencies[place]
+    shares = ((math.cos(pendulum.plane), whole.motion), (math.sin(pendulum.plane), transverse))
+    motion = add(replace(each, acceleration=share * each.acceleration) for share, each in shares)
+    own = whole.frequencies[place]
     if kicked is not None:
         jumps = tuple(replace(each, pendulum=0) for each in kicked.jumps if each.pendulum == place)
         kicked = replace(kicked, sizes=kicked.sizes[[place]], labels=(pendulum.label,), jumps=jumps)
@@ -161,12 +159,6 @@ def _alone(scene: Scene, whole: Plan, transverse: HarmonicSum, place: int) -> Pl
         responses=_responses(alone, [own], motion),
         kicks=kicked,
     )
-
-
-def _in_swing_plane(scene: Scene, change: HarmonicSum | None) -> HarmonicSum | None:
-    """The share of a vertical acceleration that a tilted plane of swing feels."""
-    tilt = scene.conditions.tilt or 0.0
-    return None if change is None else replace(change, acceleration=change.acceleration * math.cos(tilt))
 
 
 def _responses(scene: Scene, frequencies: list[float], motion: HarmonicSum) -> tuple[Response, ...]:
@@ -187,7 +179,7 @@ def _choice(scene: Scene, assembly: Callable[[], Assembly], fastest_swing: float
     return chosen_by_rates(asked, fastest_rate(made.system, made.start) * made.time_scale, fastest_swing)
 
 
-def _motion(scene: Scene, frequencies: list[float], clock: Clock, axis: str) -> HarmonicSum:
+def _motion(scene: Scene, frequencies: list[float], end: float, axis: str) -> HarmonicSum:
     """All terms of the support's motion along one axis, added."""
     labels = [pendulum.label for pendulum in scene.pendulums]
     terms: list[HarmonicSum] = []
@@ -199,7 +191,7 @@ def _motion(scene: Scene, frequencies: list[float], clock: Clock, axis: str) -> 
             continue
         match term:
             case Still():
-                continue
+                pass
             case HarmonicMotion():
                 terms.append(harmonics(term))
             case NearResonantMotion():
@@ -209,5 +201,5 @@ def _motion(scene: Scene, frequencies: list[float], clock: Clock, axis: str) -> 
                 seed, name = (scene.seed, f"sea {seas}") if term.seed is None else (term.seed, "sea")
                 terms.append(sea(term, scene.gravity, generator(seed, name)))
             case _:
-                terms.append(tabulated(term, clock.true_end))
+                terms.append(tabulated(term, end))
     return add(terms)

@@ -146,5 +146,8 @@ def _collocated(plan: Plan) -> tuple[Floats, float]:
         plan.linear,
         plan.kicks,
     )
-    swings = list(collocation.stream())  # samples of a clock are in order of time, none before the start
-    return np.concatenate([each.theta for each in swings], axis=1), max(each.estimated_error for each in swings)
+    theta, error, done = np.empty((len(plan.responses), plan.times.count)), 0.0, 0
+    for swing in collocation.stream():  # samples of a clock are in order of time, none before the start
+        here = slice(done, done + swing.theta.shape[1])
+        theta[:, here], error, done = swing.theta, max(error, swing.estimated_error), here.stop
+    return theta, error

@@ -10,7 +10,7 @@ import numpy as np
 
 from data_schemas.scene import Scene
 from data_schemas.scene_apparatus import Accelerometer, TraceErrors
-from synth.case import shifted
+from synth.lift import shifted
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.phase import Floats
 from synth.plan import Plan

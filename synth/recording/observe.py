@@ -14,11 +14,11 @@ from data_schemas.layouts import Kind, root_attributes
 from data_schemas.scene import Scene
 from data_schemas.scene_apparatus import Accelerometer
 from data_schemas.variables import attributes
-from synth.conditions import stated
 from synth.propagate import Trajectory
 from synth.recording.apparatus import Apparatus, combination, stamps
 from synth.recording.clock import Clock
 from synth.recording.defects import Defects
+from synth.recording.stated import stated
 
 
 def observe(scene: Scene, clock: Clock, trajectory: Trajectory, apparatus: Apparatus, defects: Defects) -> Contents:

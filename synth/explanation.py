@@ -11,7 +11,7 @@ from data_schemas.scene import Scene
 from data_schemas.scene_fields import Section, extra
 from data_schemas.scene_pendulum import RESISTANCES, ImpulseEscapement, Pendulum, VanDerPolEscapement
 from data_schemas.scene_support import BeamSupport, BoardSupport
-from synth.choice import NAMES, expected_error, listed
+from synth.choice import NAMES, listed
 from synth.plan import Plan, plan
 from synth.recording.clock import Clock, set_clock
 
@@ -75,7 +75,7 @@ def explain(scene: Scene) -> Explanation:
         choice.why,
         tuple(NAMES[name] for name in choice.instead),
         made.tolerance,
-        expected_error(choice, made.tolerance),
+        choice.expected_error(made.tolerance),
     )
 
 

@@ -12,7 +12,7 @@ from data_schemas.errors import RefusedError, SceneError
 from data_schemas.scene import Scene
 from data_schemas.scene_checks import felt_gravity, frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
-from synth.choice import NAMES, Choice, chosen_at_sight, chosen_by_rates, needs
+from synth.choice import NAMES, Choice, choose, needs
 from synth.kicks import Kicks, held, kicks
 from synth.lift import gravity_change, lift_of_roll, mean_change, stiffening, tidal_change, tilt
 from synth.motion.harmonic_sum import HarmonicSum, add, harmonics, near_resonant
@@ -116,6 +116,12 @@ def plan(scene: Scene, clock: Clock) -> Plan:
         except RefusedError as refusal:
             raise SceneError(str(refusal)) from None
 
+    def fastest() -> float:
+        from synth.systems.rates import fastest_rate  # only here: it brings numba
+
+        equations = assembly()
+        return fastest_rate(equations.system, equations.start) * equations.time_scale / max(frequencies)
+
     made = Plan(
         gravity,
         motion,
@@ -125,7 +131,7 @@ def plan(scene: Scene, clock: Clock) -> Plan:
         tuple(pendulum.damping_rate for pendulum in scene.pendulums),
         _responses(scene, frequencies, motion),
         clock.times,
-        _choice(scene, assembly, max(frequencies)),
+        choose(scene.simulation.propagator, needs(scene), fastest),
         scene.simulation.tolerance,
         assembly,
         scene.support.kind != "fixed",
@@ -166,17 +172,6 @@ def _responses(scene: Scene, frequencies: list[float], motion: HarmonicSum) -> t
     if scene.support.kind != "fixed" or any(each.damping_rate >= own for each, own in pairs):
         return ()
     return tuple(respond(own, each.damping_rate, each.start, motion, felt_gravity(scene)) for each, own in pairs)
-
-
-def _choice(scene: Scene, assembly: Callable[[], Assembly], fastest_swing: float) -> Choice:
-    asked = needs(scene)
-    choice = chosen_at_sight(scene.simulation.propagator, asked)
-    if choice is not None:
-        return choice
-    from synth.systems.rates import fastest_rate  # only here: it brings numba
-
-    made = assembly()
-    return chosen_by_rates(asked, fastest_rate(made.system, made.start) * made.time_scale, fastest_swing)
 
 
 def _motion(scene: Scene, frequencies: list[float], end: float, axis: str) -> HarmonicSum:

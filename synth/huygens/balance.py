@@ -38,14 +38,10 @@ _STEP = 1e-30
 class Regime(NamedTuple):
     """One synchronous regime, y_i = A_i cos(z - alpha_i), x = -X cos 2z, z = w t/2."""
 
-    beta: float
-    """w0^2/w^2 - 1, w the beam's frequency."""
-    q: float
-    """2X/l, not below 0."""
-    alpha: tuple[float, float]
-    """rad, in (-pi/2, pi/2]."""
-    amplitude: tuple[float, float]
-    """A_i, about 2."""
+    beta: float  # w0^2/w^2 - 1, w the beam's frequency
+    q: float  # 2X/l, not below 0
+    alpha: tuple[float, float]  # rad, in (-pi/2, pi/2]
+    amplitude: tuple[float, float]  # A_i, about 2
 
     @property
     def offset(self) -> float:
@@ -56,17 +52,9 @@ class Regime(NamedTuple):
 def solutions(clocks: Clocks, *, shifts: bool = False) -> list[Regime]:
     """Return all synchronous regimes of the harmonic balance, by rising beta.
 
-    Parameters
-    ----------
-    clocks : Clocks
-    shifts : bool
-        Whether the detuning felt loses van der Pol's delta^2/8 and the arc's Phi0^2 A_i^2/8, which the paper omits: the
-        solutions are then the fixed points of the slow flow. Without, the equations are those printed, (7)-(8).
-
-    Raises
-    ------
-    UsageError
-        Parameters that cannot be meant.
+    With `shifts` the detuning felt loses van der Pol's delta^2/8 and the arc's Phi0^2 A_i^2/8, which the paper omits:
+    the solutions are then the fixed points of the slow flow. Without, the equations are those printed, (7)-(8).
+    `UsageError` for parameters that cannot be meant.
 
     Examples
     --------

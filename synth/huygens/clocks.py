@@ -34,16 +34,11 @@ class Clocks(NamedTuple):
     (-0.01135, -0.01145)
     """
 
-    beam_damping: float
-    """d0 = eps0/w0, above 0."""
-    drive: float
-    """d = 2 eps/w0, above 0."""
-    coupling: float
-    """nu = 8 mu/l, above 0; in system (2) m0 = mu/l = nu/8."""
-    detuning: tuple[float, float]
-    """tau_i, from 4 w_i^2 = w0^2 (1 + tau_i)."""
-    swing: float = 0.0
-    """Phi0 = S0/l, rad: half the swing of the full system; 0 for system (2)."""
+    beam_damping: float  # d0 = eps0/w0, above 0
+    drive: float  # d = 2 eps/w0, above 0
+    coupling: float  # nu = 8 mu/l, above 0; in system (2) m0 = mu/l = nu/8
+    detuning: tuple[float, float]  # tau_i, from 4 w_i^2 = w0^2 (1 + tau_i)
+    swing: float = 0.0  # Phi0 = S0/l, rad: half the swing of the full system; 0 for system (2)
 
     @property
     def mean_detuning(self) -> float:

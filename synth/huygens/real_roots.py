@@ -23,18 +23,10 @@ _TERMS = ((2, 0, 0), (1, 1, 0), (0, 2, 0), (1, 0, 1), (0, 1, 1), (0, 0, 2))
 
 
 def real_roots(values: Sequence[Fraction], low: Fraction, high: Fraction, width: Fraction) -> list[Fraction]:
-    """Different real roots of a polynomial in [low, high], increasing.
+    """Different real roots in [low, high], increasing, of a polynomial with these coefficients, lowest power first.
 
-    `ValueError` if the polynomial is zero everywhere.
-
-    Parameters
-    ----------
-    values : sequence of Fraction
-        Coefficients, lowest power first.
-    low, high : Fraction
-        Ends of the interval; a root nearer to an end than half the width may be given too.
-    width : Fraction
-        Each root is the middle of an interval no wider than this that holds it and no other.
+    Each is the middle of an interval no wider than `width` that holds it and no other; a root nearer to an end than
+    half of that may be given too. `ValueError` if the polynomial is zero everywhere.
 
     Examples
     --------
@@ -80,12 +72,7 @@ def rational(value: Fraction) -> Any:
 
 def resultant(conics: Callable[[Any], Sequence[Conic]]) -> list[Fraction]:
     """Coefficients, lowest power first, of the polynomial of one unknown that is zero if and only if three conics have
-    a point in common, real or not, finite or not.
-
-    Parameters
-    ----------
-    conics : callable
-        Of the unknown: the three, whose coefficients are rational polynomials of it.
+    a point in common, real or not, finite or not; `conics` gives the three from the unknown.
     """
     from flint import Ordering, fmpq_mpoly_ctx
 

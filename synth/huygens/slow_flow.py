@@ -50,12 +50,9 @@ def slopes(state: Floats, beta: float, clocks: Clocks) -> Floats:
 class Stability(NamedTuple):
     """Verdict on a synchronous regime."""
 
-    growth: float
-    """Largest rate of a perturbation per z, the common phase apart."""
-    exponents: tuple[complex, ...]
-    """All five, per z, the largest first."""
-    stable: bool | None
-    """None where the largest rate is zero to rounding."""
+    growth: float  # largest rate of a perturbation per z, the common phase apart
+    exponents: tuple[complex, ...]  # all five, per z, the largest first
+    stable: bool | None  # None where the largest rate is zero to rounding
 
 
 def stability(regime: Regime, clocks: Clocks) -> Stability:

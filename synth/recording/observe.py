@@ -46,7 +46,7 @@ def observe(scene: Scene, clock: Clock, trajectory: Trajectory, apparatus: Appar
     }
     if scene.recording.write_damping:
         instrument["damping_rate"] = (("pendulum",), np.array([each.damping_rate for each in scene.pendulums]))
-    how = {"restoring": scene.restoring} if scene.recording.write_restoring else {}
+    how: dict[str, str] = {"restoring": scene.restoring} if scene.recording.write_restoring else {}
     accelerometer = scene.recording.horizontal_acceleration
     if isinstance(accelerometer, Accelerometer):
         how["acceleration_frame"] = accelerometer.frame

@@ -84,7 +84,7 @@ def source_of(given: xr.DataTree | Scene) -> Source:
 
 def _of_scene(scene: Scene) -> Source:
     from synth.recording.clock import set_clock
-    from synth.recording.stated import stated
+    from synth.recording.observe import stated
     from synth.streaming import stream
 
     bare = Recording(

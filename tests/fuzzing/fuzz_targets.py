@@ -31,7 +31,7 @@ from pipeline.film.scan.opening import open_scan
 from pipeline.importing.pendulums import ImportOptions
 from pipeline.importing.record import import_csv
 from synth import films, load_film
-from synth.motion.table_file import read_table
+from synth.motion.tabulated import read_table
 
 SECONDS, BYTES = 10.0, 1 << 30
 """What a reader may take for one input."""

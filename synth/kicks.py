@@ -114,13 +114,13 @@ def kicks(scene: Scene, fastest: float, times: EvenTimes | UnevenTimes) -> Kicks
     return Kicks(step, intensity * math.sqrt(step), scene.seed, labels, tuple(jumps))
 
 
-def held(scene: Scene, step: Fraction) -> list[tuple[int, float, float, float]]:
+def held(scene: Scene, kicks: Kicks | None) -> list[tuple[int, float, float, float]]:
     """Pendulums that are held: which, from when to when, s, and at which angle, rad."""
     labels = [each.label for each in scene.pendulums]
     spans = []
     for each in scene.events:
-        if isinstance(each, Release | Clamp):
-            at = float((_number(each.time, step) + 1) * step)
+        if isinstance(each, Release | Clamp) and kicks is not None:
+            at = float((_number(each.time, kicks.step) + 1) * kicks.step)
             begin, end = (-math.inf, at) if isinstance(each, Release) else (at, math.inf)
             spans.append((labels.index(each.pendulum), begin, end, each.angle))
     return spans

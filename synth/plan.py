@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ from data_schemas.scene import Scene
 from data_schemas.scene_checks import felt_gravity, frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
 from synth.choice import NAMES, Choice, choose, needs
-from synth.kicks import Kicks, held, kicks
+from synth.kicks import Kicks, kicks
 from synth.lift import gravity_change, lift_of_roll, mean_change, stiffening, tidal_change, tilt
 from synth.motion.harmonic_sum import HarmonicSum, add, harmonics, near_resonant
 from synth.motion.sea import sea
@@ -29,8 +29,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything that the march needs, and nothing of the scene's words."""
+    """Everything that decides a trajectory."""
 
+    scene: Scene
     gravity: float
     """What accelerations compare with, m/s^2."""
     motion: HarmonicSum
@@ -39,34 +40,25 @@ class Plan:
     lift: HarmonicSum
     """The vertical one with what acts like it: a temperature or gravity that changes within the record."""
     frequencies: tuple[float, ...]
-    damping_rates: tuple[float, ...]
-    """n in rad/s at infinitesimal arc on a rigid support, gamma in 1/s."""
+    """n at infinitesimal arc on a rigid support, rad/s."""
     responses: tuple[Response, ...]
     """Linear answer of each pendulum; none on a support that yields, or where a pendulum creeps."""
     times: EvenTimes | UnevenTimes
     """When."""
     choice: Choice
     """By what, and why."""
-    tolerance: float | None
-    """Error wanted, of the largest angle; None for the least that can be had."""
     assembly: Callable[[], Assembly]
     """Builds the equations of motion, for general integrators only: it imports the compiler. Once built, they stay."""
-    yields: bool
-    """Whether the support moves with the pendulums."""
-    linear: bool
-    """Whether the law is linear."""
     kicks: Kicks | None
-    """Random impulses."""
+    """Random impulses, and what is done by hand."""
     gravity_change: HarmonicSum | None
     """What is added to the scene's gravity over time, m/s^2."""
     mean_change: float
     """Its mean over the record, m/s^2."""
-    pitch: HarmonicSum | None = None
+    pitch: HarmonicSum | None
     """Tilt of the case in the plane of swing, rad."""
     planes: tuple[Plan, ...] = ()
     """Of each pendulum alone, where their planes of swing are not parallel."""
-    held: Sequence[tuple[int, float, float, float]] = ()
-    """See `kicks.held`."""
 
     @property
     def propagator(self) -> str:
@@ -74,14 +66,19 @@ class Plan:
         return NAMES[self.choice.propagator]
 
     @property
+    def tolerance(self) -> float | None:
+        """Error wanted, of the largest angle; None for the least that can be had."""
+        return self.scene.simulation.tolerance
+
+    @property
     def caution(self) -> str | None:
         """What to know of a yielding support's start before believing the motion, or None."""
-        if not self.yields:
+        if self.scene.support.kind == "fixed":
             return None
         from synth.systems.symmetry import CAUTION, symmetric
 
-        made = self.assembly()
-        return CAUTION if symmetric(made.system, made.start) else None
+        equations = self.assembly()
+        return CAUTION if symmetric(equations.system, equations.start) else None
 
 
 def plan(scene: Scene, clock: Clock) -> Plan:
@@ -122,49 +119,38 @@ def plan(scene: Scene, clock: Clock) -> Plan:
         equations = assembly()
         return fastest_rate(equations.system, equations.start) * equations.time_scale / max(frequencies)
 
-    made = Plan(
+    whole = Plan(
+        scene,
         gravity,
         motion,
         vertical,
         lift,
         tuple(frequencies),
-        tuple(pendulum.damping_rate for pendulum in scene.pendulums),
         _responses(scene, frequencies, motion),
         clock.times,
         choose(scene.simulation.propagator, needs(scene), fastest),
-        scene.simulation.tolerance,
         assembly,
-        scene.support.kind != "fixed",
-        scene.restoring == "linear",
         impulses,
         change,
         0.0 if change is None else mean_change(change, end),
         pitch,
-        held=[] if impulses is None else held(scene, impulses.step),
     )
     if not any(each.plane for each in scene.pendulums):
-        return made
-    return replace(made, planes=tuple(_alone(scene, made, transverse, place) for place in range(len(scene.pendulums))))
+        return whole
+    return replace(whole, planes=tuple(_alone(whole, transverse, place) for place in range(len(scene.pendulums))))
 
 
-def _alone(scene: Scene, whole: Plan, transverse: HarmonicSum, place: int) -> Plan:
+def _alone(whole: Plan, transverse: HarmonicSum, place: int) -> Plan:
     """The plan of one pendulum in its own plane of swing."""
-    pendulum, kicked = scene.pendulums[place], whole.kicks
+    pendulum, kicked, own = whole.scene.pendulums[place], whole.kicks, whole.frequencies[place]
     shares = ((math.cos(pendulum.plane), whole.motion), (math.sin(pendulum.plane), transverse))
     motion = add(replace(each, acceleration=share * each.acceleration) for share, each in shares)
-    own = whole.frequencies[place]
     if kicked is not None:
         jumps = tuple(replace(each, pendulum=0) for each in kicked.jumps if each.pendulum == place)
         kicked = replace(kicked, sizes=kicked.sizes[[place]], labels=(pendulum.label,), jumps=jumps)
-    alone = scene.model_copy(update={"pendulums": (pendulum,)})
-    return replace(
-        whole,
-        motion=motion,
-        frequencies=(own,),
-        damping_rates=(pendulum.damping_rate,),
-        responses=_responses(alone, [own], motion),
-        kicks=kicked,
-    )
+    alone = whole.scene.model_copy(update={"pendulums": (pendulum,)})
+    responses = _responses(alone, [own], motion)
+    return replace(whole, scene=alone, motion=motion, frequencies=(own,), responses=responses, kicks=kicked)
 
 
 def _responses(scene: Scene, frequencies: list[float], motion: HarmonicSum) -> tuple[Response, ...]:

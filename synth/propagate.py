@@ -9,6 +9,7 @@ import numpy as np
 
 from data_schemas.errors import RefusedError, SceneError
 from synth.choice import NAMES
+from synth.kicks import held
 from synth.pendulums.linear import start_state
 from synth.phase import Floats, Phasors
 from synth.plan import Plan
@@ -89,7 +90,7 @@ def _trajectory(plan: Plan, part: Clock, angles: Angles) -> Trajectory:
     times, kept, planes, count = part.times, part.kept, plan.planes or (plan,), len(plan.frequencies)
     rows, error, propagator = angles
     theta = rows[:count, kept]
-    for place, begin, end, angle in plan.held:
+    for place, begin, end, angle in held(plan.scene, plan.kicks):
         theta[place, (part.true_seconds >= begin) & (part.true_seconds < end)] = angle
     free = slow = None
     if plan.choice.propagator == "closed-form":
@@ -143,7 +144,7 @@ def _collocated(plan: Plan) -> tuple[Floats, float]:
         plan.lift,
         plan.gravity,
         plan.times,
-        plan.linear,
+        plan.scene.restoring == "linear",
         plan.kicks,
     )
     theta, error, done = np.empty((len(plan.responses), plan.times.count)), 0.0, 0

@@ -31,10 +31,10 @@ def stream(scene: Scene, clock: Clock) -> Iterator[tuple[Contents, Contents]]:
     importing xarray takes longer and more memory than most simulations.)
     """
     the_plan = plan(scene, clock)
-    apparatus, defects, unwrapped = Apparatus(scene, the_plan, clock), Defects(scene, clock), Unwrapping()
+    apparatus, defects, unwrapped = Apparatus(the_plan, clock), Defects(scene, clock), Unwrapping()
     for part, trajectory in propagate(the_plan, clock):
         record = observe(scene, part, trajectory, apparatus, defects)
-        yield record, reveal(scene, part, the_plan, trajectory, unwrapped)
+        yield record, reveal(part, the_plan, trajectory, unwrapped)
 
 
 def simulated(scene: Scene) -> tuple[Contents, Contents]:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from data_schemas.contents import Contents
-from data_schemas.scene import Scene
 from data_schemas.scene_checks import frequency
 from synth.phase import Floats, Phasors
 from synth.plan import Plan
@@ -16,21 +15,19 @@ from synth.recording.clock import Clock
 from synth.recording.observe import described, label_array, root
 
 
-def reveal(scene: Scene, clock: Clock, plan: Plan, trajectory: Trajectory, unwrapped: Unwrapping) -> Contents:
+def reveal(clock: Clock, plan: Plan, trajectory: Trajectory, unwrapped: Unwrapping) -> Contents:
     """Lay out the truth of a record, or of a chunk of it, as `data_schemas` does; chunks must come in order of time.
 
     theta = free_amplitude * cos(free_phase) + forced to the last digit where the pendulums are linear.
     """
-    both, one, time = ("pendulum", "time"), ("pendulum",), ("time",)
+    scene, both, one, time = plan.scene, ("pendulum", "time"), ("pendulum",), ("time",)
     interval = float(scene.recording.mark_interval) if scene.recording.marks else scene.recording.gap_interval
     at_mean = scene.model_copy(update={"gravity": scene.gravity + plan.mean_change})
     kicked = np.array([each.kick_intensity for each in scene.pendulums])
-    jumps = [] if plan.kicks is None else plan.kicks.jumps
-    events = [float((each.number + 1) * plan.kicks.step) for each in jumps] if plan.kicks is not None else []
     variables: dict[str, Any] = {
         "gravity": ((), at_mean.gravity),
         "frequency": (one, np.array([frequency(at_mean, each) for each in scene.pendulums])),
-        "damping_rate": (one, np.array(plan.damping_rates)),
+        "damping_rate": (one, np.array([each.damping_rate for each in scene.pendulums])),
         "theta": (both, trajectory.theta),
         "horizontal_acceleration": (time, trajectory.horizontal_acceleration),
         "mark_time": (("mark",), np.arange(0.0, scene.duration, interval) * float(clock.scale)),
@@ -53,8 +50,9 @@ def reveal(scene: Scene, clock: Clock, plan: Plan, trajectory: Trajectory, unwra
         variables["support_displacement"] = (time, trajectory.support_displacement)
     if plan.pitch is not None:
         variables["case_pitch"] = (time, clock.times.acceleration(plan.pitch)[clock.kept])
-    if events:
-        variables["event_time"] = (("event",), np.array(events))
+    if plan.kicks is not None and plan.kicks.jumps:
+        moments = [float((each.number + 1) * plan.kicks.step) for each in plan.kicks.jumps]
+        variables["event_time"] = (("event",), np.array(moments))
     attrs = {
         "scene": scene.model_dump_json(),
         "seed": scene.seed,

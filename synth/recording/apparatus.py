@@ -23,13 +23,13 @@ from synth.seeds import generator
 class Apparatus:
     """The apparatus of one record, given its whole clock; chunk by chunk, in order of time."""
 
-    def __init__(self, scene: Scene, plan: Plan, clock: Clock) -> None:
-        self._scene, self._plan = scene, plan
+    def __init__(self, plan: Plan, clock: Clock) -> None:
+        self._scene, self._plan = plan.scene, plan
         self._late = {
             delay: _angles_before(plan, clock, delay)
-            for delay in dict.fromkeys(each.delay for each in scene.recording.errors if each.delay)
+            for delay in dict.fromkeys(each.delay for each in plan.scene.recording.errors if each.delay)
         }
-        self._noise = {name: generator(scene.seed, f"noise of {name}") for name in ("case_tilt", *_AXES)}
+        self._noise = {name: generator(plan.scene.seed, f"noise of {name}") for name in ("case_tilt", *_AXES)}
 
     def elongations(self, trajectory: Trajectory, clock: Clock) -> Floats:
         """Traces as they would be read without noise, (traces, samples), rad; NaN where none has begun."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -10,16 +10,12 @@ from typing import Any
 from data_schemas.scene import Scene
 from data_schemas.scene_fields import Section, extra
 from data_schemas.scene_pendulum import RESISTANCES, ImpulseEscapement, Pendulum, VanDerPolEscapement
-from data_schemas.scene_support import BeamSupport, BoardSupport
+from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
 from synth.choice import NAMES, listed
+from synth.motion.harmonic_sum import HarmonicSum
 from synth.plan import Plan, plan
 from synth.recording.clock import Clock, set_clock
 
-_TERMS = (
-    "restoring", *RESISTANCES.values(), "escapement", "yielding support",
-    "horizontal motion", "vertical motion", "random kicks", "changing gravity",
-    "tide", "tilting case", "planes of swing", "handling",
-)  # fmt: skip
 _MOST_PERIODS = 4
 
 
@@ -63,49 +59,40 @@ def explain(scene: Scene) -> Explanation:
     '65 harmonics: sea and near-resonant'
     """
     clock = set_clock(scene)
-    made = plan(scene, clock)
-    terms = {name: words for name, words in _terms(scene, made) if words}
-    choice = made.choice
+    whole = plan(scene, clock)
+    terms, choice = _terms(scene, whole), whole.choice
+    present = {name: words for name, words in terms.items() if words}
     return Explanation(
         _periods(scene.pendulums),
-        terms,
-        tuple(name for name in _TERMS if name not in terms),
-        _readings(scene, clock),
-        made.propagator,
+        present if whole.caution is None else present | {"caution": whole.caution},
+        tuple(name for name, words in terms.items() if not words),
+        _samples(scene, clock),
+        whole.propagator,
         choice.why,
         tuple(NAMES[name] for name in choice.instead),
-        made.tolerance,
-        choice.expected_error(made.tolerance),
+        whole.tolerance,
+        choice.expected_error(whole.tolerance),
     )
 
 
-def _terms(scene: Scene, made: Plan) -> Iterator[tuple[str, str]]:
-    pendulums = scene.pendulums
-    yield "restoring", "the full sine" if scene.restoring == "sine" else "linear, for small arcs"
-    for field, name in RESISTANCES.items():
-        yield name, _each(pendulums, partial(_resistance, field))
-    yield "escapement", _each(pendulums, _escapement)
-    if scene.support.kind != "fixed":
-        yield "yielding support", _support(scene.support)
-    for axis, motion in (("horizontal", made.motion), ("vertical", made.vertical)):
-        kinds = dict.fromkeys(term.kind for term in scene.motion if term.axis == axis and term.kind != "still")
-        if kinds:
-            count = motion.angular_frequency.size
-            of_what = "" if list(kinds) == ["harmonics"] else f": {listed(kinds)}"
-            yield f"{axis} motion", f"{count} harmonic{'s' if count > 1 else ''}{of_what}"
-    yield (
-        "random kicks",
-        _each(pendulums, lambda one: f"{one.kick_intensity:g} rad s-1/2" if one.kick_intensity else ""),
-    )
-    if scene.gravity_course is not None:
-        yield "changing gravity", f"{scene.gravity_course.kind}, mean change {made.mean_change:.3g} m/s2"
-    yield "tide", "of a yielding Earth" if scene.conditions.tide else ""
-    if scene.case is not None:
-        tilts = [name for name in ("pitch", "roll") if getattr(scene.case, name) is not None]
-        yield "tilting case", f"{listed(tilts) or 'at rest'}, elongations from the {scene.case.reference}"
-    yield "planes of swing", _each(pendulums, partial(_number, "plane", "rad off"))
-    yield "handling", listed(f"{each.kind} of {each.pendulum} at {each.time:g} s" for each in scene.events)
-    yield "caution", made.caution or ""
+def _terms(scene: Scene, whole: Plan) -> dict[str, str]:
+    """Words of all terms that there are, empty for those that the scene does not name."""
+    pendulums, course = scene.pendulums, scene.gravity_course
+    changing = "" if course is None else f"{course.kind}, mean change {whole.mean_change:.3g} m/s2"
+    return {
+        "restoring": "the full sine" if scene.restoring == "sine" else "linear, for small arcs",
+        **{name: _each(pendulums, partial(_numbers, field)) for field, name in RESISTANCES.items()},
+        "escapement": _each(pendulums, _escapement),
+        "yielding support": _support(scene.support),
+        "horizontal motion": _motion(scene, "horizontal", whole.motion),
+        "vertical motion": _motion(scene, "vertical", whole.vertical),
+        "random kicks": _each(pendulums, partial(_numbers, "kick_intensity")),
+        "changing gravity": changing,
+        "tide": "of a yielding Earth" if scene.conditions.tide else "",
+        "tilting case": _case(scene),
+        "planes of swing": _each(pendulums, lambda one: f"{one.plane:g} rad off" if one.plane else ""),
+        "handling": listed(f"{each.kind} of {each.pendulum} at {each.time:g} s" for each in scene.events),
+    }
 
 
 def _periods(pendulums: Sequence[Pendulum]) -> str:
@@ -125,23 +112,15 @@ def _each(pendulums: Sequence[Pendulum], said: Callable[[Pendulum], str]) -> str
     return "; ".join(f"{listed(labels)}: {words}" for words, labels in by_words.items() if words)
 
 
-def _number(field: str, unit: str, pendulum: Pendulum) -> str:
-    value = getattr(pendulum, field)
-    return f"{value:g} {unit}" if value else ""
-
-
-def _resistance(field: str, pendulum: Pendulum) -> str:
-    """Its numbers with their units; empty where there is none."""
+def _numbers(field: str, pendulum: Pendulum) -> str:
+    """The numbers of a field with their units; empty where it is absent."""
     value = getattr(pendulum, field)
     if not value:
         return ""
-    of = type(value) if isinstance(value, Section) else Pendulum
-    numbers = value.model_dump() if isinstance(value, Section) else {field: value}
-    units = {name: extra(of, name)["unit"] for name in numbers}
-    return ", ".join(
-        f"{name} {number:g} {units[name]}" if len(numbers) > 1 else f"{number:g} {units[name]}"
-        for name, number in numbers.items()
-    )
+    if not isinstance(value, Section):
+        return f"{value:g} {extra(Pendulum, field)['unit']}"
+    numbers = value.model_dump().items()
+    return ", ".join(f"{name} {number:g} {extra(type(value), name)['unit']}" for name, number in numbers)
 
 
 def _escapement(pendulum: Pendulum) -> str:
@@ -155,15 +134,35 @@ def _escapement(pendulum: Pendulum) -> str:
 
 
 def _support(support: Any) -> str:
-    if isinstance(support, BoardSupport):
-        return f"rolling board, coupling {support.coupling:g}"
-    what = "flexible frame"
-    if isinstance(support, BeamSupport):
-        what = f"elastic beam, system ({1 if support.equations == 'full' else 2})"
+    match support:
+        case BoardSupport():
+            return f"rolling board, coupling {support.coupling:g}"
+        case BeamSupport():
+            what = f"elastic beam, system ({1 if support.equations == 'full' else 2})"
+        case FrameSupport():
+            what = "flexible frame"
+        case _:
+            return ""
     return f"{what}, {support.mass:g} kg on {support.stiffness:g} N/m"
 
 
-def _readings(scene: Scene, clock: Clock) -> str:
+def _motion(scene: Scene, axis: str, motion: HarmonicSum) -> str:
+    kinds = dict.fromkeys(term.kind for term in scene.motion if term.axis == axis and term.kind != "still")
+    if not kinds:
+        return ""
+    count = motion.angular_frequency.size
+    of_what = "" if list(kinds) == ["harmonics"] else f": {listed(kinds)}"
+    return f"{count} harmonic{'s' if count > 1 else ''}{of_what}"
+
+
+def _case(scene: Scene) -> str:
+    if scene.case is None:
+        return ""
+    tilts = [name for name in ("pitch", "roll") if getattr(scene.case, name) is not None]
+    return f"{listed(tilts) or 'at rest'}, elongations from the {scene.case.reference}"
+
+
+def _samples(scene: Scene, clock: Clock) -> str:
     step = float(scene.recording.step)
     jitter = f", off by {scene.recording.jitter:g} s" if scene.recording.jitter else ""
     return f"{clock.count}, one every {step:g} s{jitter}, for {scene.duration:g} s"

@@ -80,11 +80,6 @@ class Kicks:
         return result
 
 
-def _number(time: float, step: Fraction) -> int:
-    """Of the impulse nearest to a time, s."""
-    return max(round(Fraction(time) / step) - 1, 0)
-
-
 @functools.lru_cache(maxsize=64)
 def _block(seed: int, label: str, number: int) -> Floats:
     return generator(seed, f"kicks {label} {number}").normal(size=_BLOCK)
@@ -110,19 +105,19 @@ def kicks(scene: Scene, fastest: float, times: EvenTimes | UnevenTimes) -> Kicks
                 angle, rate = each.angle, each.angular_velocity / frequency(scene, scene.pendulums[place])
             case Release() | Clamp():
                 angle = each.angle
-        jumps.append(Jump(_number(each.time, step), place, angle, rate, isinstance(each, Knock)))
+        nearest = max(round(Fraction(each.time) / step) - 1, 0)
+        jumps.append(Jump(nearest, place, angle, rate, isinstance(each, Knock)))
     return Kicks(step, intensity * math.sqrt(step), scene.seed, labels, tuple(jumps))
 
 
 def held(scene: Scene, kicks: Kicks | None) -> list[tuple[int, float, float, float]]:
     """Pendulums that are held: which, from when to when, s, and at which angle, rad."""
-    labels = [each.label for each in scene.pendulums]
     spans = []
-    for each in scene.events:
-        if isinstance(each, Release | Clamp) and kicks is not None:
-            at = float((_number(each.time, kicks.step) + 1) * kicks.step)
-            begin, end = (-math.inf, at) if isinstance(each, Release) else (at, math.inf)
-            spans.append((labels.index(each.pendulum), begin, end, each.angle))
+    for event, jump in zip(scene.events, kicks.jumps if kicks is not None else (), strict=True):
+        if isinstance(event, Release | Clamp) and kicks is not None:
+            at = float((jump.number + 1) * kicks.step)
+            begin, end = (-math.inf, at) if isinstance(event, Release) else (at, math.inf)
+            spans.append((jump.pendulum, begin, end, jump.angle))
     return spans
 
 

@@ -13,59 +13,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .variable import Variable
-from .variables_record import FILM, INSTRUMENT, RECORD
-from .variables_result import (
-    CORRECTION,
-    COURSE,
-    DIFFERENCE,
-    GRAVITY,
-    PENDULUMS,
-    PERIOD,
-    PHASES,
-    SHIP,
-    SPECTRUM,
-    SYNCHRONY,
-)
-from .variables_summary import SUMMARY
-from .variables_truth import MARKS, SLICES, TRUTH
+from . import variables_record, variables_result, variables_truth
+from .variable import Variable, f8
 
 __all__ = ["VARIABLES", "Variable", "attributes", "dataset"]
 
 if TYPE_CHECKING:
     import xarray as xr
 
-TIME = Variable(
-    ("time",),
-    "f8",
-    "seconds since 2000-01-01T00:00:00Z",
-    "time of the sample, from the start of the record",
-    standard_name="time",
-    required=True,
-    attrs={"calendar": "standard", "axis": "T"},
-)
-
-_GROUPS: Mapping[str, Mapping[str, Variable]] = {
-    "record": RECORD,
-    "instrument": INSTRUMENT,
-    "film": FILM,
-    "truth": TRUTH,
-    "slices": SLICES,
-    "marks": MARKS,
-    "phases": PHASES,
-    "correction": CORRECTION,
-    "gravity": GRAVITY,
-    "course": COURSE,
-    "ship": SHIP,
-    "difference": DIFFERENCE,
-    "spectrum": SPECTRUM,
-    "pendulums": PENDULUMS,
-    "period": PERIOD,
-    "synchrony": SYNCHRONY,
-    "summary": SUMMARY,
+_TIME = f8(
+    "time", "seconds since 2000-01-01T00:00:00Z", "time of the sample, from the start of the record", "required",
+    standard_name="time", attrs={"calendar": "standard", "axis": "T"},
+)  # fmt: skip
+_ROWS = {"time": _TIME} | {
+    f"{group}/{name}": row
+    for table in (variables_record, variables_truth, variables_result)
+    for group, rows in table.GROUPS.items()
+    for name, row in rows.items()
 }
-
-_ROWS = {"time": TIME} | {f"{group}/{name}": row for group, rows in _GROUPS.items() for name, row in rows.items()}
 VARIABLES: Mapping[str, Variable] = MappingProxyType(_ROWS)
 
 

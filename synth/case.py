@@ -20,8 +20,8 @@ from fractions import Fraction
 import numpy as np
 
 from data_schemas.scene import Scene
-from data_schemas.scene_apparatus import GimbalTilt, HarmonicTilt, Tilt
-from data_schemas.scene_checks import felt_gravity, period
+from data_schemas.scene_conditions import felt_gravity, period
+from data_schemas.scene_motion import GimbalTilt, HarmonicTilt, Tilt
 from synth.motion.harmonic_sum import HarmonicSum, harmonics
 from synth.motion.tabulated import continued, tabulated
 from synth.phase import Floats

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.scene import Scene
-from data_schemas.scene_checks import felt_gravity, period
+from data_schemas.scene_conditions import felt_gravity, period
 from data_schemas.scene_motion import HarmonicMotion
 from synth.motion.harmonic_sum import HarmonicSum, harmonics
 from synth.phase import Floats

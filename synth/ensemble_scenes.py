@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from data_schemas.errors import SceneError
 from data_schemas.scene import Scene
-from data_schemas.scene_faults import one_line
+from data_schemas.scene_fields import one_line
 from synth.seeds import generator
 
 Range = tuple[float, float]

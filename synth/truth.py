@@ -8,7 +8,7 @@ import numpy as np
 
 from data_schemas.contents import Contents
 from data_schemas.scene import Scene
-from data_schemas.scene_checks import frequency
+from data_schemas.scene_conditions import frequency
 from synth.march import Course
 from synth.phase import Floats, Phasors
 from synth.plan import Plan

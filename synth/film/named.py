@@ -36,7 +36,7 @@ def load_film(name: str) -> Film:
     """
     from pydantic import ValidationError
 
-    from data_schemas.scene_faults import one_line
+    from data_schemas.scene_fields import one_line
     from data_schemas.toml_file import load_toml
 
     path = Path(name)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.scene import Scene
-from data_schemas.scene_apparatus import Accelerometer, TraceErrors
+from data_schemas.scene_recording import Accelerometer, TraceErrors
 from synth.case import shifted
 from synth.march import Course, march
 from synth.motion.harmonic_sum import HarmonicSum

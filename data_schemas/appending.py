@@ -20,9 +20,8 @@ from .checksum import ATTRIBUTE
 from .contents import Contents, Entry, Group, key, shown, type_name
 from .encoding import LIBRARY, array, lay_out, node, write_attributes
 from .errors import FileError
-from .reading import CHUNK_CACHE
+from .reading import CHUNK_CACHE, skim
 from .shield import shielded
-from .slabs import skim
 from .writing import beside, give_name, may_write, place_of, reason
 
 

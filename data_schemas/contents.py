@@ -146,11 +146,18 @@ def plain_attribute(value: object, where: str) -> Any:
     if array.dtype.kind == "U":
         texts: list[str] = array.ravel().tolist()
         return texts[0] if array.size == 1 else texts
-    if array.size > 1:
-        return array
-    # int and float for the two types Python has; other types keep theirs, the checksum covers it
-    number = array.ravel()[0]
-    return number.item() if type_name(array) in ("i8", "f8") else number
+    return as_attribute(array)
+
+
+def as_attribute(numbers: NDArray[Any]) -> Any:
+    """Numbers of an attribute: a single one as such, int and float for the two types Python has.
+
+    Other types keep theirs: the checksum covers it.
+    """
+    if numbers.size != 1:
+        return numbers
+    number = numbers.ravel()[0]
+    return number.item() if type_name(numbers) in ("i8", "f8") else number
 
 
 def from_tree(tree: xr.DataTree) -> Contents:

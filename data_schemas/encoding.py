@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from .contents import Contents, Entry, Group, key, shown, type_name
 from .errors import FileError
-from .guard import BOOKKEEPING, survey
-from .guard_types import Budget
+from .guard import BOOKKEEPING, Budget, survey
 from .upgrading import PACKING
 
 CHUNK = 1 << 16  # elements: half a MiB of float64, a fraction of a second of record to lose to one damaged byte

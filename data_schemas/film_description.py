@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError, create_model, model_validator
 
 from data_schemas.errors import FileError, RecordError
 from data_schemas.scene_fields import Name, Number, Section, Text, one_line, quantity
-from data_schemas.toml_file import load_toml
+from data_schemas.text_files import load_toml
 from data_schemas.variables_record import INSTRUMENT
 
 KIND = "film-description"

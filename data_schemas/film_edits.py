@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 
 from data_schemas.film_description import film_stem, load_section
 from data_schemas.scene_fields import Count, Number, Section, Text, quantity
-from data_schemas.toml_text import toml_text
+from data_schemas.text_files import toml_text
 from data_schemas.writing import write_text
 
 KIND = "film-edits"

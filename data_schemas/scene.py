@@ -18,7 +18,7 @@ from data_schemas.scene_film import Film
 from data_schemas.scene_motion import Case, Motion
 from data_schemas.scene_pendulum import FixedSupport, Handling, Pendulum, Support
 from data_schemas.scene_recording import Recording, Trace
-from data_schemas.toml_file import load_toml
+from data_schemas.text_files import load_toml
 
 _MOST_SAMPLES = 200_000_000
 

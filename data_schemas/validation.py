@@ -41,7 +41,7 @@ def _loader(path: str | os.PathLike[str]) -> Callable[[str | os.PathLike[str]], 
     """What reads a TOML file of its kind."""
     from . import film_description, film_edits
     from .scene import load_scene
-    from .toml_file import load_toml
+    from .text_files import load_toml
 
     kinds = {film_description.KIND: film_description.load_description, film_edits.KIND: film_edits.load_edits}
     try:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from data_schemas.contents import Contents, shown, to_tree
 from data_schemas.errors import FileError, UsageError
+from data_schemas.reading import skim
 from data_schemas.scene import Scene
-from data_schemas.slabs import skim
 from data_schemas.writing import write_text
 from synth.ensemble_scenes import Vary, value
 from synth.ensemble_scenes import members as scenes_of

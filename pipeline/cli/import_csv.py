@@ -101,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _instrument(options: argparse.Namespace) -> dict[str, Any]:
     """Constants of the TOML file, and of options, which go before it."""
-    from data_schemas.toml_file import load_toml
+    from data_schemas.text_files import load_toml
 
     found = (
         {}

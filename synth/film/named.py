@@ -37,7 +37,7 @@ def load_film(name: str) -> Film:
     from pydantic import ValidationError
 
     from data_schemas.scene_fields import one_line
-    from data_schemas.toml_file import load_toml
+    from data_schemas.text_files import load_toml
 
     path = Path(name)
     if path.suffix != ".toml" and path.parent == Path("."):

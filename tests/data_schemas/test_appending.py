@@ -16,7 +16,7 @@ from data_schemas import content_sha256, encoding, heaps, read, validate, write,
 from data_schemas.appending import Appended, Sink
 from data_schemas.contents import Contents, Entry, Group, from_tree
 from data_schemas.errors import FileError
-from data_schemas.slabs import skim, slabs
+from data_schemas.reading import skim, slabs
 
 
 def cut(contents: Contents, begin: int, end: int) -> Contents:

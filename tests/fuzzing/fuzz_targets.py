@@ -24,8 +24,8 @@ from data_schemas.checksum import ATTRIBUTE
 from data_schemas.errors import IsochronyError
 from data_schemas.film_description import load_description
 from data_schemas.layouts import CONVENTIONS, LAYOUTS
+from data_schemas.reading import skim
 from data_schemas.scene_motion import Table
-from data_schemas.slabs import skim
 from pipeline.cli import import_csv as verb
 from pipeline.film.scan.opening import open_scan
 from pipeline.importing.pendulums import ImportOptions

@@ -134,22 +134,24 @@ def survey(file: h5py.File, size: int, budget: Budget) -> Survey:
     """
     found = Survey(budget)
     stored = 0
-    waiting = [("", h5g.open(file.id, b"/"), 0)]
-    seen: set[int] = set()
+    root = h5g.open(file.id, b"/")
+    waiting = [("", root, 0, h5o.get_info(root).addr)]
+    seen = {waiting[0][-1]}
     while waiting:
-        path, group, depth = waiting.pop(0)
-        address = _once(seen, group, path)
+        path, group, depth, address = waiting.pop(0)
         found.groups.append(Found(path, "", group, _attributes(group, path or "root", budget), address))
         _within(len(found.groups), budget.groups, path, "groups")
-        for name, child in _children(group, path, budget):
+        for name, child, address in _children(group, path, budget):
             where = key(path, name)
+            if address in seen:
+                raise FileError(f"{where}: is linked from two places; store each group and variable once")
+            seen.add(address)
             if isinstance(child, h5g.GroupID):
                 _within(depth + 1, budget.depth, where, "levels of groups")
-                waiting.append((where, child, depth + 1))
+                waiting.append((where, child, depth + 1, address))
                 continue
             if not isinstance(child, h5d.DatasetID):
                 raise FileError(f"{where}: is a user-defined type, which no schema uses; remove it")
-            address = _once(seen, child, where)
             found.declared += _declared(child, where, budget)
             stored += child.get_storage_size()
             _within(found.declared, budget.bytes, where, "bytes of values")
@@ -168,25 +170,20 @@ def _within(count: int, most: int, where: str, what: str) -> None:
         raise FileError(f"{where or 'root'}: more than {most} {what}; split the file or remove what no schema uses")
 
 
-def _once(seen: set[int], node: h5g.GroupID | h5d.DatasetID, where: str) -> int:
-    """Address of a group or array, which no other link may lead to."""
-    address: int = h5o.get_info(node).addr
-    if address in seen:
-        raise FileError(f"{where or 'root'}: is linked from two places; store each group and variable once")
-    seen.add(address)
-    return address
-
-
-def _children(group: h5g.GroupID, path: str, budget: Budget) -> Iterator[tuple[str, object]]:
+def _children(group: h5g.GroupID, path: str, budget: Budget) -> Iterator[tuple[str, object, int]]:
+    """Name, member and its address in the file."""
     _within(group.get_num_objs(), budget.links, path, "members in one group")
-    for raw in list(group):
+    links: dict[bytes, tuple[int, int]] = {}
+    group.links.iterate(lambda raw, link: links.update({raw: (link.type, link.u)}), info=True)
+    for raw in list(group):  # in the order in which they were made
+        kind, address = links[raw]
         name = raw.decode("utf-8", "replace")
         where = key(path, shown(name))
-        if group.links.get_info(raw).type != h5l.TYPE_HARD:
+        if kind != h5l.TYPE_HARD:
             raise FileError(f"{where}: is a soft or external link; copy what it points to into the file")
         if not name.isprintable() or "�" in name:
             raise FileError(f"{where}: name holds characters that do not print; rename it")
-        yield name, h5o.open(group, raw)
+        yield name, h5o.open(group, raw), address
 
 
 def _declared(array: h5d.DatasetID, where: str, budget: Budget) -> int:
@@ -257,14 +254,14 @@ def _plain(kind: h5t.TypeID, where: str) -> h5t.TypeID:
 
 
 def _attributes(owner: h5g.GroupID | h5d.DatasetID, where: str, budget: Budget) -> list[Attribute]:
-    count = h5a.get_num_attrs(owner)
-    _within(count, budget.attributes, where, "attributes")
+    _within(h5a.get_num_attrs(owner), budget.attributes, where, "attributes")
+    names: list[bytes] = []
+    h5a.iterate(owner, names.append)
     passed = []
-    for index in range(count):
-        attribute = h5a.open(owner, index=index)
-        raw = attribute.name
+    for raw in names:
         if raw in BOOKKEEPING:
             continue
+        attribute = h5a.open(owner, raw)
         name = raw.decode("utf-8", "replace")
         told = f"{where}, attribute {shown(name)}"
         kind, space = _plain(attribute.get_type(), told), attribute.get_space()

@@ -14,7 +14,7 @@ import numpy as np
 from .checking_record import WORDS
 from .errors import UsageError
 from .layouts import LAYOUTS, Kind
-from .variables import VARIABLES, Variable
+from .variables import Variable, rows_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _ATTRIBUTE = {
@@ -101,7 +101,7 @@ def _group_schema(path: str) -> dict[str, Any]:
 
 
 def _variables_schema(path: str) -> dict[str, Any]:
-    rows = {name.rpartition("/")[2]: row for name, row in VARIABLES.items() if name.rpartition("/")[0] == path}
+    rows = rows_of(path)
     return {
         "type": "object",
         "properties": {name: _variable_schema(row) for name, row in rows.items()},

@@ -16,7 +16,7 @@ import numpy as np
 from . import variables_record, variables_result, variables_truth
 from .variable import Variable, f8
 
-__all__ = ["VARIABLES", "Variable", "attributes", "dataset"]
+__all__ = ["VARIABLES", "Variable", "add_constant", "attributes", "dataset", "rows_of"]
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -32,6 +32,11 @@ _ROWS = {"time": _TIME} | {
     for name, row in rows.items()
 }
 VARIABLES: Mapping[str, Variable] = MappingProxyType(_ROWS)
+
+
+def rows_of(group: str) -> dict[str, Variable]:
+    """Rows of a group, or of the root, by the name within it."""
+    return {name.rpartition("/")[2]: row for name, row in _ROWS.items() if name.rpartition("/")[0] == group}
 
 
 def add_constant(name: str, units: str, long_name: str) -> None:

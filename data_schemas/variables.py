@@ -25,24 +25,25 @@ _TIME = f8(
     "time", "seconds since 2000-01-01T00:00:00Z", "time of the sample, from the start of the record", "required",
     standard_name="time", attrs={"calendar": "standard", "axis": "T"},
 )  # fmt: skip
-_ROWS = {"time": _TIME} | {
-    f"{group}/{name}": row
+_GROUPS: dict[str, dict[str, Variable]] = {"": {"time": _TIME}} | {
+    group: dict(rows)
     for table in (variables_record, variables_truth, variables_result)
     for group, rows in table.GROUPS.items()
-    for name, row in rows.items()
 }
+_ROWS = {f"{group}/{name}".lstrip("/"): row for group, rows in _GROUPS.items() for name, row in rows.items()}
 VARIABLES: Mapping[str, Variable] = MappingProxyType(_ROWS)
 
 
-def rows_of(group: str) -> dict[str, Variable]:
+def rows_of(group: str) -> Mapping[str, Variable]:
     """Rows of a group, or of the root, by the name within it."""
-    return {name.rpartition("/")[2]: row for name, row in _ROWS.items() if name.rpartition("/")[0] == group}
+    return _GROUPS.get(group, {})
 
 
 def add_constant(name: str, units: str, long_name: str) -> None:
     """Add a number of /instrument, and its standard deviation, to the table: a correction of one's own may need it."""
-    for suffix, meaning in (("", long_name), ("_uncertainty", f"standard deviation of {name}")):
-        _ROWS.setdefault(f"instrument/{name}{suffix}", Variable((), "f8", units, meaning))
+    for own, meaning in ((name, long_name), (f"{name}_uncertainty", f"standard deviation of {name}")):
+        row = _ROWS.setdefault(f"instrument/{own}", f8("", units, meaning))
+        _GROUPS["instrument"].setdefault(own, row)
 
 
 def attributes(key: str) -> dict[str, Any]:

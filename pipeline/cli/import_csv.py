@@ -62,8 +62,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Import the table and write the record."""
-    from pipeline.importing.pendulums import ImportOptions
-    from pipeline.importing.record import import_csv
+    from pipeline.importing.record import ImportOptions, import_csv
 
     path = Path(options.table)
     output = place([path], options.out, ".record.nc")[0]

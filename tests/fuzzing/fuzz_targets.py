@@ -28,8 +28,7 @@ from data_schemas.reading import skim
 from data_schemas.scene_motion import Table
 from pipeline.cli import import_csv as verb
 from pipeline.film.scan.opening import open_scan
-from pipeline.importing.pendulums import ImportOptions
-from pipeline.importing.record import import_csv
+from pipeline.importing.record import ImportOptions, import_csv
 from synth.film.named import films, load_film
 from synth.motion.table_file import read_table
 

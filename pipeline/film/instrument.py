@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from data_schemas.errors import UsageError
-from data_schemas.film_conditions import BASE, BASES, COURSES, PENDULUM, PERIODS
-from data_schemas.film_description import FilmDescription
+from data_schemas.film_description import BASE, BASES, COURSES, PENDULUM, PERIODS, FilmDescription
 from data_schemas.variables import dataset
 from pipeline.film.knowledge import Known
 from pipeline.film.parts import Floats

@@ -9,7 +9,7 @@ from typing import Any
 from data_schemas.errors import UsageError
 from data_schemas.film_description import DescribedPendulum, DescribedTrace, FilmDescription
 from pipeline.film.parts import Marking
-from pipeline.importing.pendulums import combine
+from pipeline.importing.record import combine
 
 ASSUMED_LEVER = 2000.0  # mm rad-1; historic levers were found in no source
 DEFAULT_START = "2000-01-01T00:00:00Z"

@@ -5,41 +5,25 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from data_schemas.errors import UsageError
-from data_schemas.film_description import (
-    FilmDescription,
-    description_path,
-    film_stem,
-    load_description,
-)
+from data_schemas.film_description import FilmDescription, description_path, film_stem, load_description
 from data_schemas.film_edits import FilmEdits, load_edits
 from pipeline.film.knowledge import FilmOptions, Known
-from pipeline.film.reading import READINGS, Progress, Reading, read_film
+from pipeline.film.reading import READINGS, Reading, read_film
 from pipeline.film.record import make_record
 from pipeline.film.scan.opening import OpenScan, ScanOptions, open_scan
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from pipeline.film.following import Progress
+
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
 
-def digitise(
-    paths: Paths,
-    description: FilmDescription | None = None,
-    *,
-    options: FilmOptions | None = None,
-    orientation: str = "auto",
-    lines: str = "auto",
-    reading: str = "auto",
-    rate: float | None = None,
-    edits: FilmEdits | str | os.PathLike[str] | None = None,
-    rows: tuple[int, int | None] | None = None,
-    jobs: int = 1,
-    progress: Progress | None = None,
-) -> xr.DataTree:
+def digitise(paths: Paths, description: FilmDescription | None = None, **asked: Any) -> xr.DataTree:
     """Read the image of a film into a record.
 
     Parameters
@@ -48,22 +32,8 @@ def digitise(
         One image (TIFF, PNG, JPEG), or overlapping strips of one film in order.
     description : FilmDescription, optional
         What is known of the film; left out: NAME.film.toml beside the image, if it is there.
-    options : FilmOptions, optional
-        What stands before the description: lever, speed, traces, periods and the like.
-    orientation, lines : str
-        See `pipeline.film.scan.ScanOptions`.
-    reading : {"auto", "continuous", "strobe"}
-        Between the marks, or at the marks alone.
-    rate : float, optional
-        Samples a second of the continuous reading; 25 where the film's rows support it.
-    edits : FilmEdits or path, optional
-        What a person corrects (NAME.edits.toml); applied only where it is given.
-    rows : (int, int or None), optional
-        First row of the film that is read, and the one behind the last; None: to its end.
-    jobs : int
-        Processor cores to use.
-    progress : function, optional
-        Told the stage, how much of it is done, and of how much.
+    **asked
+        As of `read`.
 
     Returns
     -------
@@ -83,10 +53,7 @@ def digitise(
     --------
     >>> record = digitise("ship.film.tif", options=FilmOptions(traces=["1"]))  # doctest: +SKIP
     """
-    found, known = read(
-        paths, description, options=options, orientation=orientation, lines=lines, reading=reading, rate=rate,
-        edits=edits, rows=rows, jobs=jobs, progress=progress,
-    )  # fmt: skip
+    found, known = read(paths, description, **asked)
     return make_record(found, known, film_stem(found.scan.paths[0]))
 
 
@@ -104,7 +71,27 @@ def read(
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> tuple[Reading, Known]:
-    """Read the image of a film, without making a record of it (see `digitise`)."""
+    """Read the image of a film, without making a record of it; `paths`, `description` and faults as of `digitise`.
+
+    Parameters
+    ----------
+    options : FilmOptions, optional
+        What stands before the description: lever, speed, traces, periods and the like.
+    orientation, lines : str
+        See `pipeline.film.scan.ScanOptions`.
+    reading : {"auto", "continuous", "strobe"}
+        Between the marks, or at the marks alone.
+    rate : float, optional
+        Samples a second of the continuous reading; 25 where the film's rows support it.
+    edits : FilmEdits or path, optional
+        What a person corrects (NAME.edits.toml); applied only where it is given.
+    rows : (int, int or None), optional
+        First row of the film that is read, and the one behind the last; None: to its end.
+    jobs : int
+        Processor cores to use.
+    progress : function, optional
+        Told the stage, how much of it is done, and of how much.
+    """
     if reading not in READINGS:
         raise UsageError(f"reading '{reading}': give one of {', '.join(READINGS)}")
     edits = load_edits(edits) if isinstance(edits, str | os.PathLike) else edits
@@ -112,19 +99,18 @@ def read(
         if orientation not in ("auto", str(edits.orientation)):
             raise UsageError(f"orientation {orientation}: the edits were made at {edits.orientation} degrees")
         orientation = str(edits.orientation)
-    scan, known = open_film(paths, description, options or FilmOptions(), orientation=orientation, lines=lines)
+    scan, known = open_film(paths, description, options, orientation=orientation, lines=lines)
     if rows is not None:
         if edits is not None:
             raise UsageError("rows: edits count on the whole film; give times instead, or no edits")
         scan = scan.part(*rows)
-    found = read_film(scan, known, reading=reading, rate=rate, edits=edits, jobs=jobs, progress=progress)
-    return found, known
+    return read_film(scan, known, reading=reading, rate=rate, edits=edits, jobs=jobs, progress=progress), known
 
 
 def open_film(
     paths: Paths,
     description: FilmDescription | None,
-    options: FilmOptions,
+    options: FilmOptions | None,
     *,
     orientation: str = "auto",
     lines: str = "auto",

@@ -139,6 +139,25 @@ class TimeAxis:
     kind: str = "gaps"
     mark_sigma: float = 0.0
 
+    @property
+    def rows_per_second(self) -> float:
+        """Mean speed of the film, from the marks; NaN without two."""
+        if self.index.size < 2:
+            return float("nan")
+        return float((self.row[-1] - self.row[0]) / ((self.index[-1] - self.index[0]) * self.interval))
+
+    @property
+    def usual_rows_per_second(self) -> float:
+        """Median speed from mark to mark: where the paper stood does not count; NaN without two marks."""
+        steps = np.diff(self.row) / np.diff(self.index)
+        return float(np.median(steps)) / self.interval if steps.size else float("nan")
+
+    @property
+    def time_sigma(self) -> float:
+        """R.m.s. of the stated uncertainty of the rows' times, s; NaN where no row has a time."""
+        timed = np.isfinite(self.seconds)
+        return float(np.sqrt(np.mean(self.seconds_sigma[timed] ** 2))) if timed.any() else float("nan")
+
 
 @dataclass(frozen=True)
 class Strobe:

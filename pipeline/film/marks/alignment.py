@@ -168,7 +168,7 @@ def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple
     """
     traces = len(rows)
     used = found.used & np.isfinite(rows) & np.isfinite(columns)
-    weight = np.where(used, 1.0 / (sigma**2 + found.floor**2), 0.0)
+    weight = np.where(used, 1.0 / (sigma**2 + found.model.floor**2), 0.0)
     terms = np.zeros((traces + 2, *rows.shape))  # offsets, shear, residual
     terms[np.arange(traces), np.arange(traces)] = 1.0
     terms[traces] = np.where(used, columns, 0.0)
@@ -207,7 +207,7 @@ def lasting(rows: Floats, found: Drive) -> float:
             products.append(both[np.isfinite(both)])
     several = [each for each in products if each.size >= ENOUGH_PAIRS]
     if not several:
-        return SHARED * found.floor
+        return SHARED * found.model.floor
     together = np.concatenate(several)
     chance = float(np.std(together)) / np.sqrt(together.size)
     of_one = 0.5 * max(float(np.mean(together)) - chance, 0.0)  # variance of a trace; a difference has two

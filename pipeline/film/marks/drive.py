@@ -68,11 +68,6 @@ class Drive:
     jumps: NDArray[np.int64]  # marks before which the paper stood still
     likelihood: float  # -2 log likelihood
 
-    @property
-    def floor(self) -> float:
-        """Error that all marks have beside the measured one, px."""
-        return self.model.floor
-
 
 def drive(
     rows: Floats, sigma: Floats, step: float, before: Drive | None = None, jumps: NDArray[np.int64] = NO_JUMPS
@@ -96,7 +91,7 @@ def drive(
             break
         found = better
     for _ in range(3):
-        residual = (rows - found.row) / np.sqrt(sigma**2 + found.floor**2 + found.row_sigma**2)
+        residual = (rows - found.row) / np.sqrt(sigma**2 + found.model.floor**2 + found.row_sigma**2)
         good = np.isfinite(rows) & ~(np.abs(residual) > OUTLIER)
         if np.array_equal(good, used):
             break
@@ -127,44 +122,43 @@ def run_drive(
     rows: Floats, sigma: Floats, model: Model, used: NDArray[np.bool_], jumps: NDArray[np.int64], smooth: bool
 ) -> Drive:
     """Filter, and if asked smooth, with given parameters."""
-    step, seen = model.step, np.where(used, rows, np.nan)
-    n = 3 + 2 * len(model.lines)
-    move, noise, before = np.zeros((3, n, n))
-    sees, runs, bends, start = np.zeros((4, n))
-    move[:3, :3] = [[1.0, step, 0.5 * step**2], [0.0, 1.0, step], [0.0, 0.0, 1.0]]
-    noise[:3, :3] = np.exp(2.0 * model.roughness) * np.array(
-        [
-            [step**5 / 20, step**4 / 8, step**3 / 6],
-            [step**4 / 8, step**3 / 3, step**2 / 2],
-            [step**3 / 6, step**2 / 2, step],
-        ]
-    )
-    noise[:2, :2] += np.exp(2.0 * model.shake) * np.array([[step**3 / 3, step**2 / 2], [step**2 / 2, step]])
-    sees[0] = runs[1] = bends[2] = 1.0
+    from scipy.linalg import block_diag
+
+    h, marks = model.step, rows.shape[1]
+    # the rows that several traces show of one mark count as their mean
+    variance = np.where(used, sigma**2 + model.floor**2, np.inf)
+    together = 1.0 / np.maximum((1.0 / variance).sum(axis=0), 1e-300)
+    mean = together * np.where(used, rows / variance, 0.0).sum(axis=0)
     known = np.flatnonzero(used.any(axis=0))
-    first, last = (float(np.nanmean(seen[:, known[end]])) for end in (0, -1))
-    pace = (last - first) / max((known[-1] - known[0]) * step, step)
-    start[:2] = first - known[0] * step * pace, pace
-    before[:3, :3] = np.diag([(0.5 * pace) ** 2 + 1.0, (0.2 * pace) ** 2, (0.1 * pace) ** 2])
-    for k, (turn, size, coherence) in enumerate(model.lines):
-        at = slice(3 + 2 * k, 5 + 2 * k)
-        decay = np.exp(-step / coherence)
-        cos, sin = np.cos(turn * step), np.sin(turn * step)
-        move[at, at] = decay * np.array([[cos, sin], [-sin, cos]])
-        noise[at, at] = 0.5 * size**2 * (1.0 - decay**2) * np.eye(2)
-        before[at, at] = size**2 * np.eye(2)
-        sees[3 + 2 * k], runs[4 + 2 * k], bends[3 + 2 * k] = 1.0, turn, -(turn**2)
-    stood = np.zeros(seen.shape[1])
-    stood[jumps] = (seen.shape[1] * step * pace) ** 2
-    motion = Motion(move, noise, sees, start, before)
-    likelihood, state, spread, ahead, ahead_spread = filter_drive(motion, seen, sigma**2 + model.floor**2, stood)
+    apart = np.sum(np.log(variance[used])) - np.sum(np.log(together[known]))
+    apart += np.sum(np.where(used, rows - mean, 0.0) ** 2 / variance)
+    first, last = (float(rows[used[:, at], at].mean()) for at in known[[0, -1]])
+    pace = (last - first) / max((known[-1] - known[0]) * h, h)
+    stood = np.zeros(marks)
+    stood[jumps] = (marks * h * pace) ** 2
+    rough, shake = np.exp(2.0 * model.roughness), np.exp(2.0 * model.shake)
+    walk = rough * np.array([[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]])
+    walk[:2, :2] += shake * np.array([[h**3 / 3, h**2 / 2], [h**2 / 2, h]])
+    step, noise = [np.array([[1.0, h, 0.5 * h**2], [0.0, 1.0, h], [0.0, 0.0, 1.0]])], [walk]
+    before = [np.diag([(0.5 * pace) ** 2 + 1.0, (0.2 * pace) ** 2, (0.1 * pace) ** 2])]
+    paths = [np.eye(3)]  # of row, speed and acceleration, what of the state each is the sum of
+    for turn, size, coherence in model.lines:
+        decay, cos, sin = np.exp(-h / coherence), np.cos(turn * h), np.sin(turn * h)
+        step.append(decay * np.array([[cos, sin], [-sin, cos]]))
+        noise.append(0.5 * size**2 * (1.0 - decay**2) * np.eye(2))
+        before.append(size**2 * np.eye(2))
+        paths.append(np.array([[1.0, 0.0], [0.0, turn], [-(turn**2), 0.0]]))
+    sees = np.hstack(paths)
+    start = np.zeros(sees.shape[1])
+    start[:2] = first - known[0] * h * pace, pace
+    motion = Motion(block_diag(*step), block_diag(*noise), sees[0], start, block_diag(*before))
+    seen = np.where(used.any(axis=0), mean, np.nan)
+    likelihood, state, spread, ahead, ahead_spread = filter_drive(motion, seen, together, stood)
     if smooth:
-        smooth_drive(move, state, spread, ahead, ahead_spread)
-    row_sigma, speed_sigma = (
-        np.sqrt(np.maximum(np.einsum("i,kij,j->k", each, spread, each), 0.0)) for each in (sees, runs)
-    )
-    paths = state @ sees, state @ runs, state @ bends
-    return Drive(model, *paths, row_sigma, speed_sigma, used, jumps, likelihood)
+        smooth_drive(motion.step, state, spread, ahead, ahead_spread)
+    row_sigma, speed_sigma = np.sqrt(np.maximum(np.einsum("pi,kij,pj->pk", sees[:2], spread, sees[:2]), 0.0))
+    row, speed, acceleration = sees @ state.T
+    return Drive(model, row, speed, acceleration, row_sigma, speed_sigma, used, jumps, likelihood + float(apart))
 
 
 def aliased(rows: Floats, found: Drive) -> tuple[float, float]:
@@ -206,7 +200,7 @@ def honest_gaps(rows: Floats, sigma: Floats, found: Drive) -> Drive:
 
     The model's own sigma in a gap rests on the form of its motion, not on marks.
     """
-    seen = np.flatnonzero((np.isfinite(rows) & found.used).any(axis=0))
+    seen = np.flatnonzero(found.used.any(axis=0))
     length = int(np.diff(seen).max(initial=0))
     if length * found.model.step < LONG_GAP or seen.size < 6 * length:
         return found
@@ -227,18 +221,18 @@ def honest_gaps(rows: Floats, sigma: Floats, found: Drive) -> Drive:
 def filter_drive(
     motion: Motion, rows: Floats, variance: Floats, stood: Floats
 ) -> tuple[float, Floats, Floats, Floats, Floats]:
-    """Kalman filter forward over marks measured on any of the traces, (traces, marks); NaN = missing.
+    """Kalman filter forward over marks, with the variance of each; NaN = missing.
 
-    `stood` (marks,) is the row's variance from the paper's having stood before a mark. The results are -2 log
-    likelihood, and state and covariance, (marks, n) and (marks, n, n), after each mark is seen, and before.
+    `stood` is the row's variance from the paper's having stood before a mark. The results are -2 log likelihood, and
+    state and covariance, (marks, n) and (marks, n, n), after each mark is seen, and before.
     """
     step, noise, sees, start, start_variance = motion
-    marks, n = rows.shape[1], start.size
+    marks, n = rows.size, start.size
     state, ahead = np.empty((marks, n)), np.empty((marks, n))
     spread, ahead_spread = np.empty((marks, n, n)), np.empty((marks, n, n))
     x, p = start.copy(), start_variance.copy()
     gain, moved, half = np.empty(n), np.empty(n), np.empty((n, n))
-    total = 0.0
+    likelihood = 0.0
     for k in range(marks):
         if k > 0:
             for i in range(n):
@@ -248,33 +242,29 @@ def filter_drive(
                     half[i, j] = 0.0
                     for m in range(n):
                         half[i, j] += step[i, m] * p[m, j]
+            x[:] = moved
             for i in range(n):
-                x[i] = moved[i]
                 for j in range(n):
-                    value = noise[i, j]
+                    p[i, j] = noise[i, j]
                     for m in range(n):
-                        value += half[i, m] * step[j, m]
-                    p[i, j] = value
+                        p[i, j] += half[i, m] * step[j, m]
             p[0, 0] += stood[k]
         ahead[k], ahead_spread[k] = x, p
-        for trace in range(rows.shape[0]):
-            away, total_variance = rows[trace, k], variance[trace, k]
-            if math.isnan(away):
-                continue
+        if not math.isnan(rows[k]):
+            away, total = rows[k], variance[k]
             for i in range(n):
                 gain[i] = 0.0
                 for j in range(n):
                     gain[i] += p[i, j] * sees[j]
                 away -= sees[i] * x[i]
+                total += sees[i] * gain[i]
             for i in range(n):
-                total_variance += sees[i] * gain[i]
-            for i in range(n):
-                x[i] += gain[i] * away / total_variance
+                x[i] += gain[i] * away / total
                 for j in range(n):
-                    p[i, j] -= gain[i] * gain[j] / total_variance
-            total += away * away / total_variance + math.log(total_variance)
+                    p[i, j] -= gain[i] * gain[j] / total
+            likelihood += away * away / total + math.log(total)
         state[k], spread[k] = x, p
-    return total, state, spread, ahead, ahead_spread
+    return likelihood, state, spread, ahead, ahead_spread
 
 
 @kernel

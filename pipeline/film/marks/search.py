@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from pipeline.film.marks.curve_kernels import brightness_along
 from pipeline.film.marks.gap_kernels import Known, fit_gaps
 from pipeline.film.marks.pieces import MARGIN, exposed, grain, over_pieces
 from pipeline.film.marks.stands import Bars, bars, light_across, swept
-from pipeline.film.parts import Emulsion, Floats, Tracks
+from pipeline.film.parts import Emulsion, Floats, Marking, Tracks
 from pipeline.film.scan.opening import OpenScan
 
 LATERAL = 0.1  # px, 1 sigma of the tracker's course across the line
@@ -37,6 +38,14 @@ BLACK, BRIGHT = 0.25, 0.75  # of the line's light, within and beside a gap from 
 SHORTEST, LONGEST = 0.004, 0.15  # of a swing, how long the shutter may close
 SAMPLES, SAMPLE_ROWS = 8, 640  # pieces in which the width is learned
 LEAST_RUNS = 12
+
+
+class GapSearch(NamedTuple):
+    """Gaps on the traces, where the paper stood, and the width of a gap, px."""
+
+    gaps: Gaps
+    bars: Bars
+    width: float
 
 
 @dataclass(frozen=True)
@@ -75,6 +84,15 @@ class Gaps:
     def size(self) -> int:
         """Number of gaps."""
         return self.row.size
+
+
+def search_gaps(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1) -> GapSearch:
+    """Look for gaps on the traces of a film; raises as `learned_width`."""
+    if marking.gap is not None and marking.speed is not None:
+        width = marking.gap * marking.speed
+    else:
+        width = learned_width(scan, emulsion, tracks)
+    return GapSearch(*find_gaps(scan, emulsion, tracks, width, jobs), width)
 
 
 def find_gaps(

@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
@@ -24,7 +25,7 @@ from data_schemas.errors import IsochronyError
 from pipeline.flag_words import FLAGS, told
 
 if TYPE_CHECKING:
-    from pipeline.film.table.server import Session
+    from pipeline.film.table.session import Session
 
 _T = TypeVar("_T")
 _MOST_BYTES = 2**20  # of what is posted: an edit has some hundreds
@@ -61,16 +62,15 @@ class Desk:
 
     def routes(self) -> list[Route]:
         """Every address with what answers it."""
-        changes = {"edits": self._edits, "undo": self._undo, "redo": self._redo}
+        steps = {name: partial(self._step, getattr(self.session, name)) for name in ("undo", "redo")}
+        posted: dict[str, Callable[..., Any]] = {"edits": self._edits, "who": self._who, "done": self._done, **steps}
         return [
             Route("/state", self._now),
             Route("/overlay", self._overlay),
             Route("/times", self._times),
             Route("/tile/{level:int}/{down:int}/{across:int}", self._tile),
             Route("/readings.csv", self._csv),
-            *(Route(f"/{name}", self._changing(change), methods=["POST"]) for name, change in changes.items()),
-            Route("/who", self._who, methods=["POST"]),
-            Route("/done", self._done, methods=["POST"]),
+            *(Route(f"/{name}", answer, methods=["POST"]) for name, answer in posted.items()),
         ]
 
     async def _in(self, pool: ThreadPoolExecutor, call: Callable[..., _T], *given: Any) -> _T:
@@ -79,11 +79,8 @@ class Desk:
     async def _now(self, _: Request) -> Response:
         """The state: of the last finished reading while an edit is under way, otherwise as gravity is by now."""
         if not self._busy:
-            await self._in(self._worker, self._look)
+            self._state = await self._in(self._worker, self.session.state)
         return self._told()
-
-    def _look(self) -> None:
-        self._state = self.session.state()
 
     def _told(self) -> Response:
         state, session = self._state, self.session
@@ -119,6 +116,28 @@ class Desk:
         table = await self._in(self._worker, self.session.csv)
         return Response(table, media_type="text/csv", headers={"Content-Disposition": "attachment"})
 
+    async def _edits(self, request: Request) -> Response:
+        """Make one edit, or several as one step: all or none."""
+        edits = (await _content(request)).get("edits")
+        if not (isinstance(edits, list) and 1 <= len(edits) <= 9 and all(isinstance(each, dict) for each in edits)):
+            raise HTTPException(400, "edits wants a list of one edit or a few")
+        return await self._changed(self.session.edit, *edits)
+
+    async def _step(self, change: Callable[[], dict[str, Any]], request: Request) -> Response:
+        await _content(request)
+        return await self._changed(change)
+
+    async def _changed(self, change: Callable[..., dict[str, Any]], *given: dict[str, Any]) -> Response:
+        """The state after a change, unless another is under way."""
+        if self._busy:
+            raise HTTPException(409, _BUSY)
+        self._busy = True
+        try:
+            self._state = await self._in(self._worker, change, *given)
+        finally:
+            self._busy = False
+        return self._told()
+
     async def _who(self, request: Request) -> Response:
         name = (await _content(request)).get("who")
         if not (isinstance(name, str) and len(name.strip()) <= 100):
@@ -133,52 +152,19 @@ class Desk:
         self.end()
         return JSONResponse({"saved": self._state["saved"]})
 
-    def _changing(self, change: Callable[[dict[str, Any]], object]) -> Callable[[Request], Any]:
-        async def answer(request: Request) -> Response:
-            content = await _content(request)
-            if self._busy:
-                raise HTTPException(409, _BUSY)
-            self._busy = True
-            try:
-                await self._in(self._worker, self._changed, change, content)
-            finally:
-                self._busy = False
-            return self._told()
-
-        return answer
-
-    def _changed(self, change: Callable[[dict[str, Any]], object], content: dict[str, Any]) -> None:
-        try:
-            change(content)
-        finally:
-            self._look()
-
-    def _edits(self, content: dict[str, Any]) -> None:
-        """Make one edit, or several as one step: all or none."""
-        edits = content.get("edits")
-        if not (isinstance(edits, list) and 1 <= len(edits) <= 9 and all(isinstance(each, dict) for each in edits)):
-            raise HTTPException(400, "edits wants a list of one edit or a few")
-        self.session.edit(*edits)
-
-    def _undo(self, _: dict[str, Any]) -> None:
-        self.session.undo()
-
-    def _redo(self, _: dict[str, Any]) -> None:
-        self.session.redo()
-
 
 async def _content(request: Request) -> dict[str, Any]:
     """What was posted: JSON, of bounded size."""
     if request.headers.get("content-type", "").split(";")[0].strip().lower() != "application/json":
         raise HTTPException(415, "post application/json")
-    size = request.headers.get("content-length", "0")
-    body = bytearray()
-    if not size.isdecimal() or int(size) > _MOST_BYTES:
+    body, stated = bytearray(), int(request.headers.get("content-length", 0))  # the server takes whole numbers alone
+    if stated <= _MOST_BYTES:
+        async for piece in request.stream():
+            body += piece
+            if len(body) > _MOST_BYTES:
+                break
+    if max(stated, len(body)) > _MOST_BYTES:
         raise HTTPException(413, f"at most {_MOST_BYTES} bytes may be posted")
-    async for piece in request.stream():
-        body += piece
-        if len(body) > _MOST_BYTES:
-            raise HTTPException(413, f"at most {_MOST_BYTES} bytes may be posted")
     try:
         content = json.loads(body)
     except (ValueError, RecursionError):

@@ -16,7 +16,6 @@ from pipeline.joint.explanation import fitted
 from pipeline.joint.gather import gather
 from pipeline.joint.problem import Problem
 from pipeline.joint.reduction import Joint, reduce_jointly
-from pipeline.ledger.entry import MGAL
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -24,22 +23,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Gravity:
-    """What is known of gravity: m s-2, and its 1 sigma in mGal; None where it is not, and why."""
+    """What is known of gravity and its 1 sigma, named as the page takes them; None where it is not, and why."""
 
-    value: float | None = None
-    sigma: float | None = None
+    value_m_s2: float | None = None
+    sigma_mgal: float | None = None
     method: str = ""
     refused: str | None = None
-
-    def plain(self) -> dict[str, Any]:
-        """As the page takes it."""
-        return {"value_m_s2": self.value, "sigma_mgal": self.sigma, "method": self.method, "refused": self.refused}
-
-    def change(self, before: Gravity) -> float:
-        """Against another, mGal."""
-        assert self.value is not None
-        assert before.value is not None
-        return (self.value - before.value) / MGAL
 
 
 def going_on(record: DataTree, last: Joint | None) -> Gravity:

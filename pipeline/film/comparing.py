@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.film.normal_points import Samples, course_at, row_times
-from pipeline.film.parts import Floats, Strobe, TimeAxis, Tracks
+from pipeline.film.normal_points import course_at, row_times
+from pipeline.film.parts import Floats, Samples, Strobe, TimeAxis, Tracks
 
 BLOCK, CLUSTER = 30.0, 2.0  # s; the latter four marks, two swings
 STEP = 0.01  # s, over which the course's rate is taken
@@ -32,19 +32,11 @@ CHANCE = 0.0027  # of three sigma
 
 @dataclass(frozen=True)
 class PhaseDifference:
-    """Phase by the strobe less phase by the rows between the marks.
+    """Phase by the strobe less phase by the rows between the marks."""
 
-    Attributes
-    ----------
-    start : (blocks,) array
-        s, of each half minute.
-    phase, sigma : (traces, blocks) arrays
-        rad, and 1 sigma of both readings' noise; NaN where either has too few samples.
-    """
-
-    start: Floats
-    phase: Floats
-    sigma: Floats
+    start: Floats  # (blocks,) s, of each half minute
+    phase: Floats  # (traces, blocks) rad; NaN where either has too few samples
+    sigma: Floats  # (traces, blocks) rad, 1 sigma of both readings' noise
 
     @property
     def disagree(self) -> NDArray[np.bool_]:

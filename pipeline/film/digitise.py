@@ -80,9 +80,9 @@ def read(
     orientation, lines : str
         See `pipeline.film.scan.ScanOptions`.
     reading : {"auto", "continuous", "strobe"}
-        Between the marks, or at the marks alone.
+        Between the marks, or at the marks alone; auto takes the first where the film is fast enough.
     rate : float, optional
-        Samples a second of the continuous reading; 25 where the film's rows support it.
+        Samples a second between the marks; the highest of 25, 20, 12.5 and 10 that the film's rows support.
     edits : FilmEdits or path, optional
         What a person corrects (NAME.edits.toml); applied only where it is given.
     rows : (int, int or None), optional

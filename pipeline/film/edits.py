@@ -7,9 +7,8 @@ were made.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,23 +24,20 @@ BY_HAND = 1.0  # px, 1 sigma of a mark that was set by hand
 
 
 class MarkEdits(NamedTuple):
-    """Marks that a person set, cleared or named; rows on the traces, px."""
+    """Marks that a person set, cleared or named."""
 
-    row: Floats  # (n,) of marks that are there
-    trace: NDArray[np.int64]
-    seconds: Floats  # (n,) their times, s since the record's start; NaN where not said
-    cleared: Floats  # (m,) rows without a mark
-    cleared_trace: NDArray[np.int64]
-    breaks: Floats  # rows where marks are not counted on
+    there: Floats  # (n, 3) row on a trace, px, its number, and the mark's time, s since the record's start, or NaN
+    cleared: Floats  # (m, 2) row on a trace, px, and its number, where no mark is
+    breaks: Floats  # px, rows where marks are not counted on
 
 
 @dataclass(frozen=True)
 class Placed:
     """Edits of a film, its traces as the tracker numbers them."""
 
-    masks: tuple[Floats, ...]  # corners (n, 2), row and column
-    lines: tuple[tuple[int, Floats], ...]  # trace, points (n, 2)
-    ignored: tuple[tuple[int, float, float], ...]  # trace, first and last row
+    masks: list[Floats]  # corners (n, 2), row and column
+    lines: list[tuple[int, Floats]]  # trace, points (n, 2)
+    ignored: list[tuple[int, float, float]]  # trace, first and last row
     marks: MarkEdits
 
     def hide(self, darkness: NDArray[np.float32], first: int) -> NDArray[np.float32]:
@@ -72,16 +68,13 @@ class Placed:
 
     def stretches(self, rows: int, period: float) -> list[tuple[int, int]]:
         """Rows, first and last, that are to be followed once more, apart from each other and in order."""
-        touched = [*self.masks, *(points for _, points in self.lines)]
-        margin = BESIDE * period
-        spans = sorted((float(each[:, 0].min()) - margin, float(each[:, 0].max()) + margin) for each in touched)
+        touched, margin = [*self.masks, *(points for _, points in self.lines)], BESIDE * period
         joined: list[tuple[int, int]] = []
-        for low, high in spans:
+        for low, high in sorted((each[:, 0].min() - margin, each[:, 0].max() + margin) for each in touched):
             first, last = max(int(low), 0), min(int(high), rows - 1)
             if joined and first <= joined[-1][1]:
-                joined[-1] = joined[-1][0], max(last, joined[-1][1])
-            else:
-                joined.append((first, last))
+                first, last = joined[-1][0], max(last, joined.pop()[1])
+            joined.append((first, last))
         return joined
 
     def left_out(self, rows: int) -> tuple[int, ...]:
@@ -105,12 +98,18 @@ class Placed:
 
     def readable(self, strobe: Strobe, axis: TimeAxis) -> Strobe:
         """Places at the marks but for those that are hidden."""
-        if not self.masks:
-            return strobe
-        rows = np.interp(strobe.index, axis.index, axis.row)
-        column = strobe.position
+        rows, column = np.interp(strobe.index, axis.index, axis.row), strobe.position
         hidden = self.hides(rows + axis.offset[:, None] + axis.shear * np.nan_to_num(column), column)
         return Strobe(strobe.index, np.where(hidden, np.nan, column), np.where(hidden, np.nan, strobe.sigma), strobe.qc)
+
+
+def check_scan(edits: FilmEdits, scan: OpenScan) -> None:
+    """Refuse edits that were made for another scan, `RecordError`."""
+    if edits.sha256 != scan.sha256:
+        raise RecordError(
+            f"edits: made for another scan (sha256 {edits.sha256[0][:12]}..., this one is {scan.sha256[0][:12]}...); "
+            "give the edits of this scan"
+        )
 
 
 def place(edits: FilmEdits, scan: OpenScan, tracks: Tracks, start: str) -> Placed:
@@ -123,71 +122,45 @@ def place(edits: FilmEdits, scan: OpenScan, tracks: Tracks, start: str) -> Place
     """
     rest = [float(np.nanmedian(course)) if np.isfinite(course).any() else np.inf for course in tracks.course]
     order = np.argsort(rest, kind="stable")
-
-    def number(each: Any, at: int) -> int:
-        if each.trace > order.size:
-            raise RecordError(f"edits[{at}]: there is no trace {each.trace}; the film shows {order.size}")
-        return int(order[each.trace - 1])
-
-    def inside(points: Sequence[tuple[float, float]], at: int) -> Floats:
-        for row, column in points:
+    masks: list[Floats] = []
+    lines: list[tuple[int, Floats]] = []
+    ignored: list[tuple[int, float, float]] = []
+    there: list[tuple[float, float, float]] = []
+    cleared: list[tuple[float, float]] = []
+    breaks: list[float] = []
+    for at, each in enumerate(edits.edits):
+        points = each.points if isinstance(each, Mask | Follow) else []
+        for row, column in [(each.row, 0.0)] if isinstance(each, Mark | NoMark | Break) else points:
             if not (0.0 <= row <= scan.rows and 0.0 <= column <= scan.columns):
                 raise RecordError(
                     f"edits[{at}]: row {row:g}, column {column:g} lies outside the image of {scan.rows} rows and "
                     f"{scan.columns} columns"
                 )
-        return np.array(points, dtype=np.float64)
-
-    masks: list[Floats] = []
-    lines: list[tuple[int, Floats]] = []
-    ignored: list[tuple[int, float, float]] = []
-    marks: list[tuple[float, int, float]] = []
-    cleared: list[tuple[float, int]] = []
-    breaks: list[float] = []
-    for at, each in enumerate(edits.edits):
+        number = getattr(each, "trace", 1)
+        if number > order.size:
+            raise RecordError(f"edits[{at}]: there is no trace {number}; the film shows {order.size}")
+        trace, corners = int(order[number - 1]), np.array(points, dtype=np.float64)
         match each:
             case Mask():
-                masks.append(inside(each.points, at))
+                masks.append(corners)
             case Follow():
-                lines.append((number(each, at), inside(each.points, at)))
+                lines.append((trace, corners))
             case Ignore():
                 last = scan.rows if each.last_row is None else each.last_row
-                ignored.append((number(each, at), each.first_row or 0.0, last))
+                ignored.append((trace, each.first_row or 0.0, last))
             case Mark():
                 seconds = each.seconds(start)
-                inside([(each.row, 0.0)], at)
-                marks.append((each.row, number(each, at), np.nan if seconds is None else seconds))
+                there.append((each.row, trace, np.nan if seconds is None else seconds))
             case NoMark():
-                inside([(each.row, 0.0)], at)
-                cleared.append((each.row, number(each, at)))
+                cleared.append((each.row, trace))
             case Break():
-                inside([(each.row, 0.0)], at)
                 breaks.append(each.row)
-    there, gone = np.array(marks, dtype=np.float64).reshape(-1, 3), np.array(cleared, dtype=np.float64).reshape(-1, 2)
-    return Placed(
-        tuple(masks),
-        tuple(lines),
-        tuple(ignored),
-        MarkEdits(
-            there[:, 0], there[:, 1].astype(np.int64), there[:, 2], gone[:, 0], gone[:, 1].astype(np.int64),
-            np.array(breaks),
-        ),
-    )  # fmt: skip
-
-
-def check_scan(edits: FilmEdits, scan: OpenScan) -> None:
-    """Refuse edits that were made for another scan.
-
-    Raises
-    ------
-    RecordError
-    """
-    own = scan.sha256
-    if edits.sha256 != own:
-        raise RecordError(
-            f"edits: made for another scan (sha256 {edits.sha256[0][:12]}..., this one is {own[0][:12]}...); give the "
-            "edits of this scan"
-        )
+    marks = MarkEdits(
+        np.array(there, dtype=np.float64).reshape(-1, 3),
+        np.array(cleared, dtype=np.float64).reshape(-1, 2),
+        np.array(breaks),
+    )
+    return Placed(masks, lines, ignored, marks)
 
 
 def drawn(corners: Floats, first: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:

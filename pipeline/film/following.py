@@ -8,21 +8,25 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from data_schemas.errors import RefusedError
+from pipeline.film.edits import MarkEdits, Placed, check_scan, place
+from pipeline.film.emulsion import FilmEmulsion, shown_darkness
 from pipeline.film.knowledge import Known
-from pipeline.film.marks.axis import axis_beside, axis_of
-from pipeline.film.marks.lines import NoMarksError, hide
+from pipeline.film.marks.axis import axis_of
+from pipeline.film.marks.lines import NoMarksError, fitted, hide, ticks
 from pipeline.film.marks.minutes import TimeReversedError
-from pipeline.film.marks.pieces import ROWS
+from pipeline.film.marks.pieces import ROWS, over_pieces
 from pipeline.film.marks.search import GapSearch, find_gaps, search_gaps
-from pipeline.film.parts import Emulsion, Marking, TimeAxis, Tracks
+from pipeline.film.marks.stands import bars, free_columns, light_across, swept
+from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks
 from pipeline.film.reading import SLOW
 from pipeline.film.scan.opening import OpenScan, lines_are_light
 
 if TYPE_CHECKING:
     from data_schemas.film_edits import FilmEdits
-    from pipeline.film.edits import Placed
-    from pipeline.film.emulsion import FilmEmulsion
     from pipeline.film.tracking.track import Following
 
 Progress = Callable[[str, int, int], None]
@@ -31,36 +35,17 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class FilmTraces:
-    """A film whose traces were followed and whose gaps were found: what edits begin from.
+    """A film whose traces were followed and whose gaps were found: what edits begin from."""
 
-    Attributes
-    ----------
-    scan : OpenScan
-        As it was read: turned, if it lay upside down.
-    emulsion : Emulsion
-    tracks : Tracks
-    following : Following or None
-        What it takes to follow a stretch once more; None for dense bands.
-    film : FilmEmulsion
-        That of the rows, also where `emulsion` is that of dense bands.
-    found : GapSearch or RefusedError or None
-        Gaps on the traces; None where marks lie beside them.
-    left_out : tuple of int
-        Traces that a person ignores on the whole film.
-    edits : FilmEdits or None
-    placed : Placed or None
-        The same in the reader's terms.
-    """
-
-    scan: OpenScan
+    scan: OpenScan  # as it was read: turned, if it lay upside down
     emulsion: Emulsion
     tracks: Tracks
-    following: Following | None
-    film: FilmEmulsion
-    found: GapSearch | RefusedError | None
-    left_out: tuple[int, ...] = ()
+    following: Following | None  # what it takes to follow a stretch once more; None for dense bands
+    film: FilmEmulsion  # that of the rows, also where `emulsion` is that of dense bands
+    found: GapSearch | RefusedError | None  # gaps on the traces; None where marks lie beside them
+    left_out: tuple[int, ...] = ()  # traces that a person ignores on the whole film
     edits: FilmEdits | None = None
-    placed: Placed | None = None
+    placed: Placed | None = None  # the same in the reader's terms
 
     def edited(self, edits: FilmEdits, known: Known, jobs: int = 1) -> FilmTraces:
         """The same as a person's edits make it.
@@ -72,8 +57,6 @@ class FilmTraces:
         RefusedError
             A trace is to be followed on a film that is too slow for it.
         """
-        from pipeline.film.edits import check_scan, place
-
         check_scan(edits, self.scan)
         placed = place(edits, self.scan, self.tracks, known.description.start_time)
         following, found, spans = self.following, self.found, []
@@ -118,24 +101,48 @@ class FilmTraces:
         """
         if self.following is not None:
             replace(self.following, tracks=self.tracks).checked()
-        marking, across, found = known.marking(self.scan.scale, self.scan.directed), self.film.blank.across, self.found
-        marks = None if self.placed is None else self.placed.marks
-        beside = partial(axis_beside, self.scan, self.emulsion, self.tracks, marking, jobs, self.film, marks=marks)
+        marking, found = known.marking(self.scan.scale, self.scan.directed), self.found
         if found is None:
-            return beside(_kind_of(marking, self.film))
+            return self._axis_beside(_kind_of(marking, self.film), marking, jobs)
         try:
             if isinstance(found, RefusedError):
                 raise found
-            return axis_of(found.gaps, self.tracks, marking, found.width, found.bars, marks=marks)
+            return axis_of(found.gaps, self.tracks, marking, found.width, found.bars, marks=self._marks)
         except TimeReversedError:
             raise
         except RefusedError as fault:
             if marking.kind is not None:
                 raise
+            across = self.film.blank.across
             try:
-                return beside("edge" if across is None else across.kind)
+                return self._axis_beside("edge" if across is None else across.kind, marking, jobs)
             except NoMarksError:
                 raise fault from None
+
+    @property
+    def _marks(self) -> MarkEdits | None:
+        return None if self.placed is None else self.placed.marks
+
+    def _axis_beside(self, kind: str, marking: Marking, jobs: int) -> TimeAxis:
+        """The time axis by marks of some kind beside the traces."""
+        scan, tracks, lines, words = self.scan, self.tracks, self.film.blank.across, kind.replace("-", " ")
+        if kind == "edge":
+            lines = ticks(partial(shown_darkness, self.film, scan), scan.rows, free_columns(tracks, scan.columns))
+        if lines is None or lines.kind != kind:
+            raise NoMarksError(f"film: no {words} run across it; state another mark_kind")
+        if not np.isfinite(tracks.position).any():
+            raise RefusedError(
+                f"film: {words} mark it, and swings as dense as these are read in gaps alone; "
+                "scan a faster film, or read it with --reading continuous"
+            )
+        own = swept(tracks, scan.columns)
+
+        def light(begin: int, stop: int, first: int, exposure: NDArray[np.float32]) -> Floats:
+            return light_across(exposure[begin - first : stop - first], own)
+
+        shown = np.concatenate(over_pieces(scan, self.emulsion, light, jobs), axis=2)
+        stood = bars(shown, own, tracks, self.emulsion)
+        return axis_of(fitted(lines), tracks, marking, 1.0, stood, lines, self._marks)
 
 
 def _kind_of(marking: Marking, film: FilmEmulsion) -> str:

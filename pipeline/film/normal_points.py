@@ -9,40 +9,16 @@ survives, and its noise with it, so that the noise of the samples stays white.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.film.parts import Floats, TimeAxis, Tracks
+from pipeline.film.parts import Floats, Samples, TimeAxis, Tracks
 
 _SWINGS = 2.0  # a block: long enough to tell a swing from a line, short beside any change of the swing
 _FEWEST = 24  # readings in a block: four a term
 _RIDGE = 1e-9  # of the diagonal, for blocks of which only one end was read
 LOST = np.uint16(ELONGATION_FLAGS["lost"])
-
-
-@dataclass(frozen=True)
-class Samples:
-    """Places of all traces at common instants.
-
-    Attributes
-    ----------
-    time : (samples,) array
-        s, by the chronometer.
-    column : (traces, samples) array
-        px; NaN where no row was accepted.
-    sigma : (traces, samples) array
-        1 sigma of the reading, px; NaN where there is none.
-    qc : (traces, samples) array of uint16
-        The record's flags.
-    """
-
-    time: Floats
-    column: Floats
-    sigma: Floats
-    qc: NDArray[np.uint16]
 
 
 def normal_points(tracks: Tracks, axis: TimeAxis, rate: float) -> Samples:

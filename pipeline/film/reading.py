@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from data_schemas.errors import RecordError, RefusedError, UsageError
 from pipeline.film.comparing import PhaseDifference, compare
 from pipeline.film.knowledge import Known
-from pipeline.film.normal_points import Samples, normal_points
-from pipeline.film.parts import Strobe, TimeAxis, Tracks
+from pipeline.film.normal_points import normal_points
+from pipeline.film.parts import Samples, Strobe, TimeAxis, Tracks
 from pipeline.film.scan.opening import MM_PER_INCH, OpenScan
 
 if TYPE_CHECKING:
@@ -31,42 +31,19 @@ MANY_MISSING, LONG_GAP = 0.1, 5.0  # share of the marks; s
 
 @dataclass(frozen=True)
 class Reading:
-    """What was read of a film.
+    """What was read of a film."""
 
-    Attributes
-    ----------
-    scan : OpenScan
-        As it was read: turned, if it lay upside down.
-    tracks : Tracks
-    axis : TimeAxis
-    strobe : Strobe
-    samples : Samples
-        Of the chosen reading.
-    kind : str
-        The chosen reading: "continuous" or "strobe".
-    scale : float
-        Size of a pixel, mm.
-    difference : PhaseDifference or None
-        Between the two readings, where both are there.
-    notes : tuple of str
-        What was believed and might be wrong, one sentence each.
-    left_out : tuple of int
-        Traces that a person ignores.
-    edits : FilmEdits or None
-        What a person corrected.
-    """
-
-    scan: OpenScan
+    scan: OpenScan  # as it was read: turned, if it lay upside down
     tracks: Tracks
     axis: TimeAxis
     strobe: Strobe
-    samples: Samples
-    kind: str
-    scale: float
-    difference: PhaseDifference | None
-    notes: tuple[str, ...]
-    left_out: tuple[int, ...] = ()
-    edits: FilmEdits | None = None
+    samples: Samples  # of the chosen reading
+    kind: str  # the chosen reading: "continuous" or "strobe"
+    scale: float  # mm, size of a pixel
+    difference: PhaseDifference | None  # between the two readings, where both are there
+    notes: tuple[str, ...]  # what was believed and might be wrong, one sentence each
+    left_out: tuple[int, ...] = ()  # traces that a person ignores
+    edits: FilmEdits | None = None  # what a person corrected
 
     def between(self, start: float, stop: float) -> Reading:
         """The same with the samples of a stretch of time alone, s.
@@ -128,23 +105,7 @@ def read_film(
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> Reading:
-    """Read a film.
-
-    Parameters
-    ----------
-    scan : OpenScan
-    known : Known
-        What is known of the film; nothing need be.
-    reading : {"auto", "continuous", "strobe"}
-        Between the marks, or at the marks alone; auto takes the first where the film is fast enough.
-    rate : float, optional
-        Samples a second between the marks; the highest of 25, 20, 12.5 and 10 that the film's rows support.
-    edits : FilmEdits, optional
-        What a person corrects.
-    jobs : int
-        Processor cores to use.
-    progress : function, optional
-        Told the stage and how far it is.
+    """Read a film of which nothing need be known; the rest as of `digitise.read`.
 
     Raises
     ------

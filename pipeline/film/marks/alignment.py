@@ -44,9 +44,7 @@ class Alignment:
 
 def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
     """Offsets and shear under which most gaps agree; `spacing` is about the rows between marks."""
-    offset, sure = np.zeros(traces), True
-    steps = np.arange(-MOST_SHEAR, MOST_SHEAR + 1e-9, 0.00125)
-    shear = 0.0
+    offset, sure, shear = np.zeros(traces), True, 0.0
     reference = gaps.pick(gaps.trace == 0)
     for trace in range(1, traces):
         other = gaps.pick(gaps.trace == trace)
@@ -54,7 +52,7 @@ def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
         if i.size == 0:
             sure = False
             continue
-        tried = steps if trace == 1 else np.array([shear])
+        tried = np.arange(-MOST_SHEAR, MOST_SHEAR + 1e-9, 0.00125) if trace == 1 else np.array([shear])
         along, across = other.row[j] - reference.row[i], other.column[j] - reference.column[i]
         odd = _odd(reference.row, spacing)[i] & _odd(other.row, spacing)[j]
         table, odd_table = (
@@ -64,11 +62,10 @@ def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
         lag, slant = (at + 1) * BIN - FARTHEST, float(tried[which])
         for reach in (1.0, 0.5):
             near = np.abs(along - slant * across - lag) < reach
-            if near.sum() >= ENOUGH:
-                if trace == 1:
-                    slant, lag = (float(value) for value in np.polyfit(across[near], along[near], 1))
-                else:
-                    lag = float(np.median(along[near] - slant * across[near]))
+            if near.sum() >= ENOUGH and trace == 1:
+                slant, lag = (float(value) for value in np.polyfit(across[near], along[near], 1))
+            elif near.sum() >= ENOUGH:
+                lag = float(np.median(along[near] - slant * across[near]))
         shear = slant if trace == 1 else shear
         offset[trace] = lag
         sure &= certain
@@ -79,10 +76,9 @@ def _pairs(reference: Gaps, other: Gaps) -> tuple[Whole, Whole]:
     """Gaps of two traces that could be the same closing of the shutter."""
     apart = np.abs(np.median(other.column) - np.median(reference.column)) if other.size and reference.size else 0.0
     reach = FARTHEST + MOST_SHEAR * (float(apart) + 300.0)
-    low = np.searchsorted(reference.row, other.row - reach)
-    count = np.searchsorted(reference.row, other.row + reach) - low
-    j = np.repeat(np.arange(other.size), count)
-    return np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(low, count), j
+    low, high = (np.searchsorted(reference.row, other.row + side * reach) for side in (-1.0, 1.0))
+    j = np.repeat(np.arange(other.size), high - low)
+    return np.arange(j.size) - np.repeat(np.cumsum(high - low) - high, high - low), j
 
 
 def _odd(rows: Floats, spacing: float) -> NDArray[np.bool_]:

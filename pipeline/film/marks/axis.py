@@ -2,57 +2,20 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
-from numpy.typing import NDArray
 
-from data_schemas.errors import RefusedError
 from pipeline.film.edits import MarkEdits
-from pipeline.film.emulsion import FilmEmulsion, shown_darkness
 from pipeline.film.marks.alignment import lasting, refined
 from pipeline.film.marks.drive import Drive, aliased, drive, honest_gaps
-from pipeline.film.marks.lines import Lines, NoMarksError, fitted, ticks
+from pipeline.film.marks.lines import Lines
 from pipeline.film.marks.numbering import Counted, number_marks
-from pipeline.film.marks.pieces import over_pieces
 from pipeline.film.marks.search import Gaps
-from pipeline.film.marks.stands import Bars, bars, free_columns, light_across, swept
-from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks
-from pipeline.film.scan.opening import OpenScan
+from pipeline.film.marks.stands import Bars
+from pipeline.film.parts import Floats, Marking, TimeAxis, Tracks
 
 ROUNDS = 2  # of drive and shear
 FEW_FALSE = 0.005  # share of marks that may be false
 FINE = 16  # points of the paper's motion from mark to mark
-
-
-def axis_beside(
-    scan: OpenScan,
-    emulsion: Emulsion,
-    tracks: Tracks,
-    marking: Marking,
-    jobs: int,
-    film: FilmEmulsion,
-    kind: str,
-    marks: MarkEdits | None = None,
-) -> TimeAxis:
-    """The time axis by marks of some kind beside the traces, as `film` shows them; raises as `axis_of`."""
-    lines, words = film.blank.across, kind.replace("-", " ")
-    if kind == "edge":
-        lines = ticks(partial(shown_darkness, film, scan), scan.rows, free_columns(tracks, scan.columns))
-    if lines is None or lines.kind != kind:
-        raise NoMarksError(f"film: no {words} run across it; state another mark_kind")
-    if not np.isfinite(tracks.position).any():
-        raise RefusedError(
-            f"film: {words} mark it, and swings as dense as these are read in gaps alone; "
-            "scan a faster film, or read it with --reading continuous"
-        )
-    own = swept(tracks, scan.columns)
-
-    def light(begin: int, stop: int, first: int, exposure: NDArray[np.float32]) -> Floats:
-        return light_across(exposure[begin - first : stop - first], own)
-
-    shown = bars(np.concatenate(over_pieces(scan, emulsion, light, jobs), axis=2), own, tracks, emulsion)
-    return axis_of(fitted(lines), tracks, marking, 1.0, shown, lines, marks)
 
 
 def axis_of(

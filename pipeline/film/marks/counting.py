@@ -49,7 +49,7 @@ class Steps(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Rows of the events, and how far the paper's speed may change."""
+    """Rows of the events, and how far the paper's speed may change, 1 sigma."""
 
     row: Floats
     sigma: Floats
@@ -122,12 +122,10 @@ def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float) -> Coun
     # the last step of the cheapest path, then back
     remaining = rows.size - 1 - steps.end
     finished = np.where(remaining < SKIP, forward + PASSED * remaining, np.inf)
-    at, reverse = int(np.argmin(finished)), []
-    while at >= 0:
-        reverse.append(at)
-        at = int(before[at])
+    best, reverse = float(finished.min()), [int(np.argmin(finished))]
+    while before[reverse[-1]] >= 0:
+        reverse.append(int(before[reverse[-1]]))
     path = np.array(reverse[::-1])
-    best = float(finished.min())
     if best > WORST * path.size:
         raise RefusedError(
             f"film: the gaps in the traces do not come evenly (about {spacing:.1f} rows apart); "
@@ -135,23 +133,15 @@ def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float) -> Coun
         )
     event = np.concatenate([steps.begin[path[:1]], steps.end[path]])
     index = np.concatenate([[0], np.cumsum(steps.marks[path])])
-    lead = _leads(path, steps, whole, best)
+    # cost of the best other count between the same two events, beyond the best of all
+    _, between = np.unique(steps.begin * rows.size + steps.end, return_inverse=True)
+    other = np.full(between.max() + 1, np.inf)
+    np.minimum.at(other, between, np.where(np.isin(np.arange(whole.size), path), np.inf, whole))
+    lead = other[between[path]] - best
     # any false gap would do as well as a mark that stands alone where many are missing
     step = np.diff(index)
     kept = np.flatnonzero(~np.concatenate([[False], np.minimum(step[1:], step[:-1]) >= ALONE, [False]]))
     return Count(event[kept], index[kept], np.array([lead[a:b].min() for a, b in itertools.pairwise(kept)]))
-
-
-def _leads(path: Whole, steps: Steps, whole: Floats, best: float) -> Floats:
-    """Cost of the best other count between the same two events, beyond the best of all."""
-    names = steps.begin * (steps.end.max() + 1) + steps.end
-    order = np.argsort(names, kind="stable")
-    low, high = (np.searchsorted(names[order], names[path], side=side) for side in ("left", "right"))
-    lead = np.full(path.size, np.inf)
-    for k, step in enumerate(path):
-        others = order[low[k] : high[k]]
-        lead[k] = whole[others[others != step]].min(initial=np.inf) - best
-    return lead
 
 
 def list_steps(row: Floats, spacing: float, swings: Swings) -> Steps:

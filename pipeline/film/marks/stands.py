@@ -41,11 +41,11 @@ Bars = list[list[Stand] | None]
 
 
 class Side(NamedTuple):
-    """Marks before or after a stand: rows, numbers, and the pendulums' phases there, (traces, marks), rad."""
+    """Marks before or after a stand."""
 
     row: Floats
     number: NDArray[np.int64]
-    phase: Floats
+    phase: Floats  # (traces, marks) rad, of the pendulums
 
     def extrapolated(self, trace: int, advance: float, at: int) -> tuple[float, int, float]:
         """Phase at the first or last mark (`at` 0 or -1) by those nearest to it, and their number.
@@ -151,14 +151,11 @@ def together(found: Bars, offset: Floats, shear: float, across: Floats) -> list[
             groups[-1].append(each)
         else:
             groups.append([each])
+    columns = [tuple(zip(*group, strict=True)) for group in groups if len(group) >= len(able)]
     return [
-        Stand(
-            float(np.mean([each.row for each in group])),
-            float(np.mean([each.length for each in group])),
-            any(each.saturated for each in group),
-        )
-        for group in groups
-        if len(group) >= len(able) and any(each.sure for each in group)
+        Stand(float(np.mean(row)), float(np.mean(length)), any(saturated))
+        for row, length, saturated, sure in columns
+        if any(sure)
     ]
 
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import hmac
 import json
 import re
-from collections.abc import AsyncIterator, Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import AsyncIterator, Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from threading import Lock
+from typing import TYPE_CHECKING, Any
 
 from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
@@ -27,7 +26,6 @@ from pipeline.flag_words import FLAGS, told
 if TYPE_CHECKING:
     from pipeline.film.table.session import Session
 
-_T = TypeVar("_T")
 _MOST_BYTES = 2**20  # of what is posted: an edit has some hundreds
 _MOST_ROWS = 10_000  # of an overlay
 _TILE = 512  # px
@@ -40,25 +38,16 @@ _HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
-_BUSY = "the film is being read anew; wait until that is done"
 
 
 class Desk:
-    """Brings requests to the session: changes one after the other in one thread, looking in another."""
+    """Brings requests, each in a thread of its own, to the session: one change at a time, and one look beside it."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
         self.end: Callable[[], object] = lambda: None
-        self._busy = False
-        self._worker, self._looker = ThreadPoolExecutor(1, "table-edit"), ThreadPoolExecutor(1, "table-look")
-        self._state = self._worker.submit(session.state).result()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._looker.shutdown(cancel_futures=True)
-        self._worker.shutdown()
+        self._editing, self._using, self._looking = Lock(), Lock(), Lock()
+        self._state = session.state()
 
     def routes(self) -> list[Route]:
         """Every address with what answers it."""
@@ -73,22 +62,20 @@ class Desk:
             *(Route(f"/{name}", answer, methods=["POST"]) for name, answer in posted.items()),
         ]
 
-    async def _in(self, pool: ThreadPoolExecutor, call: Callable[..., _T], *given: Any) -> _T:
-        return await asyncio.get_running_loop().run_in_executor(pool, call, *given)
-
-    async def _now(self, _: Request) -> Response:
+    def _now(self, _: Request) -> Response:
         """The state: of the last finished reading while an edit is under way, otherwise as gravity is by now."""
-        if not self._busy:
-            self._state = await self._in(self._worker, self.session.state)
+        if not self._editing.locked():
+            with self._using:
+                self._state = self.session.state()
         return self._told()
 
     def _told(self) -> Response:
         state, session = self._state, self.session
         words = {flag: told(flag) for flag in state["reading"]["flags"] if flag in FLAGS}
-        extra = {"busy": self._busy, "who": session.who, "levels": session.levels, "flag_words": words}
-        return JSONResponse(state | extra)
+        busy = self._editing.locked()
+        return JSONResponse(state | {"busy": busy, "who": session.who, "levels": session.levels, "flag_words": words})
 
-    async def _overlay(self, request: Request) -> Response:
+    def _overlay(self, request: Request) -> Response:
         try:
             first, last, most = (int(request.query_params[name]) for name in ("first", "last", "most"))
         except (KeyError, ValueError):
@@ -96,61 +83,65 @@ class Desk:
         rows = self._state["rows"]
         if not (0 <= first < last <= rows and 1 <= most <= _MOST_ROWS):
             raise HTTPException(400, f"overlay wants 0 <= first < last <= {rows} and 1 <= most <= {_MOST_ROWS}")
-        return JSONResponse(await self._in(self._looker, self.session.overlay, first, last, most))
+        with self._looking:
+            return JSONResponse(self.session.overlay(first, last, most))
 
-    async def _times(self, _: Request) -> Response:
+    def _times(self, _: Request) -> Response:
         """Rows of all marks on the first trace, with their labels."""
-        shown = await self._in(self._looker, self.session.overlay, 0, self._state["rows"], _MOST_ROWS)
+        with self._looking:
+            shown = self.session.overlay(0, self._state["rows"], _MOST_ROWS)
         return JSONResponse([[mark["row"], mark["label"]] for mark in shown["marks"]])
 
-    async def _tile(self, request: Request) -> Response:
+    def _tile(self, request: Request) -> Response:
         level, down, across = (request.path_params[name] for name in ("level", "down", "across"))
         size = _TILE << min(level, 30)
         here = down * size < self._state["rows"] and across * size < self._state["columns"]
         if level >= self.session.levels or not here:
             raise HTTPException(404, "the film has no such tile")
-        image = await self._in(self._looker, self.session.tile, level, down, across)
+        with self._looking:
+            image = self.session.tile(level, down, across)
         return Response(image, media_type="image/png", headers={"Cache-Control": "private, max-age=86400"})
 
-    async def _csv(self, _: Request) -> Response:
-        table = await self._in(self._worker, self.session.csv)
+    def _csv(self, _: Request) -> Response:
+        with self._using:
+            table = self.session.csv()
         return Response(table, media_type="text/csv", headers={"Content-Disposition": "attachment"})
 
-    async def _edits(self, request: Request) -> Response:
+    def _edits(self, request: Request) -> Response:
         """Make one edit, or several as one step: all or none."""
-        edits = (await _content(request)).get("edits")
+        edits = request.state.content.get("edits")
         if not (isinstance(edits, list) and 1 <= len(edits) <= 9 and all(isinstance(each, dict) for each in edits)):
             raise HTTPException(400, "edits wants a list of one edit or a few")
-        return await self._changed(self.session.edit, *edits)
+        return self._step(partial(self.session.edit, *edits), request)
 
-    async def _step(self, change: Callable[[], dict[str, Any]], request: Request) -> Response:
-        await _content(request)
-        return await self._changed(change)
-
-    async def _changed(self, change: Callable[..., dict[str, Any]], *given: dict[str, Any]) -> Response:
-        """The state after a change, unless another is under way."""
-        if self._busy:
-            raise HTTPException(409, _BUSY)
-        self._busy = True
-        try:
-            self._state = await self._in(self._worker, change, *given)
-        finally:
-            self._busy = False
+    def _step(self, change: Callable[[], dict[str, Any]], _: Request) -> Response:
+        """The state after a change."""
+        with self._alone(), self._using:
+            self._state = change()
         return self._told()
 
-    async def _who(self, request: Request) -> Response:
-        name = (await _content(request)).get("who")
+    def _who(self, request: Request) -> Response:
+        name = request.state.content.get("who")
         if not (isinstance(name, str) and len(name.strip()) <= 100):
             raise HTTPException(400, "who wants a name of at most 100 letters")
-        await self._in(self._worker, setattr, self.session, "who", name.strip())
+        with self._using:
+            self.session.who = name.strip()
         return self._told()
 
-    async def _done(self, request: Request) -> Response:
-        await _content(request)
-        if self._busy:
-            raise HTTPException(409, _BUSY)
-        self.end()
+    def _done(self, _: Request) -> Response:
+        with self._alone():
+            self.end()
         return JSONResponse({"saved": self._state["saved"]})
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Refuse what comes while an edit is under way."""
+        if not self._editing.acquire(blocking=False):
+            raise HTTPException(409, "the film is being read anew; wait until that is done")
+        try:
+            yield
+        finally:
+            self._editing.release()
 
 
 async def _content(request: Request) -> dict[str, Any]:
@@ -210,22 +201,26 @@ def guarded(desk: Desk, token: str, begin: Callable[[], object]) -> ASGIApp:
                 headers.setdefault("Cache-Control", "no-store")
             await send(message)
 
-        refusal = _refusal(Request(scope), token)
-        answer = app if refusal is None else JSONResponse({"error": refusal[1]}, refusal[0])
-        return await answer(scope, receive, told_more)
+        request = Request(scope, receive)
+        try:
+            _check(request, token)
+            if request.method == "POST":
+                request.state.content = await _content(request)
+        except HTTPException as fault:
+            return await line(request, fault)(scope, receive, told_more)
+        return await app(scope, receive, told_more)
 
     return guard
 
 
-def _refusal(request: Request, token: str) -> tuple[int, str] | None:
-    """Status and reason, where a request is refused."""
+def _check(request: Request, token: str) -> None:
+    """Refuse a request that is not of this machine's own page."""
     headers: Headers = request.headers
     if not _HERE.fullmatch(headers.get("host", "")):
-        return 400, "this server answers to 127.0.0.1 and localhost alone"
+        raise HTTPException(400, "this server answers to 127.0.0.1 and localhost alone")
     origin = headers.get("origin")
     if origin is not None and not (origin.startswith("http://") and _HERE.fullmatch(origin.removeprefix("http://"))):
-        return 403, "requests of other pages are refused"
+        raise HTTPException(403, "requests of other pages are refused")
     given = headers.get("x-token") or (request.query_params.get("token", "") if request.method == "GET" else "")
     if not hmac.compare_digest(given.encode(), token.encode()):
-        return 403, "the token is missing or wrong: open the address that isochrony printed"
-    return None
+        raise HTTPException(403, "the token is missing or wrong: open the address that isochrony printed")

@@ -29,8 +29,8 @@ def serve(
     Parameters
     ----------
     session : Session
-        `tile` and `overlay` are called in a second thread, while an edit may be under way: they show the last finished
-        reading. All else is called in one thread.
+        `tile` and `overlay` are called while an edit may be under way: they show the last finished reading. Of all
+        else one is called at a time.
     port : int
         Port to listen on; 0: any that is free.
     browser : bool
@@ -50,7 +50,8 @@ def serve(
     from pipeline.film.table.app import Desk, guarded
 
     token = secrets.token_urlsafe(32)
-    with contextlib.suppress(KeyboardInterrupt), _listening(port) as listener, Desk(session) as desk:
+    desk = Desk(session)
+    with contextlib.suppress(KeyboardInterrupt), _listening(port) as listener:
         url = f"http://127.0.0.1:{listener.getsockname()[1]}/?token={token}"
 
         def begin() -> None:

@@ -115,10 +115,7 @@ def check_scan(edits: FilmEdits, scan: OpenScan) -> None:
 def place(edits: FilmEdits, scan: OpenScan, tracks: Tracks, start: str) -> Placed:
     """Edits in the reader's terms; `start` is the date from which the record counts its seconds.
 
-    Raises
-    ------
-    RecordError
-        One lies outside the image, or names a trace that is not there.
+    `RecordError`: one lies outside the image, or names a trace that is not there.
     """
     rest = [float(np.nanmedian(course)) if np.isfinite(course).any() else np.inf for course in tracks.course]
     order = np.argsort(rest, kind="stable")

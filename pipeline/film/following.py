@@ -50,12 +50,8 @@ class FilmTraces:
     def edited(self, edits: FilmEdits, known: Known, jobs: int = 1) -> FilmTraces:
         """The same as a person's edits make it.
 
-        Raises
-        ------
-        RecordError
-            They are of another scan, lie outside it, or name a trace that is not there.
-        RefusedError
-            A trace is to be followed on a film that is too slow for it.
+        `RecordError`: they are of another scan, lie outside it, or name a trace that is not there; `RefusedError`: a
+        trace is to be followed on a film that is too slow for it.
         """
         check_scan(edits, self.scan)
         placed = place(edits, self.scan, self.tracks, known.description.start_time)
@@ -90,14 +86,8 @@ class FilmTraces:
 
         What marks the film is as described. Otherwise dark lines count, which leave no gaps; then gaps; then the rest.
 
-        Raises
-        ------
-        RefusedError
-            Marks cannot be found, or their number is not certain.
-        TimeReversedError
-            The film lies upside down.
-        RecordError
-            A person's marks contradict each other.
+        `RefusedError`: marks cannot be found, or their number is not certain; `TimeReversedError`: the film lies upside
+        down; `RecordError`: a person's marks contradict each other.
         """
         if self.following is not None:
             replace(self.following, tracks=self.tracks).checked()
@@ -174,10 +164,7 @@ def find_time(
 ) -> tuple[FilmTraces, TimeAxis | RefusedError]:
     """The film turned the right way with its traces, and its time or why that is refused; as of `reading.read_film`.
 
-    Raises
-    ------
-    RefusedError
-        No trace can be followed.
+    `RefusedError`: no trace can be followed.
     """
     from pipeline.film.scan.cause import cause_in
 
@@ -220,10 +207,7 @@ def find_time(
 def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: Progress | None) -> FilmTraces:
     """Traces of a film followed, as dense bands or row by row, and their gaps found.
 
-    Raises
-    ------
-    RefusedError
-        There are none.
+    `RefusedError`: there are none.
     """
     from pipeline.film.strobe.dense import dense_emulsion, dense_tracks
     from pipeline.film.strobe.dense_survey import Saturated

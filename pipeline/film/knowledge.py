@@ -146,10 +146,7 @@ class Known:
     def pendulums(self, traces: Sequence[DescribedTrace]) -> tuple[Any, ...]:
         """The pendulums of some traces, with their periods and what else is described of them.
 
-        Raises
-        ------
-        UsageError
-            A period is said of a pendulum that no trace shows.
+        `UsageError`: a period is said of a pendulum that no trace shows.
         """
         labels = list({label for trace in traces for label in trace.combination})
         labels.sort(key=lambda label: (not label.isdigit(), int(label) if label.isdigit() else 0, label))

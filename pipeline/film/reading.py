@@ -48,10 +48,7 @@ class Reading:
     def between(self, start: float, stop: float) -> Reading:
         """The same with the samples of a stretch of time alone, s.
 
-        Raises
-        ------
-        UsageError
-            There are none.
+        `UsageError`: there are none.
         """
         samples, inside = self.samples, (self.samples.time >= start) & (self.samples.time <= stop)
         if not inside.any():
@@ -107,12 +104,8 @@ def read_film(
 ) -> Reading:
     """Read a film of which nothing need be known; the rest as of `digitise.read`.
 
-    Raises
-    ------
-    RefusedError
-        The film shows no trace, or no time, that can be trusted.
-    RecordError
-        Nothing says how large a pixel is, or the edits are none of this film.
+    `RefusedError`: the film shows no trace, or no time, that can be trusted; `RecordError`: nothing says how large a
+    pixel is, or the edits are none of this film.
     """
     from pipeline.film.following import find_time
 
@@ -178,10 +171,7 @@ def _rate(tracks: Tracks, axis: TimeAxis) -> float:
 def film_scale(stated: float | None, speed: float | None, axis: TimeAxis) -> tuple[float, str | None]:
     """Size of a pixel, mm, as stated or by the film's nominal speed, mm s-1; and what had to be believed for it.
 
-    Raises
-    ------
-    RecordError
-        Neither is known: elongations would have no scale.
+    `RecordError`: neither is known: elongations would have no scale.
     """
     if stated is not None:
         return stated, None

@@ -29,14 +29,8 @@ def axis_of(
 ) -> TimeAxis:
     """The time axis that gaps of `width` rows make, or marks `across` the film; `marks` are those that a person set.
 
-    Raises
-    ------
-    RefusedError
-        Marks cannot be found, or their number is not certain.
-    TimeReversedError
-        The film lies upside down.
-    RecordError
-        A person's marks contradict each other.
+    `RefusedError`: marks cannot be found, or their number is not certain; `TimeReversedError`: the film lies upside
+    down; `RecordError`: a person's marks contradict each other.
     """
     counted = number_marks(gaps, tracks, marking, width, bars, across, marks)
     gaps, count, alignment, minutes = counted.gaps, counted.count, counted.alignment, counted.minutes

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
+from pipeline.film.marks.search import commonest
 from pipeline.film.marks.swings import Swings
 from pipeline.film.parts import Floats
 from synth.kernels.compiled import kernel
@@ -34,6 +35,7 @@ CAUTION = 1.5  # times what the film shows of both
 FLOOR = 0.06  # px, of an event's row: what a course that is a little wrong does to single gaps
 AROUND = 30  # marks on either side that make the mean speed
 LEAST_MARKS = 6
+ALIKE = float(np.exp(0.08))  # ratio of the commonest distances of marks
 ALONE = 4  # marks missing on either side of one that nothing vouches for
 WORST = 30.0  # mean cost of a step from which nothing was understood
 Whole = NDArray[np.int64]
@@ -70,21 +72,15 @@ class Count:
 def spacing_of(rows: Floats) -> float:
     """Rows between marks: the commonest distance of successive events.
 
-    Raises
-    ------
-    RefusedError
-        Too few events.
+    `RefusedError`: too few events.
     """
     apart = np.diff(rows)
-    logs = np.sort(np.log(apart[apart > 1e-6]))
-    if logs.size < LEAST_MARKS:
+    if np.count_nonzero(apart > 1e-6) < LEAST_MARKS:
         raise RefusedError(
             f"film: {rows.size} gaps found in the traces, too few for a time axis; "
             "check that the film bears time marks, or state the gap and the rows per second"
         )
-    within = np.searchsorted(logs, logs + 0.08) - np.arange(logs.size)
-    start = int(np.argmax(within))
-    return float(np.exp(np.median(logs[start : start + within[start]])))
+    return float(np.exp(np.median(np.log(commonest(apart[apart > 1e-6], ALIKE)))))
 
 
 def unsteadiness(rows: Floats, spacing: float) -> tuple[float, float]:
@@ -103,10 +99,7 @@ def unsteadiness(rows: Floats, spacing: float) -> tuple[float, float]:
 def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float) -> Count:
     """The cheapest count of all, of events on `rows` in order, with 1 sigma, px.
 
-    Raises
-    ------
-    RefusedError
-        No path leads from the film's start to its end.
+    `RefusedError`: no path leads from the film's start to its end.
     """
     steps = list_steps(rows, spacing, swings)
     cost = costs(steps, swings)

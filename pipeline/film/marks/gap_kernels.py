@@ -56,12 +56,12 @@ def fit_gap(
     spot, grain = known.spot, known.grain
     out[:] = math.nan
     course, slope = courses[trace], slopes[trace]
-    box = np.empty(4)
-    if not window(course, slope, mark, width, spot, box):
+    first_row, last_row, low, high = window(course, slope, mark, width, spot)
+    if math.isnan(first_row):
         return False
-    top, left = max(math.floor(box[0]), first), max(math.floor(box[2]), 0)
-    rows = min(math.ceil(box[1]), first + exposure.shape[0]) - top
-    columns = min(math.ceil(box[3]), exposure.shape[1]) - left
+    top, left = max(math.floor(first_row), first), max(math.floor(low), 0)
+    rows = min(math.ceil(last_row), first + exposure.shape[0]) - top
+    columns = min(math.ceil(high), exposure.shape[1]) - left
     if rows < 4 or columns < 4 or rows > layers.shape[1] or columns > layers.shape[2]:
         return False
     layer = layers[:, :rows, :columns]

@@ -122,10 +122,7 @@ def lines_across(darkness: Light, rows: int, columns: int) -> Lines | None:
 def ticks(light: Light, rows: int, free: Rows) -> Lines:
     """Marks on a strip of the columns `free`, which no trace sweeps.
 
-    Raises
-    ------
-    RefusedError
-        There are none.
+    `RefusedError`: there are none.
     """
     runs = np.split(free, np.flatnonzero(np.diff(free) > 1) + 1)
     groups = np.concatenate([run[: run.size // TICK * TICK].reshape(-1, TICK) for run in runs])

@@ -62,10 +62,7 @@ def places(events: Events, count: Count) -> Floats:
 def find_minutes(events: Events, count: Count, marking: Marking) -> Minutes:
     """The minute code of a film whose marks were counted.
 
-    Raises
-    ------
-    TimeReversedError
-        The code reads backwards.
+    `TimeReversedError`: the code reads backwards.
     """
     interval, delay, cycle = marking.interval, marking.minute_code or None, round(60.0 / marking.interval)
     if abs(cycle * interval - 60.0) > 1e-6 or cycle < 4 or marking.code == "none":

@@ -202,11 +202,8 @@ def certain_part(count: Count, codes: Floats) -> Count:
 def check(minutes: Minutes, events: Events, count: Count, swings: Swings) -> None:
     """Refuse a count that codes or pendulums contradict.
 
-    Raises
-    ------
-    RefusedError
-        More codes are out of step than chance puts there, or all pendulums would have lost or gained part of a swing
-        at once.
+    `RefusedError`: more codes are out of step than chance puts there, or all pendulums would have lost or gained part
+    of a swing at once.
     """
     if minutes.residue is not None and minutes.against > max(1.0, DISAGREE * minutes.seen):
         raise RefusedError(

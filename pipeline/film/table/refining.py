@@ -8,6 +8,7 @@ from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pebble import ProcessExpired, ProcessFuture, ProcessPool
 
 from data_schemas.errors import IsochronyError
 from pipeline.joint import choice
@@ -70,53 +71,46 @@ class Refining:
 
     def __init__(self) -> None:
         self.last: Joint | None = None
-        self._process: Any = None
-        self._result: Any = None
+        self._pool = ProcessPool(1, context=get_context("spawn"))
+        self._reduction: ProcessFuture | None = None
 
     @property
     def busy(self) -> bool:
         """Whether a reduction is under way."""
-        return self._process is not None
+        return self._reduction is not None
 
     def begin(self, record: DataTree) -> None:
-        """Reduce a record; what was under way is ended."""
-        self.end()
-        context = get_context("spawn")
-        self._result, sender = context.Pipe(duplex=False)
-        self._process = context.Process(target=_reduce, args=(record.to_dict(), sender), daemon=True)
-        self._process.start()
-        sender.close()
+        """Reduce a record; what was under way is stopped."""
+        self.stop()
+        self._reduction = self._pool.schedule(_reduce, args=[record.to_dict()])
 
     def latest(self, known: Gravity) -> Gravity:
         """Gravity by the reduction, once it is there; else what is `known`."""
-        if self._process is None or not (self._result.poll() or not self._process.is_alive()):
+        if self._reduction is None or not self._reduction.done():
             return known
+        reduction, self._reduction = self._reduction, None
         try:
-            found = self._result.recv()
-        except (EOFError, OSError):
-            found = "the reduction ended before it was done; is there memory enough?"
-        self.end()
-        if isinstance(found, str):
-            return Gravity(refused=found)
-        self.last = found
-        total = found.reduction.gravity
-        return Gravity(total.gravity, total.sigma, "joint")
+            self.last = found = reduction.result()
+        except IsochronyError as fault:
+            return Gravity(refused=str(fault))
+        except ProcessExpired:
+            return Gravity(refused="the reduction ended before it was done; is there memory enough?")
+        return Gravity(found.reduction.gravity.gravity, found.reduction.gravity.sigma, "joint")
+
+    def stop(self) -> None:
+        """Stop what is under way."""
+        if self._reduction is not None:
+            self._reduction.cancel()
+            self._reduction = None
 
     def end(self) -> None:
-        """End what is under way."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.join()
-            self._process.close()
-            self._result.close()
-            self._process = None
+        """Stop what is under way, and the process."""
+        self._pool.stop()
+        self._pool.join()
 
 
-def _reduce(groups: dict[str, Any], sender: Any) -> None:
+def _reduce(groups: dict[str, Any]) -> Joint:
     from xarray import DataTree
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's; it ends this process
-    try:
-        sender.send(reduce_jointly(DataTree.from_dict(groups), None, 0.0))
-    except IsochronyError as fault:
-        sender.send(str(fault))
+    return reduce_jointly(DataTree.from_dict(groups), None, 0.0)

@@ -100,10 +100,8 @@ class Session:
     ) -> Session:
         """Follow the traces of a film; its edits are taken up where their file is there.
 
-        Raises
-        ------
-        FileError, RecordError, RefusedError
-            The film cannot be opened, nothing swings on it, or the edits are of another scan.
+        `FileError, RecordError, RefusedError`: the film cannot be opened, nothing swings on it, or the edits are of
+        another scan.
         """
         path = edits_path(paths[0]) if edits is None else edits
         made = load_edits(path) if path.exists() else None
@@ -157,10 +155,7 @@ class Session:
     def edit(self, *edits: dict[str, Any]) -> dict[str, Any]:
         """Add an edit, or several as one step, read their stretches again, and give the state.
 
-        Raises
-        ------
-        RecordError
-            It cannot be meant; nothing is changed.
+        `RecordError`: it cannot be meant; nothing is changed.
         """
         own = {"by": self.who, "at": datetime.now(UTC).isoformat(timespec="seconds")}
         made = [{key: value for key, value in each.items() if value is not None} | own for each in edits]
@@ -206,10 +201,7 @@ class Session:
     def tile(self, level: int, down: int, across: int) -> bytes:
         """A tile of the film as PNG, at 1/2**level of its size.
 
-        Raises
-        ------
-        RecordError
-            There is no such tile.
+        `RecordError`: there is no such tile.
         """
         from PIL import Image
 
@@ -277,7 +269,7 @@ class Session:
             refusal = fault
         self._now, self.reading, self._record, self.refusal = now, reading, record, refusal
         self._revision += 1
-        self._refining.end()
+        self._refining.stop()
         if record is None:
             self._gravity = Gravity(refused=str(refusal))
             return

@@ -77,37 +77,35 @@ def drive(
     NaN = missing. The lines of a motion `before`, found of nearly the same rows, stay. The paper stood still before the
     marks `jumps`.
     """
-    used = np.isfinite(rows)
     first = Model(step, START[0], START[1], math.exp(START[2])) if before is None else before.model
-    found = _most_likely(rows, sigma, first, used, jumps)
+    found = _most_likely(rows, sigma, first, jumps)
     for _ in range(MOST_LINES if before is None else 0):
-        line = _line(np.where(used, rows, np.nan), found)
+        line = _line(rows, found)
         if line is None:
             break
         lines = [(*found.model.lines, (*line, each)) for each in COHERENCE]
-        tried = [_most_likely(rows, sigma, found.model._replace(lines=each), used, jumps) for each in lines]
+        tried = [_most_likely(rows, sigma, found.model._replace(lines=each), jumps) for each in lines]
         better = min(tried, key=lambda one: one.likelihood)
         if found.likelihood - better.likelihood < GAINED:
             break
         found = better
     for _ in range(3):
         residual = (rows - found.row) / np.sqrt(sigma**2 + found.model.floor**2 + found.row_sigma**2)
-        good = np.isfinite(rows) & ~(np.abs(residual) > OUTLIER)
-        if np.array_equal(good, used):
+        believed = np.where(np.abs(residual) > OUTLIER, np.nan, rows)
+        if np.array_equal(np.isfinite(believed), found.used):
             break
-        used = good
-        found = _most_likely(rows, sigma, found.model, used, jumps)
+        found = _most_likely(believed, sigma, found.model, jumps)
     return found
 
 
-def _most_likely(rows: Floats, sigma: Floats, model: Model, used: NDArray[np.bool_], jumps: NDArray[np.int64]) -> Drive:
+def _most_likely(rows: Floats, sigma: Floats, model: Model, jumps: NDArray[np.int64]) -> Drive:
     """Roughness, shake and floor by maximum likelihood, from those of a model on."""
     from scipy.optimize import minimize
 
     def run(at: Floats, smooth: bool) -> Drive:
         rough, shake, floor = np.clip(at, LOWEST, HIGHEST).tolist()
         tried = model._replace(roughness=rough, shake=shake, floor=math.exp(floor))
-        return run_drive(rows, sigma, tried, used, jumps, smooth)
+        return run_drive(rows, sigma, tried, jumps, smooth)
 
     def cost(at: Floats) -> float:
         return run(at, False).likelihood + float(np.sum((at - np.clip(at, LOWEST, HIGHEST)) ** 2))
@@ -118,13 +116,11 @@ def _most_likely(rows: Floats, sigma: Floats, model: Model, used: NDArray[np.boo
     return run(minimize(cost, start, method="Nelder-Mead", options=options).x, True)
 
 
-def run_drive(
-    rows: Floats, sigma: Floats, model: Model, used: NDArray[np.bool_], jumps: NDArray[np.int64], smooth: bool
-) -> Drive:
-    """Filter, and if asked smooth, with given parameters."""
+def run_drive(rows: Floats, sigma: Floats, model: Model, jumps: NDArray[np.int64], smooth: bool = True) -> Drive:
+    """Filter, and if asked smooth, with given parameters; NaN = missing."""
     from scipy.linalg import block_diag
 
-    h, marks = model.step, rows.shape[1]
+    h, marks, used = model.step, rows.shape[1], np.isfinite(rows)
     # the rows that several traces show of one mark count as their mean
     variance = np.where(used, sigma**2 + model.floor**2, np.inf)
     together = 1.0 / np.maximum((1.0 / variance).sum(axis=0), 1e-300)
@@ -176,7 +172,7 @@ def _line(rows: Floats, found: Drive, told: bool = True) -> tuple[float, float] 
     if marks * found.model.step < 2.0 * SLOWEST / 3.0:
         return None
     calm = found.model._replace(roughness=CALM, shake=CALM, floor=0.05)
-    smooth = run_drive(rows, np.full_like(rows, 0.05), calm, found.used, found.jumps, True)
+    smooth = run_drive(np.where(found.used, rows, np.nan), np.full_like(rows, 0.05), calm, found.jumps)
     shown = found.used.sum(axis=0)  # of the marks themselves: the most likely motion may take a line for their errors
     remainder = np.where(found.used, rows - smooth.row, 0.0).sum(axis=0) / np.maximum(shown, 1)
     power = np.abs(np.fft.rfft((remainder - remainder.mean()) * np.hanning(marks), 4 * marks)) ** 2
@@ -206,7 +202,7 @@ def honest_gaps(rows: Floats, sigma: Floats, found: Drive) -> Drive:
         return found
     number = np.arange(rows.shape[1])
     hidden = (number % (3 * length) >= length) & (number % (3 * length) < 2 * length) & (number < number.size - length)
-    blind = run_drive(rows, sigma, found.model, found.used & ~hidden, found.jumps, True)
+    blind = run_drive(np.where(found.used & ~hidden, rows, np.nan), sigma, found.model, found.jumps)
     gaps = hidden & (found.row_sigma < 0.5 * blind.row_sigma)
     away = (blind.row - found.row)[gaps] / blind.row_sigma[gaps]
     if away.size < 3:
@@ -230,38 +226,17 @@ def filter_drive(
     marks, n = rows.size, start.size
     state, ahead = np.empty((marks, n)), np.empty((marks, n))
     spread, ahead_spread = np.empty((marks, n, n)), np.empty((marks, n, n))
-    x, p = start.copy(), start_variance.copy()
-    gain, moved, half = np.empty(n), np.empty(n), np.empty((n, n))
+    x, p, back = start, start_variance, np.ascontiguousarray(step.T)
     likelihood = 0.0
     for k in range(marks):
         if k > 0:
-            for i in range(n):
-                moved[i] = 0.0
-                for j in range(n):
-                    moved[i] += step[i, j] * x[j]
-                    half[i, j] = 0.0
-                    for m in range(n):
-                        half[i, j] += step[i, m] * p[m, j]
-            x[:] = moved
-            for i in range(n):
-                for j in range(n):
-                    p[i, j] = noise[i, j]
-                    for m in range(n):
-                        p[i, j] += half[i, m] * step[j, m]
+            x, p = step @ x, step @ p @ back + noise
             p[0, 0] += stood[k]
         ahead[k], ahead_spread[k] = x, p
         if not math.isnan(rows[k]):
-            away, total = rows[k], variance[k]
-            for i in range(n):
-                gain[i] = 0.0
-                for j in range(n):
-                    gain[i] += p[i, j] * sees[j]
-                away -= sees[i] * x[i]
-                total += sees[i] * gain[i]
-            for i in range(n):
-                x[i] += gain[i] * away / total
-                for j in range(n):
-                    p[i, j] -= gain[i] * gain[j] / total
+            gain = p @ sees
+            away, total = rows[k] - sees @ x, variance[k] + sees @ gain
+            x, p = x + gain * (away / total), p - np.outer(gain, gain / total)
             likelihood += away * away / total + math.log(total)
         state[k], spread[k] = x, p
     return likelihood, state, spread, ahead, ahead_spread

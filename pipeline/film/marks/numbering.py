@@ -17,7 +17,7 @@ from pipeline.film.marks.counting import LEAST_MARKS, Count, counted, spacing_of
 from pipeline.film.marks.lines import Lines, widened
 from pipeline.film.marks.minutes import Minutes, code_marks, doubts, find_minutes
 from pipeline.film.marks.search import Gaps
-from pipeline.film.marks.stands import Bars, Side, Stand, lengths, together
+from pipeline.film.marks.stands import Bars, Stand, lengths, together
 from pipeline.film.marks.swings import Swings, jumps, swings_at
 from pipeline.film.parts import Floats, Marking, Tracks
 
@@ -174,11 +174,7 @@ def _marks_between(
     elif np.isnan(stand.length):  # a person does not know either
         return None
     else:
-        one, other = (
-            Side(events.row[each.marks.event], each.marks.index, swings.at(each.marks.event).phase)
-            for each in (before, after)
-        )
-        number, cost = lengths(one, other, swings.advance, swings.sigma, stand, spacing)
+        number, cost = lengths(before.marks, after.marks, events.row, swings, stand, spacing)
     if after.residue is not None and before.residue is not None:
         agrees = (number + before.marks.index[-1] + after.residue - before.residue) % cycle == 0
         agrees &= cost < cost[0] + LEAST_LEAD  # a false gap may look like a code

@@ -42,7 +42,7 @@ class FilmTraces:
     tracks: Tracks
     following: Following | None  # what it takes to follow a stretch once more; None for dense bands
     film: FilmEmulsion  # that of the rows, also where `emulsion` is that of dense bands
-    found: GapSearch | RefusedError | None  # gaps on the traces; None where marks lie beside them
+    search: GapSearch | RefusedError | None  # gaps on the traces; None where marks lie beside them
     left_out: tuple[int, ...] = ()  # traces that a person ignores on the whole film
     edits: FilmEdits | None = None
     placed: Placed | None = None  # the same in the reader's terms
@@ -55,7 +55,7 @@ class FilmTraces:
         """
         check_scan(edits, self.scan)
         placed = place(edits, self.scan, self.tracks, known.description.start_time)
-        following, found, spans = self.following, self.found, []
+        following, search, spans = self.following, self.search, []
         if following is None:
             if placed.lines:
                 raise RefusedError("edits: the strokes of this film lie too close for a trace to be followed by hand")
@@ -68,17 +68,17 @@ class FilmTraces:
             # in whole pieces, as all of the film was searched
             pieces = sorted({piece for first, last in stretches for piece in range(first // ROWS, last // ROWS + 1)})
             spans = [(piece * ROWS, min((piece + 1) * ROWS, self.scan.rows) - 1) for piece in pieces]
-        if isinstance(found, GapSearch):
-            gaps = found.gaps
+        if isinstance(search, GapSearch):
+            gaps = search.gaps
             if spans:
-                again, _ = find_gaps(self.scan, self.emulsion, tracks, found.width, jobs, spans)
+                again, _ = find_gaps(self.scan, self.emulsion, tracks, search.width, jobs, spans)
                 for first, last in spans:
                     gaps = gaps.pick((gaps.row < first) | (gaps.row >= last + 1))
                 gaps = gaps.joined_by(again)
-            found = found._replace(gaps=gaps.pick(placed.shows(gaps.trace, gaps.row, gaps.column)))
+            search = search._replace(gaps=gaps.pick(placed.shows(gaps.trace, gaps.row, gaps.column)))
         left_out = placed.left_out(self.scan.rows)
         return replace(
-            self, tracks=tracks, following=following, found=found, left_out=left_out, edits=edits, placed=placed
+            self, tracks=tracks, following=following, search=search, left_out=left_out, edits=edits, placed=placed
         )
 
     def axis(self, known: Known, jobs: int = 1) -> TimeAxis:
@@ -91,13 +91,13 @@ class FilmTraces:
         """
         if self.following is not None:
             replace(self.following, tracks=self.tracks).checked()
-        marking, found = known.marking(self.scan.scale, self.scan.directed), self.found
-        if found is None:
+        marking, search = known.marking(self.scan.scale, self.scan.directed), self.search
+        if search is None:
             return self._axis_beside(_kind_of(marking, self.film), marking, jobs)
         try:
-            if isinstance(found, RefusedError):
-                raise found
-            return axis_of(found.gaps, self.tracks, marking, found.width, found.bars, marks=self._marks)
+            if isinstance(search, RefusedError):
+                raise search
+            return axis_of(search.gaps, self.tracks, marking, search.width, search.bars, marks=self._marks)
         except TimeReversedError:
             raise
         except RefusedError as fault:
@@ -225,10 +225,10 @@ def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: 
         following = follow_traces(scan, film, count=known.count, jobs=jobs, progress=told)
         tracks = hide(following.tracks, film.blank.across)
     marking = known.marking(scan.scale)
-    found: GapSearch | RefusedError | None = None
+    search: GapSearch | RefusedError | None = None
     if _kind_of(marking, film) == "gaps":
         try:
-            found = search_gaps(scan, emulsion, tracks, marking, jobs)
+            search = search_gaps(scan, emulsion, tracks, marking, jobs)
         except RefusedError as fault:
-            found = fault
-    return FilmTraces(scan, emulsion, tracks, following, film, found)
+            search = fault
+    return FilmTraces(scan, emulsion, tracks, following, film, search)

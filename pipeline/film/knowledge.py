@@ -213,14 +213,11 @@ class Known:
         names = {PENDULUM: labels}
         if known.bases:
             names[BASE] = [base.label for base in known.bases]
-        for name, key in BASES.items() if known.bases else ():
-            stated = [getattr(base, key) for base in known.bases]
-            if None not in stated:
-                values[name] = np.array(stated, dtype=np.float64)
-        for name, key in PERIODS.items() if known.bases else ():
-            stated = [getattr(base, key) for base in known.bases]
-            if None not in stated:
-                values[name] = np.array([[periods[label] for label in labels] for periods in stated], dtype=np.float64)
+            for name, key in (BASES | PERIODS).items():
+                stated = [getattr(base, key) for base in known.bases]
+                if None not in stated:
+                    each_one = [[each[label] for label in labels] for each in stated] if name in PERIODS else stated
+                    values[name] = np.array(each_one, dtype=np.float64)
         if not values:
             return None
         if clock is not None:

@@ -155,7 +155,7 @@ def gathered(gaps: Gaps, alignment: Alignment, traces: int, width: float) -> Eve
     return Events(row, row_sigma, wide, wide_sigma, member[:, order])
 
 
-def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple[Floats, float, float]:
+def refined(rows: Floats, sigma: Floats, columns: Floats, paper: Drive) -> tuple[Floats, float, float]:
     """Offsets of the traces, the first one's 0, shear, and what their errors make of a row, 1 sigma, by least squares.
 
     `rows`, `sigma` and `columns` (traces, marks) are those of the gaps, px; NaN = missing. Of marks that several traces
@@ -163,12 +163,12 @@ def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple
     rows are held to the motion found: a trace now left and now right of its middle shows the shear.
     """
     traces = len(rows)
-    used = found.used & np.isfinite(rows) & np.isfinite(columns)
-    weight = np.where(used, 1.0 / (sigma**2 + found.model.floor**2), 0.0)
+    used = paper.used & np.isfinite(rows) & np.isfinite(columns)
+    weight = np.where(used, 1.0 / (sigma**2 + paper.model.floor**2), 0.0)
     terms = np.zeros((traces + 2, *rows.shape))  # offsets, shear, residual
     terms[np.arange(traces), np.arange(traces)] = 1.0
     terms[traces] = np.where(used, columns, 0.0)
-    terms[traces + 1] = np.where(used, rows - found.row, 0.0)
+    terms[traces + 1] = np.where(used, rows - paper.row, 0.0)
     several = used.sum(axis=0) > 1
     if several.sum() >= ENOUGH:
         weight[:, ~several] = 0.0
@@ -189,12 +189,12 @@ def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple
     return offset, float(value[-1]), float(np.sqrt(np.mean(variance))) if which.size else 0.0
 
 
-def lasting(rows: Floats, found: Drive) -> float:
+def lasting(rows: Floats, paper: Drive) -> float:
     """1 sigma of the lasting error of a mark's row, px, of measured `rows` (traces, marks) freed of offsets and shear.
 
     NaN = missing.
     """
-    residual = np.where(found.used, rows - found.row, np.nan)
+    residual = np.where(paper.used, rows - paper.row, np.nan)
     products = []
     for one, other in itertools.combinations(residual, 2):
         apart = one - other
@@ -203,7 +203,7 @@ def lasting(rows: Floats, found: Drive) -> float:
             products.append(both[np.isfinite(both)])
     several = [each for each in products if each.size >= ENOUGH_PAIRS]
     if not several:
-        return SHARED * found.model.floor
+        return SHARED * paper.model.floor
     together = np.concatenate(several)
     chance = float(np.std(together)) / np.sqrt(together.size)
     of_one = 0.5 * max(float(np.mean(together)) - chance, 0.0)  # variance of a trace; a difference has two

@@ -41,25 +41,25 @@ def axis_of(
     offset, shear, unsure = alignment.offset, alignment.shear, 0.0
     jumps = count.index[np.searchsorted(counted.events.row[count.event], [each.row for each in counted.stands])]
     freed = row - offset[: len(row), None] - shear * column
-    found = drive(freed, sigma, marking.interval, jumps=jumps)
+    paper = drive(freed, sigma, marking.interval, jumps=jumps)
     for _ in range(ROUNDS if across is None else 0):
-        offset, shear, unsure = refined(row, sigma, column, found)
+        offset, shear, unsure = refined(row, sigma, column, paper)
         freed = row - offset[:, None] - shear * column
-        found = drive(freed, sigma, marking.interval, found, jumps=jumps)
+        paper = drive(freed, sigma, marking.interval, paper, jumps=jumps)
     if across is not None:
         unsure = across.shear_sigma * float(np.nanstd(tracks.course - np.nanmean(tracks.course, axis=1)[:, None]))
-    found = honest_gaps(freed, sigma, found)
+    paper = honest_gaps(freed, sigma, paper)
     shift = 0 if minutes.residue is None else -minutes.residue % round(60.0 / marking.interval)
     shift = shift if counted.clock is None else counted.clock
-    hidden, hidden_speed = aliased(freed, found)
-    lasts = float(np.linalg.norm([lasting(freed, found), unsure, hidden]))
-    seconds, seconds_sigma = times_of(found, tracks.course.shape[1], lasts)
-    seen = np.flatnonzero(found.used.any(axis=0))
-    relative = (found.speed_sigma**2 + hidden_speed**2) / np.maximum(found.speed, 1e-9) ** 2
+    hidden, hidden_speed = aliased(freed, paper)
+    lasts = float(np.linalg.norm([lasting(freed, paper), unsure, hidden]))
+    seconds, seconds_sigma = times_of(paper, tracks.course.shape[1], lasts)
+    seen = np.flatnonzero(paper.used.any(axis=0))
+    relative = (paper.speed_sigma**2 + hidden_speed**2) / np.maximum(paper.speed, 1e-9) ** 2
     return TimeAxis(
         index=(seen + shift).astype(np.int64),
-        row=found.row[seen],
-        row_sigma=found.row_sigma[seen],
+        row=paper.row[seen],
+        row_sigma=paper.row_sigma[seen],
         shear=shear,
         offset=offset,
         row_of_trace=row[:, seen] if across is None else np.full((len(tracks.course), seen.size), np.nan),
@@ -73,16 +73,16 @@ def axis_of(
             for first, last, by in counted.doubts
         ),
         kind="gaps" if across is None else across.kind,
-        mark_sigma=_mark_sigma(freed, sigma, found),
+        mark_sigma=_mark_sigma(freed, sigma, paper),
     )
 
 
-def _mark_sigma(freed: Floats, sigma: Floats, found: Drive) -> float:
+def _mark_sigma(freed: Floats, sigma: Floats, paper: Drive) -> float:
     """1 sigma of a mark's time, s, of all traces together: what they leave of the motion, and what that took of it."""
-    weight = np.where(found.used, 1.0 / (sigma**2 + found.model.floor**2), 0.0)
+    weight = np.where(paper.used, 1.0 / (sigma**2 + paper.model.floor**2), 0.0)
     seen = weight.any(axis=0)
-    rest = np.nansum(weight * (freed - found.row), axis=0)[seen] / weight.sum(axis=0)[seen]
-    return float(np.sqrt(np.mean(rest**2 + found.row_sigma[seen] ** 2)) / np.median(found.speed))
+    rest = np.nansum(weight * (freed - paper.row), axis=0)[seen] / weight.sum(axis=0)[seen]
+    return float(np.sqrt(np.mean(rest**2 + paper.row_sigma[seen] ** 2)) / np.median(paper.speed))
 
 
 def _flags(counted: Counted, seen: int, directed: bool, beside: bool) -> tuple[str, ...]:
@@ -103,7 +103,7 @@ def _flags(counted: Counted, seen: int, directed: bool, beside: bool) -> tuple[s
     return tuple(name for name, holds in raised.items() if holds)
 
 
-def times_of(found: Drive, rows: int, lasting: float) -> tuple[Floats, Floats]:
+def times_of(paper: Drive, rows: int, lasting: float) -> tuple[Floats, Floats]:
     """Time since the first mark of the centre of each row, and 1 sigma, s; NaN beyond the marks.
 
     Between marks the motion is the polynomial of degree five that has row, speed and acceleration at both.
@@ -117,13 +117,13 @@ def times_of(found: Drive, rows: int, lasting: float) -> tuple[Floats, Floats]:
     """
     from scipy.interpolate import BPoly, CubicSpline
 
-    h, marks = found.model.step, np.arange(found.row.size)
-    motion = BPoly.from_derivatives(h * marks, np.column_stack([found.row, found.speed, found.acceleration]))
+    h, marks = paper.model.step, np.arange(paper.row.size)
+    motion = BPoly.from_derivatives(h * marks, np.column_stack([paper.row, paper.speed, paper.acceleration]))
     seconds, sigma = np.full((2, rows), np.nan)
     centre = np.arange(rows) + 0.5
-    seen = np.flatnonzero(found.used.any(axis=0))
-    lasts = [*(int(seen[seen < jump][-1]) for jump in found.jumps), found.row.size - 1]
-    for first, last in zip([0, *found.jumps.tolist()], lasts, strict=True):  # beside a stand the paper ran and stood
+    seen = np.flatnonzero(paper.used.any(axis=0))
+    lasts = [*(int(seen[seen < jump][-1]) for jump in paper.jumps), paper.row.size - 1]
+    for first, last in zip([0, *paper.jumps.tolist()], lasts, strict=True):  # beside a stand the paper ran and stood
         times = h * (first + np.arange((last - first) * FINE + 1) / FINE)
         at = motion(times)
         inside = (centre >= at[0]) & (centre <= at[-1])
@@ -131,9 +131,9 @@ def times_of(found: Drive, rows: int, lasting: float) -> tuple[Floats, Floats]:
         seconds[inside] = CubicSpline(forward, times)(centre[inside])
     inside = np.isfinite(seconds)
     place = seconds[inside] / h
-    variance = np.interp(place, marks, found.row_sigma**2 + lasting**2)
+    variance = np.interp(place, marks, paper.row_sigma**2 + lasting**2)
     unseen = (place % 1.0) * (1.0 - place % 1.0) * h
-    shake, roughness = np.exp(2.0 * found.model.shake), np.exp(2.0 * found.model.roughness)
+    shake, roughness = np.exp(2.0 * paper.model.shake), np.exp(2.0 * paper.model.roughness)
     variance += shake * unseen**3 / 3.0 + roughness * unseen**5 / 20.0
-    sigma[inside] = np.sqrt(variance) / np.interp(place, marks, np.maximum(found.speed, 1e-9))
+    sigma[inside] = np.sqrt(variance) / np.interp(place, marks, np.maximum(paper.speed, 1e-9))
     return seconds, sigma

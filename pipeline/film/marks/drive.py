@@ -78,24 +78,24 @@ def drive(
     marks `jumps`.
     """
     first = Model(step, START[0], START[1], math.exp(START[2])) if before is None else before.model
-    found = _most_likely(rows, sigma, first, jumps)
+    paper = _most_likely(rows, sigma, first, jumps)
     for _ in range(MOST_LINES if before is None else 0):
-        line = _line(rows, found)
+        line = _line(rows, paper)
         if line is None:
             break
-        lines = [(*found.model.lines, (*line, each)) for each in COHERENCE]
-        tried = [_most_likely(rows, sigma, found.model._replace(lines=each), jumps) for each in lines]
+        lines = [(*paper.model.lines, (*line, each)) for each in COHERENCE]
+        tried = [_most_likely(rows, sigma, paper.model._replace(lines=each), jumps) for each in lines]
         better = min(tried, key=lambda one: one.likelihood)
-        if found.likelihood - better.likelihood < GAINED:
+        if paper.likelihood - better.likelihood < GAINED:
             break
-        found = better
+        paper = better
     for _ in range(3):
-        residual = (rows - found.row) / np.sqrt(sigma**2 + found.model.floor**2 + found.row_sigma**2)
+        residual = (rows - paper.row) / np.sqrt(sigma**2 + paper.model.floor**2 + paper.row_sigma**2)
         believed = np.where(np.abs(residual) > OUTLIER, np.nan, rows)
-        if np.array_equal(np.isfinite(believed), found.used):
+        if np.array_equal(np.isfinite(believed), paper.used):
             break
-        found = _most_likely(believed, sigma, found.model, jumps)
-    return found
+        paper = _most_likely(believed, sigma, paper.model, jumps)
+    return paper
 
 
 def _most_likely(rows: Floats, sigma: Floats, model: Model, jumps: NDArray[np.int64]) -> Drive:
@@ -157,27 +157,27 @@ def run_drive(rows: Floats, sigma: Floats, model: Model, jumps: NDArray[np.int64
     return Drive(model, row, speed, acceleration, row_sigma, speed_sigma, used, jumps, likelihood + float(apart))
 
 
-def aliased(rows: Floats, found: Drive) -> tuple[float, float]:
+def aliased(rows: Floats, paper: Drive) -> tuple[float, float]:
     """1 sigma of wow that marks as far apart as these cannot tell from wow of another period, px and px s-1."""
-    turn, size = _line(rows, found, told=False) or (0.0, 0.0)
-    return size / math.sqrt(2.0), size / math.sqrt(2.0) * max(turn, 2.0 * np.pi / found.model.step - turn)
+    turn, size = _line(rows, paper, told=False) or (0.0, 0.0)
+    return size / math.sqrt(2.0), size / math.sqrt(2.0) * max(turn, 2.0 * np.pi / paper.model.step - turn)
 
 
-def _line(rows: Floats, found: Drive, told: bool = True) -> tuple[float, float] | None:
+def _line(rows: Floats, paper: Drive, told: bool = True) -> tuple[float, float] | None:
     """The line that stands out most of what smooth motion leaves: circular frequency and amplitude, or None.
 
     Looked for where its alias, which the marks show no otherwise, would be too fast for wow, or else only where not.
     """
     marks = rows.shape[1]
-    if marks * found.model.step < 2.0 * SLOWEST / 3.0:
+    if marks * paper.model.step < 2.0 * SLOWEST / 3.0:
         return None
-    calm = found.model._replace(roughness=CALM, shake=CALM, floor=0.05)
-    smooth = run_drive(np.where(found.used, rows, np.nan), np.full_like(rows, 0.05), calm, found.jumps)
-    shown = found.used.sum(axis=0)  # of the marks themselves: the most likely motion may take a line for their errors
-    remainder = np.where(found.used, rows - smooth.row, 0.0).sum(axis=0) / np.maximum(shown, 1)
+    calm = paper.model._replace(roughness=CALM, shake=CALM, floor=0.05)
+    smooth = run_drive(np.where(paper.used, rows, np.nan), np.full_like(rows, 0.05), calm, paper.jumps)
+    shown = paper.used.sum(axis=0)  # of the marks themselves: the most likely motion may take a line for their errors
+    remainder = np.where(paper.used, rows - smooth.row, 0.0).sum(axis=0) / np.maximum(shown, 1)
     power = np.abs(np.fft.rfft((remainder - remainder.mean()) * np.hanning(marks), 4 * marks)) ** 2
-    turn = 2.0 * np.pi * np.arange(power.size) / (4 * marks * found.model.step)
-    alone = 2.0 * np.pi / found.model.step - turn > 2.0 * np.pi / FASTEST
+    turn = 2.0 * np.pi * np.arange(power.size) / (4 * marks * paper.model.step)
+    alone = 2.0 * np.pi / paper.model.step - turn > 2.0 * np.pi / FASTEST
     inside = np.flatnonzero((turn > 2.0 * np.pi / SLOWEST) & (turn < 2.0 * np.pi / FASTEST) & (alone == told))
     if inside.size < 16:
         return None
@@ -188,29 +188,29 @@ def _line(rows: Floats, found: Drive, told: bool = True) -> tuple[float, float] 
     a, b, c = np.log(power[top - 1 : top + 2])
     place = top + 0.5 * (a - c) / (a - 2.0 * b + c)
     size = 2.0 * np.sqrt(power[top]) / np.hanning(marks).sum()
-    return float(2.0 * np.pi * place / (4 * marks * found.model.step)), float(size)
+    return float(2.0 * np.pi * place / (4 * marks * paper.model.step)), float(size)
 
 
-def honest_gaps(rows: Floats, sigma: Floats, found: Drive) -> Drive:
+def honest_gaps(rows: Floats, sigma: Floats, paper: Drive) -> Drive:
     """The same, with its 1 sigma in long gaps as large as errors are where marks are hidden over as long a time.
 
     The model's own sigma in a gap rests on the form of its motion, not on marks.
     """
-    seen = np.flatnonzero(found.used.any(axis=0))
+    seen = np.flatnonzero(paper.used.any(axis=0))
     length = int(np.diff(seen).max(initial=0))
-    if length * found.model.step < LONG_GAP or seen.size < 6 * length:
-        return found
+    if length * paper.model.step < LONG_GAP or seen.size < 6 * length:
+        return paper
     number = np.arange(rows.shape[1])
     hidden = (number % (3 * length) >= length) & (number % (3 * length) < 2 * length) & (number < number.size - length)
-    blind = run_drive(np.where(found.used & ~hidden, rows, np.nan), sigma, found.model, found.jumps)
-    gaps = hidden & (found.row_sigma < 0.5 * blind.row_sigma)
-    away = (blind.row - found.row)[gaps] / blind.row_sigma[gaps]
+    blind = run_drive(np.where(paper.used & ~hidden, rows, np.nan), sigma, paper.model, paper.jumps)
+    gaps = hidden & (paper.row_sigma < 0.5 * blind.row_sigma)
+    away = (blind.row - paper.row)[gaps] / blind.row_sigma[gaps]
     if away.size < 3:
-        return found
+        return paper
     scale, inside = max(1.0, float(np.sqrt(np.mean(away**2)))), np.zeros(number.size, dtype=bool)
     for begin, stop in itertools.pairwise(seen.tolist()):
-        inside[begin + 1 : stop] = (stop - begin) * found.model.step >= LONG_GAP
-    return replace(found, row_sigma=np.where(inside, scale * found.row_sigma, found.row_sigma))
+        inside[begin + 1 : stop] = (stop - begin) * paper.model.step >= LONG_GAP
+    return replace(paper, row_sigma=np.where(inside, scale * paper.row_sigma, paper.row_sigma))
 
 
 @kernel

@@ -10,9 +10,8 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import median_present
-from pipeline.film.edits import MarkEdits
+from pipeline.film.edits import Clock, MarkEdits, with_marks
 from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered
-from pipeline.film.marks.by_hand import Clock, with_marks
 from pipeline.film.marks.counting import LEAST_MARKS, Count, counted, spacing_of
 from pipeline.film.marks.lines import Lines, widened
 from pipeline.film.marks.minutes import Minutes, code_marks, doubts, find_minutes

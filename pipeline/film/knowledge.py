@@ -61,18 +61,7 @@ class FilmOptions:
 
 
 class Known:
-    """All that is known of a film.
-
-    Attributes
-    ----------
-    description : FilmDescription
-        `NOTHING` where the film has none.
-    options : FilmOptions
-    speed : float or None
-        Nominal speed, mm s-1.
-    dpi : float or None
-        Pixels per inch.
-    """
+    """All that is known of a film: description (`NOTHING` where it has none), options, speed (mm s-1), dpi."""
 
     def __init__(self, description: FilmDescription | None = None, options: FilmOptions | None = None) -> None:
         self.description, self.options = description or NOTHING, options or FilmOptions()
@@ -169,24 +158,12 @@ class Known:
     ) -> xr.Dataset | None:
         """The group /instrument of a record; None where nothing is known of it nor needed.
 
-        Parameters
-        ----------
-        pendulums : sequence of DescribedPendulum
-            Those of the traces, in the record's order.
-        time : (samples,) array
-            s, of the record.
-        clock : float or None
-            By how much the film's time axis may run wrong, s a day. It is that of the times alone: the samples'
-            uncertainty has no part in it, nor it in theirs, so that gravity counts each once.
-        scale : float or None
-            By how much, relative, all elongations may be wrong.
-        needed : bool
-            Whether gravity is to be had: periods and their gravity must be known.
+        `pendulums` are those of the traces in the record's order, `time` (samples,) is the record's, s. `clock` is by
+        how much the film's time axis may run wrong, s a day: that of the times alone, in which the samples' uncertainty
+        has no part, nor it in theirs, so that gravity counts each once. `scale` is by how much, relative, all
+        elongations may be wrong. `needed`: gravity is to be had.
 
-        Raises
-        ------
-        UsageError
-            They are not.
+        `UsageError`: it is, and periods or their gravity are not known.
         """
         known, labels = self.description, [str(each.label) for each in pendulums]
         values: dict[str, Any] = {

@@ -123,14 +123,8 @@ def describe(
 ) -> Floats:
     """Coefficients of the six terms in each of `count` blocks, (count, 6); zero where one holds too few readings.
 
-    Parameters
-    ----------
-    times, departure, weight : (readings,) arrays
-        In order of `block`; times in s, departures in any unit, weights as inverse variances.
-    block : (readings,) array
-        Block of each reading, not decreasing; block b covers b * span to (b + 1) * span.
-    period, span : float
-        Of the swing, and of a block, s.
+    Times (s), departures (any unit) and weights (inverse variances) are in order of their `block`; block b covers
+    b * span to (b + 1) * span.
     """
     coefficients = np.zeros((count, 6))
     edges = np.searchsorted(block, np.arange(count + 1))

@@ -178,21 +178,12 @@ def marks_rate(axis: TimeAxis) -> float:
 
 
 def match(described: Sequence[DescribedTrace], rest: Floats, swing: Floats) -> list[int]:
-    """For each described trace, the number of the one found.
+    """For each described trace, the number of the one found, by where those rest and how far they swing, (found,) mm.
 
     Without a place for each, traces are described as they lie from the left to the right. The scan need not begin at
     the paper's edge: a shift common to all places costs every order the same.
 
-    Parameters
-    ----------
-    described : sequence of DescribedTrace
-    rest, swing : (found,) arrays
-        Where the traces found rest and how far they swing, mm.
-
-    Raises
-    ------
-    RecordError
-        More or fewer traces were found than are described.
+    `RecordError`: more or fewer traces were found than are described.
     """
     from scipy.optimize import linear_sum_assignment
 

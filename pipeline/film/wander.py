@@ -55,18 +55,10 @@ NONE = Event(0.0, 0.0, 0.0, 0.0)
 
 
 def paper_motion(time: Floats, column: Floats, sums: Floats, period: float) -> Paper | None:
-    """How paper moved at each sample; None where no difference shows that it did.
+    """How paper moved at each sample, `time` (samples,) s; None where no difference shows that it did.
 
-    Parameters
-    ----------
-    time : (samples,) array
-        s.
-    column : (traces, samples) array
-        Of the traces, px; NaN where nothing was read.
-    sums : (traces,) array
-        Of the pendulums' weights in each trace: 0 of a difference.
-    period : float
-        Of the swing, s.
+    `column` (traces, samples) is that of the traces, px, NaN where nothing was read; `sums` (traces,) are those of the
+    pendulums' weights in each trace, 0 of a difference; `period` is that of the swing, s.
     """
     differences = np.abs(sums) < 1e-9
     if not differences.any():

@@ -41,34 +41,17 @@ TILE = 512  # px, of a side
 
 @dataclass
 class Session:
-    """A film, its edits and what they make of it; not for several threads at once, but for `tile` and `overlay`.
+    """A film, its edits and what they make of it; not for several threads at once, but for `tile` and `overlay`."""
 
-    Attributes
-    ----------
-    untouched : FilmTraces
-        The film without edits.
-    known : Known
-    edits : FilmEdits
-    path : Path
-        Where the edits are kept.
-    who : str
-        Kept with every edit.
-    name : str
-        Of the film's file.
-    options : dict
-        As of `read_traces`.
-    """
+    levels: ClassVar[int] = 6  # sizes in which tiles are there, each half of the one before
 
-    levels: ClassVar[int] = 6
-    """Sizes in which tiles are there, each half of the one before."""
-
-    untouched: FilmTraces
+    untouched: FilmTraces  # the film without edits
     known: Known
     edits: FilmEdits
-    path: Path
-    who: str
-    name: str
-    options: dict[str, Any]
+    path: Path  # where the edits are kept
+    who: str  # kept with every edit
+    name: str  # of the film's file
+    options: dict[str, Any]  # as of `read_traces`
     reading: Reading | None = None
     refusal: IsochronyError | None = None
     saved_at: str | None = None

@@ -97,7 +97,7 @@ class FilmTraces:
         try:
             if isinstance(search, RefusedError):
                 raise search
-            return axis_of(search.gaps, self.tracks, marking, search.width, search.bars, marks=self._marks)
+            return axis_of(search, self.tracks, marking, self._marks)
         except TimeReversedError:
             raise
         except RefusedError as fault:
@@ -132,7 +132,7 @@ class FilmTraces:
 
         shown = np.concatenate(over_pieces(scan, self.emulsion, light, jobs), axis=2)
         stood = bars(shown, own, tracks, self.emulsion)
-        return axis_of(fitted(lines), tracks, marking, 1.0, stood, lines, self._marks)
+        return axis_of(GapSearch(fitted(lines), stood, 1.0, lines), tracks, marking, self._marks)
 
 
 def _kind_of(marking: Marking, film: FilmEmulsion) -> str:

@@ -7,10 +7,8 @@ import numpy as np
 from pipeline.film.edits import MarkEdits
 from pipeline.film.marks.alignment import lasting, refined
 from pipeline.film.marks.drive import Drive, aliased, drive, honest_gaps
-from pipeline.film.marks.lines import Lines
 from pipeline.film.marks.numbering import Counted, number_marks
-from pipeline.film.marks.search import Gaps
-from pipeline.film.marks.stands import Bars
+from pipeline.film.marks.search import GapSearch
 from pipeline.film.parts import Floats, Marking, TimeAxis, Tracks
 
 ROUNDS = 2  # of drive and shear
@@ -18,21 +16,13 @@ FEW_FALSE = 0.005  # share of marks that may be false
 FINE = 16  # points of the paper's motion from mark to mark
 
 
-def axis_of(
-    gaps: Gaps,
-    tracks: Tracks,
-    marking: Marking,
-    width: float,
-    bars: Bars | None = None,
-    across: Lines | None = None,
-    marks: MarkEdits | None = None,
-) -> TimeAxis:
-    """The time axis that gaps of `width` rows make, or marks `across` the film; `marks` are those that a person set.
+def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdits | None = None) -> TimeAxis:
+    """The time axis that gaps make, or marks across the film; `marks` are those that a person set.
 
     `RefusedError`: marks cannot be found, or their number is not certain; `TimeReversedError`: the film lies upside
     down; `RecordError`: a person's marks contradict each other.
     """
-    counted = number_marks(gaps, tracks, marking, width, bars, across, marks)
+    counted, across = number_marks(search, tracks, marking, marks), search.across
     gaps, count, alignment, minutes = counted.gaps, counted.count, counted.alignment, counted.minutes
     row, sigma, column = np.full((3, len(counted.events.member), int(count.index[-1]) + 1), np.nan)
     for trace, member in enumerate(counted.events.member[:, count.event]):

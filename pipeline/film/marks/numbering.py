@@ -13,10 +13,10 @@ from pipeline.arrays import median_present
 from pipeline.film.edits import Clock, MarkEdits, with_marks
 from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered
 from pipeline.film.marks.counting import LEAST_MARKS, Count, counted, spacing_of
-from pipeline.film.marks.lines import Lines, widened
+from pipeline.film.marks.lines import widened
 from pipeline.film.marks.minutes import Minutes, code_marks, doubts, find_minutes
-from pipeline.film.marks.search import Gaps
-from pipeline.film.marks.stands import Bars, Stand, lengths, together
+from pipeline.film.marks.search import Gaps, GapSearch
+from pipeline.film.marks.stands import Stand, lengths, together
 from pipeline.film.marks.swings import Swings, jumps, swings_at
 from pipeline.film.parts import Floats, Marking, Tracks
 
@@ -52,17 +52,9 @@ class Part(NamedTuple):
     residue: int | None  # of the full minutes' marks, where codes show it
 
 
-def number_marks(
-    gaps: Gaps,
-    tracks: Tracks,
-    marking: Marking,
-    width: float,
-    bars: Bars | None = None,
-    across: Lines | None = None,
-    marks: MarkEdits | None = None,
-) -> Counted:
-    """Gaps, or marks `across` the film, brought together over the traces and counted; as `axis.axis_of`."""
-    traces = len(tracks.course)
+def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdits | None) -> Counted:
+    """Gaps, or marks across the film, brought together over the traces and counted; as `axis.axis_of`."""
+    gaps, across, traces = search.gaps, search.across, len(tracks.course)
     busiest = int(np.argmax(np.bincount(gaps.trace, minlength=traces)))
     spacing = spacing_of(gaps.row[gaps.trace == busiest])
     if marking.speed is not None and abs(spacing / (marking.speed * marking.interval) - 1.0) > SPEED_TOLERANCE:
@@ -73,17 +65,17 @@ def number_marks(
     alignment, clock = Alignment(np.zeros(traces), 0.0, True), None
     alignment = aligned(gaps, traces, spacing) if across is None else replace(alignment, shear=across.shear)
     if marks is not None:
-        gaps = with_marks(gaps, marks, tracks, alignment, spacing, width, across is not None)
+        gaps = with_marks(gaps, marks, tracks, alignment, spacing, search.width, across is not None)
         clock = Clock.of(marks, tracks, alignment, marking.interval)
     if across is None:
-        events = gathered(gaps, alignment, traces, width)
+        events = gathered(gaps, alignment, traces, search.width)
     else:
         events = Events(gaps.row, gaps.row_sigma, gaps.width, gaps.width_sigma, np.arange(gaps.size)[None])
     # an oblique image bends the swing, but its first harmonic keeps the phase of the swing's middle
     middle = np.array([median_present(each) for each in tracks.course])
     places = events.row + (alignment.offset + alignment.shear * middle)[:, None]
     swings = swings_at(tracks, events, places, spacing)
-    stands = together(bars, alignment.offset, alignment.shear, middle) if bars else []
+    stands = together(search.bars, alignment.offset, alignment.shear, middle)
     stands = [each for each in stands if events.row[0] < each.row < events.row[-1]]
     if marks is not None:
         stands = sorted([*stands, *(Stand(row, np.nan, True) for row in marks.breaks.tolist())])

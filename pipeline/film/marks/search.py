@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ from pipeline.film.marks.pieces import MARGIN, Spans, exposed, grain, over_piece
 from pipeline.film.marks.stands import Bars, bars, light_across, swept
 from pipeline.film.parts import Emulsion, Floats, Marking, Tracks
 from pipeline.film.scan.opening import OpenScan
+
+if TYPE_CHECKING:
+    from pipeline.film.marks.lines import Lines
 
 LATERAL = 0.1  # px, 1 sigma of the tracker's course across the line
 WIDTH_PRIOR = 0.12  # of the width, 1 sigma: wow, drift and shear change it
@@ -78,11 +81,12 @@ class Gaps:
 
 
 class GapSearch(NamedTuple):
-    """Gaps on the traces, where the paper stood, and the width of a gap, px."""
+    """What marks the time on a film."""
 
     gaps: Gaps
-    bars: Bars
-    width: float
+    bars: Bars  # where the paper stood
+    width: float  # of a gap, px
+    across: Lines | None = None  # the marks beside the traces of which `gaps` were made
 
 
 def search_gaps(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1) -> GapSearch:

@@ -18,8 +18,7 @@ PAIR = {"sizes": (70.0, 60.0), "middles": (110.0, 300.0), "periods": (1.00966, 1
 
 
 def axis_by_gaps(made: Film, tracks: Tracks, marking: Marking) -> TimeAxis:
-    gaps, bars, width = search_gaps(made.scan, made.emulsion, tracks, marking)
-    return axis_of(gaps, tracks, marking, width, bars)
+    return axis_of(search_gaps(made.scan, made.emulsion, tracks, marking), tracks, marking)
 
 
 def both(made: Film, marking: Marking = Marking()) -> tuple[TimeAxis, Strobe]:  # noqa: B008

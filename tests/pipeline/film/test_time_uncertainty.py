@@ -32,7 +32,7 @@ def test_errors_are_as_large_as_stated(name: str) -> None:
     for seed in range(3):
         case = Case(**{**FILMS[name].__dict__, "seed": seed, "minutes": 6.0})
         truth = made(case)
-        axis = axis_of(truth.gaps, truth.tracks, Marking(), truth.width)
+        axis = axis_of(truth.search(), truth.tracks, Marking())
         assert axis.shear == pytest.approx(case.shear, abs=1e-4)
         late = axis.seconds - truth.seconds
         late -= 60.0 * np.round(np.nanmedian(late) / 60.0)  # which minute it was, a film does not say

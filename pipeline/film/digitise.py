@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from data_schemas.errors import UsageError
 from data_schemas.film_description import FilmDescription, description_path, film_stem, load_description
@@ -23,7 +23,20 @@ if TYPE_CHECKING:
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
 
-def digitise(paths: Paths, description: FilmDescription | None = None, **asked: Any) -> xr.DataTree:
+def digitise(
+    paths: Paths,
+    description: FilmDescription | None = None,
+    *,
+    options: FilmOptions | None = None,
+    orientation: str = "auto",
+    lines: str = "auto",
+    reading: str = "auto",
+    rate: float | None = None,
+    edits: FilmEdits | str | os.PathLike[str] | None = None,
+    rows: tuple[int, int | None] | None = None,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> xr.DataTree:
     """Read the image of a film into a record.
 
     Parameters
@@ -32,8 +45,22 @@ def digitise(paths: Paths, description: FilmDescription | None = None, **asked: 
         One image (TIFF, PNG, JPEG), or overlapping strips of one film in order.
     description : FilmDescription, optional
         What is known of the film; left out: NAME.film.toml beside the image, if it is there.
-    **asked
-        As of `read`.
+    options : FilmOptions, optional
+        What stands before the description: lever, speed, traces, periods and the like.
+    orientation, lines : str
+        See `pipeline.film.scan.ScanOptions`.
+    reading : {"auto", "continuous", "strobe"}
+        Between the marks, or at the marks alone; auto takes the first where the film is fast enough.
+    rate : float, optional
+        Samples a second between the marks; the highest of 25, 20, 12.5 and 10 that the film's rows support.
+    edits : FilmEdits or path, optional
+        What a person corrects (NAME.edits.toml); applied only where it is given.
+    rows : (int, int or None), optional
+        First row of the film that is read, and the one behind the last; None: to its end.
+    jobs : int
+        Processor cores to use.
+    progress : function, optional
+        Told the stage, how much of it is done, and of how much.
 
     Returns
     -------
@@ -53,7 +80,10 @@ def digitise(paths: Paths, description: FilmDescription | None = None, **asked: 
     --------
     >>> record = digitise("ship.film.tif", options=FilmOptions(traces=["1"]))  # doctest: +SKIP
     """
-    found, known = read(paths, description, **asked)
+    found, known = read(
+        paths, description, options=options, orientation=orientation, lines=lines, reading=reading, rate=rate,
+        edits=edits, rows=rows, jobs=jobs, progress=progress,
+    )  # fmt: skip
     return make_record(found, known, film_stem(found.scan.paths[0]))
 
 
@@ -71,27 +101,7 @@ def read(
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> tuple[Reading, Known]:
-    """Read the image of a film, without making a record of it; `paths`, `description` and faults as of `digitise`.
-
-    Parameters
-    ----------
-    options : FilmOptions, optional
-        What stands before the description: lever, speed, traces, periods and the like.
-    orientation, lines : str
-        See `pipeline.film.scan.ScanOptions`.
-    reading : {"auto", "continuous", "strobe"}
-        Between the marks, or at the marks alone; auto takes the first where the film is fast enough.
-    rate : float, optional
-        Samples a second between the marks; the highest of 25, 20, 12.5 and 10 that the film's rows support.
-    edits : FilmEdits or path, optional
-        What a person corrects (NAME.edits.toml); applied only where it is given.
-    rows : (int, int or None), optional
-        First row of the film that is read, and the one behind the last; None: to its end.
-    jobs : int
-        Processor cores to use.
-    progress : function, optional
-        Told the stage, how much of it is done, and of how much.
-    """
+    """Read the image of a film, without making a record of it; parameters and faults as of `digitise`."""
     if reading not in READINGS:
         raise UsageError(f"reading '{reading}': give one of {', '.join(READINGS)}")
     edits = load_edits(edits) if isinstance(edits, str | os.PathLike) else edits

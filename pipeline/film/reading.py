@@ -102,7 +102,7 @@ def read_film(
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> Reading:
-    """Read a film of which nothing need be known; the rest as of `digitise.read`.
+    """Read a film of which nothing need be known; the rest as of `digitise.digitise`.
 
     `RefusedError`: the film shows no trace, or no time, that can be trusted; `RecordError`: nothing says how large a
     pixel is, or the edits are none of this film.

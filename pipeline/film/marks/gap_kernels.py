@@ -21,11 +21,8 @@ from pipeline.film.marks.curve_kernels import REACH, Patch, draw, place, shade, 
 from pipeline.film.tracking.motion import solve
 from synth.kernels.compiled import kernel
 
-(
-    ROW, ROW_SIGMA, COLUMN, COLUMN_SIGMA, LIGHT, LIGHT_SIGMA, DEPTH, DEPTH_SIGMA, WIDTH, WIDTH_SIGMA, SHIFT, MISFIT,
-    SLOPE,
-) = range(13)  # fmt: skip
-RESULTS = 13
+RESULTS = 11  # of a gap, as `search.Gaps` has them
+ROW, ROW_SIGMA, COLUMN, COLUMN_SIGMA, SLOPE, WIDTH, WIDTH_SIGMA, DEPTH, DEPTH_SIGMA, LIGHT, MISFIT = range(RESULTS)
 PARAMETERS = 6
 STEEPEST = 60.0  # slope of strokes whose gaps fit on a piece of film
 LAYERS = 9
@@ -168,10 +165,9 @@ def fit_gap(
     deep = normal[2, 2] - 2.0 * b / a * normal[1, 2] + (b / a) ** 2 * normal[1, 1]
     out[ROW], out[ROW_SIGMA] = m, math.sqrt(normal[0, 0])
     out[COLUMN], out[COLUMN_SIGMA] = here + d + h * lean, math.sqrt(max(across, 0.0))
-    out[LIGHT], out[LIGHT_SIGMA] = a, math.sqrt(normal[1, 1])
     out[DEPTH], out[DEPTH_SIGMA] = b / a, math.sqrt(max(deep, 0.0)) / a
     out[WIDTH], out[WIDTH_SIGMA] = w, math.sqrt(normal[4, 4])
-    out[SHIFT], out[MISFIT], out[SLOPE] = d, misfit / count, lean
+    out[SLOPE], out[LIGHT], out[MISFIT] = lean, a, misfit / count
     return True
 
 

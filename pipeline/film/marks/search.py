@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
-from pipeline.film.marks import gap_kernels
 from pipeline.film.marks.curve_kernels import brightness_along
 from pipeline.film.marks.gap_kernels import Known, fit_gaps
 from pipeline.film.marks.pieces import MARGIN, Spans, exposed, grain, over_pieces
@@ -62,8 +61,7 @@ class Gaps:
     @staticmethod
     def of(trace: NDArray[np.int64], fitted: Floats) -> Gaps:
         """From what `gap_kernels.fit_gaps` returns, (gaps, RESULTS)."""
-        names = [field.name for field in fields(Gaps)][1:]
-        return Gaps(trace, *(fitted[:, getattr(gap_kernels, name.upper())].copy() for name in names))
+        return Gaps(trace, *fitted.T.copy())
 
     def pick(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Gaps:
         """Some of them."""

@@ -149,6 +149,8 @@ def findings(reading: Reading, paper: Paper | None = None) -> dict[str, Any]:
         "marks_found": int(reading.marks.size),
         "skew": float(np.degrees(np.arctan(axis.shear))),
         "time_sigma": axis.time_sigma,
+        # at the marks the times are exact
+        "time_noise": 0.0 if reading.kind == "strobe" else axis.mark_sigma * float(np.sqrt(axis.interval)),
         "time_rate_sigma": 0.0 if reading.kind == "strobe" else axis.rate_sigma,
         "flags": ", ".join([*reading.flags, *(["paper-wandered"] if paper is not None else [])]),
         "notes": "; ".join(reading.notes),

@@ -8,6 +8,7 @@ were made.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -36,14 +37,19 @@ class MarkEdits(NamedTuple):
     breaks: Floats  # px, rows where marks are not counted on
 
 
+NO_MARKS = MarkEdits(np.empty((0, 3)), np.empty((0, 2)), np.empty(0))
+
+
 @dataclass(frozen=True)
 class Placed:
     """Edits of a film, its traces as the tracker numbers them."""
 
-    masks: list[Floats]  # corners (n, 2), row and column
-    lines: list[tuple[int, Floats]]  # trace, points (n, 2)
-    ignored: list[tuple[int, float, float]]  # trace, first and last row
-    marks: MarkEdits
+    edits: FilmEdits | None = None
+    masks: Sequence[Floats] = ()  # corners (n, 2), row and column
+    lines: Sequence[tuple[int, Floats]] = ()  # trace, points (n, 2)
+    ignored: Sequence[tuple[int, float, float]] = ()  # trace, first and last row
+    left_out: frozenset[int] = frozenset()  # traces that are ignored on the whole film
+    marks: MarkEdits = NO_MARKS
 
     def hide(self, darkness: NDArray[np.float32], first: int) -> NDArray[np.float32]:
         """The same rows from `first` on, NaN where nothing is to be read."""
@@ -82,10 +88,6 @@ class Placed:
             joined.append((first, last))
         return joined
 
-    def left_out(self, rows: int) -> tuple[int, ...]:
-        """Traces that are ignored on the whole film."""
-        return tuple(sorted({trace for trace, first, last in self.ignored if first <= 0.0 and last >= rows}))
-
     def shows(self, trace: NDArray[np.int64], row: Floats, column: Floats) -> NDArray[np.bool_]:
         """Which places on traces are neither hidden nor ignored."""
         out = ~self.hides(row, column)
@@ -95,8 +97,7 @@ class Placed:
 
     def without_ignored(self, tracks: Tracks) -> None:
         """Make a trace unknown on the rows on which it is ignored, in place; not one that is ignored as a whole."""
-        whole = self.left_out(tracks.course.shape[1])
-        for trace, first, last in (each for each in self.ignored if each[0] not in whole):
+        for trace, first, last in (each for each in self.ignored if each[0] not in self.left_out):
             some = slice(max(int(first), 0), max(int(last) + 1, 0))
             for values in (tracks.position, tracks.sigma, tracks.course, tracks.slope, tracks.curvature):
                 values[trace, some] = np.nan
@@ -106,6 +107,9 @@ class Placed:
         rows, column = np.interp(strobe.index, axis.index, axis.row), strobe.position
         hidden = self.hides(rows + axis.offset[:, None] + axis.shear * np.nan_to_num(column), column)
         return Strobe(strobe.index, np.where(hidden, np.nan, column), np.where(hidden, np.nan, strobe.sigma), strobe.qc)
+
+
+NO_EDITS = Placed()
 
 
 def check_scan(edits: FilmEdits, scan: OpenScan) -> None:
@@ -162,7 +166,8 @@ def place(edits: FilmEdits, scan: OpenScan, tracks: Tracks, start: str) -> Place
         np.array(cleared, dtype=np.float64).reshape(-1, 2),
         np.array(breaks),
     )
-    return Placed(masks, lines, ignored, marks)
+    left_out = frozenset(trace for trace, first, last in ignored if first <= 0.0 and last >= scan.rows)
+    return Placed(edits, masks, lines, ignored, left_out, marks)
 
 
 def drawn(corners: Floats, first: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
-from pipeline.film.edits import MarkEdits, Placed, check_scan, place
+from pipeline.film.edits import NO_EDITS, Placed, check_scan, place
 from pipeline.film.emulsion import FilmEmulsion, shown_darkness
 from pipeline.film.knowledge import Known
 from pipeline.film.marks.axis import axis_of
@@ -43,9 +43,7 @@ class FilmTraces:
     following: Following | None  # what it takes to follow a stretch once more; None for dense bands
     film: FilmEmulsion  # that of the rows, also where `emulsion` is that of dense bands
     search: GapSearch | RefusedError | None  # gaps on the traces; None where marks lie beside them
-    left_out: tuple[int, ...] = ()  # traces that a person ignores on the whole film
-    edits: FilmEdits | None = None
-    placed: Placed | None = None  # the same in the reader's terms
+    placed: Placed = NO_EDITS  # a person's edits
 
     def edited(self, edits: FilmEdits, known: Known, jobs: int = 1) -> FilmTraces:
         """The same as a person's edits make it.
@@ -76,10 +74,7 @@ class FilmTraces:
                     gaps = gaps.pick((gaps.row < first) | (gaps.row >= last + 1))
                 gaps = gaps.joined_by(again)
             search = search._replace(gaps=gaps.pick(placed.shows(gaps.trace, gaps.row, gaps.column)))
-        left_out = placed.left_out(self.scan.rows)
-        return replace(
-            self, tracks=tracks, following=following, search=search, left_out=left_out, edits=edits, placed=placed
-        )
+        return replace(self, tracks=tracks, following=following, search=search, placed=placed)
 
     def axis(self, known: Known, jobs: int = 1) -> TimeAxis:
         """When each row of the film was exposed, by gaps in its traces or by marks beside them.
@@ -97,7 +92,7 @@ class FilmTraces:
         try:
             if isinstance(search, RefusedError):
                 raise search
-            return axis_of(search, self.tracks, marking, self._marks)
+            return axis_of(search, self.tracks, marking, self.placed.marks)
         except TimeReversedError:
             raise
         except RefusedError as fault:
@@ -108,10 +103,6 @@ class FilmTraces:
                 return self._axis_beside("edge" if across is None else across.kind, marking, jobs)
             except NoMarksError:
                 raise fault from None
-
-    @property
-    def _marks(self) -> MarkEdits | None:
-        return None if self.placed is None else self.placed.marks
 
     def _axis_beside(self, kind: str, marking: Marking, jobs: int) -> TimeAxis:
         """The time axis by marks of some kind beside the traces."""
@@ -132,7 +123,7 @@ class FilmTraces:
 
         shown = np.concatenate(over_pieces(scan, self.emulsion, light, jobs), axis=2)
         stood = bars(shown, own, tracks, self.emulsion)
-        return axis_of(GapSearch(fitted(lines), stood, 1.0, lines), tracks, marking, self._marks)
+        return axis_of(GapSearch(fitted(lines), stood, 1.0, lines), tracks, marking, self.placed.marks)
 
 
 def _kind_of(marking: Marking, film: FilmEmulsion) -> str:

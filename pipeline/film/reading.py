@@ -42,7 +42,7 @@ class Reading:
     scale: float  # mm, size of a pixel
     difference: PhaseDifference | None  # between the two readings, where both are there
     notes: tuple[str, ...]  # what was believed and might be wrong, one sentence each
-    left_out: tuple[int, ...] = ()  # traces that a person ignores
+    left_out: frozenset[int] = frozenset()  # traces that a person ignores
     edits: FilmEdits | None = None  # what a person corrected
 
     def between(self, start: float, stop: float) -> Reading:
@@ -122,8 +122,7 @@ def read_traces(
     from pipeline.film.strobe.reading import read_at_marks
 
     scan, tracks = traces.scan, traces.tracks
-    strobe = read_at_marks(scan, traces.emulsion, tracks, axis, jobs)
-    strobe = strobe if traces.placed is None else traces.placed.readable(strobe, axis)
+    strobe = traces.placed.readable(read_at_marks(scan, traces.emulsion, tracks, axis, jobs), axis)
     scale, note = film_scale(scan.scale, known.speed, axis)
     notes = [each for each in (*scan.notes, note) if each]
     speed = axis.usual_rows_per_second * scale
@@ -144,9 +143,8 @@ def read_traces(
     if unread.size:
         which = "nothing of the film" if unread.size == len(samples.column) else f"nothing of trace {unread[0] + 1}"
         raise RefusedError(f"{which} could be read by the {reading} reading; look at it with isochrony plot")
-    return Reading(
-        scan, tracks, axis, strobe, samples, reading, scale, difference, tuple(notes), traces.left_out, traces.edits
-    )
+    left_out, edits = traces.placed.left_out, traces.placed.edits
+    return Reading(scan, tracks, axis, strobe, samples, reading, scale, difference, tuple(notes), left_out, edits)
 
 
 def at_marks(strobe: Strobe, axis: TimeAxis) -> Samples:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.film.edits import MarkEdits
+from pipeline.film.edits import NO_MARKS, MarkEdits
 from pipeline.film.marks.alignment import lasting, refined
 from pipeline.film.marks.drive import Drive, aliased, drive, honest_gaps
 from pipeline.film.marks.numbering import Counted, number_marks
@@ -16,7 +16,7 @@ FEW_FALSE = 0.005  # share of marks that may be false
 FINE = 16  # points of the paper's motion from mark to mark
 
 
-def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdits | None = None) -> TimeAxis:
+def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdits = NO_MARKS) -> TimeAxis:
     """The time axis that gaps make, or marks across the film; `marks` are those that a person set.
 
     `RefusedError`: marks cannot be found, or their number is not certain; `TimeReversedError`: the film lies upside

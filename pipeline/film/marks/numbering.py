@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -52,7 +52,7 @@ class Part(NamedTuple):
     residue: int | None  # of the full minutes' marks, where codes show it
 
 
-def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdits | None) -> Counted:
+def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdits) -> Counted:
     """Gaps, or marks across the film, brought together over the traces and counted; as `axis.axis_of`."""
     gaps, across, traces = search.gaps, search.across, len(tracks.course)
     busiest = int(np.argmax(np.bincount(gaps.trace, minlength=traces)))
@@ -62,11 +62,9 @@ def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: Mar
             f"film: marks lie {spacing:.1f} rows apart, but {marking.speed:.4g} rows per second and marks every "
             f"{marking.interval:g} s make {marking.speed * marking.interval:.1f}; state the right speed or interval"
         )
-    alignment, clock = Alignment(np.zeros(traces), 0.0, True), None
-    alignment = aligned(gaps, traces, spacing) if across is None else replace(alignment, shear=across.shear)
-    if marks is not None:
-        gaps = with_marks(gaps, marks, tracks, alignment, spacing, search.width, across is not None)
-        clock = Clock.of(marks, tracks, alignment, marking.interval)
+    alignment = aligned(gaps, traces, spacing) if across is None else Alignment(np.zeros(traces), across.shear, True)
+    gaps = with_marks(gaps, marks, tracks, alignment, spacing, search.width, across is not None)
+    clock = Clock.of(marks, tracks, alignment, marking.interval)
     if across is None:
         events = gathered(gaps, alignment, traces, search.width)
     else:
@@ -77,8 +75,7 @@ def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: Mar
     swings = swings_at(tracks, events, places, spacing)
     stands = together(search.bars, alignment.offset, alignment.shear, middle)
     stands = [each for each in stands if events.row[0] < each.row < events.row[-1]]
-    if marks is not None:
-        stands = sorted([*stands, *(Stand(row, np.nan, True) for row in marks.breaks.tolist())])
+    stands = sorted([*stands, *(Stand(row, np.nan, True) for row in marks.breaks.tolist())])
     count, stands, whole = _past_stands(events, stands, swings, spacing, marking, clock)
     minutes = find_minutes(events, count, marking)
     if across is not None and across.kind == "dark-lines":  # on either side of a broad one the number is not certain
@@ -95,7 +92,7 @@ def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: Mar
         stands = [each for each in stands if first < each.row < last]
         count, whole, minutes = part, False, find_minutes(events, part, marking)
     check(minutes, events, count, swings)
-    shift = None if clock is None else clock.offset(events, count, spacing)
+    shift = clock.offset(events, count, spacing)
     odd = minutes.against > DISAGREE * minutes.seen
     wrong = doubts(minutes, events, count, marking.interval) if odd else []
     cycle, residue = round(60.0 / marking.interval), minutes.residue
@@ -104,7 +101,7 @@ def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: Mar
 
 
 def _past_stands(
-    events: Events, stands: list[Stand], swings: Swings, spacing: float, marking: Marking, clock: Clock | None
+    events: Events, stands: list[Stand], swings: Swings, spacing: float, marking: Marking, clock: Clock
 ) -> tuple[Count, list[Stand], bool]:
     """Marks counted between the stands, and joined over those whose lengths codes or pendulums show.
 
@@ -156,10 +153,10 @@ def _marks_between(
     swings: Swings,
     spacing: float,
     cycle: int,
-    clock: Clock | None,
+    clock: Clock,
 ) -> int | None:
     """Number of marks from the last before a stand to the first after it; None where it is not certain."""
-    times = [None if clock is None else clock.offset(events, each.marks, spacing) for each in (before, after)]
+    times = [clock.offset(events, each.marks, spacing) for each in (before, after)]
     if times[0] is not None and times[1] is not None:
         number, cost = np.array([times[1] - times[0] - before.marks.index[-1]]), np.zeros(1)
     elif np.isnan(stand.length):  # a person does not know either

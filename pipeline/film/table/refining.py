@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
@@ -67,7 +66,7 @@ def _grid(problem: Problem) -> tuple[int, float, float]:
 
 
 class Refining:
-    """The whole reduction of a record, in a process of its own."""
+    """The whole reduction of a record, in a process of its own, which Ctrl-C leaves to the server."""
 
     def __init__(self) -> None:
         self.last: Joint | None = None
@@ -112,5 +111,4 @@ class Refining:
 def _reduce(groups: dict[str, Any]) -> Joint:
     from xarray import DataTree
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's; it ends this process
     return reduce_jointly(DataTree.from_dict(groups), None, 0.0)

@@ -32,7 +32,7 @@ def test_errors_are_as_large_as_stated(name: str) -> None:
     for seed in range(3):
         case = Case(**{**FILMS[name].__dict__, "seed": seed, "minutes": 6.0})
         truth = made(case)
-        axis = axis_of(truth.gaps, truth.tracks, Marking(), truth.width, truth.tracks.course.shape[1])
+        axis = axis_of(truth.search(), truth.tracks, Marking())
         assert axis.shear == pytest.approx(case.shear, abs=1e-4)
         late = axis.seconds - truth.seconds
         late -= 60.0 * np.round(np.nanmedian(late) / 60.0)  # which minute it was, a film does not say
@@ -73,7 +73,7 @@ def test_rough_drives_are_told_from_smooth_ones(rough: float, shake: float) -> N
     noisy = (true + 0.03 * rng.normal(size=true.size))[None]
     found = drive(noisy, np.full_like(noisy, 0.02), STEP)
     assert np.sqrt(np.mean(((found.row - true) / found.row_sigma) ** 2)) == pytest.approx(1.0, abs=0.25)
-    assert np.hypot(0.02, found.floor) == pytest.approx(0.03, rel=0.2)
+    assert np.hypot(0.02, found.model.floor) == pytest.approx(0.03, rel=0.2)
 
 
 def plain(marks: int, shake: float) -> Drive:
@@ -109,4 +109,4 @@ def test_errors_that_last_are_told_by_the_traces_apart() -> None:
     assert lasting(np.stack([slow(0.05), slow(0.05)]), found) == pytest.approx(0.05 / np.sqrt(2.0), rel=0.25)
     paper = found.row + slow(0.5) - found.row  # what both traces show is the paper's
     assert lasting(np.stack([paper, paper]), found) == 0.0
-    assert lasting(white[:1], replace(found, used=found.used[:1])) == pytest.approx(0.3 * found.floor)
+    assert lasting(white[:1], replace(found, used=found.used[:1])) == pytest.approx(0.3 * found.model.floor)

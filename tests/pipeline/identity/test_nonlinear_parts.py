@@ -72,7 +72,7 @@ def test_expansion_is_the_derivative() -> None:
     assert (moved.expand(about + move, 6.1)[0] - here) / move == pytest.approx(by_angle, abs=1e-4)
     assert (moved.expand(about, 6.1 + move)[0] - here) / move == pytest.approx(by_frequency, abs=1e-5)
     w, theta = moved.bend / 6.1**2, moved.low
-    pull = 1.0 + moved.seen.vertical / moved.seen.felt_gravity(6.1)
+    pull = 1.0 + moved.observation.vertical / moved.observation.felt_gravity(6.1)
     bend = pull * np.sin(about) / np.cos(theta) + w * ((np.cos(about) - 1) + np.tan(theta) * np.sin(about))
     assert here == pytest.approx(6.2**2 * about - 6.1**2 * bend, abs=1e-13)
     noisy = moving(shift=1e-3).expand(about, 6.1)[0]

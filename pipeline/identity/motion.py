@@ -93,7 +93,9 @@ class Motion:
         square = frequency**2
         if self.observation.vertical is None:
             return square
-        return np.asarray(square + square / self.observation.felt_gravity(frequency) * self.observation.vertical[self.inside])
+        return np.asarray(
+            square + square / self.observation.felt_gravity(frequency) * self.observation.vertical[self.inside]
+        )
 
     def expand(self, angle: Floats, frequency: float) -> tuple[Floats, Floats, Floats]:
         """`N(d) = h^2 d - n2^2 F(d)` of real pendulums and its derivatives by d and n2, see `Identity`."""

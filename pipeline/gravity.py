@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.correction import NON_ISOCHRONISM
 from pipeline.estimate import COLOUR_SECONDS, Estimate
 from pipeline.harmonics.envelope import fill
-from pipeline.ledger import book, non_isochronism
+from pipeline.ledger import book, own
 from pipeline.ledger.entry import DAY, MGAL, Case, Entry, arc_answer
 from pipeline.prepared import Prepared
 
@@ -51,7 +51,7 @@ class Gravity:
 
         The parts of the method's own correction are told here, when somebody wants them: gravity does not need them.
         """
-        return book.own(self._case) | self.given
+        return book.own_entries(self._case) | self.given
 
     @cached_property
     def budget(self) -> dict[str, float]:
@@ -106,7 +106,7 @@ def gravity(estimate: Estimate, prepared: Prepared, gain_uncertainty: float = 0.
     case = Case(estimate, prepared, gain_uncertainty, scale, by_ratio * seen.frequency_ratio, 2.0 * plain / MGAL)
     value, given = book.given(case)
     noise, left = scale * estimate.sigma, left_out(case)
-    parts = [noise, left, non_isochronism.uncertainty(case), *(entry.sigma for entry in given.values())]
+    parts = [noise, left, own.uncertainty(case), *(entry.sigma for entry in given.values())]
     n2 = prepared.nominal * float(np.sqrt(value / seen.reference_gravity))
     return Gravity(
         gravity=value,

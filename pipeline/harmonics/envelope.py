@@ -139,10 +139,12 @@ def sliding_envelope(time: Floats, step: float, first: Floats, difference: Float
     speed: Complexes = (fit[:, 4] - 1j * fit[:, 5]) * carrier / (half * step)
     real, imaginary = weighted_inverse(basis, weight)[:2]
     return Envelope(
-        centres,
-        frequency,
-        *amplitude,
-        *speed,
+        time=centres,
+        carrier=frequency,
+        first=amplitude[0],
+        difference=amplitude[1],
+        first_speed=speed[0],
+        difference_speed=speed[1],
         slow=fit[:, 2],
         coverage=coverage[1],
         samples=coverage.mean(axis=1) * every,

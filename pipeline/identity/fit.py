@@ -221,12 +221,12 @@ def _powers(base: complex, count: int, factor: complex = 1.0) -> Complexes:
     """`factor base**k` for k from 0, as products of few exponentials."""
     inner = int(np.ceil(np.sqrt(count)))
     exponent = np.log(base) * np.arange(inner)
-    return np.multiply.outer(factor * np.exp(inner * exponent), np.exp(exponent)).ravel()[:count]
+    return np.outer(factor * np.exp(inner * exponent), np.exp(exponent)).ravel()[:count]
 
 
 def system(by: Weights, stiffness: Floats | float) -> Floats:
     """Lower band matrix (3, n) of an identity whose right-hand side changes with the angle by `stiffness`."""
-    return (by.swing[::-1] - by.near[::-1] * np.asarray(stiffness)[..., None]).T
+    return np.asarray(by.swing[::-1] - by.near[::-1] * np.asarray(stiffness)[..., None]).T
 
 
 def least_squares(columns: Floats, values: Floats) -> tuple[Floats, Floats]:

@@ -29,20 +29,13 @@ __all__ = ["DAY", "MGAL", "Entry", "Gravity", "gravity"]
 class Gravity:
     """Gravity of one method."""
 
-    gravity: float
-    """m s-2."""
-    sigma: float
-    """1-sigma, mGal: reading noise and the uncertainties of the ledger's entries, which are independent."""
-    noise: float
-    """1-sigma from the readings alone, mGal."""
-    frequency: tuple[float, float]
-    """n1, n2 after all corrections, rad s-1: `gravity = g_ref (n2/n2_ref)^2`."""
-    per_ratio: float
-    """Change of gravity, mGal, for n1/n2 larger by 1e-7."""
-    left_out: float
-    """1-sigma, mGal, of what acts on the pendulums and the method leaves as it is."""
-    given: dict[str, Entry] = field(repr=False)
-    """Entries of the ledger that the record states, name to `Entry`."""
+    gravity: float  # m s-2
+    sigma: float  # 1 sigma, mGal: reading noise and the uncertainties of the ledger's entries, independent
+    noise: float  # 1 sigma from the readings alone, mGal
+    frequency: tuple[float, float]  # n1, n2 after all corrections, rad s-1: `gravity = g_ref (n2/n2_ref)^2`
+    per_ratio: float  # change of gravity, mGal, for n1/n2 larger by 1e-7
+    left_out: float  # 1 sigma, mGal, of what acts on the pendulums and the method leaves as it is
+    given: dict[str, Entry] = field(repr=False)  # entries of the ledger that the record states
     _case: Case = field(repr=False)
 
     @cached_property

@@ -52,17 +52,12 @@ class Parts:
     """What a result is made from."""
 
     record: DataTree
-    prepared: Prepared
-    """That phases and corrections are drawn from."""
-    own: Prepared | None
-    """That which methods of one difference looked at, where it is another one."""
-    reductions: Sequence[Reduction]
-    """In the order they were asked for."""
+    prepared: Prepared  # that phases and corrections are drawn from
+    own: Prepared | None  # that which methods of one difference looked at, where it is another one
+    reductions: Sequence[Reduction]  # in the order they were asked for
     joint: Joint | None
-    full: bool
-    """Whether what is costly is laid out too: the pendulums' angles at the record's own times."""
-    bare: bool = False
-    """Whether gravity alone is laid out."""
+    full: bool  # whether the pendulums' angles at the record's own times are laid out too
+    bare: bool = False  # whether gravity alone is laid out
 
 
 def build_result(parts: Parts, started: float) -> DataTree:

@@ -38,27 +38,17 @@ COARSE = 6.0  # samples a swing that the slow motion needs
 class Envelope:
     """`theta(t) = Re[Z(t) exp(i n0 t)] + slow(t)` for the first pendulum and for the difference."""
 
-    time: Floats
-    """(k,) uniform instants, s from the first sample of the record."""
-    carrier: float
-    """n0, rad s-1."""
-    first: Complexes
-    difference: Complexes
-    """(k,) Z1 and D relative to the carrier, rad; NaN where the window holds too few samples."""
-    first_speed: Complexes
+    time: Floats  # (k,) uniform instants, s from the first sample of the record
+    carrier: float  # n0, rad s-1
+    first: Complexes  # (k,) Z1 relative to the carrier, rad; NaN where the window holds too few samples
+    difference: Complexes  # (k,) D, the same
+    first_speed: Complexes  # (k,) their time derivatives, rad s-1
     difference_speed: Complexes
-    """(k,) their time derivatives, rad s-1."""
-    slow: Floats
-    """(2, k) slow part of first pendulum and difference, rad."""
-    coverage: Floats
-    """(k,) share of the window's weight that held samples of the difference, 0..1."""
-    samples: Floats
-    """(2,) number of samples of first pendulum and difference that each instant stands for (hop x rate x coverage)."""
-    noise_gain: float
-    """Variance of one component of an envelope (mean of the two) per variance of white reading noise, complete
-    window."""
-    taps: Complexes
-    """(m,) weights of a complete window's samples in the amplitude, counted from its own centre."""
+    slow: Floats  # (2, k) slow part of first pendulum and difference, rad
+    coverage: Floats  # (k,) share of the window's weight that held samples of the difference, 0 to 1
+    samples: Floats  # (2,) of first pendulum and difference that each instant stands for (hop x rate x coverage)
+    noise_gain: float  # variance of an envelope's component per variance of white reading noise, complete window
+    taps: Complexes  # (m,) weights of a complete window's samples in the amplitude, counted from its own centre
 
     def influence(self, by_instant: Complexes, count: int, every: int) -> Floats:
         """Influence of every sample of the difference on `Re sum conj(by_instant) D`, (count,).
@@ -198,14 +188,11 @@ def fit_windows(series: Floats, basis: Floats, weight: Floats, every: int) -> tu
 class SlowMotion:
     """psi and zeta at uniform instants."""
 
-    begin: float
-    step: float
-    """First instant and distance, s."""
-    angle: Floats
-    curvature: Floats
-    """(k,) psi, rad; psi'', s-2."""
-    zeta: Floats | None
-    """(k,) z''/g in the same band; None where none is recorded."""
+    begin: float  # first instant, s
+    step: float  # s
+    angle: Floats  # (k,) psi, rad
+    curvature: Floats  # (k,) psi'', s-2
+    zeta: Floats | None  # (k,) z''/g in the same band; None where none is recorded
 
     @property
     def time(self) -> Floats:

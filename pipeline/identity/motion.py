@@ -26,12 +26,9 @@ REJECTION = 150.0  # dB
 class Filters(NamedTuple):
     """Taps over `2 reach + 1` samples; `out[k] = sum_j taps[j] theta[k - reach + j]`."""
 
-    low: Floats
-    """Low-pass, gain 1."""
-    curvature: Floats
-    """theta'' + 2 gamma theta', s-2."""
-    reach: int
-    """Samples lost at each end."""
+    low: Floats  # low-pass, gain 1
+    curvature: Floats  # theta'' + 2 gamma theta', s-2
+    reach: int  # samples lost at each end
 
 
 def design(frequency: float, step: float, damping_rate: float, notch: bool = False) -> Filters:
@@ -76,17 +73,12 @@ class Motion:
     """First pendulum and heave, of the samples less the ends that the filters lose."""
 
     observation: Observation
-    inside: slice
-    """These samples, in the record."""
+    inside: slice  # these samples, in the record
     filters: Filters
-    low: Floats
-    bend: Floats
-    """(m,) theta1 free of the noise above three times the swing, rad; `n2^2 w = (theta1'' + 2 gamma1 theta1') /
-    ratio^2`, s-2."""
-    shift: float
-    """What the noise of theta1 that the filters let pass adds to the factor of sin d on average, s-2."""
-    held: float
-    """h, rad s-1."""
+    low: Floats  # (m,) theta1 free of the noise above three times the swing, rad
+    bend: Floats  # (m,) `n2^2 w = (theta1'' + 2 gamma1 theta1') / ratio^2`, s-2
+    shift: float  # what the noise of theta1 that the filters pass adds to the factor of sin d on average, s-2
+    held: float  # h, rad s-1
 
     def stiffness(self, frequency: float) -> Floats | float:
         """`n2^2 (1 + zeta)`, s-2; heave's part does not depend on n2."""

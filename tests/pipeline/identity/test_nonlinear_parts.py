@@ -14,7 +14,7 @@ from scipy.linalg.lapack import dtbtrs
 from pipeline.harmonics.envelope import sliding_envelope
 from pipeline.identity.fit import Fit, system
 from pipeline.identity.motion import SWELL, Motion, design, motion, third_harmonic
-from pipeline.methods.shooting import invert, nonlinear_fit
+from pipeline.methods.exact import invert, nonlinear_fit
 from pipeline.prepared import Prepared, prepare
 
 
@@ -156,7 +156,7 @@ def test_a_notch_is_deaf_at_the_third_harmonic_alone() -> None:
 
 def test_a_reckoned_third_harmonic_serves_as_the_read_one() -> None:
     """Noise so small that both ways are open; the pendulums swing by 20 mrad in swell and heave."""
-    from pipeline.methods import shooting as module
+    from pipeline.methods import exact as module
 
     seen = observe(300.0, 0.04, heave=True)
     noise = 2e-6 * np.random.default_rng(9).normal(size=(2, seen.time.size))

@@ -73,7 +73,8 @@ def build_result(parts: Parts, started: float) -> DataTree:
         groups = {"/": Dataset(coords={"time": ("time", gravity["epoch"].values[:1], of_time)}), "/gravity": gravity}
     else:
         groups = _of_time(parts, components, names, gravity)
-    tree = DataTree.from_dict(groups)
+    tree = DataTree(groups.pop("/"))
+    tree.children = {path.strip("/"): DataTree(group) for path, group in groups.items()}  # `from_dict` copies twice
     tree.attrs.update(result_attributes(record, {"pair": components[2], "methods": names}, started))
     tree.attrs["numbers_sha256"] = numbers_sha256(tree)
     return tree

@@ -7,6 +7,7 @@ a linear model diverges.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -196,18 +197,20 @@ class Identity:
 def responses(by: Weights, stiffness: Floats | float, *sources: Floats) -> tuple[Floats, ...]:
     """Two free swings of an identity, and its responses to sources (n - 2,) from its third sample on; (n,) each."""
     count = sources[0].size + 2
-    if isinstance(stiffness, float):  # constant coefficients: all is one complex exponential and running sums
+    if isinstance(stiffness, float):  # constant coefficients: a complex exponential and running sums, in blocks
         before, middle, own = by.swing - by.near * stiffness
         turn = complex(-middle, np.sqrt(4.0 * own * before - middle**2)) / (2.0 * own)
-        swing = _powers(turn, count)
-        back = _powers(1.0 / turn, count, turn / (own * turn.imag))[2:]
-        rows = np.zeros((2 + len(sources), count))
-        rows[0], rows[1] = swing.real, swing.imag
-        for row, source in zip(rows[2:], sources, strict=True):
-            total = back * source
-            np.cumsum(total, out=total)
-            total *= swing[2:]
-            row[2:] = total.imag
+        size = int(np.ceil(np.sqrt(count)))
+        swing, whole = turn ** np.arange(size), turn**size
+        free = np.outer(whole ** np.arange(size), swing).ravel()[:count]
+        rows, laid = [free.real, free.imag], np.zeros(size * size)
+        for source in sources:
+            laid[2:count] = source
+            sums = np.cumsum(laid.reshape(size, size) * swing**-1, axis=1)
+            lasts = sums[:-1, -1].tolist()
+            carried = itertools.accumulate(lasts, lambda state, last: whole * (state + last), initial=0j)
+            sums += np.array(list(carried))[:, None]
+            rows.append((sums * (turn / (own * turn.imag) * swing)).imag.ravel()[:count])
         return tuple(rows)
     from scipy.linalg.lapack import dtbtrs
 
@@ -215,13 +218,6 @@ def responses(by: Weights, stiffness: Floats | float, *sources: Floats) -> tuple
     columns[:2, :2] = (1.0, 0.0), (0.5 * by.swing[1], 1.0)  # a cosine and a sine
     columns[2:, 2:] = np.stack(sources, axis=1)
     return tuple(dtbtrs(system(by, stiffness), columns, uplo="L", overwrite_b=True)[0].T)
-
-
-def _powers(base: complex, count: int, factor: complex = 1.0) -> Complexes:
-    """`factor base**k` for k from 0, as products of few exponentials."""
-    inner = int(np.ceil(np.sqrt(count)))
-    exponent = np.log(base) * np.arange(inner)
-    return np.outer(factor * np.exp(inner * exponent), np.exp(exponent)).ravel()[:count]
 
 
 def system(by: Weights, stiffness: Floats | float) -> Floats:

@@ -46,8 +46,7 @@ from synth.systems.resistance import VanDerPolDrive, Viscous
 from synth.systems.terms import apart
 from synth.systems.yielding import ElasticBeam, FlexibleFrame
 
-SYSTEMS = (ElasticBeam, ReducedBeam, FlexibleFrame, Metronomes)
-"""Types of systems that can be collocated."""
+SYSTEMS = (ElasticBeam, ReducedBeam, FlexibleFrame, Metronomes)  # types of systems that can be collocated
 
 _LOOSER = 3.0
 _LOOSEST = 1e-6  # looser tolerances are integrated as this one: they save next to nothing
@@ -73,8 +72,7 @@ COARSEST = (1e-7, 1e-5)
 Ladder = tuple[Fraction, Fraction]
 LADDER: Ladder = (Fraction(1), Fraction(2, 3))
 """Lengths of intervals, in half swings, and all halves of them: few intervals make whole half swings."""
-COMPANION: Ladder = (Fraction(4, 5), Fraction(3, 5))
-"""Lengths that are never the same, a little shorter."""
+COMPANION: Ladder = (Fraction(4, 5), Fraction(3, 5))  # lengths that are never the same, a little shorter
 
 
 def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10) -> Trajectory:
@@ -213,14 +211,10 @@ class Problem:
 
     system: Any
     square: Floats
-    loss: Floats
-    """(components,) of the linear part carried, 1/s^2 and 1/s."""
-    excess: Floats
-    """(components, 2) what these have more than the system's own."""
-    mirror: Floats
-    """(components,) what half a swing does to the remainder, 1 or -1."""
-    longest: float
-    """Length of the longest intervals to try, s: half a swing."""
+    loss: Floats  # (components,) of the linear part carried, 1/s^2 and 1/s
+    excess: Floats  # (components, 2) what these have more than the system's own
+    mirror: Floats  # (components,) what half a swing does to the remainder, 1 or -1
+    longest: float  # length of the longest intervals to try, s: half a swing
 
     @classmethod
     def of(cls, system: Any, carried: tuple[Floats, Floats] | None = None, longest: float | None = None) -> Problem:

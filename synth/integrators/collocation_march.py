@@ -24,8 +24,7 @@ from synth.phase import Floats, Integers
 from synth.systems.dispatch import remainder, taken_in
 from synth.systems.terms import motion
 
-ORDERS = 5
-"""Differences kept; the guess that sums the first k of them is guess k, and guess `ORDERS` the polynomial."""
+ORDERS = 5  # differences kept; the guess that sums the first k of them is guess k, and guess `ORDERS` the polynomial
 DONE, TURNING, ROUGH = 0, 1, 2
 """All intervals done; iteration did not settle; the nodes do not resolve the motion."""
 _MOST_TURNS = 16  # iterations after which an interval counts as too long
@@ -40,28 +39,21 @@ _STALL = 1e3  # changes this many times the smallest that matters are rounding i
 class Nodes(NamedTuple):
     """What every march needs of the nodes, whatever the system."""
 
-    places: Floats
-    """(NODES,) in intervals, 0 to 1."""
-    tail: Floats
-    """(1, 4 * NODES) rows of the Legendre tail."""
+    places: Floats  # (NODES,) in intervals, 0 to 1
+    tail: Floats  # (1, 4 * NODES) rows of the Legendre tail
     continuation: Floats
     """(1, NODES * NODES) nodes of the interval to come (fast index) from those of the interval before (slow index)."""
     points: Floats
-    shares: Floats
-    """(NODES,) the nodes on [-1, 1], with their barycentric shares,"""
-    end_shares: tuple[float, float]
-    """and those of start and end of the interval."""
+    shares: Floats  # (NODES,) the nodes on [-1, 1], with their barycentric shares,
+    end_shares: tuple[float, float]  # and those of start and end of the interval
 
 
 class Level(NamedTuple):
     """One length of intervals, with the weights of all components, (components, ...) each as in `Weights`."""
 
-    interval: float
-    """s."""
-    lag: int
-    """Intervals after which the motion repeats itself, as far as it does; whole half swings."""
-    mirror: Floats
-    """(components,) what that many do to the remainder, 1 or -1."""
+    interval: float  # s
+    lag: int  # intervals after which the motion repeats itself, as far as it does; whole half swings
+    mirror: Floats  # (components,) what that many do to the remainder, 1 or -1
     flow: Floats
     inner: Floats
     end: Floats

@@ -34,25 +34,17 @@ Exact = list[tuple[Fraction, Fraction]]
 class Work(NamedTuple):
     """What a march moves on, and its work space."""
 
-    state: Floats
-    """(components, 4) position and rate, each as leading double and rest."""
-    amplitude: Floats
-    """(components,) square of the largest size so far."""
+    state: Floats  # (components, 4) position and rate, each as leading double and rest
+    amplitude: Floats  # (components,) square of the largest size so far
     excess: Floats
     """(components, 2) what the carried linear part has more than the system's own, 1/s^2 and 1/s: with it the remainder
     is right to the last bit."""
-    memory: Floats
-    """(lag, ORDERS, components, NODES) as for `guess`."""
-    known: Floats
-    """(2, components, NODES) the remainder, of this turn and of the turn before in either order."""
-    room: Floats
-    """(2, components, NODES)."""
-    base: Floats
-    """(components, 2 * NODES)."""
-    position: Floats
-    """(components, NODES)."""
-    rate: Floats
-    """(components, NODES)."""
+    memory: Floats  # (lag, ORDERS, components, NODES) as for `guess`
+    known: Floats  # (2, components, NODES) the remainder, of this turn and of the turn before in either order
+    room: Floats  # (2, components, NODES)
+    base: Floats  # (components, 2 * NODES)
+    position: Floats  # (components, NODES)
+    rate: Floats  # (components, NODES)
 
 
 @or_none

@@ -77,12 +77,9 @@ def escapement(
 class Memory(NamedTuple):
     """What a march remembers of its kicks, and its working space."""
 
-    sides: Integers
-    """(kicks,) on which side of the level the component was last."""
-    margins: Floats
-    """(kicks,) by how little a turn of the motion missed or passed the level so far."""
-    shares: Floats
-    """(kicks,) next crossing in the present step."""
+    sides: Integers  # (kicks,) on which side of the level the component was last
+    margins: Floats  # (kicks,) by how little a turn of the motion missed or passed the level so far
+    shares: Floats  # (kicks,) next crossing in the present step
     coefficients: Floats
     lefts: Floats
     work: Floats
@@ -335,5 +332,4 @@ def _bernstein() -> Floats:
     return table
 
 
-TO_BERNSTEIN = _bernstein()
-"""(7, 8): from the coefficients of the dense output, less the state at the step's start."""
+TO_BERNSTEIN = _bernstein()  # (7, 8): from the coefficients of the dense output, less the state at the step's start

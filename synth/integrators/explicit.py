@@ -26,8 +26,7 @@ from synth.phase import Floats
 from synth.systems.dispatch import derivative
 
 LOOSEST = 1e-6
-TIGHTEST = 1e-16
-"""Local tolerance, relative; at the rounding of a step, though increments are added with compensation."""
+TIGHTEST = 1e-16  # local tolerance, relative; at the rounding of a step, though increments are added with compensation
 _RATIO = 1e4  # usual ratio of the local tolerances of two runs that are compared
 _USUAL = 20.0  # error over the local tolerance, in a thousand swings
 _ROUNDING = 2.2e-16
@@ -88,23 +87,18 @@ class Probe(NamedTuple):
     """A run repeated with noise."""
 
     run: Run
-    moved: float
-    """By how much, relative."""
+    moved: float  # by how much, relative
     noise: float
 
 
 class Refinement(NamedTuple):
     """All runs for one trajectory, with the error of the last."""
 
-    runs: list[Run]
-    """From the loosest to the last, which is the result."""
+    runs: list[Run]  # from the loosest to the last, which is the result
     probe: Probe | None
-    truncation: float
-    """Estimated error of the last run that smaller steps would remove,"""
-    rounding: float
-    """and that which they would not."""
-    linear: bool
-    """Whether the last two runs are near each other."""
+    truncation: float  # estimated error of the last run that smaller steps would remove,
+    rounding: float  # and that which they would not
+    linear: bool  # whether the last two runs are near each other
 
     @property
     def estimated_error(self) -> float:

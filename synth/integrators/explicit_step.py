@@ -42,13 +42,11 @@ in a thousand swings. The smallest correction that mends it, solved in exact ari
 ERRORS = tuple(tuple(row[:12].tolist()) for row in (DOP853.E3, DOP853.E5))
 """Against the embedded solutions of order 3 and of order 5."""
 
-DENSE = tuple(map(tuple, DOP853.D.tolist()))
-"""Coefficients 3 to 6 of the dense output from all 16 slopes."""
+DENSE = tuple(map(tuple, DOP853.D.tolist()))  # coefficients 3 to 6 of the dense output from all 16 slopes
 
 
 _B, _L, _C, _D, _E = WEIGHTS[12], CORRECTION, NODES, np.array(DENSE), np.array(ERRORS)
-INSIDE = np.array([[*row, *[0.0] * (16 - len(row))] for row in WEIGHTS])
-"""(16, 16) `WEIGHTS`, with zeros."""
+INSIDE = np.array([[*row, *[0.0] * (16 - len(row))] for row in WEIGHTS])  # (16, 16) `WEIGHTS`, with zeros
 
 _FIRST = CORRECTION[0] + float(sum(map(Fraction, WEIGHTS[12])) - 1)  # the rest of the first slope's weight
 _STIFF_AT = 6.1  # |step x eigenvalue| at the edge of the stability region (Hairer, Norsett, Wanner)

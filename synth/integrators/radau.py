@@ -18,10 +18,8 @@ from synth.integrators.radau_step import space
 from synth.integrators.trajectory import Trajectory, checked, reason, relative_error
 from synth.phase import Floats, Integers
 
-COMPANION = 10.0
-"""Tolerance of the second march over that of the first."""
-NEAR = 30.0
-"""Times looser up to which an earlier march serves as the second one."""
+COMPANION = 10.0  # tolerance of the second march over that of the first
+NEAR = 30.0  # times looser up to which an earlier march serves as the second one
 _COARSEST = 1e-5
 _MARGIN = 0.5  # the difference is the error of the looser march
 _PARTED = 0.03  # marches that differ by more have parted, and either may be wrong by all of the motion
@@ -100,24 +98,18 @@ class Run(NamedTuple):
     """One march."""
 
     tolerance: float
-    states: Floats
-    """(k, n) at the instants asked for."""
-    largest: Floats
-    """(n,) on the way."""
-    counts: Integers
-    """(3,) see `radau_march.march`."""
+    states: Floats  # (k, n) at the instants asked for
+    largest: Floats  # (n,) on the way
+    counts: Integers  # (3,) see `radau_march.march`
 
 
 class Pair(NamedTuple):
     """A march, and how far it is from a looser one."""
 
     fine: Run
-    error: float
-    """Relative to the largest size of each component."""
-    missed: float
-    """Relative to what the steps are measured by, where that is more."""
-    evaluations: int
-    """What it cost to know both."""
+    error: float  # relative to the largest size of each component
+    missed: float  # relative to what the steps are measured by, where that is more
+    evaluations: int  # what it cost to know both
 
 
 class Problem(NamedTuple):

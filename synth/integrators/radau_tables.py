@@ -27,16 +27,12 @@ _BITS = 300
 class Tableau(NamedTuple):
     """One method of s stages."""
 
-    nodes: Floats
-    """(s,) c, the last is 1."""
+    nodes: Floats  # (s,) c, the last is 1
     rates: NDArray[np.complex128]
     """((s + 1)/2,) eigenvalues of A^-1: the real one, gamma, and those with positive imaginary part."""
-    inverse: Floats
-    """(s, s) A^-1."""
-    modes: Floats
-    """(s, s) M."""
-    projection: Floats
-    """(s, s) M^-1."""
+    inverse: Floats  # (s, s) A^-1
+    modes: Floats  # (s, s) M
+    projection: Floats  # (s, s) M^-1
     error: Floats
     """(s,) e: h f(start)/gamma + sum e_i z_i is the difference from a formula of order s with weight 1/gamma at 0."""
     reciprocals: Floats

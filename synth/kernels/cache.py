@@ -37,8 +37,7 @@ _IMPORT = re.compile(
 _REGISTRY = "synth.systems.dispatch"
 """Kernels that go through it call what other modules registered there, which they need not import."""
 _BEGUN = time.time() - 0.01  # s: clocks of file systems are coarser
-WATCHERS: list[Callable[[str], None]] = []
-"""Told the name of every kernel that is about to be compiled for Python."""
+WATCHERS: list[Callable[[str], None]] = []  # told the name of every kernel that is about to be compiled for Python
 
 
 @functools.cache
@@ -116,8 +115,7 @@ class Source(NamedTuple):
 
     digest: bytes
     imports: tuple[Path, ...]
-    changed: float
-    """Time at which it was last written or replaced."""
+    changed: float  # time at which it was last written or replaced
 
 
 def stamp(file: str, modules: Iterable[str] = ()) -> str | None:

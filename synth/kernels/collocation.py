@@ -12,11 +12,9 @@ from synth.kernels.compiled import kernel
 from synth.kernels.lanes import LANES, load, total
 from synth.phase import Floats
 
-NODES = 16
-"""Gauss nodes of an interval."""
+NODES = 16  # Gauss nodes of an interval
 
-POINTS = NODES + 2
-"""Start, nodes and end of an interval."""
+POINTS = NODES + 2  # start, nodes and end of an interval
 
 _SPLIT = 134217729.0  # 2^27 + 1
 _ROUNDER = 6755399441055744.0  # 1.5 * 2^52: adding and subtracting it rounds to a whole number

@@ -28,8 +28,7 @@ from synth.phase import Floats, Integers
 
 Longs = NDArray[Any]  # long doubles, which type checkers cannot tell from doubles
 
-FINE = 1 << 40
-"""Nodes are multiples of 1/FINE of half an interval: their phases are exact in fixed point."""
+FINE = 1 << 40  # nodes are multiples of 1/FINE of half an interval: their phases are exact in fixed point
 
 _BITS = 192
 _ALONE = threading.Lock()  # the precision of balls is one for all threads
@@ -51,8 +50,7 @@ class Weights(NamedTuple):
     propagator: Floats
     """(16,) entries (position, position), (position, rate), (rate, position), (rate, rate), each as head and tail of
     its leading double, for exact products, that double, and what is left."""
-    reach: float
-    """What a change of r over the interval is worth in the position, s^2."""
+    reach: float  # what a change of r over the interval is worth in the position, s^2
 
 
 @functools.lru_cache(maxsize=1024)

@@ -27,14 +27,10 @@ _HOPELESS = 1e20  # square of a change of r, rad, from which iteration runs away
 class Forcing(NamedTuple):
     """What acts in consecutive intervals."""
 
-    steady: Floats
-    """(pendulums, intervals, NODES) steady linear answer at the nodes, rad."""
-    vertical: Floats
-    """(intervals, NODES) zeta,"""
-    horizontal: Floats
-    """u,"""
-    drive: Floats
-    """and the part of u that `steady` does not answer."""
+    steady: Floats  # (pendulums, intervals, NODES) steady linear answer at the nodes, rad
+    vertical: Floats  # (intervals, NODES) zeta,
+    horizontal: Floats  # u,
+    drive: Floats  # and the part of u that `steady` does not answer
     impulses: Floats
     """(3, pendulums, intervals) at the end of each: what stays of the state, what is added to y and to y'/n."""
 
@@ -43,14 +39,11 @@ class Law(NamedTuple):
     """What pendulums are in intervals of one length: `collocation_weights.Weights`, (pendulums, ...)."""
 
     flow: Floats
-    inner: Floats
-    """(pendulums, NODES * NODES) of the angle alone."""
-    guess: Floats
-    """What inner makes of the remainder of the interval before, continued."""
+    inner: Floats  # (pendulums, NODES * NODES) of the angle alone
+    guess: Floats  # what inner makes of the remainder of the interval before, continued
     end: Floats
     propagator: Floats
-    tail: Floats
-    """(1, 4 * NODES) rows of the Legendre tail."""
+    tail: Floats  # (1, 4 * NODES) rows of the Legendre tail
     linear: bool
 
 

@@ -19,8 +19,7 @@ from numba.core.compiler import CompileResult
 
 from synth.kernels.cache import PACKAGES, ROOT, WATCHERS, cache_folder, stamp
 
-_KEPT = 4
-"""Stamps that are kept of a kernel: branches between which somebody works."""
+_KEPT = 4  # stamps that are kept of a kernel: branches between which somebody works
 
 _Cache: Any = caching.FunctionCache
 _Files: Any = caching.IndexDataCacheFile

@@ -44,8 +44,7 @@ from synth.propagators.times import EvenTimes, UnevenTimes
 _REACH = (6.0, 4.0)
 """Intervals to try, times the fastest of n + w, rad: in 4 rad 16 nodes resolve r to 1e-15 of theta, in 6 where the
 fastest harmonics are weak,"""
-_READ = 4.3
-"""and times n, rad: the angle between nodes is then told to 2e-15."""
+_READ = 4.3  # and times n, rad: the angle between nodes is then told to 2e-15
 _GROUP = 32  # intervals in a block of the forcing
 _BLOCKS = 24  # blocks in a stride at most; forcing and readings of a stride then stay in the processor's cache
 _MOST_HALVINGS = 10
@@ -159,17 +158,12 @@ class _Equations:
     """Pendulums and forcing, as collocation wants them."""
 
     frequencies: Floats
-    damping_rates: Floats
-    """(pendulums,) n in rad/s, gamma in 1/s."""
-    start: Floats
-    """(2, pendulums) y and y'/n at t = 0, rad."""
-    horizontal: Sums
-    """Steady answers of all pendulums, u, and that part of u which they leave out, if any."""
-    vertical: Sums
-    """zeta."""
+    damping_rates: Floats  # (pendulums,) n in rad/s, gamma in 1/s
+    start: Floats  # (2, pendulums) y and y'/n at t = 0, rad
+    horizontal: Sums  # steady answers of all pendulums, u, and that part of u which they leave out, if any
+    vertical: Sums  # zeta
     linear: bool
-    kicks: Kicks | None
-    """Whose step every interval is, or a whole part of it."""
+    kicks: Kicks | None  # whose step every interval is, or a whole part of it
 
     def shadowed(self) -> _Equations:
         """Every pendulum twice."""

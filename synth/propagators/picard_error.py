@@ -20,8 +20,7 @@ import numpy as np
 from synth.kernels.collocation import NODES
 from synth.phase import Floats
 
-LARGE = 0.3
-"""Angle from which growth is measured, rad."""
+LARGE = 0.3  # angle from which growth is measured, rad
 _NUDGE = 1e-13  # error that a shadow starts with, in largest angles: far above rounding, far below any arc
 _FARTHEST = 1e-6  # a shadow may start at most this far, in rad: close to rest, energy asks for more
 _FAR = 0.1  # of the largest angle: a shadow farther away no longer tells how fast errors grow

@@ -28,12 +28,9 @@ _MOST_STEPS = 4096  # in an interval: bounds the table of weights
 class Sums:
     """Several sums over the same harmonics."""
 
-    angular_frequency: Floats
-    """(harmonics,) rad/s"""
-    coefficients: Phasors
-    """(sums, harmonics)."""
-    combs: tuple[Comb, ...] = ()
-    """The last harmonics, if they are many multiples of one frequency."""
+    angular_frequency: Floats  # (harmonics,) rad/s
+    coefficients: Phasors  # (sums, harmonics)
+    combs: tuple[Comb, ...] = ()  # the last harmonics, if they are many multiples of one frequency
 
     def some(self, which: slice) -> Sums:
         """Some of the sums."""

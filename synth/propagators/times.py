@@ -37,8 +37,7 @@ Seconds = tuple[Floats, Floats]
 _SLOW = 1.0
 """Of |mu| times the last moment: a beat that turns less is told by its growth, any other is its two harmonics."""
 
-_TINY = 1e-100
-"""Of |mu t|: here the growth is t, and a quotient of still smaller numbers might not be."""
+_TINY = 1e-100  # of |mu t|: here the growth is t, and a quotient of still smaller numbers might not be
 _NODES = 28
 _REACH = 4.0  # largest angle of any harmonic within half a block, rad
 _CLOSE = 26  # binary orders of what is split off a period
@@ -50,12 +49,10 @@ Interpolate = Callable[[Floats], Floats]
 class _Free:
     """exp(lambda t) (start + sum of gain * growth)."""
 
-    owner: Response
-    """Whose lambda."""
+    owner: Response  # whose lambda
     start: complex
     gain: Phasors
-    split: Phasors
-    """(slow beats,) G and mu."""
+    split: Phasors  # (slow beats,) G and mu
 
     def halves(self, head: Phasors, table: Phasors, seconds: Seconds) -> tuple[Floats, Floats, Floats]:
         """Weights, and functions even and odd, from exp(i omega t_b), exp(i omega tau), t_b and tau."""

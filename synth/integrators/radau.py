@@ -1,6 +1,6 @@
 """Radau IIA of variable order (5, 9, 13) for stiff systems of a few unknowns, with an honest error.
 
-Motions are marched in pairs: how far two of different tolerance are apart tells how good they are.
+Motions are integrated in pairs of runs: how far two of different tolerance are apart tells how good they are.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from synth.integrators.radau_step import space
 from synth.integrators.trajectory import Trajectory, checked, reason, relative_error
 from synth.phase import Floats, Integers
 
-COMPANION = 10.0  # tolerance of the second march over that of the first
-NEAR = 30.0  # times looser up to which an earlier march serves as the second one
+COMPANION = 10.0  # tolerance of the second run over that of the first
+NEAR = 30.0  # times looser up to which an earlier run serves as the second one
 _COARSEST = 1e-5
-_MARGIN = 0.5  # the difference is the error of the looser march
-_PARTED = 0.03  # marches that differ by more have parted, and either may be wrong by all of the motion
+_MARGIN = 0.5  # the difference is the error of the looser run
+_PARTED = 0.03  # runs that differ by more have parted, and either may be wrong by all of the motion
 _ROUNDED = 2.0**-52  # by each step, at random
 _TIGHTEST, _LOOSEST = 1e-15, 1e-2
-_LOOSE = 1e-7  # of a march: looser saves next to nothing and errs erratically
-_USUAL = 30.0  # tolerance over that of a march which meets it in tens of swings, the looser one of its pair included
-_FINEST = 1e-18  # tolerance of a march: its steps then err by less than they are rounded
+_LOOSE = 1e-7  # of a run: looser saves next to nothing and errs erratically
+_USUAL = 30.0  # tolerance over that of a run which meets it in tens of swings, the looser one of its pair included
+_FINEST = 1e-18  # tolerance of a run: its steps then err by less than they are rounded
 _AGAIN = 2  # times, where the tolerance was missed
 _AIM = 0.3  # of the tolerance, then
-_FAR = 300.0  # times short of the tolerance from which a march next to the last is no use
+_FAR = 300.0  # times short of the tolerance from which a run next to the last is no use
 
 _REASONS = {
     marching.STUCK: "the step fell below 1e-14 of the span: Newton's iteration or the error test fails however short it is "
@@ -45,9 +45,9 @@ def integrate(
 ) -> Trajectory:
     """States of a stiff system of up to about 12 unknowns at `times`; see `trajectory`.
 
-    Two marches, one at a tolerance ten times looser, are compared. The estimate is half of their difference, which is
+    Two runs, one at a tolerance ten times looser, are compared. The estimate is half of their difference, which is
     the error of the looser one, and as many roundings as the root of the number of steps. Steps are held to a tolerance
-    one by one: where the estimate shows that errors have added up to more than was asked for, tighter marches
+    one by one: where the estimate shows that errors have added up to more than was asked for, tighter runs
     follow, twice at most. What is left then, of rounding above all, the estimate tells.
 
     Parameters
@@ -95,7 +95,7 @@ def integrate(
 
 
 class Run(NamedTuple):
-    """One march."""
+    """One integration."""
 
     tolerance: float
     states: Floats  # (k, n) at the instants asked for
@@ -104,7 +104,7 @@ class Run(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """A march, and how far it is from a looser one."""
+    """A run, and how far it is from a looser one."""
 
     fine: Run
     error: float  # relative to the largest size of each component
@@ -113,7 +113,7 @@ class Pair(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """What to march."""
+    """What to integrate."""
 
     system: Any
     start: Floats
@@ -122,7 +122,7 @@ class Problem(NamedTuple):
     stages: tuple[int, int] | None
 
     def pair(self, tolerance: float, reading: float, former: Run | None = None) -> Pair:
-        """March at a tolerance, `reading` that of readings, and compare with the former one if that is near enough."""
+        """Run at a tolerance, `reading` that of readings, and compare with the former one if that is near enough."""
         orders = self.stages or (3, 5 if tolerance > LOOSE else 7)
         fine = self.run(tolerance, reading, orders)
         evaluations = int(fine.counts[EVALUATIONS])
@@ -138,7 +138,7 @@ class Problem(NamedTuple):
         return Pair(fine, error, missed, evaluations)
 
     def run(self, tolerance: float, reading: float, orders: tuple[int, int]) -> Run:
-        """March once; RefusedError where it comes to a stop."""
+        """Integrate once; RefusedError where it comes to a stop."""
         arrays, states = space(self.start), np.empty((self.times.size, self.start.size))
         counts = np.zeros(3, dtype=np.int64)
         outcome, time = marching.march(

@@ -80,5 +80,4 @@ def relative_error(difference: Floats, largest: Floats) -> float:
 def difference(states: Floats, others: Floats, largest: Floats) -> float:
     """As `relative_error` of two runs; a component that is rounding noise beside the largest counts as it is."""
     size = np.where(largest > _NEGLIGIBLE * np.max(largest), largest, 0.0)
-    pairs = zip(states.T, others.T, size, strict=True)  # one by one: of a long motion all would take much memory
-    return float(np.max([relative_error(other - one, own) for one, other, own in pairs]))
+    return relative_error(others - states, size)

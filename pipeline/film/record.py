@@ -184,6 +184,7 @@ def findings(reading: Reading) -> dict[str, Any]:
         "marks_found": int(marks_seen(axis, reading.strobe).size),
         "skew": float(np.degrees(np.arctan(axis.shear))),
         "time_sigma": time_sigma(axis),
+        "time_noise": 0.0 if reading.kind == "strobe" else axis.mark_sigma * float(np.sqrt(axis.interval)),
         # at the marks the times are exact
         "time_rate_sigma": 0.0 if reading.kind == "strobe" else axis.rate_sigma,
         "flags": ", ".join(flags(reading)),

@@ -89,29 +89,29 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
 def accuracy() -> Iterator[Row]:
     """Wrong methods err by what physics says, within 1 %; exact ones do not, in heave and swell and near resonance."""
     scene = linear()
-    found = reduce_all(scene, ("vening-meinesz", "uncorrected"))
+    outcomes = reduce_all(scene, ("vening-meinesz", "uncorrected"))
     for name, expected, source in (
         ("vening-meinesz", marks_error(scene), "(14) on truth"),
         ("uncorrected", plain_error(scene), "the true phase's slope"),
     ):
-        off = abs(found[name].error / expected - 1.0)
-        yield at_most(f"linear: {name} {found[name].error:.4g} mGal, off {source} {expected:.4g} by", off, 0.01)
+        off = abs(outcomes[name].error / expected - 1.0)
+        yield at_most(f"linear: {name} {outcomes[name].error:.4g} mGal, off {source} {expected:.4g} by", off, 0.01)
     ready = prepared(linear(damping_rates=(0.0, 0.0), write_restoring=False, write_damping=False))
     error = outcome(reduce_by("general", ready, 0.0), scene.gravity).error
     expected = -neglected_terms(ready)["finite_arc"]
     off = abs(error / expected - 1.0)
     yield at_most(f"linear, nothing stated: general {error:.4g} mGal, off its arc terms {expected:.4g} by", off, 0.01)
-    found = reduce_all(beats_through_zero(), ("projection", "panteleev"))
-    yield at_most("beats through zero: projection", abs(found["projection"].error), 1e-2, "mGal")
-    flagged = "beats-through-zero" in found["projection"].flags
+    outcomes = reduce_all(beats_through_zero(), ("projection", "panteleev"))
+    yield at_most("beats through zero: projection", abs(outcomes["projection"].error), 1e-2, "mGal")
+    flagged = "beats-through-zero" in outcomes["projection"].flags
     yield holds("beats through zero: projection carries the flag", flagged, "flag beats-through-zero")
-    yield holds("beats through zero: panteleev declines", bool(found["panteleev"].refusal), "refused")
-    found = reduce_all(real(motion=[swell(), resonant(1e-5)]), ("shooting", "general"))
-    yield at_most("nonlinear: shooting", abs(found["shooting"].error), 0.005, "mGal")
-    yield at_most("nonlinear: general", abs(found["general"].error), 0.1, "mGal")
-    found = reduce_all(real_heave(), ("shooting", "general"))
-    yield at_most("nonlinear, heave recorded: shooting", abs(found["shooting"].error), 0.005, "mGal")
-    yield reported("nonlinear, heave recorded: general", abs(found["general"].error), "mGal")
+    yield holds("beats through zero: panteleev declines", bool(outcomes["panteleev"].refusal), "refused")
+    outcomes = reduce_all(real(motion=[swell(), resonant(1e-5)]), ("shooting", "general"))
+    yield at_most("nonlinear: shooting", abs(outcomes["shooting"].error), 0.005, "mGal")
+    yield at_most("nonlinear: general", abs(outcomes["general"].error), 0.1, "mGal")
+    outcomes = reduce_all(real_heave(), ("shooting", "general"))
+    yield at_most("nonlinear, heave recorded: shooting", abs(outcomes["shooting"].error), 0.005, "mGal")
+    yield reported("nonlinear, heave recorded: general", abs(outcomes["general"].error), "mGal")
     yield from _browne()
 
 
@@ -122,9 +122,9 @@ def _browne() -> Iterator[Row]:
         shifts, left = [], []
         for phase in (0.0, math.pi):  # what a wave does at the ends of the record has its sign
             wave = {"kind": "harmonics", "axis": axis, "amplitude": [0.1], "period": [10.0], "phase": [phase]}
-            found = reduce_all(real(motion=[wave], vertical_acceleration=True), ("projection", "shooting"))
-            shifts.append(found["projection"].error - rest)
-            left.append(abs(found["shooting"].error))
+            outcomes = reduce_all(real(motion=[wave], vertical_acceleration=True), ("projection", "shooting"))
+            shifts.append(outcomes["projection"].error - rest)
+            left.append(abs(outcomes["shooting"].error))
         shift, bar = float(np.mean(shifts)), f"Browne, 0.1 m/s2 at 10 s, {axis}"
         yield at_most(f"{bar}: seen {shift:.3f} mGal, off {expected} by", abs(shift - expected), 0.02, "mGal")
         yield at_most(f"{bar}: left by shooting", max(left), 0.02, "mGal")
@@ -155,10 +155,10 @@ def costs(*, quick: bool) -> Iterator[Row]:
         yield _whole(record, "projection", "linear", 60.0, repeats)
         data_schemas.write(record, path)
         yield from _start_up(path, 3 if quick else 9)
-        found = in_vain(modules(_PROCESS, str(path), ",".join(PAIR_METHODS)), FORBIDDEN)
-        yield at_most("process, methods of one difference: imports in vain", len(found), 0.0, " ".join(found))
-    found = in_vain(modules(_SIMULATE, linear(duration=60.0).model_dump_json()), OF_OTHER_TERMS)
-    yield at_most("simulate, linear pendulums: imports of other terms", len(found), 0.0, " ".join(found))
+        loaded = in_vain(modules(_PROCESS, str(path), ",".join(PAIR_METHODS)), FORBIDDEN)
+        yield at_most("process, methods of one difference: imports in vain", len(loaded), 0.0, " ".join(loaded))
+    loaded = in_vain(modules(_SIMULATE, linear(duration=60.0).model_dump_json()), OF_OTHER_TERMS)
+    yield at_most("simulate, linear pendulums: imports of other terms", len(loaded), 0.0, " ".join(loaded))
 
 
 def _estimation(scene: Scene, exact: float, repeats: int) -> Iterator[Row]:

@@ -123,16 +123,16 @@ def summary(points: Sequence[Row]) -> list[Row]:
     table = []
     for name in METHODS:
         rows = [row for row in points if row["method"] == name]
-        given = [row for row in rows if not row["refused"]]
-        errors = [abs(row["error_mgal"]) for row in given]
+        values = [row for row in rows if not row["refused"]]
+        errors = [abs(row["error_mgal"]) for row in values]
         table.append(
             {
                 "method": name,
-                "median_ms": statistics.median([row["ms"] for row in given] or [math.nan]),
+                "median_ms": statistics.median([row["ms"] for row in values] or [math.nan]),
                 "median_error_mgal": statistics.median(errors or [math.nan]),
                 "worst_error_mgal": max(errors, default=math.nan),
                 "flagged": sum(bool(row["flags"]) for row in rows),
-                "declined": len(rows) - len(given),
+                "declined": len(rows) - len(values),
                 "records": len(rows),
             }
         )

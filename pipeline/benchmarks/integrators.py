@@ -121,33 +121,42 @@ def cyrk(problem: Problem, tolerance: float, method: str) -> Call:
 
 
 def _compiled(problem: Problem) -> tuple[Any, Any]:
-    """Right-hand side and Jacobian as (time, state, out) -> out, with the problem's constants compiled in."""
+    """Right-hand side and Jacobian, which fill (time, state, out), with the problem's constants compiled in."""
     from numba import njit
 
     system, size = problem.system, problem.start.size
 
-    def slopes(time: float, state: Floats, out: Floats) -> Floats:
+    def slopes(time: float, state: Floats, out: Floats) -> None:
         derivative(time, state, system, out)
-        return out
 
-    def matrix(time: float, state: Floats, out: Floats) -> Floats:
+    def matrix(time: float, state: Floats, out: Floats) -> None:
         jacobian(time, state.copy(), system, out, np.empty(size), np.empty(size))
-        return out
 
     return njit(slopes), njit(matrix)
 
 
+def _returning(fill: Any, shape: tuple[int, ...]) -> Any:
+    """The same as (time, state) -> out."""
+    from numba import njit
+
+    def call(time: float, state: Floats) -> Floats:
+        out = np.empty(shape)
+        fill(time, state, out)
+        return out
+
+    return njit(call)
+
+
 def scipy(problem: Problem, tolerance: float, method: str) -> Call:
     """scipy's `solve_ivp`."""
-    from numba import njit
     from scipy.integrate import solve_ivp
 
     integrate: Any = solve_ivp  # whose stubs want to know the method beforehand
     size, (slopes, matrix) = problem.start.size, _compiled(problem)
-    right: Any = njit(lambda time, state: slopes(time, state, np.empty(size)))
+    right = _returning(slopes, (size,))
     options: dict[str, Any] = {"rtol": max(tolerance, 1e-13), "atol": ABSOLUTE * tolerance}
     if problem.stiff:
-        options["jac"] = njit(lambda time, state: matrix(time, state, np.empty((size, size))))
+        options["jac"] = _returning(matrix, (size, size))
     span = (float(problem.times[0]), float(problem.times[-1]))
 
     def call() -> Floats:
@@ -316,9 +325,11 @@ def judged(found: Mapping[str, Sequence[Point]]) -> Iterator[Row]:
             yield not_measured(bar, "reported" if limit is None else f">= {limit:g}", ABSENT)
             continue
         own = fastest([point for point in points if point.own], min(error, rival.error))
-        ratio = math.nan if own is None else rival.ms / own.ms
-        ours = "none of ours" if own is None else f"{own.method} {own.ms:.3g} ms"
-        unit = f"{RATIO}: {ours}, it {rival.ms:.3g} ms at {rival.error:.1g}"
+        ratio, unit = math.nan, f"none of ours; it {rival.ms:.3g} ms at {rival.error:.1g}"
+        if own is not None:
+            every = [theirs / ours for ours, theirs in zip(own.seconds, rival.seconds, strict=False)]  # of one round
+            unit = f"{RATIO}, {min(every):.3g} to {max(every):.3g}: {own.method} {own.ms:.3g} ms, it {rival.ms:.3g} ms"
+            ratio = rival.ms / own.ms
         yield reported(bar, ratio, unit) if limit is None else at_least(bar, ratio, limit, unit)
 
 

@@ -62,17 +62,17 @@ def reduced(made: Made, method: str) -> Row:
     began = time.process_time()
     try:
         result = process(made.tree, method=method)
-        (found,) = summaries(result)
+        (summary,) = summaries(result)
     except IsochronyError as refusal:
         return row | {"refused": str(refusal), "seconds": time.process_time() - began}
     except Exception as fault:  # a crash is a row too, and fails a bar of its own
         return row | {"refused": f"{_CRASHED}{fault!r}", "seconds": time.process_time() - began}
     row["seconds"] = time.process_time() - began
-    if found["status"] != "ok":
-        return row | {"refused": found["error"]}
-    error, sigma = (found["gravity_m_s2"] - made.gravity) * 1e5, found["gravity_sigma_mgal"]
+    if summary["status"] != "ok":
+        return row | {"refused": summary["error"]}
+    error, sigma = (summary["gravity_m_s2"] - made.gravity) * 1e5, summary["gravity_sigma_mgal"]
     values = {"error_mgal": error, "sigma_mgal": sigma, "z": in_sigmas(error, sigma), "band_z": _band(result, made)}
-    return row | values | {"resolved": found["method"], "flags": " ".join(found["flags"])}
+    return row | values | {"resolved": summary["method"], "flags": " ".join(summary["flags"])}
 
 
 def in_sigmas(error: float, sigma: float) -> float:
@@ -123,18 +123,18 @@ def by_strength(rows: Sequence[Row]) -> list[Row]:
 
 def statistics(rows: Sequence[Row]) -> Row:
     """Counts, errors and errors in sigmas of some records; NaN of none."""
-    given = [row for row in rows if not row["refused"]]
-    sizes = np.array([abs(row["z"]) for row in given])
-    bands = [row["band_z"] for row in given if math.isfinite(row["band_z"])]
+    estimates = [row for row in rows if not row["refused"]]
+    sizes = np.array([abs(row["z"]) for row in estimates])
+    bands = [row["band_z"] for row in estimates if math.isfinite(row["band_z"])]
     return {
         "records": len(rows),
-        "refused": len(rows) - len(given),
-        "error_rms_mgal": _rms([row["error_mgal"] for row in given]),
-        "sigma_median_mgal": float(np.median([row["sigma_mgal"] for row in given])) if given else math.nan,
-        "worst_z": float(np.max(sizes, initial=-math.inf)) if given else math.nan,
+        "refused": len(rows) - len(estimates),
+        "error_rms_mgal": _rms([row["error_mgal"] for row in estimates]),
+        "sigma_median_mgal": float(np.median([row["sigma_mgal"] for row in estimates])) if estimates else math.nan,
+        "worst_z": float(np.max(sizes, initial=-math.inf)) if estimates else math.nan,
         "rms_z": _rms(sizes),
         "band_rms_z": _rms(bands),
-        "within_95": float(np.mean(sizes <= _95)) if given else math.nan,
+        "within_95": float(np.mean(sizes <= _95)) if estimates else math.nan,
         "beyond_4_sigma": int(np.sum(sizes > 4.0)),
         "beyond_5_sigma": int(np.sum(sizes > 5.0)),
     }
@@ -142,20 +142,20 @@ def statistics(rows: Sequence[Row]) -> Row:
 
 def bars(rows: Sequence[Row]) -> list[Row]:
     """The promises: errors stay within sigma, and few records are refused."""
-    found = []
+    table = []
     for method in dict.fromkeys(row["method"] for row in rows):
         own = [row for row in rows if row["method"] == method]
         sums = statistics(own)
         read = sums["records"] - sums["refused"]
         far = sums["beyond_4_sigma"] / read if read else math.nan
-        found.append(at_most(f"{method}: beyond 4 sigma, share of those not refused", far, 1e-3))
-        found.append(at_most(f"{method}: beyond 5 sigma", sums["beyond_5_sigma"], 0.0))
+        table.append(at_most(f"{method}: beyond 4 sigma, share of those not refused", far, 1e-3))
+        table.append(at_most(f"{method}: beyond 5 sigma", sums["beyond_5_sigma"], 0.0))
         for words, names, limit in (("weak and middle", STRENGTHS[:2], 0.01), ("strong", STRENGTHS[2:], 0.15)):
             some = [bool(row["refused"]) for row in own if row["strength"] in names]
-            found.append(at_most(f"{method}: refused, share of {words}", sum(some) / max(len(some), 1), limit))
+            table.append(at_most(f"{method}: refused, share of {words}", sum(some) / max(len(some), 1), limit))
         crashed = sum(row["refused"].startswith(_CRASHED) for row in own)
-        found.append(at_most(f"{method}: crashed", crashed, 0.0))
-    return found
+        table.append(at_most(f"{method}: crashed", crashed, 0.0))
+    return table
 
 
 def run(

@@ -30,8 +30,7 @@ from pipeline.correction import integrated, model_speed
 from pipeline.gravity import MGAL
 from pipeline.harmonics.envelope import Envelope, fill
 from pipeline.harmonics.narrowband import regression
-from pipeline.methods.phases import Phases, phases
-from pipeline.methods.vening_meinesz import MARK_SECONDS, value_and_slope
+from pipeline.methods.phases import MARK_SECONDS, Phases, phases, value_and_slope
 from pipeline.observation import observe
 from pipeline.phase_speed import disturbed_speed, leaking, near_resonant_amplitude, phase_speed
 from pipeline.prepared import Prepared, prepare

@@ -28,7 +28,7 @@ import numpy as np
 
 from data_schemas.writing import write_text
 from pipeline.arrays import Floats
-from synth.kernels.sources import PACKAGES, ROOT
+from synth.kernels.cache import PACKAGES, ROOT
 
 Row = dict[str, Any]
 Item = TypeVar("Item")

@@ -94,8 +94,7 @@ def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[st
     """Read one film, write its record, and say what was read."""
     import time
 
-    from pipeline.film.record import make_record
-    from pipeline.film.summary import summary
+    from pipeline.film.record import make_record, summary
 
     start = time.perf_counter()
     rows, span = _stretch(options)
@@ -168,7 +167,7 @@ def _show(row: dict[str, Any], *, as_json: bool) -> None:
         complain(f"{row['input']}: {said}")
     if not as_json:
         flags = ", ".join(row["flags"]) or "no flags"
-        from pipeline.film.summary import share_read
+        from pipeline.film.reading import share_read
 
         missing = row["missing_fraction"].values()
         part = share_read(row["reading"], row["accepted_fraction"], sum(missing) / len(missing))

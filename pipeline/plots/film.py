@@ -168,9 +168,7 @@ def _draw_strobe(axes: Axes, reading: Reading, strip: Strip) -> None:
 
 def _draw_marks(axes: Axes, reading: Reading, strip: Strip) -> None:
     """Marks as ticks along the upper edge, full minutes long and named."""
-    from pipeline.film.marks.checks import marks_seen
-
-    axis, seen = reading.axis, marks_seen(reading.axis, reading.strobe)
+    axis, seen = reading.axis, reading.marks
     rows = np.interp(seen, axis.index, axis.row)
     per_minute = round(60.0 / axis.interval)
     top, span = strip.right, strip.right - strip.left
@@ -187,9 +185,7 @@ def _draw_flags(axes: Axes, reading: Reading, strip: Strip) -> None:
     """Each trace's flags as a bar along the lower edge."""
     from matplotlib.colors import to_rgb
 
-    from pipeline.film.summary import row_flags
-
-    flags, wide = row_flags(reading)[:, strip.rows], strip.right - strip.left
+    flags, wide = reading.row_flags[:, strip.rows], strip.right - strip.left
     high = 0.055 * wide / len(flags)
     for trace, qc in enumerate(flags):
         worst = [np.bitwise_or.reduce(block) for block in np.array_split(qc, min(_DOTS, qc.size))]
@@ -216,17 +212,13 @@ def _label_time(axes: Axes, reading: Reading, strip: Strip) -> None:
 
 
 def _subtitle(reading: Reading) -> str:
-    from pipeline.film.marks.checks import marks_seen
-    from pipeline.film.reading import accepted_fraction
-    from pipeline.film.record import flags
-    from pipeline.film.summary import share_read
+    from pipeline.film.reading import share_read
 
     named = ", ".join(path.name for path in reading.scan.paths)
-    raised = ", ".join(flags(reading)) or "no flags"
+    raised = ", ".join(reading.flags) or "no flags"
     missing = float(np.isnan(reading.samples.column).mean())
-    part = share_read(reading.kind, accepted_fraction(reading.tracks, reading.axis), missing)
-    marks = marks_seen(reading.axis, reading.strobe).size
-    return f"{named} · {part} · {marks} marks · {reading.kind} reading · {raised}"
+    part = share_read(reading.kind, reading.accepted_fraction, missing)
+    return f"{named} · {part} · {reading.marks.size} marks · {reading.kind} reading · {raised}"
 
 
 def _legend(figure: Figure, reading: Reading) -> None:
@@ -234,13 +226,11 @@ def _legend(figure: Figure, reading: Reading) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    from pipeline.film.summary import row_flags
-
     handles: list[Any] = [
         Line2D([], [], color=_TRACES[trace % len(_TRACES)], label=f"trace {trace + 1} from the left")
         for trace in np.argsort(row_means_present(reading.tracks.course))
     ]
-    raised = int(np.bitwise_or.reduce(row_flags(reading), axis=None))
+    raised = int(np.bitwise_or.reduce(reading.row_flags, axis=None))
     flags = {name: color for name, color in _FLAGS.items() if raised & ELONGATION_FLAGS[name]}
     handles += [Patch(color=color, label=name.replace("_", " ")) for name, color in flags.items()]
     # at most five to a row: they share the height with the heading

@@ -22,22 +22,11 @@ import numpy as np
 
 import data_schemas
 from data_schemas.scene import Scene
+from pipeline.benchmarks import scenes
 from pipeline.benchmarks.honesty.kinds import Case
 from pipeline.benchmarks.honesty.records import of_case
 from pipeline.benchmarks.honesty.suite import reduced
 from pipeline.benchmarks.paper import marks_error, neglected_terms, plain_error
-from pipeline.benchmarks.scenes import (
-    beats_through_zero,
-    linear,
-    made,
-    outcome,
-    prepared,
-    real,
-    real_heave,
-    reduce_all,
-    resonant,
-    swell,
-)
 from pipeline.benchmarks.tables import Row, at_most, command, hilbert, holds, of_few, progress, reported, rounds, times
 from pipeline.joint.fit import reduce
 from pipeline.joint.gather import gather
@@ -88,28 +77,28 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
 
 def accuracy() -> Iterator[Row]:
     """Wrong methods err by what physics says, within 1 %; exact ones do not, in heave and swell and near resonance."""
-    scene = linear()
-    outcomes = reduce_all(scene, ("vening-meinesz", "uncorrected"))
+    scene = scenes.linear()
+    outcomes = scenes.reduce_all(scene, ("vening-meinesz", "uncorrected"))
     for name, expected, source in (
         ("vening-meinesz", marks_error(scene), "(14) on truth"),
         ("uncorrected", plain_error(scene), "the true phase's slope"),
     ):
         off = abs(outcomes[name].error / expected - 1.0)
         yield at_most(f"linear: {name} {outcomes[name].error:.4g} mGal, off {source} {expected:.4g} by", off, 0.01)
-    ready = prepared(linear(damping_rates=(0.0, 0.0), write_restoring=False, write_damping=False))
-    error = outcome(reduce_by("general", ready, 0.0), scene.gravity).error
+    ready = scenes.prepared(scenes.linear(damping_rates=(0.0, 0.0), write_restoring=False, write_damping=False))
+    error = scenes.outcome(reduce_by("general", ready, 0.0), scene.gravity).error
     expected = -neglected_terms(ready)["finite_arc"]
     off = abs(error / expected - 1.0)
     yield at_most(f"linear, nothing stated: general {error:.4g} mGal, off its arc terms {expected:.4g} by", off, 0.01)
-    outcomes = reduce_all(beats_through_zero(), ("projection", "panteleev"))
+    outcomes = scenes.reduce_all(scenes.beats_through_zero(), ("projection", "panteleev"))
     yield at_most("beats through zero: projection", abs(outcomes["projection"].error), 1e-2, "mGal")
     flagged = "beats-through-zero" in outcomes["projection"].flags
     yield holds("beats through zero: projection carries the flag", flagged, "flag beats-through-zero")
     yield holds("beats through zero: panteleev declines", bool(outcomes["panteleev"].refusal), "refused")
-    outcomes = reduce_all(real(motion=[swell(), resonant(1e-5)]), ("shooting", "general"))
+    outcomes = scenes.reduce_all(scenes.real(motion=[scenes.swell(), scenes.resonant(1e-5)]), ("shooting", "general"))
     yield at_most("nonlinear: shooting", abs(outcomes["shooting"].error), 0.005, "mGal")
     yield at_most("nonlinear: general", abs(outcomes["general"].error), 0.1, "mGal")
-    outcomes = reduce_all(real_heave(), ("shooting", "general"))
+    outcomes = scenes.reduce_all(scenes.real_heave(), ("shooting", "general"))
     yield at_most("nonlinear, heave recorded: shooting", abs(outcomes["shooting"].error), 0.005, "mGal")
     yield reported("nonlinear, heave recorded: general", abs(outcomes["general"].error), "mGal")
     yield from _browne()
@@ -117,12 +106,14 @@ def accuracy() -> Iterator[Row]:
 
 def _browne() -> Iterator[Row]:
     """One harmonic of 0.1 m/s2 at 10 s moves gravity of a linear reduction by what Browne says; shooting removes it."""
-    rest = reduce_all(real(motion=[]), ("projection",))["projection"].error
+    rest = scenes.reduce_all(scenes.real(motion=[]), ("projection",))["projection"].error
     for axis, expected in (("horizontal", 25.48), ("vertical", -12.78)):
         shifts, left = [], []
         for phase in (0.0, math.pi):  # what a wave does at the ends of the record has its sign
             wave = {"kind": "harmonics", "axis": axis, "amplitude": [0.1], "period": [10.0], "phase": [phase]}
-            outcomes = reduce_all(real(motion=[wave], vertical_acceleration=True), ("projection", "shooting"))
+            outcomes = scenes.reduce_all(
+                scenes.real(motion=[wave], vertical_acceleration=True), ("projection", "shooting")
+            )
             shifts.append(outcomes["projection"].error - rest)
             left.append(abs(outcomes["shooting"].error))
         shift, bar = float(np.mean(shifts)), f"Browne, 0.1 m/s2 at 10 s, {axis}"
@@ -132,12 +123,12 @@ def _browne() -> Iterator[Row]:
 
 def efficiency(count: int) -> Iterator[Row]:
     """Scatter of `joint` over the Cramer-Rao bound, from 25 readings a swing to half-second marks; refusals count."""
-    for words, make in (("linear", linear), ("real", real)):
+    for words, make in (("linear", scenes.linear), ("real", scenes.real)):
         for rate, bound in zip(RATES, BOUNDS[words], strict=True):
             scene, errors = make(1e-5, noise=1e-4, sampling_rate=rate), []
             for seed in progress(range(count), f"{words} at {rate} Hz", count):
                 drawn = int(np.random.default_rng([seed, 1958]).integers(2**31))
-                row = reduced(made(scene.model_copy(update={"seed": drawn})), "auto")
+                row = reduced(scenes.made(scene.model_copy(update={"seed": drawn})), "auto")
                 errors.append(math.inf if row["refused"] else row["error_mgal"])
             rmse = math.sqrt(statistics.fmean(error**2 for error in errors))
             bar = f"joint, {words} pendulums, {rate} Hz: RMSE/CRLB ({bound:.4f} mGal) of {count}"
@@ -147,17 +138,17 @@ def efficiency(count: int) -> Iterator[Row]:
 def costs(*, quick: bool) -> Iterator[Row]:
     """Yield the bars of cost."""
     repeats = 7 if quick else 15
-    yield from _estimation(linear(duration=DURATION), 1e-6, repeats)
-    yield from _estimation(real(duration=DURATION), 1e-5, repeats)
+    yield from _estimation(scenes.linear(duration=DURATION), 1e-6, repeats)
+    yield from _estimation(scenes.real(duration=DURATION), 1e-5, repeats)
     yield from _fits(5 if quick else 15)
     with tempfile.TemporaryDirectory() as name:
-        path, record = Path(name) / "linear.record.nc", simulate(linear(duration=DURATION))[0]
+        path, record = Path(name) / "linear.record.nc", simulate(scenes.linear(duration=DURATION))[0]
         yield _whole(record, "projection", "linear", 60.0, repeats)
         data_schemas.write(record, path)
         yield from _start_up(path, 3 if quick else 9)
         loaded = in_vain(modules(_PROCESS, str(path), ",".join(PAIR_METHODS)), FORBIDDEN)
         yield at_most("process, methods of one difference: imports in vain", len(loaded), 0.0, " ".join(loaded))
-    loaded = in_vain(modules(_SIMULATE, linear(duration=60.0).model_dump_json()), OF_OTHER_TERMS)
+    loaded = in_vain(modules(_SIMULATE, scenes.linear(duration=60.0).model_dump_json()), OF_OTHER_TERMS)
     yield at_most("simulate, linear pendulums: imports of other terms", len(loaded), 0.0, " ".join(loaded))
 
 
@@ -172,7 +163,7 @@ def _estimation(scene: Scene, exact: float, repeats: int) -> Iterator[Row]:
     for of, limit in (("gravity", 2.0), ("all", 6.0)):
         bar = f"process by {name}, {of}, {seen.time.size} samples: chains of hilbert + unwrap + polyfit"
         yield times(bar, taken[of], taken["chain"], limit if name == "projection" else None)
-    error = outcome(reduce_by(name, prepare(seen), 0.0), scene.gravity).error
+    error = scenes.outcome(reduce_by(name, prepare(seen), 0.0), scene.gravity).error
     yield at_most(f"{name}, {seen.time.size} samples: error, noise-free", abs(error), exact, "mGal")
 
 

@@ -23,19 +23,8 @@ import data_schemas
 import synth
 from pipeline.batch import ledger, log
 from pipeline.batch.summary import NAMES
+from pipeline.benchmarks import tables
 from pipeline.benchmarks.scenes import linear
-from pipeline.benchmarks.tables import (
-    RATIO,
-    Row,
-    at_least,
-    at_most,
-    holds,
-    median_ratio,
-    not_measured,
-    progress,
-    timed,
-    tree_environment,
-)
 
 Way = Callable[[Path, Path], list[float]]
 """From a folder of records and one for results to the instants, s, at which records were done."""
@@ -76,7 +65,7 @@ print(json.dumps(ends))"""
 
 def _environment() -> dict[str, str]:
     """BLAS in one thread everywhere, as commands have it."""
-    return tree_environment() | {"OMP_NUM_THREADS": "1"}
+    return tables.tree_environment() | {"OMP_NUM_THREADS": "1"}
 
 
 def _bare(records: Path, out: Path) -> list[float]:
@@ -123,7 +112,7 @@ WAYS: Mapping[str, Way] = {
 }
 
 
-def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
+def run(*, quick: bool, folder: Path | None) -> Iterator[tables.Row]:
     """Yield one row a way, then one row a promise; ways take turns, so that a busy machine slows all of them.
 
     Quick: fewer records, one round.
@@ -137,9 +126,9 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
         home = Path(name)
         records = make_records(home / "records", count, DURATION)
         turns = [(turn, name, way) for turn in range(rounds) for name, way in ways.items()]
-        for turn, name, way in progress(turns, "batch"):
+        for turn, name, way in tables.progress(turns, "batch"):
             out = home / f"{name} {turn}"
-            ends, used = timed(partial(way, records, out))
+            ends, used = tables.timed(partial(way, records, out))
             ends = ends[SKIPPED:]
             taken[name].append((ends[-1] - ends[0]) / (len(ends) - 1))
             spent[name].append(used / count)
@@ -148,19 +137,19 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
         resumed = _same(home / KILLED, home / f"{ONE} 0")
     for name, paces in taken.items():
         wall, cpu = (1e3 * statistics.median(values) for values in (paces, spent[name]))
-        ratio = median_ratio(paces, taken[BARE])
+        ratio = tables.median_ratio(paces, taken[BARE])
         yield {"way": name, "records": count, "ms_a_record": wall, "of_bare_loop": ratio, "cpu_ms_a_record": cpu}
     overhead = statistics.median(one - bare for one, bare in zip(taken[ONE], taken[BARE], strict=True))
-    yield at_most(f"{ONE}, over a {BARE}, a record", 1e3 * overhead, _OVERHEAD, "ms")
-    faster = median_ratio(taken[BARE], taken[TWO])
-    yield at_least(f"{TWO}: times faster than a {BARE}", faster, _SCALING, RATIO)
+    yield tables.at_most(f"{ONE}, over a {BARE}, a record", 1e3 * overhead, _OVERHEAD, "ms")
+    faster = tables.median_ratio(taken[BARE], taken[TWO])
+    yield tables.at_least(f"{TWO}: times faster than a {BARE}", faster, _SCALING, tables.RATIO)
     bar = f"{DASK}: times the {TWO}"
     if DASK in taken:
-        yield at_most(bar, median_ratio(taken[DASK], taken[TWO]), _BY_DASK, RATIO)
+        yield tables.at_most(bar, tables.median_ratio(taken[DASK], taken[TWO]), _BY_DASK, tables.RATIO)
     else:
-        yield not_measured(bar, f"<= {_BY_DASK:g}", "not installed: extra 'cluster'")
-    yield holds("summary.csv and summary.nc, whoever does the work", same, "same bytes")
-    yield holds("killed with -9 in the middle and resumed: summary", resumed, "same bytes")
+        yield tables.not_measured(bar, f"<= {_BY_DASK:g}", "not installed: extra 'cluster'")
+    yield tables.holds("summary.csv and summary.nc, whoever does the work", same, "same bytes")
+    yield tables.holds("killed with -9 in the middle and resumed: summary", resumed, "same bytes")
 
 
 def _same(one: Path, other: Path) -> bool:

@@ -24,7 +24,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
-_KEPT_GENERATIONS = 4  # older cache folders are removed, so that upgrades do not fill the disk
+_UNUSED = 30 * 86400.0  # s after which kernels are removed, so that upgrades do not fill the disk
 _INHERITED = "ISOCHRONY_CACHE"  # variable of the environment: where the process that started this one keeps kernels
 _RUNS_WITH = ("numba", "llvmlite", "numpy", "scipy")
 PACKAGES = ("synth", "pipeline", "data_schemas")
@@ -104,10 +104,10 @@ def _fresh() -> Path:
 
 
 def _prune(base: Path) -> None:
-    own = (each for each in base.iterdir() if re.fullmatch("[0-9a-f]{16}", each.name) and each.is_dir())
-    generations = sorted(own, key=lambda each: each.stat().st_mtime)
-    for stale in generations[: max(0, len(generations) - _KEPT_GENERATIONS + 1)]:
-        shutil.rmtree(stale, ignore_errors=True)
+    """Remove what has not been used for long: an upgrade leaves its kernels, another environment still needs its own."""
+    for each in base.iterdir():
+        if re.fullmatch("[0-9a-f]{16}", each.name) and time.time() - each.stat().st_mtime > _UNUSED:
+            shutil.rmtree(each, ignore_errors=True)
 
 
 class Source(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -97,10 +98,11 @@ def test_only_kernels_of_installations_unused_for_long_are_removed(kept: Path) -
     names = [f"{number:016x}" for number in range(6)]
     for name in [*names, "notes"]:
         (base / name).mkdir(parents=True)
-        os.utime(base / name, (0, int(name, 16) if name != "notes" else 0))
+        used = time.time() - (20.0 + 4.0 * int(name, 16)) * 86400.0 if name != "notes" else 0.0
+        os.utime(base / name, (used, used))
     base.chmod(0o700)
     folder = cache.cache_folder()
-    assert {each.name for each in base.iterdir()} == {"notes", folder.name, *names[3:]}
+    assert {each.name for each in base.iterdir()} == {"notes", folder.name, *names[:3]}
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root can be two users")

@@ -104,7 +104,7 @@ def _fresh() -> Path:
 
 
 def _prune(base: Path) -> None:
-    """Remove what has not been used for long: an upgrade leaves its kernels, another environment still needs its own."""
+    """Remove what has not been used for long: an upgrade leaves kernels, another environment still needs its own."""
     for each in base.iterdir():
         if re.fullmatch("[0-9a-f]{16}", each.name) and time.time() - each.stat().st_mtime > _UNUSED:
             shutil.rmtree(each, ignore_errors=True)

@@ -13,11 +13,9 @@ from typing import Any
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from data_schemas.scene import Scene
-from data_schemas.scene_checks import felt_gravity
-from data_schemas.scene_pendulum import FreeStart, ImpulseEscapement, Pendulum
-from data_schemas.scene_simulation import Propagator
-from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
+from data_schemas.scene import Propagator, Scene
+from data_schemas.scene_conditions import felt_gravity
+from data_schemas.scene_pendulum import BeamSupport, BoardSupport, FrameSupport, FreeStart, ImpulseEscapement, Pendulum
 from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond, start_state

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from data_schemas.errors import SceneError
-from data_schemas.scene import Scene
-from data_schemas.scene_checks import frequency
+from data_schemas.scene import Propagator, Scene
+from data_schemas.scene_conditions import frequency
 from data_schemas.scene_pendulum import RESISTANCES, Pendulum
-from data_schemas.scene_simulation import Propagator
 
 LINEAR, SINE = "the linear law", "the sine law"
 OVERDAMPED = "overdamping"

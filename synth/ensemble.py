@@ -22,9 +22,9 @@ from pydantic import ValidationError
 
 from data_schemas.contents import shown, to_tree
 from data_schemas.errors import FileError, SceneError, UsageError
+from data_schemas.reading import skim
 from data_schemas.scene import Scene
-from data_schemas.scene_faults import one_line
-from data_schemas.slabs import skim
+from data_schemas.scene_fields import one_line
 from data_schemas.writing import write_text
 from synth.recording.observe import history
 from synth.seeds import generator

@@ -9,8 +9,15 @@ from typing import Any
 
 from data_schemas.scene import Scene
 from data_schemas.scene_fields import Section, extra
-from data_schemas.scene_pendulum import RESISTANCES, ImpulseEscapement, Pendulum, VanDerPolEscapement
-from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
+from data_schemas.scene_pendulum import (
+    RESISTANCES,
+    BeamSupport,
+    BoardSupport,
+    FrameSupport,
+    ImpulseEscapement,
+    Pendulum,
+    VanDerPolEscapement,
+)
 from synth.choice import NAMES, listed
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.plan import Plan, plan

@@ -20,8 +20,8 @@ from fractions import Fraction
 import numpy as np
 
 from data_schemas.scene import Scene
-from data_schemas.scene_apparatus import Clamp, Knock, Release, Restart
-from data_schemas.scene_checks import frequency
+from data_schemas.scene_conditions import frequency
+from data_schemas.scene_pendulum import Clamp, Knock, Release, Restart
 from synth.phase import Floats
 from synth.propagators.times import EvenTimes, UnevenTimes
 from synth.seeds import generator

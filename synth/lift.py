@@ -34,10 +34,8 @@ import numpy as np
 
 from data_schemas.errors import SceneError
 from data_schemas.scene import Scene
-from data_schemas.scene_apparatus import GimbalTilt, HarmonicTilt, Tilt
-from data_schemas.scene_checks import felt_gravity, period
-from data_schemas.scene_conditions import LARGEST_CHANGE, LinearCourse, SineCourse
-from data_schemas.scene_motion import HarmonicMotion
+from data_schemas.scene_conditions import LARGEST_CHANGE, LinearCourse, SineCourse, felt_gravity, period
+from data_schemas.scene_motion import GimbalTilt, HarmonicMotion, HarmonicTilt, Tilt
 from synth.kernels.tide import tide
 from synth.motion.harmonic_sum import HarmonicSum, harmonics
 from synth.motion.tabulated import continued, tabulated

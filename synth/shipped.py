@@ -65,9 +65,9 @@ def load_film(name: str) -> Film:
     """
     from pydantic import ValidationError
 
-    from data_schemas.scene_faults import one_line
+    from data_schemas.scene_fields import one_line
     from data_schemas.scene_film import Film
-    from data_schemas.toml_file import load_toml
+    from data_schemas.text_files import load_toml
 
     path, known = Path(name), ", ".join(films())
     if path.suffix != ".toml" and path.parent == Path("."):

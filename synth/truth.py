@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.contents import Contents
-from data_schemas.scene_checks import frequency
+from data_schemas.scene_conditions import frequency
 from synth.phase import Floats, Phasors
 from synth.plan import Plan
 from synth.propagate import SampledMotion

@@ -16,7 +16,7 @@ from data_schemas.film_description import description_path, film_stem
 from data_schemas.scene import Scene
 from data_schemas.scene_film import Film
 from data_schemas.shield import shielded
-from data_schemas.toml_text import toml_text
+from data_schemas.text_files import toml_text
 from data_schemas.writing import may_write, place_of, reason, write_text
 from synth.film.layout import STRIP, Pixels, plan_film
 from synth.film.sidecars import ImageFile, description_of, truth_of

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from data_schemas.contents import Contents, Entry, Group, shown
 from data_schemas.errors import FileError, UsageError
-from data_schemas.film_conditions import BASE, BASES, PERIODS
-from data_schemas.film_description import DescribedInstrument, DescribedPendulum, FilmDescription
+from data_schemas.film_description import BASE, BASES, PERIODS, DescribedInstrument, DescribedPendulum, FilmDescription
 from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION
 from data_schemas.variables import attributes
 from data_schemas.writing import beside, give_name, may_write, place_of, reason

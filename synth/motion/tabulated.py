@@ -28,8 +28,8 @@ from pathlib import Path
 import numpy as np
 
 from data_schemas.errors import FileError, SceneError
-from data_schemas.ordinary import text_of
 from data_schemas.scene_motion import Table
+from data_schemas.text_files import text_of
 from synth.motion.harmonic_sum import Comb, HarmonicSum
 from synth.phase import Floats, rational_turns
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.scene import Scene
-from data_schemas.scene_apparatus import Accelerometer, TraceErrors
+from data_schemas.scene_recording import Accelerometer, TraceErrors
 from synth.lift import shifted
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.phase import Floats

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import data_schemas
 from data_schemas.scene import Scene
-from data_schemas.scene_checks import felt_gravity, frequency
+from data_schemas.scene_conditions import felt_gravity, frequency
 from synth import simulate
 from synth.lift import stiffening
 

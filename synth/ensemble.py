@@ -61,7 +61,7 @@ def member_scenes(scene: Scene, count: int, *, seed: int | None = None, vary: Va
     """
     if count < 1:
         raise SceneError(f"an ensemble of {count} members; ask for 1 or more")
-    given = scene.model_dump()
+    given = scene.model_dump(mode="json")
     for key, how in (vary or {}).items():
         _checked(key, how, _place(given, key))
     return (member(scene, number, seed=seed, vary=vary) for number in range(1, count + 1))
@@ -71,7 +71,7 @@ def member(scene: Scene, number: int, *, seed: int | None = None, vary: Vary | N
     """Scene of one member, counted from 1; see `member_scenes`."""
     whole = np.random.SeedSequence(scene.seed if seed is None else seed, spawn_key=(number,))
     own = int(whole.generate_state(1, np.uint64)[0] >> np.uint64(1))
-    values = scene.model_dump() | {"seed": own, "record_id": f"{scene.record_id}-{number:04d}"}
+    values = scene.model_dump(mode="json") | {"seed": own, "record_id": f"{scene.record_id}-{number:04d}"}
     for key, how in (vary or {}).items():
         section, last = _place(values, key)
         chance = generator(own, f"vary {key}")
@@ -84,29 +84,22 @@ def member(scene: Scene, number: int, *, seed: int | None = None, vary: Vary | N
 
 def value(scene: Scene, key: str) -> Any:
     """Value of a scene's key by dotted path."""
-    section, last = _place(scene.model_dump(), key)
+    section, last = _place(scene.model_dump(mode="json"), key)
     return section[last]
 
 
 def _place(values: dict[str, Any], key: str) -> tuple[Any, Any]:
-    """The section or list that holds a key, and its place there; lists are made changeable on the way.
-
-    `SceneError` if there is no such key.
-    """
+    """The section or list that holds a key, and its place there; `SceneError` if there is no such key."""
     section: Any = None
     within: Any = values
     place: Any = None
     for word in key.split("."):
-        if isinstance(within, tuple):
-            within = section[place] = list(within)
         section = within
-        if isinstance(section, dict) and word in section:
-            place = word
-        elif isinstance(section, list) and word.isascii() and word.isdigit() and int(word) < len(section):
-            place = int(word)
-        else:
-            raise SceneError(f"vary {key}: {_absent(word, section)}")
-        within = section[place]
+        place = int(word) if isinstance(section, list) and word.isascii() and word.isdigit() else word
+        try:
+            within = section[place]
+        except (KeyError, IndexError, TypeError):
+            raise SceneError(f"vary {key}: {_absent(word, section)}") from None
     return section, place
 
 
@@ -126,7 +119,7 @@ def _checked(key: str, how: Range | Callable[..., Any], place: tuple[Any, Any]) 
         raise SceneError(f"vary {key}: every member has its own anyway; leave it out")
     if callable(how):
         return
-    if isinstance(now, bool | dict | list | tuple) or (isinstance(now, str) and _ratio(now) is None):
+    if isinstance(now, bool | dict | list) or (isinstance(now, str) and _ratio(now) is None):
         raise SceneError(f"vary {key}: is no number; name a key that holds one")
     low, high = how
     if not (math.isfinite(low) and math.isfinite(high) and low <= high):

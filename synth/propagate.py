@@ -25,7 +25,7 @@ in m as the last row; estimated error of the largest angle; propagator."""
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class SampledMotion:
     """What happened."""
 
     theta: Floats
@@ -49,7 +49,7 @@ class Trajectory:
     """(samples,) what is added to the scene's gravity, m/s^2."""
 
 
-def propagate(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, Trajectory]]:
+def propagate(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, SampledMotion]]:
     """Evaluate a plan at the clock's moments, chunk by chunk, in order of time.
 
     A scene always falls into the same chunks, so that a record is the same bits in memory and streamed to a file.
@@ -78,14 +78,14 @@ def propagate(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, Trajectory]]:
         else:
             rows = [part.times.elongation(each.responses, each.motion.angular_frequency) for each in planes]
         propagator = whole[0][2] if whole else plan.propagator
-        yield part, _trajectory(plan, part, (np.vstack(rows), error, propagator))
+        yield part, _sampled(plan, part, (np.vstack(rows), error, propagator))
 
 
 def _worst(plan: Plan) -> float:
     return WORST_ERROR if plan.tolerance is None else max(WORST_ERROR, plan.tolerance)
 
 
-def _trajectory(plan: Plan, part: Clock, angles: Angles) -> Trajectory:
+def _sampled(plan: Plan, part: Clock, angles: Angles) -> SampledMotion:
     """What happened at the samples of a chunk, given the angles at all its moments."""
     times, kept, planes, count = part.times, part.kept, plan.planes or (plan,), len(plan.frequencies)
     rows, error, propagator = angles
@@ -98,7 +98,7 @@ def _trajectory(plan: Plan, part: Clock, angles: Angles) -> Trajectory:
         free = np.array([times.free_harmonic(*pair)[kept] for pair in pairs])
     elif plan.responses and (plan.motion.angular_frequency.size or not plan.choice.integrates):
         slow = np.vstack([times.slow(each.responses, each.motion.angular_frequency) for each in planes])[:, kept]
-    return Trajectory(
+    return SampledMotion(
         theta,
         free,
         slow,

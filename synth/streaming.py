@@ -32,9 +32,9 @@ def stream(scene: Scene, clock: Clock) -> Iterator[tuple[Contents, Contents]]:
     """
     the_plan = plan(scene, clock)
     apparatus, defects, unwrapped = Apparatus(the_plan, clock), Defects(scene, clock), Unwrapping()
-    for part, trajectory in propagate(the_plan, clock):
-        record = observe(scene, part, trajectory, apparatus, defects)
-        yield record, reveal(part, the_plan, trajectory, unwrapped)
+    for part, sampled in propagate(the_plan, clock):
+        record = observe(scene, part, sampled, apparatus, defects)
+        yield record, reveal(part, the_plan, sampled, unwrapped)
 
 
 def simulated(scene: Scene) -> tuple[Contents, Contents]:

@@ -10,12 +10,12 @@ from data_schemas.contents import Contents
 from data_schemas.scene_conditions import frequency
 from synth.phase import Floats, Phasors
 from synth.plan import Plan
-from synth.propagate import Trajectory
+from synth.propagate import SampledMotion
 from synth.recording.clock import Clock
 from synth.recording.observe import described, label_array, root
 
 
-def reveal(clock: Clock, plan: Plan, trajectory: Trajectory, unwrapped: Unwrapping) -> Contents:
+def reveal(clock: Clock, plan: Plan, sampled: SampledMotion, unwrapped: Unwrapping) -> Contents:
     """Lay out the truth of a record, or of a chunk of it, as `data_schemas` does; chunks must come in order of time.
 
     theta = free_amplitude * cos(free_phase) + forced to the last digit where the pendulums are linear.
@@ -28,26 +28,26 @@ def reveal(clock: Clock, plan: Plan, trajectory: Trajectory, unwrapped: Unwrappi
         "gravity": ((), at_mean.gravity),
         "frequency": (one, np.array([frequency(at_mean, each) for each in scene.pendulums])),
         "damping_rate": (one, np.array([each.damping_rate for each in scene.pendulums])),
-        "theta": (both, trajectory.theta),
-        "horizontal_acceleration": (time, trajectory.horizontal_acceleration),
+        "theta": (both, sampled.theta),
+        "horizontal_acceleration": (time, sampled.horizontal_acceleration),
         "mark_time": (("mark",), np.arange(0.0, scene.duration, interval) * float(clock.scale)),
     }
-    if trajectory.gravity_change is not None:
-        variables["gravity_course"] = (time, scene.gravity + trajectory.gravity_change)
+    if sampled.gravity_change is not None:
+        variables["gravity_course"] = (time, scene.gravity + sampled.gravity_change)
     if kicked.any():
         variables["kick_intensity"] = (one, kicked)
-    if trajectory.free is not None:
-        amplitude = np.abs(trajectory.free)
+    if sampled.free is not None:
+        amplitude = np.abs(sampled.free)
         base = np.array([float(each.damped_frequency) for each in plan.responses])[:, None] * clock.true_seconds
-        phase = unwrapped(trajectory.free, base)
+        phase = unwrapped(sampled.free, base)
         variables["free_amplitude"], variables["free_phase"] = (both, amplitude), (both, phase)
-        variables["forced"] = (both, trajectory.theta - amplitude * np.cos(phase))
-    elif trajectory.slow is not None:  # motions do not superpose: what linear pendulums would answer
-        variables["forced"] = (both, trajectory.slow)
+        variables["forced"] = (both, sampled.theta - amplitude * np.cos(phase))
+    elif sampled.slow is not None:  # motions do not superpose: what linear pendulums would answer
+        variables["forced"] = (both, sampled.slow)
     if plan.vertical.angular_frequency.size:
-        variables["vertical_acceleration"] = (time, trajectory.vertical_acceleration)
-    if trajectory.support_displacement is not None:
-        variables["support_displacement"] = (time, trajectory.support_displacement)
+        variables["vertical_acceleration"] = (time, sampled.vertical_acceleration)
+    if sampled.support_displacement is not None:
+        variables["support_displacement"] = (time, sampled.support_displacement)
     if plan.pitch is not None:
         variables["case_pitch"] = (time, clock.times.acceleration(plan.pitch)[clock.kept])
     if plan.kicks is not None and plan.kicks.jumps:
@@ -56,8 +56,8 @@ def reveal(clock: Clock, plan: Plan, trajectory: Trajectory, unwrapped: Unwrappi
     attrs = {
         "scene": scene.model_dump_json(),
         "seed": scene.seed,
-        "propagator": trajectory.propagator,
-        "estimated_error": trajectory.estimated_error,
+        "propagator": sampled.propagator,
+        "estimated_error": sampled.estimated_error,
     }
     attrs |= {"tolerance": plan.tolerance} if plan.tolerance is not None else {}
     attrs |= {"caution": plan.caution} if plan.caution is not None else {}

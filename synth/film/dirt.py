@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -31,24 +32,21 @@ class Dirt:
         reach = self._strokes[:, 4] + 1.0
         self._top = self._strokes[:, [0, 2]].min(axis=1) - reach
         self._bottom = self._strokes[:, [0, 2]].max(axis=1) + reach
-        self._dust: dict[int, Floats] = {}
+        self._specks = functools.lru_cache(maxsize=3)(self._dust)
         self._tear = _tear(film, geometry, seed) if film.torn_end else None
 
     def soil(self, image: Pixels, first: int) -> None:
         """Change the density of some rows, the first of which is number `first`, in place."""
         if self._film.dust:
             number = first // STRIP
-            self._dust = {
-                k: self._dust[k] if k in self._dust else self._specks(k) for k in range(number - 1, number + 2)
-            }
-            for specks in self._dust.values():
-                draw_strokes(image, first, specks)
+            for strip in range(number - 1, number + 2):
+                draw_strokes(image, first, self._specks(strip))
         if self._strokes.size:
             draw_strokes(image, first, self._strokes[(self._bottom >= first) & (self._top <= first + len(image))])
         if self._tear is not None:
             self._tear_off(image, first, self._tear)
 
-    def _specks(self, number: int) -> Floats:
+    def _dust(self, number: int) -> Floats:
         """Dust of one strip: most of it round, some of it light, some of it fibres."""
         chance = generator(self._seed, f"film dust {number}")
         pixels, columns = self._geometry.pixels, self._geometry.columns
@@ -68,6 +66,8 @@ class Dirt:
     def _tear_off(self, image: Pixels, first: int, tear: Floats) -> None:
         """Nothing is left of the paper beyond the tear: the scanner's lid shows."""
         map_ = self._geometry
+        if (first + len(image) - map_.corner[0]) + map_.width < float(np.min(tear)):
+            return
         y = np.arange(first, first + len(image), dtype=np.float64)[:, None] + 0.5 - map_.corner[0]
         x = np.arange(map_.columns, dtype=np.float64) + 0.5 - map_.corner[1]
         along = y * math.cos(map_.turn) + x * math.sin(map_.turn)

@@ -38,9 +38,7 @@ class Light(NamedTuple):
 
     def between(self, first: float, last: float) -> Light:
         """The stretches that touch a time."""
-        here = slice(
-            int(np.searchsorted(self.end, first, side="left")), int(np.searchsorted(self.begin, last, side="right"))
-        )
+        here = slice(np.searchsorted(self.end, first, side="left"), np.searchsorted(self.begin, last, side="right"))
         return Light(self.begin[here], self.end[here], self.factor[here])
 
 

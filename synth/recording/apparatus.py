@@ -14,7 +14,7 @@ from synth.lift import shifted
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.phase import Floats
 from synth.plan import Plan
-from synth.propagate import Trajectory, propagate
+from synth.propagate import SampledMotion, propagate
 from synth.propagators.times import UnevenTimes
 from synth.recording.clock import Clock
 from synth.seeds import generator
@@ -31,14 +31,14 @@ class Apparatus:
         }
         self._noise = {name: generator(plan.scene.seed, f"noise of {name}") for name in ("case_tilt", *_AXES)}
 
-    def elongations(self, trajectory: Trajectory, clock: Clock) -> Floats:
+    def elongations(self, sampled: SampledMotion, clock: Clock) -> Floats:
         """Traces as they would be read without noise, (traces, samples), rad; NaN where none has begun."""
         scene = self._scene
         rows = []
         for trace, weights in zip(scene.traces, combination(scene), strict=True):
             errors = _of(scene.recording.errors, trace.name)
             delay = sum(each.delay for each in errors)
-            theta = self._late[delay][:, clock.begin : clock.begin + clock.count] if delay else trajectory.theta
+            theta = self._late[delay][:, clock.begin : clock.begin + clock.count] if delay else sampled.theta
             row = weights @ theta
             if scene.case is not None and scene.case.reference == "case" and self._plan.pitch is not None:
                 row -= weights.sum() * _at(shifted(self._plan.pitch, -delay), clock)
@@ -47,7 +47,7 @@ class Apparatus:
             rows.append(row)
         return np.array(rows)
 
-    def beside(self, trajectory: Trajectory, clock: Clock) -> dict[str, Any]:
+    def beside(self, sampled: SampledMotion, clock: Clock) -> dict[str, Any]:
         """Accelerations and tilt that the record carries, variables of its group `record`."""
         found: dict[str, Any] = {}
         for name, motion in zip(_AXES, (self._plan.motion, self._plan.vertical), strict=True):
@@ -55,7 +55,7 @@ class Apparatus:
             if isinstance(how, Accelerometer):
                 found[name] = (("time",), self._accelerometer(name, how, motion, clock))
             elif how:
-                found[name] = (("time",), getattr(trajectory, name))
+                found[name] = (("time",), getattr(sampled, name))
         case, pitch = self._scene.case, self._plan.pitch
         if case is not None and case.write_tilt and pitch is not None:
             noise = self._noise["case_tilt"].normal(size=clock.count)
@@ -124,5 +124,5 @@ def _angles_before(plan: Plan, clock: Clock, delay: float) -> Floats:
     begins = int(np.searchsorted(seconds, 0.0))
     earlier = Clock(UnevenTimes(seconds[begins:], clock.scale), slice(None), clock.scale)
     moved = replace(plan, times=earlier.times, planes=tuple(replace(each, times=earlier.times) for each in plan.planes))
-    angles = [trajectory.theta for _, trajectory in propagate(moved, earlier)]
+    angles = [sampled.theta for _, sampled in propagate(moved, earlier)]
     return np.hstack([np.full((len(plan.frequencies), begins), np.nan), *angles])

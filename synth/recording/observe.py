@@ -16,7 +16,7 @@ from data_schemas.scene import Scene
 from data_schemas.scene_recording import Accelerometer
 from data_schemas.variables import attributes
 from synth.phase import Floats
-from synth.propagate import Trajectory
+from synth.propagate import SampledMotion
 from synth.recording.apparatus import Apparatus, combination, stamps
 from synth.recording.clock import Clock
 from synth.recording.defects import Defects
@@ -28,12 +28,12 @@ Variables = dict[str, tuple[tuple[str, ...], Any]]
 _SCALARS = ("temperature", "air_density", "yaw_rate", "speed", "course", "latitude", "longitude", "height")
 
 
-def observe(scene: Scene, clock: Clock, trajectory: Trajectory, apparatus: Apparatus, defects: Defects) -> Contents:
-    """Record a trajectory at the moments of a clock, as `data_schemas` lays a record out.
+def observe(scene: Scene, clock: Clock, sampled: SampledMotion, apparatus: Apparatus, defects: Defects) -> Contents:
+    """Record a motion at the moments of a clock, as `data_schemas` lays a record out.
 
     Apparatus and defects are those of the whole recording; its chunks must come in order of time.
     """
-    samples, flags = defects.samples(apparatus.elongations(trajectory, clock), clock)
+    samples, flags = defects.samples(apparatus.elongations(sampled, clock), clock)
     record: dict[str, Any] = {
         "combination": (("trace", "pendulum"), combination(scene)),
         "elongation": (("trace", "time"), samples),
@@ -43,7 +43,7 @@ def observe(scene: Scene, clock: Clock, trajectory: Trajectory, apparatus: Appar
         record["elongation_uncertainty"] = (("trace",), np.full(len(scene.traces), scene.recording.noise))
     if defects.lose_any:
         record["elongation_qc"] = (("trace", "time"), flags)
-    record |= apparatus.beside(trajectory, clock)
+    record |= apparatus.beside(sampled, clock)
     labels = {"pendulum": label_array(each.label for each in scene.pendulums)}
     traces = {"trace": label_array(each.name for each in scene.traces)}
     measured_from = {} if scene.case is None else {"reference": scene.case.reference}

@@ -23,13 +23,10 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _TABLE: dict[str, dict[type, Callable[..., Any]]] = {}
 
 
-def taken_in(function: Function) -> Function:
-    """Decorator: plain Python that kernels take in; a branch on `argument is None` is decided when they are compiled.
+taken_in: Callable[[Function], Function] = register_jitable
+"""Decorator: plain Python that kernels take in; a branch on `argument is None` is decided when they are compiled.
 
-    It must return one type all the same: see `or_none`.
-    """
-    register_jitable(function)
-    return function
+It must return one type all the same: see `or_none`."""
 
 
 def or_none(function: Function) -> Function:
@@ -89,6 +86,7 @@ def _find(role: str, system: Any) -> Callable[..., Any]:
 
 
 def _class(system: Any) -> Any:
+    """Python's type for that of the compiler."""
     return type(None) if isinstance(system, types.NoneType) else getattr(system, "instance_class", system)
 
 

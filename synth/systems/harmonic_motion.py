@@ -51,9 +51,8 @@ def harmonics(amplitude: ArrayLike, angular_frequency: ArrayLike, phase: ArrayLi
             parts[part, row] = head
             turns -= Fraction(head)
         parts[2, row] = float(turns)
-    angle = [float(Fraction(float(value)) / _TURN % 1) for value in start]
-    offset = np.array(angle)
-    return Harmonics(np.array([size, parts[0], parts[1], parts[2], offset - np.rint(offset)]))
+    offset = np.array([float(Fraction(float(value)) / _TURN % 1) for value in start])
+    return Harmonics(np.array([size, *parts, offset - np.rint(offset)]))
 
 
 # Taylor series of cos and sin of 2 pi x for |x| <= 1/8, folded from |x| <= 1/2; the first term left out is below 1e-17

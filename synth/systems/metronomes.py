@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
-from synth.systems.dispatch import registered, taken_in
+from synth.systems.dispatch import registered
 from synth.systems.terms import driven, motion, weight
 
 
@@ -41,9 +41,10 @@ class Metronomes(NamedTuple):
         return 0
 
 
-@taken_in
-def _held(time: float, state: Floats, system: Metronomes, out: Floats) -> tuple[float, float]:
-    """Board's sum (sin th_j)'' and inertia; `out` receives cosine and acceleration of each as if the board were held."""
+@registered("derivative", Metronomes)
+@kernel
+def _derivative(time: float, state: Floats, system: Metronomes, out: Floats) -> None:
+    """Accelerations as if the board were held, then what its own, of sum (sin th_j), adds."""
     frequencies, coupling, gravity, terms = system.natural_frequency, system.coupling, system.gravity, system.terms
     upwards = motion(time, system.vertical)
     force = 0.0
@@ -57,15 +58,9 @@ def _held(time: float, state: Floats, system: Metronomes, out: Floats) -> tuple[
         inertia -= coupling * cosine * cosine
         out[2 * i] = cosine
         out[2 * i + 1] = free
-    return force / inertia if inertia > 0.0 else math.nan, inertia
-
-
-@registered("derivative", Metronomes)
-@kernel
-def _derivative(time: float, state: Floats, system: Metronomes, out: Floats) -> None:
-    board, _ = _held(time, state, system, out)
-    for i in range(system.natural_frequency.size):
-        out[2 * i + 1] += system.coupling * out[2 * i] * board
+    board = force / inertia if inertia > 0.0 else math.nan
+    for i in range(frequencies.size):
+        out[2 * i + 1] += coupling * out[2 * i] * board
         out[2 * i] = state[2 * i + 1]
 
 

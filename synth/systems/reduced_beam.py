@@ -25,7 +25,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
-from synth.systems.dispatch import registered, taken_in
+from synth.systems.dispatch import registered
 from synth.systems.resistance import VanDerPolDrive
 from synth.systems.yielding import ElasticBeam
 
@@ -53,30 +53,24 @@ class ReducedBeam(NamedTuple):
         return 2
 
 
-@taken_in
-def _held(state: Floats, system: ReducedBeam, out: Floats) -> tuple[float, float]:
-    """u'' and the beam's inertia; `out` receives y' and y'' of each clock as if the beam were held fast."""
+@registered("derivative", ReducedBeam)
+@kernel
+def _derivative(time: float, state: Floats, system: ReducedBeam, out: Floats) -> None:
     detuning, drive, coupling = system.detuning, system.drive, 2.0 * system.coupling
     inertia = 1.0
     force = 0.0
     for i in range(detuning.size):
         y, rate = state[2 * i + 2], state[2 * i + 3]
-        free = drive * (1.0 - y * y) * rate - (1.0 + detuning[i]) * y
+        free = drive * (1.0 - y * y) * rate - (1.0 + detuning[i]) * y  # of y'', as if the beam were held fast
         inertia -= coupling * (y * y)
         force += rate * rate + y * free
         out[2 * i + 2] = rate
         out[2 * i + 3] = free
     force = coupling * force - 2.0 * system.beam_damping * state[1] - 4.0 * state[0]
-    return force / inertia if inertia > 0.0 else math.nan, inertia
-
-
-@registered("derivative", ReducedBeam)
-@kernel
-def _derivative(time: float, state: Floats, system: ReducedBeam, out: Floats) -> None:
-    beam, _ = _held(state, system, out)
+    beam = force / inertia if inertia > 0.0 else math.nan
     out[0] = state[1]
     out[1] = beam
-    for i in range(system.detuning.size):
+    for i in range(detuning.size):
         out[2 * i + 3] += beam * state[2 * i + 2]
 
 

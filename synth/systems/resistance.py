@@ -61,8 +61,7 @@ def terms_of(pendulums: Sequence[Pendulum]) -> Any:
 class Viscous(NamedTuple):
     """Damping `-2 gamma theta'`."""
 
-    damping_rate: Floats
-    """(pendulums,) gamma, 1/s."""
+    damping_rate: Floats  # (pendulums,) gamma, 1/s
 
 
 @registered("driven", Viscous)
@@ -75,8 +74,7 @@ def _viscous(acceleration: float, index: int, angle: float, rate: float, term: V
 class Quadratic(NamedTuple):
     """Turbulent air: `-c |theta'| theta'`."""
 
-    coefficient: Floats
-    """(pendulums,) c, 1/rad."""
+    coefficient: Floats  # (pendulums,) c, 1/rad
 
 
 @registered("driven", Quadratic)
@@ -89,10 +87,8 @@ def _quadratic(acceleration: float, index: int, angle: float, rate: float, term:
 class KnifeEdge(NamedTuple):
     """Dry friction of a knife edge, smoothed: `-f tanh(theta' / scale)`."""
 
-    friction: Floats
-    """(pendulums,) f, rad/s^2."""
-    scale: Floats
-    """(pendulums,) rate at which friction reaches 76 %, rad/s."""
+    friction: Floats  # (pendulums,) f, rad/s^2
+    scale: Floats  # (pendulums,) rate at which friction reaches 76 %, rad/s
 
 
 @registered("driven", KnifeEdge)
@@ -105,10 +101,8 @@ def _knife_edge(acceleration: float, index: int, angle: float, rate: float, term
 class VanDerPolDrive(NamedTuple):
     """Escapement of Kanunnikov and Lamper, `Q_i/(m l_i) = eps (1 - S_i^2/S0^2) S_i'`, S_i = l_i phi_i."""
 
-    rate: Floats
-    """(pendulums,) eps, 1/s."""
-    angle: Floats
-    """(pendulums,) S0/l_i, rad: below it the escapement drives, above it resists."""
+    rate: Floats  # (pendulums,) eps, 1/s
+    angle: Floats  # (pendulums,) S0/l_i, rad: below it the escapement drives, above it resists
 
 
 @registered("driven", VanDerPolDrive)
@@ -121,8 +115,7 @@ def _van_der_pol(acceleration: float, index: int, angle: float, rate: float, ter
 class VanDerPol(NamedTuple):
     """The oscillator `y'' = mu (1 - y^2) y' - y`, the field's stiff reference problem; state (y, y')."""
 
-    stiffness: float
-    """mu."""
+    stiffness: float  # mu
 
 
 @registered("derivative", VanDerPol)

@@ -94,13 +94,10 @@ def carried(force: float, mass: float, acceleration: float | None) -> float:
 class Impulses(NamedTuple):
     """Changes of angles and angular velocities at even times; impulse j, from 0, comes at (j + 1) * step."""
 
-    step: float
-    """s."""
-    kept: Floats
-    """(impulses, pendulums) what stays of angle and rate."""
-    angles: Floats
-    rates: Floats
-    """(impulses, pendulums) what is added to them, rad and rad/s."""
+    step: float  # s
+    kept: Floats  # (impulses, pendulums) what stays of angle and rate
+    angles: Floats  # (impulses, pendulums) what is added to the angle, rad
+    rates: Floats  # and to the rate, rad/s
 
 
 def kicks_of(system: Any) -> Any:

@@ -41,12 +41,8 @@ def chunk_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
 def encoded(contents: Contents) -> memoryview:
     """The file as bytes: HDF5 1.10 format, numeric arrays chunked with fletcher32, text as variable-length UTF-8.
 
-    A dimension of length zero becomes an unlimited one, the only kind that netCDF lets be empty.
-
-    Raises
-    ------
-    FileError
-        A name or attribute that netCDF reserves or cannot hold, or more than `read` takes.
+    A dimension of length zero becomes an unlimited one, the only kind that netCDF lets be empty. `FileError`: a name or
+    attribute that netCDF reserves or cannot hold, or more than `read` takes.
     """
     with h5py.File("memory", "w", driver="core", backing_store=False, libver=LIBRARY, track_order=True) as file:
         arrays = lay_out(file, contents)
@@ -82,14 +78,8 @@ def _put(array: h5py.Dataset, values: NDArray[Any], where: str) -> None:
 def lay_out(file: h5py.File, contents: Contents) -> dict[str, h5py.Dataset]:
     """Make all groups, dimensions and variables with their attributes, but no values and no attributes of groups.
 
-    Gives the arrays of the variables, by ``group/name``.
-
-    Dimensions are HDF5 dimension scales, as netCDF-4 has them: a coordinate is its own, others have a placeholder.
-
-    Raises
-    ------
-    FileError
-        As `encoded`.
+    Gives the arrays of the variables, by ``group/name``; raises as `encoded`. Dimensions are HDF5 dimension scales, as
+    netCDF-4 has them: a coordinate is its own, others have a placeholder.
     """
     scales: dict[str, dict[str, h5py.Dataset]] = {}
     arrays: dict[str, h5py.Dataset] = {}

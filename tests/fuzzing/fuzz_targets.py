@@ -29,8 +29,8 @@ from data_schemas.scene_motion import Table
 from pipeline.cli import import_csv as verb
 from pipeline.film.scan.opening import open_scan
 from pipeline.importing.record import ImportOptions, import_csv
-from synth.film.named import films, load_film
-from synth.motion.table_file import read_table
+from synth import films, load_film
+from synth.motion.tabulated import read_table
 
 SECONDS, BYTES = 10.0, 1 << 30
 """What a reader may take for one input."""

@@ -160,13 +160,7 @@ class Appended:
                 self._sink.check()
 
     def finish(self) -> None:
-        """Bring the file to the disk and verify it, so that `publish` only gives it its name.
-
-        Raises
-        ------
-        ValueError
-            If samples are missing.
-        """
+        """Bring the file to the disk and verify it, so that `publish` only names it; `ValueError`: samples lack."""
         if self._file is None or self._done != self._length:
             raise ValueError(f"{self._done} of {self._length} samples were appended")
         with shielded(), self._named():

@@ -64,13 +64,7 @@ def result_faults(contents: Contents) -> Iterator[str]:
 
 @np.errstate(all="ignore")
 def record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> list[str]:
-    """Faults of a record beyond the table's.
-
-    Parameters
-    ----------
-    contents : Contents
-    sizes : mapping of (group, dimension) to int
-    """
+    """Faults of a record beyond the table's, given the length of each (group, dimension)."""
     if "record" not in contents:
         return []
     trace = _entry(contents, "record", "trace")

@@ -78,12 +78,8 @@ class _Sum:
 def digest(contents: Contents, blocks: Mapping[str, Iterable[NDArray[Any]]] = MappingProxyType({})) -> str:
     """The checksum of a plain content, 64 hexadecimal digits (definition: see the module).
 
-    Parameters
-    ----------
-    contents : Contents
-    blocks : mapping of str to iterable of array, optional
-        Numbers of variables (``group/name``) that are too many to be held: in blocks, last dimension fastest. Of such
-        a variable's own values only shape and type are looked at.
+    `blocks`: numbers of variables (``group/name``) that are too many to be held, last dimension fastest; of such a
+    variable's own values only shape and type are looked at.
     """
     total = _Sum()
     for path in sorted(contents, key=str.encode):

@@ -94,11 +94,7 @@ def storable_text(text: str, where: str) -> str:
 def plain_values(values: NDArray[Any], where: str) -> NDArray[Any]:
     """Values as a file can hold them: a number type of `NUMBERS` in native byte order, or text.
 
-    Raises
-    ------
-    FileError
-        The type does not travel (complex, bool, dates, objects other than text); `where` is named with a
-        remedy.
+    `FileError` names `where` and a remedy: the type does not travel (complex, bool, dates, objects other than text).
     """
     kind = values.dtype.kind
     if kind in "OTU":
@@ -117,12 +113,8 @@ def plain_values(values: NDArray[Any], where: str) -> NDArray[Any]:
 def plain_attribute(value: object, where: str) -> Any:
     """An attribute as a file can hold it: str, list of str, number, or one-dimensional array of numbers.
 
-    An array or list of one element is that element: netCDF does not tell them apart.
-
-    Raises
-    ------
-    FileError
-        The value is empty, nested, or of a type that does not travel.
+    An array or list of one element is that element: netCDF does not tell them apart. `FileError`: the value is empty,
+    nested, or of a type that does not travel.
     """
     if isinstance(value, str):
         return storable_text(value, where)
@@ -153,10 +145,7 @@ def as_attribute(numbers: NDArray[Any]) -> Any:
 def from_tree(tree: xr.DataTree) -> Contents:
     """The content of a tree in memory; arrays are shared, not copied.
 
-    Raises
-    ------
-    FileError
-        A variable or attribute has a type that no file can hold.
+    `FileError`: a variable or attribute has a type that no file can hold.
     """
     contents: Contents = {}
     for node in tree.subtree:
@@ -193,10 +182,7 @@ def _plain_attrs(attrs: Mapping[Any, Any], where: str) -> dict[str, Any]:
 def to_tree(contents: Contents) -> xr.DataTree:
     """The tree of a content; a variable named as its only dimension becomes a coordinate.
 
-    Raises
-    ------
-    FileError
-        Dimensions of one name have different lengths within a group, or between a group and the root.
+    `FileError`: dimensions of one name have different lengths within a group, or between a group and the root.
     """
     import xarray as xr
 

@@ -19,6 +19,7 @@ from .guard import Found, Survey
 from .variables import VARIABLES
 
 _REFERENCES = h5t.vlen_create(h5t.STD_REF_OBJ).encode()  # HDF5 also takes kinds of list that do not exist
+_LISTS = h5py.vlen_dtype(h5py.ref_dtype)
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def _attached(one: Found, rank: int, scales: dict[int, Found]) -> tuple[str, ...
     attribute = h5a.open(one.id, b"DIMENSION_LIST")
     if attribute.get_space().shape != (rank,) or attribute.get_type().encode() != _REFERENCES:
         return None
-    references = np.empty(rank, dtype=h5py.vlen_dtype(h5py.ref_dtype))
+    references = np.empty(rank, dtype=_LISTS)
     attribute.read(references)
     names = []
     for dimension, listed in enumerate(references):

@@ -187,8 +187,6 @@ def _check_readings(readings: Iterable[Any], instrument: Any) -> None:
 def description_path(film: str | os.PathLike[str]) -> Path:
     """Where the description of a film is kept: beside its image.
 
-    Examples
-    --------
     >>> description_path("a/ship.film.tif").name, description_path("a/scan.png").name
     ('ship.film.toml', 'scan.film.toml')
     """
@@ -199,8 +197,6 @@ def description_path(film: str | os.PathLike[str]) -> Path:
 def film_stem(film: str | os.PathLike[str]) -> str:
     """Name of a film without folder and endings.
 
-    Examples
-    --------
     >>> film_stem("a/ship.v2.film.tif"), film_stem("scan.png")
     ('ship.v2', 'scan')
     """
@@ -210,12 +206,8 @@ def film_stem(film: str | os.PathLike[str]) -> str:
 def load_description(path: str | os.PathLike[str]) -> FilmDescription:
     """Read a description.
 
-    Raises
-    ------
-    FileError
-        The file cannot be read, or is not TOML.
-    RecordError
-        With one line that names the file, every faulty key, its value and what is allowed.
+    `FileError`: it cannot be read, or is not TOML; `RecordError`: in one line every faulty key, its value and what is
+    allowed.
     """
     return load_section(path, FilmDescription, "a film's description")
 

@@ -153,8 +153,6 @@ class FilmEdits(Section):
 def edits_path(film: str | os.PathLike[str]) -> Path:
     """Where the edits of a film are kept: beside its image.
 
-    Examples
-    --------
     >>> edits_path("a/ship.film.tif").name
     'ship.edits.toml'
     """
@@ -162,13 +160,5 @@ def edits_path(film: str | os.PathLike[str]) -> Path:
 
 
 def load_edits(path: str | os.PathLike[str]) -> FilmEdits:
-    """Read edits.
-
-    Raises
-    ------
-    FileError
-        The file cannot be read, or is not TOML.
-    RecordError
-        With one line that names the file, every faulty key, its value and what is allowed.
-    """
+    """Read edits; raises as `load_description`."""
     return load_section(path, FilmEdits, "edits of a film")

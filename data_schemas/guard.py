@@ -98,10 +98,7 @@ class Survey:
 def ordinary(path: str | os.PathLike[str], most: int = Budget().file) -> int:
     """Size of a file that is safe to open: an ordinary file of at most so many bytes that starts like HDF5.
 
-    Raises
-    ------
-    FileError
-        Missing, unreadable, a folder, a FIFO, a device, empty, or something other than HDF5.
+    `FileError`: missing, unreadable, a folder, a FIFO, a device, empty, or something other than HDF5.
     """
     size = ordinary_size(path, most, "give a netCDF-4 file, made with simulate or import")
     try:
@@ -116,21 +113,9 @@ def ordinary(path: str | os.PathLike[str], most: int = Budget().file) -> int:
 
 
 def survey(file: h5py.File, size: int, budget: Budget) -> Survey:
-    """Walk over an open file and refuse it as a whole if anything in it is not plain.
+    """Walk over an open file of `size` bytes and refuse it as a whole if anything in it is not plain.
 
-    Parameters
-    ----------
-    file : h5py.File
-        Open for reading.
-    size : int
-        Of the file, bytes.
-    budget : Budget
-        What it may declare at most.
-
-    Raises
-    ------
-    FileError
-        Names the group or variable, without the file's name (`reading` puts it in front).
+    `FileError` names the group or variable, without the file's name (`reading` puts it in front).
     """
     found = Survey(budget)
     stored = 0

@@ -112,20 +112,10 @@ def _as_written(path: str | os.PathLike[str], contents: Contents) -> bool:
 
 
 def skim(path: str | os.PathLike[str]) -> tuple[Contents, str]:
-    """Look a file over and sum it up in bounded memory.
+    """Look a file over and sum it up in bounded memory: its content and the checksum of what is stored.
 
-    Returns
-    -------
-    contents : Contents
-        As stored, ``content_sha256`` left out; of arrays of numbers shape and type only, their values are worth
-        nothing.
-    digest : str
-        The checksum of what is stored.
-
-    Raises
-    ------
-    FileError
-        The file is missing, damaged or hostile, or does not match its checksum.
+    The content lacks ``content_sha256``; of arrays of numbers it has shape and type only, their values are worth
+    nothing. `FileError`: as `read`.
     """
     arrays: dict[str, h5d.DatasetID] = {}
 

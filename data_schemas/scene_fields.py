@@ -90,20 +90,7 @@ Rational = Annotated[
 
 
 def one_line(error: ValidationError, model: type[Section]) -> str:
-    """Say what is wrong with a scene.
-
-    Parameters
-    ----------
-    error
-        What pydantic found.
-    model
-        The section that was validated.
-
-    Returns
-    -------
-    str
-        Every fault, separated by semicolons, without a line break.
-    """
+    """Every fault that pydantic found in a section, separated by semicolons, without a line break."""
     faults = error.errors(include_url=False)
     said = [_fault(fault, model) for fault in faults[:_MOST_FAULTS]]
     if len(faults) > _MOST_FAULTS:

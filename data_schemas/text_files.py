@@ -21,22 +21,9 @@ _LONG_KEY = re.compile(rb"(?<![\w\"'-])(?:[\w\"'-]++[ \t]*+\.[ \t]*+){%d}" % MOS
 
 
 def ordinary_size(path: str | os.PathLike[str], most: int, remedy: str, error: type[IsochronyError] = FileError) -> int:
-    """Bytes of a file that may be opened.
+    """Bytes of a file that may be opened; `remedy` says what to give instead.
 
-    Parameters
-    ----------
-    path : path
-    most : int
-        Bytes that such a file has at most.
-    remedy : str
-        What to give instead.
-    error : type
-        Of the exception.
-
-    Raises
-    ------
-    IsochronyError
-        As `error`: it is not there, no ordinary file, empty, or too large.
+    `error`: it is not there, no ordinary file, empty, or of more than `most` bytes.
     """
     name = shown(path, 400)
     try:
@@ -57,10 +44,7 @@ def ordinary_size(path: str | os.PathLike[str], most: int, remedy: str, error: t
 def text_of(path: str | os.PathLike[str], remedy: str, error: type[IsochronyError] = FileError) -> str:
     """Text of a table in UTF-8, whose lines no reader chokes on.
 
-    Raises
-    ------
-    IsochronyError
-        As `error`: see `ordinary_size`; it is no text, or has a line of more than `MOST_LINE` bytes.
+    `error`: as `ordinary_size`; it is no text, or has a line of more than `MOST_LINE` bytes.
     """
     ordinary_size(path, MOST_TEXT, remedy, error)
     name = shown(path, 400)
@@ -83,10 +67,7 @@ def text_of(path: str | os.PathLike[str], remedy: str, error: type[IsochronyErro
 def load_toml(path: str | os.PathLike[str], what: str, error: type[IsochronyError]) -> dict[str, Any]:
     """Content of a TOML file that should hold `what` ("a scene"): nothing that could hang, or fill the memory.
 
-    Raises
-    ------
-    error
-        With one line that names the file, what is wrong and the remedy.
+    `error`, in one line: the file, what is wrong and the remedy.
     """
     import tomllib
 

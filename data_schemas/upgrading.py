@@ -44,11 +44,7 @@ def unpacked(contents: Contents) -> Contents:
     """The content with packed values unpacked in place to float64, and missing ones NaN.
 
     Integers without scale or offset stay as they are, whatever their fill value: they are flags and counts.
-
-    Raises
-    ------
-    FileError
-        A packing attribute is not a number.
+    `FileError`: a packing attribute is not a number.
     """
     for path, group in contents.items():
         for name, entry in group.variables.items():

@@ -16,25 +16,16 @@ Limit = Literal["positive", "not negative"]
 class Variable:
     """What a variable must be."""
 
-    dims: tuple[str, ...]
-    """Its dimensions, in order; () for a scalar."""
-    dtype: str
-    """Number type in memory and on disk; "str" is variable-length UTF-8."""
-    units: str
-    """As attached to the variable; "1" for counts, labels and ratios."""
+    dims: tuple[str, ...]  # in order; () for a scalar
+    dtype: str  # number type in memory and on disk; "str" is variable-length UTF-8
+    units: str  # as attached to the variable; "1" for counts, labels and ratios
     long_name: str
-    standard_name: str | None = None
-    """Only where the CF table has a name that means exactly this."""
-    required: bool = False
-    """Whether its group is incomplete without it."""
-    attrs: Mapping[str, Any] = field(default_factory=dict)
-    """Further attributes (calendar, flag_masks and the like)."""
-    also: tuple[tuple[str, ...], ...] = ()
-    """Other dimensions that are accepted."""
-    limit: Limit | None = None
-    """What physics allows."""
-    missing: bool = False
-    """Whether NaN (a missing value) is allowed. Infinite values never are."""
+    standard_name: str | None = None  # only where the CF table has a name that means exactly this
+    required: bool = False  # whether its group is incomplete without it
+    attrs: Mapping[str, Any] = field(default_factory=dict)  # further ones: calendar, flag_masks and the like
+    also: tuple[tuple[str, ...], ...] = ()  # other dimensions that are accepted
+    limit: Limit | None = None  # what physics allows
+    missing: bool = False  # whether NaN (a missing value) is allowed; infinite values never are
 
 
 def f8(dims: str, units: str, long_name: str, rules: str = "", *, also: str | None = None, **more: Any) -> Variable:
@@ -60,6 +51,8 @@ def u2(dims: str, long_name: str, flags: Mapping[str, int]) -> Variable:
 
 def _row(dtype: str, dims: str, units: str, long_name: str, rules: str = "", **more: Any) -> Variable:
     words = set(rules.split())
+    if unknown := words - {"required", "missing", "positive", "nonnegative"}:
+        raise ValueError(f"{long_name}: unknown rules {unknown}")
     limit: Limit | None = "positive" if "positive" in words else "not negative" if "nonnegative" in words else None
     required, missing = "required" in words, "missing" in words
     own = tuple(dims.split())

@@ -49,21 +49,8 @@ def add_constant(name: str, units: str, long_name: str) -> None:
 def attributes(key: str) -> dict[str, Any]:
     """Attributes to attach to a variable in memory: ``units``, ``long_name`` and what CF asks beside them.
 
-    Parameters
-    ----------
-    key : str
-        ``group/name``, or the bare name at the root.
-
-    Returns
-    -------
-    dict
-        A fresh dictionary, yours to change (``time`` carries a default epoch: set ``units`` to the record's
-        own start).
-
-    Raises
-    ------
-    KeyError
-        The table has no such variable.
+    `key` is ``group/name``, or the bare name at the root. The dictionary is yours to change: set the epoch in ``units``
+    of ``time`` to the record's own start. `KeyError`: the table has no such variable.
 
     Examples
     --------

@@ -93,11 +93,7 @@ def place_of(path: str | os.PathLike[str]) -> Path:
 def may_write(target: Path, path: str | os.PathLike[str], overwrite: bool) -> None:
     """Refuse a place where no file can be, or where one is that may not be replaced.
 
-    Raises
-    ------
-    FileError
-    OSError
-        The folder cannot be looked into.
+    `FileError`; `OSError` where the folder cannot be looked into.
     """
     if not target.parent.is_dir():
         raise FileError(f"{shown(path, 400)}: its folder does not exist; make the folder first")
@@ -130,12 +126,7 @@ def _flushed(temporary: Path, image: memoryview) -> None:
 def give_name(temporary: Path, target: Path, path: str | os.PathLike[str], overwrite: bool) -> None:
     """Give a file its name in one step, and make the folder remember it.
 
-    Raises
-    ------
-    FileError
-        A file of that name appeared in the meantime.
-    OSError
-        The file system refuses.
+    `FileError`: a file of that name appeared in the meantime; `OSError`: the file system refuses.
     """
     if overwrite:
         os.replace(temporary, target)

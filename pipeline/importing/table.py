@@ -25,14 +25,10 @@ _NUMBERED_TRACE = re.compile(r"\d+(-\d+)*")
 class Table:
     """Cells of a text table as they were written."""
 
-    source: str
-    """The file, for messages."""
-    names: tuple[str, ...]
-    """Name of each column; "" where the table has no header."""
-    lines: tuple[int, ...]
-    """Line number in the file of each row, from 1."""
-    rows: tuple[tuple[str, ...], ...]
-    """Stripped cells; every row has as many as there are names."""
+    source: str  # the file, for messages
+    names: tuple[str, ...]  # of each column; "" where the table has no header
+    lines: tuple[int, ...]  # number in the file of each row, from 1
+    rows: tuple[tuple[str, ...], ...]  # stripped cells; every row has as many as there are names
 
     def title(self, column: int) -> str:
         """What to call a column in a message: its name, or its number from 1."""
@@ -76,15 +72,12 @@ def read_columns(path: str | os.PathLike[str]) -> Table:
     variables = load(source)[""].variables
     if "time" not in variables or variables["time"].dims != ("time",) or variables["time"].values.dtype.kind == "U":
         raise RecordError(f"{source}: has no numbers time(time); name its dimension so, with the times, or export CSV")
-    shown_ones = {
-        name: each for name, each in variables.items() if each.dims == ("time",) and each.values.dtype.kind in "iuf"
-    }
-    names = ("time", *(name for name in shown_ones if name != "time"))
-    units = (str(shown_ones[name].attrs.get("units", "")) for name in names)
-    heads = tuple(
-        name if "since" in unit or not unit else f"{name} ({unit})" for name, unit in zip(names, units, strict=True)
-    )
-    rows = tuple(zip(*(map(repr, shown_ones[name].values.tolist()) for name in names), strict=True))
+    names = ["time", *(name for name in variables if name != "time")]
+    columns = {name: variables[name] for name in names if variables[name].dims == ("time",)}
+    numbers = {name: each for name, each in columns.items() if each.values.dtype.kind in "iuf"}
+    units = {name: str(each.attrs.get("units", "")) for name, each in numbers.items()}
+    heads = tuple(name if "since" in unit or not unit else f"{name} ({unit})" for name, unit in units.items())
+    rows = tuple(zip(*(map(repr, each.values.tolist()) for each in numbers.values()), strict=True))
     return Table(source, heads, tuple(range(1, len(rows) + 1)), rows)
 
 
@@ -140,12 +133,12 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     if all(len(row) == len(rows[0]) and not row[-1] for row in rows):
         rows = [row[:-1] for row in rows]  # every line ends with a delimiter
     width = len(rows[0])
-    names = [""] * width
+    names = split(comment) if comment else []
     if _is_header(rows[0]):
         names = rows.pop(0)
         lines.pop(0)
-    elif comment and len(split(comment)) == width and _is_header(split(comment)):
-        names = split(comment)
+    elif len(names) != width or not _is_header(names):
+        names = [""] * width
     for index, row in zip(lines, rows, strict=True):
         if len(row) != width:
             raise RecordError(

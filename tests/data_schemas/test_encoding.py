@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from data_schemas.contents import Contents, Entry, Group
-from data_schemas.encoding import CHUNK, chunk_shape, encoded
+from data_schemas.encoding import CHUNK, _modest, chunk_shape, encoded
 from data_schemas.errors import FileError
+from data_schemas.guard import Budget, survey
 from data_schemas.writing import beside
 
 
@@ -109,3 +110,22 @@ def test_reserved_attributes_are_named() -> None:
     for name in ("_FillValue", "CLASS"):
         with pytest.raises(FileError, match=f"a, attribute {name}: is reserved by netCDF; remove it"):
             encoded({"": Group({}, {"a": Entry((), np.zeros(()), {name: 1.0})})})
+
+
+def test_a_content_of_modest_size_always_passes_the_guard() -> None:
+    """Each bound on its own: just below it the file is read back unsurveyed, so the guard must take it."""
+    numbers = {f"a{index}": Entry(("x",), np.ones(2)) for index in range(199)}
+    cases: list[Contents] = [
+        {"": Group({}, numbers)},
+        {"": Group({f"a{index}": "b" for index in range(127)}, {})},
+        {"": Group({"a": np.ones(255), "b": "c" * (1 << 21)}, {})},
+        {"": Group({}, {"a": Entry(tuple("uvwx"), np.ones((2, 1, 1, 2)))})},
+        {"": Group({}, {"a": Entry(("x",), np.array(["ä" * 9] * 4095))})},
+        {"a/b/c/d"[:length]: Group() for length in (0, 1, 3, 5, 7)},
+        {"": Group(), **{f"g{index}": Group({}, {"a": Entry(("x",), np.ones(2))}) for index in range(30)}},
+    ]
+    for contents in cases:
+        assert _modest(contents)
+        image = encoded(contents)
+        survey(opened(contents), image.nbytes, Budget())
+    assert not _modest({"": Group({f"a{index}": 1 for index in range(128)}, {})})

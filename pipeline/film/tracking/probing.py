@@ -276,7 +276,7 @@ def _running_median(light: Floats, half: int) -> Floats:
 
 
 def measure_shear(section: Section) -> float:
-    """Rows by which the image lags per column, from the readings' second harmonic; 0 where it cannot be told.
+    """Rows by which the image lags per column, from the readings' second harmonic; 0 where the section is too short.
 
     With the slit askew by k rows a column, x(r) = A cos(w (r - k x)) = A cos(wr) + k w A^2/2 sin(2 wr) + ...
     """

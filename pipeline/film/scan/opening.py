@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import FileError, UsageError
-from data_schemas.ordinary import MOST_BYTES, ordinary_size
+from data_schemas.text_files import MOST_BYTES, ordinary_size
 from pipeline.film.scan.files import ImageFile, open_tiff, open_whole
 from pipeline.film.scan.image import (
     CLOCKWISE,

@@ -20,14 +20,7 @@ from scipy.optimize import least_squares
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
-from pipeline.film.emulsion import (
-    LEAST_GROWTH,
-    STEEPEST_GRAIN,
-    FilmEmulsion,
-    ToneCurve,
-    plain_emulsion,
-    shown_darkness,
-)
+from pipeline.film.emulsion import FilmEmulsion, ToneCurve, bounded_growth, plain_emulsion, shown_darkness
 from pipeline.film.marks.pieces import exposed
 from pipeline.film.parts import Emulsion, Tracks
 from pipeline.film.scan.opening import OpenScan
@@ -332,8 +325,7 @@ def grain_growth(dark: Floats, shade: Floats, blank: float) -> float:
     for low, high in pairwise(SHADES * shade.max()):
         inside = (shade >= low) & (shade < high)
         if np.count_nonzero(inside) >= LEAST_PIXELS:
-            left = dark[inside] - shade[inside]
-            spread = 1.4826 * float(np.median(np.abs(left - np.median(left))))
+            residual = dark[inside] - shade[inside]
+            spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
             growth.append((spread**2 - blank) / float(shade[inside].mean()))
-    least = min(growth, default=10.0 * blank)
-    return float(np.clip(least, LEAST_GROWTH, max(STEEPEST_GRAIN * blank, LEAST_GROWTH)))
+    return bounded_growth(min(growth, default=10.0 * blank), blank)

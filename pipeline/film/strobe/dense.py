@@ -245,7 +245,7 @@ def dense_emulsion(scan: OpenScan, count: int | None) -> FilmEmulsion:
 def _guessed(scan: OpenScan) -> FilmEmulsion:
     """The emulsion as the darkest pixels of some sections suggest it: turning points of slow films are saturated."""
     plain = plain_emulsion(scan)
-    darkest = [np.quantile(shown_darkness(plain, scan, *piece), 1.0 - SHARE) for piece in _pieces(scan)]
+    darkest = [float(np.quantile(shown_darkness(plain, scan, *each), 1.0 - SHARE)) for each in _pieces(scan)]
     least = 3.0 * float(np.sqrt(plain.grain[0]))
     return replace(plain, curve=replace(plain.curve, darkest=max(DARKEST * float(np.median(darkest)), least)))
 

@@ -180,6 +180,11 @@ class Blank(NamedTuple):
     across: Lines | None = None
 
 
+def bounded_growth(growth: float, blank: float) -> float:
+    """Growth of the variance of a pixel's darkness with it within what films show; `blank` is that on blank film."""
+    return float(np.clip(growth, LEAST_GROWTH, max(STEEPEST_GRAIN * blank, LEAST_GROWTH)))
+
+
 def darkness_table(full_scale: int) -> NDArray[np.float32]:
     """Log10 of full scale over pixel, for every value a pixel can have."""
     values = np.arange(full_scale + 1, dtype=np.float64)

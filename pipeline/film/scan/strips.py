@@ -7,6 +7,7 @@ best must be better than all others by far.
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ from synth.kernels.compiled import kernel
 
 DOWN, ACROSS = 2, 6  # pixels to a bin of the search
 TEMPLATES, TEMPLATE = 4, 96  # parts of the strip's beginning that are searched for, bins of rows each
-LONGEST = 8192  # rows of overlap that are looked for
+LONGEST = 8192  # rows of overlap that are searched
 NEAR = 6  # bins of rows that count as one shift
 CANDIDATES = 24  # shifts of each template
 ROUGH, FINE = 16, 3  # of the best shifts, aligned roughly and finely:
@@ -39,11 +40,10 @@ Grey = NDArray[np.float32]
 
 
 class Placement(NamedTuple):
-    """Where a strip lies on the one before: its pixel (r, c) falls on (row + r cos + c sin, column + c cos - r sin)."""
+    """Where a strip lies on the one before: pixel z = row + i column of it falls on `offset + z exp(-i turn)`."""
 
-    row: float
-    column: float
-    turn: float  # angle of that cos and sin, rad
+    offset: complex  # px
+    turn: float  # rad
     match: float  # correlation of the grey values where they overlap, 1 at best
     second: float = 0.0  # of the best other placement
 
@@ -58,22 +58,17 @@ class Part:
     """A strip in the frame of the film, which is the first strip's."""
 
     image: Image
-    row: float
-    column: float
+    offset: complex  # see `Placement`
     turn: float
     first: int  # row of the film from which on it is read
 
     def fill(self, first: int, wanted: Pixels) -> None:
         """Rows of the film from `first` on."""
-        cosine, sine = math.cos(self.turn), math.sin(self.turn)
-        # the film's (first, 0) in the strip
-        row = (first - self.row) * cosine + self.column * sine
-        column = (first - self.row) * sine - self.column * cosine
-        tilt = abs(self.turn) * wanted.shape[1]
-        low = min(max(0, math.floor(row - tilt) - MARGIN), self.image.rows - 1)
-        high = min(self.image.rows, math.ceil(row + wanted.shape[0] + tilt) + MARGIN)
-        source = self.image.read(low, max(high, low + 1))
-        resample(source, wanted, row - low, column, cosine, sine, float(self.image.full_scale))
+        begin, tilt = (first - self.offset) * cmath.exp(1j * self.turn), abs(self.turn) * wanted.shape[1]
+        low = min(max(0, math.floor(begin.real - tilt) - MARGIN), self.image.rows - 1)
+        high = min(self.image.rows, math.ceil(begin.real + wanted.shape[0] + tilt) + MARGIN)
+        source, top = self.image.read(low, max(high, low + 1)), float(self.image.full_scale)
+        resample(source, wanted, begin.real - low, begin.imag, math.cos(self.turn), math.sin(self.turn), top)
 
 
 @dataclass
@@ -106,7 +101,7 @@ def join(images: Sequence[Image], paths: Sequence[Path]) -> Joined:
     """
     if len({image.full_scale for image in images}) > 1:
         raise FileError(f"{paths[0]}: the strips have 8 and 16 bits; save them alike")
-    parts = [Part(images[0], 0.0, 0.0, 0.0, 0)]
+    parts = [Part(images[0], 0.0, 0.0, 0)]
     for number in range(1, len(images)):
         placed = place(images[number - 1], images[number])
         if placed is None or not placed.is_certain:
@@ -116,17 +111,15 @@ def join(images: Sequence[Image], paths: Sequence[Path]) -> Joined:
                 f"of {paths[number - 1].name}; give the strips in the order of time, each overlapping the one before "
                 "by some 200 rows or more"
             )
-        before = parts[-1]
-        cosine, sine = math.cos(before.turn), math.sin(before.turn)
-        row = before.row + placed.row * cosine + placed.column * sine
-        column = before.column + placed.column * cosine - placed.row * sine
-        turn, size = before.turn + placed.turn, max(images[number].rows, images[number].columns)
-        if max(abs(row - round(row)), abs(column - round(column))) + abs(turn) * size < EXACT:
-            row, column, turn = float(round(row)), float(round(column)), 0.0
-        seam = math.ceil(0.5 * (row + before.row + before.image.rows))
-        parts.append(Part(images[number], row, column, turn, max(before.first + 1, seam)))
-    last = parts[-1]
-    return Joined(tuple(parts), math.floor(last.row + last.image.rows + min(0.0, last.turn * parts[0].image.columns)))
+        before, size = parts[-1], max(images[number].rows, images[number].columns)
+        offset = before.offset + placed.offset * cmath.exp(-1j * before.turn)
+        turn, whole = before.turn + placed.turn, complex(round(offset.real), round(offset.imag))
+        if max(abs((offset - whole).real), abs((offset - whole).imag)) + abs(turn) * size < EXACT:
+            offset, turn = whole, 0.0
+        seam = math.ceil(0.5 * (offset.real + before.offset.real + before.image.rows))
+        parts.append(Part(images[number], offset, turn, max(before.first + 1, seam)))
+    end = parts[-1].offset.real + parts[-1].image.rows + min(0.0, parts[-1].turn * images[0].columns)
+    return Joined(tuple(parts), math.floor(end))
 
 
 @kernel
@@ -165,9 +158,9 @@ def place(before: Image, strip: Image) -> Placement | None:
     tried: dict[int, Placement] = {}
     for _, (down, across) in ranked:
         if len(tried) < ROUGH and all(abs(down - other) > NEAR for other in tried):
-            tried[down] = align(before, strip, float(first + down * DOWN), float(across * ACROSS), ROUGHLY)
+            tried[down] = align(before, strip, complex(first + down * DOWN, across * ACROSS), ROUGHLY)
     rough = sorted(tried.values(), key=lambda each: -each.match)[:FINE]
-    fine = [align(before, strip, each.row, each.column, FINELY, each.turn) for each in rough]
+    fine = [align(before, strip, each.offset, FINELY, each.turn) for each in rough]
     best, *others = sorted(fine, key=lambda each: -each.match)
     return best._replace(second=max((each.match for each in others), default=0.0))
 
@@ -214,12 +207,11 @@ def _match(old: Grey, new: Grey, down: int, across: int) -> float:
     return float(np.sum(one * other, dtype=np.float64)) / norm if norm > 0.0 else 0.0
 
 
-def align(
-    before: Image, strip: Image, row: float, column: float, widths: Sequence[float], turn: float = 0.0
-) -> Placement:
+def align(before: Image, strip: Image, offset: complex, widths: Sequence[float], turn: float = 0.0) -> Placement:
     """Refine a placement that is right to a few pixels, by Gauss-Newton on the images smoothed by `widths` in turn."""
     from scipy.ndimage import gaussian_filter, map_coordinates
 
+    row, column = offset.real, offset.imag
     overlap = min(before.rows - round(row), strip.rows)
     first = max(0, (overlap - ROWS) // 2)
     rows, columns = min(ROWS, overlap), strip.columns
@@ -242,7 +234,7 @@ def align(
                 map_coordinates(each, at[:, inside], order=1, mode="nearest") for each in (smooth, *slopes)
             )
             if shown.size < 100:  # away from the overlap: no match
-                return Placement(row, column, 0.0, 0.0)
+                return Placement(offset, 0.0, 0.0)
             match = float(np.corrcoef(shown, wanted[inside])[0, 1])
             by_turn = by_row * about_column[inside] - by_column * about_row[inside]
             design = np.stack([by_row, by_column, by_turn])
@@ -252,7 +244,7 @@ def align(
                 break
     # from turning about the middle of the compared part to turning about the strip's first pixel
     row, column = shift_row + start - first - turn * middle_column, shift_column + turn * (middle_row + first)
-    return Placement(float(row), float(column), float(turn), match)
+    return Placement(complex(row, column), float(turn), match)
 
 
 def _levelled(pixels: Pixels) -> Floats:

@@ -1,12 +1,12 @@
 """Traces and emulsion of a slow film, whose swings lie so close that rows do not show lines one by one.
 
-Such films are read at the marks alone; this is where the gaps are looked for. The film is cut into blocks of two
-swings, each half over the next. The mean place of each row's light gives a block's first curve, without regard to the
+Such films are read at the marks alone; the traces say where their gaps are searched. The film is cut into blocks of two
+swings, each half over the next. The mean place of each row's light gives a block's first curve, independent of the
 other blocks; the curve is then fitted to the film, and neighbouring blocks are blended. Blocks that do not lie on a
 line, or not where their neighbours lead, are left out.
 
-The curves also tell how much light each pixel had, and the pixels' darkness against it is the characteristic curve.
-That is told from blocks here and there, twice: the first time with a curve guessed of the darkest pixels.
+The curves also give the light of each pixel, and the pixels' darkness against it is the characteristic curve. It is
+fitted to some blocks, twice: the first time with a curve guessed from the darkest pixels.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
-from pipeline.film.emulsion import LEAST_GROWTH, STEEPEST_GRAIN, FilmEmulsion, ToneCurve, plain_emulsion
+from pipeline.film.emulsion import FilmEmulsion, ToneCurve, bounded_growth, plain_emulsion, shown_darkness
 from pipeline.film.marks.pieces import exposed
 from pipeline.film.parts import Emulsion, Tracks
 from pipeline.film.scan.opening import OpenScan
@@ -31,43 +31,35 @@ APART = 1.0  # spots across the line, by which two blocks may differ in the midd
 BETWEEN = 9  # places at which they are compared
 GAP, LOST = 1, 32  # of the record's flags
 PIECE = 1024  # rows read at once
-BESIDE = 0.5  # of a band's width on either side, in which its light is looked for
+BESIDE = 0.5  # of a band's width on either side, in which its light is searched
 ROOM = np.array([15.0, 15.0, 10.0, 5.0, 12.0, 8.0, 3.0, 12.0, 8.0, 3.0])  # px, of a shape about its first guess
 ROUNDS = 3
 LIT, DIM = 0.5, 0.06  # share of points lit, and light over the rows', from which a block is believed
 SMALLEST = 6.0  # spots, of the swing's amplitude
 ALIKE = 0.15  # of the swing, by which it may change from block to block
 RETRIES = 3  # from the neighbours' swing
-AROUND = 10  # blocks on either side that tell the usual swing
+AROUND = 10  # blocks on either side that give the usual swing
 LEAST_READ = 0.5  # of the blocks
 USUAL_SPOT = 1.2  # px: 0.1 mm at 300 dpi
-PLACES, RUN = 10, 3  # runs of blocks that tell the curve, spread over the film, and blocks in each
+PLACES, RUN = 10, 3  # runs of blocks to which the curve is fitted, spread over the film, and blocks in each
 TURNS, UNIT_TURNS = 2, 4
-PIECES, ROWS = 4, 256  # pieces, and rows in each, in which the darkest pixels are looked for
+PIECES, ROWS = 4, 256  # pieces, and rows in each, in which the darkest pixels are searched
 DARKEST, SHARE = 1.08, 2e-4  # of the film's darkest pixels, that endless light makes; share of them
-STEPS, FAINTEST = 24, 0.01  # of light, over the brightest, at which darkness is told
+STEPS, FAINTEST = 24, 0.01  # of light, over the brightest, at which darkness is compared
 LEAST_PIXELS, LEAST_STEPS = 30, 8
 PRIOR = np.array([0.1, 3.0, 0.15])  # 1 sigma of the guessed curve's darkest, middle and contrast, relative
 SURE = 0.02  # of darkness, and of the darkest, 1 sigma of a step's
-SHADES = np.linspace(0.3, 1.0, 8)  # of the darkest pixel, between which grain is told
+SHADES = np.linspace(0.3, 1.0, 8)  # of the darkest pixel, between which grain is estimated
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """Curves of all traces, block by block.
+    """Curves of all traces, block by block."""
 
-    Attributes
-    ----------
-    middle : (blocks,) array
-        Row of each block's middle; blocks reach `period` rows, a swing, to either side.
-    shape, light : (traces, blocks, SIZE), (traces, blocks) arrays
-        Light of the line is 0 where the block is not believed.
-    """
-
-    middle: Floats
-    shape: Floats
-    light: Floats
-    period: float
+    middle: Floats  # (blocks,), rows
+    shape: Floats  # (traces, blocks, SIZE)
+    light: Floats  # (traces, blocks), of the line; 0 where the block is not believed
+    period: float  # rows in a swing, by which blocks reach to either side of their middles
 
     @staticmethod
     def empty(traces: int, rows: int, period: float) -> Blocks:
@@ -111,7 +103,7 @@ def spot_of(scan: OpenScan) -> float:
 
 
 def windows(bands: Survey, columns: int) -> list[tuple[int, int]]:
-    """Columns in which the light of each band is looked for: half way to the next band at most."""
+    """Columns in which the light of each band is searched: half way to the next band at most."""
     half_way = [0, *((a.right + b.left) // 2 for a, b in pairwise(bands.bands)), columns]
     room = [int(BESIDE * (band.right - band.left)) for band in bands.bands]
     return [
@@ -143,13 +135,7 @@ def follow(scan: OpenScan, emulsion: Emulsion, bands: Survey, spot: float, block
 
 
 def line_light(light: Floats, spot: float) -> float:
-    """Exposure on the axis of a line at rest that leaves such light in each row.
-
-    Examples
-    --------
-    >>> round(line_light(np.array([3.0, 3.0, 0.0, 3.1]), 1.2), 3)
-    0.997
-    """
+    """Exposure on the axis of a line at rest that leaves such light in each row."""
     lit = light[light > 0.0]
     return float(np.median(lit) / (np.sqrt(2.0 * np.pi) * spot)) if lit.size else 1.0
 
@@ -259,9 +245,7 @@ def dense_emulsion(scan: OpenScan, count: int | None) -> FilmEmulsion:
 def _guessed(scan: OpenScan) -> FilmEmulsion:
     """The emulsion as the darkest pixels of some sections suggest it: turning points of slow films are saturated."""
     plain = plain_emulsion(scan)
-    darkest = [
-        float(np.quantile(plain.darkness(scan.read(first, stop), first), 1.0 - SHARE)) for first, stop in _pieces(scan)
-    ]
+    darkest = [float(np.quantile(shown_darkness(plain, scan, *each), 1.0 - SHARE)) for each in _pieces(scan)]
     least = 3.0 * float(np.sqrt(plain.grain[0]))
     return replace(plain, curve=replace(plain.curve, darkest=max(DARKEST * float(np.median(darkest)), least)))
 
@@ -294,7 +278,7 @@ def lights(scan: OpenScan, emulsion: FilmEmulsion, bands: Survey, spot: float) -
     blocks = Blocks(whole.middle[at], whole.shape[:, at], whole.light[:, at], bands.period)
     follow(scan, emulsion, bands, spot, blocks)
     table, node, rows = node_table(bands.period, spot), bands.period / NODES, int(bands.period)
-    canvas, found = np.empty((rows, scan.columns)), [np.empty((2, 0))]
+    canvas, pixels = np.empty((rows, scan.columns)), [np.empty((2, 0))]
     for trace, (left, right) in enumerate(windows(bands, scan.columns)):
         good = np.flatnonzero(blocks.light[trace] > 0.0)
         usual = float(np.median(blocks.light[trace, good])) if good.size else 1.0
@@ -305,9 +289,9 @@ def lights(scan: OpenScan, emulsion: FilmEmulsion, bands: Survey, spot: float) -
             draw_curve(canvas, rows, scan.columns, begin, 0.0, node, course, slope, spot)
             drawn = blocks.light[trace, block] / usual * canvas[:, left:right]
             lit = drawn > FAINTEST * drawn.max()
-            dark = emulsion.darkness(scan.read(top, top + rows), top)[:, left:right]
-            found.append(np.stack([drawn[lit], dark[lit]]))
-    light, dark = np.concatenate(found, axis=1)
+            dark = shown_darkness(emulsion, scan, top, top + rows)[:, left:right]
+            pixels.append(np.stack([drawn[lit], dark[lit]]))
+    light, dark = np.concatenate(pixels, axis=1)
     return light, dark
 
 
@@ -341,8 +325,7 @@ def grain_growth(dark: Floats, shade: Floats, blank: float) -> float:
     for low, high in pairwise(SHADES * shade.max()):
         inside = (shade >= low) & (shade < high)
         if np.count_nonzero(inside) >= LEAST_PIXELS:
-            left = dark[inside] - shade[inside]
-            spread = 1.4826 * float(np.median(np.abs(left - np.median(left))))
+            residual = dark[inside] - shade[inside]
+            spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
             growth.append((spread**2 - blank) / float(shade[inside].mean()))
-    least = min(growth, default=10.0 * blank)
-    return float(np.clip(least, LEAST_GROWTH, max(STEEPEST_GRAIN * blank, LEAST_GROWTH)))
+    return bounded_growth(min(growth, default=10.0 * blank), blank)

@@ -2,9 +2,8 @@
 
 Over two swings or so a trace is `P(x) + C(x) cos wr + S(x) sin wr` with polynomials P, C, S of the place x in the
 block: drift and swell, amplitude and phase with what the paper's speed does to it. The whole block is drawn, strokes
-beside each other and all, and compared with the film; at points along the curve what is left tells how far the line
-lies to one side, and least squares make of it a better curve (Gauss-Newton with the strokes' overlap left out of the
-Hessian).
+beside each other and all, and compared with the film; residuals at points along the curve give the line's distance to
+one side, and least squares a better curve (Gauss-Newton with the strokes' overlap left out of the Hessian).
 """
 
 from __future__ import annotations
@@ -22,10 +21,10 @@ from synth.kernels.compiled import kernel
 
 CUBIC, QUADRATIC = 4, 3
 SIZE = CUBIC + 2 * QUADRATIC
-DRAW, REACH = 1.4, 3.0  # spots between spots drawn: their sum is even to 1e-4; spots, beyond which there is no light
 POINT, COARSE = 2.0, 4.0  # spots between points measured, at last and as long as the curve still moves
 NEAR, SETTLED = 0.3, 0.02  # px, of the shape's last step, from which points lie close, and from which it stays
 PRIOR = 0.2  # weight of a shape's first guess, against points px from it
+DRAW, REACH = 1.4, 3.0  # spots between spots drawn: their sum is even to 1e-4; spots, beyond which there is no light
 NODES = 40  # a swing, between which the curve is cubic: to 2e-6 of the amplitude
 EDGE = 6.0  # spots of a block's line that are drawn beyond its ends
 ACROSS, APART = 3, 0.6  # places to either side of the line, and spots between them
@@ -34,10 +33,7 @@ FARTHEST = 2.0  # spots that a point may lie beside the line
 
 
 def values(shape: Floats, away: NDArray[np.floating[Any]], half: float) -> Floats:
-    """Column, slope and curvature of curves (..., SIZE) at `away` rows from their blocks' middles, (3, ...).
-
-    `half` is half of a block, and a swing, rows.
-    """
+    """Column, slope and curvature of curves (..., SIZE) at `away` rows from their blocks' middles, (3, ...)."""
     x, turn = away / half, 2.0 * np.pi / half
     rotation = np.exp(1j * turn * away)
     p0, p1, p2, p3 = (shape[..., k] for k in range(CUBIC))
@@ -64,30 +60,15 @@ def node_table(half: float, spot: float) -> Floats:
 
 
 class Known(NamedTuple):
-    """What is known of the blocks of a piece of film.
+    """What is known of the blocks of a piece of film."""
 
-    Attributes
-    ----------
-    half, spot : float
-        Rows of half a block, and of a swing; 1 sigma of the spot, px.
-    gain, brightest : float
-        Exposure on the axis of a line at rest, about; and that from which the film is saturated: what is brighter,
-        there or drawn, counts as just as bright.
-    room : (SIZE,) array
-        1 sigma of what a shape may differ from where it began, px.
-    nodes : (2, nodes, SIZE) array
-        Of `node_table`.
-    canvas : (rows, columns) array
-        To draw on, at least as large as a block's surroundings.
-    """
-
-    half: float
+    half: float  # rows of half a block, and of a swing
     spot: float
-    gain: float
-    brightest: float
-    room: Floats
-    nodes: Floats
-    canvas: Floats
+    gain: float  # exposure on the axis of a line at rest, about
+    brightest: float  # exposure from which the film is saturated: what is brighter, there or drawn, counts as much
+    room: Floats  # (SIZE,), 1 sigma of what a shape may differ from where it began, px
+    nodes: Floats  # of `node_table`
+    canvas: Floats  # to draw on, at least as large as a block's surroundings
 
 
 @kernel
@@ -140,12 +121,8 @@ def fit_block(
 ) -> tuple[float, float]:
     """Fit a block's curve, `shape` (P, C and S by powers of x), to a piece of film that begins with row `first`.
 
-    Returns
-    -------
-    light : float
-        Of the line over that of its slope; 0 where the block cannot be fitted.
-    share : float
-        Of points that count.
+    Returns the light of the line over that of its slope, 0 where the block cannot be fitted, and the share of points
+    that count.
     """
     half, spot, gain, brightest, room, _, canvas = known
     turn = 2.0 * math.pi / half
@@ -195,7 +172,7 @@ def fit_block(
             if drawn > 0.0 and gram > 0.0:
                 share = seen / drawn
                 away = odd / gram
-                # while the curve is far from its line there is little light on it: its side still tells
+                # while the curve is far from its line there is little light on it: its side still counts
                 if share < BRIGHTEST * light and abs(away) < FARTHEST * spot:
                     if share > DIMMEST * light:
                         seen_light += seen * drawn

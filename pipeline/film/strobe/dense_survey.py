@@ -25,10 +25,10 @@ ROOM = np.array([1e3, 90.0, 45.0, 20.0, 1e3, 20.0, 5.0, 1e3, 20.0, 5.0])  # px, 
 NOISE = 4.0  # px, 1 sigma of a row's mean place
 ROUNDS = 4
 FARTHEST = 2.0  # NOISE or usual residuals, of a row that counts in full
-BRIGHTEST = 0.1  # exposure that counts: turning points are saturated, and the curve cannot tell their light
+BRIGHTEST = 0.1  # exposure that counts: turning points are saturated, and the curve does not give their light
 DARK = 0.3  # of the usual light of a row, below which it shows nothing
-TOLD, GUESSED = 0.3, 1.0  # of an exposure, 1 sigma of a pixel's grain up to which it is told, and at all believed
-HIDDEN = 1e3  # 1 sigma of what is not told
+KNOWN, GUESSED = 0.3, 1.0  # of an exposure, 1 sigma of a pixel's grain up to which it is known, and at all believed
+HIDDEN = 1e3  # 1 sigma of what is not known
 SWINGS = 24  # of a section, about
 USUAL_SWING = 18.0  # rows
 PLACES = 9  # sections
@@ -55,13 +55,9 @@ def light_of(exposure: NDArray[np.float32], left: int, right: int, least: float)
 def first_shapes(
     light: Floats, column: Floats, first: int, middles: Floats, period: float, spot: float
 ) -> tuple[Floats, Floats]:
-    """Curves of the blocks around the rows `middles`, by `light_of` the rows from `first` on.
+    """Curves (blocks, SIZE) around the rows `middles`, by `light_of` the rows from `first` on, and residuals (blocks,).
 
-    Returns
-    -------
-    shapes : (blocks, SIZE) array
-    residual : (blocks,) array
-        Usual distance of the rows' light from them, px; NaN where too few rows show light.
+    The residual is the usual distance of the rows' light from the curve, px; NaN where too few rows show light.
     """
     turn, count = 2.0 * np.pi / period, int(np.ceil(2.0 * period))
     at = np.round(middles - period).astype(np.int64)[:, None] - first + np.arange(count)
@@ -96,24 +92,24 @@ def faintest(emulsion: Emulsion) -> float:
     return SHADE * float(emulsion.noise(np.zeros(1, dtype=np.float32))[0])
 
 
-def saturation(emulsion: Emulsion, unsure: float = TOLD) -> float:
-    """Exposure from which the grain of a pixel exceeds a share of it: how bright it was is no longer told."""
+def saturation(emulsion: Emulsion, unsure: float = KNOWN) -> float:
+    """Exposure from which the grain of a pixel exceeds a share of it: how bright it was is no longer known."""
     light = np.linspace(0.02, 2.0, 100, dtype=np.float32)
-    told = np.asarray(emulsion.noise(light), dtype=np.float64) < unsure * light
-    return float(light[told].max()) if told.any() else float(light[-1])
+    known = np.asarray(emulsion.noise(light), dtype=np.float64) < unsure * light
+    return float(light[known].max()) if known.any() else float(light[-1])
 
 
 @dataclass(frozen=True)
 class Saturated:
-    """An emulsion whose pixels have no weight beyond the exposure `told`, and give at most `brightest`."""
+    """An emulsion whose pixels have no weight beyond the exposure `known`, and give at most `brightest`."""
 
     emulsion: Emulsion
-    told: float
+    known: float
     brightest: float
 
     @staticmethod
     def of(emulsion: Emulsion) -> Saturated:
-        """The same emulsion with an end to what it tells."""
+        """The same emulsion with an end to what it resolves."""
         return Saturated(emulsion, saturation(emulsion), saturation(emulsion, GUESSED))
 
     def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
@@ -123,19 +119,18 @@ class Saturated:
     def noise(self, exposure: NDArray[np.float32]) -> NDArray[np.float32]:
         """1 sigma of the grain in units of exposure; without end where the film is saturated."""
         sigma = np.asarray(self.emulsion.noise(exposure), dtype=np.float32)
-        return np.where(np.asarray(exposure) > self.told, np.float32(HIDDEN), sigma)
+        return np.where(np.asarray(exposure) > self.known, np.float32(HIDDEN), sigma)
 
 
 class Band(NamedTuple):
-    """A band of swings: columns from `left` to `right`."""
+    """Columns of a band of swings."""
 
     left: int
     right: int
 
 
-@dataclass(frozen=True)
-class Survey:
-    """What a slow film shows: bands from left to right, and the rows in a swing."""
+class Survey(NamedTuple):
+    """Bands of a slow film from left to right, and the rows in a swing."""
 
     bands: tuple[Band, ...]
     period: float
@@ -171,18 +166,7 @@ def survey(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Survey:
 
 
 def voted(periods: list[float]) -> float:
-    """The rows in a swing on which most sections agree.
-
-    Raises
-    ------
-    RefusedError
-        Fewer than half of them do.
-
-    Examples
-    --------
-    >>> voted([17.9, 18.0, 35.2, 17.8, 17.9])
-    17.9
-    """
+    """The rows in a swing on which most sections agree; raises `RefusedError` where fewer than half of them do."""
     ordered = np.sort(periods)
     within = np.searchsorted(ordered, ordered * (1.0 + AGREE)) - np.arange(ordered.size)
     start = int(np.argmax(within))

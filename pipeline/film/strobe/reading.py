@@ -2,7 +2,7 @@
 
 The place is the middle of the gap on the curve, by its two ends; no row enters, so neither does the paper's motion: the
 time is the chronometer's own. On steep strokes an end is sharp and the place good to a tenth of a pixel; in turning
-points the gap takes most of the line away and the place is that of what is left around it.
+points the gap takes most of the line away and the place is that of the remainder around it.
 """
 
 from __future__ import annotations
@@ -19,15 +19,14 @@ from pipeline.film.scan.opening import OpenScan
 
 GAP, AMBIGUOUS, LOST, OVERLAP = 1, 16, 32, 64  # of the record's flags
 WIDTH_PRIOR = 0.06  # of the gap's width, 1 sigma
-BEND = 0.07  # px, 1 sigma of the course's error across the line that is no shift: it tells where the line is flat
+BEND = 0.07  # px, 1 sigma of the course's error across the line that is no shift: it matters where the line is flat
 DENSE_LATERAL = 1.0  # px, 1 sigma of the course of a dense band across the line: a gap in a turning point shortens it
-UNTOLD_BEND = 3.0  # px, the same of a dense band, where nothing tells it
-STEEP = 10.0  # slope of the strokes that tell how good a dense band's course is
-LEAST_STEEP = 12  # gaps on such strokes for them to tell it
+UNKNOWN_BEND = 3.0  # px, the same of a dense band that has too few steep strokes
+STEEP, LEAST_STEEP = 10.0, 12  # slope of the strokes from which the error of a dense band is estimated; gaps on them
 AT_TURNS = 1.0  # times the error of a dense band on steep strokes is that in its turning points
 CROSSING = 6.0  # spots across the lines, within which another trace may hide a gap
 FLOOR = 0.06  # px along the film, of courses that are a little wrong
-UNCERTAIN = 0.25  # of the depth, 1 sigma beyond which a gap cannot be told
+UNCERTAIN = 0.25  # of the depth, 1 sigma beyond which a gap is not certain
 
 
 def read_at_marks(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, axis: TimeAxis, jobs: int = 1) -> Strobe:
@@ -43,12 +42,16 @@ def read_at_marks(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, axis: Time
     Raises
     ------
     RefusedError
-        There are too few gaps to tell how long the shutter closed.
+        There are too few gaps to estimate how long the shutter closed.
     """
     if axis.kind != "gaps":
         nothing = np.empty((len(tracks.course), 0))
         return Strobe(axis.index[:0], nothing, nothing, nothing.astype(np.uint16))
-    index, row = _expected(axis)
+    # all numbers from the first mark to the last, and their rows at column 0 of the first trace
+    index = np.arange(axis.index[0], axis.index[-1] + 1)
+    known = np.flatnonzero(np.isfinite(axis.seconds))
+    row = np.interp(index * axis.interval, axis.seconds[known], known + 0.5)
+    row[axis.index - index[0]] = axis.row
     usual = learned_width(scan, emulsion, tracks)
     pace = np.gradient(row, index * axis.interval)
     pace /= np.median(pace)
@@ -71,15 +74,6 @@ def read_at_marks(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, axis: Time
     return _strobe(index, where, tracks, trace, mark, Gaps.of(trace, np.concatenate([each[2] for each in results])))
 
 
-def _expected(axis: TimeAxis) -> tuple[NDArray[np.int64], Floats]:
-    """All numbers from the first mark to the last, and their rows at column 0 of the first trace."""
-    index = np.arange(axis.index[0], axis.index[-1] + 1)
-    known = np.flatnonzero(np.isfinite(axis.seconds))
-    row = np.interp(index * axis.interval, axis.seconds[known], known + 0.5)
-    row[axis.index - index[0]] = axis.row
-    return index, row
-
-
 def _on_trace(tracks: Tracks, trace: int, row: Floats, shear: float) -> tuple[Floats, Floats]:
     """Rows and slopes of a trace where it meets oblique lines through `row` at column 0."""
     course, slope = tracks.course[trace], tracks.slope[trace]
@@ -93,13 +87,10 @@ def _on_trace(tracks: Tracks, trace: int, row: Floats, shear: float) -> tuple[Fl
 
 
 def _strobe(
-    index: NDArray[np.int64],
-    where: Floats,
-    tracks: Tracks,
-    trace: NDArray[np.int64],
-    mark: NDArray[np.int64],
+    index: NDArray[np.int64], where: Floats, tracks: Tracks, trace: NDArray[np.int64], mark: NDArray[np.int64],
     gaps: Gaps,
-) -> Strobe:
+) -> Strobe:  # fmt: skip
+    """Places of the gaps that are certain, and flags of the others."""
     position, sigma = np.full(where.shape, np.nan), np.full(where.shape, np.nan)
     qc = np.where(np.isfinite(where), GAP, LOST).astype(np.uint16)
     fit = np.isfinite(gaps.row)
@@ -127,12 +118,12 @@ def read_by_rows(tracks: Tracks) -> bool:
 def bends(tracks: Tracks, gaps: Gaps) -> Floats:
     """Error of each trace's course that is no shift of it, px where the line is flat, (traces,).
 
-    Courses of dense bands are not read row by row: how far they lie beside the gaps on steep strokes, whose ends do not
-    depend on them, tells how far they may lie beside the turning points.
+    Courses of dense bands are not read row by row: that in turning points is estimated from how far they lie beside the
+    gaps on steep strokes, whose ends do not depend on them.
     """
     if read_by_rows(tracks):
         return np.full(len(tracks.course), BEND)
-    out = np.full(len(tracks.course), UNTOLD_BEND)
+    out = np.full(len(tracks.course), UNKNOWN_BEND)
     for trace in range(len(out)):
         steep = gaps.pick((gaps.trace == trace) & (np.abs(gaps.slope) > STEEP))
         if steep.size < LEAST_STEEP:

@@ -16,15 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion import (
-    LEAST_GROWTH,
-    STEEPEST_GRAIN,
-    FilmEmulsion,
-    ToneCurve,
-    clumps_of,
-    plain_emulsion,
-    shown_darkness,
-)
+from pipeline.film.emulsion import FilmEmulsion, ToneCurve, bounded_growth, clumps_of, plain_emulsion, shown_darkness
 from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.line_profile import MOST_NODES, Optics, nodes_of, profile
 from pipeline.film.tracking.motion import place_and_rate
@@ -97,10 +89,9 @@ def probe(
                 break
             piece = darkness(first, stop)
             guess = optics or first_optics(piece, sigma)
-            found = _read_askew(piece, first, guess, read[0][0].period if read else None, count)
+            one = _read_askew(piece, first, guess, read[0][0].period if read else None, count)
             tried.append((first, stop))
-            if found is not None:
-                read.append(found)
+            read += [] if one is None else [one]
         if read:
             break
         if height >= min(rows, TALLEST):
@@ -238,7 +229,7 @@ def _grain(residual: Floats, dark: Floats, blank: float) -> Floats:
     spread = np.array([1.4826 * np.median(np.abs(residual[part])) for part in parts])
     middle = np.array([dark[part].mean() for part in parts])
     growth = float(np.sum((spread**2 - blank) * middle) / max(float(np.sum(middle**2)), 1e-12))
-    return np.array([blank, float(np.clip(growth, LEAST_GROWTH, max(STEEPEST_GRAIN * blank, LEAST_GROWTH)))])
+    return np.array([blank, bounded_growth(growth, blank)])
 
 
 def _open_rows(section: Section, spot: float) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, float]:
@@ -276,7 +267,7 @@ def _running_median(light: Floats, half: int) -> Floats:
 
 
 def measure_shear(section: Section) -> float:
-    """Rows by which the image lags per column, from the readings' second harmonic; 0 where it cannot be told.
+    """Rows by which the image lags per column, from the readings' second harmonic; 0 where the section is too short.
 
     With the slit askew by k rows a column, x(r) = A cos(w (r - k x)) = A cos(wr) + k w A^2/2 sin(2 wr) + ...
     """

@@ -19,7 +19,7 @@ from pipeline.film.tracking.motion import solve
 from synth.kernels.compiled import kernel
 
 DARKEST_SHARE = 0.35  # of the darkest smoothed pixels, from which a peak may be a turning point
-DARK_SHARE, ALIKE = 0.01, 0.7  # pixels left out when the spot is measured; likeness down to which it is looked at
+DARK_SHARE, ALIKE = 0.01, 0.7  # pixels left out when the spot is measured; likeness down to which it is followed
 MOST_POINTS, MOST_PROPOSALS = 200, 4000
 SAMPLES, LEAST_SHARE = 96, 0.5  # places judged on a hypothesis' way, and share of them that must be dark
 STRIDE = 37  # has no divisor in common with SAMPLES: a few of them are spread over the whole way
@@ -33,7 +33,7 @@ Floats32 = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Swing:
-    """A trace as first seen."""
+    """A trace as first estimated."""
 
     row: float  # where the state holds, px from the edge of the film
     state: Floats  # (6,), see `motion`
@@ -191,7 +191,7 @@ def share_on_line(smooth: Floats32, middle: float, state: Floats, spot: float, l
     rows, columns = smooth.shape
     period = 2.0 * math.pi / state[5]
     length = (0.5 + BEYOND) * period
-    hits, seen = 0, 0
+    hits, inside = 0, 0
     for n in range(SAMPLES):
         i = n * STRIDE % SAMPLES
         if n == SAMPLES // 4 and hits < SAMPLES // 10:
@@ -204,7 +204,7 @@ def share_on_line(smooth: Floats32, middle: float, state: Floats, spot: float, l
         row = middle + along
         if row < 0.0 or row >= rows or column < 0.0 or column >= columns:
             continue
-        seen += 1
+        inside += 1
         sides, lowest = 0.0, 0
         for sign in (-1.0, 1.0):
             r = int(row + sign * 4.0 * spot * slope / size)
@@ -215,9 +215,9 @@ def share_on_line(smooth: Floats32, middle: float, state: Floats, spot: float, l
         here = smooth[int(row), int(column)]
         if lowest > 0 and here - sides / lowest > least:
             hits += 1
-    if seen < 0.7 * SAMPLES:
+    if inside < 0.7 * SAMPLES:
         return 0.0
-    return hits / seen
+    return hits / inside
 
 
 @kernel

@@ -27,7 +27,7 @@ from pipeline.film.strobe.dense_survey import (
     survey,
     voted,
 )
-from pipeline.film.strobe.reading import AT_TURNS, BEND, UNTOLD_BEND, bends
+from pipeline.film.strobe.reading import AT_TURNS, BEND, UNKNOWN_BEND, bends
 
 PERIOD, LEAST = 17.9, 0.002
 LEFT = Swinging(100.0, 45.0, 0.3, PERIOD, slow=40.0, slow_period=150.0)  # swell of the swing's own size
@@ -185,7 +185,7 @@ def test_what_a_dense_course_may_err_by_in_turning_points_is_told_on_its_strokes
     assert bends(*strokes(0.0, False)) == pytest.approx([BEND])
     assert bends(*strokes(2.0, True)) == pytest.approx([BEND])  # read in rows, too
     tracks, gaps = strokes(2.0, False)
-    assert bends(tracks, gaps.pick(np.arange(3))) == pytest.approx([UNTOLD_BEND])
+    assert bends(tracks, gaps.pick(np.arange(3))) == pytest.approx([UNKNOWN_BEND])
 
 
 def test_saturation_is_where_the_grain_hides_the_exposure() -> None:

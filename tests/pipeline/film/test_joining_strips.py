@@ -47,8 +47,8 @@ def test_a_strip_is_laid_where_it_was_cut_to_a_part_of_a_pixel(row, column, turn
     assert found.is_certain
     # the strip's corners, where an error of the turn shows most
     for r, c in ((0, 0), (0, 260), (500, 0), (500, 260)):
-        assert abs(found.row + c * np.sin(found.turn) - row - c * np.sin(turn)) < 0.1, (r, c)
-        assert abs(found.column - r * np.sin(found.turn) - column + r * np.sin(turn)) < 0.1, (r, c)
+        assert abs(found.offset.real + c * np.sin(found.turn) - row - c * np.sin(turn)) < 0.1, (r, c)
+        assert abs(found.offset.imag - r * np.sin(found.turn) - column + r * np.sin(turn)) < 0.1, (r, c)
 
 
 def test_whole_pixels_are_copied_exactly():

@@ -2,8 +2,8 @@
 
 Both are taken as departures from the same course, so that what they share (swell, amplitude) drops out. Each half
 minute, the departures are fitted by a line, the course and its rate; the latter's share is the difference in time.
-The time axis errs alike over a few marks, and the course over a few rows: the uncertainty is told from the scatter of
-sums over two seconds, and from what neighbouring sums share.
+The time axis errs alike over a few marks, and the course over a few rows: the uncertainty is estimated from the scatter
+of sums over two seconds, and from what neighbouring sums share.
 
 A half minute disagrees beyond three sigma; the record says which. That a film does is another question: of a hundred
 honest half minutes some lie beyond three sigma. The film is flagged where a half minute lies further out, or more of
@@ -15,39 +15,31 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pipeline.film.normal_points import Samples, course_at, row_times
-from pipeline.film.parts import Floats, Strobe, TimeAxis, Tracks
+from pipeline.film.normal_points import course_at, row_times
+from pipeline.film.parts import Floats, Samples, Strobe, TimeAxis, Tracks
 
-BLOCK = 30.0  # s
-_CLUSTER = 2.0  # s: four marks, two swings
-_STEP = 0.01  # s, over which the course's rate is taken
-_FEWEST = 12  # readings in a block: three a term
-_FEWEST_BLOCKS = 6  # for a drift and its scatter
+BLOCK, CLUSTER = 30.0, 2.0  # s; the latter four marks, two swings
+STEP = 0.01  # s, over which the course's rate is taken
+FEWEST = 12  # samples in a block: three a term
+FEWEST_BLOCKS = 6  # for a drift and its scatter
 MOST_SIGMAS = 3.0
-_SUMS = round(BLOCK / _CLUSTER)
-_FREE = _SUMS - 4  # degrees of freedom that a block's uncertainty has
-_CHANCE = 0.0027  # of three sigma
+SUMS = round(BLOCK / CLUSTER)
+FREE = SUMS - 4  # degrees of freedom that a block's uncertainty has
+CHANCE = 0.0027  # of three sigma
 
 
 @dataclass(frozen=True)
 class PhaseDifference:
-    """Phase by the strobe less phase by the rows between the marks.
+    """Phase by the strobe less phase by the rows between the marks."""
 
-    Attributes
-    ----------
-    start : (blocks,) array
-        s, of each half minute.
-    phase, sigma : (traces, blocks) arrays
-        rad, and 1 sigma of both readings' noise; NaN where either has too few readings.
-    """
-
-    start: Floats
-    phase: Floats
-    sigma: Floats
+    start: Floats  # (blocks,) s, of each half minute
+    phase: Floats  # (traces, blocks) rad; NaN where either has too few samples
+    sigma: Floats  # (traces, blocks) rad, 1 sigma of both readings' noise
 
     @property
-    def disagree(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    def disagree(self) -> NDArray[np.bool_]:
         """Where the difference is more than three sigma, (traces, blocks)."""
         with np.errstate(invalid="ignore"):
             return np.asarray(np.abs(self.phase) > MOST_SIGMAS * self.sigma)
@@ -58,42 +50,37 @@ class PhaseDifference:
         from scipy.special import bdtrc, stdtr
 
         with np.errstate(invalid="ignore", divide="ignore"):
-            away = self.phase / self.sigma
-        seen = np.abs(away[np.isfinite(away)])
-        if seen.size == 0:
+            away = np.abs(self.phase / self.sigma)
+        away = away[np.isfinite(away)]
+        if away.size == 0:
             return False
-        farthest = seen.size * 2.0 * float(stdtr(_FREE, -seen.max())) < _CHANCE
-        beyond = int(np.count_nonzero(seen > MOST_SIGMAS))
-        usual = 2.0 * float(stdtr(_FREE, -MOST_SIGMAS))
-        many = beyond > 0 and float(bdtrc(beyond - 1, seen.size, usual)) < _CHANCE
-        return bool(farthest or many)
+        farthest = away.size * 2.0 * float(stdtr(FREE, -away.max()))
+        beyond = int(np.count_nonzero(away > MOST_SIGMAS))
+        many = float(bdtrc(beyond - 1, away.size, 2.0 * float(stdtr(FREE, -MOST_SIGMAS)))) if beyond else 1.0
+        return min(farthest, many) < CHANCE
 
 
 def clock_uncertainty(difference: PhaseDifference, period: float) -> float | None:
-    """Relative 1 sigma of the time axis's rate, told from how the two readings drift apart; None for a short film.
+    """Relative 1 sigma of the time axis's rate, by how the two readings drift apart; None for a short film.
 
     The strobe reads at the marks and needs no times between them. Slow errors of the time axis, which no noise of
-    single readings shows, are a drift of its phase against that of the rows, the same on all traces.
-
-    Parameters
-    ----------
-    period : float
-        Of the swing, s.
+    single samples shows, are a drift of its phase against that of the rows, the same on all traces. `period` is that of
+    the swing, s.
     """
-    found, weight = [], []
+    drifts, weights = [], []
     for phase, sigma in zip(difference.phase, difference.sigma, strict=True):
-        seen = np.isfinite(phase) & (sigma > 0.0)
-        if np.count_nonzero(seen) < _FEWEST_BLOCKS:
+        known = np.isfinite(phase) & (sigma > 0.0)
+        if np.count_nonzero(known) < FEWEST_BLOCKS:
             continue
-        start = difference.start[seen]
-        (drift, _), covariance = np.polyfit(start - start.mean(), phase[seen], 1, w=1.0 / sigma[seen], cov=True)
-        found.append(float(drift))
-        weight.append(1.0 / float(covariance[0, 0]))
-    if not found:
+        start = difference.start[known]
+        (drift, _), covariance = np.polyfit(start - start.mean(), phase[known], 1, w=1.0 / sigma[known], cov=True)
+        drifts.append(float(drift))
+        weights.append(1.0 / float(covariance[0, 0]))
+    if not drifts:
         return None
     # the traces share the axis, so that their errors are one: the mean drift, and the error of the best of them
-    mean = float(np.average(found, weights=weight))
-    return float(np.hypot(mean, max(weight) ** -0.5)) * period / (2.0 * np.pi)
+    mean = float(np.average(drifts, weights=weights))
+    return float(np.hypot(mean, max(weights) ** -0.5)) * period / (2.0 * np.pi)
 
 
 def compare(tracks: Tracks, axis: TimeAxis, samples: Samples, strobe: Strobe) -> PhaseDifference:
@@ -101,47 +88,41 @@ def compare(tracks: Tracks, axis: TimeAxis, samples: Samples, strobe: Strobe) ->
     marks = np.asarray(strobe.index * axis.interval, dtype=np.float64)
     begin = np.floor(min(samples.time[0], marks[0]) / BLOCK) * BLOCK
     start = np.arange(begin, max(samples.time[-1], marks[-1]), BLOCK)
-    phase, sigma = np.full((2, len(tracks.course), start.size), np.nan)
-    rate = (
-        2.0 * np.pi / tracks.rows_per_swing * float(np.median(1.0 / np.diff(axis.seconds[np.isfinite(axis.seconds)])))
-    )
-    for trace in range(len(phase)):
+    rows = float(np.median(1.0 / np.diff(axis.seconds[np.isfinite(axis.seconds)])))  # a second
+    rate = 2.0 * np.pi / tracks.rows_per_swing * rows
+    leads = np.empty((2, 2, len(tracks.course), start.size))  # (strobe and rows, lead and sigma, traces, blocks), s
+    for trace in range(len(tracks.course)):
         seconds = row_times(tracks, axis, trace)
-        readings = []
-        for times, column, spread in (
-            (marks, strobe.position[trace], strobe.sigma[trace]),
-            (samples.time, samples.column[trace], samples.sigma[trace]),
+        for which, (times, column, sigma) in enumerate(
+            ((marks, strobe.position, strobe.sigma), (samples.time, samples.column, samples.sigma))
         ):
             before, course, after = (
-                course_at(tracks, axis, trace, seconds, times + late) for late in (-_STEP, 0.0, _STEP)
+                course_at(tracks, axis, trace, seconds, times + late) for late in (-STEP, 0.0, STEP)
             )
-            readings.append((times, column - course, spread, course, 0.5 * (after - before) / _STEP))
-        for block, first in enumerate(start):
-            fits = [_lead(first, *reading) for reading in readings]
-            if fits[0] is not None and fits[1] is not None:
-                phase[trace, block] = rate * (fits[0][0] - fits[1][0])
-                sigma[trace, block] = rate * np.hypot(fits[0][1], fits[1][1])
-    return PhaseDifference(start, phase, sigma)
+            speed = 0.5 * (after - before) / STEP
+            for block, first in enumerate(start):
+                leads[which, :, trace, block] = _lead(
+                    times - first, column[trace] - course, sigma[trace], course, speed
+                )
+    return PhaseDifference(start, rate * (leads[0, 0] - leads[1, 0]), rate * np.hypot(leads[0, 1], leads[1, 1]))
 
 
-def _lead(
-    first: float, times: Floats, values: Floats, spread: Floats, course: Floats, speed: Floats
-) -> tuple[float, float] | None:
-    """By how much a reading leads the course in the half minute from `first`, s, and 1 sigma; None with too few."""
-    inside = (times >= first) & (times < first + BLOCK) & np.isfinite(values + speed) & (spread > 0.0)
-    if np.count_nonzero(inside) < _FEWEST:
-        return None
-    t = times[inside] - first - 0.5 * BLOCK
+def _lead(times: Floats, values: Floats, sigma: Floats, course: Floats, speed: Floats) -> tuple[float, float]:
+    """By how much a reading leads the course in the half minute from 0, s, and 1 sigma; NaN with too few samples."""
+    inside = (times >= 0.0) & (times < BLOCK) & np.isfinite(values + speed) & (sigma > 0.0)
+    if np.count_nonzero(inside) < FEWEST:
+        return np.nan, np.nan
+    t = times[inside]
     place = course[inside] - course[inside].mean()
-    columns = np.stack([speed[inside], place, np.ones_like(t), t], axis=1) / spread[inside, None]
+    columns = np.stack([speed[inside], place, np.ones_like(t), t - 0.5 * BLOCK], axis=1) / sigma[inside, None]
     inverse = np.linalg.pinv(columns.T @ columns)
-    reduced = values[inside] / spread[inside]
-    fitted = inverse @ (columns.T @ reduced)
+    reduced = values[inside] / sigma[inside]
+    fit = inverse @ (columns.T @ reduced)
     # covariance of White (1980), clustered, with the neighbours' share of Newey and West (1987) and the factor for few
-    # sums; never below that of the readings' own noise
-    pulls = columns * (reduced - columns @ fitted)[:, None]
-    sums = np.zeros((_SUMS, 4))
-    np.add.at(sums, np.minimum(((t + 0.5 * BLOCK) / _CLUSTER).astype(np.int64), _SUMS - 1), pulls)
+    # sums; never below that of the samples' own noise
+    pulls = columns * (reduced - columns @ fit)[:, None]
+    sums = np.zeros((SUMS, 4))
+    np.add.at(sums, np.minimum((t / CLUSTER).astype(np.int64), SUMS - 1), pulls)
     shared = sums[1:].T @ sums[:-1]
-    scattered = inverse @ (sums.T @ sums + 0.5 * (shared + shared.T)) @ inverse * (_SUMS / _FREE)
-    return float(fitted[0]), float(np.sqrt(max(inverse[0, 0], scattered[0, 0])))
+    scattered = inverse @ (sums.T @ sums + 0.5 * (shared + shared.T)) @ inverse * (SUMS / FREE)
+    return float(fit[0]), float(np.sqrt(max(inverse[0, 0], scattered[0, 0])))

@@ -8,20 +8,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data_schemas.errors import UsageError
-from data_schemas.film_description import (
-    FilmDescription,
-    description_path,
-    film_stem,
-    load_description,
-)
+from data_schemas.film_description import FilmDescription, description_path, film_stem, load_description
 from data_schemas.film_edits import FilmEdits, load_edits
 from pipeline.film.knowledge import FilmOptions, Known
-from pipeline.film.reading import READINGS, Progress, Reading, read_film
+from pipeline.film.reading import READINGS, Reading, read_film
 from pipeline.film.record import make_record
 from pipeline.film.scan.opening import OpenScan, ScanOptions, open_scan
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from pipeline.film.following import Progress
 
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
@@ -53,9 +50,9 @@ def digitise(
     orientation, lines : str
         See `pipeline.film.scan.ScanOptions`.
     reading : {"auto", "continuous", "strobe"}
-        Between the marks, or at the marks alone.
+        Between the marks, or at the marks alone; auto takes the first where the film is fast enough.
     rate : float, optional
-        Samples a second of the continuous reading; 25 where the film's rows support it.
+        Samples a second between the marks; the highest of 25, 20, 12.5 and 10 that the film's rows support.
     edits : FilmEdits or path, optional
         What a person corrects (NAME.edits.toml); applied only where it is given.
     rows : (int, int or None), optional
@@ -104,7 +101,7 @@ def read(
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> tuple[Reading, Known]:
-    """Read the image of a film, without making a record of it (see `digitise`)."""
+    """Read the image of a film, without making a record of it; parameters and faults as of `digitise`."""
     if reading not in READINGS:
         raise UsageError(f"reading '{reading}': give one of {', '.join(READINGS)}")
     edits = load_edits(edits) if isinstance(edits, str | os.PathLike) else edits
@@ -112,19 +109,18 @@ def read(
         if orientation not in ("auto", str(edits.orientation)):
             raise UsageError(f"orientation {orientation}: the edits were made at {edits.orientation} degrees")
         orientation = str(edits.orientation)
-    scan, known = open_film(paths, description, options or FilmOptions(), orientation=orientation, lines=lines)
+    scan, known = open_film(paths, description, options, orientation=orientation, lines=lines)
     if rows is not None:
         if edits is not None:
             raise UsageError("rows: edits count on the whole film; give times instead, or no edits")
         scan = scan.part(*rows)
-    found = read_film(scan, known, reading=reading, rate=rate, edits=edits, jobs=jobs, progress=progress)
-    return found, known
+    return read_film(scan, known, reading=reading, rate=rate, edits=edits, jobs=jobs, progress=progress), known
 
 
 def open_film(
     paths: Paths,
     description: FilmDescription | None,
-    options: FilmOptions,
+    options: FilmOptions | None,
     *,
     orientation: str = "auto",
     lines: str = "auto",

@@ -7,42 +7,49 @@ were made.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RecordError
 from data_schemas.film_edits import Break, FilmEdits, Follow, Ignore, Mark, Mask, NoMark
+from pipeline.film.marks.alignment import Alignment, Events
+from pipeline.film.marks.counting import Count
+from pipeline.film.marks.search import Gaps
 from pipeline.film.parts import Floats, Strobe, TimeAxis, Tracks
 from pipeline.film.scan.opening import OpenScan
 
 BESIDE = 4.0  # swings followed again on either side of what was edited, in which the filter forgets
 TOUCHES = 0.25  # of the marks' spacing, within which a mark is meant
 BY_HAND = 1.0  # px, 1 sigma of a mark that was set by hand
+WHOLE = 0.05  # of the marks' interval, by which a clock time may be off
 
 
 class MarkEdits(NamedTuple):
-    """Marks that a person set, cleared or named; rows on the traces, px."""
+    """Marks that a person set, cleared or named."""
 
-    row: Floats  # (n,) of marks that are there
-    trace: NDArray[np.int64]
-    seconds: Floats  # (n,) their times, s since the record's start; NaN where not said
-    cleared: Floats  # (m,) rows without a mark
-    cleared_trace: NDArray[np.int64]
-    breaks: Floats  # rows where marks are not counted on
+    there: Floats  # (n, 3) row on a trace, px, its number, and the mark's time, s since the record's start, or NaN
+    cleared: Floats  # (m, 2) row on a trace, px, and its number, where no mark is
+    breaks: Floats  # px, rows where marks are not counted on
+
+
+NO_MARKS = MarkEdits(np.empty((0, 3)), np.empty((0, 2)), np.empty(0))
 
 
 @dataclass(frozen=True)
 class Placed:
     """Edits of a film, its traces as the tracker numbers them."""
 
-    masks: tuple[Floats, ...]  # corners (n, 2), row and column
-    lines: tuple[tuple[int, Floats], ...]  # trace, points (n, 2)
-    ignored: tuple[tuple[int, float, float], ...]  # trace, first and last row
-    marks: MarkEdits
+    edits: FilmEdits | None = None
+    masks: Sequence[Floats] = ()  # corners (n, 2), row and column
+    lines: Sequence[tuple[int, Floats]] = ()  # trace, points (n, 2)
+    ignored: Sequence[tuple[int, float, float]] = ()  # trace, first and last row
+    left_out: frozenset[int] = frozenset()  # traces that are ignored on the whole film
+    marks: MarkEdits = NO_MARKS
 
     def hide(self, darkness: NDArray[np.float32], first: int) -> NDArray[np.float32]:
         """The same rows from `first` on, NaN where nothing is to be read."""
@@ -72,21 +79,14 @@ class Placed:
 
     def stretches(self, rows: int, period: float) -> list[tuple[int, int]]:
         """Rows, first and last, that are to be followed once more, apart from each other and in order."""
-        touched = [*self.masks, *(points for _, points in self.lines)]
-        margin = BESIDE * period
-        spans = sorted((float(each[:, 0].min()) - margin, float(each[:, 0].max()) + margin) for each in touched)
+        touched, margin = [*self.masks, *(points for _, points in self.lines)], BESIDE * period
         joined: list[tuple[int, int]] = []
-        for low, high in spans:
+        for low, high in sorted((each[:, 0].min() - margin, each[:, 0].max() + margin) for each in touched):
             first, last = max(int(low), 0), min(int(high), rows - 1)
             if joined and first <= joined[-1][1]:
-                joined[-1] = joined[-1][0], max(last, joined[-1][1])
-            else:
-                joined.append((first, last))
+                first, last = joined[-1][0], max(last, joined.pop()[1])
+            joined.append((first, last))
         return joined
-
-    def left_out(self, rows: int) -> tuple[int, ...]:
-        """Traces that are ignored on the whole film."""
-        return tuple(sorted({trace for trace, first, last in self.ignored if first <= 0.0 and last >= rows}))
 
     def shows(self, trace: NDArray[np.int64], row: Floats, column: Floats) -> NDArray[np.bool_]:
         """Which places on traces are neither hidden nor ignored."""
@@ -97,97 +97,77 @@ class Placed:
 
     def without_ignored(self, tracks: Tracks) -> None:
         """Make a trace unknown on the rows on which it is ignored, in place; not one that is ignored as a whole."""
-        whole = self.left_out(tracks.course.shape[1])
-        for trace, first, last in (each for each in self.ignored if each[0] not in whole):
+        for trace, first, last in (each for each in self.ignored if each[0] not in self.left_out):
             some = slice(max(int(first), 0), max(int(last) + 1, 0))
             for values in (tracks.position, tracks.sigma, tracks.course, tracks.slope, tracks.curvature):
                 values[trace, some] = np.nan
 
     def readable(self, strobe: Strobe, axis: TimeAxis) -> Strobe:
         """Places at the marks but for those that are hidden."""
-        if not self.masks:
-            return strobe
-        rows = np.interp(strobe.index, axis.index, axis.row)
-        column = strobe.position
+        rows, column = np.interp(strobe.index, axis.index, axis.row), strobe.position
         hidden = self.hides(rows + axis.offset[:, None] + axis.shear * np.nan_to_num(column), column)
         return Strobe(strobe.index, np.where(hidden, np.nan, column), np.where(hidden, np.nan, strobe.sigma), strobe.qc)
+
+
+NO_EDITS = Placed()
+
+
+def check_scan(edits: FilmEdits, scan: OpenScan) -> None:
+    """Refuse edits that were made for another scan, `RecordError`."""
+    if edits.sha256 != scan.sha256:
+        raise RecordError(
+            f"edits: made for another scan (sha256 {edits.sha256[0][:12]}..., this one is {scan.sha256[0][:12]}...); "
+            "give the edits of this scan"
+        )
 
 
 def place(edits: FilmEdits, scan: OpenScan, tracks: Tracks, start: str) -> Placed:
     """Edits in the reader's terms; `start` is the date from which the record counts its seconds.
 
-    Raises
-    ------
-    RecordError
-        One lies outside the image, or names a trace that is not there.
+    `RecordError`: one lies outside the image, or names a trace that is not there.
     """
     rest = [float(np.nanmedian(course)) if np.isfinite(course).any() else np.inf for course in tracks.course]
     order = np.argsort(rest, kind="stable")
-
-    def number(each: Any, at: int) -> int:
-        if each.trace > order.size:
-            raise RecordError(f"edits[{at}]: there is no trace {each.trace}; the film shows {order.size}")
-        return int(order[each.trace - 1])
-
-    def inside(points: Sequence[tuple[float, float]], at: int) -> Floats:
-        for row, column in points:
+    masks: list[Floats] = []
+    lines: list[tuple[int, Floats]] = []
+    ignored: list[tuple[int, float, float]] = []
+    there: list[tuple[float, float, float]] = []
+    cleared: list[tuple[float, float]] = []
+    breaks: list[float] = []
+    for at, each in enumerate(edits.edits):
+        points = each.points if isinstance(each, Mask | Follow) else []
+        for row, column in [(each.row, 0.0)] if isinstance(each, Mark | NoMark | Break) else points:
             if not (0.0 <= row <= scan.rows and 0.0 <= column <= scan.columns):
                 raise RecordError(
                     f"edits[{at}]: row {row:g}, column {column:g} lies outside the image of {scan.rows} rows and "
                     f"{scan.columns} columns"
                 )
-        return np.array(points, dtype=np.float64)
-
-    masks: list[Floats] = []
-    lines: list[tuple[int, Floats]] = []
-    ignored: list[tuple[int, float, float]] = []
-    marks: list[tuple[float, int, float]] = []
-    cleared: list[tuple[float, int]] = []
-    breaks: list[float] = []
-    for at, each in enumerate(edits.edits):
+        number = getattr(each, "trace", 1)
+        if number > order.size:
+            raise RecordError(f"edits[{at}]: there is no trace {number}; the film shows {order.size}")
+        trace, corners = int(order[number - 1]), np.array(points, dtype=np.float64)
         match each:
             case Mask():
-                masks.append(inside(each.points, at))
+                masks.append(corners)
             case Follow():
-                lines.append((number(each, at), inside(each.points, at)))
+                lines.append((trace, corners))
             case Ignore():
                 last = scan.rows if each.last_row is None else each.last_row
-                ignored.append((number(each, at), each.first_row or 0.0, last))
+                ignored.append((trace, each.first_row or 0.0, last))
             case Mark():
                 seconds = each.seconds(start)
-                inside([(each.row, 0.0)], at)
-                marks.append((each.row, number(each, at), np.nan if seconds is None else seconds))
+                there.append((each.row, trace, np.nan if seconds is None else seconds))
             case NoMark():
-                inside([(each.row, 0.0)], at)
-                cleared.append((each.row, number(each, at)))
+                cleared.append((each.row, trace))
             case Break():
-                inside([(each.row, 0.0)], at)
                 breaks.append(each.row)
-    there, gone = np.array(marks, dtype=np.float64).reshape(-1, 3), np.array(cleared, dtype=np.float64).reshape(-1, 2)
-    return Placed(
-        tuple(masks),
-        tuple(lines),
-        tuple(ignored),
-        MarkEdits(
-            there[:, 0], there[:, 1].astype(np.int64), there[:, 2], gone[:, 0], gone[:, 1].astype(np.int64),
-            np.array(breaks),
-        ),
-    )  # fmt: skip
-
-
-def check_scan(edits: FilmEdits, scan: OpenScan) -> None:
-    """Refuse edits that were made for another scan.
-
-    Raises
-    ------
-    RecordError
-    """
-    own = scan.sha256
-    if edits.sha256 != own:
-        raise RecordError(
-            f"edits: made for another scan (sha256 {edits.sha256[0][:12]}..., this one is {own[0][:12]}...); give the "
-            "edits of this scan"
-        )
+    marks = MarkEdits(
+        np.array(there, dtype=np.float64).reshape(-1, 3),
+        np.array(cleared, dtype=np.float64).reshape(-1, 2),
+        np.array(breaks),
+    )
+    left_out = frozenset(trace for trace, first, last in ignored if first <= 0.0 and last >= scan.rows)
+    return Placed(edits, masks, lines, ignored, left_out, marks)
 
 
 def drawn(corners: Floats, first: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
@@ -212,3 +192,80 @@ def contains(corners: Floats, rows: Floats, columns: Floats) -> NDArray[np.bool_
         crosses = (row > rows) != (next_row > rows)
         found ^= crosses & (columns < column + (rows - row) * (next_column - column) / (next_row - row))
     return found
+
+
+def _on_trace(values: Floats, row: Floats, trace: NDArray[np.int64]) -> Floats:
+    """What arrays (traces, rows) hold at places on traces; 0 where nothing is known."""
+    return np.nan_to_num(values[trace, np.clip(row.astype(np.int64), 0, values.shape[1] - 1)])
+
+
+def _freed(places: Floats, tracks: Tracks, alignment: Alignment) -> Floats:
+    """Places, row and number of a trace, as rows at column 0 of the first."""
+    row, trace = places[:, 0], places[:, 1].astype(np.int64)
+    return row - alignment.offset[trace] - alignment.shear * _on_trace(tracks.course, row, trace)
+
+
+def with_marks(
+    gaps: Gaps, marks: MarkEdits, tracks: Tracks, alignment: Alignment, spacing: float, width: float, across: bool
+) -> Gaps:
+    """Gaps without those at marks that were cleared, and with marks that were set where none was found.
+
+    `across`: gaps are marks beside the traces, their rows those at column 0.
+    """
+    rows = gaps.row if across else _freed(np.column_stack([gaps.row, gaps.trace]), tracks, alignment)
+    reach = TOUCHES * spacing
+    kept = np.all(np.abs(rows[:, None] - _freed(marks.cleared, tracks, alignment)) > reach, axis=1)
+    gaps, rows = gaps.pick(kept), rows[kept]
+    there = _freed(marks.there, tracks, alignment)
+    new = np.all(np.abs(there[:, None] - rows) > reach, axis=1)
+    if not new.any():
+        return gaps
+    row, trace = marks.there[new, 0], marks.there[new, 1].astype(np.int64)
+    column, slope = (_on_trace(values, row, trace) for values in (tracks.course, tracks.slope))
+    if across:
+        row, trace, column, slope = there[new], 0 * trace, 0.0 * column, 0.0 * slope
+    one = np.ones(row.size)
+    sigma = max(BY_HAND, 0.1 * width) * one
+    # the width is the usual one: a mark that was set does not show a minute's code
+    wide = one * (float(np.median(gaps.width)) if gaps.size else width)
+    side = sigma * np.abs(slope) + one
+    return gaps.joined_by(Gaps(trace, row, sigma, column, side, slope, wide, 0.35 * wide, one, one, one, one))
+
+
+class Clock(NamedTuple):
+    """Clock times of marks, in units of the interval, and their rows at column 0 of the first trace, in order."""
+
+    row: Floats
+    time: Floats
+
+    @staticmethod
+    def of(marks: MarkEdits, tracks: Tracks, alignment: Alignment, interval: float) -> Clock:
+        """Those that were said; `RecordError` where one is no whole number of intervals from the begin."""
+        said = marks.there[np.isfinite(marks.there[:, 2])]
+        time = said[:, 2] / interval
+        for off in np.flatnonzero(np.abs(time - np.round(time)) > WHOLE)[:1]:
+            raise RecordError(
+                f"edits: the mark at row {said[off, 0]:g} has a time that is no whole number of mark intervals "
+                f"({interval:g} s) from a full minute; correct it, or give --mark-interval"
+            )
+        row = _freed(said, tracks, alignment)
+        order = np.argsort(row, kind="stable")
+        return Clock(row[order], np.round(time[order]))
+
+    def offset(self, events: Events, count: Count, spacing: float) -> int | None:
+        """What is added to the marks' numbers so that they count from the begin; None without a time among them.
+
+        `RecordError` where times contradict each other.
+        """
+        row = events.row[count.event]
+        near = np.clip(np.searchsorted(row, self.row), 1, row.size - 1)
+        near -= self.row - row[near - 1] < row[near] - self.row
+        inside = np.flatnonzero(np.abs(row[near] - self.row) < TOUCHES * spacing)
+        for one, other in itertools.pairwise(inside):
+            counted, said = count.index[near[other]] - count.index[near[one]], self.time[other] - self.time[one]
+            if counted != said:
+                raise RecordError(
+                    f"edits: {counted} marks lie between the marks at rows {self.row[one]:.0f} and "
+                    f"{self.row[other]:.0f}, but {said:.0f} by their times; correct a time, or set a break between them"
+                )
+        return int(self.time[inside[0]] - count.index[near[inside[0]]]) if inside.size else None

@@ -8,7 +8,7 @@ the middle, clipped again and again.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,11 +28,8 @@ BLOCK_COLUMNS = 64
 CLIP = 2.0  # sigma; a normal distribution cut there has this much smaller a sigma:
 CLIPPED_SIGMA = 0.8796
 BLANK, BESIDE = 3.5, (5, 17)  # sigmas, within which a pixel is one of blank film; px that are left out about others
-CLUMPS, PLATEAU, FAINT = (
-    12,
-    8,
-    0.02,
-)  # px over which grain may be alike; and over which background is; correlation of none
+CLUMPS, PLATEAU = 12, 8  # px over which grain may be alike; and over which background is
+FAINT = 0.02  # correlation of none
 ROUNDS = 4
 TURNS, LEAST_PIXELS = 2, 64  # of what lies between marks and what marks are; of a block, that lie between marks
 LEAST_SIGMA = 2.5e-3  # of a pixel of blank film: without grain it is rounded, and no background is known better
@@ -43,37 +40,22 @@ Floats32 = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class FilmEmulsion:
-    """How light became pixels: blank film, grain, characteristic curve.
+    """How light became pixels: blank film, grain, characteristic curve."""
 
-    Attributes
-    ----------
-    full_scale : int
-        Value of the lightest pixel.
-    blank : Blank
-        Darkness of blank film, place by place.
-    curve : ToneCurve
-        Darkness above blank against exposure.
-    grain : (2,) array
-        Variance of a pixel's darkness on blank film, and its growth per unit of darkness above it.
-    spot : float
-        1 sigma of the spot as the scan shows it, px; 0 where it is not known.
-    clumps : (n,) array
-        Correlation of the grain of pixels by their distance across the film, px.
-    """
+    full_scale: int  # value of the lightest pixel
+    blank: Blank  # darkness of blank film, place by place
+    curve: ToneCurve  # darkness above blank against exposure
+    grain: Floats  # (2,) variance of a pixel's darkness on blank film, and its growth per unit of darkness above it
+    spot: float = 0.0  # px, 1 sigma of the spot as the scan shows it; 0 where it is not known
+    clumps: Floats = field(default_factory=lambda: np.ones(1))  # correlation of grain by the distance across, px
 
-    full_scale: int
-    blank: Blank
-    curve: ToneCurve
-    grain: Floats
-    spot: float = 0.0
-    clumps: Floats = field(default_factory=lambda: np.ones(1))
-    _table: NDArray[np.float32] = field(init=False, repr=False)
-    _exposures: NDArray[np.float32] = field(init=False, repr=False)
+    @cached_property
+    def _table(self) -> Floats32:
+        return darkness_table(self.full_scale)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_table", darkness_table(self.full_scale))
-        steps = np.linspace(0.0, self.curve.darkest, 4096)
-        object.__setattr__(self, "_exposures", self.curve.exposure(steps).astype(np.float32))
+    @cached_property
+    def _exposures(self) -> Floats32:
+        return self.curve.exposure(np.linspace(0.0, self.curve.darkest, 4096)).astype(np.float32)
 
     @property
     def blackest(self) -> float:
@@ -130,7 +112,6 @@ class ToneCurve:
     """Darkness above blank film, `darkest (1 - (1 + (E/middle)^contrast/shoulder)^-shoulder)`: toe to shoulder.
 
     Darkness is log10 of the blank pixel over the pixel, whatever the scanner's own gamma: a factor of the density.
-
     `darkest` is that of endless exposure. With a shoulder of 1, `middle` is the exposure that gives half of it, and the
     slope of the straight part `darkest*contrast/4` per e-fold of exposure; the larger the shoulder the shorter it is.
     """
@@ -172,19 +153,16 @@ UNTOLD = ToneCurve(0.6, 0.2, 1.5)
 
 def plain_emulsion(scan: OpenScan) -> FilmEmulsion:
     """Blank film and its grain; the rest is untold."""
-
-    def with_blank(across: Lines | None) -> FilmEmulsion:
+    across = None
+    for turn in range(TURNS + 1):  # marks across the film mislead what lies between them
         blank = measure_blank(scan, across)
-        sigma = max(blank.sigma, LEAST_SIGMA)
-        return FilmEmulsion(scan.full_scale, blank, UNTOLD, np.array([sigma**2, 10.0 * sigma**2]))
-
-    plain, across = with_blank(None), None
-    for _ in range(TURNS):  # marks across the film mislead what lies between them
-        across = lines_across(partial(shown_darkness, plain, scan), scan.rows, scan.columns)
+        grain = max(blank.sigma, LEAST_SIGMA) ** 2 * np.array([1.0, 10.0])
+        plain = FilmEmulsion(scan.full_scale, blank, UNTOLD, grain)
+        if turn < TURNS:
+            across = lines_across(partial(shown_darkness, plain, scan), scan.rows, scan.columns)
         if across is None:
             return plain
-        plain = with_blank(across)
-    return replace(plain, blank=plain.blank._replace(across=across))
+    return replace(plain, blank=blank._replace(across=across))
 
 
 def shown_darkness(emulsion: FilmEmulsion, scan: OpenScan, first: int, stop: int) -> NDArray[np.float32]:
@@ -193,15 +171,12 @@ def shown_darkness(emulsion: FilmEmulsion, scan: OpenScan, first: int, stop: int
 
 
 class Blank(NamedTuple):
-    """Darkness of blank film (m, n), log10 units below full scale, at blocks' centres, px; and sigma of one pixel.
+    """Blank film; time marks that run across all of it are blank film, too."""
 
-    Time marks that run across all of the film are blank film, too.
-    """
-
-    rows: Floats
-    columns: Floats
-    darkness: Floats
-    sigma: float
+    rows: Floats  # (m,) px, of blocks' centres
+    columns: Floats  # (n,) px
+    darkness: Floats  # (m, n), log10 units below full scale
+    sigma: float  # of one pixel
     across: Lines | None = None
 
 
@@ -220,15 +195,14 @@ def measure_blank(scan: OpenScan, across: Lines | None = None) -> Blank:
     firsts = np.linspace(0, scan.rows - height, strips).astype(int)
     edges = np.linspace(0, scan.columns, max(1, round(scan.columns / BLOCK_COLUMNS)) + 1).astype(int)
     level, spread = np.empty((strips, edges.size - 1)), np.empty((strips, edges.size - 1))
-    for i, first in enumerate(firsts):
-        strip = table[scan.read(int(first), int(first) + height)]
-        open_film = np.full(strip.shape, True) if across is None else across.over(int(first), *strip.shape) == 0.0
+    for i, first in enumerate(firsts.tolist()):
+        strip = table[scan.read(first, first + height)]
+        open_film = np.full(strip.shape, True) if across is None else across.over(first, *strip.shape) == 0.0
         for j in range(edges.size - 1):
             block = slice(edges[j], edges[j + 1])
             unmarked = strip[:, block][open_film[:, block]].astype(np.float64)
-            level[i, j], spread[i, j] = _clipped_mean(
-                unmarked if unmarked.size >= LEAST_PIXELS else strip[:, block].ravel()
-            )
+            shown = unmarked if unmarked.size >= LEAST_PIXELS else strip[:, block].ravel()
+            level[i, j], spread[i, j] = _clipped_mean(shown)
     return Blank(firsts + 0.5 * height, 0.5 * (edges[1:] + edges[:-1]), _smoothed(level), float(np.median(spread)))
 
 
@@ -242,9 +216,8 @@ def clumps_of(scan: OpenScan, emulsion: FilmEmulsion) -> Floats:
     for first in np.linspace(0, scan.rows - height, MOST_STRIPS).astype(int).tolist():
         away = emulsion.darkness(scan.read(first, first + height), first)
         away -= np.median(away, axis=0)
-        blank = ~maximum_filter(
-            np.abs(away) > BLANK * np.sqrt(emulsion.grain[0]), BESIDE
-        )  # the wings of lines are none
+        # the wings of lines are not blank
+        blank = ~maximum_filter(np.abs(away) > BLANK * np.sqrt(emulsion.grain[0]), BESIDE)
         away = np.where(blank, away, 0.0)
         for lag in lags.tolist():
             products[lag] += np.vdot(away[:, lag:], away[:, : away.shape[1] - lag])

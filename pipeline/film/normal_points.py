@@ -9,13 +9,11 @@ survives, and its noise with it, so that the noise of the samples stays white.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.film.parts import Floats, TimeAxis, Tracks
+from pipeline.film.parts import Floats, Samples, TimeAxis, Tracks
 
 _SWINGS = 2.0  # a block: long enough to tell a swing from a line, short beside any change of the swing
 _FEWEST = 24  # readings in a block: four a term
@@ -23,109 +21,61 @@ _RIDGE = 1e-9  # of the diagonal, for blocks of which only one end was read
 LOST = np.uint16(ELONGATION_FLAGS["lost"])
 
 
-@dataclass(frozen=True)
-class Samples:
-    """Places of all traces at common instants.
-
-    Attributes
-    ----------
-    time : (samples,) array
-        s, by the chronometer.
-    column : (traces, samples) array
-        px; NaN where no row was accepted.
-    sigma : (traces, samples) array
-        1 sigma of the reading, px; NaN where there is none.
-    qc : (traces, samples) array of uint16
-        The record's flags.
-    """
-
-    time: Floats
-    column: Floats
-    sigma: Floats
-    qc: NDArray[np.uint16]
-
-
 def normal_points(tracks: Tracks, axis: TimeAxis, rate: float) -> Samples:
-    """Samples at whole multiples of 1/rate, from the readings of each row.
+    """Samples at whole multiples of 1/rate, `rate` a second, from the readings of each row.
 
-    Parameters
-    ----------
-    tracks : Tracks
-    axis : TimeAxis
-    rate : float
-        Samples a second.
-
-    Returns
-    -------
-    Samples
-        From the first instant that any trace reaches to the last; empty where the axis knows no time.
+    They reach from the first instant that any trace reaches to the last; there are none where the axis knows no time.
     """
     known = axis.seconds[np.isfinite(axis.seconds)]
-    if known.size == 0:
-        empty = np.empty((tracks.course.shape[0], 0))
-        return Samples(np.empty(0), empty, empty, empty.astype(np.uint16))
-    first, last = int(np.ceil(known[0] * rate)), int(np.floor(known[-1] * rate))
+    first, last = (int(np.ceil(known[0] * rate)), int(np.floor(known[-1] * rate))) if known.size else (0, -1)
     number = np.arange(first, last + 1)
-    shape = (tracks.course.shape[0], number.size)
-    column, sigma, qc = np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape, LOST)
-    for trace in range(shape[0]):
-        _fill(tracks, axis, trace, number, rate, column[trace], sigma[trace], qc[trace])
-    return Samples(number / rate, column, sigma, qc)
+    shape = (len(tracks.course), number.size)
+    samples = Samples(number / rate, np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape, LOST))
+    for trace in range(shape[0] if known.size else 0):
+        _fill(tracks, axis, trace, first, rate, samples)
+    return samples
 
 
-def _fill(
-    tracks: Tracks,
-    axis: TimeAxis,
-    trace: int,
-    number: NDArray[np.int64],
-    rate: float,
-    column: Floats,
-    sigma: Floats,
-    qc: NDArray[np.uint16],
-) -> None:
-    """Write the samples of one trace."""
-    seconds = row_times(tracks, axis, trace)
+def _fill(tracks: Tracks, axis: TimeAxis, trace: int, first: int, rate: float, out: Samples) -> None:
+    """Write the samples of one trace, the `first` at that multiple of 1/rate."""
+    seconds, count = row_times(tracks, axis, trace), out.time.size
     timed = np.flatnonzero(np.isfinite(seconds))
     if timed.size < 2:
         return
-    samples = np.full(seconds.size, -1)  # of each row
-    samples[timed] = np.rint(seconds[timed] * rate).astype(np.int64) - number[0]
-    samples[(samples < 0) | (samples >= number.size)] = -1
-    accepted = (samples >= 0) & np.isfinite(tracks.position[trace] - tracks.course[trace])
+    sample = np.full(seconds.size, -1)  # of each row
+    sample[timed] = np.rint(seconds[timed] * rate).astype(np.int64) - first
+    sample[(sample < 0) | (sample >= count)] = -1
+    departure = tracks.position[trace] - tracks.course[trace]
+    accepted = (sample >= 0) & np.isfinite(departure)
     rows = np.flatnonzero(accepted)
-    rows = rows[np.argsort(samples[rows], kind="stable")]  # shear may turn steep strokes back in time
-    weight = tracks.sigma[trace][rows] ** -2.0
-    departure = tracks.position[trace][rows] - tracks.course[trace][rows]
+    rows = rows[np.argsort(sample[rows], kind="stable")]  # shear may turn steep strokes back in time
+    weight, departure, at = tracks.sigma[trace][rows] ** -2.0, departure[rows], sample[rows]
 
     period = tracks.rows_per_swing * float(seconds[timed[-1]] - seconds[timed[0]]) / float(timed[-1] - timed[0])
-    length = block_length(period, rate)
-    start, span = (number[0] - 0.5) / rate, length / rate
-    block = np.arange(number.size) // length
-    coefficients = describe(
-        seconds[rows] - start, departure, weight, block[samples[rows]], int(block[-1]) + 1, period, span
-    )
+    length = max(2, round(_SWINGS * period * rate))  # samples in a block
+    start, span = (first - 0.5) / rate, length / rate
+    block = np.arange(count) // length
+    coefficients = describe(seconds[rows] - start, departure, weight, block[at], int(block[-1]) + 1, period, span)
 
     def smooth(times: Floats, blocks: NDArray[np.int64]) -> Floats:
-        return np.asarray(np.sum(terms(times - start, blocks, period, span) * coefficients[blocks], axis=1))
+        return np.asarray(np.sum(_terms(times - start, blocks, period, span) * coefficients[blocks], axis=1))
 
-    rest = weight * (departure - smooth(seconds[rows], block[samples[rows]]))
-    weights = np.bincount(samples[rows], weight, number.size)
+    weights = np.bincount(at, weight, count)
     with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.bincount(samples[rows], rest, number.size) / weights
-        column[:] = course_at(tracks, axis, trace, seconds, number / rate) + smooth(number / rate, block) + mean
-        sigma[:] = np.where(np.isfinite(column), weights**-0.5, np.nan)
-    _combine_flags(tracks.qc[trace], samples, accepted, np.isfinite(column), qc)
+        mean = np.bincount(at, weight * (departure - smooth(seconds[rows], block[at])), count) / weights
+        column = course_at(tracks, axis, trace, seconds, out.time) + smooth(out.time, block) + mean
+        out.column[trace], out.sigma[trace] = column, np.where(np.isfinite(column), weights**-0.5, np.nan)
+    # a sample carries the flags of its accepted rows; one without any those of all its rows, or lost
+    flags = np.zeros((2, count), dtype=np.uint16)
+    for each, inside in zip(flags, (accepted, sample >= 0), strict=True):
+        np.bitwise_or.at(each, sample[inside], tracks.qc[trace][inside])
+    out.qc[trace] = np.where(np.isfinite(column), flags[0], np.where(flags[1] == 0, LOST, flags[1]))
 
 
 def course_at(tracks: Tracks, axis: TimeAxis, trace: int, seconds: Floats, instants: Floats) -> Floats:
-    """Column of a trace's course at any instants, px; NaN where the trace or its time is not known.
+    """Column of a trace's course at any instants, s, px; NaN where the trace or its time is not known.
 
-    Parameters
-    ----------
-    seconds : (rows,) array
-        Time of the trace at each row (see `row_times`).
-    instants : (n,) array
-        s.
+    `seconds` (rows,) are those of `row_times`.
     """
     timed = np.flatnonzero(np.isfinite(seconds))
     ordered = np.maximum.accumulate(seconds[timed])
@@ -153,21 +103,6 @@ def between_rows(tracks: Tracks, trace: int, row: Floats) -> Floats:
     )  # fmt: skip
 
 
-def _combine_flags(
-    rows: NDArray[np.uint16],
-    samples: NDArray[np.int64],
-    accepted: NDArray[np.bool_],
-    good: NDArray[np.bool_],
-    qc: NDArray[np.uint16],
-) -> None:
-    """A sample carries the flags of its accepted rows; one without any those of all its rows, or lost."""
-    of_accepted, of_all = np.zeros(qc.size, dtype=np.uint16), np.zeros(qc.size, dtype=np.uint16)
-    inside = samples >= 0
-    np.bitwise_or.at(of_all, samples[inside], rows[inside])
-    np.bitwise_or.at(of_accepted, samples[accepted], rows[accepted])
-    qc[:] = np.where(good, of_accepted, np.where(of_all == 0, LOST, of_all))
-
-
 def row_times(tracks: Tracks, axis: TimeAxis, trace: int) -> Floats:
     """Time at which a trace crossed the centre line of each row, (rows,) s; NaN where it is not known."""
     return time_at(axis, trace, np.arange(tracks.course.shape[1], dtype=np.float64) + 0.5, tracks.course[trace])
@@ -179,39 +114,23 @@ def time_at(axis: TimeAxis, trace: int, row: Floats, column: Floats) -> Floats:
     The axis gives the time of a row at column 0 of the first trace. The image lags by `shear` rows a column and by
     the trace's `offset`, so that row r of the trace shows what the axis has at r - offset - shear * column.
     """
-    rows = np.arange(axis.seconds.size) + 0.5
     place = row - axis.offset[trace] - axis.shear * column
-    return np.asarray(np.interp(place, rows, axis.seconds, left=np.nan, right=np.nan))
-
-
-def block_length(period: float, rate: float) -> int:
-    """Samples in a block."""
-    return max(2, round(_SWINGS * period * rate))
+    return np.asarray(np.interp(place, np.arange(axis.seconds.size) + 0.5, axis.seconds, left=np.nan, right=np.nan))
 
 
 def describe(
     times: Floats, departure: Floats, weight: Floats, block: NDArray[np.int64], count: int, period: float, span: float
 ) -> Floats:
-    """Coefficients of each block, (count, 6); zero where a block holds too few readings.
+    """Coefficients of the six terms in each of `count` blocks, (count, 6); zero where one holds too few readings.
 
-    Parameters
-    ----------
-    times, departure, weight : (readings,) arrays
-        In order of `block`; times in s, departures in any unit, weights as inverse variances.
-    block : (readings,) array
-        Block of each reading, not decreasing, below `count`.
-    period : float
-        Of the swing, s.
-    span : float
-        Length of a block, s; block b covers b * span to (b + 1) * span.
+    Times (s), departures (any unit) and weights (inverse variances) are in order of their `block`; block b covers
+    b * span to (b + 1) * span.
     """
     coefficients = np.zeros((count, 6))
     edges = np.searchsorted(block, np.arange(count + 1))
-    columns = terms(times, block, period, span)
-    for number in range(count):
+    columns = _terms(times, block, period, span)
+    for number in np.flatnonzero(np.diff(edges) >= _FEWEST):
         part = slice(edges[number], edges[number + 1])
-        if part.stop - part.start < _FEWEST:
-            continue
         weighted = columns[part] * weight[part, None]
         matrix = weighted.T @ columns[part]
         matrix[np.diag_indices(6)] *= 1.0 + _RIDGE
@@ -219,8 +138,8 @@ def describe(
     return coefficients
 
 
-def terms(times: Floats, block: NDArray[np.int64], period: float, span: float) -> Floats:
-    """The six functions at some times of some blocks, (times, 6)."""
+def _terms(times: Floats, block: NDArray[np.int64], period: float, span: float) -> Floats:
+    """A line and a swing whose size changes, at some times of some blocks, (times, 6)."""
     x = 2.0 * (times / span - block) - 1.0
     phase = 2.0 * np.pi * times / period
     cosine, sine = np.cos(phase), np.sin(phase)

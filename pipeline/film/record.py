@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import permutations
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from data_schemas.contents import identifier
 from data_schemas.errors import RecordError
-from data_schemas.film_description import DescribedTrace, FilmDescription
+from data_schemas.film_description import DescribedTrace
 from data_schemas.layouts import CONVENTIONS, VERSION
 from data_schemas.variables import attributes, dataset
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.film.comparing import clock_uncertainty
-from pipeline.film.instrument import instrument_of
 from pipeline.film.knowledge import Known, default_traces
-from pipeline.film.marks.checks import marks_flags, marks_seen
 from pipeline.film.parts import Floats, TimeAxis
-from pipeline.film.reading import Reading, accepted_fraction, rows_per_second, scale_error
-from pipeline.film.wander import paper_motion
+from pipeline.film.reading import Reading
+from pipeline.film.wander import Paper, paper_motion
 
 if TYPE_CHECKING:
     import xarray as xr
 
-_MOST_TRACES = 7
 _FACTOR = 5.0  # mm: a swing wrong by a factor of e counts as a place wrong by this
 AMBIGUOUS, LOST = (np.uint16(ELONGATION_FLAGS[name]) for name in ("ambiguous", "lost"))
 
@@ -55,8 +51,10 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     """
     import xarray as xr
 
-    traces = known.traces or default_traces(reading.samples.column.shape[0])
-    rest, swing = places(reading)
+    axis, samples = reading.axis, reading.samples
+    traces = known.traces or default_traces(len(samples.column))
+    filled = np.where(np.isfinite(samples.column).any(axis=1, keepdims=True), samples.column, 0.0)
+    rest, swing = np.nanmean(filled, axis=1), np.sqrt(2.0) * np.nanstd(filled, axis=1)
     order = match(traces, rest * reading.scale, swing * reading.scale)
     kept = [k for k, found in enumerate(order) if found not in reading.left_out]
     traces, order = tuple(traces[k] for k in kept), [order[k] for k in kept]
@@ -65,13 +63,33 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     pendulums = known.pendulums(traces)
     labels = [str(each.label) for each in pendulums]
     combination = np.array([[trace.combination.get(label, 0.0) for label in labels] for trace in traces])
-    column, period = reading.samples.column[order], reading.tracks.rows_per_swing / rows_per_second(reading.axis)
-    paper = paper_motion(reading.samples.time, column, combination.sum(axis=1), period)
+    column, period = samples.column[order], reading.tracks.rows_per_swing / axis.rows_per_second
+    paper = paper_motion(samples.time, column, combination.sum(axis=1), period)
     if paper is not None:
         column = np.where(paper.creased, np.nan, column - paper.shift)
-    doubtful = np.zeros(reading.samples.time.size)
-    for first, last, by in reading.axis.doubts:
-        doubtful[(reading.samples.time >= first) & (reading.samples.time <= last)] = by
+    doubtful = np.zeros(samples.time.size)
+    for first, last, by in axis.doubts:
+        doubtful[(samples.time >= first) & (samples.time <= last)] = by
+    by_rows = reading.kind != "strobe"  # at the marks the times are exact
+    film = dataset(
+        "film",
+        {
+            "optical_lever": lever,
+            "speed": axis.rows_per_second * reading.scale,
+            "mark_interval": axis.interval,
+            "scale": reading.scale,
+            "source_file": ", ".join(path.name for path in reading.scan.paths),
+            "source_sha256": ", ".join(reading.scan.sha256),
+        }
+        | ({} if known.description.gap is None else {"gap": known.description.gap}),
+        {"trace": [trace.name for trace in traces]},
+    )
+    film.attrs = {
+        **findings(reading, paper),
+        "trace_offset": (axis.offset[order] - axis.offset[order[0]]) * reading.scale,
+        "resting_column": rest[order],
+        "assumed": "; ".join(known.assumptions(traces)),
+    }
     groups = {
         "/": _root(reading, known, name),
         "/record": dataset(
@@ -79,141 +97,80 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
             {
                 "combination": combination,
                 "elongation": (column - rest[order, None]) * radians,
-                "elongation_uncertainty": reading.samples.sigma[order] * radians,
-                "elongation_qc": reading.samples.qc[order]
+                "elongation_uncertainty": samples.sigma[order] * radians,
+                "elongation_qc": samples.qc[order]
                 | np.where(doubtful > 0.0, AMBIGUOUS, np.uint16(0))
                 | np.where(paper is not None and paper.creased, LOST, np.uint16(0)),
-                "time_uncertainty": np.hypot(doubtful, 0.0 if reading.kind == "strobe" else time_sigma(reading.axis)),
+                "time_uncertainty": np.hypot(doubtful, axis.time_sigma if by_rows else 0.0),
             },
             {"trace": [trace.name for trace in traces], "pendulum": labels},
         ),
-        "/film": _film(reading, known, traces, lever, rest, order),
+        "/film": film,
     }
-    if paper is not None:
-        attrs = groups["/film"].attrs
-        attrs["flags"] = ", ".join([*filter(None, [attrs["flags"]]), "paper-wandered"])
-        attrs["paper_wander"] = float(np.std(paper.shift)) * reading.scale  # mm
-        attrs["paper_steps"], attrs["paper_creases"] = paper.steps, paper.creases
-    instrument = instrument_of(
-        known,
-        pendulums,
-        reading.samples.time,
-        _rate_uncertainty(reading),
-        scale_error(reading, known.speed),
-        needed=len(traces) > 1,
+    clock = None  # by how much the film's time axis may run wrong, s a day
+    if by_rows:
+        drift = None if reading.difference is None else clock_uncertainty(reading.difference, period)
+        clock = 86400.0 * max(marks_rate(axis), drift or 0.0)
+    instrument = known.instrument(
+        pendulums, samples.time, clock, scale_error(reading, known.speed), needed=len(traces) > 1
     )
     if instrument is not None:
         groups["/instrument"] = instrument
     return xr.DataTree.from_dict(groups)
 
 
-def places(reading: Reading) -> tuple[Floats, Floats]:
-    """Mean column of each trace, and amplitude of its swing, (traces,) px."""
-    columns = reading.samples.column
-    empty = ~np.any(np.isfinite(columns), axis=1, keepdims=True)
-    filled = np.where(empty, 0.0, columns)
-    return np.nanmean(filled, axis=1), np.sqrt(2.0) * np.nanstd(filled, axis=1)
-
-
 def _root(reading: Reading, known: Known, name: str) -> xr.Dataset:
     import xarray as xr
 
-    description = known.description
-    start = known.start_time
+    described = known.description
     files = ", ".join(path.name for path in reading.scan.paths)
-    time = {**attributes("time"), "units": f"seconds since {start}"}
+    time = {**attributes("time"), "units": f"seconds since {described.start_time}"}
     return xr.Dataset(
         coords={"time": ("time", reading.samples.time, time)},
         attrs={
             "Conventions": CONVENTIONS,
             "schema": "isochrony-record",
             "schema_version": VERSION,
-            "record_id": identifier(_stated(description, "record_id") or name),
-            "title": _stated(description, "title") or f"pendulum record read from {files}",
+            "record_id": identifier((described.record_id if known.states("record_id") else "") or name),
+            "title": (described.title if known.states("title") else "") or f"pendulum record read from {files}",
             "history": f"read by isochrony from {files}: {reading.kind} reading",
             "source": f"{files}; seconds count from a full minute of the chronometer, which one the film does not say",
         },
     )
 
 
-def _stated(description: FilmDescription | None, name: str) -> str:
-    stated = description is not None and name in description.model_fields_set
-    return str(getattr(description, name)) if stated else ""
-
-
-def _film(
-    reading: Reading,
-    known: Known,
-    traces: Sequence[DescribedTrace],
-    lever: Floats,
-    rest: Floats,
-    order: list[int],
-) -> xr.Dataset:
-    gap = known.marking(None).gap
-    values = {
-        "optical_lever": lever,
-        "speed": rows_per_second(reading.axis) * reading.scale,
-        "mark_interval": reading.axis.interval,
-        "gap": gap,
-        "scale": reading.scale,
-        "source_file": ", ".join(path.name for path in reading.scan.paths),
-        "source_sha256": ", ".join(reading.scan.sha256),
-    }
-    film = dataset(
-        "film",
-        {name: value for name, value in values.items() if value is not None},
-        {"trace": [trace.name for trace in traces]},
-    )
-    offset = reading.axis.offset[order]
-    film.attrs = {
-        **findings(reading),
-        "trace_offset": (offset - offset[0]) * reading.scale,
-        "resting_column": rest[order],
-        "assumed": "; ".join(known.assumptions(traces)),
-    }
-    return film
-
-
-def findings(reading: Reading) -> dict[str, Any]:
-    """What a reader of the record should know of the reading, as attributes of /film."""
-    axis = reading.axis
+def findings(reading: Reading, paper: Paper | None = None) -> dict[str, Any]:
+    """What a reader of the record should know of the reading and of the paper's motion, as attributes of /film."""
+    axis, difference = reading.axis, reading.difference
     found: dict[str, Any] = {
         "reading": reading.kind,
         "elongation_zero": "mean place of each trace on the film; its place under the vertical is not known",
-        "accepted_fraction": accepted_fraction(reading.tracks, axis),
-        "marks_found": int(marks_seen(axis, reading.strobe).size),
+        "accepted_fraction": reading.accepted_fraction,
+        "marks_found": int(reading.marks.size),
         "skew": float(np.degrees(np.arctan(axis.shear))),
-        "time_sigma": time_sigma(axis),
+        "time_sigma": axis.time_sigma,
         # at the marks the times are exact
+        "time_noise": 0.0 if reading.kind == "strobe" else axis.mark_sigma * float(np.sqrt(axis.interval)),
         "time_rate_sigma": 0.0 if reading.kind == "strobe" else axis.rate_sigma,
-        "flags": ", ".join(flags(reading)),
+        "flags": ", ".join([*reading.flags, *(["paper-wandered"] if paper is not None else [])]),
         "notes": "; ".join(reading.notes),
     }
     if reading.edits is not None:
         found["edits"] = reading.edits.text()
-    if reading.difference is not None:
-        difference = reading.difference
+    if difference is not None:
         found["reading_difference_start"] = difference.start
         found["reading_difference_disagrees"] = difference.disagree.any(axis=0).astype(np.uint8)
+    if paper is not None:
+        found["paper_wander"] = float(np.std(paper.shift)) * reading.scale  # mm
+        found["paper_steps"], found["paper_creases"] = paper.steps, paper.creases
     return found
 
 
-def flags(reading: Reading) -> list[str]:
-    """What to distrust: the marks, and readings that contradict each other."""
-    found = list(marks_flags(reading.axis, reading.strobe))
-    if reading.difference is not None and reading.difference.contradicts:
-        found.append("readings-disagree")
-    return found
-
-
-def _rate_uncertainty(reading: Reading) -> float | None:
-    """By how much the film's time axis may run wrong, s a day; None at the marks alone, whose times are exact."""
-    if reading.kind == "strobe":
+def scale_error(reading: Reading, nominal: float | None) -> float | None:
+    """By how much, relative, all elongations may be wrong where marks, dpi and nominal speed contradict each other."""
+    if "dpi-disagrees" not in reading.axis.flags or nominal is None:
         return None
-    relative = None
-    if reading.difference is not None:
-        relative = clock_uncertainty(reading.difference, reading.tracks.rows_per_swing / rows_per_second(reading.axis))
-    return 86400.0 * max(marks_rate(reading.axis), relative or 0.0)
+    return abs(reading.axis.usual_rows_per_second * reading.scale / nominal - 1.0)
 
 
 def marks_rate(axis: TimeAxis) -> float:
@@ -222,53 +179,55 @@ def marks_rate(axis: TimeAxis) -> float:
     return axis.mark_sigma * float(np.sqrt(12.0 * axis.interval / length)) / length
 
 
-def time_sigma(axis: TimeAxis) -> float:
-    """R.m.s. of the stated uncertainty of the rows' times, s; NaN where no row has a time."""
-    timed = np.isfinite(axis.seconds)
-    return float(np.sqrt(np.mean(axis.seconds_sigma[timed] ** 2))) if timed.any() else float("nan")
-
-
 def match(described: Sequence[DescribedTrace], rest: Floats, swing: Floats) -> list[int]:
-    """For each described trace, the number of the one found.
+    """For each described trace, the number of the one found, by where those rest and how far they swing, (found,) mm.
 
     Without a place for each, traces are described as they lie from the left to the right. The scan need not begin at
-    the paper's edge: a shift common to all places does not count.
+    the paper's edge: a shift common to all places costs every order the same.
 
-    Parameters
-    ----------
-    described : sequence of DescribedTrace
-    rest, swing : (found,) arrays
-        Where the traces found rest and how far they swing, mm.
-
-    Raises
-    ------
-    RecordError
-        More or fewer traces were found than are described, or too many.
+    `RecordError`: more or fewer traces were found than are described.
     """
-    count = len(described)
-    if rest.size != count:
+    from scipy.optimize import linear_sum_assignment
+
+    if rest.size != len(described):
         names = ", ".join(trace.name for trace in described)
+        shown = {0: "no trace was", 1: "1 trace was"}.get(rest.size, f"{rest.size} traces were")
         raise RecordError(
-            f"{_traces(rest.size)} found on the film, but {count} described ({names}); say which are there with --trace"
+            f"{shown} found on the film, but {len(described)} described ({names}); say which are there with --trace"
         )
     if any(trace.position is None for trace in described):
         return [int(k) for k in np.argsort(rest, kind="stable")]
-    if count > _MOST_TRACES:
-        raise RecordError(f"{count} traces are described; at most {_MOST_TRACES} can be told apart")
-    places = np.array([trace.position for trace in described], dtype=np.float64)
-    sizes = [trace.amplitude for trace in described]
-
-    def strangeness(order: Iterable[int]) -> float:
-        order = list(order)
-        # a shift of all places alike costs every order the same
-        cost = float(np.sum((rest[order] - places) ** 2))
-        for size, found in zip(sizes, order, strict=True):
-            if size is not None and swing[found] > 0.0:
-                cost += (_FACTOR * float(np.log(swing[found] / size))) ** 2
-        return cost
-
-    return list(min(permutations(range(count)), key=strangeness))
+    cost = np.square(rest - np.array([[trace.position] for trace in described], dtype=np.float64))
+    for row, trace in zip(cost, described, strict=True):
+        if trace.amplitude is not None:
+            row += np.square(_FACTOR * np.log(np.where(swing > 0.0, swing, trace.amplitude) / trace.amplitude))
+    return [int(k) for k in linear_sum_assignment(cost)[1]]
 
 
-def _traces(count: int) -> str:
-    return "no trace was" if count == 0 else "1 trace was" if count == 1 else f"{count} traces were"
+def summary(record: xr.DataTree, reading: Reading) -> dict[str, Any]:
+    """Numbers of a reading and of its record, plain.
+
+    Keys: record_id, traces, samples, duration_s, reading, accepted_fraction, missing_fraction (of the samples, by
+    trace), marks, speed_mm_s, scale_mm_px, skew_degrees, time_sigma_s, flags, notes, assumed.
+    """
+    traces, film = record["record"].dataset, record["film"].dataset.attrs
+    labels = [str(label) for label in traces["trace"].values]
+    missing = np.isnan(traces["elongation"].values).mean(axis=1)
+    time = record.dataset["time"].values
+    return {
+        "record_id": record.attrs["record_id"],
+        "traces": labels,
+        "samples": int(time.size),
+        "duration_s": float(time[-1] - time[0]),
+        "reading": reading.kind,
+        "accepted_fraction": film["accepted_fraction"],
+        "missing_fraction": {label: float(part) for label, part in zip(labels, missing, strict=True)},
+        "marks": film["marks_found"],
+        "speed_mm_s": reading.axis.rows_per_second * reading.scale,
+        "scale_mm_px": reading.scale,
+        "skew_degrees": film["skew"],
+        "time_sigma_s": film["time_sigma"],
+        "flags": [part for part in str(film["flags"]).split(", ") if part],
+        "notes": list(reading.notes),
+        "assumed": [part for part in str(film["assumed"]).split("; ") if part],
+    }

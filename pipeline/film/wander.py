@@ -29,10 +29,8 @@ MOST_EVENTS = 30
 class Paper(NamedTuple):
     """How paper moved."""
 
-    shift: Floats
-    """(samples,) px."""
-    creased: NDArray[np.bool_]
-    """(samples,) Samples on a crease."""
+    shift: Floats  # (samples,) px
+    creased: NDArray[np.bool_]  # (samples,), on a crease
     steps: int
     creases: int
 
@@ -41,115 +39,96 @@ class Event(NamedTuple):
     """A step or a crease."""
 
     time: float
-    length: float
-    """s in which a crease fades; 0 of a step."""
-    size: float
-    """px."""
-    excess: float
-    """Size over its sigma."""
+    length: float  # s in which a crease fades; 0 of a step
+    size: float  # px
+    excess: float  # size over its sigma
+
+    def moves(self, time: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """By how much the paper lies aside at some times, px, and which of them tell nothing of the paper."""
+        if self.length:
+            return np.zeros(time.size), np.abs(time - self.time) < HIDES * self.length
+        # what lies on the step is read on both of its sides
+        return np.where(time >= self.time, self.size, 0.0), np.abs(time - self.time) < 1.5 * np.median(np.diff(time))
+
+
+NONE = Event(0.0, 0.0, 0.0, 0.0)
 
 
 def paper_motion(time: Floats, column: Floats, sums: Floats, period: float) -> Paper | None:
-    """How paper moved at each sample; None where no difference shows that it did.
+    """How paper moved at each sample, `time` (samples,) s; None where no difference shows that it did.
 
-    Parameters
-    ----------
-    time : (samples,) array
-        s.
-    column : (traces, samples) array
-        Of the traces, px; NaN where nothing was read.
-    sums : (traces,) array
-        Of the pendulums' weights in each trace: 0 of a difference.
-    period : float
-        Of the swing, s.
+    `column` (traces, samples) is that of the traces, px, NaN where nothing was read; `sums` (traces,) are those of the
+    pendulums' weights in each trace, 0 of a difference; `period` is that of the swing, s.
     """
     differences = np.abs(sums) < 1e-9
     if not differences.any():
         return None
-    shift, creased, rest, count = np.zeros(time.size), np.zeros(time.size, dtype=bool), column.copy(), [0, 0]
-    for event in events(time, rest, int(np.argmax(differences)), period):
-        if event.length:
-            here = np.abs(time - event.time) < HIDES * event.length
-            creased |= here
-        else:
-            # what lies on the step is read on both of its sides
-            creased |= np.abs(time - event.time) < 1.5 * np.median(np.diff(time))
-            shift += np.where(time >= event.time, event.size, 0.0)
-        count[event.length > 0.0] += 1
+    shift, creased = np.zeros(time.size), np.zeros(time.size, dtype=bool)
+    found = events(time, column, int(np.argmax(differences)), period)
+    for event in found:
+        aside, hidden = event.moves(time)
+        shift, creased = shift + aside, creased | hidden
     rest = np.where(creased, np.nan, column - shift)
-    slow = [slow_part(time, each, period) for each in rest[differences]]
-    known = [each for each in slow if each is not None]
+    known = [each for each in (slow_part(time, own, period) for own in rest[differences]) if each is not None]
     common = np.mean(known, axis=0) if known else np.zeros(time.size)
     if float(np.std(common)) > SHOWS:
         shift = shift + common
     if not shift.any() and not creased.any():
         return None
-    return Paper(shift - shift.mean(), creased, *count)
+    creases = sum(event.length > 0.0 for event in found)
+    return Paper(shift - shift.mean(), creased, len(found) - creases, creases)
 
 
 def events(time: Floats, column: Floats, difference: int, period: float) -> list[Event]:
     """Steps and creases of all traces at once, in order of how far they stand out."""
     found: list[Event] = []
-    column = column.copy()
     grid = np.arange(time[0] + period, time[-1] - period, 0.25 * period)
-    best = [_event(time, column[difference : difference + 1], at, period) for at in grid]
+    alone = slice(difference, difference + 1)
+    best = [_event(time, column[alone], at, period) for at in grid]
     while len(found) < MOST_EVENTS:
         near = max(range(grid.size), key=lambda k: best[k].excess, default=-1)
         if near < 0 or best[near].excess < SHOWN:
             break
-        close = time[np.abs(time - grid[near]) < 0.8 * period]
-        event = max(
-            (_event(time, column, each, period) for each in close - 0.5 * np.median(np.diff(time))),
-            key=lambda each: each.excess,
-        )
-        over = np.abs(grid - grid[near]) < (REACH + 0.5) * period
+        close = time[np.abs(time - grid[near]) < 0.8 * period] - 0.5 * np.median(np.diff(time))
+        event = max((_event(time, column, each, period) for each in close), key=lambda each: each.excess)
         if event.excess < STANDS_OUT or abs(event.size) < LEAST_EVENT:
             best[near] = NONE
             continue
         found.append(event)
-        if event.length:
-            column[:, np.abs(time - event.time) < HIDES * event.length] = np.nan
-        else:
-            column -= np.where(time >= event.time, event.size, 0.0)
-            column[:, np.abs(time - event.time) < 1.5 * np.median(np.diff(time))] = np.nan
-        again = [_event(time, column[difference : difference + 1], at, period) for at in grid[over]]
-        for k, each in zip(np.flatnonzero(over), again, strict=True):
-            best[k] = each
+        aside, hidden = event.moves(time)
+        column = np.where(hidden, np.nan, column - aside)
+        for k in np.flatnonzero(np.abs(grid - grid[near]) < (REACH + 0.5) * period):
+            best[k] = _event(time, column[alone], grid[k], period)
     return found
-
-
-NONE = Event(0.0, 0.0, 0.0, 0.0)
 
 
 def _event(time: Floats, column: Floats, at: float, period: float) -> Event:
     """The likeliest event at a time, by least squares of each trace beside its swing; one not alike in all is none."""
     first, last = np.searchsorted(time, [at - REACH * period, at + REACH * period])
     t = time[first:last] - at
-    shapes = [np.where(t >= 0.0, 1.0, 0.0), *(np.exp(-np.abs(t) / (length * period)) for length in CREASES)]
-    best = NONE
+    lengths = period * np.array([0.0, *CREASES])
+    shapes = np.stack([np.where(t >= 0.0, 1.0, 0.0), *(np.exp(-np.abs(t) / length) for length in lengths[1:])])
     base = _terms(t / period)
-    for length, shape in zip((0.0, *CREASES), shapes, strict=True):
-        sizes, weights = [], []
-        for each in column[:, first:last]:
-            known = np.isfinite(each)
-            if np.count_nonzero(known) < LEAST:
-                return NONE
-            terms = base[known]
-            q, _ = np.linalg.qr(terms)
-            left, own = (y - q @ (q.T @ y) for y in (each[known], shape[known]))
-            power = float(own @ own)
-            if power < 0.5:
-                return NONE
-            size = float(own @ left) / power
-            variance = float(np.sum((left - size * own) ** 2)) / max(left.size - terms.shape[1] - 1, 1) / power
-            sizes.append(size)
-            weights.append(1.0 / max(variance, 1e-12))
-        size = float(np.average(sizes, weights=weights))
-        excess = abs(size) * float(np.sqrt(np.sum(weights)))
-        apart = float(np.max(np.abs(np.array(sizes) - size) * np.sqrt(weights)))
-        if excess > best.excess and apart < ALIKE + 0.2 * excess:
-            best = Event(at, length * period, size, excess)
-    return best
+    sizes, weights = np.empty((2, len(column), lengths.size))
+    for trace, each in enumerate(column[:, first:last]):
+        known = np.isfinite(each)
+        if np.count_nonzero(known) < LEAST:
+            return NONE
+        q, _ = np.linalg.qr(base[known])
+        left, own = (y - (y @ q) @ q.T for y in (each[known], shapes[:, known]))
+        power = np.sum(own**2, axis=1)
+        if power.min() < 0.5:
+            return NONE
+        sizes[trace] = own @ left / power
+        free = max(left.size - base.shape[1] - 1, 1)
+        variance = np.sum((left - sizes[trace][:, None] * own) ** 2, axis=1) / free / power
+        weights[trace] = 1.0 / np.maximum(variance, 1e-12)
+    size = np.average(sizes, axis=0, weights=weights)
+    excess = np.abs(size) * np.sqrt(np.sum(weights, axis=0))
+    apart = np.max(np.abs(sizes - size) * np.sqrt(weights), axis=0)
+    excess = np.where(apart < ALIKE + 0.2 * excess, excess, 0.0)
+    best = int(np.argmax(excess))
+    return Event(at, float(lengths[best]), float(size[best]), float(excess[best])) if excess[best] > 0.0 else NONE
 
 
 def _terms(turns: Floats) -> Floats:

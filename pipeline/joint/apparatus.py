@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import kinds
-from pipeline.joint.constants import Constant, Solution
+from pipeline.joint.constants import Constant, Solution, is_mode
 from pipeline.joint.problem import Problem
 
 ZERO = 0.01  # rad: 1 sigma of a trace's zero, of its drift over the record, and of a step of it
@@ -119,5 +119,7 @@ def found(solution: Solution) -> list[str]:
     return [
         f"{each.name}: {each.value:.3g} +- {sigma:.1g} {UNITS.get(each.kind, '')}".rstrip()
         for each, sigma in zip(solution.constants, deviations, strict=True)
-        if each.kind in shown and abs(each.value - each.mean) > max(CERTAIN * sigma, HARMLESS.get(each.kind, 0.0))
+        if each.kind in shown
+        and not is_mode(each)
+        and abs(each.value - each.mean) > max(CERTAIN * sigma, HARMLESS.get(each.kind, 0.0))
     ]

@@ -15,6 +15,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import kinds
+from pipeline.joint.constants import is_mode
 from pipeline.joint.course import is_knot, mean_row, prior_root
 from pipeline.joint.explanation import Fitted
 from pipeline.joint.problem import LEVEL, Assumed
@@ -104,7 +105,7 @@ def parts(fit: Fitted, reference: float) -> dict[str, tuple[float, float, str]]:
     along = mean_row(fit.solution, fit.model.problem.lattice.duration) @ covariance
     found = _zero(fit, reference)
     for name, of in ENTRIES.items():
-        some = [k for k, each in enumerate(constants) if each.kind == of]
+        some = [k for k, each in enumerate(constants) if each.kind == of and not is_mode(each)]
         if some:
             own = covariance[np.ix_(some, some)]
             lever = np.linalg.lstsq(own, along[some], rcond=None)[0]

@@ -32,7 +32,6 @@ SETTLED = 0.3  # of sigma: a step that is none
 FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
-MOST_FEIGNED, CHANGES_FEIGNED = 5.0, 4.0  # 1 sigma of a film's times: a step of the clock; twice a rate, of gravity
 SCALES = (kinds.GAIN, kinds.RATIO)  # of constants that stand for each other
 REPLACED = (*SCALES, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC)  # others may explain what they were taken for
 
@@ -98,16 +97,12 @@ def _added(
                 if added[0].kind == kinds.GAIN and added[0].index < 0 and scaled
                 else cost - LIKELIER * (least < 1.0)
             )
-            step = solution.constants[-1]
-            feigned = step.kind == kinds.CLOCK and abs(step.value) < MOST_FEIGNED * problem.time_doubt
-            if not feeds(solution.constants) and not feigned:
+            if not feeds(solution.constants):
                 found.append((solution.log_likelihood - price, trial, solution))
     if course:
         rows = [*first, *range(len(whole) - len(course), len(whole))]
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
         track, solution = best_course((*own, *course), normal, of.totals, problem.lattice.duration)
-        if track.size < CHANGES_FEIGNED * problem.time_doubt / track.length:
-            return found
         words = (*model.words, "gravity changes")
         # two more parameters, of the prior
         trial = replace(model, words=words, constants=solution.constants, course=track)

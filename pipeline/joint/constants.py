@@ -51,6 +51,11 @@ def spline(times: Floats, knot: Constant) -> Floats:
     return np.asarray((np.maximum(0.0, 2.0 - away) ** 3 - 4.0 * np.maximum(0.0, 1.0 - away) ** 3) / 6.0)
 
 
+def is_mode(constant: Constant) -> bool:
+    """Whether a constant is the size of a time error's cosine."""
+    return constant.kind == kinds.CLOCK and constant.width > 0.0
+
+
 def total(constants: tuple[Constant, ...], kind: int, size: int) -> Floats:
     """Sum of the values of one kind by what they belong to, (size,); -1 counts for all."""
     out = np.zeros(size)

@@ -9,7 +9,9 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.joint import apparatus, choice, explanation, motion, repeating, spectrum
+from pipeline.joint.clock import with_clock
 from pipeline.joint.cold_start import ACCELEROMETER, CAPTURE, DIFFERENCE, KICK, Begun, again, released
+from pipeline.joint.constants import is_mode
 from pipeline.joint.course import mean_gravity, mean_row
 from pipeline.joint.explanation import LONG_GAP, grown
 from pipeline.joint.gaps import change_by_rounding, change_in_gaps
@@ -68,7 +70,7 @@ def reduce(gathered: Gathered) -> Outcome:
     try:
         found = fitted(gathered)
         if gathered.film:  # of other records the harmonics tell friction and optics that are not linear
-            found = [repeating.corrected(each, tells_law=len(found) > 1) for each in found]
+            found = [with_clock(repeating.corrected(each, tells_law=len(found) > 1)) for each in found]
             found.sort(key=of_the_law, reverse=True)
         fit, close = choice.settle(found[0])
         if len(found) > 1 and (strained(fit) or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
@@ -196,6 +198,7 @@ def of_the_law(fit: explanation.Fitted) -> float:
     """
     of, some = fit.of, np.isin(fit.model.problem.lattice.trace, fit.model.problem.differences)
     rejected = OUTLIER * float(fit.model.problem.left_out[some].sum())
+    rejected -= 0.5 * sum((each.value / each.prior) ** 2 for each in fit.solution.constants if is_mode(each))
     return rejected - float(np.nansum(np.log(of.scale[some]) + 0.5 * of.whitened[some] ** 2, dtype=np.float64))
 
 

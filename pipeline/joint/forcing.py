@@ -218,6 +218,7 @@ def derive_errors(
     On entry row j of `seen` holds what the reading's row makes of `state`, (d, c + 1); `node`: its time, s.
     """
     last, trace, time = state.shape[1] - 1, readings.trace[which], node + readings.offset[which]
+    speed = 0.0
     for n in range(of_traces.size):
         c = of_traces[n]
         kind = columns.kind[c]
@@ -235,5 +236,7 @@ def derive_errors(
         elif kind == STEP and time >= columns.centre[c]:
             seen[j, c] += 1.0
         elif kind == DELAY or (kind == CLOCK and time >= columns.centre[c]):
-            for q in range(state.shape[0]):
-                seen[j, c] -= slots.rate[j, q] * state[q, last]
+            if speed == 0.0:
+                for q in range(state.shape[0]):
+                    speed += slots.rate[j, q] * state[q, last]
+            seen[j, c] -= speed * np.cos(columns.width[c] * time) if columns.width[c] > 0.0 else speed

@@ -34,6 +34,7 @@ COARSEST = 0.3  # of the swing's root mean square, a step to which readings are 
 HELD = 6.0  # s: a window in which all traces stand still
 STILL, SWINGLESS, FEWEST = 0.01, 12.0, 10  # of the largest trace's variance; of white noise's power; readings
 LEAST_TIDE = 3e-8  # of gravity, of its change over the record: weights differ from a mean's by a tenth
+LASTING = 10.0  # s: errors of a film's times, where the noise of its marks is not stated
 LONGEST_GAP = 1.0  # s, of a heave that is interpolated
 ABOVE = 2.0  # of the noise: what may stand beside zero frequency by chance
 NEIGHBOURS, ENOUGH = 7, 20000  # values whose sixth difference shows their noise; so many such
@@ -163,7 +164,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
             spline,
             _track(known, all_times, lattice),
             steps,
-            _time_doubt(record) if "film" in record.children else 0.0,
+            *(_time_doubt(record) if "film" in record.children else (0.0, 0.0)),
         ),
         labels,
         traces,
@@ -324,11 +325,12 @@ def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:
     return np.asarray(np.interp(nodes[:, None] + lattice.step * NODES, time, change) - mean)
 
 
-def _time_doubt(record: DataTree) -> float:
-    """1 sigma of the times of a film, s; what is doubted by more is no noise."""
+def _time_doubt(record: DataTree) -> tuple[float, float]:
+    """1 sigma of the times of a film, s (what is doubted by more is no noise), and the marks' own noise, s3/2."""
     stated = record["record"].dataset.get("time_uncertainty")
     known = np.array([]) if stated is None else np.asarray(stated.values)[np.isfinite(stated.values)]
-    return float(np.median(known)) if known.size else 0.0
+    sigma = float(np.median(known)) if known.size else 0.0
+    return sigma, float(record["film"].attrs.get("time_noise", sigma * np.sqrt(LASTING)))
 
 
 def _far(trace: np.ndarray, value: Floats, traces: int) -> np.ndarray:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 
 from data_schemas.errors import RefusedError
@@ -14,6 +12,7 @@ MOST_SWINGS = 20.0  # between readings
 GRAVITIES = (0.1, 100.0)  # m s-2
 MOST_HEAVE = 0.5  # of gravity, standard deviation
 WINDOW, FEWEST, WINDOWS = 3.0, 12, 400  # swings; readings; of them at most
+SINGULAR = 1e-6  # of the determinant of three orthogonal functions
 SWAYS, HALF = 3.0, 0.5  # of the doubt of its mean; of what a trace should share of another's slow motion
 
 
@@ -68,19 +67,22 @@ def refuse_exchanged_traces(
             )
 
 
-def _slow(time: Floats, series: Floats, frequency: float) -> tuple[Floats, Floats]:
-    """Mean of each trace beside the swing in windows of some swings, (t, w), and its 1 sigma; NaN: too few."""
-    edges = np.arange(time[0], time[-1], WINDOW * 2.0 * np.pi / frequency)[: WINDOWS + 1]
-    bounds = np.searchsorted(time, edges)
-    mean, doubt = np.full((2, series.shape[0], max(edges.size - 1, 0)), np.nan)
-    for w, (begin, end) in enumerate(itertools.pairwise(bounds)):
-        turn = frequency * (time[begin:end] - time[begin])
-        basis = np.stack([np.ones(turn.size), np.cos(turn), np.sin(turn)], axis=1)
-        for j, own in enumerate(series[:, begin:end]):
-            there = np.isfinite(own)
-            if there.sum() < FEWEST:
-                continue
-            found, left, rank, _ = np.linalg.lstsq(basis[there], own[there], rcond=None)
-            if rank == 3 and left.size:
-                mean[j, w], doubt[j, w] = found[0], np.sqrt(left[0] / there.sum() ** 2)
-    return mean, doubt
+def _slow(time: Floats, series: Floats, frequency: float) -> Floats:
+    """Mean of each trace beside the swing in windows of some swings, and its 1 sigma, (2, t, w); NaN: too few."""
+    bounds = np.searchsorted(time, np.arange(time[0], time[-1], WINDOW * 2.0 * np.pi / frequency)[: WINDOWS + 1])
+    begins = bounds[:-1][np.diff(bounds) > 0]
+    if not begins.size:
+        return np.zeros((2, series.shape[0], 0))
+    some = slice(0, bounds[-1])
+    there = np.isfinite(series[:, some])
+    turn = frequency * time[some]
+    basis = np.stack([np.ones(turn.size), np.cos(turn), np.sin(turn)])
+    values = np.where(there, series[:, some], 0.0)
+    count, square = (np.add.reduceat(each, begins, axis=1) for each in (there.astype(np.float64), values**2))
+    normal = np.add.reduceat(there[:, None, None] * basis[:, None] * basis, begins, axis=3)
+    normal = normal.transpose(0, 3, 1, 2)
+    right = np.add.reduceat(values[:, None] * basis, begins, axis=2).transpose(0, 2, 1)
+    enough = (count >= FEWEST) & (np.linalg.det(normal) > SINGULAR * count**3)
+    fit = np.linalg.solve(np.where(enough[..., None, None], normal, np.eye(3)), right[..., None])[..., 0]
+    left = np.maximum(square - np.sum(fit * right, axis=2), 0.0)
+    return np.where(enough, [fit[..., 0], np.sqrt(left) / np.maximum(count, 1.0)], np.nan)

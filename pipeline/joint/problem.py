@@ -66,7 +66,9 @@ class Problem:
     steps: Floats = field(default_factory=lambda: np.zeros(0))
     """(t,) rad, to which samples were rounded, which leaves lines of its own; 0: not so that it shows."""
     time_doubt: float = 0.0
-    """1 sigma of a film's times, s: errors that last for seconds, and feign changes of gravity."""
+    """1 sigma of a film's times, s: errors that last for seconds; see `clock.with_clock`."""
+    time_noise: float = 0.0
+    """White noise of the marks from which these times come, times the root of their interval, s3/2; 0: not stated."""
     repeating: Floats = field(default_factory=lambda: np.zeros(0))
     """(t,) rad, root mean square of the errors repeating with the swing that the readings are without; empty: none."""
 
@@ -160,7 +162,8 @@ class Problem:
             elif each.kind == kinds.DRIFT:
                 value -= np.where(own.trace == each.index, each.value * (own.time - each.centre) / each.width, 0.0)
             elif each.kind == kinds.CLOCK and late is not None:
-                late += np.where((own.trace < self.traces) & (own.time >= each.centre), each.value, 0.0)
+                shape = np.cos(each.width * own.time) * (own.time >= each.centre)
+                late += np.where(own.trace < self.traces, each.value * shape, 0.0)
         value /= 1.0 + gain[own.trace]
         cubic = self.cubic(constants)
         if cubic:

@@ -44,9 +44,7 @@ class Alignment:
 
 def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
     """Offsets and shear under which most gaps agree; `spacing` is about the rows between marks."""
-    offset, sure = np.zeros(traces), True
-    steps = np.arange(-MOST_SHEAR, MOST_SHEAR + 1e-9, 0.00125)
-    shear = 0.0
+    offset, sure, shear = np.zeros(traces), True, 0.0
     reference = gaps.pick(gaps.trace == 0)
     for trace in range(1, traces):
         other = gaps.pick(gaps.trace == trace)
@@ -54,7 +52,7 @@ def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
         if i.size == 0:
             sure = False
             continue
-        tried = steps if trace == 1 else np.array([shear])
+        tried = np.arange(-MOST_SHEAR, MOST_SHEAR + 1e-9, 0.00125) if trace == 1 else np.array([shear])
         along, across = other.row[j] - reference.row[i], other.column[j] - reference.column[i]
         odd = _odd(reference.row, spacing)[i] & _odd(other.row, spacing)[j]
         table, odd_table = (
@@ -64,11 +62,10 @@ def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
         lag, slant = (at + 1) * BIN - FARTHEST, float(tried[which])
         for reach in (1.0, 0.5):
             near = np.abs(along - slant * across - lag) < reach
-            if near.sum() >= ENOUGH:
-                if trace == 1:
-                    slant, lag = (float(value) for value in np.polyfit(across[near], along[near], 1))
-                else:
-                    lag = float(np.median(along[near] - slant * across[near]))
+            if near.sum() >= ENOUGH and trace == 1:
+                slant, lag = (float(value) for value in np.polyfit(across[near], along[near], 1))
+            elif near.sum() >= ENOUGH:
+                lag = float(np.median(along[near] - slant * across[near]))
         shear = slant if trace == 1 else shear
         offset[trace] = lag
         sure &= certain
@@ -79,10 +76,9 @@ def _pairs(reference: Gaps, other: Gaps) -> tuple[Whole, Whole]:
     """Gaps of two traces that could be the same closing of the shutter."""
     apart = np.abs(np.median(other.column) - np.median(reference.column)) if other.size and reference.size else 0.0
     reach = FARTHEST + MOST_SHEAR * (float(apart) + 300.0)
-    low = np.searchsorted(reference.row, other.row - reach)
-    count = np.searchsorted(reference.row, other.row + reach) - low
-    j = np.repeat(np.arange(other.size), count)
-    return np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(low, count), j
+    low, high = (np.searchsorted(reference.row, other.row + side * reach) for side in (-1.0, 1.0))
+    j = np.repeat(np.arange(other.size), high - low)
+    return np.arange(j.size) - np.repeat(np.cumsum(high - low) - high, high - low), j
 
 
 def _odd(rows: Floats, spacing: float) -> NDArray[np.bool_]:
@@ -159,7 +155,7 @@ def gathered(gaps: Gaps, alignment: Alignment, traces: int, width: float) -> Eve
     return Events(row, row_sigma, wide, wide_sigma, member[:, order])
 
 
-def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple[Floats, float, float]:
+def refined(rows: Floats, sigma: Floats, columns: Floats, paper: Drive) -> tuple[Floats, float, float]:
     """Offsets of the traces, the first one's 0, shear, and what their errors make of a row, 1 sigma, by least squares.
 
     `rows`, `sigma` and `columns` (traces, marks) are those of the gaps, px; NaN = missing. Of marks that several traces
@@ -167,12 +163,12 @@ def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple
     rows are held to the motion found: a trace now left and now right of its middle shows the shear.
     """
     traces = len(rows)
-    used = found.used & np.isfinite(rows) & np.isfinite(columns)
-    weight = np.where(used, 1.0 / (sigma**2 + found.floor**2), 0.0)
+    used = paper.used & np.isfinite(rows) & np.isfinite(columns)
+    weight = np.where(used, 1.0 / (sigma**2 + paper.model.floor**2), 0.0)
     terms = np.zeros((traces + 2, *rows.shape))  # offsets, shear, residual
     terms[np.arange(traces), np.arange(traces)] = 1.0
     terms[traces] = np.where(used, columns, 0.0)
-    terms[traces + 1] = np.where(used, rows - found.row, 0.0)
+    terms[traces + 1] = np.where(used, rows - paper.row, 0.0)
     several = used.sum(axis=0) > 1
     if several.sum() >= ENOUGH:
         weight[:, ~several] = 0.0
@@ -193,12 +189,12 @@ def refined(rows: Floats, sigma: Floats, columns: Floats, found: Drive) -> tuple
     return offset, float(value[-1]), float(np.sqrt(np.mean(variance))) if which.size else 0.0
 
 
-def lasting(rows: Floats, found: Drive) -> float:
+def lasting(rows: Floats, paper: Drive) -> float:
     """1 sigma of the lasting error of a mark's row, px, of measured `rows` (traces, marks) freed of offsets and shear.
 
     NaN = missing.
     """
-    residual = np.where(found.used, rows - found.row, np.nan)
+    residual = np.where(paper.used, rows - paper.row, np.nan)
     products = []
     for one, other in itertools.combinations(residual, 2):
         apart = one - other
@@ -207,7 +203,7 @@ def lasting(rows: Floats, found: Drive) -> float:
             products.append(both[np.isfinite(both)])
     several = [each for each in products if each.size >= ENOUGH_PAIRS]
     if not several:
-        return SHARED * found.floor
+        return SHARED * paper.model.floor
     together = np.concatenate(several)
     chance = float(np.std(together)) / np.sqrt(together.size)
     of_one = 0.5 * max(float(np.mean(together)) - chance, 0.0)  # variance of a trace; a difference has two

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
+from pipeline.film.marks.search import commonest
 from pipeline.film.marks.swings import Swings
 from pipeline.film.parts import Floats
 from synth.kernels.compiled import kernel
@@ -34,6 +35,7 @@ CAUTION = 1.5  # times what the film shows of both
 FLOOR = 0.06  # px, of an event's row: what a course that is a little wrong does to single gaps
 AROUND = 30  # marks on either side that make the mean speed
 LEAST_MARKS = 6
+ALIKE = float(np.exp(0.08))  # ratio of the commonest distances of marks
 ALONE = 4  # marks missing on either side of one that nothing vouches for
 WORST = 30.0  # mean cost of a step from which nothing was understood
 Whole = NDArray[np.int64]
@@ -49,7 +51,7 @@ class Steps(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Rows of the events, and how far the paper's speed may change."""
+    """Rows of the events, and how far the paper's speed may change, 1 sigma."""
 
     row: Floats
     sigma: Floats
@@ -70,21 +72,15 @@ class Count:
 def spacing_of(rows: Floats) -> float:
     """Rows between marks: the commonest distance of successive events.
 
-    Raises
-    ------
-    RefusedError
-        Too few events.
+    `RefusedError`: too few events.
     """
     apart = np.diff(rows)
-    logs = np.sort(np.log(apart[apart > 1e-6]))
-    if logs.size < LEAST_MARKS:
+    if np.count_nonzero(apart > 1e-6) < LEAST_MARKS:
         raise RefusedError(
             f"film: {rows.size} gaps found in the traces, too few for a time axis; "
             "check that the film bears time marks, or state the gap and the rows per second"
         )
-    within = np.searchsorted(logs, logs + 0.08) - np.arange(logs.size)
-    start = int(np.argmax(within))
-    return float(np.exp(np.median(logs[start : start + within[start]])))
+    return float(np.exp(np.median(np.log(commonest(apart[apart > 1e-6], ALIKE)))))
 
 
 def unsteadiness(rows: Floats, spacing: float) -> tuple[float, float]:
@@ -103,10 +99,7 @@ def unsteadiness(rows: Floats, spacing: float) -> tuple[float, float]:
 def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float) -> Count:
     """The cheapest count of all, of events on `rows` in order, with 1 sigma, px.
 
-    Raises
-    ------
-    RefusedError
-        No path leads from the film's start to its end.
+    `RefusedError`: no path leads from the film's start to its end.
     """
     steps = list_steps(rows, spacing, swings)
     cost = costs(steps, swings)
@@ -122,12 +115,10 @@ def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float) -> Coun
     # the last step of the cheapest path, then back
     remaining = rows.size - 1 - steps.end
     finished = np.where(remaining < SKIP, forward + PASSED * remaining, np.inf)
-    at, reverse = int(np.argmin(finished)), []
-    while at >= 0:
-        reverse.append(at)
-        at = int(before[at])
+    best, reverse = float(finished.min()), [int(np.argmin(finished))]
+    while before[reverse[-1]] >= 0:
+        reverse.append(int(before[reverse[-1]]))
     path = np.array(reverse[::-1])
-    best = float(finished.min())
     if best > WORST * path.size:
         raise RefusedError(
             f"film: the gaps in the traces do not come evenly (about {spacing:.1f} rows apart); "
@@ -135,23 +126,15 @@ def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float) -> Coun
         )
     event = np.concatenate([steps.begin[path[:1]], steps.end[path]])
     index = np.concatenate([[0], np.cumsum(steps.marks[path])])
-    lead = _leads(path, steps, whole, best)
+    # cost of the best other count between the same two events, beyond the best of all
+    _, between = np.unique(steps.begin * rows.size + steps.end, return_inverse=True)
+    other = np.full(between.max() + 1, np.inf)
+    np.minimum.at(other, between, np.where(np.isin(np.arange(whole.size), path), np.inf, whole))
+    lead = other[between[path]] - best
     # any false gap would do as well as a mark that stands alone where many are missing
     step = np.diff(index)
     kept = np.flatnonzero(~np.concatenate([[False], np.minimum(step[1:], step[:-1]) >= ALONE, [False]]))
     return Count(event[kept], index[kept], np.array([lead[a:b].min() for a, b in itertools.pairwise(kept)]))
-
-
-def _leads(path: Whole, steps: Steps, whole: Floats, best: float) -> Floats:
-    """Cost of the best other count between the same two events, beyond the best of all."""
-    names = steps.begin * (steps.end.max() + 1) + steps.end
-    order = np.argsort(names, kind="stable")
-    low, high = (np.searchsorted(names[order], names[path], side=side) for side in ("left", "right"))
-    lead = np.full(path.size, np.inf)
-    for k, step in enumerate(path):
-        others = order[low[k] : high[k]]
-        lead[k] = whole[others[others != step]].min(initial=np.inf) - best
-    return lead
 
 
 def list_steps(row: Floats, spacing: float, swings: Swings) -> Steps:

@@ -107,17 +107,16 @@ def shade(
 
 
 @kernel
-def window(course: Floats, slope: Floats, mark: float, width: float, spot: float, box: Floats) -> bool:
-    """Bounding box of a gap and its flanks: first row, last, first column, last; False where the curve ends."""
-    box[0], box[1], box[2], box[3] = 1e9, -1e9, 1e9, -1e9
+def window(course: Floats, slope: Floats, mark: float, width: float, spot: float) -> tuple[float, float, float, float]:
+    """First row, last, first column and last of a gap and its flanks; NaN where the curve ends."""
+    top, bottom, left, right = math.inf, -math.inf, math.inf, -math.inf
     for side in (-1.0, 1.0):
         row, flank = mark, 0.0
         while flank < FLANK * spot:
             column, lean = place(course, slope, row)
             if math.isnan(column):
-                return False
-            box[0], box[1] = min(box[0], row), max(box[1], row)
-            box[2], box[3] = min(box[2], column), max(box[3], column)
+                return math.nan, math.nan, math.nan, math.nan
+            top, bottom, left, right = min(top, row), max(bottom, row), min(left, column), max(right, column)
             step = spot / math.sqrt(1.0 + lean * lean)
             inside = 0.5 * width - abs(row - mark)
             if inside > 1e-9:
@@ -126,8 +125,7 @@ def window(course: Floats, slope: Floats, mark: float, width: float, spot: float
                 flank += spot
             row += side * step
     pad = 2.5 * spot
-    box[0], box[1], box[2], box[3] = box[0] - pad, box[1] + pad, box[2] - pad, box[3] + pad
-    return True
+    return top - pad, bottom + pad, left - pad, right + pad
 
 
 @kernel

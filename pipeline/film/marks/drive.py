@@ -29,6 +29,7 @@ COHERENCE = (1e6, 3e3)  # s, over which a line of wow may keep its phase
 OUTLIER = 5.0  # sigmas
 GAINED = 10.0  # fall of -2 log likelihood that a line must bring
 LONG_GAP = 3.0  # s without marks
+SLIP, LEAST_SLIP, ABOUT = 8.0, 1.5, 11  # deviations, and px, of the rows between two marks; marks about them
 
 Lines = tuple[tuple[float, float, float], ...]
 NO_JUMPS = np.zeros(0, dtype=np.int64)
@@ -68,11 +69,6 @@ class Drive:
     jumps: NDArray[np.int64]  # marks before which the paper stood still
     likelihood: float  # -2 log likelihood
 
-    @property
-    def floor(self) -> float:
-        """Error that all marks have beside the measured one, px."""
-        return self.model.floor
-
 
 def drive(
     rows: Floats, sigma: Floats, step: float, before: Drive | None = None, jumps: NDArray[np.int64] = NO_JUMPS
@@ -82,37 +78,52 @@ def drive(
     NaN = missing. The lines of a motion `before`, found of nearly the same rows, stay. The paper stood still before the
     marks `jumps`.
     """
-    used = np.isfinite(rows)
     first = Model(step, START[0], START[1], math.exp(START[2])) if before is None else before.model
-    found = _most_likely(rows, sigma, first, used, jumps)
+    paper = _most_likely(rows, sigma, first, jumps)
     for _ in range(MOST_LINES if before is None else 0):
-        line = _line(np.where(used, rows, np.nan), found)
+        line = _line(rows, paper)
         if line is None:
             break
-        lines = [(*found.model.lines, (*line, each)) for each in COHERENCE]
-        tried = [_most_likely(rows, sigma, found.model._replace(lines=each), used, jumps) for each in lines]
+        lines = [(*paper.model.lines, (*line, each)) for each in COHERENCE]
+        tried = [_most_likely(rows, sigma, paper.model._replace(lines=each), jumps) for each in lines]
         better = min(tried, key=lambda one: one.likelihood)
-        if found.likelihood - better.likelihood < GAINED:
+        if paper.likelihood - better.likelihood < GAINED:
             break
-        found = better
+        paper = better
     for _ in range(3):
-        residual = (rows - found.row) / np.sqrt(sigma**2 + found.floor**2 + found.row_sigma**2)
-        good = np.isfinite(rows) & ~(np.abs(residual) > OUTLIER)
-        if np.array_equal(good, used):
+        residual = (rows - paper.row) / np.sqrt(sigma**2 + paper.model.floor**2 + paper.row_sigma**2)
+        believed = np.where(np.abs(residual) > OUTLIER, np.nan, rows)
+        if np.array_equal(np.isfinite(believed), paper.used):
             break
-        used = good
-        found = _most_likely(rows, sigma, found.model, used, jumps)
-    return found
+        paper = _most_likely(believed, sigma, paper.model, jumps)
+    return paper
 
 
-def _most_likely(rows: Floats, sigma: Floats, model: Model, used: NDArray[np.bool_], jumps: NDArray[np.int64]) -> Drive:
+def slips(rows: Floats) -> NDArray[np.int64]:
+    """Marks before which the paper slipped, of rows (traces, marks): apart unlike those about them, by no mark's own
+    error."""
+    from scipy.ndimage import median_filter
+
+    shown = np.isfinite(rows).sum(axis=0)
+    marks = np.flatnonzero(shown)
+    if marks.size < 2 * ABOUT:
+        return NO_JUMPS
+    row, count = np.nansum(rows[:, marks], axis=0) / shown[marks], np.diff(marks)
+    off = np.diff(row) - count * median_filter(np.diff(row) / count, ABOUT, mode="nearest")
+    least = max(SLIP * 1.4826 * float(np.median(np.abs(off))), LEAST_SLIP)
+    before, after = np.append(0.0, off[:-1]), np.append(off[1:], 0.0)
+    lasting = np.minimum(np.abs(off + before), np.abs(off + after)) > 0.5 * np.abs(off)
+    return np.asarray(marks[1:][(np.abs(off) > least * np.sqrt(count)) & lasting & (count < ABOUT)])
+
+
+def _most_likely(rows: Floats, sigma: Floats, model: Model, jumps: NDArray[np.int64]) -> Drive:
     """Roughness, shake and floor by maximum likelihood, from those of a model on."""
     from scipy.optimize import minimize
 
     def run(at: Floats, smooth: bool) -> Drive:
         rough, shake, floor = np.clip(at, LOWEST, HIGHEST).tolist()
         tried = model._replace(roughness=rough, shake=shake, floor=math.exp(floor))
-        return run_drive(rows, sigma, tried, used, jumps, smooth)
+        return run_drive(rows, sigma, tried, jumps, smooth)
 
     def cost(at: Floats) -> float:
         return run(at, False).likelihood + float(np.sum((at - np.clip(at, LOWEST, HIGHEST)) ** 2))
@@ -123,71 +134,68 @@ def _most_likely(rows: Floats, sigma: Floats, model: Model, used: NDArray[np.boo
     return run(minimize(cost, start, method="Nelder-Mead", options=options).x, True)
 
 
-def run_drive(
-    rows: Floats, sigma: Floats, model: Model, used: NDArray[np.bool_], jumps: NDArray[np.int64], smooth: bool
-) -> Drive:
-    """Filter, and if asked smooth, with given parameters."""
-    step, seen = model.step, np.where(used, rows, np.nan)
-    n = 3 + 2 * len(model.lines)
-    move, noise, before = np.zeros((3, n, n))
-    sees, runs, bends, start = np.zeros((4, n))
-    move[:3, :3] = [[1.0, step, 0.5 * step**2], [0.0, 1.0, step], [0.0, 0.0, 1.0]]
-    noise[:3, :3] = np.exp(2.0 * model.roughness) * np.array(
-        [
-            [step**5 / 20, step**4 / 8, step**3 / 6],
-            [step**4 / 8, step**3 / 3, step**2 / 2],
-            [step**3 / 6, step**2 / 2, step],
-        ]
-    )
-    noise[:2, :2] += np.exp(2.0 * model.shake) * np.array([[step**3 / 3, step**2 / 2], [step**2 / 2, step]])
-    sees[0] = runs[1] = bends[2] = 1.0
+def run_drive(rows: Floats, sigma: Floats, model: Model, jumps: NDArray[np.int64], smooth: bool = True) -> Drive:
+    """Filter, and if asked smooth, with given parameters; NaN = missing."""
+    from scipy.linalg import block_diag
+
+    h, marks, used = model.step, rows.shape[1], np.isfinite(rows)
+    # the rows that several traces show of one mark count as their mean
+    variance = np.where(used, sigma**2 + model.floor**2, np.inf)
+    together = 1.0 / np.maximum((1.0 / variance).sum(axis=0), 1e-300)
+    mean = together * np.where(used, rows / variance, 0.0).sum(axis=0)
     known = np.flatnonzero(used.any(axis=0))
-    first, last = (float(np.nanmean(seen[:, known[end]])) for end in (0, -1))
-    pace = (last - first) / max((known[-1] - known[0]) * step, step)
-    start[:2] = first - known[0] * step * pace, pace
-    before[:3, :3] = np.diag([(0.5 * pace) ** 2 + 1.0, (0.2 * pace) ** 2, (0.1 * pace) ** 2])
-    for k, (turn, size, coherence) in enumerate(model.lines):
-        at = slice(3 + 2 * k, 5 + 2 * k)
-        decay = np.exp(-step / coherence)
-        cos, sin = np.cos(turn * step), np.sin(turn * step)
-        move[at, at] = decay * np.array([[cos, sin], [-sin, cos]])
-        noise[at, at] = 0.5 * size**2 * (1.0 - decay**2) * np.eye(2)
-        before[at, at] = size**2 * np.eye(2)
-        sees[3 + 2 * k], runs[4 + 2 * k], bends[3 + 2 * k] = 1.0, turn, -(turn**2)
-    stood = np.zeros(seen.shape[1])
-    stood[jumps] = (seen.shape[1] * step * pace) ** 2
-    motion = Motion(move, noise, sees, start, before)
-    likelihood, state, spread, ahead, ahead_spread = filter_drive(motion, seen, sigma**2 + model.floor**2, stood)
+    apart = np.sum(np.log(variance[used])) - np.sum(np.log(together[known]))
+    apart += np.sum(np.where(used, rows - mean, 0.0) ** 2 / variance)
+    first, last = (float(rows[used[:, at], at].mean()) for at in known[[0, -1]])
+    pace = (last - first) / max((known[-1] - known[0]) * h, h)
+    stood = np.zeros(marks)
+    stood[jumps] = (marks * h * pace) ** 2
+    rough, shake = np.exp(2.0 * model.roughness), np.exp(2.0 * model.shake)
+    walk = rough * np.array([[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]])
+    walk[:2, :2] += shake * np.array([[h**3 / 3, h**2 / 2], [h**2 / 2, h]])
+    step, noise = [np.array([[1.0, h, 0.5 * h**2], [0.0, 1.0, h], [0.0, 0.0, 1.0]])], [walk]
+    before = [np.diag([(0.5 * pace) ** 2 + 1.0, (0.2 * pace) ** 2, (0.1 * pace) ** 2])]
+    paths = [np.eye(3)]  # of row, speed and acceleration, what of the state each is the sum of
+    for turn, size, coherence in model.lines:
+        decay, cos, sin = np.exp(-h / coherence), np.cos(turn * h), np.sin(turn * h)
+        step.append(decay * np.array([[cos, sin], [-sin, cos]]))
+        noise.append(0.5 * size**2 * (1.0 - decay**2) * np.eye(2))
+        before.append(size**2 * np.eye(2))
+        paths.append(np.array([[1.0, 0.0], [0.0, turn], [-(turn**2), 0.0]]))
+    sees = np.hstack(paths)
+    start = np.zeros(sees.shape[1])
+    start[:2] = first - known[0] * h * pace, pace
+    motion = Motion(block_diag(*step), block_diag(*noise), sees[0], start, block_diag(*before))
+    seen = np.where(used.any(axis=0), mean, np.nan)
+    likelihood, state, spread, ahead, ahead_spread = filter_drive(motion, seen, together, stood)
     if smooth:
-        smooth_drive(move, state, spread, ahead, ahead_spread)
-    row_sigma, speed_sigma = (
-        np.sqrt(np.maximum(np.einsum("i,kij,j->k", each, spread, each), 0.0)) for each in (sees, runs)
-    )
-    paths = state @ sees, state @ runs, state @ bends
-    return Drive(model, *paths, row_sigma, speed_sigma, used, jumps, likelihood)
+        smooth_drive(motion.step, state, spread, ahead, ahead_spread)
+    row_sigma, speed_sigma = np.sqrt(np.maximum(np.einsum("pi,kij,pj->pk", sees[:2], spread, sees[:2]), 0.0))
+    row, speed, acceleration = sees @ state.T
+    return Drive(model, row, speed, acceleration, row_sigma, speed_sigma, used, jumps, likelihood + float(apart))
 
 
-def aliased(rows: Floats, found: Drive) -> tuple[float, float]:
+def aliased(rows: Floats, paper: Drive) -> tuple[float, float]:
     """1 sigma of wow that marks as far apart as these cannot tell from wow of another period, px and px s-1."""
-    turn, size = _line(rows, found, told=False) or (0.0, 0.0)
-    return size / math.sqrt(2.0), size / math.sqrt(2.0) * max(turn, 2.0 * np.pi / found.model.step - turn)
+    turn, size = _line(rows, paper, told=False) or (0.0, 0.0)
+    return size / math.sqrt(2.0), size / math.sqrt(2.0) * max(turn, 2.0 * np.pi / paper.model.step - turn)
 
 
-def _line(rows: Floats, found: Drive, told: bool = True) -> tuple[float, float] | None:
+def _line(rows: Floats, paper: Drive, told: bool = True) -> tuple[float, float] | None:
     """The line that stands out most of what smooth motion leaves: circular frequency and amplitude, or None.
 
     Looked for where its alias, which the marks show no otherwise, would be too fast for wow, or else only where not.
     """
     marks = rows.shape[1]
-    if marks * found.model.step < 2.0 * SLOWEST / 3.0:
+    if marks * paper.model.step < 2.0 * SLOWEST / 3.0:
         return None
-    calm = found.model._replace(roughness=CALM, shake=CALM, floor=0.05)
-    smooth = run_drive(rows, np.full_like(rows, 0.05), calm, found.used, found.jumps, True)
-    shown = found.used.sum(axis=0)  # of the marks themselves: the most likely motion may take a line for their errors
-    remainder = np.where(found.used, rows - smooth.row, 0.0).sum(axis=0) / np.maximum(shown, 1)
+    calm = paper.model._replace(roughness=CALM, shake=CALM, floor=0.05)
+    smooth = run_drive(np.where(paper.used, rows, np.nan), np.full_like(rows, 0.05), calm, paper.jumps)
+    shown = paper.used.sum(axis=0)  # of the marks themselves: the most likely motion may take a line for their errors
+    remainder = np.where(paper.used, rows - smooth.row, 0.0).sum(axis=0) / np.maximum(shown, 1)
     power = np.abs(np.fft.rfft((remainder - remainder.mean()) * np.hanning(marks), 4 * marks)) ** 2
-    turn = 2.0 * np.pi * np.arange(power.size) / (4 * marks * found.model.step)
-    alone = 2.0 * np.pi / found.model.step - turn > 2.0 * np.pi / FASTEST
+    turn = 2.0 * np.pi * np.arange(power.size) / (4 * marks * paper.model.step)
+    alone = 2.0 * np.pi / paper.model.step - turn > 2.0 * np.pi / FASTEST
     inside = np.flatnonzero((turn > 2.0 * np.pi / SLOWEST) & (turn < 2.0 * np.pi / FASTEST) & (alone == told))
     if inside.size < 16:
         return None
@@ -198,83 +206,58 @@ def _line(rows: Floats, found: Drive, told: bool = True) -> tuple[float, float] 
     a, b, c = np.log(power[top - 1 : top + 2])
     place = top + 0.5 * (a - c) / (a - 2.0 * b + c)
     size = 2.0 * np.sqrt(power[top]) / np.hanning(marks).sum()
-    return float(2.0 * np.pi * place / (4 * marks * found.model.step)), float(size)
+    return float(2.0 * np.pi * place / (4 * marks * paper.model.step)), float(size)
 
 
-def honest_gaps(rows: Floats, sigma: Floats, found: Drive) -> Drive:
+def honest_gaps(rows: Floats, sigma: Floats, paper: Drive) -> Drive:
     """The same, with its 1 sigma in long gaps as large as errors are where marks are hidden over as long a time.
 
     The model's own sigma in a gap rests on the form of its motion, not on marks.
     """
-    seen = np.flatnonzero((np.isfinite(rows) & found.used).any(axis=0))
+    seen = np.flatnonzero(paper.used.any(axis=0))
     length = int(np.diff(seen).max(initial=0))
-    if length * found.model.step < LONG_GAP or seen.size < 6 * length:
-        return found
+    if length * paper.model.step < LONG_GAP or seen.size < 6 * length:
+        return paper
     number = np.arange(rows.shape[1])
     hidden = (number % (3 * length) >= length) & (number % (3 * length) < 2 * length) & (number < number.size - length)
-    blind = run_drive(rows, sigma, found.model, found.used & ~hidden, found.jumps, True)
-    gaps = hidden & (found.row_sigma < 0.5 * blind.row_sigma)
-    away = (blind.row - found.row)[gaps] / blind.row_sigma[gaps]
+    blind = run_drive(np.where(paper.used & ~hidden, rows, np.nan), sigma, paper.model, paper.jumps)
+    gaps = hidden & (paper.row_sigma < 0.5 * blind.row_sigma)
+    away = (blind.row - paper.row)[gaps] / blind.row_sigma[gaps]
     if away.size < 3:
-        return found
+        return paper
     scale, inside = max(1.0, float(np.sqrt(np.mean(away**2)))), np.zeros(number.size, dtype=bool)
     for begin, stop in itertools.pairwise(seen.tolist()):
-        inside[begin + 1 : stop] = (stop - begin) * found.model.step >= LONG_GAP
-    return replace(found, row_sigma=np.where(inside, scale * found.row_sigma, found.row_sigma))
+        inside[begin + 1 : stop] = (stop - begin) * paper.model.step >= LONG_GAP
+    return replace(paper, row_sigma=np.where(inside, scale * paper.row_sigma, paper.row_sigma))
 
 
 @kernel
 def filter_drive(
     motion: Motion, rows: Floats, variance: Floats, stood: Floats
 ) -> tuple[float, Floats, Floats, Floats, Floats]:
-    """Kalman filter forward over marks measured on any of the traces, (traces, marks); NaN = missing.
+    """Kalman filter forward over marks, with the variance of each; NaN = missing.
 
-    `stood` (marks,) is the row's variance from the paper's having stood before a mark. The results are -2 log
-    likelihood, and state and covariance, (marks, n) and (marks, n, n), after each mark is seen, and before.
+    `stood` is the row's variance from the paper's having stood before a mark. The results are -2 log likelihood, and
+    state and covariance, (marks, n) and (marks, n, n), after each mark is seen, and before.
     """
     step, noise, sees, start, start_variance = motion
-    marks, n = rows.shape[1], start.size
+    marks, n = rows.size, start.size
     state, ahead = np.empty((marks, n)), np.empty((marks, n))
     spread, ahead_spread = np.empty((marks, n, n)), np.empty((marks, n, n))
-    x, p = start.copy(), start_variance.copy()
-    gain, moved, half = np.empty(n), np.empty(n), np.empty((n, n))
-    total = 0.0
+    x, p, back = start, start_variance, np.ascontiguousarray(step.T)
+    likelihood = 0.0
     for k in range(marks):
         if k > 0:
-            for i in range(n):
-                moved[i] = 0.0
-                for j in range(n):
-                    moved[i] += step[i, j] * x[j]
-                    half[i, j] = 0.0
-                    for m in range(n):
-                        half[i, j] += step[i, m] * p[m, j]
-            for i in range(n):
-                x[i] = moved[i]
-                for j in range(n):
-                    value = noise[i, j]
-                    for m in range(n):
-                        value += half[i, m] * step[j, m]
-                    p[i, j] = value
+            x, p = step @ x, step @ p @ back + noise
             p[0, 0] += stood[k]
         ahead[k], ahead_spread[k] = x, p
-        for trace in range(rows.shape[0]):
-            away, total_variance = rows[trace, k], variance[trace, k]
-            if math.isnan(away):
-                continue
-            for i in range(n):
-                gain[i] = 0.0
-                for j in range(n):
-                    gain[i] += p[i, j] * sees[j]
-                away -= sees[i] * x[i]
-            for i in range(n):
-                total_variance += sees[i] * gain[i]
-            for i in range(n):
-                x[i] += gain[i] * away / total_variance
-                for j in range(n):
-                    p[i, j] -= gain[i] * gain[j] / total_variance
-            total += away * away / total_variance + math.log(total_variance)
+        if not math.isnan(rows[k]):
+            gain = p @ sees
+            away, total = rows[k] - sees @ x, variance[k] + sees @ gain
+            x, p = x + gain * (away / total), p - np.outer(gain, gain / total)
+            likelihood += away * away / total + math.log(total)
         state[k], spread[k] = x, p
-    return total, state, spread, ahead, ahead_spread
+    return likelihood, state, spread, ahead, ahead_spread
 
 
 @kernel

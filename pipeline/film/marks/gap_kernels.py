@@ -21,11 +21,8 @@ from pipeline.film.marks.curve_kernels import REACH, Patch, draw, place, shade, 
 from pipeline.film.tracking.motion import solve
 from synth.kernels.compiled import kernel
 
-(
-    ROW, ROW_SIGMA, COLUMN, COLUMN_SIGMA, LIGHT, LIGHT_SIGMA, DEPTH, DEPTH_SIGMA, WIDTH, WIDTH_SIGMA, SHIFT, MISFIT,
-    SLOPE,
-) = range(13)  # fmt: skip
-RESULTS = 13
+RESULTS = 11  # of a gap, as `search.Gaps` has them
+ROW, ROW_SIGMA, COLUMN, COLUMN_SIGMA, SLOPE, WIDTH, WIDTH_SIGMA, DEPTH, DEPTH_SIGMA, LIGHT, MISFIT = range(RESULTS)
 PARAMETERS = 6
 STEEPEST = 60.0  # slope of strokes whose gaps fit on a piece of film
 LAYERS = 9
@@ -56,12 +53,12 @@ def fit_gap(
     spot, grain = known.spot, known.grain
     out[:] = math.nan
     course, slope = courses[trace], slopes[trace]
-    box = np.empty(4)
-    if not window(course, slope, mark, width, spot, box):
+    first_row, last_row, low, high = window(course, slope, mark, width, spot)
+    if math.isnan(first_row):
         return False
-    top, left = max(math.floor(box[0]), first), max(math.floor(box[2]), 0)
-    rows = min(math.ceil(box[1]), first + exposure.shape[0]) - top
-    columns = min(math.ceil(box[3]), exposure.shape[1]) - left
+    top, left = max(math.floor(first_row), first), max(math.floor(low), 0)
+    rows = min(math.ceil(last_row), first + exposure.shape[0]) - top
+    columns = min(math.ceil(high), exposure.shape[1]) - left
     if rows < 4 or columns < 4 or rows > layers.shape[1] or columns > layers.shape[2]:
         return False
     layer = layers[:, :rows, :columns]
@@ -168,10 +165,9 @@ def fit_gap(
     deep = normal[2, 2] - 2.0 * b / a * normal[1, 2] + (b / a) ** 2 * normal[1, 1]
     out[ROW], out[ROW_SIGMA] = m, math.sqrt(normal[0, 0])
     out[COLUMN], out[COLUMN_SIGMA] = here + d + h * lean, math.sqrt(max(across, 0.0))
-    out[LIGHT], out[LIGHT_SIGMA] = a, math.sqrt(normal[1, 1])
     out[DEPTH], out[DEPTH_SIGMA] = b / a, math.sqrt(max(deep, 0.0)) / a
     out[WIDTH], out[WIDTH_SIGMA] = w, math.sqrt(normal[4, 4])
-    out[SHIFT], out[MISFIT], out[SLOPE] = d, misfit / count, lean
+    out[SLOPE], out[LIGHT], out[MISFIT] = lean, a, misfit / count
     return True
 
 

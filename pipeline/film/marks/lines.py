@@ -88,11 +88,11 @@ class Lines(NamedTuple):
         return self._replace(usual=np.where(near, np.maximum(self.light, 0.0), 0.0))
 
 
-def hide(tracks: Tracks, lines: Lines) -> Tracks:
+def hide(tracks: Tracks, lines: Lines | None) -> Tracks:
     """The tracks without what was read on dark lines and beside them, where a shutter would take some of the light."""
     from scipy.ndimage import maximum_filter1d
 
-    if lines.kind != "dark-lines":
+    if lines is None or lines.kind != "dark-lines":
         return tracks
     wide = maximum_filter1d(lines.usual, 2 * int(np.ceil(BESIDE * tracks.spot)) + 1)
     at = np.arange(wide.size) - np.nan_to_num(lines.shear * tracks.course)
@@ -122,10 +122,7 @@ def lines_across(darkness: Light, rows: int, columns: int) -> Lines | None:
 def ticks(light: Light, rows: int, free: Rows) -> Lines:
     """Marks on a strip of the columns `free`, which no trace sweeps.
 
-    Raises
-    ------
-    RefusedError
-        There are none.
+    `RefusedError`: there are none.
     """
     runs = np.split(free, np.flatnonzero(np.diff(free) > 1) + 1)
     groups = np.concatenate([run[: run.size // TICK * TICK].reshape(-1, TICK) for run in runs])

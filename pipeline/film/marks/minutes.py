@@ -62,10 +62,7 @@ def places(events: Events, count: Count) -> Floats:
 def find_minutes(events: Events, count: Count, marking: Marking) -> Minutes:
     """The minute code of a film whose marks were counted.
 
-    Raises
-    ------
-    TimeReversedError
-        The code reads backwards.
+    `TimeReversedError`: the code reads backwards.
     """
     interval, delay, cycle = marking.interval, marking.minute_code or None, round(60.0 / marking.interval)
     if abs(cycle * interval - 60.0) > 1e-6 or cycle < 4 or marking.code == "none":
@@ -143,12 +140,15 @@ def code_marks(minutes: Minutes, events: Events, count: Count, interval: float) 
     """Numbers of the full minutes' marks whose codes were seen and agree with the count."""
     if minutes.residue is None:
         return np.empty(0)
-    cycle = round(60.0 / interval)
-    if minutes.kind != "double":
-        return np.asarray(count.index[count.index % cycle == minutes.residue], dtype=np.float64)
-    place = places(events, count) - minutes.delay / interval
-    whole = np.round(place)
-    return np.asarray(whole[(np.abs(place - whole) < TOLERANCE) & (np.mod(whole, cycle) == minutes.residue)])
+    number = _coded(minutes, events, count, interval) if minutes.kind == "double" else count.index.astype(np.float64)
+    return np.asarray(number[np.mod(number, round(60.0 / interval)) == minutes.residue])
+
+
+def _coded(minutes: Minutes, events: Events, count: Count, interval: float) -> Floats:
+    """Numbers of the marks after which a second gap comes, as late as after those of full minutes."""
+    place = (places(events, count) - minutes.delay / interval)[~np.isin(np.arange(events.size), count.event)]
+    number = np.round(place)
+    return np.asarray(number[np.abs(place - number) < TOLERANCE])
 
 
 def doubts(minutes: Minutes, events: Events, count: Count, interval: float) -> list[tuple[float, float, float]]:
@@ -158,16 +158,13 @@ def doubts(minutes: Minutes, events: Events, count: Count, interval: float) -> l
     """
     if minutes.kind != "double" or minutes.residue is None:
         return []
-    cycle, place = round(60.0 / interval), places(events, count) - minutes.delay / interval
-    number = np.round(place)
-    number = number[(np.abs(place - number) < TOLERANCE) & ~np.isin(np.arange(events.size), count.event)]
+    cycle, number = round(60.0 / interval), _coded(minutes, events, count, interval)
     away = np.mod(number - minutes.residue + cycle // 2, cycle) - cycle // 2
     agree = number[away == 0]
-    found = []
-    for beyond, ends in (
-        (number < agree.min(initial=np.inf), (float(count.index[0]), float(agree.min(initial=np.inf)))),
-        (number > agree.max(initial=-np.inf), (float(agree.max(initial=-np.inf)), float(count.index[-1]))),
-    ):
-        if agree.size and beyond.any():
-            found.append((*ends, interval * float(np.abs(away[beyond]).max())))
-    return found
+    if not agree.size:
+        return []
+    low, high = float(agree.min()), float(agree.max())
+    sides = ((number < low, float(count.index[0]), low), (number > high, high, float(count.index[-1])))
+    return [
+        (first, last, interval * float(np.abs(away[beyond]).max())) for beyond, first, last in sides if beyond.any()
+    ]

@@ -15,6 +15,8 @@ from pipeline.film.scan.opening import OpenScan
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Spans = Sequence[tuple[int, int]]
+"""First and last rows of stretches of film."""
 
 ROWS = 1024  # of a piece
 MARGIN = 24  # rows read on either side, so that a gap at a seam is seen whole
@@ -56,7 +58,7 @@ def over_pieces(
     emulsion: Emulsion,
     work: Callable[[int, int, int, NDArray[np.float32]], Result],
     jobs: int,
-    spans: Sequence[tuple[int, int]] | None = None,
+    spans: Spans | None = None,
 ) -> list[Result]:
     """What `work` makes of each piece in its order: rows `begin` to `stop`, first row of the exposure, exposure.
 

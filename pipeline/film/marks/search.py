@@ -8,20 +8,22 @@ nothing else visible (dust, scratches and other traces' lines leave a misfit).
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
-from pipeline.film.marks import gap_kernels
 from pipeline.film.marks.curve_kernels import brightness_along
 from pipeline.film.marks.gap_kernels import Known, fit_gaps
-from pipeline.film.marks.pieces import MARGIN, exposed, grain, over_pieces
+from pipeline.film.marks.pieces import MARGIN, Spans, exposed, grain, over_pieces
 from pipeline.film.marks.stands import Bars, bars, light_across, swept
-from pipeline.film.parts import Emulsion, Floats, Tracks
+from pipeline.film.parts import Emulsion, Floats, Marking, Tracks
 from pipeline.film.scan.opening import OpenScan
+
+if TYPE_CHECKING:
+    from pipeline.film.marks.lines import Lines
 
 LATERAL = 0.1  # px, 1 sigma of the tracker's course across the line
 WIDTH_PRIOR = 0.12  # of the width, 1 sigma: wow, drift and shear change it
@@ -59,8 +61,7 @@ class Gaps:
     @staticmethod
     def of(trace: NDArray[np.int64], fitted: Floats) -> Gaps:
         """From what `gap_kernels.fit_gaps` returns, (gaps, RESULTS)."""
-        names = [field.name for field in fields(Gaps)][1:]
-        return Gaps(trace, *(fitted[:, getattr(gap_kernels, name.upper())].copy() for name in names))
+        return Gaps(trace, *fitted.T.copy())
 
     def pick(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Gaps:
         """Some of them."""
@@ -77,13 +78,26 @@ class Gaps:
         return self.row.size
 
 
+class GapSearch(NamedTuple):
+    """What marks the time on a film."""
+
+    gaps: Gaps
+    bars: Bars  # where the paper stood
+    width: float  # of a gap, px
+    across: Lines | None = None  # the marks beside the traces of which `gaps` were made
+
+
+def search_gaps(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Marking, jobs: int = 1) -> GapSearch:
+    """Look for gaps on the traces of a film; raises as `learned_width`."""
+    if marking.gap is not None and marking.speed is not None:
+        width = marking.gap * marking.speed
+    else:
+        width = learned_width(scan, emulsion, tracks)
+    return GapSearch(*find_gaps(scan, emulsion, tracks, width, jobs), width)
+
+
 def find_gaps(
-    scan: OpenScan,
-    emulsion: Emulsion,
-    tracks: Tracks,
-    width: float,
-    jobs: int = 1,
-    spans: Sequence[tuple[int, int]] | None = None,
+    scan: OpenScan, emulsion: Emulsion, tracks: Tracks, width: float, jobs: int = 1, spans: Spans | None = None
 ) -> tuple[Gaps, Bars]:
     """All gaps of about `width` rows on all traces, fitted and selected; and where each shows that the paper stood.
 
@@ -105,43 +119,31 @@ def find_gaps(
 
 
 def fitted(
-    exposure: NDArray[np.float32],
-    first: int,
-    emulsion: Emulsion,
-    tracks: Tracks,
-    traces: NDArray[np.int64],
-    guesses: Floats,
-    width: float | Floats,
-    prior: float = WIDTH_PRIOR,
-    lateral: float = LATERAL,
-) -> Floats:
+    exposure: NDArray[np.float32], first: int, emulsion: Emulsion, tracks: Tracks, traces: NDArray[np.int64],
+    guesses: Floats, width: float | Floats, prior: float = WIDTH_PRIOR, lateral: float = LATERAL,
+) -> Floats:  # fmt: skip
     """Gaps fitted near some rows of some traces of a piece of film, (gaps, RESULTS)."""
     widths = np.broadcast_to(np.asarray(width, dtype=np.float64), guesses.shape).copy()
     known = Known(tracks.spot, *grain(emulsion), lateral, prior, 0.5 * tracks.rows_per_swing)
     return fit_gaps(exposure, first, tracks.course, tracks.slope, traces, guesses, widths, known)
 
 
-def steps_a_row(tracks: Tracks) -> int:
-    """Places a row at which brightness is taken: some 1.3 spots apart on the steeper strokes."""
-    lean = np.abs(tracks.slope[:, :: max(tracks.slope.shape[1] // 20000, 1)])
-    steep = float(np.nanpercentile(lean, 90)) if np.isfinite(lean).any() else 1.0
-    return int(np.clip(np.ceil(steep / (1.3 * tracks.spot)), 4, 40))
-
-
 def relative_light(
     exposure: NDArray[np.float32], first: int, begin: int, stop: int, tracks: Tracks, trace: int, width: float
 ) -> tuple[Floats, Floats, Floats]:
     """Brightness along a trace over that of its surroundings, how dark the middle of a gap would be, and the rows."""
-    steps = steps_a_row(tracks)
+    lean = np.abs(tracks.slope[:, :: max(tracks.slope.shape[1] // 20000, 1)])
+    steep = float(np.nanpercentile(lean, 90)) if np.isfinite(lean).any() else 1.0
+    steps = int(np.clip(np.ceil(steep / (1.3 * tracks.spot)), 4, 40))  # a row: 1.3 spots apart on the steeper strokes
     rows = begin + (np.arange((stop - begin) * steps) + 0.5) / steps
-    light, dark = np.empty(rows.size), np.empty(rows.size)
+    light, dark = np.empty((2, rows.size))
     brightness_along(
         exposure, first, tracks.course[trace], tracks.slope[trace], tracks.curvature[trace],
         begin, steps, tracks.spot, width, light, dark,
     )  # fmt: skip
-    chunk = max(int(0.5 * tracks.rows_per_swing * steps), 8)
+    chunks = max(light.size // max(int(0.5 * tracks.rows_per_swing * steps), 8), 1)
     level, at = [], []
-    for low, high in itertools.pairwise(np.linspace(0, light.size, max(light.size // chunk, 1) + 1).astype(int)):
+    for low, high in itertools.pairwise(np.linspace(0, light.size, chunks + 1).astype(int)):
         known = light[low:high][np.isfinite(light[low:high])]
         if known.size > 0.3 * (high - low):
             level.append(float(np.median(known)))
@@ -189,10 +191,7 @@ def _selected(gaps: Gaps, width: float) -> Gaps:
 def learned_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks) -> float:
     """Rows for which the shutter closes, by the dark runs on steep strokes of some pieces of the film.
 
-    Raises
-    ------
-    RefusedError
-        Too few of them.
+    `RefusedError`: too few of them.
     """
     length = min(scan.rows, SAMPLE_ROWS)
     runs: list[float] = []
@@ -202,15 +201,21 @@ def learned_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks) -> float:
             light, _, rows = relative_light(exposure, begin, begin, begin + length, tracks, trace, 1.0)
             lean = np.abs(tracks.slope[trace][np.minimum(rows.astype(int), scan.rows - 1)])
             runs.extend(_dark_runs(light, lean) * length / rows.size)
-    inside = np.sort([run for run in runs if SHORTEST < run / tracks.rows_per_swing < LONGEST])
+    inside = np.array([run for run in runs if SHORTEST < run / tracks.rows_per_swing < LONGEST])
     if inside.size < LEAST_RUNS:
         raise RefusedError(
             f"film: {inside.size} gaps in the traces, too few to tell how long the shutter closed; "
             "state the gap and the rows per second, or check that the film bears time marks"
         )
-    within = np.searchsorted(inside, 1.25 * inside) - np.arange(inside.size)
+    return float(np.median(commonest(inside, 1.25)))
+
+
+def commonest(values: Floats, ratio: float) -> Floats:
+    """The most values that lie within a ratio of each other, in order."""
+    values = np.sort(values)
+    within = np.searchsorted(values, values * ratio) - np.arange(values.size)
     start = int(np.argmax(within))
-    return float(np.median(inside[start : start + within[start]]))
+    return values[start : start + within[start]]
 
 
 def _dark_runs(light: Floats, lean: Floats) -> Floats:

@@ -6,13 +6,17 @@ trace is at one place. Its light tells for how long the paper stood, to a third.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.film.marks.pieces import grain
 from pipeline.film.parts import Emulsion, Floats, Tracks
+
+if TYPE_CHECKING:
+    from pipeline.film.marks.counting import Count
+    from pipeline.film.marks.swings import Swings
 
 INNER, LEAST_COLUMNS = 0.8, 12.0  # of the swing, that a bar fills; px, of the least that can show one
 QUANTILE = 0.25  # of the columns, which other traces and their gaps leave alone
@@ -38,26 +42,6 @@ class Stand(NamedTuple):
 
 
 Bars = list[list[Stand] | None]
-
-
-class Side(NamedTuple):
-    """Marks before or after a stand: rows, numbers, and the pendulums' phases there, (traces, marks), rad."""
-
-    row: Floats
-    number: NDArray[np.int64]
-    phase: Floats
-
-    def extrapolated(self, trace: int, advance: float, at: int) -> tuple[float, int, float]:
-        """Phase at the first or last mark (`at` 0 or -1) by those nearest to it, and their number.
-
-        Last: how the ship shakes it, the variance of the phase over a longer time, rad2.
-        """
-        away = self.number - self.number[at]
-        known = np.isfinite(self.phase[trace]) & (np.abs(away) < LONGER)
-        turned = np.exp(1j * (self.phase[trace, known] - advance * away[known]))
-        near = turned[np.abs(away[known]) < AROUND]
-        phase = float(np.angle(near.sum()))
-        return phase, near.size, float(np.mean(np.angle(turned * np.exp(-1j * phase)) ** 2)) if near.size else 0.0
 
 
 class Swept(NamedTuple):
@@ -151,38 +135,47 @@ def together(found: Bars, offset: Floats, shear: float, across: Floats) -> list[
             groups[-1].append(each)
         else:
             groups.append([each])
+    columns = [tuple(zip(*group, strict=True)) for group in groups if len(group) >= len(able)]
     return [
-        Stand(
-            float(np.mean([each.row for each in group])),
-            float(np.mean([each.length for each in group])),
-            any(each.saturated for each in group),
-        )
-        for group in groups
-        if len(group) >= len(able) and any(each.sure for each in group)
+        Stand(float(np.mean(row)), float(np.mean(length)), any(saturated))
+        for row, length, saturated, sure in columns
+        if any(sure)
     ]
 
 
 def lengths(
-    before: Side, after: Side, advance: Floats, spread: Floats, stand: Stand, pace: float
+    before: Count, after: Count, rows: Floats, swings: Swings, stand: Stand, pace: float
 ) -> tuple[NDArray[np.int64], Floats]:
     """Numbers of marks from the last one before a stand to the first one after it, and their costs, the best first.
 
-    Pendulums swing on: their phase, which advances by `advance` (traces,) rad from mark to mark, tells the number but
-    for whole swings, the bar's light those, roughly. `spread` is 1 sigma of a phase, `pace` the rows between marks.
+    Pendulums swing on: their phase tells the number but for whole swings, the bar's light those, roughly. `rows` are
+    those of all events, `pace` the rows between marks.
     """
-    moved = (after.row[0] - before.row[-1]) / pace
+    moved = (rows[after.event[0]] - rows[before.event[-1]]) / pace
     length = max(stand.length, LEAST) / pace
     number = np.arange(max(int(np.ceil(moved + LEAST / pace)), 1), int(moved + MOST * length) + MORE)
     stood = (number - moved) / length
     away = np.log(np.maximum(stood, 1e-3)) / BY_LIGHT
     cost = np.where((stood > 1.0) & stand.saturated, 0.0, away**2)
-    for trace, (each, sigma) in enumerate(zip(advance, spread, strict=True)):
-        one, few, shaken = before.extrapolated(trace, each, -1)
-        other, many, shakes = after.extrapolated(trace, each, 0)
-        if min(few, many) < FEWEST or not np.isfinite(each):
+    for phase, advance, sigma in zip(swings.phase, swings.advance, swings.sigma, strict=True):
+        one, few, shaken = _extrapolated(before.index - before.index[-1], phase[before.event], advance)
+        other, many, shakes = _extrapolated(after.index - after.index[0], phase[after.event], advance)
+        if min(few, many) < FEWEST or not np.isfinite(advance):
             continue
-        jump = np.angle(np.exp(1j * (other - one - each * number)))
+        jump = np.angle(np.exp(1j * (other - one - advance * number)))
         variance = sigma**2 * (4.0 / few + 4.0 / many) + WANDER**2 * (number + AROUND) + shaken + shakes
         cost = cost + np.minimum(jump**2 / variance, PHASE_MOST)
     order = np.argsort(cost, kind="stable")
     return number[order], cost[order]
+
+
+def _extrapolated(away: NDArray[np.int64], phase: Floats, advance: float) -> tuple[float, int, float]:
+    """Phase at a mark by those nearest to it, so many marks away, and their number.
+
+    Last: how the ship shakes it, the variance of the phase over a longer time, rad2.
+    """
+    known = np.isfinite(phase) & (np.abs(away) < LONGER)
+    turned = np.exp(1j * (phase[known] - advance * away[known]))
+    near = turned[np.abs(away[known]) < AROUND]
+    middle = float(np.angle(near.sum()))
+    return middle, near.size, float(np.mean(np.angle(turned * np.exp(-1j * middle)) ** 2)) if near.size else 0.0

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.film.marks.alignment import Events
 from pipeline.film.parts import Floats, Tracks
 
 HALF = 0.75  # swings on either side in which the phase is fitted
@@ -35,26 +36,24 @@ class Swings(NamedTuple):
         """At some of the events."""
         return self._replace(phase=self.phase[:, which], extra=self.extra[:, which], lost=self.lost[which])
 
-    def unsure(self, phase: Floats) -> Swings:
-        """The same at events whose places make the phases wrong by so much, rad, 1 sigma."""
-        return self._replace(extra=self.extra + phase**2)
-
     @property
     def centred(self) -> Floats:
         """Phases that were not carried there; NaN for others."""
         return np.where(self.extra < CENTRED, self.phase, np.nan)
 
 
-def swings_at(tracks: Tracks, rows: Floats, places: Floats, spacing: float) -> Swings:
-    """Swings at events on `rows`, which lie on each trace at `places` (traces, events); `spacing` is that of marks."""
-    stretch = stretched(rows, spacing)
+def swings_at(tracks: Tracks, events: Events, places: Floats, spacing: float) -> Swings:
+    """Swings at events, which lie on each trace at `places` (traces, events); `spacing` is that of marks."""
+    rows = events.row
+    stretch = _stretched(rows, spacing)
     lost = np.concatenate([[0], np.cumsum(~np.isfinite(tracks.course).any(axis=0))])
     before = lost[np.clip(np.round(rows), 0, lost.size - 1).astype(np.int64)].astype(np.float64)
-    phase, extra = phases(tracks, places, stretch)
-    swings = Swings(phase, extra, np.full(len(places), np.nan), np.full(len(places), np.nan), before)
+    phase, extra = _phases(tracks, places, stretch)
+    advance, sigma = np.full((2, len(places)), np.nan)
+    swings = Swings(phase, extra, advance, sigma, before)
     next_one = np.abs(np.diff(rows) / (spacing * stretch[1:]) - 1.0) < NEXT
-    for trace, phase in enumerate(swings.centred):
-        step = np.diff(phase)[next_one]
+    for trace, each in enumerate(swings.centred):
+        step = np.diff(each)[next_one]
         step = step[np.isfinite(step)]
         if step.size < 8:
             continue
@@ -62,11 +61,11 @@ def swings_at(tracks: Tracks, rows: Floats, places: Floats, spacing: float) -> S
         for _ in range(5):
             centre += np.median(np.angle(np.exp(1j * (step - centre))))
         away = np.angle(np.exp(1j * (step - centre)))
-        swings.advance[trace], swings.sigma[trace] = centre, max(1.4826 * float(np.median(np.abs(away))), 0.01)
-    return swings
+        advance[trace], sigma[trace] = centre, max(1.4826 * float(np.median(np.abs(away))), 0.01)
+    return swings._replace(extra=extra + (2.0 * np.pi / tracks.rows_per_swing * events.row_sigma) ** 2)
 
 
-def phases(tracks: Tracks, rows: Floats, stretch: Floats) -> tuple[Floats, Floats]:
+def _phases(tracks: Tracks, rows: Floats, stretch: Floats) -> tuple[Floats, Floats]:
     """Phase of every trace's swing at rows of that trace, rad, and the variance it has from being carried there.
 
     Where the trace is lost near a row, the phase is that of the nearest whole piece, carried on at its frequency; both
@@ -102,7 +101,7 @@ def phases(tracks: Tracks, rows: Floats, stretch: Floats) -> tuple[Floats, Float
     return out, extra
 
 
-def stretched(rows: Floats, spacing: float) -> Floats:
+def _stretched(rows: Floats, spacing: float) -> Floats:
     """Rows per second around each event over the film's mean, by the distances of its neighbours."""
     from scipy.ndimage import median_filter
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import hmac
 import json
 import re
-from collections.abc import AsyncIterator, Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import AsyncIterator, Callable, Iterator
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from threading import Lock
+from typing import TYPE_CHECKING, Any
 
 from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
@@ -24,9 +24,8 @@ from data_schemas.errors import IsochronyError
 from pipeline.flag_words import FLAGS, told
 
 if TYPE_CHECKING:
-    from pipeline.film.table.server import Session
+    from pipeline.film.table.session import Session
 
-_T = TypeVar("_T")
 _MOST_BYTES = 2**20  # of what is posted: an edit has some hundreds
 _MOST_ROWS = 10_000  # of an overlay
 _TILE = 512  # px
@@ -39,59 +38,44 @@ _HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
-_BUSY = "the film is being read anew; wait until that is done"
 
 
 class Desk:
-    """Brings requests to the session: changes one after the other in one thread, looking in another."""
+    """Brings requests, each in a thread of its own, to the session: one change at a time, and one look beside it."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
         self.end: Callable[[], object] = lambda: None
-        self._busy = False
-        self._worker, self._looker = ThreadPoolExecutor(1, "table-edit"), ThreadPoolExecutor(1, "table-look")
-        self._state = self._worker.submit(session.state).result()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._looker.shutdown(cancel_futures=True)
-        self._worker.shutdown()
+        self._editing, self._using, self._looking = Lock(), Lock(), Lock()
+        self._state = session.state()
 
     def routes(self) -> list[Route]:
         """Every address with what answers it."""
-        changes = {"edits": self._edits, "undo": self._undo, "redo": self._redo}
+        steps = {name: partial(self._step, getattr(self.session, name)) for name in ("undo", "redo")}
+        posted: dict[str, Callable[..., Any]] = {"edits": self._edits, "who": self._who, "done": self._done, **steps}
         return [
             Route("/state", self._now),
             Route("/overlay", self._overlay),
             Route("/times", self._times),
             Route("/tile/{level:int}/{down:int}/{across:int}", self._tile),
             Route("/readings.csv", self._csv),
-            *(Route(f"/{name}", self._changing(change), methods=["POST"]) for name, change in changes.items()),
-            Route("/who", self._who, methods=["POST"]),
-            Route("/done", self._done, methods=["POST"]),
+            *(Route(f"/{name}", answer, methods=["POST"]) for name, answer in posted.items()),
         ]
 
-    async def _in(self, pool: ThreadPoolExecutor, call: Callable[..., _T], *given: Any) -> _T:
-        return await asyncio.get_running_loop().run_in_executor(pool, call, *given)
-
-    async def _now(self, _: Request) -> Response:
+    def _now(self, _: Request) -> Response:
         """The state: of the last finished reading while an edit is under way, otherwise as gravity is by now."""
-        if not self._busy:
-            await self._in(self._worker, self._look)
+        if not self._editing.locked():
+            with self._using:
+                self._state = self.session.state()
         return self._told()
-
-    def _look(self) -> None:
-        self._state = self.session.state()
 
     def _told(self) -> Response:
         state, session = self._state, self.session
         words = {flag: told(flag) for flag in state["reading"]["flags"] if flag in FLAGS}
-        extra = {"busy": self._busy, "who": session.who, "levels": session.levels, "flag_words": words}
-        return JSONResponse(state | extra)
+        busy = self._editing.locked()
+        return JSONResponse(state | {"busy": busy, "who": session.who, "levels": session.levels, "flag_words": words})
 
-    async def _overlay(self, request: Request) -> Response:
+    def _overlay(self, request: Request) -> Response:
         try:
             first, last, most = (int(request.query_params[name]) for name in ("first", "last", "most"))
         except (KeyError, ValueError):
@@ -99,86 +83,79 @@ class Desk:
         rows = self._state["rows"]
         if not (0 <= first < last <= rows and 1 <= most <= _MOST_ROWS):
             raise HTTPException(400, f"overlay wants 0 <= first < last <= {rows} and 1 <= most <= {_MOST_ROWS}")
-        return JSONResponse(await self._in(self._looker, self.session.overlay, first, last, most))
+        with self._looking:
+            return JSONResponse(self.session.overlay(first, last, most))
 
-    async def _times(self, _: Request) -> Response:
+    def _times(self, _: Request) -> Response:
         """Rows of all marks on the first trace, with their labels."""
-        shown = await self._in(self._looker, self.session.overlay, 0, self._state["rows"], _MOST_ROWS)
+        with self._looking:
+            shown = self.session.overlay(0, self._state["rows"], _MOST_ROWS)
         return JSONResponse([[mark["row"], mark["label"]] for mark in shown["marks"]])
 
-    async def _tile(self, request: Request) -> Response:
+    def _tile(self, request: Request) -> Response:
         level, down, across = (request.path_params[name] for name in ("level", "down", "across"))
         size = _TILE << min(level, 30)
         here = down * size < self._state["rows"] and across * size < self._state["columns"]
         if level >= self.session.levels or not here:
             raise HTTPException(404, "the film has no such tile")
-        image = await self._in(self._looker, self.session.tile, level, down, across)
+        with self._looking:
+            image = self.session.tile(level, down, across)
         return Response(image, media_type="image/png", headers={"Cache-Control": "private, max-age=86400"})
 
-    async def _csv(self, _: Request) -> Response:
-        table = await self._in(self._worker, self.session.csv)
+    def _csv(self, _: Request) -> Response:
+        with self._using:
+            table = self.session.csv()
         return Response(table, media_type="text/csv", headers={"Content-Disposition": "attachment"})
 
-    async def _who(self, request: Request) -> Response:
-        name = (await _content(request)).get("who")
-        if not (isinstance(name, str) and len(name.strip()) <= 100):
-            raise HTTPException(400, "who wants a name of at most 100 letters")
-        await self._in(self._worker, setattr, self.session, "who", name.strip())
-        return self._told()
-
-    async def _done(self, request: Request) -> Response:
-        await _content(request)
-        if self._busy:
-            raise HTTPException(409, _BUSY)
-        self.end()
-        return JSONResponse({"saved": self._state["saved"]})
-
-    def _changing(self, change: Callable[[dict[str, Any]], object]) -> Callable[[Request], Any]:
-        async def answer(request: Request) -> Response:
-            content = await _content(request)
-            if self._busy:
-                raise HTTPException(409, _BUSY)
-            self._busy = True
-            try:
-                await self._in(self._worker, self._changed, change, content)
-            finally:
-                self._busy = False
-            return self._told()
-
-        return answer
-
-    def _changed(self, change: Callable[[dict[str, Any]], object], content: dict[str, Any]) -> None:
-        try:
-            change(content)
-        finally:
-            self._look()
-
-    def _edits(self, content: dict[str, Any]) -> None:
+    def _edits(self, request: Request) -> Response:
         """Make one edit, or several as one step: all or none."""
-        edits = content.get("edits")
+        edits = request.state.content.get("edits")
         if not (isinstance(edits, list) and 1 <= len(edits) <= 9 and all(isinstance(each, dict) for each in edits)):
             raise HTTPException(400, "edits wants a list of one edit or a few")
-        self.session.edit(*edits)
+        return self._step(partial(self.session.edit, *edits), request)
 
-    def _undo(self, _: dict[str, Any]) -> None:
-        self.session.undo()
+    def _step(self, change: Callable[[], dict[str, Any]], _: Request) -> Response:
+        """The state after a change."""
+        with self._alone(), self._using:
+            self._state = change()
+        return self._told()
 
-    def _redo(self, _: dict[str, Any]) -> None:
-        self.session.redo()
+    def _who(self, request: Request) -> Response:
+        name = request.state.content.get("who")
+        if not (isinstance(name, str) and len(name.strip()) <= 100):
+            raise HTTPException(400, "who wants a name of at most 100 letters")
+        with self._using:
+            self.session.who = name.strip()
+        return self._told()
+
+    def _done(self, _: Request) -> Response:
+        with self._alone():
+            self.end()
+        return JSONResponse({"saved": self._state["saved"]})
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Refuse what comes while an edit is under way."""
+        if not self._editing.acquire(blocking=False):
+            raise HTTPException(409, "the film is being read anew; wait until that is done")
+        try:
+            yield
+        finally:
+            self._editing.release()
 
 
 async def _content(request: Request) -> dict[str, Any]:
     """What was posted: JSON, of bounded size."""
     if request.headers.get("content-type", "").split(";")[0].strip().lower() != "application/json":
         raise HTTPException(415, "post application/json")
-    size = request.headers.get("content-length", "0")
-    body = bytearray()
-    if not size.isdecimal() or int(size) > _MOST_BYTES:
+    body, stated = bytearray(), int(request.headers.get("content-length", 0))  # the server takes whole numbers alone
+    if stated <= _MOST_BYTES:
+        async for piece in request.stream():
+            body += piece
+            if len(body) > _MOST_BYTES:
+                break
+    if max(stated, len(body)) > _MOST_BYTES:
         raise HTTPException(413, f"at most {_MOST_BYTES} bytes may be posted")
-    async for piece in request.stream():
-        body += piece
-        if len(body) > _MOST_BYTES:
-            raise HTTPException(413, f"at most {_MOST_BYTES} bytes may be posted")
     try:
         content = json.loads(body)
     except (ValueError, RecursionError):
@@ -224,22 +201,26 @@ def guarded(desk: Desk, token: str, begin: Callable[[], object]) -> ASGIApp:
                 headers.setdefault("Cache-Control", "no-store")
             await send(message)
 
-        refusal = _refusal(Request(scope), token)
-        answer = app if refusal is None else JSONResponse({"error": refusal[1]}, refusal[0])
-        return await answer(scope, receive, told_more)
+        request = Request(scope, receive)
+        try:
+            _check(request, token)
+            if request.method == "POST":
+                request.state.content = await _content(request)
+        except HTTPException as fault:
+            return await line(request, fault)(scope, receive, told_more)
+        return await app(scope, receive, told_more)
 
     return guard
 
 
-def _refusal(request: Request, token: str) -> tuple[int, str] | None:
-    """Status and reason, where a request is refused."""
+def _check(request: Request, token: str) -> None:
+    """Refuse a request that is not of this machine's own page."""
     headers: Headers = request.headers
     if not _HERE.fullmatch(headers.get("host", "")):
-        return 400, "this server answers to 127.0.0.1 and localhost alone"
+        raise HTTPException(400, "this server answers to 127.0.0.1 and localhost alone")
     origin = headers.get("origin")
     if origin is not None and not (origin.startswith("http://") and _HERE.fullmatch(origin.removeprefix("http://"))):
-        return 403, "requests of other pages are refused"
+        raise HTTPException(403, "requests of other pages are refused")
     given = headers.get("x-token") or (request.query_params.get("token", "") if request.method == "GET" else "")
     if not hmac.compare_digest(given.encode(), token.encode()):
-        return 403, "the token is missing or wrong: open the address that isochrony printed"
-    return None
+        raise HTTPException(403, "the token is missing or wrong: open the address that isochrony printed")

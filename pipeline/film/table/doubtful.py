@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.film.parts import Floats
 from pipeline.film.reading import Reading
 
 G_MGAL = 9.81e5
@@ -37,10 +37,31 @@ def doubtful(reading: Reading, clock: Callable[[float], str]) -> list[dict[str, 
         return []
     seconds = np.interp(np.arange(axis.seconds.size), known, axis.seconds[known])
     begin, end = float(axis.seconds[known[0]]), float(axis.seconds[known[-1]])
-    found = [*_of_time(reading, seconds, begin, end)]
+    places: list[dict[str, Any]] = []
+
+    def note(first: int, last: int, trace: int | None, words: str, harm: float) -> None:
+        place = {"first_row": float(first), "last_row": float(last + 1), "trace": trace, "what": words}
+        places.append(place | {"harm_mgal": harm, "time": clock(float(seconds[min(first, seconds.size - 1)]))})
+
+    def of_step(by: float, at: float) -> float:
+        """Change of gravity by a step of the clock, mGal."""
+        share = float(np.clip((at - begin) / (end - begin), 0.0, 1.0))
+        return 2.0 * G_MGAL * 6.0 * by * share * (1.0 - share) / (end - begin)
+
+    for start, stop, by in axis.doubts:
+        low, high = np.searchsorted(seconds, [start, stop]).tolist()
+        harm = of_step(by, 0.5 * (start + stop))
+        note(low, min(high, seconds.size - 1), None, f"marks may be miscounted, by {by:g} s", harm)
+    missing = np.diff(axis.index) - 1
+    for at in np.flatnonzero(missing > 3):
+        harm = 0.1 * of_step(axis.interval, float(axis.index[at] * axis.interval))
+        note(int(axis.row[at]), int(axis.row[at + 1]), None, f"{missing[at]} marks missing", harm)
+    for first, last in _runs(~np.isfinite(axis.seconds), 1.0):
+        if first > 0 and last < axis.seconds.size - 1:
+            note(first, last, None, "the paper stood still", 0.1 * of_step(axis.interval, float(seconds[first])))
     rate = 2.0 * np.pi / tracks.rows_per_swing * float(axis.seconds.size - 1) / max(seconds[-1] - seconds[0], 1e-9)
     for trace, qc in enumerate(tracks.qc):
-        size = 0.5 * float(np.ptp(np.nanpercentile(tracks.course[trace], (2, 98)))) if known.size else 1.0
+        size = 0.5 * float(np.ptp(np.nanpercentile(tracks.course[trace], (2, 98))))
         for name, words in WORDS.items():
             which = ((qc & ELONGATION_FLAGS[name]) > 0) & np.isfinite(axis.seconds)
             for first, last in _runs(which, APART * tracks.rows_per_swing if name != "lost" else 1.0):
@@ -50,48 +71,12 @@ def doubtful(reading: Reading, clock: Callable[[float], str]) -> list[dict[str, 
                 middle = 0.5 * float(seconds[first] + seconds[last]) - 0.5 * (begin + end)
                 phase = WRONG * tracks.spot / max(size, tracks.spot) * float(which[first : last + 1].mean())
                 turned = 12.0 * phase * length * abs(middle) / (end - begin) ** 3
-                found.append(_place(first, last, trace, words, 2.0 * turned / rate * G_MGAL))
-    for each in found:
-        each["time"] = clock(float(seconds[min(int(each["first_row"]), seconds.size - 1)]))
-    return sorted(found, key=lambda each: -each["harm_mgal"])[:MOST]
+                note(first, last, trace + 1, words, 2.0 * turned / rate * G_MGAL)
+    return sorted(places, key=lambda each: -each["harm_mgal"])[:MOST]
 
 
-def _of_time(reading: Reading, seconds: Floats, begin: float, end: float) -> list[dict[str, Any]]:
-    """Where marks may be miscounted, or are missing over long stretches."""
-    axis, found = reading.axis, []
-    for first, last, by in axis.doubts:
-        low, high = np.searchsorted(seconds, [first, last]).tolist()
-        words = f"marks may be miscounted, by {by:g} s"
-        found.append(_place(low, min(high, seconds.size - 1), None, words, _step(by, 0.5 * (first + last), begin, end)))
-    gaps = np.diff(axis.index)
-    for at in np.flatnonzero(gaps > 4):
-        words = f"{gaps[at] - 1} marks missing"
-        harm = _step(axis.interval, float(axis.index[at] * axis.interval), begin, end)
-        found.append(_place(int(axis.row[at]), int(axis.row[at + 1]), None, words, 0.1 * harm))
-    for first, last in _runs(~np.isfinite(axis.seconds), 1.0):
-        if first > 0 and last < axis.seconds.size - 1:
-            harm = _step(axis.interval, float(seconds[first]), begin, end)
-            found.append(_place(first, last, None, "the paper stood still", 0.1 * harm))
-    return found
-
-
-def _step(by: float, at: float, begin: float, end: float) -> float:
-    """Change of gravity by a step of the clock, mGal."""
-    share = float(np.clip((at - begin) / (end - begin), 0.0, 1.0))
-    return 2.0 * G_MGAL * 6.0 * by * share * (1.0 - share) / (end - begin)
-
-
-def _place(first: int, last: int, trace: int | None, words: str, harm: float) -> dict[str, Any]:
-    number = None if trace is None else trace + 1
-    return {"first_row": float(first), "last_row": float(last + 1), "trace": number, "what": words, "harm_mgal": harm}
-
-
-def _runs(which: Any, apart: float) -> list[tuple[int, int]]:
+def _runs(which: NDArray[np.bool_], apart: float) -> list[tuple[int, int]]:
     """First and last rows of stretches that lie farther apart than so many rows."""
     rows = np.flatnonzero(which)
-    if not rows.size:
-        return []
-    breaks = np.flatnonzero(np.diff(rows) > max(apart, 1.0))
-    return list(
-        zip(rows[np.append(0, breaks + 1)].tolist(), rows[np.append(breaks, rows.size - 1)].tolist(), strict=True)
-    )
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > max(apart, 1.0)) + 1)
+    return [(int(run[0]), int(run[-1])) for run in runs if run.size]

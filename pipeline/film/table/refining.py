@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import signal
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pebble import ProcessExpired, ProcessFuture, ProcessPool
 
 from data_schemas.errors import IsochronyError
 from pipeline.joint import choice
@@ -16,7 +16,6 @@ from pipeline.joint.explanation import fitted
 from pipeline.joint.gather import gather
 from pipeline.joint.problem import Problem
 from pipeline.joint.reduction import Joint, reduce_jointly
-from pipeline.ledger.entry import MGAL
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -24,22 +23,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Gravity:
-    """What is known of gravity: m s-2, and its 1 sigma in mGal; None where it is not, and why."""
+    """What is known of gravity and its 1 sigma, named as the page takes them; None where it is not, and why."""
 
-    value: float | None = None
-    sigma: float | None = None
+    value_m_s2: float | None = None
+    sigma_mgal: float | None = None
     method: str = ""
     refused: str | None = None
-
-    def plain(self) -> dict[str, Any]:
-        """As the page takes it."""
-        return {"value_m_s2": self.value, "sigma_mgal": self.sigma, "method": self.method, "refused": self.refused}
-
-    def change(self, before: Gravity) -> float:
-        """Against another, mGal."""
-        assert self.value is not None
-        assert before.value is not None
-        return (self.value - before.value) / MGAL
 
 
 def going_on(record: DataTree, last: Joint | None) -> Gravity:
@@ -77,57 +66,49 @@ def _grid(problem: Problem) -> tuple[int, float, float]:
 
 
 class Refining:
-    """The whole reduction of a record, in a process of its own."""
+    """The whole reduction of a record, in a process of its own, which Ctrl-C leaves to the server."""
 
     def __init__(self) -> None:
         self.last: Joint | None = None
-        self._process: Any = None
-        self._result: Any = None
+        self._pool = ProcessPool(1, context=get_context("spawn"))
+        self._reduction: ProcessFuture | None = None
 
     @property
     def busy(self) -> bool:
         """Whether a reduction is under way."""
-        return self._process is not None
+        return self._reduction is not None
 
     def begin(self, record: DataTree) -> None:
-        """Reduce a record; what was under way is ended."""
-        self.end()
-        context = get_context("spawn")
-        self._result, sender = context.Pipe(duplex=False)
-        self._process = context.Process(target=_reduce, args=(record.to_dict(), sender), daemon=True)
-        self._process.start()
-        sender.close()
+        """Reduce a record; what was under way is stopped."""
+        self.stop()
+        self._reduction = self._pool.schedule(_reduce, args=[record.to_dict()])
 
     def latest(self, known: Gravity) -> Gravity:
         """Gravity by the reduction, once it is there; else what is `known`."""
-        if self._process is None or not (self._result.poll() or not self._process.is_alive()):
+        if self._reduction is None or not self._reduction.done():
             return known
+        reduction, self._reduction = self._reduction, None
         try:
-            found = self._result.recv()
-        except (EOFError, OSError):
-            found = "the reduction ended before it was done; is there memory enough?"
-        self.end()
-        if isinstance(found, str):
-            return Gravity(refused=found)
-        self.last = found
-        total = found.reduction.gravity
-        return Gravity(total.gravity, total.sigma, "joint")
+            self.last = found = reduction.result()
+        except IsochronyError as fault:
+            return Gravity(refused=str(fault))
+        except ProcessExpired:
+            return Gravity(refused="the reduction ended before it was done; is there memory enough?")
+        return Gravity(found.reduction.gravity.gravity, found.reduction.gravity.sigma, "joint")
+
+    def stop(self) -> None:
+        """Stop what is under way."""
+        if self._reduction is not None:
+            self._reduction.cancel()
+            self._reduction = None
 
     def end(self) -> None:
-        """End what is under way."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.join()
-            self._process.close()
-            self._result.close()
-            self._process = None
+        """Stop what is under way, and the process."""
+        self._pool.stop()
+        self._pool.join()
 
 
-def _reduce(groups: dict[str, Any], sender: Any) -> None:
+def _reduce(groups: dict[str, Any]) -> Joint:
     from xarray import DataTree
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's; it ends this process
-    try:
-        sender.send(reduce_jointly(DataTree.from_dict(groups), None, 0.0))
-    except IsochronyError as fault:
-        sender.send(str(fault))
+    return reduce_jointly(DataTree.from_dict(groups), None, 0.0)

@@ -11,47 +11,14 @@ import sys
 import threading
 import webbrowser
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
 from data_schemas.errors import UsageError
 
-_PATIENCE = 10  # s that requests under way are given when the server ends
+if TYPE_CHECKING:
+    from pipeline.film.table.session import Session
 
-
-class Session(Protocol):
-    """The reading of one film under correction.
-
-    `state`, `edit`, `undo`, `redo`, `csv` and `who` are used in one thread. `tile` and `overlay` are called in a second
-    one, while an edit may be under way: they show the last finished reading.
-    """
-
-    who: str
-    """Name of the person, kept with every edit."""
-
-    @property
-    def levels(self) -> int:
-        """Number of sizes of the film: level 0 is its own, each further one half of the one before."""
-
-    def state(self) -> dict[str, Any]:
-        """Film, traces, edits, gravity (`refining`: a better one is under way), doubtful places: plain JSON."""
-
-    def overlay(self, first_row: int, last_row: int, most: int) -> dict[str, Any]:
-        """Courses, accepted readings and marks of some rows, at `most` rows at the most."""
-
-    def tile(self, level: int, down: int, across: int) -> bytes:
-        """PNG of 512 by 512 pixels of the film at 1 / 2**level of its size."""
-
-    def edit(self, *edits: dict[str, Any]) -> dict[str, Any]:
-        """Take an edit, or several as one step, read anew, give the state; an `IsochronyError` changes nothing."""
-
-    def undo(self) -> dict[str, Any]:
-        """Take the last step back."""
-
-    def redo(self) -> dict[str, Any]:
-        """Make the step that was taken back last."""
-
-    def csv(self) -> str:
-        """All readings as a table."""
+PATIENCE = 10  # s that requests under way are given when the server ends
 
 
 def serve(
@@ -61,11 +28,14 @@ def serve(
 
     Parameters
     ----------
-    port
+    session : Session
+        `tile` and `overlay` are called while an edit may be under way: they show the last finished reading. Of all
+        else one is called at a time.
+    port : int
         Port to listen on; 0: any that is free.
-    browser
+    browser : bool
         Open the page in a browser, where this machine has a display.
-    ready
+    ready : function, optional
         Called with the address as soon as requests are taken.
 
     Raises
@@ -80,7 +50,8 @@ def serve(
     from pipeline.film.table.app import Desk, guarded
 
     token = secrets.token_urlsafe(32)
-    with contextlib.suppress(KeyboardInterrupt), _listening(port) as listener, Desk(session) as desk:
+    desk = Desk(session)
+    with contextlib.suppress(KeyboardInterrupt), _listening(port) as listener:
         url = f"http://127.0.0.1:{listener.getsockname()[1]}/?token={token}"
 
         def begin() -> None:
@@ -92,7 +63,7 @@ def serve(
 
         config = uvicorn.Config(
             guarded(desk, token, begin), log_config=None, access_log=False, server_header=False, proxy_headers=False,
-            lifespan="on", ws="none", timeout_graceful_shutdown=_PATIENCE,
+            lifespan="on", ws="none", timeout_graceful_shutdown=PATIENCE,
         )  # fmt: skip
         server = uvicorn.Server(config)
         desk.end = lambda: setattr(server, "should_exit", True)

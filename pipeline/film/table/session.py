@@ -1,7 +1,6 @@
-"""One film on the table: its reading, a person's edits, and the gravity that they give.
+"""A film on the table: its edits, what they make of it, and what the page shows.
 
-The traces of the untouched film are followed once. An edit follows its own stretch again, counts the marks anew and
-gives a new record, as `digitise --edits` does. Its gravity is told at once by going on from the last reduction; the
+An edit follows the stretches that it touches once more, and estimates gravity at once from the last reduction; the
 whole reduction follows in a process of its own, which the next edit ends.
 """
 
@@ -11,10 +10,10 @@ import getpass
 import io
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import ValidationError
@@ -23,56 +22,48 @@ from data_schemas.checksum import numbers_sha256
 from data_schemas.errors import IsochronyError, RecordError, RefusedError
 from data_schemas.film_description import FilmDescription
 from data_schemas.film_edits import FilmEdits, edits_path, load_edits
-from data_schemas.scene_faults import one_line
+from data_schemas.scene_fields import one_line
 from pipeline.film.digitise import open_film
+from pipeline.film.edits import check_scan
+from pipeline.film.following import FilmTraces, Progress, find_time
 from pipeline.film.knowledge import FilmOptions, Known
-from pipeline.film.reading import FilmTraces, Progress, Reading, find_time, read_traces
-from pipeline.film.record import make_record
+from pipeline.film.reading import Reading, read_traces
+from pipeline.film.record import make_record, summary
 from pipeline.film.table.doubtful import doubtful
 from pipeline.film.table.refining import Gravity, Refining, going_on
+from pipeline.ledger.entry import MGAL
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
 TILE = 512  # px, of a side
-LEVELS = 6
 
 
 @dataclass
 class Session:
-    """A film, its edits and what they make of it; not for several threads at once, but for `tile` and `overlay`.
+    """A film, its edits and what they make of it; not for several threads at once, but for `tile` and `overlay`."""
 
-    Attributes
-    ----------
-    untouched : FilmTraces
-        The film without edits.
-    known : Known
-    edits : FilmEdits
-    path : Path
-        Where the edits are kept.
-    who : str
-        Kept with every edit.
-    """
+    levels: ClassVar[int] = 6  # sizes in which tiles are there, each half of the one before
 
-    untouched: FilmTraces
+    untouched: FilmTraces  # the film without edits
     known: Known
     edits: FilmEdits
-    path: Path
-    who: str
-    name: str
-    options: dict[str, Any]
+    path: Path  # where the edits are kept
+    who: str  # kept with every edit
+    name: str  # of the film's file
+    options: dict[str, Any]  # as of `read_traces`
     reading: Reading | None = None
     refusal: IsochronyError | None = None
     saved_at: str | None = None
 
     def __post_init__(self) -> None:
-        self._undone: list[tuple[Any, ...]] = []
-        self._together = [1] * len(self.edits.edits)  # edits of each step
+        made = self.edits.edits
+        self._past = [self.edits.model_copy(update={"edits": made[:k]}) for k in range(len(made))]
+        self._undone: list[FilmEdits] = []
         self._revision = 0
         self._record: DataTree | None = None
         self._refining = Refining()
-        self._before: Gravity | None = None
-        self._gravity = Gravity()
+        self._before, self._gravity = Gravity(), Gravity()
         self._read()
 
     @staticmethod
@@ -92,50 +83,52 @@ class Session:
     ) -> Session:
         """Follow the traces of a film; its edits are taken up where their file is there.
 
-        Raises
-        ------
-        FileError, RecordError, RefusedError
-            The film cannot be opened, nothing swings on it, or the edits are of another scan.
+        `FileError, RecordError, RefusedError`: the film cannot be opened, nothing swings on it, or the edits are of
+        another scan.
         """
-        from pipeline.film.edits import check_scan
-
         path = edits_path(paths[0]) if edits is None else edits
         made = load_edits(path) if path.exists() else None
         orientation = orientation if made is None else str(made.orientation)
-        scan, known = open_film(paths, description, options or FilmOptions(), orientation=orientation, lines=lines)
+        scan, known = open_film(paths, description, options, orientation=orientation, lines=lines)
         if made is not None:
             check_scan(made, scan)
         traces, _ = find_time(scan, known, reading, None, jobs, progress)
         own = {"sha256": traces.scan.sha256, "orientation": traces.scan.orientation}
         made = made or FilmEdits.model_validate(own)
-        name, asked = paths[0].name, {"reading": reading, "rate": rate, "jobs": jobs}
-        return Session(traces, known, made, path, who or _user(), name, asked)
+        asked = {"reading": reading, "rate": rate, "jobs": jobs}
+        return Session(traces, known, made, path, who or _user(), paths[0].name, asked)
 
     def state(self) -> dict[str, Any]:
-        """All that the page shows but for the film, plain."""
+        """Film, traces, edits, gravity (`refining`: a better one is under way), doubtful places: plain JSON."""
         self._gravity = self._refining.latest(self._gravity)
-        gravity, before, reading = self._gravity, self._before, self.reading
-        change = None if before is None or None in (before.value, gravity.value) else gravity.change(before)
-        scan, refused = self.untouched.scan, None if self.refusal is None else str(self.refusal)
-        told: dict[str, Any] = {"samples": 0, "accepted_fraction": 0.0, "flags": [], "notes": [], "refused": refused}
+        reading, scan, edits = self.reading, self.untouched.scan, self.edits.model_dump(mode="json")
+        now, before = self._gravity.value_m_s2, self._before.value_m_s2
+        change = None if now is None or before is None else (now - before) / MGAL
+        refused = None if self.refusal is None else str(self.refusal)
+        shown: dict[str, Any] = {"samples": 0, "accepted_fraction": 0.0, "flags": [], "notes": []}
+        pace = None  # s a row
         if reading is not None and self._record is not None:
-            from pipeline.film.summary import summary
-
             row = summary(self._record, reading)
-            told |= {key: row[key] for key in ("samples", "accepted_fraction", "flags", "notes")}
+            shown = {key: row[key] for key in shown}
+            known = np.flatnonzero(np.isfinite(reading.axis.seconds))
+            if known.size:
+                first, last = reading.axis.seconds[known[[0, -1]]]
+                pace = float(last - first) / max(int(known[-1] - known[0]), 1)
+        count, names = len(self.untouched.tracks.course), [trace.name for trace in self.known.traces]
+        names = names if len(names) == count else [str(k + 1) for k in range(count)]
         return {
             "name": self.name,
             "rows": scan.rows,
             "columns": scan.columns,
             "orientation": self.edits.orientation,
-            "seconds_per_row": self._seconds_per_row(),
-            "traces": self._traces(),
-            "edits": self.edits.model_dump(mode="json")["edits"],
-            "can_undo": bool(self.edits.edits),
+            "seconds_per_row": pace,
+            "traces": [{"number": k + 1, "name": name} for k, name in enumerate(names)],
+            "edits": edits["edits"],
+            "can_undo": bool(self._past),
             "can_redo": bool(self._undone),
             "revision": self._revision,
-            "gravity": {**gravity.plain(), "change_mgal": change, "refining": self._refining.busy},
-            "reading": told,
+            "gravity": {**asdict(self._gravity), "change_mgal": change, "refining": self._refining.busy},
+            "reading": {**shown, "refused": refused},
             "doubtful": [] if reading is None else doubtful(reading, self._clock),
             "saved": str(self.path),
             "saved_at": self.saved_at,
@@ -143,40 +136,30 @@ class Session:
         }
 
     def edit(self, *edits: dict[str, Any]) -> dict[str, Any]:
-        """Add an edit, or several as one step, and read their stretches again.
+        """Add an edit, or several as one step, read their stretches again, and give the state.
 
-        Raises
-        ------
-        RecordError
-            It cannot be meant; nothing is changed.
+        `RecordError`: it cannot be meant; nothing is changed.
         """
-        now = datetime.now(UTC).isoformat(timespec="seconds")
-        made = [
-            {**{key: value for key, value in each.items() if value is not None}, "by": self.who, "at": now}
-            for each in edits
-        ]
+        own = {"by": self.who, "at": datetime.now(UTC).isoformat(timespec="seconds")}
+        made = [{key: value for key, value in each.items() if value is not None} | own for each in edits]
         content = self.edits.model_dump(mode="json")
         try:
             all_edits = FilmEdits.model_validate({**content, "edits": [*content["edits"], *made]})
         except ValidationError as error:
             raise RecordError(one_line(error, FilmEdits)) from None
-        return self._take(all_edits, [], [*self._together, len(edits)])
+        return self._take(all_edits, [*self._past, self.edits], [])
 
     def undo(self) -> dict[str, Any]:
         """Take back the last step."""
-        if not self.edits.edits:
+        if not self._past:
             raise RecordError("there is nothing to undo")
-        *steps, size = self._together
-        rest, last = self.edits.edits[:-size], self.edits.edits[-size:]
-        return self._take(self.edits.model_copy(update={"edits": rest}), [*self._undone, last], steps)
+        return self._take(self._past[-1], self._past[:-1], [*self._undone, self.edits])
 
     def redo(self) -> dict[str, Any]:
         """Make the step again that was taken back last."""
         if not self._undone:
             raise RecordError("there is nothing to redo")
-        *rest, last = self._undone
-        edits = self.edits.model_copy(update={"edits": (*self.edits.edits, *last)})
-        return self._take(edits, rest, [*self._together, len(last)])
+        return self._take(self._undone[-1], [*self._past, self.edits], self._undone[:-1])
 
     def record(self) -> DataTree | None:
         """The record as it is now; None where the film is refused."""
@@ -193,68 +176,56 @@ class Session:
         traces, out = self._record["record"].dataset, io.StringIO()
         names = [str(each) for each in traces["trace"].values]
         head = ["time_s", *(f"{name}_rad" for name in names), *(f"{name}_sigma_rad" for name in names)]
-        columns = [self._record.dataset["time"].values, *traces["elongation"].values]
-        columns += [*traces["elongation_uncertainty"].values]
-        np.savetxt(out, np.column_stack(columns), "%.9g", ",", header=",".join(head), comments="")
+        time, angles = self._record.dataset["time"].values, traces["elongation"].values
+        table = np.column_stack([time, *angles, *traces["elongation_uncertainty"].values])
+        np.savetxt(out, table, "%.9g", ",", header=",".join(head), comments="")
         return out.getvalue()
-
-    @property
-    def levels(self) -> int:
-        """Sizes in which tiles are there, each half of the one before."""
-        return LEVELS
 
     def tile(self, level: int, down: int, across: int) -> bytes:
         """A tile of the film as PNG, at 1/2**level of its size.
 
-        Raises
-        ------
-        RecordError
-            There is no such tile.
+        `RecordError`: there is no such tile.
         """
         from PIL import Image
 
         scan, side = self.untouched.scan, TILE << level
         first, left = down * side, across * side
-        if not (0 <= level < LEVELS and 0 <= first < scan.rows and 0 <= left < scan.columns):
+        if not (0 <= level < self.levels and 0 <= first < scan.rows and 0 <= left < scan.columns):
             raise RecordError(f"tile {level}/{down}/{across}: the film has no such tile")
         pixels = np.asarray(scan.read(first, min(first + side, scan.rows))[:, left : left + side])
-        pixels = (pixels >> 8 if scan.full_scale > 255 else pixels).astype(np.uint8)
-        picture = Image.fromarray(pixels)
+        picture = Image.fromarray((pixels >> 8 if scan.full_scale > 255 else pixels).astype(np.uint8))
         width, height = (max(1, -(-each // (1 << level))) for each in picture.size)
         out = io.BytesIO()
         picture.resize((width, height), Image.Resampling.BOX).save(out, "PNG", compress_level=1)
         return out.getvalue()
 
     def overlay(self, first_row: int, last_row: int, most: int) -> dict[str, Any]:
-        """Courses, readings and marks on some rows, at most so many of them."""
-        reading, traces = self.reading, self._now
+        """Courses, readings and marks on some rows, at `most` so many of them."""
+        reading, tracks = self.reading, self._now.tracks
         first, last = max(0, first_row), min(last_row, self.untouched.scan.rows - 1)
         rows = np.unique(np.linspace(first, last, min(most, max(last - first + 1, 1))).astype(int))
-        position = traces.tracks.position if len(rows) > last - first else traces.tracks.position * np.nan
-        out: dict[str, Any] = {
-            "rows": (rows + 0.5).tolist(),
-            "courses": [_listed(each[rows]) for each in traces.tracks.course],
-            "read": [_listed(each[rows]) for each in position],
-            "marks": [],
-        }
+        position = tracks.position if len(rows) > last - first else tracks.position * np.nan
+        marks = []
         if reading is not None:
             axis = reading.axis
             inside = np.flatnonzero((axis.row >= first - 50) & (axis.row <= last + 50))
-            for at in inside[:: -(-inside.size // most)].tolist() if inside.size else ():
+            for at in inside[:: max(-(-inside.size // most), 1)].tolist():
                 places = [
-                    None
-                    if np.isnan(row)
-                    else [float(row), float(np.nan_to_num(course[min(int(row), course.size - 1)]))]
-                    for row, course in zip(axis.row_of_trace[:, at], traces.tracks.course, strict=True)
+                    None if np.isnan(row) else [row, float(np.nan_to_num(course[min(int(row), course.size - 1)]))]
+                    for row, course in zip(axis.row_of_trace[:, at].tolist(), tracks.course, strict=True)
                 ]
                 seconds = float(axis.index[at] * axis.interval)
+                minute = bool(round(seconds / axis.interval) * axis.interval % 60.0 == 0.0)
                 mark = {"row": float(axis.row[at]), "trace_rows": places, "label": self._clock(seconds)}
-                out["marks"].append(
-                    mark | {"minute": bool(round(seconds / axis.interval) * axis.interval % 60.0 == 0.0)}
-                )
-        return out
+                marks.append(mark | {"minute": minute})
+        return {
+            "rows": (rows + 0.5).tolist(),
+            "courses": [_listed(each[rows]) for each in tracks.course],
+            "read": [_listed(each[rows]) for each in position],
+            "marks": marks,
+        }
 
-    def _take(self, edits: FilmEdits, undone: list[Any], together: list[int]) -> dict[str, Any]:
+    def _take(self, edits: FilmEdits, past: list[FilmEdits], undone: list[FilmEdits]) -> dict[str, Any]:
         """Read the film with other edits; where they cannot be meant, all stays as it was."""
         before, self.edits, known = self.edits, edits, self._refining.latest(self._gravity)
         try:
@@ -262,7 +233,7 @@ class Session:
         except RecordError:
             self.edits = before
             raise
-        self._before, self._undone, self._together = known, undone, together
+        self._before, self._past, self._undone = known, past, undone
         self.edits.save(self.path)
         self.saved_at = datetime.now(UTC).isoformat(timespec="seconds")
         return self.state()
@@ -275,40 +246,24 @@ class Session:
         record: DataTree | None = None
         refusal: IsochronyError | None = None
         try:
-            axis = now.axis(self.known, jobs)
-            reading = read_traces(now, axis, self.known, **self.options)
+            reading = read_traces(now, now.axis(self.known, jobs), self.known, **self.options)
             record = make_record(reading, self.known, self.name)
         except RefusedError as fault:
             refusal = fault
         self._now, self.reading, self._record, self.refusal = now, reading, record, refusal
         self._revision += 1
-        self._refining.end()
+        self._refining.stop()
         if record is None:
             self._gravity = Gravity(refused=str(refusal))
             return
         self._gravity = going_on(record, self._refining.last)
         self._refining.begin(record)
 
-    def _seconds_per_row(self) -> float | None:
-        if self.reading is None:
-            return None
-        seconds = self.reading.axis.seconds
-        known = np.flatnonzero(np.isfinite(seconds))
-        return float((seconds[known[-1]] - seconds[known[0]]) / max(known[-1] - known[0], 1)) if known.size else None
-
-    def _traces(self) -> list[dict[str, Any]]:
-        count = len(self.untouched.tracks.course)
-        names = [trace.name for trace in self.known.traces]
-        return [{"number": k + 1, "name": names[k] if len(names) == count else str(k + 1)} for k in range(count)]
-
     def _clock(self, seconds: float) -> str:
         """A time of the record as the clock showed it; seconds from a full minute where that is not known."""
-        from datetime import timedelta
-
-        stated = self.known.description is not None and "start_time" in self.known.description.model_fields_set
-        if not stated and not any(getattr(each, "time", None) for each in self.edits.edits):
+        if not (self.known.states("start_time") or any(getattr(each, "time", None) for each in self.edits.edits)):
             return f"{seconds:+.1f} s"
-        begin = datetime.fromisoformat(self.known.start_time)
+        begin = datetime.fromisoformat(self.known.description.start_time)
         return (begin + timedelta(seconds=seconds)).strftime("%H:%M:%S.%f")[:-5]
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.film.marks.search import Gaps
+from pipeline.film.marks.search import Gaps, GapSearch
+from pipeline.film.marks.stands import Bars
 from pipeline.film.parts import Floats, Tracks
 
 
@@ -51,6 +52,10 @@ class Made:
     row: Floats
     seconds: Floats
     width: float
+
+    def search(self, bars: Bars | None = None) -> GapSearch:
+        """What a search of the film would have found."""
+        return GapSearch(self.gaps, bars or [], self.width)
 
 
 def made(case: Case) -> Made:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from spot_film import SPOT, Sheet, Swinging, exposure_of
 
 from data_schemas.errors import RefusedError
+from pipeline.film.following import ways_to_follow
 from pipeline.film.marks import gap_kernels
 from pipeline.film.marks.search import Gaps
 from pipeline.film.parts import Tracks
-from pipeline.film.reading import ways_to_follow
 from pipeline.film.strobe.dense import blended, joined, unlike, usual_swing, windows
 from pipeline.film.strobe.dense_kernels import CUBIC, SIZE, values
 from pipeline.film.strobe.dense_survey import (

@@ -13,8 +13,7 @@ from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.marks.alignment import Events
 from pipeline.film.marks.counting import Count
 from pipeline.film.marks.minutes import Minutes, doubts
-from pipeline.film.reading import scale_error
-from pipeline.film.record import AMBIGUOUS, make_record
+from pipeline.film.record import AMBIGUOUS, make_record, scale_error
 
 KNOWN = Known(None, FilmOptions(traces=("1", "1-2"), periods=PERIODS, gravity=9.81))
 MARKS = 601  # of half a second; a row each, a code a quarter after the mark of each full minute
@@ -63,7 +62,7 @@ def test_a_doubtful_scale_is_an_uncertainty_of_all_elongations(tmp_path):
     found = reading(tmp_path)
     off = replace(found, axis=replace(found.axis, flags=("dpi-disagrees",)))
     speed = 1.05 * float(make_record(found, KNOWN, "a")["film"]["speed"])
-    known = replace(KNOWN, options=replace(KNOWN.options, speed=speed))
+    known = Known(None, replace(KNOWN.options, speed=speed))
     assert "scale_uncertainty" not in make_record(found, known, "a")["instrument"]
     stated = float(make_record(off, known, "a")["instrument"]["scale_uncertainty"])
     assert stated == pytest.approx(1.0 - 1.0 / 1.05, rel=1e-3)

@@ -14,8 +14,9 @@ from data_schemas.film_edits import FilmEdits, edits_path, load_edits
 from pipeline.cli.main import main
 from pipeline.film.digitise import digitise, open_film
 from pipeline.film.edits import contains, drawn
+from pipeline.film.following import FilmTraces, find_time
 from pipeline.film.knowledge import FilmOptions
-from pipeline.film.reading import FilmTraces, find_time, read_traces
+from pipeline.film.reading import read_traces
 from pipeline.film.record import make_record
 
 tifffile = pytest.importorskip("tifffile")

@@ -24,7 +24,7 @@ def moment() -> Film:
 
 def test_a_minute_of_marks_is_counted() -> None:
     truth = made(Case(minutes=1.1, missing=0.1, unseen=0.0, start=58.0))
-    found = axis_of(truth.gaps, truth.tracks, Marking(minute_code=0.125), truth.width, truth.tracks.course.shape[1])
+    found = axis_of(truth.search(), truth.tracks, Marking(minute_code=0.125))
     away = slips(found.index, found.row, truth)
     assert np.all(away == away[0])
 

@@ -14,9 +14,8 @@ from data_schemas.errors import RecordError, UsageError
 from data_schemas.film_description import DescribedTrace, FilmDescription
 from pipeline.film.comparing import PhaseDifference, clock_uncertainty
 from pipeline.film.knowledge import ASSUMED_LEVER, FilmOptions, Known
-from pipeline.film.reading import film_scale, rows_per_second
-from pipeline.film.record import make_record, match
-from pipeline.film.summary import summary
+from pipeline.film.reading import film_scale
+from pipeline.film.record import make_record, match, summary
 
 TWO = FilmOptions(traces=("1", "1-2"), periods=PERIODS, gravity=9.81)
 
@@ -182,7 +181,7 @@ def test_stages_are_told_what_is_known():
 
 def test_scale_comes_from_the_marks_where_the_file_is_silent(tmp_path):
     axis = reading(tmp_path).axis
-    assert rows_per_second(axis) == pytest.approx(60.0)
+    assert axis.rows_per_second == pytest.approx(60.0)
     assert film_scale(0.1, 5.0, axis) == (0.1, None)
     scale, note = film_scale(None, 5.08, axis)
     assert scale == pytest.approx(25.4 / 300)

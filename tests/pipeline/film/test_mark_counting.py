@@ -38,7 +38,7 @@ MAY_REFUSE = {"blackout in a wild film": 0.25, "hardly any": 0.25, "all": 0.05, 
 
 
 def axis(truth: Made, marking: Marking = CODED) -> TimeAxis:
-    return axis_of(truth.gaps, truth.tracks, marking, truth.width, truth.tracks.course.shape[1])
+    return axis_of(truth.search(), truth.tracks, marking)
 
 
 def verdict(truth: Made, marking: Marking = CODED) -> str:

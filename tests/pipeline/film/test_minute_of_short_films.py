@@ -14,7 +14,7 @@ UNTOLD = "marks-without-minute-code"
 def axis(case: Case, code: float | None) -> tuple[TimeAxis, float]:
     """The time axis, and by how much it differs from the truth's, s, whole minutes apart."""
     truth = made(case)
-    found = axis_of(truth.gaps, truth.tracks, Marking(minute_code=code), truth.width, truth.tracks.course.shape[1])
+    found = axis_of(truth.search(), truth.tracks, Marking(minute_code=code))
     away = float(np.nanmedian(found.seconds - truth.seconds))
     return found, away - 60.0 * round(away / 60.0)
 

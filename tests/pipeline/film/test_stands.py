@@ -32,7 +32,7 @@ def read(case: Case, light: float, *, saturated: bool = False) -> tuple[TimeAxis
     truth = made(case)
     marking = Marking(minute_code=case.code)
     found = bars(case, truth, light, saturated=saturated)
-    return axis_of(truth.gaps, truth.tracks, marking, truth.width, truth.tracks.course.shape[1], found), truth
+    return axis_of(truth.search(found), truth.tracks, marking), truth
 
 
 def errors(axis: TimeAxis, truth: Made) -> np.ndarray:

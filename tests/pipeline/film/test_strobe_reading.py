@@ -7,8 +7,9 @@ import pytest
 from small_film import Film, film
 
 from data_schemas.errors import RefusedError
-from pipeline.film.marks.axis import time_axis
-from pipeline.film.parts import Marking, Strobe, TimeAxis
+from pipeline.film.marks.axis import axis_of
+from pipeline.film.marks.search import search_gaps
+from pipeline.film.parts import Marking, Strobe, TimeAxis, Tracks
 from pipeline.film.strobe.dense import dense_tracks
 from pipeline.film.strobe.reading import GAP, read_at_marks
 
@@ -16,8 +17,12 @@ pytestmark = pytest.mark.compiled
 PAIR = {"sizes": (70.0, 60.0), "middles": (110.0, 300.0), "periods": (1.00966, 1.00976), "phases": (0.4, 2.2)}
 
 
+def axis_by_gaps(made: Film, tracks: Tracks, marking: Marking) -> TimeAxis:
+    return axis_of(search_gaps(made.scan, made.emulsion, tracks, marking), tracks, marking)
+
+
 def both(made: Film, marking: Marking = Marking()) -> tuple[TimeAxis, Strobe]:  # noqa: B008
-    axis = time_axis(made.scan, made.emulsion, made.tracks, marking)
+    axis = axis_by_gaps(made, made.tracks, marking)
     return axis, read_at_marks(made.scan, made.emulsion, made.tracks, axis)
 
 
@@ -92,7 +97,7 @@ def test_a_slow_film_is_read_at_its_marks() -> None:
         away = (tracks.course[trace] - made.tracks.course[trace]) / np.hypot(1.0, made.tracks.slope[trace])
         assert np.nanmedian(np.abs(away)) < 0.1
         assert np.isfinite(tracks.course[trace]).mean() > 0.9
-    axis = time_axis(made.scan, made.emulsion, tracks, Marking())
+    axis = axis_by_gaps(made, tracks, Marking())
     strobe = read_at_marks(made.scan, made.emulsion, tracks, axis)
     shift = shift_of(made, axis)
     for trace in range(2):

@@ -10,7 +10,7 @@ from mark_lists import Case, made
 
 from pipeline.film.marks.alignment import lasting
 from pipeline.film.marks.axis import axis_of, times_of
-from pipeline.film.marks.drive import NO_JUMPS, Drive, Model, drive
+from pipeline.film.marks.drive import NO_JUMPS, Drive, Model, drive, slips
 from pipeline.film.parts import Floats, Marking
 
 STEP = 0.5  # s
@@ -32,7 +32,7 @@ def test_errors_are_as_large_as_stated(name: str) -> None:
     for seed in range(3):
         case = Case(**{**FILMS[name].__dict__, "seed": seed, "minutes": 6.0})
         truth = made(case)
-        axis = axis_of(truth.gaps, truth.tracks, Marking(), truth.width, truth.tracks.course.shape[1])
+        axis = axis_of(truth.search(), truth.tracks, Marking())
         assert axis.shear == pytest.approx(case.shear, abs=1e-4)
         late = axis.seconds - truth.seconds
         late -= 60.0 * np.round(np.nanmedian(late) / 60.0)  # which minute it was, a film does not say
@@ -44,6 +44,18 @@ def test_errors_are_as_large_as_stated(name: str) -> None:
             stated.append(axis.seconds_sigma[seen])
     ratio = np.sqrt(np.mean(np.concatenate(wrong) ** 2) / np.mean(np.concatenate(stated) ** 2))
     assert 0.7 < ratio < 1.4
+
+
+@pytest.mark.parametrize("missing", [(), (201, 202, 203)])
+def test_slip_is_found_between_the_marks_that_show_it(missing: tuple[int, ...]) -> None:
+    """Wow of 1 %, marks read to .05 px; a single mark that lies 5 px off is no slip."""
+    rng, at = np.random.default_rng(3), np.arange(400)
+    rows = 29.5 * at + 0.15 * np.sin(2.0 * np.pi * at / 7.0) + 0.05 * rng.normal(size=(2, at.size))
+    rows[:, 100] += 5.0
+    assert slips(rows).size == 0
+    rows[:, 201:] += 5.0
+    rows[:, list(missing)] = np.nan
+    assert slips(rows).tolist() == [201 + len(missing)]
 
 
 @pytest.mark.compiled
@@ -61,7 +73,7 @@ def test_rough_drives_are_told_from_smooth_ones(rough: float, shake: float) -> N
     noisy = (true + 0.03 * rng.normal(size=true.size))[None]
     found = drive(noisy, np.full_like(noisy, 0.02), STEP)
     assert np.sqrt(np.mean(((found.row - true) / found.row_sigma) ** 2)) == pytest.approx(1.0, abs=0.25)
-    assert np.hypot(0.02, found.floor) == pytest.approx(0.03, rel=0.2)
+    assert np.hypot(0.02, found.model.floor) == pytest.approx(0.03, rel=0.2)
 
 
 def plain(marks: int, shake: float) -> Drive:
@@ -97,4 +109,4 @@ def test_errors_that_last_are_told_by_the_traces_apart() -> None:
     assert lasting(np.stack([slow(0.05), slow(0.05)]), found) == pytest.approx(0.05 / np.sqrt(2.0), rel=0.25)
     paper = found.row + slow(0.5) - found.row  # what both traces show is the paper's
     assert lasting(np.stack([paper, paper]), found) == 0.0
-    assert lasting(white[:1], replace(found, used=found.used[:1])) == pytest.approx(0.3 * found.floor)
+    assert lasting(white[:1], replace(found, used=found.used[:1])) == pytest.approx(0.3 * found.model.floor)

@@ -9,7 +9,7 @@ from queue import Queue
 import pytest
 from stand_in_session import Served, StandInSession
 
-from pipeline.film.table import serve
+from pipeline.film.table.server import serve
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ import pytest
 from stand_in_session import ROWS, Served, StandInSession
 
 from data_schemas.errors import UsageError
-from pipeline.film.table import serve
+from pipeline.film.table.server import serve
 
 BREAK = {"kind": "break", "row": 100.0}
 
@@ -238,7 +238,9 @@ def test_browser_is_opened_where_there_is_a_display(display: str, monkeypatch: p
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent in another way")
 def test_interrupt_ends_it_cleanly() -> None:
     program = (
-        "from stand_in_session import StandInSession; from pipeline.film.table import serve; serve(StandInSession())"
+        "from stand_in_session import StandInSession\n"
+        "from pipeline.film.table.server import serve\n"
+        "serve(StandInSession())"
     )
     paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
     environment = {**os.environ, "PYTHONPATH": paths, "DISPLAY": "", "WAYLAND_DISPLAY": ""}

@@ -1,0 +1,225 @@
+"""A film whose traces were followed, and its time: as it lies, with a person's edits, and turned the right way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_schemas.errors import RefusedError
+from pipeline.film.edits import NO_EDITS, Placed, check_scan, place
+from pipeline.film.emulsion import FilmEmulsion, shown_darkness
+from pipeline.film.knowledge import Known
+from pipeline.film.marks.axis import axis_of
+from pipeline.film.marks.lines import NoMarksError, fitted, hide, ticks
+from pipeline.film.marks.minutes import TimeReversedError
+from pipeline.film.marks.pieces import ROWS, over_pieces
+from pipeline.film.marks.search import GapSearch, find_gaps, search_gaps
+from pipeline.film.marks.stands import bars, free_columns, light_across, swept
+from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks
+from pipeline.film.reading import SLOW
+from pipeline.film.scan.opening import OpenScan, lines_are_light
+
+if TYPE_CHECKING:
+    from data_schemas.film_edits import FilmEdits
+    from pipeline.film.tracking.track import Following
+
+Progress = Callable[[str, int, int], None]
+"""Told the stage, how much of it is done, and of how much."""
+
+
+@dataclass(frozen=True)
+class FilmTraces:
+    """A film whose traces were followed and whose gaps were found: what edits begin from."""
+
+    scan: OpenScan  # as it was read: turned, if it lay upside down
+    emulsion: Emulsion
+    tracks: Tracks
+    following: Following | None  # what it takes to follow a stretch once more; None for dense bands
+    film: FilmEmulsion  # that of the rows, also where `emulsion` is that of dense bands
+    search: GapSearch | RefusedError | None  # gaps on the traces; None where marks lie beside them
+    placed: Placed = NO_EDITS  # a person's edits
+
+    def edited(self, edits: FilmEdits, known: Known, jobs: int = 1) -> FilmTraces:
+        """The same as a person's edits make it.
+
+        `RecordError`: they are of another scan, lie outside it, or name a trace that is not there; `RefusedError`: a
+        trace is to be followed on a film that is too slow for it.
+        """
+        check_scan(edits, self.scan)
+        placed = place(edits, self.scan, self.tracks, known.description.start_time)
+        following, search, spans = self.following, self.search, []
+        if following is None:
+            if placed.lines:
+                raise RefusedError("edits: the strokes of this film lie too close for a trace to be followed by hand")
+            tracks = deepcopy(self.tracks)
+            placed.without_ignored(tracks)
+        else:
+            following = following.again(placed, jobs)
+            tracks = hide(following.tracks, self.film.blank.across)
+            stretches = placed.stretches(self.scan.rows, tracks.rows_per_swing)
+            # in whole pieces, as all of the film was searched
+            pieces = sorted({piece for first, last in stretches for piece in range(first // ROWS, last // ROWS + 1)})
+            spans = [(piece * ROWS, min((piece + 1) * ROWS, self.scan.rows) - 1) for piece in pieces]
+        if isinstance(search, GapSearch):
+            gaps = search.gaps
+            if spans:
+                again, _ = find_gaps(self.scan, self.emulsion, tracks, search.width, jobs, spans)
+                for first, last in spans:
+                    gaps = gaps.pick((gaps.row < first) | (gaps.row >= last + 1))
+                gaps = gaps.joined_by(again)
+            search = search._replace(gaps=gaps.pick(placed.shows(gaps.trace, gaps.row, gaps.column)))
+        return replace(self, tracks=tracks, following=following, search=search, placed=placed)
+
+    def axis(self, known: Known, jobs: int = 1) -> TimeAxis:
+        """When each row of the film was exposed, by gaps in its traces or by marks beside them.
+
+        What marks the film is as described. Otherwise dark lines count, which leave no gaps; then gaps; then the rest.
+
+        `RefusedError`: marks cannot be found, or their number is not certain; `TimeReversedError`: the film lies upside
+        down; `RecordError`: a person's marks contradict each other.
+        """
+        if self.following is not None:
+            replace(self.following, tracks=self.tracks).checked()
+        marking, search = known.marking(self.scan.scale, self.scan.directed), self.search
+        if search is None:
+            return self._axis_beside(_kind_of(marking, self.film), marking, jobs)
+        try:
+            if isinstance(search, RefusedError):
+                raise search
+            return axis_of(search, self.tracks, marking, self.placed.marks)
+        except TimeReversedError:
+            raise
+        except RefusedError as fault:
+            if marking.kind is not None:
+                raise
+            across = self.film.blank.across
+            try:
+                return self._axis_beside("edge" if across is None else across.kind, marking, jobs)
+            except NoMarksError:
+                raise fault from None
+
+    def _axis_beside(self, kind: str, marking: Marking, jobs: int) -> TimeAxis:
+        """The time axis by marks of some kind beside the traces."""
+        scan, tracks, lines, words = self.scan, self.tracks, self.film.blank.across, kind.replace("-", " ")
+        if kind == "edge":
+            lines = ticks(partial(shown_darkness, self.film, scan), scan.rows, free_columns(tracks, scan.columns))
+        if lines is None or lines.kind != kind:
+            raise NoMarksError(f"film: no {words} run across it; state another mark_kind")
+        if not np.isfinite(tracks.position).any():
+            raise RefusedError(
+                f"film: {words} mark it, and swings as dense as these are read in gaps alone; "
+                "scan a faster film, or read it with --reading continuous"
+            )
+        own = swept(tracks, scan.columns)
+
+        def light(begin: int, stop: int, first: int, exposure: NDArray[np.float32]) -> Floats:
+            return light_across(exposure[begin - first : stop - first], own)
+
+        shown = np.concatenate(over_pieces(scan, self.emulsion, light, jobs), axis=2)
+        stood = bars(shown, own, tracks, self.emulsion)
+        return axis_of(GapSearch(fitted(lines), stood, 1.0, lines), tracks, marking, self.placed.marks)
+
+
+def _kind_of(marking: Marking, film: FilmEmulsion) -> str:
+    """Where marks are looked for first; see `Marking`."""
+    across = film.blank.across
+    return marking.kind or ("dark-lines" if across is not None and across.kind == "dark-lines" else "gaps")
+
+
+def ways_to_follow(reading: str, speed: float | None) -> tuple[bool, ...]:
+    """Whether traces are followed as dense bands, first and, where that is refused, second; `speed` in rows a second.
+
+    Examples
+    --------
+    >>> ways_to_follow("auto", 17.7), ways_to_follow("continuous", 17.7), ways_to_follow("auto", 59.1)
+    ((True, False), (False,), (False,))
+    """
+    if reading == "continuous" or (speed is not None and speed >= SLOW):
+        return (False,)
+    return (True, False) if speed is not None else (False, True)
+
+
+def find_time(
+    scan: OpenScan,
+    known: Known,
+    reading: str = "auto",
+    edits: FilmEdits | None = None,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> tuple[FilmTraces, TimeAxis | RefusedError]:
+    """The film turned the right way with its traces, and its time or why that is refused; as of `reading.read_film`.
+
+    `RefusedError`: no trace can be followed.
+    """
+    from pipeline.film.scan.opening import cause_in
+
+    _ = known.traces  # names that cannot be meant are told before any work
+    if lines_are_light(scan.image) is None:
+        raise RefusedError("no line stands out anywhere, the film is blank; scan it with more contrast")
+
+    def timed(scan: OpenScan, dense: bool) -> tuple[FilmTraces, TimeAxis | RefusedError]:
+        traces = follow_film(scan, known, dense, jobs, progress)
+        try:
+            traces = traces if edits is None else traces.edited(edits, known, jobs)
+            return traces, traces.axis(known, jobs)
+        except TimeReversedError:
+            raise
+        except RefusedError as fault:
+            return traces, fault
+
+    faults: list[RefusedError] = []
+    first: FilmTraces | None = None
+    for dense in ways_to_follow(reading, known.marking(scan.scale).speed):
+        try:
+            try:
+                traces, axis = timed(scan, dense)
+            except TimeReversedError:
+                traces, axis = timed(scan.upside_down(), dense)
+        except RefusedError as fault:
+            faults.append(fault)
+            continue
+        if not isinstance(axis, RefusedError):
+            return traces, axis
+        faults.append(axis)
+        first = first or traces
+    cause = cause_in(scan)
+    refusal = faults[0] if cause is None else RefusedError(f"{cause} ({faults[0]})")
+    if first is None:
+        raise refusal
+    return first, refusal
+
+
+def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: Progress | None) -> FilmTraces:
+    """Traces of a film followed, as dense bands or row by row, and their gaps found.
+
+    `RefusedError`: there are none.
+    """
+    from pipeline.film.strobe.dense import dense_emulsion, dense_tracks
+    from pipeline.film.strobe.dense_survey import Saturated
+    from pipeline.film.tracking.probing import measure_emulsion
+    from pipeline.film.tracking.track import follow_traces
+
+    following: Following | None = None
+    emulsion: Emulsion
+    if dense:
+        film = dense_emulsion(scan, known.count)
+        tracks, emulsion = dense_tracks(scan, film, known.count), Saturated.of(film)
+    else:
+        emulsion = film = measure_emulsion(scan)
+        told = None if progress is None else partial(progress, "traces")
+        following = follow_traces(scan, film, count=known.count, jobs=jobs, progress=told)
+        tracks = hide(following.tracks, film.blank.across)
+    marking = known.marking(scan.scale)
+    search: GapSearch | RefusedError | None = None
+    if _kind_of(marking, film) == "gaps":
+        try:
+            search = search_gaps(scan, emulsion, tracks, marking, jobs)
+        except RefusedError as fault:
+            search = fault
+    return FilmTraces(scan, emulsion, tracks, following, film, search)

@@ -123,7 +123,7 @@ def _one(
     if options.synchrony:
         from pipeline.synchronism.recipe import synchrony
 
-        result = synchrony(record)
+        result = synchrony(record, accept=options.accept)
     else:
         from pipeline.processing import process
 

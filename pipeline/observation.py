@@ -143,7 +143,6 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     first, second = choose_pair(labels, combination, pair)
     one, two = (np.eye(len(labels))[labels.index(label)] for label in (first, second))
     elongation = np.asarray(traces["elongation"].values, dtype=np.float64)
-    sigma = _uncertainty(traces, elongation.shape[0])
     time = evened(np.asarray(record.dataset["time"].values, dtype=np.float64))
     of_theta = weights_of(combination, one, first)
     of_difference = weights_of(combination, one - two, f"{first}-{second}")
@@ -165,8 +164,8 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
         theta=series[0],
         difference=series[1],
         vertical=series[2] if len(rows) == 3 else None,
-        sigma_theta=_stated(of_theta, sigma),
-        sigma_difference=_stated(of_difference, sigma),
+        sigma_theta=_noise(traces, of_theta),
+        sigma_difference=_noise(traces, of_difference),
         **instrument(record, (first, second)),
     )
 
@@ -336,17 +335,13 @@ def combine(weights: Floats, elongation: Floats) -> Floats:
     return elongation[used[0]] if used.size == 1 and weights[used[0]] == 1.0 else weights[used] @ elongation[used]
 
 
-def _stated(weights: Floats, sigma: Floats | None) -> float | None:
-    """Stated noise of weighted traces."""
-    used = np.flatnonzero(weights)
-    stated = float("nan") if sigma is None else float(np.linalg.norm(weights[used] * sigma[used]))
-    return stated if 0.0 < stated < np.inf else None
-
-
-def _uncertainty(traces: Any, count: int) -> Floats | None:
+def _noise(traces: Any, weights: Floats) -> float | None:
+    """Stated noise of weighted traces, rad; of noise that changes its root mean square."""
     if "elongation_uncertainty" not in traces:
         return None
     sigma = np.asarray(traces["elongation_uncertainty"].values, dtype=np.float64)
     if sigma.ndim == 2:
         sigma = np.sqrt(row_means_present(np.square(sigma)))
-    return sigma.reshape(count)
+    used = np.flatnonzero(weights)
+    stated = float(np.linalg.norm(weights[used] * sigma[used]))
+    return stated if 0.0 < stated < np.inf else None

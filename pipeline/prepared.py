@@ -180,7 +180,10 @@ def outliers_and_noise(series: Floats, step: float, frequency: float) -> tuple[b
     if series.size < 6 * reach or step * frequency > MOST_ANGLE:
         return False, float("nan")
     taps = leave_one_out(reach, step, frequency)
-    error = np.abs(np.correlate(series, taps, "valid"))
+    # in pieces: of up to eleven taps numpy's correlation is several times as fast
+    pieces = np.array_split(np.arange(taps.size), -(-taps.size // 11))
+    count = series.size - taps.size
+    error = np.abs(sum(np.correlate(series[k[0] : k[-1] + 1 + count], taps[k], "valid") for k in pieces))
     scale = median_present(error[:: max(1, error.size // PLACES)]) / 0.6745
     outliers = np.fmax.reduce(error) > max(THRESHOLD * scale, FLOOR * np.fmax.reduce(np.abs(series)))
     return bool(outliers), scale / float(np.linalg.norm(taps))

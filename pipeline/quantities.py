@@ -49,12 +49,8 @@ def phases(prepared: Prepared, reductions: Sequence[Reduction], known: Floats) -
     time, difference = envelope.time, envelope.difference
     harmonics = np.stack([envelope.first, envelope.first - difference, difference])
     amplitude, phase = np.abs(harmonics), unwrapped(harmonics) + envelope.carrier * time
-    noise, frequency, gamma, real = (
-        np.array([prepared.noise_theta, prepared.noise_difference]),
-        prepared.nominal,
-        0.0,
-        True,
-    )
+    noise, frequency = np.array([prepared.noise_theta, prepared.noise_difference]), prepared.nominal
+    gamma, real = 0.0, True
     if best is not None and best.estimate is not None:
         noise[np.isnan(noise)] = best.estimate.noise
         frequency, gamma = best.estimate.frequency, best.estimate.damping_rate

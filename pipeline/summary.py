@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
+    from xarray import DataTree
 
 
 def summaries(result: DataTree) -> list[dict[str, Any]]:
@@ -21,37 +22,39 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
         from pipeline.period.result import period_summaries
 
         return period_summaries(result)
-    table = result["gravity"].dataset
-    pendulums = [str(label) for label in table["pendulum"].values]
-    entries = [str(entry) for entry in table["entry"].values]
+    table = result["gravity"].dataset.variables
+    pendulums, entries = ([str(label) for label in table[name].values] for name in ("pendulum", "entry"))
+    methods = {str(name): each.values for name, each in table.items() if each.dims[:1] == ("estimator",)}
+    shared = {name: table[name].values for name in ("entry", "formula", "formula_source")}
+    sources = [str(name) for name in table["source"].values] if "source" in table else []
     rows = []
-    for k in range(table.sizes["estimator"]):
-        row = table.isel(estimator=k)
-        good = str(row["status"].values) == "ok"
+    for k in range(len(methods["estimator"])):
+        row = {name: values[k] for name, values in methods.items()}
+        shares = sorted(zip(sources, map(float, row.get("share", ())), strict=False), key=lambda each: -each[1])
         rows.append(
             {
                 "record_id": str(result.attrs["record_id"]),
-                "status": str(row["status"].values),
-                "error": None if good else str(row["error"].values),
-                "requested_method": str(row["requested"].values),
-                "method": str(row["resolved"].values),
+                "status": str(row["status"]),
+                "error": None if str(row["status"]) == "ok" else str(row["error"]),
+                "requested_method": str(row["requested"]),
+                "method": str(row["resolved"]),
                 "gravity_m_s2": float(row["gravity"]),
                 "gravity_sigma_mgal": float(row["gravity_sigma"]),
-                "frequency_rad_s": dict(zip(pendulums, map(float, row["frequency"].values), strict=True)),
+                "frequency_rad_s": dict(zip(pendulums, map(float, row["frequency"]), strict=True)),
                 "difference_frequency_rad_s": float(row["difference_frequency"]),
-                "corrections_mgal": dict(zip(entries, map(float, row["value"].values), strict=True)),
+                "corrections_mgal": dict(zip(entries, map(float, row["value"]), strict=True)),
                 "uncorrected_m_s2": float(row["uncorrected"]),
                 "noise_sigma_mgal": float(row["noise_sigma"]),
-                "ledger": ledger(row),
+                "ledger": [_entry(row | shared, k) for k in range(len(entries))],
                 **{f"{name}_mgal": float(row[name]) for name in ("free_air_anomaly", "bouguer_anomaly") if name in row},
                 "sensitivity_mgal": {
                     "frequency_difference_1e-7": float(row["sensitivity_frequency_difference"]),
                     "gain_1_percent": float(row["sensitivity_gain"]),
                 },
-                "budget": _budget(row),
-                "advice": str(row["advice"].values) if "advice" in row else "",
-                "flags": str(row["method_flags"].values).split(),
-                "choice_reason": str(row["choice_reason"].values) or None,
+                "budget": {name: share for name, share in shares if share > 0.0},  # the largest first
+                "advice": str(row.get("advice", "")),
+                "flags": str(row["method_flags"]).split(),
+                "choice_reason": str(row["choice_reason"]) or None,
                 "samples_used": int(row["samples_used"]),
                 "elapsed_s": float(row["elapsed"]),
             }
@@ -59,12 +62,19 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
     return rows
 
 
-def _budget(row: Dataset) -> dict[str, float]:
-    """Shares of the variance of gravity by source, the largest first; results of older versions have none."""
-    if "share" not in row:
-        return {}
-    shares = zip(map(str, row["source"].values), map(float, row["share"].values), strict=True)
-    return dict(sorted(((name, share) for name, share in shares if share > 0.0), key=lambda each: -each[1]))
+def _entry(row: Mapping[str, Any], k: int) -> dict[str, Any]:
+    """One entry of a method's ledger."""
+    return {
+        "entry": str(row["entry"][k]),
+        "value_mgal": float(row["value"][k]),
+        "sigma_mgal": float(row["sigma"][k]),
+        "period_1e-7_s": float(row["value_period"][k]),
+        "applied": bool(row["applied"][k]),
+        "reason": str(row["reason"][k]),
+        "input": str(row["input"][k]).split(),
+        "formula": str(row["formula"][k]),
+        "formula_source": str(row["formula_source"][k]),
+    }
 
 
 def without_gravity(result: DataTree, requested: str, method: str) -> dict[str, Any]:
@@ -82,20 +92,3 @@ def without_gravity(result: DataTree, requested: str, method: str) -> dict[str, 
         "corrections_mgal": {},
         "sensitivity_mgal": {},
     }
-
-
-def ledger(row: Dataset) -> list[dict[str, Any]]:
-    """Entries of one method, in the order in which they were added."""
-    fields = {"value_mgal": "value", "sigma_mgal": "sigma", "period_1e-7_s": "value_period"}
-    return [
-        {
-            "entry": str(row["entry"].values[k]),
-            **{key: float(row[name].values[k]) for key, name in fields.items()},
-            "applied": bool(row["applied"].values[k]),
-            "reason": str(row["reason"].values[k]),
-            "input": str(row["input"].values[k]).split(),
-            "formula": str(row["formula"].values[k]),
-            "formula_source": str(row["formula_source"].values[k]),
-        }
-        for k in range(row.sizes["entry"])
-    ]

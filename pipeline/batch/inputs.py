@@ -34,7 +34,7 @@ def find_inputs(words: Sequence[str], kinds: Sequence[Kind]) -> list[Input]:
     `UsageError` for an empty word, a pattern or folder without any file or that cannot be searched, a file of no known
     kind.
     """
-    found: dict[Path, Kind] = {}
+    found: dict[Path, tuple[Kind, str]] = {}
     for word in words:
         if not word:
             raise UsageError("an input has an empty name; name files, a pattern in quotes, or a folder")
@@ -45,16 +45,19 @@ def find_inputs(words: Sequence[str], kinds: Sequence[Kind]) -> list[Input]:
         for path in paths:
             found[Path(os.path.abspath(path))] = kind_of(path, kinds)
     base = Path(os.path.commonpath([path.parent for path in found]))
-    return [Input(path, kind, _name(path.relative_to(base), kind)) for path, kind in found.items()]
+    return [
+        Input(path, kind, path.relative_to(base).as_posix().removesuffix(ending))
+        for path, (kind, ending) in found.items()
+    ]
 
 
-def kind_of(path: Path, kinds: Sequence[Kind]) -> Kind:
-    """Kind of a file by its ending, the longest that fits; `UsageError` where none does."""
-    fits = [(len(ending), kind) for kind in kinds for ending in kind.endings if path.name.endswith(ending)]
+def kind_of(path: Path, kinds: Sequence[Kind]) -> tuple[Kind, str]:
+    """Kind of a file by its ending, the longest that fits, and this ending; `UsageError` where none does."""
+    fits = [(len(ending), kind, ending) for kind in kinds for ending in kind.endings if path.name.endswith(ending)]
     if not fits:
         known = "; ".join(f"{kind.name} ({', '.join(kind.endings)})" for kind in kinds)
         raise UsageError(f"{path}: is of no kind that batch knows by its ending; it knows {known}")
-    return max(fits, key=lambda fit: fit[0])[1]
+    return max(fits, key=lambda fit: fit[0])[1:]
 
 
 def _meant(word: str, kinds: Sequence[Kind]) -> Iterator[Path]:
@@ -83,11 +86,6 @@ def _matches(pattern: str) -> Iterator[str]:
 
 def _unsearchable(error: OSError) -> None:
     raise UsageError(f"{error.filename}: cannot be searched ({error.strerror}); make it readable, or name its files")
-
-
-def _name(path: Path, kind: Kind) -> str:
-    ending = next(one for one in sorted(kind.endings, key=len, reverse=True) if path.name.endswith(one))
-    return path.as_posix().removesuffix(ending)
 
 
 MOST = 1_000_000

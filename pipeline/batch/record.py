@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -118,5 +119,4 @@ def _number(value: Any) -> Any:
 
 
 def _refused(key: str, error: str, digest: str | None) -> Outcome:
-    told = failure(key, RefusedError.__name__, error, digest)
-    return Outcome(key, "refused", told.error_class, told.error, digest)
+    return replace(failure(key, RefusedError.__name__, error, digest), status="refused")

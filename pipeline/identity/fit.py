@@ -1,4 +1,4 @@
-"""Least squares on an identity: Newton's method, one banded triangular system a round.
+"""Least squares on an identity: Newton's method, one banded triangular system a round; sums where it is linear.
 
 The right-hand side `N(d) = h^2 d - n2^2 F(d)` is expanded about an angle of the difference: at first the MEASURED one,
 later the model's. Expanded about the measured one the start is good to 1e-3 even in heavy motion, where iterating about

@@ -82,7 +82,7 @@ def test_what_means_no_file_is_refused(tree, word):
 
 
 def test_a_film_is_read_with_the_description_beside_it(tree):
-    beside = {name: kind_of(tree / name, KINDS).beside for name in ("a.film.tif", "a.png", "a.nc", "a.toml")}
+    beside = {name: kind_of(tree / name, KINDS)[0].beside for name in ("a.film.tif", "a.png", "a.nc", "a.toml")}
     assert beside["a.nc"] is beside["a.toml"] is None
     assert [beside[name](tree / name) for name in ("a.film.tif", "a.png")] == [tree / "a.film.toml"] * 2
 
